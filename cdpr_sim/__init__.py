@@ -1,0 +1,9 @@
+"""Where does the platform of a cable-driven parallel robot really end up? Statics and MuJoCo, cross-checked.
+
+The names below are the public API. They load on first use, so that importing the package stays light: what they are
+and where they live is in ``__init__.pyi``.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
