@@ -19,4 +19,9 @@ from .newton import Solutions as Solutions
 from .newton import solve_many as solve_many
 from .problem import Problem as Problem
 from .robot import Robot as Robot
+from .settling import Settlings as Settlings
+from .settling import Trajectory as Trajectory
+from .settling import settle as settle
+from .settling import settle_many as settle_many
+from .settling import settle_trajectory as settle_trajectory
 from .solvers import solve as solve

@@ -139,7 +139,7 @@ def _read(file: Traversable | Path, label: str) -> Robot:
 
 def _sentence(error: ValidationError) -> str:
     """The first thing that is wrong: where in the file, what was found, what is expected."""
-    first = error.errors()[0]
+    first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")  # a typo explains what is missing
     where = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
         near = difflib.get_close_matches(str(first["loc"][-1]), _known_keys(first["loc"][:-1]), n=1)

@@ -52,7 +52,7 @@ def solve(problem: Problem) -> Equilibrium:
         NotConverged: forces do not balance at the best point found, which the exception carries.
     """
     robot = problem.robot
-    position, rotation, _, residual, iterations, status = equilibrium_gufunc()(
+    position, rotation, _, residual, iterations, status = _solve(
         robot.exits,
         robot.anchors,
         robot.axial_stiffness,
@@ -108,7 +108,7 @@ def solve_many(
     stiffness = np.asarray(robot.axial_stiffness if axial_stiffness is None else axial_stiffness, dtype=float)
     if stiffness.ndim == 0 or stiffness.shape[-1] != robot.cables:
         stiffness = np.repeat(stiffness[..., None], robot.cables, axis=-1)
-    solved_positions, solved_rotations, lengths, residuals, iterations, status = equilibrium_gufunc()(
+    solved_positions, solved_rotations, lengths, residuals, iterations, status = _solve(
         robot.exits,
         robot.anchors,
         stiffness,
@@ -123,6 +123,12 @@ def solve_many(
     )
     tensions = statics.tensions(lengths, rest_lengths, stiffness)
     return Solutions(solved_positions, solved_rotations, lengths, tensions, residuals, iterations, status)
+
+
+def _solve(*arguments: ArrayLike) -> list[np.ndarray]:
+    """The compiled solver; that its input is not finite is said by a status, not by a warning of NumPy's."""
+    with np.errstate(all="ignore"):
+        return [np.asarray(result) for result in equilibrium_gufunc()(*arguments)]
 
 
 def _free(robot: Robot) -> Float[np.ndarray, "6"]:

@@ -7,6 +7,7 @@ The pose of the platform frame in the base frame: z up, metres and radians. The 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.errors import InvalidInput
 
-PoseLike: TypeAlias = ArrayLike | RigidTransform
+PoseLike: TypeAlias = ArrayLike | Sequence[float] | RigidTransform
 
 
 def as_pose(pose: PoseLike) -> RigidTransform:

@@ -179,6 +179,11 @@ class Robot:
         radius = float(np.sqrt((self.anchors**2).sum(1).mean()))
         return radius or float(np.linalg.norm(self.platform_size)) / 2
 
+    @property
+    def home(self) -> Float[np.ndarray, "3"]:
+        """The middle of the workspace, (3,) [m]: where a robot is commanded to if nobody says where."""
+        return self.workspace.mean(0)
+
     def pose(self, pose: PoseLike) -> RigidTransform:
         """``pose`` as a ``RigidTransform``, checked to be one this robot can take.
 

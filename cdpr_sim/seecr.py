@@ -55,7 +55,8 @@ def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
         deviation, evaluations, message = outcome.x, outcome.nfev, outcome.message
     else:
         raise UnknownName("SEECR solver", str(solver), get_args(Solver))
-    result = statics.equilibrium_at(problem, pose_at(deviation), iterations=evaluations, source=f"seecr/{solver}")
+    source = f"seecr/{solver}"
+    result = statics.equilibrium_at(problem, pose_at(deviation), iterations=int(evaluations or 0), source=source)
     if not result.residual <= RESIDUAL_TOLERANCE * problem.load:
         said = " ".join(str(message).split()).rstrip(".")
         raise NotConverged(

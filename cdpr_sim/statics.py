@@ -19,15 +19,15 @@ Array = np.ndarray
 
 
 def cable_vectors(
-    robot: Robot, position: Float[Array, "*batch 3"], rotation: Float[Array, "*batch 3 3"]
-) -> tuple[Float[Array, "*batch cables 3"], Float[Array, "*batch cables 3"]]:
+    robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
+) -> tuple[Float[Array, "*#batch cables 3"], Float[Array, "*batch cables 3"]]:
     """Arms R bᵢ from the platform's origin to the anchors, and cable vectors aᵢ − p − R bᵢ, base frame [m] (Eq. 8)."""
     arms = np.einsum("...ij,cj->...ci", rotation, robot.anchors)
     return arms, robot.exits - np.asarray(position)[..., None, :] - arms
 
 
 def lengths(
-    robot: Robot, position: Float[Array, "*batch 3"], rotation: Float[Array, "*batch 3 3"]
+    robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
 ) -> Float[Array, "*batch cables"]:
     """Cable lengths lᵢ = ‖aᵢ − bᵢ‖ [m] (Eq. 2, 9)."""
     return np.linalg.norm(cable_vectors(robot, position, rotation)[1], axis=-1)
@@ -42,7 +42,7 @@ def tensions(
 
 
 def wrench_matrix(
-    robot: Robot, position: Float[Array, "*batch 3"], rotation: Float[Array, "*batch 3 3"]
+    robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
 ) -> Float[Array, "*batch 6 cables"]:
     """W, whose column i is (uᵢ, R bᵢ × uᵢ): the wrench on the platform of unit tension in cable i (Eq. 4)."""
     arms, vectors = cable_vectors(robot, position, rotation)
@@ -50,7 +50,7 @@ def wrench_matrix(
     return np.swapaxes(np.concatenate([directions, np.cross(arms, directions)], axis=-1), -1, -2)
 
 
-def load_wrench(problem: Problem, rotation: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 6"]:
+def load_wrench(problem: Problem, rotation: Float[Array, "*#batch 3 3"]) -> Float[Array, "*batch 6"]:
     """Gravity at the centre of mass plus the external wrench, about the platform's origin: w_e of Eq. 3 [N, N m]."""
     robot = problem.robot
     weight = np.array([0.0, 0.0, -robot.weight])
@@ -60,7 +60,7 @@ def load_wrench(problem: Problem, rotation: Float[Array, "*batch 3 3"]) -> Float
 
 
 def net_wrench(
-    problem: Problem, position: Float[Array, "*batch 3"], rotation: Float[Array, "*batch 3 3"]
+    problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
 ) -> Float[Array, "*batch 6"]:
     """W tau + w_e, zero at equilibrium (Eq. 3) [N, N m]: minus the slope of the energy."""
     robot = problem.robot
@@ -69,8 +69,8 @@ def net_wrench(
 
 
 def residual(
-    problem: Problem, position: Float[Array, "*batch 3"], rotation: Float[Array, "*batch 3 3"]
-) -> Float[Array, "*batch"]:
+    problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
+) -> Float[Array, "*batch"] | float:
     """Largest unbalanced force over the free directions, torques divided by the characteristic length [N]."""
     robot = problem.robot
     free = list(robot.free_directions)
@@ -78,8 +78,8 @@ def residual(
 
 
 def energy(
-    problem: Problem, position: Float[Array, "*batch 3"], rotation: Float[Array, "*batch 3 3"]
-) -> Float[Array, "*batch"]:
+    problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
+) -> Float[Array, "*batch"] | float:
     """Elastic plus potential energy V = Σ ½ (EA/l0) max(l − l0, 0)² + m g z_com − f·p [J].
 
     The external torque is left out: a torque that keeps its direction in space does work that depends on the way.
@@ -93,7 +93,7 @@ def energy(
 
 
 def stiffness_matrix(
-    problem: Problem, position: Float[Array, "*batch 3"], rotation: Float[Array, "*batch 3 3"]
+    problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
 ) -> Float[Array, "*batch 6 6"]:
     """The Hessian of the energy over (translation, left-applied rotation vector) [N/m, N, N m].
 
@@ -122,7 +122,7 @@ def stiffness_matrix(
 
 
 def eigenvalues(
-    problem: Problem, position: Float[Array, "*batch 3"], rotation: Float[Array, "*batch 3 3"]
+    problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
 ) -> Float[Array, "*batch free"]:
     """Of the stiffness matrix on the free directions, ascending [N/m]; rotations in characteristic lengths."""
     units = _units(problem.robot)
@@ -152,12 +152,12 @@ def _units(robot: Robot) -> Float[Array, "6"]:
     return np.repeat([1.0, robot.characteristic_length], 3)
 
 
-def _cross_matrix(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
+def _cross_matrix(vectors: Float[Array, "*#batch 3"]) -> Float[Array, "*batch 3 3"]:
     """[v]× with [v]× w = v × w."""
     return np.cross(vectors[..., None, :], np.eye(3)).swapaxes(-1, -2)
 
 
-def _dipole(forces: Float[Array, "*batch 3"], arms: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
+def _dipole(forces: Float[Array, "*#batch 3"], arms: Float[Array, "*#batch 3"]) -> Float[Array, "*batch 3 3"]:
     """(f·r) 1 − ½ (f rᵀ + r fᵀ): minus the second derivative of f·exp(φ×) r."""
     outer = forces[..., :, None] * arms[..., None, :]
     return np.trace(outer, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - 0.5 * (outer + outer.swapaxes(-1, -2))

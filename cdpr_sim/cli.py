@@ -1,0 +1,177 @@
+"""The command line: where does the platform end up, and do the two roads agree?"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+import cdpr_sim as cdpr
+from cdpr_sim import models as model_folders
+from cdpr_sim import report
+
+app = typer.Typer(
+    help="Where does the platform of a cable-driven parallel robot really end up? Statics and MuJoCo, cross-checked.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+METHODS = {"Newton": "newton", "SEECR\nfsolve": "fsolve", "SEECR\nleast_sq.": "least_squares"}
+
+RobotName = Annotated[
+    str, typer.Argument(metavar="ROBOT", help="A name that `cdpr-sim robots` lists, or a .toml file.")
+]
+Pose = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option("--pose", metavar="X Y Z", help="Commanded position [m]; default: the middle of the workspace."),
+]
+MaterialName = Annotated[str | None, typer.Option("--material", help="Cables: vectran-0.7mm or fishing-0.4mm.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, instead of a table.")]
+
+
+def main() -> None:
+    """The entry point of ``cdpr-sim``."""
+    app()
+
+
+@app.command()
+def settle(robot: RobotName, pose: Pose = None, material: MaterialName = None, as_json: AsJson = False) -> None:
+    """Settle the platform in MuJoCo, solve it with Newton and SEECR, and say whether MuJoCo and Newton agree.
+
+    Exit status: 0 if they agree, 1 if they do not, 2 for input that cannot be right or a platform that does not rest.
+    """
+    with _errors_as_sentences():
+        problem = _problem(robot, pose, material)
+        outcomes: dict[str, report.Outcome] = {}
+        with _busy("MuJoCo settles the platform"):
+            settled = cdpr.settle(problem.robot, problem.pose)
+        outcomes["MuJoCo"] = settled
+        with _busy("The static solvers look for equilibrium (the first run on a machine compiles for half a minute)"):
+            outcomes |= {name: _outcome(problem, method) for name, method in METHODS.items()}
+        newton = outcomes["Newton"]
+        if not isinstance(newton, cdpr.Equilibrium):
+            raise newton
+        agreement = cdpr.compare(newton, settled)
+    if as_json:
+        _print_json(
+            {
+                "robot": problem.robot.name,
+                "commanded": problem.pose.translation.tolist(),
+                "results": {METHODS.get(name, "mujoco"): report.as_dict(outcome) for name, outcome in outcomes.items()},
+                "agrees": agreement.agrees,
+                "verdict": agreement.verdict.value,
+                "reasons": list(agreement.reasons),
+            }
+        )
+    else:
+        console = Console()
+        console.print(report.settle_table(problem, outcomes))
+        for outcome in outcomes.values():
+            if isinstance(outcome, cdpr.NotConverged):
+                console.print(f"[dim]{outcome.reason}[/]", highlight=False)
+        console.print(report.verdict(agreement), highlight=False)
+    raise typer.Exit(0 if agreement.agrees else 1)
+
+
+@app.command()
+def solve(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    method: Annotated[str, typer.Option("--method", help="newton, fsolve or least_squares.")] = "newton",
+    as_json: AsJson = False,
+) -> None:
+    """Solve for the static equilibrium with one solver. Exit status 2 if it does not find one."""
+    with _errors_as_sentences():
+        problem = _problem(robot, pose, material)
+        with _busy("Solving (the first run on a machine compiles for half a minute)"):
+            result = cdpr.solve(problem.robot, problem.pose, method=method)  # type: ignore[arg-type]
+    if as_json:
+        _print_json(report.as_dict(result))
+    else:
+        Console().print(report.settle_table(problem, {result.source: result}))
+
+
+@app.command()
+def robots() -> None:
+    """List the robots of the catalogue and the materials of cables."""
+    console = Console()
+    table = Table(
+        "robot", "mobility", "cables", "mass", "what", title="Robots", title_justify="left", box=box.SIMPLE_HEAD
+    )
+    for name in cdpr.list_robots():
+        robot = cdpr.load_robot(name)
+        table.add_row(name, robot.mobility, str(robot.cables), f"{robot.mass:g} kg", robot.description)
+    console.print(table)
+    table = Table("material", "EA", "source", title="Cables", title_justify="left", box=box.SIMPLE_HEAD)
+    for material in cdpr.MATERIALS.values():
+        table.add_row(material.name, f"{material.axial_stiffness:g} N", material.source)
+    console.print(table)
+
+
+@app.command()
+def models(
+    robot: Annotated[
+        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="Default: the whole catalogue.")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write <robot>/ into.")] = Path("models"),
+    pose: Pose = None,
+    material: MaterialName = None,
+    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is stale.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,
+) -> None:
+    """Write each robot as a MuJoCo model: robot.xml, scene.xml and a README."""
+    stale = []
+    with _errors_as_sentences():
+        for name in robot or cdpr.list_robots():
+            problem = _problem(name, pose, material)
+            folder, files = output / problem.robot.name, model_folders.model_files(problem.robot, problem.pose)
+            if check:
+                stale += [folder / file for file in model_folders.stale_models(folder, files)]
+            else:
+                model_folders.write_models(folder, files, force=force)
+                typer.echo(f"{folder}: {', '.join(files)}")
+    for path in stale:
+        typer.echo(f"{path}: stale, expected what `cdpr-sim models --force` writes", err=True)
+    raise typer.Exit(1 if stale else 0)
+
+
+def _problem(name: str, pose: tuple[float, float, float] | None, material: str | None) -> cdpr.Problem:
+    robot = cdpr.load_robot(name)
+    if material is not None:
+        robot = robot.replace(material=material)
+    return cdpr.Problem.of(robot, robot.home if pose is None else pose)
+
+
+def _outcome(problem: cdpr.Problem, method: str) -> report.Outcome:
+    try:
+        return cdpr.solve(problem.robot, problem.pose, method=method)  # type: ignore[arg-type]
+    except cdpr.NotConverged as failure:
+        return failure
+
+
+@contextmanager
+def _errors_as_sentences() -> Iterator[None]:
+    """No traceback for a user's mistake: one sentence on standard error, exit status 2."""
+    try:
+        yield
+    except cdpr.CdprError as error:
+        typer.echo(f"cdpr-sim: {error}", err=True)
+        raise typer.Exit(2) from None
+
+
+def _busy(what: str):
+    return Console(stderr=True).status(f"{what} ...")
+
+
+def _print_json(value: dict) -> None:
+    typer.echo(json.dumps(value, indent=2))

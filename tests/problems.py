@@ -1,0 +1,79 @@
+"""Small cases with closed forms, random robots, and grids of poses, for all tests."""
+
+import numpy as np
+from hypothesis import strategies as st
+
+import cdpr_sim as cdpr
+
+
+def hanging_mass(axial_stiffness: float = 100.0, mass: float = 2.0, rest_length: float = 1.5) -> cdpr.Problem:
+    """A mass on one vertical cable: it stretches by m g l0 / EA, and hangs there."""
+    robot = cdpr.Robot(
+        exits=[[0, 0, 3.0]],
+        anchors=[[0, 0, 0.1]],
+        axial_stiffness=axial_stiffness,
+        mass=mass,
+        platform_size=(0.2, 0.2, 0.2),
+        name="hanging mass",
+    )
+    return cdpr.Problem.of(robot, (0, 0, 3.0 - 0.1 - rest_length))
+
+
+def symmetric_pair(angle: float = 0.5, axial_stiffness: float = 1e3, mass: float = 1.0) -> cdpr.Problem:
+    """A planar point on two equal cables at ±``angle`` from the vertical: tau = m g / (2 cos), by symmetry."""
+    span, height = np.sin(angle), np.cos(angle)
+    robot = cdpr.Robot(
+        exits=[[-span, 0, height], [span, 0, height]],
+        anchors=[[0, 0, 0], [0, 0, 0]],
+        axial_stiffness=axial_stiffness,
+        mass=mass,
+        mobility="planar",
+        platform_size=(0.1, 0.1, 0.1),
+        name="symmetric pair",
+    )
+    return cdpr.Problem.of(robot, (0, 0, 0))
+
+
+@st.composite
+def random_problems(draw: st.DrawFn, min_cables: int = 3, max_cables: int = 10, wrench: bool = True) -> cdpr.Problem:
+    """A random suspended robot, soft or stiff, light or heavy, near-degenerate ones included, at a random pose."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    cables = draw(st.integers(min_cables, max_cables))
+    planar = draw(st.booleans())
+    exits = rng.uniform([-1, -1, 0.6], [1, 1, 1.5], (cables, 3))
+    anchors = rng.uniform(-0.15, 0.15, (cables, 3))
+    center_of_mass = rng.uniform(-0.05, 0.05, 3) * draw(st.booleans())
+    if draw(st.booleans()):  # two cables that leave one point
+        exits[-1] = exits[0]
+    pose = np.concatenate([rng.uniform([-0.5, -0.5, -0.2], [0.5, 0.5, 0.4]), rng.uniform(-0.3, 0.3, 3)])
+    force = np.concatenate([rng.normal(size=3), np.zeros(3)]) * (wrench and draw(st.booleans()))
+    mass, stiffness = 10 ** rng.uniform(-1, 2), 10 ** rng.uniform(3, 7)
+    if planar:
+        exits[:, 1] = anchors[:, 1] = center_of_mass[1] = 0
+        pose[[1, 3, 5]] = force[1] = 0
+    robot = cdpr.Robot(
+        exits=exits,
+        anchors=anchors,
+        axial_stiffness=stiffness * np.linalg.norm(exits - pose[:3] - anchors, axis=1),
+        mass=mass,
+        center_of_mass=center_of_mass,
+        mobility="planar" if planar else "spatial",
+        name="random",
+    )
+    return cdpr.Problem.of(robot, pose, external_wrench=0.3 * robot.weight * force)
+
+
+def grid(robot: cdpr.Robot, poses: int) -> np.ndarray:
+    """About ``poses`` positions that fill the robot's workspace evenly, (n, 3) [m]."""
+    lower, upper = robot.workspace
+    extent = upper - lower
+    wide = extent > 0
+    step = (np.prod(extent[wide]) / poses) ** (1 / wide.sum())
+    axes = [np.linspace(a, b, max(round((b - a) / step) + 1, 1)) for a, b in zip(lower, upper, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def paper_line(robot: cdpr.Robot, points: int = 24) -> np.ndarray:
+    """The paper's trajectories: x from 0.17 to 0.63 m at z = 0.1 and 0.2 m, midway in y, (2 points, 3) [m]."""
+    y = 0.0 if robot.mobility == "planar" else 0.25
+    return np.array([(x, y, z) for z in (0.1, 0.2) for x in np.linspace(0.17, 0.63, points)])

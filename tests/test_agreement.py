@@ -1,0 +1,121 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+import cdpr_sim as cdpr
+from cdpr_sim import newton, statics
+from cdpr_sim.agreement import Verdict
+from cdpr_sim.pose import moved
+
+POSE = (0.2, 0.25, 0.1)
+
+
+@pytest.fixture(scope="module")
+def pair(catalogue):
+    robot = catalogue["parallel"]
+    return cdpr.solve(robot, POSE), cdpr.settle(robot, POSE)
+
+
+def test_agreement_measures_the_differences_it_is_given(pair):
+    """A settled pose moved by 3 µm and turned by 20 µrad: the errors are those, and the verdict is no agreement."""
+    static, settled = pair
+    elsewhere = moved(settled.pose, np.array([3e-6, 0, 0, 0, 20e-6, 0]))
+    agreement = cdpr.compare(static, dataclasses.replace(settled, pose=elsewhere))
+    assert agreement.position_error == pytest.approx(3e-6, rel=1e-3)
+    assert agreement.rotation_error == pytest.approx(20e-6, rel=1e-3)
+    assert agreement.verdict is Verdict.DISAGREE
+    assert any(reason.startswith("position differs by 3.0e-06 m") for reason in agreement.reasons)
+    assert any("statics at the settled pose" in reason for reason in agreement.reasons)
+
+
+def test_agreement_notices_a_tension_that_differs(pair):
+    """The same pose with 2 mN more in one cable does not agree."""
+    static, settled = pair
+    tensions = settled.tensions.copy()
+    tensions[0] += 2e-3
+    agreement = cdpr.compare(static, dataclasses.replace(settled, tensions=tensions))
+    assert agreement.tension_error == pytest.approx(2e-3, rel=1e-3)
+    assert not agreement.agrees
+
+
+def test_agreement_notices_a_cable_that_is_slack_on_one_road_only(pair):
+    """The cable is named, counted from 1."""
+    static, settled = pair
+    tensions = settled.tensions.copy()
+    assert tensions[2] > 0
+    tensions[2] = 0
+    agreement = cdpr.compare(static, dataclasses.replace(settled, tensions=tensions))
+    assert not agreement.same_slack
+    assert "cable 3 is slack on one road only" in agreement.reasons
+
+
+@pytest.mark.parametrize(("beyond", "same"), [(0.5e-7, True), (3e-7, False)])
+def test_cable_at_its_rest_length_counts_as_slack_or_taut(pair, beyond, same):
+    """Within 1e-7 m of the rest length nobody can tell; three times further everybody can."""
+    static, settled = pair
+    slack = int(np.flatnonzero(static.slack)[0])
+    tensions, lengths = settled.tensions.copy(), settled.lengths.copy()
+    tensions[slack], lengths[slack] = 1e-4, settled.rest_lengths[slack] + beyond
+    agreement = cdpr.compare(static, dataclasses.replace(settled, tensions=tensions, lengths=lengths))
+    assert agreement.same_slack is same
+
+
+def test_two_stable_equilibria_are_different_and_no_disagreement(catalogue):
+    """The crossed cables also hold a platform that lies on its side: each road confirms the other's pose."""
+    robot = catalogue["cogiro"]
+    rest_lengths = robot.rest_lengths(robot.home)
+    upright = cdpr.solve(robot, robot.home, rest_lengths)
+    thrown = cdpr.solve(robot, (0.24, 0.21, 0.03, -2.33, 1.06, 0.91), rest_lengths)
+    assert np.degrees(thrown.tilt) > 80
+    settled = cdpr.settle(robot, thrown.pose, rest_lengths)
+    assert cdpr.compare(thrown, settled).verdict is Verdict.AGREE
+    agreement = cdpr.compare(upright, settled)
+    assert agreement.verdict is Verdict.DIFFERENT_EQUILIBRIA
+    assert not agreement.agrees
+    assert agreement.static_in_mujoco < 1e-6
+    assert agreement.settled_in_statics < 1e-6
+
+
+def test_saddle_is_named_as_the_reason():
+    """Where SEECR stops at a saddle and MuJoCo goes on, the reason says which of the two is unstable."""
+    robot = cdpr.Robot(
+        exits=[[-0.1, 0, 1], [0.1, 0, 1]],
+        anchors=[[-0.1, 0, 0], [0.1, 0, 0]],
+        center_of_mass=[0, 0, 0.2],
+        axial_stiffness=50.0,
+        mass=1.0,
+        mobility="planar",
+    )
+    saddle = cdpr.solve(robot, (0, 0, 0), method="fsolve")
+    agreement = cdpr.compare(saddle, cdpr.settle(robot, (0, 0, 0)))
+    assert agreement.verdict is Verdict.DIFFERENT_EQUILIBRIA
+    assert "the equilibrium by seecr/fsolve is unstable" in agreement.reasons
+
+
+def test_platform_that_turns_freely_agrees_in_all_that_is_held(catalogue):
+    """On two diagonal cables the platform may turn: rotations differ, and forces balance all the way between them."""
+    robot = catalogue["parallel"]
+    pose = (0.1, 0.1, 0.05)
+    static, settled = cdpr.solve(robot, pose), cdpr.settle(robot, pose)
+    agreement = cdpr.compare(static, settled)
+    assert agreement.verdict is Verdict.AGREE_BUT_FREE
+    assert agreement.agrees
+    assert agreement.rotation_error > 0.01
+    assert agreement.position_error < 1e-6
+    halfway = halfway_between(static, settled)
+    residual = statics.residual(static.problem, halfway.translation, halfway.rotation.as_matrix())
+    assert residual < 1e-5 * robot.weight
+
+
+def halfway_between(a, b):
+    return a.pose * RigidTransform.from_exp_coords((a.pose.inv() * b.pose).as_exp_coords() / 2)
+
+
+def test_different_problems_are_not_compared(catalogue):
+    """Answers to two questions can neither agree nor disagree."""
+    robot = catalogue["parallel"]
+    static = newton.solve(cdpr.Problem.of(robot, (0.3, 0.25, 0.1)))
+    with pytest.raises(cdpr.InvalidInput, match="two problems"):
+        cdpr.compare(static, cdpr.settle(robot, (0.31, 0.25, 0.1)))

@@ -1,0 +1,127 @@
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim import report
+from cdpr_sim.cli import app
+
+runner = CliRunner()
+
+
+def run(*words: str):
+    return runner.invoke(app, list(words), env={"COLUMNS": "100"})
+
+
+def test_settle_shows_the_tilt_the_slack_cables_and_agreement():
+    """The main job: 26° of tilt and four slack cables at the left end of the paper's line, and exit status 0."""
+    result = run("settle", "parallel", "--pose", "0.17", "0.25", "0.1")
+    assert result.exit_code == 0
+    tilt = next(line for line in result.stdout.splitlines() if line.strip().startswith("tilt"))
+    assert tilt.split()[-4:-2] == ["26.420", "26.420"]
+    assert "4 of 8" in result.stdout
+    assert "the two roads agree" in result.stdout
+    assert "seecr/fsolve: stopped" in result.stdout  # SEECR's own outcome, honestly
+
+
+def test_settle_prints_json_that_says_the_same():
+    """SI units, one entry per road."""
+    result = run("settle", "parallel", "--pose", "0.17", "0.25", "0.1", "--json")
+    values = json.loads(result.stdout)
+    assert result.exit_code == 0
+    assert values["agrees"] is True
+    assert set(values["results"]) == {"mujoco", "newton", "fsolve", "least_squares"}
+    assert values["results"]["fsolve"]["equilibrium"] is False
+    assert values["results"]["newton"]["tilt"] == pytest.approx(values["results"]["mujoco"]["tilt"], abs=1e-5)
+
+
+def test_settle_exits_1_where_the_roads_disagree(monkeypatch):
+    """Only agreement is success."""
+    robot = cdpr.load_robot("parallel")
+    stiffer = cdpr.solve(robot.replace(axial_stiffness=10.1e3), (0.17, 0.25, 0.1))
+    solve = cdpr.solve
+
+    def wrong(robot, pose, method="newton"):
+        found = solve(robot, pose, method=method)
+        return found if method != "newton" else type(found)(**(vars(found) | {"pose": stiffer.pose}))
+
+    monkeypatch.setattr(cdpr, "solve", wrong)
+    result = run("settle", "parallel", "--pose", "0.17", "0.25", "0.1")
+    assert result.exit_code == 1
+    assert "the two roads disagree" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["settle", "paralel"], "cdpr-sim: unknown robot 'paralel': did you mean parallel?"),
+        (["settle", "nowhere.toml"], "cdpr-sim: nowhere.toml: no such file"),
+        (["settle", "parallel", "--material", "nylon"], "cdpr-sim: unknown material 'nylon'"),
+        (["settle", "parallel", "--pose", "nan", "0", "0"], "cdpr-sim: pose: found [nan, 0.0, 0.0], expected finite"),
+        (["settle", "two-cable", "--pose", "0.4", "0.1", "0.2"], "'two-cable' is planar"),
+        (["settle", "parallel", "--pose", "0.4", "0.25", "2"], "falls since cables cannot push"),
+        (["solve", "parallel", "--method", "newtn"], "did you mean newton"),
+        (["solve", "parallel", "--pose", "0.285", "0.25", "0.1", "--method", "least_squares"], "stopped with"),
+        (["models", "paralel"], "unknown robot 'paralel'"),
+    ],
+)
+def test_users_mistake_gets_one_sentence_and_exit_status_2(words, message):
+    """No traceback, nothing on standard output."""
+    result = run(*words)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert "Traceback" not in result.output
+    assert result.stdout == ""
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_solve_prints_one_solvers_table():
+    """One column, the solver's name above it."""
+    result = run("solve", "cogiro", "--method", "fsolve")
+    assert result.exit_code == 0
+    assert "seecr/fsolve" in result.stdout
+
+
+def test_robots_lists_robots_and_materials():
+    """Everything that can be named."""
+    result = run("robots")
+    for name in (*cdpr.list_robots(), *cdpr.MATERIALS):
+        assert name in result.stdout
+
+
+def test_models_writes_checks_and_protects_what_is_there(tmp_path):
+    """Fresh files pass --check; a changed one fails it, is not overwritten without --force, and then is."""
+    out = ["-o", str(tmp_path)]
+    assert run("models", "two-cable", *out).exit_code == 0
+    assert run("models", "two-cable", *out, "--check").exit_code == 0
+    file = tmp_path / "two-cable" / "robot.xml"
+    fresh = file.read_text()
+    file.write_text("mine")
+    assert run("models", "two-cable", *out, "--check").exit_code == 1
+    refused = run("models", "two-cable", *out)
+    assert refused.exit_code == 2
+    assert "exists and differs" in refused.stderr
+    assert file.read_text() == "mine"
+    assert run("models", "two-cable", *out, "--force").exit_code == 0
+    assert file.read_text() == fresh
+
+
+def test_models_into_a_place_that_is_a_file_leaves_nothing(tmp_path):
+    """One sentence, and the file is still there."""
+    file = tmp_path / "taken"
+    file.write_text("mine")
+    result = run("models", "two-cable", "-o", str(file))
+    assert result.exit_code == 2
+    assert "cannot be written" in result.stderr
+    assert file.read_text() == "mine"
+
+
+def test_table_marks_a_point_that_is_no_equilibrium():
+    """A stalled solver's stability is not claimed."""
+    robot = cdpr.load_robot("parallel")
+    problem = cdpr.Problem.of(robot, (0.285, 0.25, 0.1))
+    with pytest.raises(cdpr.NotConverged) as stalled:
+        cdpr.solve(robot, problem.pose, method="least_squares")
+    table = report.settle_table(problem, {"stalled": stalled.value})
+    assert list(table.columns[-1].cells)[-1] == "[red]none[/]"

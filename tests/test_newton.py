@@ -1,0 +1,236 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from problems import grid, hanging_mass, paper_line, random_problems, symmetric_pair
+from scipy.optimize import brentq
+from scipy.spatial.transform import RigidTransform, Rotation
+
+import cdpr_sim as cdpr
+from cdpr_sim import newton, statics
+from cdpr_sim.descent import FORCE_TOLERANCE, ROUNDING, Status
+
+SAME = 1e-13
+"""[m] The same kernel on rest lengths that were rounded in two ways."""
+
+POSITION = 1e-8
+"""[m] A residual of 2e-9 of the weight over a platform as soft as 1 weight per metre."""
+
+
+def balanced(problem: cdpr.Problem) -> float:
+    """The residual [N] that the solver promises."""
+    robot = problem.robot
+    size = max(np.abs(robot.exits).max(), np.abs(problem.pose.translation).max())
+    return 2 * (FORCE_TOLERANCE * problem.load + ROUNDING * problem.stiffnesses.max() * size)
+
+
+def test_hanging_mass_rests_where_its_cable_carries_it():
+    """Stretch m g l0/EA, tension m g."""
+    problem = hanging_mass()
+    result = newton.solve(problem)
+    stretch = problem.robot.weight * problem.rest_lengths[0] / problem.robot.axial_stiffness[0]
+    np.testing.assert_allclose(result.position, problem.pose.translation - [0, 0, stretch], atol=POSITION)
+    np.testing.assert_allclose(result.tensions, problem.robot.weight, rtol=1e-8)
+
+
+def test_hanging_mass_may_spin_freely_and_says_so():
+    """One vertical cable through the centre of mass holds no rotation about itself."""
+    result = newton.solve(hanging_mass())
+    assert result.stability is cdpr.Stability.NEUTRAL
+    assert not result.stable
+
+
+@pytest.mark.parametrize("axial_stiffness", [10.0, 1e3, 1e6])
+def test_symmetric_pair_rests_where_both_cables_share_the_weight(axial_stiffness):
+    """2 EA (l − l0)/l0 (h + d)/l = m g for the drop d: one equation, solved by bisection."""
+    problem = symmetric_pair(axial_stiffness=axial_stiffness)
+    (span, _, height), l0 = problem.robot.exits[1], problem.rest_lengths[0]
+
+    def unbalanced(drop):
+        length = np.hypot(span, height + drop)
+        return 2 * axial_stiffness * (length - l0) / l0 * (height + drop) / length - problem.robot.weight
+
+    drop = brentq(unbalanced, 0, 10, xtol=1e-15)
+    result = newton.solve(problem)
+    np.testing.assert_allclose(result.position, [0, 0, -drop], atol=POSITION)
+
+
+@given(random_problems(min_cables=1))
+def test_every_random_robot_finds_a_rest_below_its_start(problem):
+    """Forces balance, nothing is unstable, and the energy is no higher than at the commanded pose."""
+    result = newton.solve(problem)
+    assert result.residual <= balanced(problem)
+    assert result.stability is not cdpr.Stability.UNSTABLE
+    at = [(pose.translation, pose.rotation.as_matrix()) for pose in (problem.pose, result.pose)]
+    start, end = (statics.energy(problem, *one) for one in at)
+    assert end <= start + 1e-12 * abs(start)
+    assert (result.slack == (result.lengths <= result.rest_lengths)).all()
+
+
+def top_heavy() -> cdpr.Problem:
+    """A bar on two vertical cables with its centre of mass above them: level it balances on a saddle."""
+    robot = cdpr.Robot(
+        exits=[[-0.1, 0, 1], [0.1, 0, 1]],
+        anchors=[[-0.1, 0, 0], [0.1, 0, 0]],
+        center_of_mass=[0, 0, 0.2],
+        axial_stiffness=50.0,  # 2 EA/l0 b² = 1 N m/rad against m g h = 2 N m/rad
+        mass=1.0,
+        mobility="planar",
+        name="top heavy",
+    )
+    return cdpr.Problem.of(robot, (0, 0, 0))
+
+
+def test_solver_leaves_a_saddle_for_a_stable_equilibrium():
+    """SEECR stops at the level saddle and reports it as one; ours goes on downhill and turns over."""
+    problem = top_heavy()
+    saddle = cdpr.solve(problem.robot, problem.pose, method="fsolve")
+    assert saddle.stability is cdpr.Stability.UNSTABLE
+    assert saddle.tilt < 1e-6
+    result = newton.solve(problem)
+    assert result.stable
+    assert result.tilt > np.radians(90)
+
+
+@pytest.mark.parametrize("name", ["cogiro", "parallel"])
+@pytest.mark.parametrize("axial_stiffness", [1e2, 1e3, 1e4, 1e5, 1e6, 1e7])
+def test_every_pose_is_solved_at_a_cost_that_does_not_depend_on_stiffness(catalogue, name, axial_stiffness):
+    """Random poses of the workspace, five decades of stiffness: all in fewer than 12 iterations on average."""
+    robot = catalogue[name]
+    positions = np.random.default_rng(7).uniform(*robot.workspace, (3000, 3))
+    solutions = newton.solve_many(robot, positions, axial_stiffness=axial_stiffness)
+    assert solutions.converged.all()
+    assert solutions.residuals.max() <= max(1e-8, 1e-13 * axial_stiffness)
+    assert solutions.iterations.mean() < 12
+
+
+def test_every_equilibrium_of_the_parallel_layout_is_stable_or_free_to_turn(catalogue):
+    """A few per cent of its poses hang on two cables whose anchors' line passes through the centre of mass."""
+    robot = catalogue["parallel"]
+    positions = grid(robot, 1000)
+    solutions = newton.solve_many(robot, positions)
+    stabilities = []
+    for position, at, rotation in zip(positions, solutions.positions, solutions.rotations, strict=True):
+        problem = cdpr.Problem.of(robot, position)
+        stabilities.append(statics.eigenvalues(problem, at, rotation)[[0, -1]])
+    smallest, largest = np.array(stabilities).T
+    assert (smallest > -1e-9 * largest).all()
+    free = smallest < 1e-9 * largest
+    assert 0 < free.mean() < 0.1
+    assert ((solutions.tensions[free] > 0).sum(1) <= 3).all()
+
+
+def test_one_call_broadcasts_and_equals_single_solves(catalogue):
+    """Poses x stiffnesses at once, each as if solved alone: it is the same kernel."""
+    robot = catalogue["parallel"]
+    positions = paper_line(robot, 3)
+    stiffnesses = np.array([1e3, 1e4])
+    many = newton.solve_many(robot, positions[:, None, :], axial_stiffness=stiffnesses)
+    assert many.positions.shape == (6, 2, 3)
+    assert many.tensions.shape == (6, 2, 8)
+    for i, position in enumerate(positions):
+        for j, stiffness in enumerate(stiffnesses):
+            one = cdpr.solve(robot.replace(axial_stiffness=stiffness), position)
+            np.testing.assert_allclose(many.positions[i, j], one.position, rtol=0, atol=SAME)
+            assert many.iterations[i, j] == one.iterations
+
+
+def test_one_stiffness_per_cable_is_told_from_one_per_pose(catalogue):
+    """(..., cables) and (...) are told apart by the last dimension."""
+    robot = catalogue["parallel"]
+    per_cable = np.linspace(5e3, 2e4, robot.cables)
+    many = newton.solve_many(robot, [0.3, 0.25, 0.1], axial_stiffness=per_cable)
+    one = cdpr.solve(robot.replace(axial_stiffness=per_cable), [0.3, 0.25, 0.1])
+    np.testing.assert_allclose(many.positions, one.position, rtol=0, atol=SAME)
+
+
+def test_pose_that_is_not_a_number_is_not_filled_in(catalogue):
+    """nan in, nan and a status out; its neighbours are solved."""
+    positions = [[0.3, 0.25, 0.1], [np.nan, 0.25, 0.1]]
+    many = newton.solve_many(catalogue["parallel"], positions)
+    assert many.status.tolist() == [Status.CONVERGED, Status.NOT_FINITE]
+    assert np.isnan(many.residuals[1])
+
+
+def test_positions_of_the_wrong_shape_are_refused(catalogue):
+    """Three numbers to a position."""
+    with pytest.raises(cdpr.InvalidInput, match=r"positions: found an array of shape \(2,\)"):
+        newton.solve_many(catalogue["parallel"], [0.3, 0.25])
+
+
+def test_torque_that_nothing_resists_is_not_converged():
+    """A mass on one cable, turned about it by a constant torque, spins for ever."""
+    problem = hanging_mass()
+    with pytest.raises(cdpr.NotConverged, match="there may be none") as error:
+        cdpr.solve(problem.robot, problem.pose, external_wrench=[0, 0, 0, 0, 0, 1.0])
+    assert error.value.equilibrium is not None
+    assert error.value.equilibrium.residual > 1
+
+
+def test_external_force_and_torque_are_balanced(catalogue):
+    """Pushed and turned, a planar platform moves with the push, and forces balance."""
+    robot = catalogue["planar-vertical"]
+    free = cdpr.solve(robot, (0.4, 0, 0.2))
+    pushed = cdpr.solve(robot, (0.4, 0, 0.2), external_wrench=[0.5, 0, 0, 0, 0.01, 0])
+    assert pushed.residual < 1e-8
+    assert pushed.position[0] > free.position[0]
+    assert pushed.euler[1] > free.euler[1]
+
+
+class TestInvariances:
+    """What cannot matter does not: order, place, heading, mirror image and units."""
+
+    ROBOT = "parallel"
+    POSE = (0.2, 0.2, 0.12)
+
+    @pytest.fixture
+    def robot(self, catalogue):
+        return catalogue[self.ROBOT]
+
+    @pytest.fixture
+    def result(self, robot):
+        return cdpr.solve(robot, self.POSE)
+
+    def test_order_of_cables(self, robot, result):
+        """Cables reversed: the same pose, tensions reversed."""
+        other = cdpr.solve(robot.replace(exits=robot.exits[::-1], anchors=robot.anchors[::-1]), self.POSE)
+        np.testing.assert_allclose(other.position, result.position, atol=POSITION)
+        np.testing.assert_allclose(other.tensions[::-1], result.tensions, atol=1e-6)
+
+    def test_place_and_heading_of_the_world(self, robot, result):
+        """The world moved and turned about the vertical: the result moves and turns with it."""
+        turn, shift = Rotation.from_rotvec([0, 0, 0.7]), np.array([3.0, -2.0, 1.0])
+        moved = robot.replace(exits=turn.apply(robot.exits.copy()) + shift)
+        start = RigidTransform.from_components(turn.apply(self.POSE) + shift, turn)
+        other = cdpr.solve(moved, start)
+        np.testing.assert_allclose(other.position, turn.apply(result.position) + shift, atol=POSITION)
+        assert (other.rotation.inv() * turn * result.rotation).magnitude() < 1e-7
+
+    def test_mirror_image(self, robot, result):
+        """Mirrored in the x-z plane: y and the rotations about x and z change sign."""
+        mirror = np.array([1, -1, 1])
+        other = cdpr.solve(
+            robot.replace(exits=robot.exits * mirror, anchors=robot.anchors * mirror), self.POSE * mirror
+        )
+        np.testing.assert_allclose(other.position, result.position * mirror, atol=POSITION)
+        np.testing.assert_allclose(other.rotation.as_rotvec(), result.rotation.as_rotvec() * -mirror, atol=1e-7)
+
+    @pytest.mark.parametrize("scale", [1e-2, 1e3])
+    def test_units_of_length(self, robot, result, scale):
+        """In other units of length, with the same forces, the pose scales."""
+        scaled = robot.replace(exits=robot.exits * scale, anchors=robot.anchors * scale)
+        other = cdpr.solve(scaled, np.array(self.POSE) * scale)
+        np.testing.assert_allclose(other.position, result.position * scale, rtol=0, atol=POSITION * scale)
+        np.testing.assert_allclose(other.tensions, result.tensions, atol=1e-6)
+
+
+def test_importing_the_package_is_light_and_compiles_nothing():
+    """No MuJoCo, Numba or SciPy until they are needed, and no compilation until the first solve."""
+    code = (
+        "import sys, cdpr_sim; heavy = {'mujoco', 'numba', 'scipy', 'pydantic', 'typer'} & sys.modules.keys(); "
+        "assert not heavy, heavy; "
+        "from cdpr_sim import newton, descent; assert descent.equilibrium_gufunc.cache_info().currsize == 0"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
