@@ -1,6 +1,8 @@
 from .agreement import Agreement as Agreement
+from .agreement import CrossCheck as CrossCheck
 from .agreement import Verdict as Verdict
 from .agreement import compare as compare
+from .agreement import cross_check as cross_check
 from .catalog import list_robots as list_robots
 from .catalog import load_robot as load_robot
 from .equilibrium import Equilibrium as Equilibrium

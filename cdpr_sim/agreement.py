@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim import settling, statics
+from cdpr_sim import newton, settling, statics
 from cdpr_sim.equilibrium import Equilibrium
 from cdpr_sim.errors import InvalidInput
+from cdpr_sim.pose import PoseLike
+from cdpr_sim.robot import Robot
 
 POSITION_TOLERANCE = 1e-6
 """[m] A thousandth of a millimetre. Settled poses measure 1e-9 m from the solver's, where a residual of 1e-9 of the
@@ -141,6 +144,33 @@ def compare(
         static_in_mujoco=cross["MuJoCo at the static pose"],
         settled_in_statics=cross["statics at the settled pose"],
     )
+
+
+@dataclass(frozen=True)
+class CrossCheck:
+    """One commanded pose, both answers to where the platform ends up, and whether they agree."""
+
+    static: Equilibrium
+    settled: Equilibrium
+    agreement: Agreement
+
+
+def cross_check(robot: Robot, poses: Sequence[PoseLike] | np.ndarray) -> list[CrossCheck]:
+    """Settle the robot in MuJoCo from each commanded pose, solve it by Newton, and compare.
+
+    Args:
+        robot: the robot.
+        poses: commanded poses, (n, 3), (n, 6) or a sequence of anything that is a pose.
+
+    Raises:
+        InvalidInput: a pose that cannot be right.
+        NotSettled: a platform that does not come to rest.
+        NotConverged: a pose without static equilibrium.
+    """
+    settlings = settling.settle_many(robot, poses)
+    settled = [settlings.equilibrium(row) for row in range(len(settlings))]
+    static = [newton.solve(one.problem) for one in settled]
+    return [CrossCheck(a, b, compare(a, b)) for a, b in zip(static, settled, strict=True)]
 
 
 def _at_rest_length(equilibrium: Equilibrium) -> Bool[np.ndarray, " cables"]:

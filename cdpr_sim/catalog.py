@@ -112,7 +112,7 @@ def load_robot(name: str | Path) -> Robot:
     if str(name).endswith(".toml"):
         return _read(Path(name), str(name))
     if str(name) not in list_robots():
-        raise UnknownName("robot", str(name), list_robots())
+        raise UnknownName("robot", str(name), list_robots(), "; a robot of your own is the path of its .toml file")
     return _read(_folder() / f"{name}.toml", f"{name}.toml")
 
 

@@ -21,11 +21,11 @@ class InvalidInput(CdprError, ValueError):
 class UnknownName(CdprError, LookupError):
     """A name that is not in a catalogue: the message lists the nearest valid names."""
 
-    def __init__(self, what: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, what: str, name: str, known: Iterable[str], note: str = "") -> None:
         known = sorted(known)
         near = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
-        super().__init__(f"unknown {what} {name!r}: {hint}known: {', '.join(known)}")
+        super().__init__(f"unknown {what} {name!r}: {hint}known: {', '.join(known)}{note}")
 
 
 class RobotFileError(InvalidInput):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from cdpr_sim.agreement import Agreement
+from cdpr_sim.agreement import Agreement, CrossCheck
 from cdpr_sim.equilibrium import Equilibrium
 from cdpr_sim.errors import NotConverged, NotSettled
 from cdpr_sim.pose import euler, tilt
@@ -64,6 +64,36 @@ def settle_table(problem: Problem, outcomes: Mapping[str, Outcome]) -> Table:
     row("iterations", "", lambda e: str(e.iterations))
     words = (e.stability.name.lower() if isinstance(e, Equilibrium) else "[red]none[/]" for e in outcomes.values())
     table.add_row("equilibrium", "", *words)
+    return table
+
+
+def line_table(title: str, checks: Sequence[CrossCheck]) -> Table:
+    """One row per commanded pose: where the platform ends up, and how far the two roads are apart."""
+    columns = [
+        "commanded x [mm]",
+        "x [mm]",
+        "sag [mm]",
+        "tilt [°]",
+        "about y [°]",
+        "taut cables",
+        "roads apart [nm]",
+        "verdict",
+    ]
+    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        table.add_column(escape(column), justify="right")
+    for check in checks:
+        end = check.settled
+        table.add_row(
+            f"{1e3 * end.problem.pose.translation[0]:.0f}",
+            f"{1e3 * end.position[0]:.2f}",
+            f"{-1e3 * end.deviation[2]:.3f}",
+            f"{np.degrees(end.tilt):.3f}",
+            f"{np.degrees(end.euler[1]):.3f}",
+            str(int((~end.slack).sum())),
+            f"{1e9 * check.agreement.position_error:.2f}",
+            "agree" if check.agreement.agrees else "[red]differ[/]",
+        )
     return table
 
 

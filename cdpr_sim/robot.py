@@ -182,7 +182,7 @@ class Robot:
     @property
     def home(self) -> Float[np.ndarray, "3"]:
         """The middle of the workspace, (3,) [m]: where a robot is commanded to if nobody says where."""
-        return self.workspace.mean(0)
+        return np.round(self.workspace.mean(0), 12)  # 0.4, not 0.39999999999999997
 
     def pose(self, pose: PoseLike) -> RigidTransform:
         """``pose`` as a ``RigidTransform``, checked to be one this robot can take.

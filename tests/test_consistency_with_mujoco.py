@@ -24,11 +24,7 @@ MOST_FREE = 0.08
 
 
 def compare_all(robot: cdpr.Robot, positions: np.ndarray) -> list[cdpr.Agreement]:
-    """Settle and solve every pose, and compare."""
-    settlings = cdpr.settle_many(robot, positions)
-    assert settlings.settled.all()
-    settled = [settlings.equilibrium(row) for row in range(len(positions))]
-    return [cdpr.compare(newton.solve(one.problem), one) for one in settled]
+    return [check.agreement for check in cdpr.cross_check(robot, positions)]
 
 
 @pytest.mark.parametrize("material", MATERIALS)

@@ -1,0 +1,162 @@
+"""How fast and how reliable: static solvers and MuJoCo, side by side in one run.
+
+Run it: python scripts/benchmark.py [--quick]
+Times are medians over repetitions on one core unless said otherwise; machines are noisy, so read ratios.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+import cdpr_sim as cdpr
+from cdpr_sim import newton, seecr, statics
+
+ROBOTS = ["cogiro", "parallel"]
+STIFFNESSES = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7]  # [N] EA
+POSES = 100_000  # random commanded positions in the robot's workspace
+SCIPY_POSES = 60  # of the same positions, for the paper's solvers
+SETTLES = 300  # one by one
+BATCH = 2_000  # side by side
+REPETITIONS = 3
+SEED = 2024
+
+console = Console(width=110)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a tenth of the poses")
+    share = 10 if parser.parse_args().quick else 1
+    static(POSES // share, max(SCIPY_POSES // share, 10))
+    physics(SETTLES // share, BATCH // share)
+
+
+def static(poses: int, scipy_poses: int) -> None:
+    """Every pose solved? In how many iterations, at what cost? And the paper's solvers on the same poses."""
+    ours = table(
+        f"Newton, {poses:,} random poses per row",
+        "robot", "EA [N]", "solved", "stable", "free", "largest residual [N]", "iterations", "most", "µs per pose",
+    )  # fmt: skip
+    theirs = table(
+        f"SEECR, the first {scipy_poses} of those poses",
+        "robot", "EA [N]", "fsolve fails", "ms per pose", "least_squares fails", "ms per pose",
+        "Newton fails", "ms per pose",
+    )  # fmt: skip
+    for name in ROBOTS:
+        robot = cdpr.load_robot(name)
+        lower, upper = robot.workspace
+        positions = np.random.default_rng(SEED).uniform(lower, upper, (poses, 3))
+        newton.solve_many(robot, positions[:10])  # compile
+        for stiffness in STIFFNESSES:
+            stiff = robot.replace(axial_stiffness=stiffness)
+            seconds = [timed(newton.solve_many, stiff, positions) for _ in range(REPETITIONS)]
+            solutions = newton.solve_many(stiff, positions)
+            stable, free = stabilities(stiff, positions, solutions)
+            ours.add_row(
+                name,
+                f"{stiffness:.0e}",
+                f"{solutions.converged.sum():,}",
+                f"{stable:.1%}",
+                f"{free:.1%}",
+                f"{solutions.residuals.max():.1e}",
+                f"{solutions.iterations.mean():.1f}",
+                f"{solutions.iterations.max()}",
+                f"{1e6 * np.median(seconds) / poses:.2f}",
+            )
+            some = [cdpr.Problem.of(stiff, position) for position in positions[:scipy_poses]]
+            theirs.add_row(
+                name,
+                f"{stiffness:.0e}",
+                *failures(partial(seecr.solve, solver="fsolve"), some),
+                *failures(partial(seecr.solve, solver="least_squares"), some),
+                *failures(newton.solve, some),
+            )
+    console.print(ours)
+    console.print(theirs)
+
+
+def stabilities(robot: cdpr.Robot, positions: np.ndarray, solutions: cdpr.Solutions) -> tuple[float, float]:
+    """Fractions of stable and of free (neutral) equilibria, by the eigenvalues of the NumPy stiffness matrix."""
+    some = slice(0, len(positions), max(len(positions) // 2000, 1))
+    extremes = []
+    for position, at, rotation in zip(
+        positions[some], solutions.positions[some], solutions.rotations[some], strict=True
+    ):
+        eigenvalues = statics.eigenvalues(cdpr.Problem.of(robot, position), at, rotation)
+        extremes.append(eigenvalues[0] / eigenvalues[-1])
+    ratio = np.array(extremes)
+    return float((ratio > 1e-9).mean()), float((abs(ratio) <= 1e-9).mean())
+
+
+def failures(solve: Callable[[cdpr.Problem], object], problems: list[cdpr.Problem]) -> tuple[str, str]:
+    """Fraction of problems without an equilibrium, and the median time of a single solve."""
+    failed, seconds = 0, []
+    for problem in problems:
+        start = time.perf_counter()
+        try:
+            solve(problem)
+        except cdpr.NotConverged:
+            failed += 1
+        seconds.append(time.perf_counter() - start)
+    return f"{failed / len(problems):.0%}", f"{1e3 * np.median(seconds):.2f}"
+
+
+def physics(settles: int, batch: int) -> None:
+    """One settle at a time, and many side by side on threads."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    rows = table(
+        f"MuJoCo, {settles} settles one by one and {batch:,} side by side per row",
+        "robot", "EA [N]", "settled", "steps", "most", "ms per settle", "settles/s, 1 thread",
+        f"per core, {cores} threads", "residual/weight",
+    )  # fmt: skip
+    for name in ROBOTS:
+        for material in cdpr.MATERIALS:
+            robot = cdpr.load_robot(name).replace(material=material)
+            lower, upper = robot.workspace
+            positions = np.random.default_rng(SEED).uniform(lower, upper, (batch, 3))
+            cdpr.settle(robot, positions[0])  # compile the model
+            single = [timed(cdpr.settle, robot, position) for position in positions[:settles]]
+            one, all_cores = (
+                np.median([timed(cdpr.settle_many, robot, positions, threads=threads) for _ in range(REPETITIONS)])
+                for threads in (1, 0)
+            )
+            many = cdpr.settle_many(robot, positions)
+            rows.add_row(
+                name,
+                f"{robot.axial_stiffness[0]:.0e}",
+                f"{many.settled.sum():,} of {batch:,}",
+                f"{np.median(many.steps):.0f}",
+                f"{many.steps.max()}",
+                f"{1e3 * np.median(single):.2f}",
+                f"{batch / one:,.0f}",
+                f"{batch / all_cores / cores:,.0f}",
+                f"{many.residuals.max() / robot.weight:.1e}",
+            )
+    console.print(rows)
+
+
+def timed(call: Callable[..., object], *arguments: object, **keywords: object) -> float:
+    """Seconds that a call takes."""
+    start = time.perf_counter()
+    call(*arguments, **keywords)
+    return time.perf_counter() - start
+
+
+def table(title: str, *columns: str) -> Table:
+    """An empty table of figures."""
+    made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        made.add_column(escape(column), justify="right")
+    return made
+
+
+if __name__ == "__main__":
+    main()

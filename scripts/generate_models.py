@@ -1,0 +1,11 @@
+"""Write models/ anew, or check with --check that it is what the generator writes today.
+
+Run it: python scripts/generate_models.py [--check]
+"""
+
+import sys
+
+from cdpr_sim.cli import app
+
+if __name__ == "__main__":
+    app(["models", "-o", "models", *(sys.argv[1:] or ["--force"])])

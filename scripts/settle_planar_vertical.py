@@ -1,0 +1,52 @@
+"""A planar robot on 4 cables in vertical parallelograms: from 4 taut cables to 3 to 2 towards the sides.
+
+Run it: python scripts/settle_planar_vertical.py
+"""
+
+import numpy as np
+from rich.console import Console
+
+import cdpr_sim as cdpr
+from cdpr_sim import report
+
+ROBOT = "planar-vertical"
+MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
+X = np.linspace(0.17, 0.63, 9)  # [m] commanded, the paper's line
+Y = 0.0  # [m]
+HEIGHTS = [0.1, 0.2]  # [m]
+
+WHY = """
+Why: the midlines of the two pairs meet in a point V, about which equal tensions in each pair make no torque.
+The weight passes through V only in the middle; elsewhere the pairs share their load unevenly until one cable
+after the other goes slack. With two left the robot is the two-cable robot.
+"""
+
+
+def main() -> None:
+    console = Console()
+    checks = {}
+    for material in MATERIALS:
+        robot = cdpr.load_robot(ROBOT).replace(material=material)
+        for z in HEIGHTS:
+            checks[material, z] = cdpr.cross_check(robot, [[x, Y, z] for x in X])
+            console.print(report.line_table(f"{ROBOT}, {material}, z = {z} m", checks[material, z]))
+
+    finely = np.linspace(0.1, 0.7, 121)
+    for material in MATERIALS:
+        robot = cdpr.load_robot(ROBOT).replace(material=material)
+        taut = [int((~check.settled.slack).sum()) for check in cdpr.cross_check(robot, [[x, Y, 0.1] for x in finely])]
+        zones = {count: [x for x, n in zip(finely, taut, strict=True) if n == count] for count in (4, 3, 2)}
+        console.print(
+            f"{material}, z = 0.1 m: "
+            + "; ".join(
+                f"{count} taut within {1e3 * max(abs(x - 0.4) for x in zone):.0f} mm of the middle"
+                for count, zone in zones.items()
+                if zone
+            ),
+            highlight=False,
+        )
+    console.print(" ".join(WHY.split()), highlight=False)
+
+
+if __name__ == "__main__":
+    main()
