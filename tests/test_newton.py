@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim import newton, statics
-from cdpr_sim.descent import FORCE_TOLERANCE, ROUNDING, Status
+from cdpr_sim.descent import FORCE_TOLERANCE, ROUNDING, Status, equilibrium_gufunc
 
 SAME = 1e-13
 """[m] The same kernel on rest lengths that were rounded in two ways."""
@@ -144,6 +144,31 @@ def test_one_stiffness_per_cable_is_told_from_one_per_pose(catalogue):
     many = newton.solve_many(robot, [0.3, 0.25, 0.1], axial_stiffness=per_cable)
     one = cdpr.solve(robot.replace(axial_stiffness=per_cable), [0.3, 0.25, 0.1])
     np.testing.assert_allclose(many.positions, one.position, rtol=0, atol=SAME)
+
+
+def test_robots_and_masses_broadcast_as_well(catalogue):
+    """Two layouts x three masses in one call of the gufunc, each as if solved alone."""
+    robots = [catalogue["cogiro"], catalogue["parallel"]]
+    masses, pose = np.array([0.2, 0.4, 0.8]), np.array([0.3, 0.25, 0.1])
+    position, *_, status = equilibrium_gufunc()(
+        np.array([robot.exits for robot in robots])[:, None],
+        np.array([robot.anchors for robot in robots])[:, None],
+        robots[0].axial_stiffness,
+        np.array([robot.rest_lengths(pose) for robot in robots])[:, None],
+        masses * robots[0].gravity,
+        np.zeros(3),
+        np.zeros(6),
+        np.ones(6),
+        robots[0].characteristic_length,
+        pose,
+        np.eye(3),
+    )
+    assert position.shape == (2, 3, 3)
+    assert (status == Status.CONVERGED).all()
+    for i, robot in enumerate(robots):
+        for j, mass in enumerate(masses):
+            one = cdpr.solve(robot.replace(mass=mass), pose)
+            np.testing.assert_allclose(position[i, j], one.position, rtol=0, atol=POSITION)
 
 
 def test_pose_that_is_not_a_number_is_not_filled_in(catalogue):
