@@ -7,24 +7,26 @@ import tomllib
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Strict, ValidationError
 
 from cdpr_sim.errors import CdprError, RobotFileError, UnknownName
 from cdpr_sim.materials import load_material
 from cdpr_sim.robot import STANDARD_GRAVITY, Mobility, Robot
 
-Vector = tuple[float, float, float]
+Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
+Vector = tuple[Number, Number, Number]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class PlatformTable(_Table):
     """``[platform]``: mass [kg], edges of its box [m], centre of mass [m], inertia [kg m²]."""
 
-    mass: float
+    mass: Number
     size: Vector | None = None
     center_of_mass: Vector = (0.0, 0.0, 0.0)
     inertia: Vector | tuple[Vector, Vector, Vector] | None = None
@@ -36,7 +38,7 @@ class CableTable(_Table):
     exit: Vector
     anchor: Vector
     material: str | None = None
-    axial_stiffness: float | None = None
+    axial_stiffness: Number | None = None
 
 
 class BoxTable(_Table):
@@ -53,9 +55,9 @@ class RobotTable(_Table):
     description: str = ""
     source: str = ""
     mobility: Mobility = "spatial"
-    gravity: float = STANDARD_GRAVITY
+    gravity: Number = STANDARD_GRAVITY
     material: str | None = None
-    axial_stiffness: float | None = None
+    axial_stiffness: Number | None = None
     platform: PlatformTable
     frame: BoxTable | None = None
     workspace: BoxTable | None = None
@@ -130,7 +132,7 @@ def _read(file: Traversable | Path, label: str) -> Robot:
     except tomllib.TOMLDecodeError as error:
         raise RobotFileError(f"{label}: is not TOML: {error}") from None
     try:
-        return RobotTable.model_validate(document, strict=False).robot()
+        return RobotTable.model_validate(document).robot()
     except ValidationError as error:
         raise RobotFileError(f"{label}: {_sentence(error)}") from None
     except CdprError as error:
