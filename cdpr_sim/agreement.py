@@ -34,6 +34,11 @@ REST_LENGTH_TOLERANCE = 1e-7
 """[m] A cable this close to its rest length counts as taut or as slack, whichever the other road says."""
 
 
+LEVEL = 1e-8
+"""Energies between two equilibria of one family differ by less than this fraction of load times characteristic length:
+less than lifting DemoBot's platform by a nanometre."""
+
+
 class Verdict(enum.Enum):
     """What comparing the two roads came to."""
 
@@ -126,7 +131,7 @@ def compare(
         verdict = Verdict.AGREE
     elif not slack_differs.any() and differences["tension"][0] <= tension_tolerance and _connected(static, settled):
         verdict = Verdict.AGREE_BUT_FREE
-        apart.append("every pose in between balances as well: the platform turns freely about the cables that hold it")
+        apart.append("the energy is level in between: the platform moves freely from the one pose to the other")
     else:
         verdict = Verdict.DIFFERENT_EQUILIBRIA
         apart += [
@@ -178,9 +183,16 @@ def _at_rest_length(equilibrium: Equilibrium) -> Bool[np.ndarray, " cables"]:
 
 
 def _connected(static: Equilibrium, settled: Equilibrium) -> bool:
-    """Whether the two belong to one family of equilibria: forces balance all along the screw motion between them."""
+    """Whether the two belong to one family of equilibria: the energy stays level along the screw motion between them.
+
+    The energy and not the forces: rounding of the two ends, times a stiff cable, is a force in between, but no energy.
+    """
     problem = static.problem
     between = (static.pose.inv() * settled.pose).as_exp_coords()
-    poses = static.pose * RigidTransform.from_exp_coords(np.linspace(0, 1, 17)[1:-1, None] * between)
-    residuals = statics.residual(problem, poses.translation, poses.rotation.as_matrix())
-    return bool(np.max(residuals) <= CROSS_TOLERANCE * problem.load)
+    fractions = np.linspace(0, 1, 17)
+    poses = static.pose * RigidTransform.from_exp_coords(fractions[:, None] * between)
+    turn = (settled.rotation * static.rotation.inv()).as_rotvec()
+    work = fractions * (turn @ problem.external_wrench[3:])
+    energies = statics.energy(problem, poses.translation, poses.rotation.as_matrix()) - work
+    level = LEVEL * problem.load * problem.robot.characteristic_length
+    return bool(np.ptp(energies) <= level)

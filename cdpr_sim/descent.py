@@ -35,11 +35,11 @@ from numba import float64, guvectorize, int64, njit
 
 from cdpr_sim.equilibrium import NEUTRAL
 
-MAX_ITERATIONS = 200
-"""Far beyond the tens that the hardest robots need; only a degenerate problem gets there."""
+MAX_ITERATIONS = 1000
+"""Tens do for all but the oddest robots: a pendulum of many cables from one point needs hundreds."""
 
 MAX_TRANSLATION = 0.5
-"""Longest step, as a fraction of the mean rest length."""
+"""Longest step, as a fraction of the mean cable length."""
 
 MAX_ROTATION = 0.7
 """Longest step [rad]: beyond it the local model says little about a rotation."""
@@ -154,9 +154,8 @@ class _Model(NamedTuple):
 
 
 class _Scales(NamedTuple):
-    """What counts as far and as nothing: longest step, least shift, forces that balance, energies that are rounding."""
+    """What counts as nothing: the least shift, forces that balance, energies that are rounding."""
 
-    longest: float
     least_shift: float
     force: float
     energy: float
@@ -193,11 +192,12 @@ def _descend(case, start_position, start_rotation):
             continue
         _curvature(case, here, tau, model)
         accepted, decrease, V_trial = False, 0.0, V
+        longest = MAX_TRANSLATION * here.l.mean()
         # Inside this function, since only there the compiler knows that the arrays do not overlap: 1.4 times as fast.
         for _ in range(MAX_TRIALS):
             decrease = -np.inf
             if _model_minimum(case, here, model, shift, taut, x):
-                _shorten(x, scales.longest, MAX_ROTATION * case.scale)
+                _shorten(x, longest, MAX_ROTATION * case.scale)
                 decrease = _model_decrease(case, here, model, x, predicted)
             rounding = abs(decrease) <= scales.energy  # such a step is judged by the forces, next time round
             if decrease > 0 or rounding:
@@ -233,7 +233,6 @@ def _scales(case, start):
         load = max(load, abs(case.wrench[a]) / (1.0 if a < 3 else case.scale))
     size = max(np.abs(case.A).max(), np.abs(start.p).max())
     return _Scales(
-        MAX_TRANSLATION * case.l0.mean(),
         max(load, 1e-9 * case.k.max() * case.scale) / case.l0.mean(),
         FORCE_TOLERANCE * load + ROUNDING * case.k.max() * size,
         1e-13 * load * case.scale,

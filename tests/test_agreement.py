@@ -95,7 +95,7 @@ def test_saddle_is_named_as_the_reason():
 
 
 def test_platform_that_turns_freely_agrees_in_all_that_is_held(catalogue):
-    """On two diagonal cables the platform may turn: rotations differ, and forces balance all the way between them."""
+    """On two diagonal cables the platform may turn: rotations differ, and forces balance halfway between."""
     robot = catalogue["parallel"]
     pose = (0.1, 0.1, 0.05)
     static, settled = cdpr.solve(robot, pose), cdpr.settle(robot, pose)
