@@ -1,8 +1,11 @@
 """Robots on matplotlib axes: platforms, cables taut and slack, zones, and what every figure has in common."""
 
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
 from __future__ import annotations
 
 import functools
+import textwrap
 from collections.abc import Callable, Iterable
 from typing import ParamSpec
 
@@ -15,7 +18,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
-from numpy.typing import ArrayLike
 
 from cdpr_sim import style
 from cdpr_sim.robot import Robot
@@ -45,14 +47,20 @@ def canvas(width: float, height: float, title: str, caption: str) -> Figure:
     """A figure [inches] with a title above, which says what it shows, and a caption below, which says how."""
     figure = Figure(figsize=(width, height), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.06)  # type: ignore[union-attr]
-    figure.suptitle(title, **style.TITLE)
-    figure.supxlabel(caption, **style.CAPTION)
+    figure.suptitle(textwrap.fill(title, int(width * style.TITLE_LETTERS)), **style.TITLE)
+    figure.supxlabel(textwrap.fill(caption, int(width * style.CAPTION_LETTERS)), **style.CAPTION)
     return figure
 
 
-def millimetres(axis_limits: ArrayLike) -> Float[np.ndarray, "..."]:
-    """[m] to [mm]."""
-    return 1e3 * np.asarray(axis_limits)
+def cables_in_words(robot: Robot) -> str:
+    """Material and stiffness, for titles and captions."""
+    EA = robot.axial_stiffness[0]
+    return f"{robot.material} cables (EA = {newtons(EA)})" if robot.material else f"cables with EA = {newtons(EA)}"
+
+
+def newtons(force: float) -> str:
+    """A force with its unit."""
+    return f"{force / 1e3:g} kN" if force >= 1e3 else f"{force:g} N"
 
 
 # In the x-z plane
@@ -75,7 +83,9 @@ def draw_platform(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.nda
     x, _, z = robot.platform_size / 2
     corners = np.array([[-x, 0, -z], [x, 0, -z], [x, 0, z], [-x, 0, z]])
     looks = {"fc": style.PLATFORM, "ec": style.INK, "lw": style.HAIR + 0.2, "zorder": 4} | looks
-    return ax.add_patch(Polygon((position + corners @ rotation.T)[:, [0, 2]], closed=True, **looks))
+    outline = Polygon((position + corners @ rotation.T)[:, [0, 2]], closed=True, **looks)
+    ax.add_patch(outline)
+    return outline
 
 
 def draw_commanded(ax: Axes, robot: Robot, position: np.ndarray) -> Polygon:
@@ -114,15 +124,16 @@ def hanging(start: np.ndarray, end: np.ndarray, rest_length: float, points: int 
     return start + along * (end - start) - 4 * sag * along * (1 - along) * np.array([0.0, 0.0, 1.0])
 
 
-def pose_legend(handles: Iterable[Patch | Line2D] = ()) -> list[Patch | Line2D]:
+def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
     """What the parts of a drawn pose mean."""
-    return [
+    handles = [
         Patch(fc="none", ec=style.COMMANDED, ls=(0, (2.5, 1.5)), label="commanded pose"),
         Patch(fc=style.PLATFORM, ec=style.INK, lw=style.HAIR, label="platform at rest"),
         Line2D([], [], color=style.INK, lw=style.HAIR + 0.2, label="taut cable"),
-        Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=(0, (1, 1.2)), label="slack cable"),
-        *handles,
     ]
+    if slack:
+        handles.append(Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=(0, (1, 1.2)), label="slack cable"))
+    return handles
 
 
 # Along a line
@@ -161,7 +172,7 @@ def draw_space(ax: Axes3D, robot: Robot) -> None:
     ax.set_xlim(lower[0], upper[0])
     ax.set_ylim(lower[1], upper[1])
     ax.set_zlim(lower[2], upper[2])
-    ax.set_box_aspect(tuple(upper - lower), zoom=1.12)
+    ax.set_box_aspect(tuple(upper - lower), zoom=1.0)
     ax.set_proj_type("persp", focal_length=0.6)
     ax.view_init(elev=14, azim=-72)
     ax.set_yticks([0, 0.25, 0.5])

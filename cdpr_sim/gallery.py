@@ -15,7 +15,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from cdpr_sim import figures, studies, style
+from cdpr_sim import (
+    balance,
+    figures,
+    solver_figures,
+    solver_studies,
+    studies,
+    style,
+    two_cable_figures,
+    two_cable_studies,
+)
 from cdpr_sim.catalog import load_robot
 from cdpr_sim.errors import InvalidInput, UnknownName
 
@@ -45,20 +54,20 @@ PICTURES: dict[str, Picture] = {
     "two-cable-manifold": Picture(
         "Fig. 3",
         "all poses at which a bar on two cables can rest, and its drift on that surface as the cables soften",
-        studies.manifold,
-        figures.two_cable_manifold,
+        two_cable_studies.manifold,
+        two_cable_figures.manifold,
     ),
     "two-cable-poses": Picture(
         "Fig. 4",
         "the bar as commanded, as it would have to tilt there, and where it rests",
-        studies.closed_forms,
-        figures.two_cable_poses,
+        two_cable_studies.closed_forms,
+        two_cable_figures.poses,
     ),
     "two-cable-closed-form": Picture(
         "Eq. 5, 6",
         "the bar's tilt by closed form, solver and MuJoCo, and what the paper's short-bar formula leaves out",
-        studies.closed_forms,
-        figures.two_cable_closed_form,
+        two_cable_studies.closed_forms,
+        two_cable_figures.closed_form,
     ),
     "planar-vertical": Picture(
         "Fig. 7",
@@ -75,19 +84,19 @@ PICTURES: dict[str, Picture] = {
     "tilt-condition": Picture(
         "Fig. 9",
         "why: the points H and V where the midlines of the pairs meet, and gravity's moment about them",
-        studies.moment_balances,
+        balance.moment_balances,
         figures.tilt_condition,
     ),
     "cogiro": Picture(
         "Fig. 10",
         "DemoBot with crossed cables: poses and tensions",
-        lambda: studies.across_the_width(load_robot("cogiro")),
+        lambda: studies.across_the_width(load_robot("cogiro"), pose_heights=(0.1,), settled_rows=13),
         figures.spatial,
     ),
     "parallel": Picture(
         "Fig. 11",
         "DemoBot with parallel cables: poses, tensions, and the zones of two and four slack cables",
-        lambda: studies.across_the_width(load_robot("parallel")),
+        lambda: studies.across_the_width(load_robot("parallel"), pose_heights=(0.1,)),
         figures.spatial,
     ),
     "paper-line": Picture(
@@ -99,14 +108,14 @@ PICTURES: dict[str, Picture] = {
     "convergence": Picture(
         "",
         "how often and how fast each solver finds rest, against the cables' stiffness",
-        studies.convergence,
-        figures.convergence,
+        solver_studies.convergence,
+        solver_figures.convergence,
     ),
     "agreement": Picture(
         "",
         "how far static solver and MuJoCo are apart, over the whole catalogue",
-        studies.differences,
-        figures.agreement,
+        solver_studies.differences,
+        solver_figures.agreement,
     ),
 }
 """Every picture by name, in the paper's order."""
@@ -154,7 +163,7 @@ def _write(targets: dict[str, list[Path]]) -> Iterator[tuple[str, list[Path]]]:
 def encoded(figure: Figure, suffix: str) -> bytes:
     """The figure as a file's content; the same figure gives the same bytes: no dates, no versions, no random ids."""
     buffer = io.BytesIO()
-    with matplotlib.rc_context(style.RC):
+    with matplotlib.rc_context(style.RC):  # type: ignore[arg-type]
         if suffix == ".svg":
             FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": "cdpr-sim"})
         else:

@@ -29,10 +29,16 @@ LINE, THIN, HAIR = 1.8, 1.0, 0.6
 POINT = 5.0
 """Size of MuJoCo's points [points]: hollow, so that the line under them shows."""
 
+DARK, LIGHT = {"lw": 1.4, "zorder": 3}, {"lw": 3.8, "zorder": 2}
+"""Two series that may lie on each other: a thin dark line on a broad light one."""
+
 DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), (0, (6, 1, 1, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v")
 
-PNG_DPI = 144
+REPORTED = {"color": INK, "lw": 3.0, "solid_capstyle": "butt", "zorder": 7}
+"""What others report."""
+
+PNG_DPI = 110
 
 RC = {
     "figure.facecolor": "white",
@@ -49,6 +55,8 @@ RC = {
     "axes.spines.right": False,
     "axes.axisbelow": True,
     "axes.grid": False,
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.6,
     "xtick.color": MUTED,
     "ytick.color": MUTED,
     "xtick.labelcolor": INK,
@@ -65,3 +73,5 @@ RC = {
 
 TITLE = {"fontsize": 13, "fontweight": "bold", "ha": "left", "x": 0.012}
 CAPTION = {"fontsize": 8.5, "color": MUTED, "ha": "left", "x": 0.012, "linespacing": 1.35}
+TITLE_LETTERS, CAPTION_LETTERS = 8.8, 15.8
+"""How many letters of title and caption fit into an inch."""

@@ -12,7 +12,8 @@ PACKAGE = Path(cdpr.__file__).parent
 ORDER = [
     "errors", "pose", "materials", "robot", "catalog", "problem", "equilibrium",
     "statics", "descent", "seecr", "newton", "solvers", "two_cable", "mjcf", "bench", "settling",
-    "agreement", "models", "report", "cli",
+    "agreement", "studies", "two_cable_studies", "balance", "solver_studies",
+    "style", "drawing", "figures", "two_cable_figures", "solver_figures", "gallery", "models", "report", "cli",
 ]  # fmt: skip
 """The rooms, in the order of the flow: each may import only from those before it."""
 
