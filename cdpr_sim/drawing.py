@@ -117,9 +117,13 @@ def draw_cables(
 
 
 def hanging(start: np.ndarray, end: np.ndarray, rest_length: float, points: int = 25) -> Float[np.ndarray, "points 3"]:
-    """A shallow curve from start to end that is about ``rest_length`` long: by 8 s²/(3 l) longer than straight."""
+    """A parabola from start to end that is about ``rest_length`` long: by 8 (s cos a)²/(3 l) longer than straight.
+
+    s is the sag below the straight line, a that line's slope; steep cables are drawn with less, as if a were 70°.
+    """
     length = float(np.linalg.norm(end - start))
-    sag = np.sqrt(max(rest_length - length, 0.0) * 3 * length / 8)
+    level = max(float(np.hypot(*(end - start)[:2])) / length, np.cos(np.radians(70)))
+    sag = np.sqrt(max(rest_length - length, 0.0) * 3 * length / 8) / level
     along = np.linspace(0, 1, points)[:, None]
     return start + along * (end - start) - 4 * sag * along * (1 - along) * np.array([0.0, 0.0, 1.0])
 

@@ -73,5 +73,5 @@ RC = {
 
 TITLE = {"fontsize": 13, "fontweight": "bold", "ha": "left", "x": 0.012}
 CAPTION = {"fontsize": 8.5, "color": MUTED, "ha": "left", "x": 0.012, "linespacing": 1.35}
-TITLE_LETTERS, CAPTION_LETTERS = 8.8, 15.8
+TITLE_LETTERS, CAPTION_LETTERS = 8.8, 15.2
 """How many letters of title and caption fit into an inch."""

@@ -70,6 +70,18 @@ def test_physics_never_imports_our_formulas(module):
     assert not rooms(module) & MATHEMATICS
 
 
+@pytest.mark.parametrize("module", ORDER)
+def test_nothing_touches_matplotlibs_global_state(module):
+    """No pyplot: figures are objects, and nobody's open windows or styles are changed."""
+    assert not any(name.startswith(("matplotlib.pyplot", "pylab")) for name in imports(module))
+
+
+@pytest.mark.parametrize("module", ["style", "drawing", "figures", "two_cable_figures", "solver_figures"])
+def test_drawing_never_computes(module):
+    """It is given results: it may know their types, but no solver and no physics."""
+    assert not rooms(module) & (MATHEMATICS | PHYSICS)
+
+
 def test_every_public_name_resolves():
     """What ``__all__`` promises is there, and functions are functions even after their modules are imported."""
     for name in cdpr.__all__:
