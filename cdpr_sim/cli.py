@@ -163,7 +163,7 @@ def figures(
         return
     with _errors_as_sentences():
         written = cdpr.write_figures(name or cdpr.list_figures(), output, force=force)
-        with _busy("Computing and drawing (the first run on a machine compiles for half a minute)"):
+        with _busy("Computing and drawing, half a minute for all (the first run on a machine compiles as long)"):
             for _, paths in written:
                 typer.echo("\n".join(map(str, paths)))
 

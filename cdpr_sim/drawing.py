@@ -54,8 +54,9 @@ def canvas(width: float, height: float, title: str, caption: str) -> Figure:
 
 def cables_in_words(robot: Robot) -> str:
     """Material and stiffness, for titles and captions."""
-    EA = robot.axial_stiffness[0]
-    return f"{robot.material} cables (EA = {newtons(EA)})" if robot.material else f"cables with EA = {newtons(EA)}"
+    lowest, highest = robot.axial_stiffness.min(), robot.axial_stiffness.max()
+    stiffness = f"EA = {newtons(lowest)}" + (f" to {newtons(highest)}" if highest > lowest else "")
+    return f"{robot.material} cables ({stiffness})" if robot.material else f"cables with {stiffness}"
 
 
 def newtons(force: float) -> str:
@@ -90,7 +91,7 @@ def draw_platform(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.nda
 
 def draw_commanded(ax: Axes, robot: Robot, position: np.ndarray) -> Polygon:
     """Where the platform was commanded to be: an outline."""
-    looks = {"fc": "none", "ec": style.COMMANDED, "lw": style.THIN, "ls": (0, (2.5, 1.5)), "zorder": 3.5}
+    looks = {"fc": "none", "ec": style.COMMANDED, "lw": style.THIN, "ls": style.COMMANDED_DASH, "zorder": 3.5}
     return draw_platform(ax, robot, position, np.eye(3), **looks)
 
 
@@ -110,7 +111,7 @@ def draw_cables(
         if is_slack:
             points = exit_point[None] if rest is None else hanging(exit_point, anchor, float(rest))
             points = np.vstack([points, anchor]) if rest is None else points
-            ax.plot(*points[:, [0, 2]].T, ls=(0, (1, 1.2)), lw=1.4, color=style.SLACK_CABLE, zorder=3)
+            ax.plot(*points[:, [0, 2]].T, ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, zorder=3)
         else:
             line = {"color": style.INK, "lw": style.HAIR + 0.2, "zorder": 2.5} | looks
             ax.plot(*np.stack([exit_point, anchor])[:, [0, 2]].T, **line)
@@ -131,12 +132,12 @@ def hanging(start: np.ndarray, end: np.ndarray, rest_length: float, points: int 
 def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
     """What the parts of a drawn pose mean."""
     handles = [
-        Patch(fc="none", ec=style.COMMANDED, ls=(0, (2.5, 1.5)), label="commanded pose"),
+        Patch(fc="none", ec=style.COMMANDED, ls=style.COMMANDED_DASH, label="commanded pose"),
         Patch(fc=style.PLATFORM, ec=style.INK, lw=style.HAIR, label="platform at rest"),
         Line2D([], [], color=style.INK, lw=style.HAIR + 0.2, label="taut cable"),
     ]
     if slack:
-        handles.append(Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=(0, (1, 1.2)), label="slack cable"))
+        handles.append(Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack cable"))
     return handles
 
 
@@ -193,7 +194,7 @@ def draw_pose_in_space(ax: Axes3D, rests: Rests, row: int) -> None:
     box = _corners(-half, half)
     ghost = rests.commanded[row] + box
     ax.add_collection3d(
-        Line3DCollection([ghost[list(edge)] for edge in EDGES], colors=style.COMMANDED, lw=0.7, ls=(0, (2.5, 1.5)))
+        Line3DCollection([ghost[list(edge)] for edge in EDGES], colors=style.COMMANDED, lw=0.7, ls=style.COMMANDED_DASH)
     )
     corners = position + box @ rotation.T
     ax.add_collection3d(
@@ -205,7 +206,7 @@ def draw_pose_in_space(ax: Axes3D, rests: Rests, row: int) -> None:
     for cable in range(robot.cables):
         if rests.slack[row, cable]:
             curve = hanging(robot.exits[cable], anchors[cable], float(rests.rest_lengths[row, cable]))
-            ax.plot(*curve.T, color=style.SLACK_CABLE, lw=1.2, ls=(0, (1, 1.2)))
+            ax.plot(*curve.T, color=style.SLACK_CABLE, lw=1.2, ls=style.SLACK_DASH)
         else:
             ax.plot(*np.stack([robot.exits[cable], anchors[cable]]).T, color=style.INK, lw=0.6)
 

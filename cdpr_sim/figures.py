@@ -1,6 +1,6 @@
 """The paper's figures of robots with four and eight cables, redrawn: results in, matplotlib ``Figure`` out.
 
-Lines are the static solver's, hollow points MuJoCo's. Nothing is computed here but numbers in titles.
+Lines are the static solver's, hollow points MuJoCo's. Nothing is computed here but units and the numbers in titles.
 """
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim import drawing, style
 from cdpr_sim.balance import Balance
-from cdpr_sim.drawing import cables_in_words, canvas, points, styled
+from cdpr_sim.drawing import cables_in_words, canvas, newtons, points, styled
 from cdpr_sim.robot import Robot
 from cdpr_sim.studies import PAPER_SAG, PAPER_TILT, Line, Rests, Width
 
@@ -92,13 +92,14 @@ def spatial(width: Width, workspace: ArrayLike | None = None) -> Figure:
 @styled
 def tilt_condition(balances: Sequence[Balance]) -> Figure:
     """Fig. 9: where the two sides' lines of force meet, and the moment that gravity has about that point."""
+    softest = newtons(min(balance.robot.axial_stiffness.min() for balance in balances if balance.at_rest))
     figure = canvas(
         10.5,
         7.6,
         "The platform tilts where gravity passes beside the point in which the two sides' forces meet",
         "While a pair's two cables pull equally, their force lies on the pair's midline; the midlines meet in the "
         "paper's points H and V. The distance of the weight's line from there times the weight is the moment that "
-        "turns the platform; at rest (EA = 1 kN) the tensions have changed until it is gone. (Paper, Fig. 9)",
+        f"turns the platform; at rest (EA = {softest}) the tensions have changed until it is gone. (Paper, Fig. 9)",
     )
     axes = figure.subplots(2, 2)
     for ax, balance, letter in zip(axes.flat, balances, "abcd", strict=True):
@@ -108,6 +109,7 @@ def tilt_condition(balances: Sequence[Balance]) -> Figure:
             Line2D([], [], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, label="line of each side's force"),
             Line2D([], [], ls="none", marker="D", color=style.BLUE, mec="white", ms=8, label="where they meet"),
             Line2D([], [], ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION, label="line of the weight"),
+            Line2D([], [], ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, label="slack cable"),
         ],
         loc="lower left",
     )
@@ -118,23 +120,31 @@ def tilt_condition(balances: Sequence[Balance]) -> Figure:
 def paper_line(lines: Sequence[Line]) -> Figure:
     """Fig. 12: deviation in z and rotation about y along the paper's trajectory."""
     heights = sorted({line.height for line in lines})
+    layouts = list(dict.fromkeys(line.robot.name for line in lines))
+    materials = {line.robot.material: line.robot.axial_stiffness[0] for line in lines}
+    start, end = lines[0].static.commanded[[0, -1]]
     count = sum(len(line.settled) for line in lines)
+    stiffness = ", ".join(f"{material} {newtons(EA)}" for material, EA in materials.items())
+    extremes = []
+    for layout in layouts:
+        own = [line.static for line in lines if line.robot.name == layout]
+        tilt = max(np.abs(_beta(rests)[1]).max() for rests in own)
+        sag = max(-_sag(rests)[1].min() for rests in own)
+        verbs = ("tilts ", "sags ") if not extremes else ("", "")
+        extremes.append(f"{layout} {verbs[0]}{tilt:.{0 if tilt > 1 else 1}f}° and {verbs[1]}{sag:.1f} mm")
     figure = canvas(
         10.5,
         6.6,
-        "Along the paper's line the parallel layout tilts and sags at the ends; Cogiro does not",
-        f"DemoBot commanded level from x = {lines[0].static.commanded[0, 0]:g} to "
-        f"{lines[0].static.commanded[-1, 0]:g} m (grey band) at y = 0.25 m. {ROADS} {count} points. "
-        "EA is assumed (Vectran 10 kN, fishing line 1 kN), as the paper gives none. Black bars: what the paper reports "
-        "of the parallel layout at both ends, read from its text (“approximately 20°”, “about 15 mm”; we take it as "
+        f"Along the paper's line: {', '.join(extremes)}",
+        f"DemoBot commanded level from x = {start[0]:g} to {end[0]:g} m (grey band) at y = {start[1]:g} m. {ROADS} "
+        f"{count} points. EA is assumed ({stiffness}), as the paper gives none. Black bars: what the paper reports of "
+        "the parallel layout at both ends, read from its text (“approximately 20°”, “about 15 mm”; we take it as "
         "downwards) and not from its data. (Paper, Fig. 12)",
     )
     axes = figure.subplots(2, len(heights), sharex=True, sharey="row", squeeze=False)
-    layouts = list(dict.fromkeys(line.robot.name for line in lines))
-    materials = list(dict.fromkeys(line.robot.material for line in lines))
     for line in lines:
         column = heights.index(line.height)
-        i, j = layouts.index(line.robot.name), materials.index(line.robot.material)
+        i, j = layouts.index(line.robot.name), list(materials).index(line.robot.material)
         color, looks, marker = _series(i, j)
         label = f"{line.robot.name}, {line.robot.material}"
         for ax, quantity in zip(axes[:, column], (_sag, _beta), strict=True):
@@ -142,12 +152,11 @@ def paper_line(lines: Sequence[Line]) -> Figure:
             ax.plot(*quantity(line.settled), **points(color, marker, ms=4.6), gid=f"mujoco {label}")
     for column, height in enumerate(heights):
         for ax, value in zip(axes[:, column], (1e3 * PAPER_SAG, np.degrees(PAPER_TILT)), strict=True):
-            ends = lines[0].static.commanded[[0, -1], 0]
-            ax.axvspan(*ends, color="#f2f2f2", zorder=0, lw=0)
+            ax.axvspan(start[0], end[0], color="#f2f2f2", zorder=0, lw=0)
             ax.axhline(0, color=style.FAINT, lw=style.THIN, zorder=1)
             marks = (-value, -value) if ax is axes[0, column] else (value, -value)
-            for end, inwards, mark in zip(ends, (0.05, -0.05), marks, strict=True):
-                ax.plot([end, end + inwards], [mark, mark], **style.REPORTED, gid="paper")
+            for x, inwards, mark in zip((start[0], end[0]), (0.05, -0.05), marks, strict=True):
+                ax.plot([x, x + inwards], [mark, mark], **style.REPORTED, gid="paper")
         axes[0, column].set_title(f"z = {height:g} m", fontweight="bold")
         axes[-1, column].set_xlabel("x where the platform rests [m]")
     axes[0, 0].set_ylabel("deviation in z [mm]")
@@ -203,7 +212,7 @@ def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
     handles: list[Line2D] = []
     for group in static.twins:
         on_left = bool(robot.exits[group[0], 0] < middle)
-        number = used[on_left]
+        number = used[on_left] % len(style.DASHES)
         used[on_left] += 1
         color = style.LEFT if on_left else style.RIGHT
         cables = " and ".join(str(cable + 1) for cable in group)
@@ -262,7 +271,7 @@ def _balance(ax: Axes, balance: Balance, letter: str) -> None:
     ax.annotate(
         name,
         (meeting[0], meeting[2]),
-        (-13, -4),
+        (-38, -3) if name == "H" else (-13, -4),  # beside the platform, as its anchors are
         textcoords="offset points",
         ha="right",
         fontweight="bold",
@@ -276,6 +285,7 @@ def _balance(ax: Axes, balance: Balance, letter: str) -> None:
 
 
 def _moment(balance: Balance) -> str:
+    """The moment balance in words."""
     if abs(balance.arm) < 1e-6:
         return "gravity passes through the meeting point: no moment"
     return (
@@ -285,10 +295,12 @@ def _moment(balance: Balance) -> str:
 
 
 def _sag(rests: Rests) -> tuple[np.ndarray, np.ndarray]:
+    """x [m] and deviation in z [mm]."""
     return rests.positions[:, 0], 1e3 * (rests.positions - rests.commanded)[:, 2]
 
 
 def _beta(rests: Rests) -> tuple[np.ndarray, np.ndarray]:
+    """x [m] and rotation about y [°]."""
     return rests.positions[:, 0], np.degrees(rests.rotation_about_y)
 
 

@@ -12,30 +12,38 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from cdpr_sim import style
-from cdpr_sim.drawing import canvas, styled
+from cdpr_sim.drawing import canvas, newtons, styled
 from cdpr_sim.solver_studies import Convergence, Differences
+
+NAMES = {
+    "newton": ("Newton (ours)", "Newton solves"),
+    "fsolve": ("SEECR, fsolve", "fsolve"),
+    "least_squares": ("SEECR, least_squares", "least_squares"),
+}
+"""In legends, and in the sentence that is the title."""
 
 
 @styled
 def convergence(study: Convergence) -> Figure:
     """How often each solver finds rest, and how long it takes, against the cables' stiffness."""
-    newton = study.solved["newton"].sum() / study.poses / len(study.axial_stiffness)
+    unstable = int(sum((study.solved[method] - study.stable[method]).sum() for method in study.solved))
+    shares = ", ".join(f"{NAMES[one][1]} {100 * n[-1] / study.poses:.0f} %" for one, n in study.solved.items())
     figure = canvas(
         10.5,
         4.7,
-        f"Stiff cables stop SciPy's solvers; Newton on the energy solves {100 * newton:.0f} % of the poses",
+        f"With EA = {newtons(study.axial_stiffness[-1])}, {shares} of the poses",
         f"{study.robot.name}: {study.poses} random commanded poses for each of {len(study.axial_stiffness)} "
-        "stiffnesses. Solved: forces balance to 1e-6 of the weight where the solver stops. "
+        "stiffnesses. Solved: forces balance to 1e-6 of the weight where the solver stops; "
+        f"{unstable or 'none'} of the solutions {'is' if unstable == 1 else 'are'} unstable. "
         "Time: median per pose, solved or not, with the range from the fastest to the slowest tenth, on the machine "
         "that drew this picture, one pose at a time through the Python interface.",
     )
     left, right = figure.subplots(1, 2)
-    names = {"newton": "Newton (ours)", "fsolve": "SEECR, fsolve", "least_squares": "SEECR, least_squares"}
     looks = {"newton": (style.BLUE, 0), "fsolve": (style.VERMILLION, 1), "least_squares": (style.ORANGE, 2)}
     for method, solved in study.solved.items():
         color, number = looks[method]
         line = {"color": color, "ls": style.DASHES[number], "marker": style.MARKERS[number], "ms": 6}
-        left.plot(study.axial_stiffness, 100 * solved / study.poses, label=names[method], gid=method, **line)
+        left.plot(study.axial_stiffness, 100 * solved / study.poses, label=NAMES[method][0], gid=method, **line)
         milliseconds = 1e3 * study.seconds[method]
         low, middle, high = np.quantile(milliseconds, (0.1, 0.5, 0.9), axis=1)
         shift = 1.06 ** (number - 1)  # so that ranges do not hide one another

@@ -15,6 +15,8 @@ LEFT, RIGHT = BLUE, VERMILLION
 PLATFORM, COMMANDED, SLACK_CABLE = "#9dbfd6", "#8a8a8a", VERMILLION
 """Fill of a platform at rest; outline of the pose that it was commanded to; a slack cable."""
 
+COMMANDED_DASH, SLACK_DASH = (0, (2.5, 1.5)), (0, (1, 1.2))
+
 ZONES = (("#fbeebc", ""), ("#f3cdbf", "///"))
 """(fill, hatch) where fewer, and where more, cables are slack: the paper's yellow and red."""
 

@@ -26,7 +26,7 @@ def manifold(study: Manifold) -> Figure:
         "A bar on two cables can only rest on one surface of poses; softer cables let it drift along it",
         f"{study.robot.name}, {study.robot.mass:g} kg. Surface and contours: closed form. Curves: static solver, "
         f"EA from {newtons(stiffest)} down to {newtons(softest)}. Hollow points: MuJoCo, settled. Black dots: "
-        "commanded level poses; only the one in the middle lies on the surface. (Paper, Fig. 3)",
+        "commanded level poses, which lie on the surface only midway between the exits. (Paper, Fig. 3)",
     )
     grid = figure.add_gridspec(1, 2, width_ratios=(1.1, 1), wspace=0.08)
     space: Axes3D = figure.add_subplot(grid[0], projection="3d", computed_zorder=False)  # type: ignore[assignment]
@@ -96,7 +96,7 @@ def poses(forms: ClosedForms) -> Figure:
     figure = canvas(
         8.6,
         6.4,
-        f"Commanded level, a bar on two cables tilts and moves {shift:.0f} mm inwards",
+        f"Commanded level, a bar on two cables tilts and moves up to {shift:.0f} mm inwards",
         f"{robot.name}, {cables_in_words(robot)}, bar of {1e3 * robot.platform_size[0]:.0f} mm and {robot.mass:g} kg, "
         f"{len(rests)} commanded poses. (Paper, Fig. 4)",
     )
