@@ -61,7 +61,10 @@ def cables_in_words(robot: Robot) -> str:
 
 def newtons(force: float) -> str:
     """A force with its unit."""
-    return f"{force / 1e3:g} kN" if force >= 1e3 else f"{force:g} N"
+    for unit, size in (("MN", 1e6), ("kN", 1e3)):
+        if force >= size:
+            return f"{force / size:g} {unit}"
+    return f"{force:g} N"
 
 
 # In the x-z plane

@@ -104,14 +104,14 @@ def tilt_condition(balances: Sequence[Balance]) -> Figure:
     axes = figure.subplots(2, 2)
     for ax, balance, letter in zip(axes.flat, balances, "abcd", strict=True):
         _balance(ax, balance, letter)
-    axes[0, 1].legend(
+    axes[1, 1].legend(
         handles=[
             Line2D([], [], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, label="line of each side's force"),
             Line2D([], [], ls="none", marker="D", color=style.BLUE, mec="white", ms=8, label="where they meet"),
             Line2D([], [], ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION, label="line of the weight"),
             Line2D([], [], ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, label="slack cable"),
         ],
-        loc="lower left",
+        loc="lower right",
     )
     return figure
 
@@ -131,7 +131,7 @@ def paper_line(lines: Sequence[Line]) -> Figure:
         tilt = max(np.abs(_beta(rests)[1]).max() for rests in own)
         sag = max(-_sag(rests)[1].min() for rests in own)
         verbs = ("tilts ", "sags ") if not extremes else ("", "")
-        extremes.append(f"{layout} {verbs[0]}{tilt:.{0 if tilt > 1 else 1}f}° and {verbs[1]}{sag:.1f} mm")
+        extremes.append(f"{layout} {verbs[0]}{tilt:.2g}° and {verbs[1]}{sag:.2g} mm")
     figure = canvas(
         10.5,
         6.6,

@@ -120,7 +120,7 @@ PICTURES: dict[str, Picture] = {
 }
 """Every picture by name, in the paper's order."""
 
-SUFFIXES = (".svg", ".png")
+KINDS = ("svg", "png")
 
 
 def list_figures() -> tuple[str, ...]:
@@ -128,19 +128,29 @@ def list_figures() -> tuple[str, ...]:
     return tuple(PICTURES)
 
 
-def write_figures(names: Sequence[str], folder: Path, *, force: bool = False) -> Iterator[tuple[str, list[Path]]]:
-    """Compute, draw and write figures one by one as SVG and PNG; yield each one's name and paths when it is there.
+def write_figures(
+    names: Sequence[str], folder: Path, *, kinds: Sequence[str] = KINDS, force: bool = False
+) -> Iterator[tuple[str, list[Path]]]:
+    """Compute, draw and write figures one by one; yield each one's name and paths when it is there.
 
-    A figure's two files are written whole or not at all. Names and places are checked before anything is computed.
+    A figure's files are written whole or not at all. Names and places are checked before anything is computed.
+
+    Args:
+        names: of ``list_figures()``.
+        folder: where <name>.<kind> goes; made if it is not there.
+        kinds: "svg", "png" or both.
+        force: replace files that are there.
 
     Raises:
-        UnknownName: no such figure.
+        UnknownName: no such figure, or no such kind of file.
         InvalidInput: a file is there and ``force`` is off, or the folder cannot be written.
     """
-    for name in names:
-        if name not in PICTURES:
-            raise UnknownName("figure", name, PICTURES)
-    targets = {name: [folder / f"{name}{suffix}" for suffix in SUFFIXES] for name in names}
+    for what, asked, known in (("figure", names, PICTURES), ("kind of file", kinds, KINDS)):
+        for name in asked:
+            if name not in known:
+                raise UnknownName(what, name, known)
+    folder = Path(folder)
+    targets = {name: [folder / f"{name}.{kind}" for kind in kinds] for name in names}
     existing = [path for paths in targets.values() for path in paths if path.exists()]
     if existing and not force:
         raise InvalidInput(f"{existing[0]}: exists, expected a new place or --force")
@@ -156,15 +166,15 @@ def write_figures(names: Sequence[str], folder: Path, *, force: bool = False) ->
 def _write(targets: dict[str, list[Path]]) -> Iterator[tuple[str, list[Path]]]:
     for name, paths in targets.items():
         figure = PICTURES[name].figure()
-        write_whole({path: encoded(figure, path.suffix) for path in paths})
+        write_whole({path: encoded(figure, path.suffix[1:]) for path in paths})
         yield name, paths
 
 
-def encoded(figure: Figure, suffix: str) -> bytes:
+def encoded(figure: Figure, kind: str) -> bytes:
     """The figure as a file's content; the same figure gives the same bytes: no dates, no versions, no random ids."""
     buffer = io.BytesIO()
     with matplotlib.rc_context(style.RC):  # type: ignore[arg-type]
-        if suffix == ".svg":
+        if kind == "svg":
             FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": "cdpr-sim"})
         else:
             figure.set_dpi(style.PNG_DPI)

@@ -83,14 +83,18 @@ def agreement(study: Sequence[Differences]) -> Figure:
     poses = sum(len(one.verdicts) for one in study)
     free, disagreeing = sum(int(one.free.sum()) for one in study), sum(one.disagreeing for one in study)
     verdict = f"agree at all {poses} poses" if not disagreeing else f"disagree at {disagreeing} of {poses} poses"
+    crosses = (
+        f" Crosses: {free} poses of a platform that hangs on two diagonal cables and can turn freely about them: every "
+        "pose of a whole family is a rest, and each road stops at its own."
+        if free
+        else ""
+    )
     figure = canvas(
         10.8,
         4.7,
         f"Two roads that share no physics code {verdict}",
         f"Static solver (Newton) minus MuJoCo at {poses} random commanded poses, both materials; cumulative. Beyond "
-        "the dashed line the two would count as different. "
-        f"Crosses: {free} poses of a platform that hangs on two diagonal cables and can turn freely about them: every "
-        "pose of a whole family is a rest, and each road stops at its own.",
+        "the dashed line the two would count as different." + crosses,
     )
     panels = (
         ("position_errors", 1.0, 1e-6, "difference in position [m]"),

@@ -53,8 +53,8 @@ def test_existing_files_are_replaced_only_when_asked_for(two_pictures, tmp_path)
 @pytest.mark.parametrize("failing", ["study", "second file"])
 def test_a_failure_leaves_what_was_there(failing, two_pictures, tmp_path, monkeypatch):
     """A study that fails, or a disk that fills up: no half picture, no stray file, the old ones untouched."""
-    for suffix in gallery.SUFFIXES:
-        (tmp_path / f"first{suffix}").write_text("mine")
+    for kind in gallery.KINDS:
+        (tmp_path / f"first.{kind}").write_text("mine")
     if failing == "study":
 
         def study():
@@ -85,6 +85,8 @@ def test_unknown_name_or_place_is_refused_before_anything_is_computed(monkeypatc
     monkeypatch.setattr(gallery.Picture, "figure", lambda self: pytest.fail("computed"))
     with pytest.raises(cdpr.UnknownName, match="unknown figure 'paperline': did you mean paper-line"):
         gallery.write_figures(["agreement", "paperline"], tmp_path)
+    with pytest.raises(cdpr.UnknownName, match="unknown kind of file 'pgn': did you mean png"):
+        gallery.write_figures(["agreement"], tmp_path, kinds=["pgn"])
     (tmp_path / "taken").write_text("mine")
     with pytest.raises(cdpr.InvalidInput, match=r"taken.*: cannot be written"):
         gallery.write_figures(["agreement"], tmp_path / "taken" / "in")
