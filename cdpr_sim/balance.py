@@ -25,11 +25,11 @@ class Balance:
         rest_lengths: (cables,) [m], at the commanded pose.
         starts: a point on each side's line of force, (2, 3) [m].
         directions: unit vectors along them, (2, 3).
-        intersection: where the two lines meet, (3,) [m]: H or V of the paper while the pairs pull equally.
+        point: the paper's name of where the midlines meet: "H" for horizontal pairs, "V" for vertical ones.
+        intersection: where the two lines meet, (3,) [m]; that point while the pairs pull equally.
         arm: horizontal distance of the centre of mass from there [m], positive to the right.
         moment: of the weight about the intersection [N m], positive as rotation about y: m g arm.
         unbalanced: what the forces leave as a moment about y, by the wrench matrix [N m]; equals ``moment``.
-        sides: force of each side along its direction, (2,) [N].
         at_rest: whether the tensions are those of the equilibrium, rather than equal in each pair.
     """
 
@@ -40,11 +40,11 @@ class Balance:
     rest_lengths: Float[np.ndarray, " cables"]
     starts: Float[np.ndarray, "2 3"]
     directions: Float[np.ndarray, "2 3"]
+    point: str
     intersection: Float[np.ndarray, "3"]
     arm: float
     moment: float
     unbalanced: float
-    sides: Float[np.ndarray, "2"]
     at_rest: bool
 
 
@@ -102,8 +102,7 @@ def _balance(
     anchors = (position + arms).reshape(2, -1, 3)
     side_forces = forces.sum(1)
     starts = np.array([_point_of_action(points, pair) for points, pair in zip(anchors, forces, strict=True)])
-    sizes = np.linalg.norm(side_forces, axis=1)
-    directions = side_forces / sizes[:, None]
+    directions = side_forces / np.linalg.norm(side_forces, axis=1, keepdims=True)
     along = np.linalg.solve(
         np.stack([directions[0, [0, 2]], -directions[1, [0, 2]]], -1), (starts[1] - starts[0])[[0, 2]]
     )
@@ -117,11 +116,11 @@ def _balance(
         rest_lengths=rest_lengths,
         starts=starts,
         directions=directions,
+        point="H" if robot.anchors[0, 2] == robot.anchors[1, 2] else "V",
         intersection=intersection,
         arm=arm,
         moment=robot.weight * arm,
         unbalanced=float((statics.wrench_matrix(robot, position, rotation) @ tensions)[4]),
-        sides=sizes,
         at_rest=at_rest,
     )
 

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 from cdpr_sim import drawing, style
 from cdpr_sim.balance import Balance
 from cdpr_sim.drawing import cables_in_words, canvas, newtons, points, styled
-from cdpr_sim.robot import Robot
 from cdpr_sim.studies import PAPER_SAG, PAPER_TILT, Line, Rests, Width
 
 PAPER_FIGURES = {
@@ -28,6 +27,9 @@ PAPER_FIGURES = {
     "parallel": " (Paper, Fig. 11)",
 }
 
+NO_TILT = 1e-3
+"""[°] Less than this is called none in a title."""
+
 ROADS = "Lines: static solver (Newton). Hollow points: MuJoCo, settled."
 
 
@@ -35,10 +37,8 @@ ROADS = "Lines: static solver (Newton). Hollow points: MuJoCo, settled."
 def planar(width: Width) -> Figure:
     """Fig. 7 and 8: poses of a planar robot at rest, and its cables' tensions along the width."""
     rests = width.poses
-    tilt = np.degrees(np.abs(rests.rotation_about_y).max())
-    slack = max(count for one in width.lines for *_, count in one.static.zones())
     heights = np.unique(rests.commanded[:, 2])[::-1]
-    figure, left, right = _width(width, _headline(rests.robot, tilt, slack), rows=len(heights))
+    figure, left, right = _width(width, _headline(width), rows=len(heights))
     for ax, height in zip(left, heights, strict=True):
         drawing.draw_front(ax, rests.robot)
         ax.set_title(f"commanded to z = {height:g} m")
@@ -72,9 +72,7 @@ def spatial(width: Width, workspace: ArrayLike | None = None) -> Figure:
         workspace: outline of the static feasible workspace, (points, 3) [m], if it is to be drawn.
     """
     rests = width.poses
-    tilt = np.degrees(np.abs(rests.rotation_about_y).max())
-    slack = max(count for one in width.lines for *_, count in one.static.zones())
-    figure, (left,), right = _width(width, _headline(rests.robot, tilt, slack), projection="3d")
+    figure, (left,), right = _width(width, _headline(width), projection="3d")
     drawing.draw_space(left, rests.robot)
     handles = drawing.pose_legend(slack=bool(rests.slack.any()))
     if workspace is not None:
@@ -106,7 +104,7 @@ def tilt_condition(balances: Sequence[Balance]) -> Figure:
         _balance(ax, balance, letter)
     axes[1, 1].legend(
         handles=[
-            Line2D([], [], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, label="line of each side's force"),
+            Line2D([], [], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, label="line of a side's force"),
             Line2D([], [], ls="none", marker="D", color=style.BLUE, mec="white", ms=8, label="where they meet"),
             Line2D([], [], ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION, label="line of the weight"),
             Line2D([], [], ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, label="slack cable"),
@@ -265,13 +263,10 @@ def _balance(ax: Axes, balance: Balance, letter: str) -> None:
     )
     ax.plot(center[0], center[2], "o", color=style.VERMILLION, ms=5, zorder=8)
     ax.plot(meeting[0], meeting[2], "D", color=style.BLUE, mec="white", ms=8, zorder=9, gid="meeting point")
-    name = "H" if "horizontal" in robot.name else "V"
-    if balance.at_rest:
-        name = "they meet"
     ax.annotate(
-        name,
+        "they meet" if balance.at_rest else balance.point,
         (meeting[0], meeting[2]),
-        (-38, -3) if name == "H" else (-13, -4),  # beside the platform, as its anchors are
+        (-38, -3) if balance.point == "H" else (-13, -4),  # H lies on the platform: its name goes beside it
         textcoords="offset points",
         ha="right",
         fontweight="bold",
@@ -279,8 +274,8 @@ def _balance(ax: Axes, balance: Balance, letter: str) -> None:
         bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
         zorder=10,
     )
-    tilt = -np.degrees(np.arctan2(balance.rotation[0, 2], balance.rotation[2, 2]))
-    state = f"at rest, rotation about y {-tilt:.1f}°" if balance.at_rest else "held level, each pair pulling equally"
+    beta = np.degrees(np.arctan2(balance.rotation[0, 2], balance.rotation[2, 2]))
+    state = f"at rest, rotation about y {beta:.1f}°" if balance.at_rest else "held level, each pair pulling equally"
     ax.set_title(f"({letter}) {robot.name}: {state}\n{_moment(balance)}")
 
 
@@ -304,11 +299,11 @@ def _beta(rests: Rests) -> tuple[np.ndarray, np.ndarray]:
     return rests.positions[:, 0], np.degrees(rests.rotation_about_y)
 
 
-def _headline(robot: Robot, tilt: float, slack: int) -> str:
-    if slack:
-        return f"{robot.name}: up to {tilt:.0f}° of tilt, and up to {slack} of {robot.cables} cables go slack"
-    return (
-        f"{robot.name}: at most {tilt:.1g}° of tilt, and no cable goes slack"
-        if tilt > 1e-3
-        else (f"{robot.name}: no tilt, and no cable goes slack")
-    )
+def _headline(width: Width) -> str:
+    """How far the platform tilts, drawn poses and lines taken together, and how many cables go slack."""
+    robot, everything = width.poses.robot, [width.poses, *(line.static for line in width.lines)]
+    tilt = np.degrees(max(rests.tilt.max() for rests in everything))
+    slack = max(int(rests.slack.sum(1).max()) for rests in everything)
+    tilts = f"up to {tilt:.2g}° of tilt" if tilt > NO_TILT else "no tilt"
+    cables = f"up to {slack} of {robot.cables} cables go slack" if slack else "no cable goes slack"
+    return f"{robot.name}: {tilts}, and {cables}"

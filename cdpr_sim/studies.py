@@ -69,6 +69,11 @@ class Rests:
         return euler(Rotation.from_matrix(self.rotations))[:, 1]
 
     @property
+    def tilt(self) -> Float[np.ndarray, " rows"]:
+        """Angle [rad] between the platform's z axis and the vertical."""
+        return np.arctan2(np.hypot(self.rotations[:, 0, 2], self.rotations[:, 1, 2]), self.rotations[:, 2, 2])
+
+    @property
     def slack(self) -> Bool[np.ndarray, "rows cables"]:
         """Which cables carry no tension."""
         return self.tensions <= 0

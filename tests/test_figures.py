@@ -137,6 +137,17 @@ def test_tensions_are_the_results(name, results):
                 assert distance_from_line(points, drawn_line) < ON_LINE
 
 
+def test_titles_say_how_far_it_tilts_and_how_many_cables_go_slack(results):
+    """In the words of the results, and not of the paper."""
+    titles = {
+        name: gallery.PICTURES[name].draw(results[name]).get_suptitle() for name in ("planar-horizontal", "cogiro")
+    }
+    assert titles["planar-horizontal"] == "planar-horizontal: no tilt, and no cable goes slack"
+    tilt = np.degrees(max(line.static.tilt.max() for line in results["cogiro"].lines))
+    poses = np.degrees(results["cogiro"].poses.tilt.max())
+    assert f"up to {max(tilt, poses):.2g}° of tilt" in titles["cogiro"]
+
+
 def test_points_of_a_wrong_data_set_are_off_the_line(results):
     """Negative control: MuJoCo's points of one material do not lie on the other's line."""
     width = results["planar-vertical"]

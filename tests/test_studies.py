@@ -76,6 +76,7 @@ def test_rests_are_those_of_solve_and_settle():
         assert np.array_equal(rests.slack[0], one.slack)
         assert rests.positions[0] == pytest.approx(one.position, abs=POSITION_TOLERANCE)
         assert rests.rotation_about_y[0] == pytest.approx(one.euler[1], abs=1e-9)
+        assert rests.tilt[0] == pytest.approx(one.tilt, abs=1e-9)
         assert rests.rest_lengths[0] == pytest.approx(one.rest_lengths, abs=1e-15)
 
 
