@@ -13,6 +13,9 @@ from .errors import NotConverged as NotConverged
 from .errors import NotSettled as NotSettled
 from .errors import RobotFileError as RobotFileError
 from .errors import UnknownName as UnknownName
+from .gallery import PICTURES as PICTURES
+from .gallery import list_figures as list_figures
+from .gallery import write_figures as write_figures
 from .materials import MATERIALS as MATERIALS
 from .materials import Material as Material
 from .mjcf import scene_mjcf as scene_mjcf

@@ -145,6 +145,29 @@ def models(
     raise typer.Exit(1 if stale else 0)
 
 
+@app.command()
+def figures(
+    name: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Default: all of them.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write <name>.svg and .png into.")] = Path(
+        "figures"
+    ),
+    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+    names: Annotated[bool, typer.Option("--list", help="List the figures and what they show; draw none.")] = False,
+) -> None:
+    """Redraw the paper's figures, MuJoCo's points on the static solver's lines, and two figures of our own."""
+    if names:
+        table = Table("figure", "paper", "what it shows", box=box.SIMPLE_HEAD)
+        for one, picture in cdpr.PICTURES.items():
+            table.add_row(one, picture.paper, picture.shows)
+        Console().print(table)
+        return
+    with _errors_as_sentences():
+        written = cdpr.write_figures(name or cdpr.list_figures(), output, force=force)
+        with _busy("Computing and drawing, half a minute for all (the first run on a machine compiles as long)"):
+            for _, paths in written:
+                typer.echo("\n".join(map(str, paths)))
+
+
 def _problem(name: str, pose: tuple[float, float, float] | None, material: str | None) -> cdpr.Problem:
     robot = cdpr.load_robot(name)
     if material is not None:

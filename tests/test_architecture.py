@@ -12,7 +12,8 @@ PACKAGE = Path(cdpr.__file__).parent
 ORDER = [
     "errors", "pose", "materials", "robot", "catalog", "problem", "equilibrium",
     "statics", "descent", "seecr", "newton", "solvers", "two_cable", "mjcf", "bench", "settling",
-    "agreement", "models", "report", "cli",
+    "agreement", "studies", "two_cable_studies", "balance", "solver_studies",
+    "style", "drawing", "figures", "two_cable_figures", "solver_figures", "gallery", "models", "report", "cli",
 ]  # fmt: skip
 """The rooms, in the order of the flow: each may import only from those before it."""
 
@@ -67,6 +68,18 @@ def test_mathematics_never_imports_mujoco(module):
 def test_physics_never_imports_our_formulas(module):
     """Second wall: the physics side uses neither statics nor a solver."""
     assert not rooms(module) & MATHEMATICS
+
+
+@pytest.mark.parametrize("module", ORDER)
+def test_nothing_touches_matplotlibs_global_state(module):
+    """No pyplot: figures are objects, and nobody's open windows or styles are changed."""
+    assert not any(name.startswith(("matplotlib.pyplot", "pylab")) for name in imports(module))
+
+
+@pytest.mark.parametrize("module", ["style", "drawing", "figures", "two_cable_figures", "solver_figures"])
+def test_drawing_never_computes(module):
+    """It is given results: it may know their types, but no solver and no physics."""
+    assert not rooms(module) & (MATHEMATICS | PHYSICS)
 
 
 def test_every_public_name_resolves():

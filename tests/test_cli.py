@@ -64,6 +64,8 @@ def test_settle_exits_1_where_the_roads_disagree(monkeypatch):
         (["solve", "parallel", "--method", "newtn"], "did you mean newton"),
         (["solve", "parallel", "--pose", "0.285", "0.25", "0.1", "--method", "least_squares"], "stopped with"),
         (["models", "paralel"], "unknown robot 'paralel'"),
+        (["figures", "paperline"], "unknown figure 'paperline': did you mean paper-line"),
+        (["figures", "agreement", "-o", "/dev/null/in"], "cannot be written"),
     ],
 )
 def test_users_mistake_gets_one_sentence_and_exit_status_2(words, message):
@@ -115,6 +117,22 @@ def test_models_into_a_place_that_is_a_file_leaves_nothing(tmp_path):
     assert result.exit_code == 2
     assert "cannot be written" in result.stderr
     assert file.read_text() == "mine"
+
+
+def test_figures_draws_lists_and_protects_what_is_there(tmp_path):
+    """Both files, named as printed; a second time only with --force; --list draws none."""
+    words = ["figures", "tilt-condition", "-o", str(tmp_path)]
+    drawn = run(*words)
+    assert drawn.exit_code == 0
+    assert drawn.stdout.splitlines() == [str(tmp_path / f"tilt-condition.{kind}") for kind in ("svg", "png")]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["tilt-condition.png", "tilt-condition.svg"]
+    refused = run(*words)
+    assert refused.exit_code == 2
+    assert "exists, expected a new place or --force" in refused.stderr
+    assert run(*words, "--force").exit_code == 0
+    listed = run("figures", "--list")
+    for name in cdpr.list_figures():
+        assert name in listed.stdout
 
 
 def test_table_marks_a_point_that_is_no_equilibrium():

@@ -1,0 +1,29 @@
+"""Draw every figure, or those that are named: ``python scripts/make_figures.py [NAME...]``.
+
+The README's pictures among them are copied to where the README shows them.
+"""
+
+import shutil
+import sys
+from pathlib import Path
+
+from cdpr_sim import CdprError, list_figures, write_figures
+
+FOLDER = Path("figures")  # where <name>.svg and <name>.png go; not part of the repository
+README_FOLDER = Path("pictures")  # part of the repository
+README_PICTURES = ("paper-line", "parallel", "tilt-condition", "convergence", "agreement")
+
+
+def main(names: list[str]) -> None:
+    for name, paths in write_figures(names or list_figures(), FOLDER, force=True):
+        print(*paths)
+        if name in README_PICTURES:
+            README_FOLDER.mkdir(exist_ok=True)
+            print(shutil.copy(FOLDER / f"{name}.png", README_FOLDER))
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1:])
+    except CdprError as error:
+        sys.exit(f"make_figures: {error}")

@@ -1,0 +1,282 @@
+"""Figures contain the data they claim, and say what they show."""
+
+import dataclasses
+import re
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import same_color
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+import cdpr_sim as cdpr
+from cdpr_sim import (
+    balance,
+    drawing,
+    figures,
+    gallery,
+    solver_figures,
+    solver_studies,
+    studies,
+    style,
+    two_cable_figures,
+    two_cable_studies,
+)
+
+ON_LINE = 1e-7
+"""A point's distance from a line, as a fraction of the line's range: 1.5e-9 measured, since each settled row has a
+static row of the same command; a point of the other material is 4e-2 off, and a marker 1e-2 wide."""
+
+LENGTH = 0.02
+"""Of a hanging cable's drawn length, relative: the parabola's length to second order, for slack up to a tenth."""
+
+
+@pytest.fixture(scope="session")
+def results() -> dict:
+    """Small results for every picture, by its name."""
+    forms = two_cable_studies.closed_forms(static_rows=33, settled_rows=5)
+    widths = {
+        name: studies.across_the_width(cdpr.load_robot(name), static_rows=301, settled_rows=7)
+        for name in ("planar-vertical", "planar-horizontal", "cogiro", "parallel")
+    }
+    return {
+        "two-cable-manifold": two_cable_studies.manifold(drifts=5, settled_every=2, columns=13, heights=9),
+        "two-cable-poses": forms,
+        "two-cable-closed-form": forms,
+        "tilt-condition": balance.moment_balances(),
+        "paper-line": studies.paper_lines(static_rows=301, settled_rows=5),
+        "convergence": solver_studies.convergence(axial_stiffness=[1e2, 1e4], poses=3),
+        "agreement": solver_studies.differences(["parallel", "two-cable"], poses=6),
+        **widths,
+    }
+
+
+@pytest.fixture(scope="session", params=gallery.PICTURES)
+def drawn(request, results) -> Figure:
+    """Every figure."""
+    return gallery.PICTURES[request.param].draw(results[request.param])
+
+
+def artist(figure: Figure, gid: str, panel: int = 0):
+    """The artist with that id in the ``panel``-th of the axes that have one."""
+    found = [a for ax in figure.axes for a in ax.get_children() if a.get_gid() == gid]
+    return found[panel]
+
+
+def distance_from_line(points, line) -> float:
+    """Of the farthest point from a line over x, as a fraction of the line's range."""
+    x, y = line.get_data()
+    order = np.argsort(x)
+    apart = points.get_ydata() - np.interp(points.get_xdata(), x[order], y[order])
+    return float(np.abs(apart).max() / np.ptp(y))
+
+
+def test_every_picture_has_a_title_labels_with_units_and_a_legend(drawn):
+    """A stranger can read it: what it shows, of what, in which units; and which series is which."""
+    assert len(drawn.get_suptitle()) > 20
+    assert len(drawn.get_supxlabel()) > 20
+    for ax in drawn.axes:
+        names = [ax.get_ylabel()] if ax.get_label() == "<colorbar>" else [ax.get_xlabel(), ax.get_ylabel()]
+        if hasattr(ax, "get_zlabel"):
+            names.append(ax.get_zlabel())
+        shared_x = not ax.xaxis.get_tick_params().get("labelbottom", True)
+        shared_y = not ax.yaxis.get_tick_params().get("labelleft", True)
+        for name, shared in zip(names, (shared_x, shared_y, False), strict=False):
+            assert re.search(r"\[(m|mm|°|N|ms|%)\]$", name) or (shared and not name), (ax, names)
+    assert drawn.legends or any(ax.get_legend() for ax in drawn.axes)
+
+
+def test_no_word_runs_out_of_the_picture(drawn):
+    """Titles and captions are wrapped to the figure's width."""
+    canvas = FigureCanvasAgg(drawn)
+    canvas.draw()
+    box = drawn.bbox
+    words = drawn.findobj(Text)
+    ticks = {id(label) for ax in drawn.axes for axis in ax._axis_map.values() for label in axis.findobj(Text)}
+    ticks -= {id(label) for ax in drawn.axes for label in (ax.xaxis.label, ax.yaxis.label)}  # those beyond the limits
+    for text in words:
+        if text.get_text() and id(text) not in ticks:
+            extent = text.get_window_extent(canvas.get_renderer())
+            assert extent.x0 >= box.x0 - 1, text
+            assert extent.x1 <= box.x1 + 1, text
+            assert extent.y0 >= box.y0 - 1, text
+            assert extent.y1 <= box.y1 + 1, text
+
+
+def test_drawing_leaves_matplotlib_as_it_was(results):
+    """The house's style is not left behind, and a user's style does not get in."""
+    before = dict(matplotlib.rcParams)
+    plain = gallery.encoded(figures.planar(results["planar-horizontal"]), "svg")
+    assert dict(matplotlib.rcParams) == before
+    with matplotlib.rc_context({"font.size": 30, "lines.linewidth": 9, "axes.facecolor": "black"}):
+        assert gallery.encoded(figures.planar(results["planar-horizontal"]), "svg") == plain
+
+
+def test_the_same_results_give_the_same_file_and_others_another(results):
+    """No dates, no random ids; and the file depends on the data."""
+    width = results["planar-vertical"]
+    once, again = (gallery.encoded(figures.planar(width), "svg") for _ in range(2))
+    assert once == again
+    assert gallery.encoded(figures.planar(dataclasses.replace(width, lines=width.lines[::-1])), "svg") != once
+
+
+@pytest.mark.parametrize("name", ["planar-vertical", "planar-horizontal", "cogiro", "parallel"])
+def test_tensions_are_the_results(name, results):
+    """Fig. 7, 8, 10, 11: every cable's line and points, for both materials."""
+    figure = gallery.PICTURES[name].draw(results[name])
+    for panel, line in enumerate(results[name].lines):
+        for group in line.static.twins:
+            drawn_line = artist(figure, f"static {group[0]}", panel)
+            assert np.array_equal(drawn_line.get_xdata(), line.static.commanded[:, 0])
+            assert np.array_equal(drawn_line.get_ydata(), line.static.tensions[:, group[0]])
+            for cable in group:
+                points = artist(figure, f"mujoco {cable}", panel)
+                assert np.array_equal(points.get_ydata(), line.settled.tensions[:, cable])
+                assert distance_from_line(points, drawn_line) < ON_LINE
+
+
+def test_titles_say_how_far_it_tilts_and_how_many_cables_go_slack(results):
+    """In the words of the results, and not of the paper."""
+    titles = {
+        name: gallery.PICTURES[name].draw(results[name]).get_suptitle() for name in ("planar-horizontal", "cogiro")
+    }
+    assert titles["planar-horizontal"] == "planar-horizontal: no tilt, and no cable goes slack"
+    tilt = np.degrees(max(line.static.tilt.max() for line in results["cogiro"].lines))
+    poses = np.degrees(results["cogiro"].poses.tilt.max())
+    assert f"up to {max(tilt, poses):.2g}° of tilt" in titles["cogiro"]
+
+
+def test_points_of_a_wrong_data_set_are_off_the_line(results):
+    """Negative control: MuJoCo's points of one material do not lie on the other's line."""
+    width = results["planar-vertical"]
+    soft, stiff = width.lines
+    swapped = dataclasses.replace(width, lines=(dataclasses.replace(soft, settled=stiff.settled), stiff))
+    figure = figures.planar(swapped)
+    assert distance_from_line(artist(figure, "mujoco 0"), artist(figure, "static 0")) > 1e5 * ON_LINE
+
+
+@pytest.mark.parametrize("name", ["planar-vertical", "parallel"])
+def test_zones_are_shaded_where_cables_are_slack(name, results):
+    """Each zone of the results, and no other; another zone for one pair than for two."""
+    figure = gallery.PICTURES[name].draw(results[name])
+    axes = [ax for ax in figure.axes if ax.get_ylabel() == "tension [N]"]
+    for ax, line in zip(axes, results[name].lines, strict=True):
+        shaded = [p for p in ax.patches if str(p.get_gid()).startswith("zone-")]
+        found = {(p.get_x(), round(p.get_x() + p.get_width(), 12), p.get_gid()) for p in shaded}
+        assert found == {(a, round(b, 12), f"zone-{n}-slack") for a, b, n in line.static.zones() if n}
+        assert len({p.get_facecolor() for p in shaded}) == 2
+
+
+def test_slack_cables_are_drawn_as_slack(results):
+    """One dotted, coloured curve for each slack cable of each drawn pose, a plain line for each taut one."""
+    width = results["planar-vertical"]
+    figure = figures.planar(width)
+    lines = [line for ax in figure.axes if ax.get_ylabel() == "z [m]" for line in ax.lines]
+    dotted = [line for line in lines if same_color(line.get_color(), style.SLACK_CABLE)]
+    straight = [line for line in lines if same_color(line.get_color(), style.INK) and line.get_marker() == "None"]
+    assert len(dotted) == width.poses.slack.sum() > 0
+    assert len(straight) == (~width.poses.slack).sum()
+    assert not any(line.get_linestyle() == "-" for line in dotted)
+
+
+def test_a_slack_cable_hangs_as_long_as_it_is():
+    """The drawn curve ends where the cable does and has its rest length; a taut one is straight."""
+    start, end = np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.0, 0.7])
+    straight = float(np.linalg.norm(end - start))
+    for rest in (straight, 1.02 * straight, 1.1 * straight):
+        curve = drawing.hanging(start, end, rest, points=201)
+        assert curve[[0, -1]] == pytest.approx(np.array([start, end]))
+        assert np.linalg.norm(np.diff(curve, axis=0), axis=1).sum() == pytest.approx(rest, rel=LENGTH)
+
+
+def test_the_papers_line_is_drawn_from_both_roads(results):
+    """Fig. 12: eight lines of each quantity, MuJoCo's points on them, and the paper's values where its text says."""
+    lines = results["paper-line"]
+    figure = figures.paper_line(lines)
+    heights = sorted({line.height for line in lines})
+    for line in lines:
+        column, label = heights.index(line.height), f"{line.robot.name}, {line.robot.material}"
+        for row, values in enumerate(
+            (1e3 * (line.static.positions - line.static.commanded)[:, 2], np.degrees(line.static.rotation_about_y))
+        ):
+            ax = figure.axes[row * len(heights) + column]
+            drawn_line, points = (
+                next(a for a in ax.lines if a.get_gid() == f"{road} {label}") for road in ("static", "mujoco")
+            )
+            assert np.array_equal(drawn_line.get_xdata(), line.static.positions[:, 0])
+            assert np.array_equal(drawn_line.get_ydata(), values)
+            assert distance_from_line(points, drawn_line) < ON_LINE
+    parallel = [line.static for line in lines if line.robot.name == "parallel"]
+    tilt = np.degrees(max(np.abs(rests.rotation_about_y).max() for rests in parallel))
+    sag = 1e3 * max((rests.commanded - rests.positions)[:, 2].max() for rests in parallel)
+    assert f"parallel tilts {tilt:.2g}° and sags {sag:.2g} mm" in figure.get_suptitle()
+    reported = [sorted({float(a.get_ydata()[0]) for a in ax.lines if a.get_gid() == "paper"}) for ax in figure.axes]
+    assert reported[:2] == [[-1e3 * studies.PAPER_SAG]] * 2 == [[-15.0]] * 2
+    assert reported[2:] == [pytest.approx([-20.0, 20.0])] * 2
+
+
+def test_manifold_shows_each_drift_and_mujocos_points_on_it(results):
+    """Fig. 3: a curve per command through the solver's positions, and MuJoCo's among them."""
+    study = results["two-cable-manifold"]
+    figure = two_cable_figures.manifold(study)
+    drift = np.array([rests.positions for rests in study.static])
+    shown = np.concatenate([line.get_xydata() for ax in figure.axes for line in ax.lines if line.get_gid() == "mujoco"])
+    for command in range(len(study.commanded)):
+        curve = artist(figure, f"static {command}").get_xydata()
+        assert np.array_equal(curve, drift[:, command][:, [0, 2]])
+        for rests in study.settled:
+            point = rests.positions[command, [0, 2]]
+            assert np.linalg.norm(shown - point, axis=1).min() == 0
+            assert np.linalg.norm(curve - point, axis=1).min() < 1e-6
+
+
+def test_closed_forms_are_drawn_against_the_solver(results):
+    """Eq. 5, 6: the errors that are drawn are those of the results."""
+    forms = results["two-cable-closed-form"]
+    figure = two_cable_figures.closed_form(forms)
+    error = np.degrees(forms.short_bar - forms.line.static.rotation_about_y)
+    assert artist(figure, "short-bar error").get_ydata() == pytest.approx(error, abs=1e-12)
+    assert distance_from_line(artist(figure, "mujoco"), artist(figure, "static")) < ON_LINE
+
+
+def test_tilt_condition_marks_where_the_forces_meet(results):
+    """Fig. 9: one meeting point per case, at its place, and the moment in words."""
+    cases = results["tilt-condition"]
+    figure = figures.tilt_condition(cases)
+    for ax, case in zip(figure.axes, cases, strict=True):
+        point = next(a for a in ax.lines if a.get_gid() == "meeting point")
+        assert point.get_xydata()[0] == pytest.approx(case.intersection[[0, 2]])
+        assert ("no moment" in ax.get_title(loc="left")) == (abs(case.moment) < 1e-6)
+
+
+def test_static_feasible_workspace_is_drawn_if_given(results):
+    """The outline that another study computes."""
+    corners = np.array([[0.3, 0.25, 0.1], [0.5, 0.25, 0.1], [0.5, 0.25, 0.3]])
+    without, outlined = (figures.spatial(results["parallel"], workspace) for workspace in (None, corners))
+    words = [[text.get_text() for text in figure.axes[0].get_legend().texts] for figure in (without, outlined)]
+    assert ["static feasible workspace" in one for one in words] == [False, True]
+    assert len(outlined.axes[0].lines) == len(without.axes[0].lines) + 1
+
+
+def test_convergence_is_drawn_as_counted(results):
+    """Shares in per cent, medians in milliseconds."""
+    study = results["convergence"]
+    figure = solver_figures.convergence(study)
+    for method, solved in study.solved.items():
+        assert np.array_equal(artist(figure, method).get_ydata(), 100 * solved / study.poses)
+    assert "EA = 10 kN, Newton solves 100 %, fsolve" in figure.get_suptitle()
+    assert artist(figure, "compiled").get_ydata() == pytest.approx(1e3 * study.compiled_seconds)
+
+
+def test_agreement_is_drawn_as_measured_and_named_as_judged(results):
+    """Every held pose is in a curve; and where the roads disagree the title says so."""
+    measured = results["agreement"]
+    figure = solver_figures.agreement(measured)
+    for one in measured:
+        curve = artist(figure, one.name)
+        assert np.array_equal(curve.get_xdata(), np.sort(one.position_errors[~one.free]))
+    assert "agree at all 24 poses" in figure.get_suptitle()
+    wrong = dataclasses.replace(measured[0], verdicts=(cdpr.Verdict.DISAGREE,) * len(measured[0].verdicts))
+    assert "disagree at 12 of 24" in solver_figures.agreement([wrong, measured[1]]).get_suptitle()
