@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import install_import_hook
 
 # Behind the doors (Robot, Problem, catalog, cli), where what users give is checked, with messages of its own.
-# descent stays out too: its functions are compiled by Numba.
+# descent, modes and feasibility stay out too: their functions are compiled by Numba.
 MODULES = ["agreement", "bench", "equilibrium", "mjcf", "newton", "seecr", "settling", "statics"]
 install_import_hook([f"cdpr_sim.{module}" for module in MODULES], "typechecker.check")
 
