@@ -5,6 +5,8 @@ from .agreement import compare as compare
 from .agreement import cross_check as cross_check
 from .catalog import list_robots as list_robots
 from .catalog import load_robot as load_robot
+from .checking import Check as Check
+from .checking import check as check
 from .equilibrium import Equilibrium as Equilibrium
 from .equilibrium import Stability as Stability
 from .errors import CdprError as CdprError
@@ -12,7 +14,10 @@ from .errors import InvalidInput as InvalidInput
 from .errors import NotConverged as NotConverged
 from .errors import NotSettled as NotSettled
 from .errors import RobotFileError as RobotFileError
+from .errors import StoreError as StoreError
 from .errors import UnknownName as UnknownName
+from .feasibility import feasible as feasible
+from .feasibility import unbalanced as unbalanced
 from .gallery import PICTURES as PICTURES
 from .gallery import list_figures as list_figures
 from .gallery import write_figures as write_figures
@@ -30,3 +35,5 @@ from .settling import settle as settle
 from .settling import settle_many as settle_many
 from .settling import settle_trajectory as settle_trajectory
 from .solvers import solve as solve
+from .stores import open_sweep as open_sweep
+from .sweeping import sweep as sweep

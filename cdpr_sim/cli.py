@@ -14,8 +14,8 @@ from rich.console import Console
 from rich.table import Table
 
 import cdpr_sim as cdpr
+from cdpr_sim import grids, maps, overview, pictures, report
 from cdpr_sim import models as model_folders
-from cdpr_sim import report
 
 app = typer.Typer(
     help="Where does the platform of a cable-driven parallel robot really end up? Statics and MuJoCo, cross-checked.",
@@ -35,6 +35,18 @@ Pose = Annotated[
     typer.Option("--pose", metavar="X Y Z", help="Commanded position [m]; default: the middle of the workspace."),
 ]
 MaterialName = Annotated[str | None, typer.Option("--material", help="Cables: vectran-0.7mm or fishing-0.4mm.")]
+RobotNames = Annotated[
+    list[str], typer.Argument(metavar="ROBOT...", help="Names that `cdpr-sim robots` lists, or .toml files.")
+]
+Grid = Annotated[
+    tuple[int, int, int] | None,
+    typer.Option("--grid", metavar="NX NY NZ", help="Poses along x, y and z of the workspace; default: 40 25 10."),
+]
+MaterialNames = Annotated[list[str] | None, typer.Option("--material", help="Cables; give it again for several.")]
+Limits = Annotated[
+    tuple[float, float],
+    typer.Option("--limits", metavar="MIN MAX", help="Smallest and largest tension [N] that is feasible."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, instead of a table.")]
 
 
@@ -166,6 +178,73 @@ def figures(
         with _busy("Computing and drawing, half a minute for all (the first run on a machine compiles as long)"):
             for _, paths in written:
                 typer.echo("\n".join(map(str, paths)))
+
+
+@app.command()
+def sweep(
+    robot: RobotNames,
+    grid: Grid = None,
+    material: MaterialNames = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Keep the result: a new .nc file, or a .zarr folder, which is gone on with."
+        ),
+    ] = None,
+    limits: Limits = (0.0, float("inf")),
+) -> None:
+    """Solve for the static equilibrium over whole workspaces: tilt, deviation, slack cables, feasibility."""
+    with _errors_as_sentences():
+        dataset = cdpr.sweep(robot, grid, material or None, tension_limits=limits, store=output, progress=True)
+        Console().print(overview.sweep_table(dataset))
+
+
+@app.command("map")
+def draw_map(
+    robot: RobotNames,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Picture to write: .png, .svg or .pdf.")] = Path(
+        "map.png"
+    ),
+    material: MaterialNames = None,
+    plane: Annotated[str, typer.Option("--plane", help="xz, xy or yz.")] = "xz",
+    at: Annotated[float | None, typer.Option("--at", help="Where [m] the plane lies; default: the middle.")] = None,
+    points: Annotated[int, typer.Option("--points", help="Poses along the longer side.")] = 181,
+    limits: Limits = (0.0, float("inf")),
+    force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
+) -> None:
+    """Draw tilt, deviation, slack cables and feasibility over a plane of the workspace, side by side."""
+    with _errors_as_sentences():
+        pictures.check_target(output, force=force)
+        robots = [cdpr.load_robot(name) for name in robot]
+        section = grids.plane(plane, at, points, robots)
+        dataset = cdpr.sweep(robots, section, material or None, tension_limits=limits, progress=True)
+        pictures.write(maps.draw_elastic_map(dataset), output)
+        Console().print(overview.sweep_table(dataset))
+    typer.echo(output)
+
+
+@app.command()
+def check(
+    robot: RobotNames,
+    grid: Grid = None,
+    material: MaterialNames = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Picture of where they agree, seen along y.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
+) -> None:
+    """Settle every pose of a grid in MuJoCo and compare each with the solver. Exit status 1 if any disagrees."""
+    with _errors_as_sentences():
+        if output is not None:
+            pictures.check_target(output, force=force)
+        result = cdpr.check(robot, grid, material or None, progress=True)
+        if output is not None:
+            pictures.write(maps.draw_agreement_map(result.across()), output)
+    console = Console()
+    console.print(overview.check_table(result))
+    for line in overview.check_lines(result):
+        console.print(line, highlight=False)
+    raise typer.Exit(0 if result.agrees else 1)
 
 
 def _problem(name: str, pose: tuple[float, float, float] | None, material: str | None) -> cdpr.Problem:

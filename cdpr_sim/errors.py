@@ -32,6 +32,10 @@ class RobotFileError(InvalidInput):
     """A robot file that is missing, is not TOML, or does not describe a robot."""
 
 
+class StoreError(CdprError, OSError):
+    """A file or folder that cannot be written; what was there is still there."""
+
+
 class _NoRest(CdprError):
     """A road that did not reach static equilibrium; carries the best point it saw.
 

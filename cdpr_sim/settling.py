@@ -277,6 +277,19 @@ def residual_of(problem: Problem, pose: PoseLike, *, model: mujoco.MjModel | Non
         return float(bench.residuals()[0])
 
 
+def residuals_of(problems: Sequence[Problem], poses: RigidTransform, *, threads: int = 0) -> Float[np.ndarray, " rows"]:
+    """``residual_of`` for many problems of one and the same robot, each at its own of the poses, (rows,) [N].
+
+    Args:
+        problems: at least one, all of the same robot object.
+        poses: a stack, one for each.
+        threads: 0 for one per processor.
+    """
+    with bench_of(problems, None, threads) as bench:
+        bench.qpos[:] = [coordinates(problem.robot, pose) for problem, pose in zip(problems, poses, strict=True)]
+        return bench.residuals()
+
+
 class _Relaxation:
     """Each row's motion towards rest, with a time step and a damping of its own.
 

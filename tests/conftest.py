@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import install_import_hook
 
 # Behind the doors (Robot, Problem, catalog, cli), where what users give is checked, with messages of its own.
-# descent stays out too: its functions are compiled by Numba.
+# descent, modes and feasibility stay out too: their functions are compiled by Numba.
 MODULES = [
     "agreement", "balance", "bench", "equilibrium", "mjcf", "newton", "seecr", "settling", "solver_studies", "statics",
     "studies", "two_cable_studies",

@@ -1,0 +1,171 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from problems import grid
+
+import cdpr_sim as cdpr
+from cdpr_sim import agreement, checking, settling
+from cdpr_sim.checking import OUTCOMES, compare_many
+from cdpr_sim.newton import solve_many
+
+GRID = (6, 3, 4)
+
+
+def roads(robot, positions):
+    """Both roads' answers to the same problems."""
+    problems = [cdpr.Problem.of(robot, position) for position in positions]
+    rest_lengths = np.array([problem.rest_lengths for problem in problems])
+    return problems, solve_many(robot, positions, rest_lengths=rest_lengths), settling.settle_problems(problems)
+
+
+@pytest.mark.parametrize("name", ["parallel", "cogiro", "planar-vertical", "two-cable"])
+def test_many_rows_are_compared_as_one_by_one(catalogue, name):
+    """The same errors, cross residuals and verdicts as ``compare``, row by row, neutral equilibria included."""
+    robot = catalogue[name]
+    problems, solved, settled = roads(robot, grid(robot, 60))
+    columns, agree = compare_many(problems, solved, settled)
+    verdicts = set()
+    for row, problem in enumerate(problems):
+        one = cdpr.compare(checking._static_equilibrium(problem, solved, row), settled.equilibrium(row))
+        verdicts.add(one.verdict)
+        assert agree[row] == (one.verdict is cdpr.Verdict.AGREE)
+        for field, column in columns.items():
+            assert column[row] == pytest.approx(getattr(one, field), rel=1e-6, abs=1e-11), field  # rounding of 1 N
+        assert checking._outcome(problem, solved, settled, row)[0] == one.verdict.name.lower()
+    assert (cdpr.Verdict.AGREE_BUT_FREE in verdicts) == (name == "parallel")
+
+
+def moved(array, amount):
+    """``array`` with its first row moved."""
+    array = array.copy()
+    array[0] += amount
+    return array
+
+
+@pytest.mark.parametrize(
+    ("field", "amount"),
+    [
+        ("positions", 2 * agreement.POSITION_TOLERANCE),
+        ("rotations", 1e-4 * np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]])),
+        ("tensions", 2 * agreement.TENSION_TOLERANCE),
+    ],
+)
+def test_every_tolerance_counts(catalogue, field, amount):
+    """A negative control for each: one row off by more than the tolerance is not agreement; the others still are."""
+    robot = catalogue["cogiro"]
+    problems, solved, settled = roads(robot, grid(robot, 12))
+    assert compare_many(problems, solved, settled)[1].all()
+    wrong = dataclasses.replace(solved, **{field: moved(getattr(solved, field), amount)})
+    _, agree = compare_many(problems, wrong, settled)
+    assert not agree[0]
+    assert agree[1:].all()
+
+
+def test_cable_slack_on_one_road_only_is_no_agreement(catalogue):
+    """Even where its tension is within tolerance of nothing."""
+    robot = catalogue["cogiro"]
+    problems, solved, settled = roads(robot, grid(robot, 12))
+    tensions = settled.tensions.copy()
+    tensions[0, 0] = 0.0
+    wrong = dataclasses.replace(solved, tensions=np.where(tensions > 0, solved.tensions, 0.0))
+    settled = dataclasses.replace(settled, tensions=np.where(tensions > 0, settled.tensions, 1e-4))
+    assert not compare_many(problems, wrong, settled)[1][0]
+
+
+def test_the_two_roads_agree_over_the_workspace():
+    """Both layouts, both materials, and not one disagreement; somewhere the platform is free, and that is said."""
+    check = cdpr.check(["parallel", "cogiro"], GRID, ["vectran-0.7mm", "fishing-0.4mm"])
+    assert check.agrees
+    assert check.findings == ()
+    outcome = check.dataset["outcome"]
+    assert outcome.dims == ("robot", "material", "x", "y", "z")
+    assert (outcome.sel(robot="cogiro") == OUTCOMES.index("agree")).all()
+    assert (outcome.sel(robot="parallel") == OUTCOMES.index("agree_but_free")).any()
+    assert float(check.dataset["position_error"].max()) < agreement.POSITION_TOLERANCE
+
+
+def test_wrong_stiffness_on_one_road_is_found_at_every_pose(monkeypatch):
+    """The negative control of the whole check: cables 1 % stiffer in statics, and every pose is reported."""
+    solve = checking.solve_many
+
+    def stiffer(robot, positions, **kwargs):
+        return solve(robot, positions, **kwargs, axial_stiffness=1.01 * robot.axial_stiffness)
+
+    monkeypatch.setattr(checking, "solve_many", stiffer)
+    check = cdpr.check("cogiro", (3, 2, 2))
+    assert not check.agrees
+    assert len(check.findings) == 12
+    assert (check.dataset["outcome"] == OUTCOMES.index("disagree")).all()
+    first = check.findings[0]
+    assert (first.robot, first.material, first.outcome) == ("cogiro", None, "disagree")
+    assert first.position == tuple(float(check.dataset[name][0]) for name in "xyz")
+    assert any("unbalanced" in reason for reason in first.reasons)
+
+
+def test_platform_that_does_not_rest_is_a_finding(monkeypatch):
+    """No answer is not agreement."""
+    monkeypatch.setattr(settling, "STEPS", 13)
+    check = cdpr.check("cogiro", (2, 1, 1))
+    assert [finding.outcome for finding in check.findings] == ["unsettled", "unsettled"]
+    assert check.findings[0].reasons == ("it did not come to rest",)
+
+
+def test_pose_that_statics_cannot_solve_is_a_finding(monkeypatch):
+    """And names the solver's reason."""
+    solve = checking.solve_many
+
+    def stalled(*args, **kwargs):
+        solutions = solve(*args, **kwargs)
+        solutions.status[0] = 2
+        return solutions
+
+    monkeypatch.setattr(checking, "solve_many", stalled)
+    check = cdpr.check("cogiro", (2, 1, 1))
+    assert [finding.outcome for finding in check.findings] == ["unsolved"]
+    assert "forces do not balance" in check.findings[0].reasons[0]
+    assert np.isnan(check.dataset["position_error"].values.ravel()[0])
+
+
+def test_pose_from_which_the_platform_falls_is_refused_by_both_roads():
+    """Neither agreement nor disagreement: there is nothing to compare."""
+    check = cdpr.check("cogiro", {"z": [0.2, 0.7]})
+    assert check.dataset["outcome"].values.ravel().tolist() == [OUTCOMES.index("agree"), OUTCOMES.index("refused")]
+    assert check.agrees
+
+
+def test_across_shows_the_worst_along_an_axis(monkeypatch):
+    """One pose that is not solved marks its column, seen along y, and no other."""
+    solve = checking.solve_many
+
+    def stalled(*args, **kwargs):
+        solutions = solve(*args, **kwargs)
+        solutions.status[0] = 2
+        return solutions
+
+    monkeypatch.setattr(checking, "solve_many", stalled)
+    flat = cdpr.check("cogiro", (2, 3, 2)).across("y")
+    assert flat["outcome"].sizes == {"y": 1, "robot": 1, "material": 1, "x": 2, "z": 2}
+    words = [OUTCOMES[code] for code in flat["outcome"].values.ravel()]
+    assert words == ["unsolved", "agree", "agree", "agree"]
+
+
+def test_one_thread_and_many_settle_alike():
+    """Bit by bit."""
+    one, many = (cdpr.check("parallel", (3, 2, 2), threads=threads).dataset for threads in (1, 2))
+    assert one.identical(many)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (dict(robots="paralel"), "did you mean parallel"),
+        (dict(grid=(0, 1, 1)), "at least 1"),
+        (dict(materials=[]), "at least one"),
+        (dict(robots=["cogiro", "two-cable"]), "different workspaces"),
+    ],
+)
+def test_check_refuses_what_cannot_be_right(asked, message):
+    """Before anything settles."""
+    with pytest.raises(cdpr.CdprError, match=message):
+        cdpr.check(**(dict(robots="cogiro") | asked))

@@ -1,0 +1,84 @@
+import pytest
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim import checking
+from cdpr_sim.cli import app
+
+runner = CliRunner()
+
+
+def run(*words: str):
+    return runner.invoke(app, list(words), env={"COLUMNS": "80"})
+
+
+def test_map_writes_a_picture_and_says_the_worst(tmp_path):
+    """One command: the elastic map of both layouts and both materials, and a table of what it shows."""
+    path = tmp_path / "map.png"
+    materials = ["--material", "vectran-0.7mm", "--material", "fishing-0.4mm"]
+    result = run("map", "parallel", "cogiro", *materials, "--points", "13", "-o", str(path))
+    assert result.exit_code == 0
+    assert path.read_bytes().startswith(b"\x89PNG")
+    rows = [line.split() for line in result.stdout.splitlines() if line.strip().startswith(("parallel", "cogiro"))]
+    assert [row[:2] for row in rows] == [[r, m] for r in ("parallel", "cogiro") for m in materials[1::2]]
+    assert all("…" not in cell for row in rows for cell in row)
+
+
+def test_check_prints_zero_disagreements_and_exits_0(tmp_path):
+    """And draws where they agree."""
+    path = tmp_path / "agreement.png"
+    result = run("check", "parallel", "cogiro", "--grid", "3", "2", "2", "-o", str(path))
+    assert result.exit_code == 0
+    assert "No disagreement at 24 poses, and every platform came to rest." in result.stdout
+    assert path.exists()
+
+
+def test_check_lists_every_disagreement_and_exits_1(monkeypatch):
+    """With its pose and its reason."""
+    solve = checking.solve_many
+    monkeypatch.setattr(
+        checking, "solve_many", lambda robot, p, **k: solve(robot, p, **k, axial_stiffness=1.01 * robot.axial_stiffness)
+    )
+    result = run("check", "cogiro", "--grid", "2", "1", "1")
+    assert result.exit_code == 1
+    text = " ".join(result.stdout.split())
+    assert "2 of 2 poses do not agree" in text
+    assert "cogiro at (0.1, 0.25, 0.225) m: disagree: MuJoCo at the static pose finds" in text
+
+
+def test_sweep_keeps_its_result(tmp_path):
+    """A table, and a store that can be opened."""
+    path = tmp_path / "sweep.zarr"
+    result = run("sweep", "cogiro", "--grid", "3", "2", "2", "--limits", "0", "5", "-o", str(path))
+    assert result.exit_code == 0
+    assert "12 commanded poses" in result.stdout
+    assert cdpr.open_sweep(path).sizes["x"] == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["map", "paralel", "-o", "new.png"], "did you mean parallel"),
+        (["map", "parallel", "--plane", "xq", "-o", "new.png"], "plane: found 'xq'"),
+        (["map", "parallel", "--points", "1", "-o", "new.png"], "points: found 1"),
+        (["map", "parallel", "-o", "mine.png"], "exists; expected a new name, or --force"),
+        (["map", "parallel", "-o", "new.jpg"], "ends in .png"),
+        (["map", "parallel", "two-cable", "-o", "new.png"], "different workspaces"),
+        (["map", "parallel", "--limits", "3", "1", "-o", "new.png"], "tau_min <= tau_max"),
+        (["check", "parallel", "--grid", "0", "1", "1"], "grid: found (0, 1, 1)"),
+        (["check", "parallel", "parallel"], "found 2 called 'parallel'"),
+        (["sweep", "parallel", "--material", "nylon"], "unknown material 'nylon'"),
+        (["sweep", "parallel", "-o", "mine.png"], "ends in .zarr or .nc"),
+    ],
+)
+def test_users_mistake_gets_one_sentence_and_exit_status_2(tmp_path, monkeypatch, words, message):
+    """No traceback, and nothing written or lost."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.png").write_text("mine")
+    result = run(*words)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert "Traceback" not in result.output
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert [entry.name for entry in tmp_path.iterdir()] == ["mine.png"]
+    assert (tmp_path / "mine.png").read_text() == "mine"

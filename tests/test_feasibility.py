@@ -1,0 +1,135 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from problems import grid, random_problems, symmetric_pair
+
+import cdpr_sim as cdpr
+from cdpr_sim.feasibility import BALANCED, feasible_by_linprog
+
+HIGHS = 1e-6
+"""Unbalanced fraction of the load below which HiGHS, whose rows may be off by 1e-7, may call a pose feasible."""
+
+LIMITS = [(0.0, np.inf), (0.0, 3.0), (0.1, 3.0), (0.5, np.inf)]
+"""Tension limits [N], beside DemoBot's weight of 4 N."""
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+def test_fast_road_says_what_linear_programming_says(catalogue, limits):
+    """On every robot, on a grid with all its planes of symmetry, where the workspace's border is hardest to tell."""
+    for robot in catalogue.values():
+        positions = grid(robot, 150)
+        left = cdpr.unbalanced(robot, positions, tension_limits=limits)
+        clear = (left <= BALANCED) | (left > HIGHS)
+        assert clear.all()
+        by_highs = [feasible_by_linprog(robot, position, tension_limits=limits) for position in positions]
+        np.testing.assert_array_equal(left <= BALANCED, by_highs)
+
+
+@given(random_problems(), st.sampled_from([(0.0, np.inf), (0.0, 0.6), (0.05, 0.6), (0.2, np.inf)]))
+def test_fast_road_says_what_linear_programming_says_of_random_robots(problem, share):
+    """Random robots, poses and wrenches, with limits as shares of the weight."""
+    robot, rotation = problem.robot, problem.pose.rotation.as_matrix()
+    asked = dict(tension_limits=tuple(robot.weight * limit for limit in share), wrenches=problem.external_wrench)
+    left = cdpr.unbalanced(robot, problem.pose.translation, rotations=rotation, **asked)
+    assert np.isfinite(left)
+    if left <= BALANCED or left > HIGHS:
+        assert (left <= BALANCED) == feasible_by_linprog(robot, problem.pose.translation, rotation, **asked)
+
+
+def test_symmetric_pair_holds_exactly_what_its_limit_allows():
+    """tau = m g / (2 cos angle), by symmetry: feasible just above that limit and not just below; in between nothing."""
+    robot = symmetric_pair(angle=0.5).robot
+    tension = robot.weight / (2 * np.cos(0.5))
+    assert cdpr.feasible(robot, [0.0, 0, 0], tension_limits=(0, tension * (1 + 1e-8)))
+    assert not cdpr.feasible(robot, [0.0, 0, 0], tension_limits=(0, tension * (1 - 1e-8)))
+    assert cdpr.feasible(robot, [0.0, 0, 0], tension_limits=(tension * (1 - 1e-8), np.inf))
+    assert not cdpr.feasible(robot, [0.0, 0, 0], tension_limits=(tension * (1 + 1e-8), np.inf))
+
+
+def test_unbalanced_is_the_missing_share_of_the_load():
+    """With cables of no strength all of the weight is missing; with half the strength, half of it."""
+    robot = symmetric_pair(angle=0.5).robot
+    tension = robot.weight / (2 * np.cos(0.5))
+    assert cdpr.unbalanced(robot, [0.0, 0, 0], tension_limits=(0, 0)) == pytest.approx(1, rel=1e-14)
+    assert cdpr.unbalanced(robot, [0.0, 0, 0], tension_limits=(0, tension / 2)) == pytest.approx(0.5, rel=1e-12)
+
+
+def test_pair_holds_its_point_only_between_its_exits():
+    """Cables pull: outside the exits nothing pulls back. Beside an exit's vertical, the border is exact."""
+    robot = symmetric_pair(angle=0.5).robot
+    border = np.sin(0.5)
+    x = np.array([-1.5, -1 - 1e-6, -1 + 1e-6, 0.3, 1 - 1e-6, 1 + 1e-6, 1.5]) * border
+    positions = np.stack([x, 0 * x, 0 * x], axis=-1)
+    np.testing.assert_array_equal(cdpr.feasible(robot, positions), [False, False, True, True, True, False, False])
+
+
+def test_commanded_poses_in_the_static_workspace_do_not_tilt(catalogue):
+    """A platform on very stiff cables comes to the commanded pose where, and only where, that is feasible."""
+    robot = catalogue["parallel"].replace(axial_stiffness=1e8)
+    positions = grid(robot, 300)
+    solved = cdpr.solve_many(robot, positions)
+    distance = np.linalg.norm(solved.positions - positions, axis=-1)
+    inside = cdpr.feasible(robot, positions)
+    assert 0 < inside.sum() < len(inside)
+    assert distance[inside].max() < 1e-4 < distance[~inside].min()  # [m]; measured 1e-6 inside and 3e-4 outside
+
+
+def test_wrench_feasible_is_feasible_for_each_wrench_and_for_their_mixtures(catalogue):
+    """The set of wrenches that cables can withstand is convex, so its corners decide."""
+    robot = catalogue["cogiro"]
+    wrenches = np.array([[1.0, 0, 0, 0, 0, 0], [-1, 0, 0, 0, 0, 0], [0, 1, 1, 0, 0, 0.02]])
+    positions = grid(robot, 300)
+    limits = (0, 5.0)
+    together = cdpr.feasible(robot, positions, wrenches=wrenches, tension_limits=limits)
+    each = [cdpr.feasible(robot, positions, wrenches=w, tension_limits=limits) for w in wrenches]
+    np.testing.assert_array_equal(together, np.all(each, axis=0))
+    assert 0 < together.sum() < len(together)
+    mixture = np.array([0.2, 0.5, 0.3]) @ wrenches
+    assert cdpr.feasible(robot, positions[together], wrenches=mixture, tension_limits=limits).all()
+
+
+def test_wrong_anchor_changes_the_workspace(catalogue):
+    """A negative control: the comparison with linear programming fails for a robot with one anchor upside down."""
+    robot = catalogue["parallel"]
+    anchors = robot.anchors.copy()
+    anchors[0, 2] *= -1
+    positions = grid(robot, 150)
+    by_highs = [feasible_by_linprog(robot, position) for position in positions]
+    assert (cdpr.feasible(robot.replace(anchors=anchors), positions) != by_highs).any()
+
+
+def test_poses_without_numbers_are_not_feasible():
+    """Nor an error, since a sweep may hold some; an anchor on its exit has no direction."""
+    robot = symmetric_pair().robot
+    positions = np.array([[np.nan, 0, 0], robot.exits[0], [0, 0, 0]])
+    np.testing.assert_array_equal(np.isnan(cdpr.unbalanced(robot, positions)), [True, True, False])
+    np.testing.assert_array_equal(cdpr.feasible(robot, positions), [False, False, True])
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (dict(tension_limits=(2, 1)), "tau_min <= tau_max"),
+        (dict(tension_limits=([0] * 7 + [2], 1)), "in cable 8"),
+        (dict(tension_limits=(-1, 1)), "expected 0 or more"),
+        (dict(tension_limits=(np.nan, 1)), "expected 0 or more"),
+        (dict(tension_limits=(0, np.nan)), "tau_min <= tau_max"),
+        (dict(tension_limits=(0, [1, 2, 3])), "one for each of the 8 cables"),
+        (dict(tension_limits=3.0), "expected .smallest, largest."),
+        (dict(wrenches=np.zeros((0, 6))), "expected at least one wrench"),
+        (dict(wrenches=[1.0, 2.0]), "expected shape"),
+        (dict(wrenches=[np.inf] * 6), "finite"),
+    ],
+)
+def test_limits_and_wrenches_that_cannot_be_right_are_refused(catalogue, asked, message):
+    """One sentence, naming the field."""
+    robot = catalogue["parallel"]
+    with pytest.raises(cdpr.InvalidInput, match=message):
+        cdpr.feasible(robot, robot.home, **asked)
+
+
+def test_planar_robot_refuses_a_wrench_out_of_its_plane(catalogue):
+    """Nothing there could withstand it."""
+    with pytest.raises(cdpr.InvalidInput, match="out of the plane"):
+        cdpr.feasible(catalogue["two-cable"], [0.4, 0, 0.2], wrenches=[0.0, 1, 0, 0, 0, 0])

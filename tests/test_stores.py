@@ -1,0 +1,199 @@
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import cdpr_sim as cdpr
+from cdpr_sim import stores, sweeping
+
+ASKED = dict(robots=["parallel", "cogiro"], grid=(32, 10, 10), chunk=100, quantities=["tilt", "tensions", "feasible"])
+"""64 chunks: four slabs."""
+
+SLAB = stores.TASKS * ASKED["chunk"]
+"""Poses."""
+
+
+@pytest.fixture(scope="module")
+def expected() -> xr.Dataset:
+    """The same sweep in memory."""
+    return cdpr.sweep(**ASKED)
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
+def test_what_is_stored_is_what_was_swept(expected, tmp_path, suffix):
+    """All numbers, types, coordinates and units, to the last bit, from NetCDF and from Zarr."""
+    path = tmp_path / f"sweep{suffix}"
+    stored = cdpr.sweep(**ASKED, store=path).compute()
+    xr.testing.assert_equal(stored, expected)
+    for name in expected.variables:
+        for attribute in ("units", "long_name"):
+            assert stored[name].attrs.get(attribute) == expected[name].attrs.get(attribute)
+    assert stored["status"].dtype == np.int8
+    assert stored["feasible"].dtype == bool
+    xr.testing.assert_identical(cdpr.open_sweep(path).compute(), stored)
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+def test_finished_store_is_read_and_not_computed_again(expected, tmp_path, monkeypatch):
+    """The same call a second time costs nothing."""
+    cdpr.sweep(**ASKED, store=tmp_path / "sweep.zarr")
+    monkeypatch.setattr(sweeping, "solve_many", None)
+    xr.testing.assert_equal(cdpr.sweep(**ASKED, store=tmp_path / "sweep.zarr").compute(), expected)
+
+
+LONGER = ASKED | dict(grid=(64, 10, 10))
+"""Eight slabs: the process that is to be killed is still busy when the first is seen to be whole."""
+
+CHILD = f"""
+import sys
+import cdpr_sim as cdpr
+cdpr.sweep(**{LONGER!r}, store=sys.argv[1])
+"""
+
+
+def test_killed_sweep_goes_on_where_it_stopped(tmp_path):
+    """Killed with SIGKILL while it writes: the store reads as unfinished, and the next run keeps what is there."""
+    path, expected = tmp_path / "sweep.zarr", cdpr.sweep(**LONGER)
+    child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], env=os.environ | {"PYTHONPATH": sys.path[0]})
+    done = []
+    while not done:  # until the first slab is whole
+        assert child.poll() is None, "the sweep ended before it could be killed"
+        time.sleep(0.002)
+        done = _solved_chunks(path)
+    child.send_signal(signal.SIGKILL)
+    assert child.wait() == -signal.SIGKILL
+
+    with pytest.raises(cdpr.InvalidInput, match=r"is unfinished: .* are pending"):
+        cdpr.open_sweep(path)
+    plain = xr.open_zarr(path, consolidated=False).compute()  # by someone who knows nothing of us
+    pending = plain["status"] == stores.PENDING
+    assert 0 < int(pending.sum()) < pending.size
+    xr.testing.assert_equal(plain.where(~pending, drop=False)["tilt"], expected["tilt"].where(~pending))
+    assert np.isfinite(plain["tensions"].where(~pending, 0.0)).all()
+
+    kept = _modified(path, ~pending)
+    assert kept
+    xr.testing.assert_equal(cdpr.sweep(**LONGER, store=path).compute(), expected)
+    assert _modified(path, ~pending) == kept
+
+
+def test_interrupted_sweep_goes_on_after_every_slab(expected, tmp_path, monkeypatch):
+    """Broken off after each slab in turn, between the numbers and their status, where it is most delicate."""
+    path = tmp_path / "sweep.zarr"
+    write = stores._write_slab
+    for turn in range(1, 10):
+        written = []
+
+        def broken(piece, path, slab, written=written):
+            if written:
+                part = piece.drop_vars([*piece.coords, "status"]).persist()
+                part.to_zarr(path, region=slab, consolidated=False, zarr_format=2)
+                raise KeyboardInterrupt
+            write(piece, path, slab)
+            written.append(slab)
+
+        monkeypatch.setattr(stores, "_write_slab", broken)
+        try:
+            stored = cdpr.sweep(**ASKED, store=path)
+            break
+        except KeyboardInterrupt:
+            status = xr.open_zarr(path, consolidated=False)["status"]
+            assert int((status != stores.PENDING).sum()) == turn * SLAB
+    assert turn == 4
+    xr.testing.assert_equal(stored.compute(), expected)
+
+
+def test_full_disk_is_one_sentence_and_nothing_is_lost(expected, tmp_path):
+    """Files may not grow beyond 4 kB: the tensions cannot be written. With room again the sweep goes on."""
+    path = tmp_path / "sweep.zarr"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
+    try:
+        with pytest.raises(cdpr.StoreError, match=r"sweep.zarr cannot be written: .*goes on from there"):
+            cdpr.sweep(**ASKED, store=path)
+        with pytest.raises(cdpr.StoreError, match=r"sweep.nc cannot be written"):
+            cdpr.sweep(**ASKED, store=tmp_path / "sweep.nc")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["sweep.zarr"]
+    with pytest.raises(cdpr.InvalidInput, match="unfinished"):
+        cdpr.open_sweep(path)
+    xr.testing.assert_equal(cdpr.sweep(**ASKED, store=path).compute(), expected)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        dict(grid=(32, 10, 9)),
+        dict(robots=["cogiro", "parallel"]),
+        dict(materials=["fishing-0.4mm"]),
+        dict(tension_limits=(0, 5)),
+        dict(external_wrench=[0, 0, 1.0, 0, 0, 0]),
+        dict(orientation=(0, 0, 0.1)),
+        dict(quantities=["tilt"]),
+        dict(chunk=50),
+    ],
+)
+def test_store_of_another_sweep_is_left_alone(tmp_path_factory, finished, other):
+    """Any difference that changes a number or its place: refused, before anything is computed or written."""
+    before = _modified(finished)
+    with pytest.raises(cdpr.InvalidInput, match="exists and holds something else"):
+        cdpr.sweep(**(ASKED | other), store=finished)
+    assert _modified(finished) == before
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A finished store."""
+    path = tmp_path_factory.mktemp("finished") / "sweep.zarr"
+    cdpr.sweep(**ASKED, store=path)
+    return path
+
+
+def test_what_is_no_store_is_left_alone(tmp_path):
+    """A folder of something else, a finished NetCDF file, another suffix, a folder that is not there."""
+    (tmp_path / "mine.zarr").mkdir()
+    (tmp_path / "mine.zarr" / "note").write_text("mine")
+    (tmp_path / "mine.nc").write_text("mine")
+    for name, message in [
+        ("mine.zarr", "holds something else"),
+        ("mine.nc", "exists; expected a new name"),
+        ("mine.csv", "expected a name that ends in .zarr or .nc"),
+        ("nowhere/sweep.zarr", "found no folder"),
+    ]:
+        with pytest.raises(cdpr.InvalidInput, match=message):
+            cdpr.sweep(**ASKED, store=tmp_path / name)
+    assert (tmp_path / "mine.zarr" / "note").read_text() == (tmp_path / "mine.nc").read_text() == "mine"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("name", ["nothing.zarr", "nothing.nc", "mine.nc"])
+def test_open_sweep_says_where_there_is_none(tmp_path, name):
+    """One sentence, not a traceback of a library."""
+    (tmp_path / "mine.nc").write_text("mine")
+    with pytest.raises(cdpr.InvalidInput, match="found no sweep"):
+        cdpr.open_sweep(tmp_path / name)
+
+
+def _solved_chunks(path) -> list:
+    """Chunk files of the status that hold a solved pose: the last thing that is written of a slab."""
+    try:
+        status = xr.open_zarr(path, consolidated=False)["status"].values
+    except (OSError, KeyError, ValueError):
+        return []
+    return list(status[status != stores.PENDING])
+
+
+def _modified(path, known=None) -> dict:
+    """When each chunk of the tilt was written; of the poses ``known``, if given."""
+    times = {file.name: file.stat().st_mtime_ns for file in (path / "tilt").iterdir() if file.name[0].isdigit()}
+    if known is None:
+        return times
+    robots, columns = np.nonzero(known.values.all(axis=(2, 3)))
+    return {name: times[name] for name in {f"{r}.{x}.0.0" for r, x in zip(robots, columns, strict=True)}}

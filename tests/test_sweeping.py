@@ -1,0 +1,229 @@
+import numpy as np
+import pytest
+import xarray as xr
+
+import cdpr_sim as cdpr
+from cdpr_sim import sweeping
+from cdpr_sim.descent import FORCE_TOLERANCE, Status
+from cdpr_sim.sweeping import FALLS, QUANTITIES
+
+GRID = (7, 5, 4)
+
+BALANCE = 2 * FORCE_TOLERANCE
+"""Two solutions of one problem, whose rest lengths differ in the last place, may each leave that fraction of the load
+unbalanced; divided by the smallest eigenvalue it is a distance."""
+
+TENSION = 1e-6
+"""[N] 1e-8 measured."""
+
+
+@pytest.fixture(scope="module")
+def dataset() -> xr.Dataset:
+    """Two layouts, two materials."""
+    return cdpr.sweep(["parallel", "cogiro"], GRID, ["vectran-0.7mm", "fishing-0.4mm"])
+
+
+def test_every_variable_has_its_dimensions_units_and_meaning(dataset):
+    """The grid's, plus cables, modes or axes; units in the attributes, readable by any tool for NetCDF."""
+    for name, kind in QUANTITIES.items():
+        assert dataset[name].dims == ("robot", "material", "x", "y", "z", *kind.dims)
+        assert dataset[name].attrs["units"] == kind.units
+        assert dataset[name].attrs["long_name"]
+    assert dataset["feasible"].dims == ("robot", "x", "y", "z")
+    assert all(dataset[name].attrs["units"] == "m" for name in "xyz")
+    assert dataset.sizes == {
+        "robot": 2, "material": 2, "x": 7, "y": 5, "z": 4, "axis": 3, "cable": 8, "mode": 6, "corner": 2
+    }  # fmt: skip
+
+
+def test_sweep_is_solve_pose_by_pose(dataset):
+    """Every quantity, against the one-pose solver and its Equilibrium, at a sample over the workspace."""
+    rng = np.random.default_rng(1)
+    for _ in range(25):
+        place = {name: int(rng.integers(dataset.sizes[name])) for name in ("robot", "material", "x", "y", "z")}
+        one = dataset.isel(place)
+        robot = cdpr.load_robot(str(one["robot"].values)).replace(material=str(one["material"].values))
+        equilibrium = cdpr.solve(robot, [float(one[name]) for name in "xyz"])
+        if not equilibrium.stable:
+            continue  # where a rotation is free, rounding decides it
+        softest = BALANCE * robot.weight / equilibrium.eigenvalues[0]
+        turned = softest / robot.characteristic_length
+        np.testing.assert_allclose(one["position"], equilibrium.position, rtol=0, atol=softest)
+        np.testing.assert_allclose(one["deviation"], equilibrium.deviation, rtol=0, atol=softest)
+        np.testing.assert_allclose(one["distance"], np.linalg.norm(equilibrium.deviation), rtol=0, atol=softest)
+        np.testing.assert_allclose(one["tilt"], equilibrium.tilt, rtol=0, atol=turned)
+        np.testing.assert_allclose(one["rotation_vector"], equilibrium.rotation.as_rotvec(), rtol=0, atol=turned)
+        np.testing.assert_allclose(one["tensions"], equilibrium.tensions, rtol=0, atol=TENSION)
+        np.testing.assert_allclose(one["eigenvalues"], equilibrium.eigenvalues, rtol=1e-6, atol=1e-6)
+        assert int(one["slack_count"]) == equilibrium.slack.sum()
+        slack = [bool(int(one["slack_set"]) >> i & 1) for i in range(robot.cables)]
+        np.testing.assert_array_equal(slack, equilibrium.slack)
+        assert int(one["status"]) == 0
+        assert bool(one["feasible"]) == cdpr.feasible(robot, equilibrium.problem.pose.translation)
+
+
+@pytest.mark.parametrize("chunk", [1, 30, 10**9])
+def test_chunks_change_no_bit(dataset, chunk):
+    """Any chunking by Dask, and none at all, give the same numbers."""
+    asked = dict(grid=GRID, materials=["vectran-0.7mm", "fishing-0.4mm"])
+    if chunk == 1:  # a task per pose: a few of them are enough
+        asked["grid"] = (3, 2, 2)
+        dataset = cdpr.sweep(["parallel", "cogiro"], **asked)
+    xr.testing.assert_identical(cdpr.sweep(["parallel", "cogiro"], **asked, chunk=chunk), dataset)
+    xr.testing.assert_identical(cdpr.sweep(["parallel", "cogiro"], **asked, chunk=None), dataset)
+
+
+def test_lazy_sweep_computes_nothing_until_asked(dataset):
+    """``compute=False`` gives Dask arrays, at once, of any size; a part of it is computed alone."""
+    lazy = cdpr.sweep("parallel", (400, 400, 400), compute=False)
+    assert lazy["tilt"].size == 400**3
+    assert lazy["tilt"].chunks is not None
+    corner = lazy.isel(x=slice(0, 1), y=slice(0, 1), z=slice(0, 4)).compute()
+    np.testing.assert_allclose(corner["tilt"][0, 0, 0], dataset["tilt"][0, 0, 0, 0, 0], rtol=0, atol=1e-9)
+
+
+def test_single_robot_has_no_dimension_of_its_own():
+    """One robot and no materials: just x, y, z, with the robot's name as a coordinate."""
+    dataset = cdpr.sweep("cogiro", (2, 2, 2))
+    assert dataset["tilt"].dims == ("x", "y", "z")
+    assert str(dataset["robot"].values) == "cogiro"
+
+
+def test_robots_of_different_cables_are_padded_with_nan():
+    """A cable that a robot does not have has no tension, not even zero."""
+    dataset = cdpr.sweep(["two-cable", "planar-vertical"], (3, 1, 2))
+    tensions = dataset["tensions"].sel(robot="two-cable")
+    assert np.isnan(tensions.sel(cable=[3, 4])).all()
+    assert np.isfinite(tensions.sel(cable=[1, 2])).all()
+    assert np.isfinite(dataset["tensions"].sel(robot="planar-vertical")).all()
+
+
+def test_pose_that_cannot_be_solved_is_nan_with_a_status():
+    """Above its exits the platform falls: no number anywhere, and the reason is there; below, all is as ever."""
+    dataset = cdpr.sweep("parallel", {"z": [0.2, 0.4, 0.6, 0.8]})
+    np.testing.assert_array_equal(dataset["status"].squeeze(), [0, 0, FALLS, FALLS])
+    meanings = dict(
+        zip(dataset["status"].attrs["flag_values"], dataset["status"].attrs["flag_meanings"].split(), strict=True)
+    )
+    assert meanings[FALLS] == "falls"
+    lost = dataset.isel(z=[2, 3])
+    for name, kind in QUANTITIES.items():
+        if kind.dtype is float:
+            assert np.isnan(lost[name]).all(), name
+            assert np.isfinite(dataset.isel(z=[0, 1])[name]).all(), name
+    assert (lost["slack_set"] == -1).all()
+    for z in (0.6, 0.8):
+        with pytest.raises(cdpr.InvalidInput, match="falls"):
+            cdpr.solve(cdpr.load_robot("parallel"), (0.4, 0.25, z))
+
+
+def test_solver_that_gives_up_leaves_nan_and_its_status(monkeypatch):
+    """What the solver did not certify never reaches the Dataset."""
+    solve_many = sweeping.solve_many
+
+    def stalled(*args, **kwargs):
+        solutions = solve_many(*args, **kwargs)
+        solutions.status[..., 0] = Status.STALLED
+        return solutions
+
+    monkeypatch.setattr(sweeping, "solve_many", stalled)
+    dataset = cdpr.sweep("cogiro", (2, 2, 3), chunk=None)
+    assert (dataset["status"].isel(z=0) == Status.STALLED).all()
+    assert np.isnan(dataset["tilt"].isel(z=0)).all()
+    assert np.isfinite(dataset["tilt"].isel(z=[1, 2])).all()
+
+
+def test_quantities_limit_what_is_computed(dataset):
+    """Only what is asked for, and always the status."""
+    small = cdpr.sweep(["parallel", "cogiro"], GRID, ["vectran-0.7mm", "fishing-0.4mm"], quantities=["tilt"])
+    assert set(small.data_vars) == {"tilt", "status"}
+    xr.testing.assert_equal(small["tilt"], dataset["tilt"])
+
+
+def test_orientation_and_wrench_reach_solver_and_feasibility():
+    """Commanded turned, and pulled aside: the same as one pose at a time."""
+    robot, wrench, orientation = cdpr.load_robot("cogiro"), [0.5, 0, 0, 0, 0, 0], (0.05, -0.1, 0.2)
+    dataset = cdpr.sweep(robot, (2, 2, 2), orientation=orientation, external_wrench=wrench)
+    for place in np.ndindex(2, 2, 2):
+        one = dataset.isel(dict(zip("xyz", place, strict=True)))
+        position = [float(one[name]) for name in "xyz"]
+        pose = np.concatenate([position, orientation])
+        expected = cdpr.solve(robot, pose, external_wrench=wrench)
+        softest = BALANCE * robot.weight / expected.eigenvalues[0]
+        np.testing.assert_allclose(one["position"], expected.position, rtol=0, atol=softest)
+        rotation = expected.problem.pose.rotation.as_matrix()
+        assert bool(one["feasible"]) == cdpr.feasible(robot, position, rotations=rotation, wrenches=wrench)
+
+
+def test_wrenches_add_the_wrench_feasible_workspace():
+    """A subset of what is feasible with the weight alone, if no wrench is among them."""
+    dataset = cdpr.sweep("cogiro", (6, 5, 4), wrenches=[[0.0] * 6, [1.0, 0, 0, 0, 0, 0]], tension_limits=(0, 10))
+    assert not (dataset["wrench_feasible"] & ~dataset["feasible"]).any()
+    assert 0 < int(dataset["wrench_feasible"].sum()) < dataset["feasible"].size
+
+
+def test_layouts_mirror_symmetry_shows_in_the_map(dataset):
+    """`parallel` is symmetric about the frame's middle: so is its tilt, where it is not free."""
+    tilt = dataset["tilt"].sel(robot="parallel", material="vectran-0.7mm")
+    held = (dataset["frequency"] > 0).sel(robot="parallel", material="vectran-0.7mm")
+    held = held & held.values[::-1]
+    np.testing.assert_allclose(tilt.where(held), tilt.where(held).values[::-1], rtol=0, atol=1e-8)  # 1e-10 measured
+
+
+@pytest.mark.parametrize(
+    ("asked", "error", "message"),
+    [
+        (dict(robots=[]), cdpr.InvalidInput, "robots: found none"),
+        (dict(robots=["cogiro", "cogiro"]), cdpr.InvalidInput, "found 2 called 'cogiro'"),
+        (dict(robots="cogira"), cdpr.UnknownName, "did you mean cogiro"),
+        (dict(materials=[]), cdpr.InvalidInput, "expected at least one"),
+        (dict(materials=["fishing-0.4mm"] * 2), cdpr.InvalidInput, "none twice"),
+        (dict(materials=["nylon"]), cdpr.UnknownName, "nylon"),
+        (dict(materials="fishing-0.4mm"), cdpr.InvalidInput, "expected a list"),
+        (dict(materials={"rubber": -1.0}), cdpr.InvalidInput, "more than 0"),
+        (dict(quantities=["tild"]), cdpr.UnknownName, "did you mean tilt"),
+        (dict(tension_limits=(2, 1)), cdpr.InvalidInput, "tau_min <= tau_max"),
+        (dict(grid=(0, 1, 1)), cdpr.InvalidInput, "at least 1"),
+        (dict(orientation=(0, 0)), cdpr.InvalidInput, "orientation"),
+        (dict(robots="two-cable", orientation=(0.1, 0, 0)), cdpr.InvalidInput, "planar"),
+        (dict(robots="two-cable", external_wrench=[0, 1.0, 0, 0, 0, 0]), cdpr.InvalidInput, "planar"),
+        (dict(external_wrench=[1.0]), cdpr.InvalidInput, "external_wrench"),
+        (dict(chunk=0), cdpr.InvalidInput, "chunk"),
+    ],
+)
+def test_sweep_refuses_what_cannot_be_right_before_it_begins(asked, error, message):
+    """One sentence that names the field, and no work done."""
+    with pytest.raises(error, match=message):
+        cdpr.sweep(**(dict(robots="parallel", grid=(2, 2, 2)) | asked), compute=False)
+
+
+def test_cluster_of_processes_computes_the_same_sweep(tmp_path):
+    """A real local cluster: once a Client is connected, nothing else changes, in memory and into Zarr."""
+    distributed = pytest.importorskip("distributed")
+    asked = dict(robots=["parallel", "cogiro"], grid=(6, 5, 4), chunk=40)
+    here = cdpr.sweep(**asked, compute=False).compute(scheduler="synchronous")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, local_directory=str(tmp_path)
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        workers = {address: 0 for address in client.scheduler_info()["workers"]}
+        there = cdpr.sweep(**asked)
+        stored = cdpr.sweep(**asked, store=tmp_path / "sweep.zarr").compute()
+        for address, info in client.run(lambda dask_worker: dask_worker.state.executed_count).items():
+            workers[address] += info
+    assert len(workers) == 2
+    assert min(workers.values()) > 0
+    xr.testing.assert_identical(there, here)
+    xr.testing.assert_equal(stored, here)
+
+
+@pytest.mark.parametrize("counts", [(40, 25, 10), (200, 100, 50), (3, 2, 2), (1, 1, 10**6), (7, 10**5, 1)])
+def test_tasks_are_neither_too_large_nor_too_few(counts):
+    """At most CHUNK poses each; several even in a sweep of ten thousand, and all of nearly the same size."""
+    axes = {name: np.arange(count) for name, count in zip("xyz", counts, strict=True)}
+    blocks = sweeping._blocks(axes, 1, sweeping.CHUNK)
+    assert np.prod(list(blocks.values())) <= sweeping.CHUNK
+    tasks = np.prod([-(-len(axes[name]) // blocks[name]) for name in axes])
+    assert tasks >= min(4, np.prod(counts) // sweeping.LEAST_CHUNK)
