@@ -6,7 +6,10 @@ from jaxtyping import install_import_hook
 
 # Behind the doors (Robot, Problem, catalog, cli), where what users give is checked, with messages of its own.
 # descent stays out too: its functions are compiled by Numba.
-MODULES = ["agreement", "bench", "equilibrium", "mjcf", "newton", "seecr", "settling", "statics"]
+MODULES = [
+    "agreement", "bench", "equilibrium", "mjcf", "newton", "render", "scene", "seecr", "settling", "statics",
+    "trajectory",
+]  # fmt: skip
 install_import_hook([f"cdpr_sim.{module}" for module in MODULES], "typechecker.check")
 
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True, max_examples=100)

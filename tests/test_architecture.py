@@ -10,14 +10,15 @@ import cdpr_sim as cdpr
 PACKAGE = Path(cdpr.__file__).parent
 
 ORDER = [
-    "errors", "pose", "materials", "robot", "catalog", "problem", "equilibrium",
+    "errors", "pose", "materials", "robot", "catalog", "problem", "equilibrium", "trajectory",
     "statics", "descent", "seecr", "newton", "solvers", "two_cable", "mjcf", "bench", "settling",
-    "agreement", "models", "report", "cli",
+    "driving", "agreement", "models", "report", "style", "scene", "raycast", "render", "panel", "video", "cli",
 ]  # fmt: skip
 """The rooms, in the order of the flow: each may import only from those before it."""
 
 MATHEMATICS = {"statics", "descent", "seecr", "newton", "solvers", "two_cable"}
-PHYSICS = {"mjcf", "bench", "settling"}
+PHYSICS = {"mjcf", "bench", "settling", "driving"}
+DRAWING = {"style", "scene", "raycast", "render", "panel", "video"}
 
 
 def imports(module: str) -> set[str]:
@@ -67,6 +68,12 @@ def test_mathematics_never_imports_mujoco(module):
 def test_physics_never_imports_our_formulas(module):
     """Second wall: the physics side uses neither statics nor a solver."""
     assert not rooms(module) & MATHEMATICS
+
+
+@pytest.mark.parametrize("module", sorted(DRAWING))
+def test_drawing_never_computes(module):
+    """Pictures are given results: what draws them calls neither a solver nor a simulation."""
+    assert not rooms(module) & (MATHEMATICS | PHYSICS - {"mjcf"} | {"agreement"})
 
 
 def test_every_public_name_resolves():
