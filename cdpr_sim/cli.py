@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import json
+import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -177,9 +179,11 @@ def video(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Film platforms driven along a line by their winches, in MuJoCo, with the static solver's pose as an outline."""
+    # A terminated process cleans up as an interrupted one does.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with _errors_as_sentences(), _progress() as progress:
         film.check_output(output, force=force)
-        frames = film.frame_count(seconds, fps)
+        frames = film.check_settings(seconds, fps, size, exaggerate, renderer)
         shown = []
         for name, cables in itertools.product(robots, material or [None]):
             robot = _robot(name, cables)

@@ -2,8 +2,8 @@
 
 MuJoCo reduces a simulation's state to a list of a few hundred simple geoms (``mjv_updateScene``), for which it needs no
 OpenGL. For each geom the rows and columns of the picture that its bounding box covers are found first; only there are
-rays cast. Light is MuJoCo's: ambient, diffuse and a headlight; no shadows, no mirror images, and no texture but the
-floor's checkers.
+rays cast. Light is MuJoCo's, ambient and diffuse, of directional lights and the headlight; no shadows, no mirror
+images, no highlights, and no texture but the floor's checkers.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -235,9 +235,9 @@ def _cover(kinds, floats, camera, columns, ranges):
 
 
 @jit
-def _hit_ellipsoid(o, d, a, b, c):
+def _hit_ellipsoid(ox, oy, oz, dx, dy, dz, a, b, c):
     """The nearest hit of the ray o + t d with an ellipsoid, and the normal there; t = -1 for none."""
-    ox, oy, oz, dx, dy, dz = o[0] / a, o[1] / b, o[2] / c, d[0] / a, d[1] / b, d[2] / c
+    ox, oy, oz, dx, dy, dz = ox / a, oy / b, oz / c, dx / a, dy / b, dz / c
     p, q, r = dx * dx + dy * dy + dz * dz, ox * dx + oy * dy + oz * dz, ox * ox + oy * oy + oz * oz - 1
     root = q * q - p * r
     if root < 0:
@@ -247,73 +247,74 @@ def _hit_ellipsoid(o, d, a, b, c):
 
 
 @jit
-def _hit_round(o, d, radius, half, capped):
+def _hit_round(ox, oy, oz, dx, dy, dz, radius, half, capped):
     """A cylinder along z, with flat ends or (``capped``) with half spheres."""
-    p, q, r = d[0] * d[0] + d[1] * d[1], o[0] * d[0] + o[1] * d[1], o[0] * o[0] + o[1] * o[1] - radius * radius
+    p, q, r = dx * dx + dy * dy, ox * dx + oy * dy, ox * ox + oy * oy - radius * radius
     root = q * q - p * r
+    z = oz
     if p > 1e-18:
         if root < 0:
             return -1.0, 0.0, 0.0, 0.0
         t = (-q - math.sqrt(root)) / p
-        z = o[2] + t * d[2]
+        z = oz + t * dz
         if abs(z) <= half:
-            return t, o[0] + t * d[0], o[1] + t * d[1], 0.0
-    else:
-        z = o[2]
-    end = half if z > half or (z >= -half and d[2] < 0) else -half
+            return t, ox + t * dx, oy + t * dy, 0.0
+    end = half if z > half or (z >= -half and dz < 0) else -half
     if capped:
-        oz = o[2] - end
-        p, q, r = p + d[2] * d[2], q + oz * d[2], r + oz * oz
+        oz -= end
+        p, q, r = p + dz * dz, q + oz * dz, r + oz * oz
         root = q * q - p * r
         if root < 0:
             return -1.0, 0.0, 0.0, 0.0
         t = (-q - math.sqrt(root)) / p
-        return t, o[0] + t * d[0], o[1] + t * d[1], oz + t * d[2]
-    if d[2] == 0:
+        return t, ox + t * dx, oy + t * dy, oz + t * dz
+    if dz == 0:
         return -1.0, 0.0, 0.0, 0.0
-    t = (end - o[2]) / d[2]
-    if (o[0] + t * d[0]) ** 2 + (o[1] + t * d[1]) ** 2 > radius * radius:
+    t = (end - oz) / dz
+    if (ox + t * dx) ** 2 + (oy + t * dy) ** 2 > radius * radius:
         return -1.0, 0.0, 0.0, 0.0
     return t, 0.0, 0.0, end
 
 
 @jit
-def _hit_box(o, d, size):
-    nearest, farthest, axis = -1e30, 1e30, 0
-    for i in range(3):
-        if abs(d[i]) < 1e-12:
-            if abs(o[i]) > size[i]:
-                return -1.0, 0.0, 0.0, 0.0
-            continue
-        middle, reach = -o[i] / d[i], size[i] / abs(d[i])
-        if middle - reach > nearest:
-            nearest, axis = middle - reach, i
-        farthest = min(farthest, middle + reach)
-    if nearest > farthest:
-        return -1.0, 0.0, 0.0, 0.0
-    side = -1.0 if d[axis] > 0 else 1.0
-    return (
-        nearest,
-        side if axis == 0 else 0.0,
-        side if axis == 1 else 0.0,
-        side if axis == 2 else 0.0,
-    )
+def _slab(o, d, size):
+    """Where the ray enters and leaves |x| <= size; from never to always where it runs along inside."""
+    if abs(d) < 1e-12:
+        return (1e30, -1e30) if abs(o) > size else (-1e30, 1e30)
+    middle, reach = -o / d, size / abs(d)
+    return middle - reach, middle + reach
 
 
 @jit
-def _hit(kind, o, d, size):
-    if kind == BOX:
-        return _hit_box(o, d, size)
-    if kind in (CAPSULE, CYLINDER):
-        return _hit_round(o, d, size[0], size[2], kind == CAPSULE)
-    if kind == SPHERE:
-        return _hit_ellipsoid(o, d, size[0], size[0], size[0])
-    if kind == ELLIPSOID:
-        return _hit_ellipsoid(o, d, size[0], size[1], size[2])
-    if o[2] <= 0 or d[2] >= 0:  # a plane is seen from above only
+def _hit_box(ox, oy, oz, dx, dy, dz, a, b, c):
+    x, out_x = _slab(ox, dx, a)
+    y, out_y = _slab(oy, dy, b)
+    z, out_z = _slab(oz, dz, c)
+    t = max(x, y, z)
+    if t > min(out_x, out_y, out_z):
         return -1.0, 0.0, 0.0, 0.0
-    t = -o[2] / d[2]
-    if (size[0] > 0 and abs(o[0] + t * d[0]) > size[0]) or (size[1] > 0 and abs(o[1] + t * d[1]) > size[1]):
+    if t == x:
+        return t, -math.copysign(1.0, dx), 0.0, 0.0
+    if t == y:
+        return t, 0.0, -math.copysign(1.0, dy), 0.0
+    return t, 0.0, 0.0, -math.copysign(1.0, dz)
+
+
+@jit
+def _hit(kind, ox, oy, oz, dx, dy, dz, a, b, c):
+    """The nearest hit of the ray o + t d with a shape of size (a, b, c) in its own frame, and the normal there."""
+    if kind == BOX:
+        return _hit_box(ox, oy, oz, dx, dy, dz, a, b, c)
+    if kind in (CAPSULE, CYLINDER):
+        return _hit_round(ox, oy, oz, dx, dy, dz, a, c, kind == CAPSULE)
+    if kind == SPHERE:
+        return _hit_ellipsoid(ox, oy, oz, dx, dy, dz, a, a, a)
+    if kind == ELLIPSOID:
+        return _hit_ellipsoid(ox, oy, oz, dx, dy, dz, a, b, c)
+    if oz <= 0 or dz >= 0:  # a plane is seen from above only
+        return -1.0, 0.0, 0.0, 0.0
+    t = -oz / dz
+    if (a > 0 and abs(ox + t * dx) > a) or (b > 0 and abs(oy + t * dy) > b):
         return -1.0, 0.0, 0.0, 0.0
     return t, 0.0, 0.0, 1.0
 
@@ -331,62 +332,68 @@ def _checker(x, y, floor, footprint):
 def _draw_rows(first, last, kinds, floats, ranges, camera, lights, floor, sky, scale, wanted, what, pixels):
     """Rows ``first`` to ``last``, where ``wanted``; at one ray per pixel also a number for what each pixel shows."""
     columns = pixels.shape[1]
-    depth, color = np.empty(columns), np.empty((columns, 3))
-    o, d, ray = np.empty(3), np.empty(3), np.empty(3)
+    depth, color, now = np.empty(columns), np.empty((columns, 3)), np.empty(columns, np.bool_)
+    o, d0, du = np.empty(3), np.empty(3), np.empty(3)
     pixel = math.sqrt((camera[1] ** 2).sum())
     for row in range(first, last):
         v = camera[4, 1] - row
         rise = v * camera[2, 2] + camera[3, 2]
         upwards = min(1.0, max(0.0, rise))
         for column in range(columns):
-            if not wanted[row // scale, column // scale]:
-                continue
+            now[column] = wanted[row // scale, column // scale]
             depth[column] = 1e30
             for c in range(3):
                 color[column, c] = sky[0, c] * (1 - upwards) + sky[1, c] * upwards
         for g in range(len(kinds)):
-            shape = floats[g]
+            if ranges[0, g, row] > ranges[1, g, row]:
+                continue
+            # The ray in the shape's own frame: from o along d0 + u du.
+            shape, kind = floats[g], kinds[g]
             for i in range(3):
-                o[i] = 0.0
+                o[i], d0[i], du[i] = 0.0, 0.0, 0.0
                 for j in range(3):
-                    o[i] += shape[3 + 3 * j + i] * (camera[0, j] - shape[j])
-            opaque = shape[18] >= 1
+                    axis = shape[3 + 3 * j + i]
+                    o[i] += axis * (camera[0, j] - shape[j])
+                    d0[i] += axis * (v * camera[2, j] + camera[3, j])
+                    du[i] += axis * camera[1, j]
+            ox, oy, oz, opaque = o[0], o[1], o[2], shape[18] >= 1
+            a, b, c = shape[12], shape[13], shape[14]
             for column in range(ranges[0, g, row], ranges[1, g, row] + 1):
-                if not wanted[row // scale, column // scale]:
+                if not now[column]:
                     continue
                 u = camera[4, 0] + column
-                for j in range(3):
-                    ray[j] = u * camera[1, j] + v * camera[2, j] + camera[3, j]
-                for i in range(3):
-                    d[i] = shape[3 + i] * ray[0] + shape[6 + i] * ray[1] + shape[9 + i] * ray[2]
-                t, nx, ny, nz = _hit(kinds[g], o, d, shape[12:15])
+                dx, dy, dz = d0[0] + u * du[0], d0[1] + u * du[1], d0[2] + u * du[2]
+                t, nx, ny, nz = _hit(kind, ox, oy, oz, dx, dy, dz, a, b, c)
                 if t <= 0 or t >= depth[column]:
                     continue
                 if opaque:
                     depth[column] = t
                 if scale == 1:
                     # Faces of a box count as different things, and so does what is seen through a clear one.
-                    side = int(abs(nx) + 2 * abs(ny)) if kinds[g] == BOX else 0
+                    side = int(abs(nx) + 2 * abs(ny)) if kind == BOX else 0
                     what[row, column] = 16 * (g + 1) + 4 * side + (0 if opaque else 1021 * what[row, column])
                 norm = 1 / math.sqrt(nx * nx + ny * ny + nz * nz)
                 x = (shape[3] * nx + shape[4] * ny + shape[5] * nz) * norm
                 y = (shape[6] * nx + shape[7] * ny + shape[8] * nz) * norm
                 z = (shape[9] * nx + shape[10] * ny + shape[11] * nz) * norm
+                px = camera[0, 0] + t * (u * camera[1, 0] + v * camera[2, 0] + camera[3, 0])
+                py = camera[0, 1] + t * (u * camera[1, 1] + v * camera[2, 1] + camera[3, 1])
+                pz = camera[0, 2] + t * (u * camera[1, 2] + v * camera[2, 2] + camera[3, 2])
                 red, green, blue = 0.0, 0.0, 0.0
                 for k in range(len(lights)):
                     lx, ly, lz = -lights[k, 4], -lights[k, 5], -lights[k, 6]
                     if lights[k, 0] == 0:
-                        lx = lights[k, 1] - camera[0, 0] - t * ray[0]
-                        ly = lights[k, 2] - camera[0, 1] - t * ray[1]
-                        lz = lights[k, 3] - camera[0, 2] - t * ray[2]
+                        lx = lights[k, 1] - px
+                        ly = lights[k, 2] - py
+                        lz = lights[k, 3] - pz
                     cosine = max(0.0, (lx * x + ly * y + lz * z) / math.sqrt(lx * lx + ly * ly + lz * lz))
                     red += lights[k, 7] + lights[k, 10] * cosine
                     green += lights[k, 8] + lights[k, 11] * cosine
                     blue += lights[k, 9] + lights[k, 12] * cosine
                 red, green, blue = min(1.0, red * shape[15]), min(1.0, green * shape[16]), min(1.0, blue * shape[17])
-                if kinds[g] == PLANE and floor[2, 0] > 0:
-                    footprint = t * pixel / max(1e-3, abs(d[2]))
-                    odd = _checker(camera[0, 0] + t * ray[0], camera[0, 1] + t * ray[1], floor, footprint)
+                if kind == PLANE and floor[2, 0] > 0:
+                    footprint = t * pixel / max(1e-3, abs(dz))
+                    odd = _checker(px, py, floor, footprint)
                     if scale == 1:
                         what[row, column] += int(2 * odd + 0.5)
                     red *= floor[0, 0] + odd * (floor[1, 0] - floor[0, 0])
@@ -397,7 +404,7 @@ def _draw_rows(first, last, kinds, floats, ranges, camera, lights, floor, sky, s
                 color[column, 1] = green + (color[column, 1] - green) * clear
                 color[column, 2] = blue + (color[column, 2] - blue) * clear
         for column in range(columns):
-            if not wanted[row // scale, column // scale]:
+            if not now[column]:
                 continue
             for c in range(3):
                 pixels[row, column, c] = np.uint8(255 * min(1.0, max(0.0, color[column, c])) + 0.5)

@@ -7,14 +7,14 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from typing import Literal, Protocol, get_args
+from typing import Literal, Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
 from jaxtyping import UInt8
 
 from cdpr_sim import style
-from cdpr_sim.errors import CdprError, UnknownName
+from cdpr_sim.errors import CdprError
 from cdpr_sim.raycast import RayCaster, averaged
 
 Backend = Literal["auto", "opengl", "raycast"]
@@ -24,6 +24,7 @@ class OpenGLUnavailable(CdprError):
     """No OpenGL could be loaded on this machine."""
 
 
+@runtime_checkable
 class Renderer(Protocol):
     """Draws scenes of one model."""
 
@@ -43,10 +44,7 @@ def open_renderer(model: mujoco.MjModel, width: int, height: int, backend: Backe
 
     Raises:
         OpenGLUnavailable: ``backend`` is "opengl" and there is none.
-        UnknownName: no such backend.
     """
-    if backend not in get_args(Backend):
-        raise UnknownName("renderer", backend, get_args(Backend))
     if backend != "raycast":
         try:
             return OpenGL(model, width, height)

@@ -7,12 +7,13 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from jaxtyping import UInt8
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.errors import InvalidInput
+from cdpr_sim.errors import InvalidInput, UnknownName
 from cdpr_sim.panel import Page, nice_above
 from cdpr_sim.render import Backend, Renderer, open_renderer
 from cdpr_sim.scene import Stage
@@ -27,7 +28,8 @@ SUFFIXES = (".mp4", ".gif")
 LEAST_SIZE, MOST_SIZE = (320, 240), (3840, 2160)
 """[pixel] Below nothing can be read; above, a frame takes software OpenGL a minute."""
 
-MOST_FRAMES = 100_000
+MOST_FRAMES, MOST_FPS = 100_000, 240.0
+MOST_EXAGGERATION = 1e4
 MOST_ROBOTS = 6
 
 QUALITY = 18.0
@@ -154,8 +156,8 @@ class _Film:
         several = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
         statics = [static] if static is None or isinstance(static, RigidTransform) else list(static)
         statics = statics * len(several) if statics == [None] else statics
-        self.fps, self.size = fps, _checked_size(size)
-        self.count = frame_count(seconds, fps)
+        self.count = check_settings(seconds, fps, size, exaggeration, renderer)
+        self.fps, self.size = fps, (int(size[0]), int(size[1]))
         if not 1 <= len(several) <= MOST_ROBOTS:
             raise InvalidInput(f"trajectories: found {len(several)}, expected 1 to {MOST_ROBOTS} side by side")
         if len(statics) != len(several):
@@ -163,8 +165,6 @@ class _Film:
         for trajectory, poses in zip(several, statics, strict=True):
             if poses is not None and (poses.single or len(poses) != len(trajectory)):
                 raise InvalidInput(f"static: expected {len(trajectory)} poses, as many as the trajectory has states")
-        if not 0 < exaggeration <= 1e4:
-            raise InvalidInput(f"exaggeration: found {exaggeration:g}, expected more than 0 and at most 10000")
         largest = nice_above(max(float(trajectory.tensions.max()) for trajectory in several))
         self.stages = [
             Stage(trajectory, poses, largest_tension=largest, exaggeration=exaggeration)
@@ -224,29 +224,32 @@ def _state_at(trajectory: Trajectory, fraction: float) -> int:
     return after if times[after] - instant <= instant - times[after - 1] else after - 1
 
 
-def frame_count(seconds: float, fps: float) -> int:
-    """Frames of a video.
+def check_settings(seconds: float, fps: float, size: tuple[int, int], exaggeration: float, renderer: str) -> int:
+    """The number of frames of a video with these settings.
 
     Raises:
-        InvalidInput: none, or absurdly many.
+        InvalidInput: a duration, rate, size or exaggeration that cannot be right.
+        UnknownName: no such renderer.
     """
-    if not 0 < fps <= 240:
-        raise InvalidInput(f"fps: found {fps:g}, expected more than 0 and at most 240 frames per second")
+    if renderer not in get_args(Backend):
+        raise UnknownName("renderer", renderer, get_args(Backend))
+    if not 0 < exaggeration <= MOST_EXAGGERATION:
+        raise InvalidInput(
+            f"exaggeration: found {exaggeration:g}, expected more than 0 and at most {MOST_EXAGGERATION:g}"
+        )
+    width, height = size
+    fits = all(least <= n <= most for n, least, most in zip(size, LEAST_SIZE, MOST_SIZE, strict=True))
+    if not fits or width % 2 or height % 2:
+        (a, b), (c, d) = LEAST_SIZE, MOST_SIZE
+        raise InvalidInput(f"size: found {width} x {height} pixels, expected even numbers from {a} x {b} to {c} x {d}")
+    if not 0 < fps <= MOST_FPS:
+        raise InvalidInput(f"fps: found {fps:g}, expected more than 0 and at most {MOST_FPS:g} frames per second")
     count = round(seconds * fps) if np.isfinite(seconds) else -1
     if not 2 <= count <= MOST_FRAMES:
         raise InvalidInput(
             f"seconds: found {seconds:g} at {fps:g} frames per second, expected 2 to {MOST_FRAMES} frames in all"
         )
     return count
-
-
-def _checked_size(size: Sequence[int]) -> tuple[int, int]:
-    width, height = size
-    fits = all(least <= n <= most for n, least, most in zip(size, LEAST_SIZE, MOST_SIZE, strict=True))
-    if not fits or width % 2 or height % 2:
-        (a, b), (c, d) = LEAST_SIZE, MOST_SIZE
-        raise InvalidInput(f"size: found {width} x {height} pixels, expected even numbers from {a} x {b} to {c} x {d}")
-    return int(width), int(height)
 
 
 def _caption(trajectory: Trajectory) -> str:
