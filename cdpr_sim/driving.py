@@ -36,7 +36,7 @@ this angle [rad], 0.06°, which is what keeps a slow drive from being static."""
 PEAK = 1.875
 """Top speed over mean speed of the minimum-jerk profile (15/8, at half time)."""
 
-PAUSE = 1.0
+PAUSE = 3.0
 """[s] Duration of a drive along a path without length, unless the caller says otherwise."""
 
 MOST_STATES = 1_000_000

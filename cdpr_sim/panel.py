@@ -14,6 +14,25 @@ from cdpr_sim import style
 from cdpr_sim.robot import Robot
 from cdpr_sim.scene import tension_colors
 
+LEGENDS = (
+    {
+        "platform": "platform in MuJoCo",
+        "commanded": "where it was commanded",
+        "static": "where the static solver puts it",
+        "slack": "slack cable",
+        "tension": "tension",
+    },
+    {
+        "platform": "platform in MuJoCo",
+        "commanded": "commanded",
+        "static": "static solver",
+        "slack": "slack cable",
+        "tension": "tension",
+    },
+    {"platform": "MuJoCo", "commanded": "commanded", "static": "static", "slack": "slack", "tension": ""},
+)
+"""From wordy to terse."""
+
 
 @dataclass(frozen=True)
 class Box:
@@ -55,6 +74,7 @@ class Page:
         captions: the line under each robot's name.
         largest_tension: [N] the end of the scale.
         footnote: what the whole is, in a line.
+        warning: what must not be overlooked, written into the pictures; or nothing.
         outlined: whether the static solver's outline is drawn, and so belongs in the legend.
     """
 
@@ -67,8 +87,9 @@ class Page:
         largest_tension: float,
         footnote: str,
         outlined: bool,
+        warning: str = "",
     ) -> None:
-        self.size, self.largest_tension = size, largest_tension
+        self.size, self.largest_tension, self._warning = size, largest_tension, warning
         self._unit = min(size[1], 0.75 * size[0], 1.25 * size[0] / len(robots))
         self._gap = max(4, round(0.012 * self._unit))
         self._legend = self._line(style.SMALL) * 2 + 2 * self._gap
@@ -95,6 +116,8 @@ class Page:
             for box, pixels in ((cell.view, views[k]), (cell.close_up, close_ups[k])):
                 page.paste(Image.fromarray(np.ascontiguousarray(pixels)), (box.left, box.top))
                 draw.rectangle((box.left, box.top, box.right - 1, box.bottom - 1), outline=_rgb(style.RULE))
+            if self._warning:
+                self._draw_warning(draw, cell.view)
             self._draw_numbers(draw, cell.numbers, tilts[k], deviations[k], tensions[k])
             self._draw_bars(draw, cell.bars, tensions[k])
         return np.asarray(page)
@@ -116,8 +139,8 @@ class Page:
             return Cell(heading, view, Box(right, top, side, close), numbers, bars)
         strip = int(min(0.30 * height, 0.30 * width))
         view = Box(left, top, width, height - strip - gap)
-        close = int(min(1.15 * strip, 0.34 * width))
-        numbers_width = int(min(1.35 * strip, 0.30 * width))
+        close = int(min(1.15 * strip, 0.30 * width, max(0.12 * width, 0.55 * width - self._numbers_width())))
+        numbers_width = int(min(self._numbers_width(), 0.45 * width))
         under = view.bottom + gap
         numbers = Box(left + close + 2 * gap, under, numbers_width, strip)
         bars = Box(numbers.right + gap, under, left + width - numbers.right - gap, strip)
@@ -131,6 +154,13 @@ class Page:
         self._fitted(draw, (beside, base), robot.description, box.right - beside, style.TEXT, style.FAINT, anchor="ls")
         line = box.top + self._line(style.TITLE)
         self._fitted(draw, (box.left, line), caption, box.width, style.SMALL, style.INK)
+
+    def _draw_warning(self, draw: ImageDraw.ImageDraw, view: Box) -> None:
+        """At the foot of the picture, on a strip of its own."""
+        line, gap = self._line(style.TEXT), self._gap
+        top = view.bottom - line - 2 * gap
+        draw.rectangle((view.left, top, view.right - 1, view.bottom - 1), fill=_rgb(style.INK))
+        self._fitted(draw, (view.left + gap, top + gap), self._warning, view.width - 2 * gap, style.TEXT, style.PAPER)
 
     def _draw_numbers(self, draw: ImageDraw.ImageDraw, box: Box, tilt: float, deviation, tensions) -> None:
         """Tilt, shift and sag, to be read at a glance; and how many cables are slack."""
@@ -166,23 +196,27 @@ class Page:
             draw.line((chart.left, y, chart.right, y), _rgb(style.RULE))
             anchor = (chart.left - self._gap, y)
             draw.text(anchor, self._newtons(tension), _rgb(style.FAINT), font, anchor="rm")
-        for i, (left, right) in enumerate(_slots(chart, cables)):
-            draw.text(
-                ((left + right) / 2, chart.bottom + self._gap / 2), str(i + 1), _rgb(style.INK), font, anchor="ma"
-            )
+        for i in range(cables):
+            self._draw_bar_number(draw, chart, i, cables, style.INK)
 
     def _draw_bars(self, draw: ImageDraw.ImageDraw, box: Box, tensions: np.ndarray) -> None:
-        chart, font = self._chart(box), self._font(style.SMALL)
+        chart = self._chart(box)
         colors = tension_colors(tensions, self.largest_tension)
         for i, (left, right) in enumerate(_slots(chart, len(tensions))):
             if tensions[i] <= 0:  # a slack cable: an empty frame, and its number in the colour of slackness
                 draw.rectangle((left, chart.top, right, chart.bottom - 1), outline=_rgb(style.SLACK))
-                middle = (left + right) / 2
-                draw.text((middle, chart.bottom + self._gap / 2), str(i + 1), _rgb(style.SLACK), font, anchor="ma")
-                self._draw_upright(draw, middle, chart, right - left)
+                self._draw_bar_number(draw, chart, i, len(tensions), style.SLACK)
+                self._draw_upright(draw, (left + right) / 2, chart, right - left)
                 continue
             height = min(1.0, tensions[i] / self.largest_tension) * (chart.height - 1)
             draw.rectangle((left, chart.bottom - 1 - height, right, chart.bottom - 1), fill=_rgb(colors[i]))
+
+    def _draw_bar_number(self, draw: ImageDraw.ImageDraw, chart: Box, i: int, cables: int, color: style.Color) -> None:
+        """Under its bar, where bars are wide enough for all numbers."""
+        font, pitch = self._font(style.SMALL), chart.width / cables
+        if font.getlength(f"{cables} ") <= pitch:
+            middle = chart.left + (i + 0.5) * pitch
+            draw.text((middle, chart.bottom + self._gap / 2), str(i + 1), _rgb(color), font, anchor="ma")
 
     def _draw_upright(self, draw: ImageDraw.ImageDraw, middle: float, chart: Box, width: float) -> None:
         """The word "slack", upwards along a bar that is wide and high enough for it."""
@@ -192,41 +226,45 @@ class Page:
             place = (round(middle - word.width / 2), round(chart.bottom - self._gap - word.height))
             draw.bitmap(place, word, _rgb(style.SLACK))
 
+    def _numbers_width(self) -> float:
+        """Of the widest line of numbers: a word, a number and its unit."""
+        label, figure = self._font(style.SMALL), self._font(style.FIGURE, bold=True)
+        return label.getlength("slack   ") + figure.getlength("00.00") + label.getlength(" of 8")
+
     def _draw_legend(self, draw: ImageDraw.ImageDraw, footnote: str, outlined: bool) -> None:
         width, height = self.size
         line, gap = self._line(style.SMALL), self._gap
         top = height - self._legend
         draw.line((gap, top, width - gap, top), _rgb(style.RULE))
-        entries = ["platform in MuJoCo", "commanded", *(["static solver"] if outlined else []), "slack cable"]
-        font = self._font(style.SMALL)
-        swatch = round(1.3 * line)
-        scale = round(0.16 * width)
-        ends = self._newtons(0), f"{self._newtons(self.largest_tension)} N"
-        needed = sum(swatch + 3 * gap + font.getlength(entry) for entry in entries) + scale
-        needed += sum(font.getlength(text) for text in (*ends, "tension")) + 4 * gap
-        size = style.SMALL * min(1.0, (width - 2 * gap) / needed)
-        font = self._font(size)
-        shrink = min(1.0, (width - 2 * gap) / needed)
-        x, y = float(gap), top + gap
-        middle = y + line / 2
-        for entry in entries:
-            self._draw_swatch(draw, entry, x, middle, shrink * swatch, 0.62 * line)
-            x += shrink * swatch + gap * 0.8
-            draw.text((x, middle), entry, _rgb(style.INK), font, anchor="lm")
-            x += font.getlength(entry) + 1.8 * gap * shrink
-        draw.text((x, middle), "tension", _rgb(style.INK), font, anchor="lm")
-        x += font.getlength("tension ") + gap * 0.5
-        draw.text((x, middle), ends[0], _rgb(style.INK), font, anchor="lm")
-        x += font.getlength(ends[0]) + gap * 0.5
-        pixels = int(shrink * scale)
-        for column, color in enumerate(tension_colors(np.linspace(0, 1, pixels), 1.0)):
+        self._fitted(draw, (gap, top + gap + line), footnote, width - 2 * gap, style.SMALL, style.FAINT)
+        middle, swatch, font = top + gap + line / 2, 1.3 * line, self._font(style.SMALL)
+        for words in LEGENDS:  # the first that fits
+            entries = [words[key] for key in words if key != "static" or outlined]
+            scale = round(0.16 * width)
+            ends = words["tension"], self._newtons(0), f"{self._newtons(self.largest_tension)} N"
+            needed = sum(swatch + 3 * gap + font.getlength(entry) for entry in entries[:-1])
+            needed += sum(font.getlength(text) + gap for text in ends) + scale
+            if needed <= width - 2 * gap:
+                break
+        spread = min(3.0 * gap, max(0.0, (width - 2 * gap - needed) / len(entries)))
+        x = float(gap)
+        for key in words:
+            if key == "tension" or (key == "static" and not outlined):
+                continue
+            self._draw_swatch(draw, key, x, middle, swatch, 0.62 * line)
+            x += swatch + gap
+            draw.text((x, middle), words[key], _rgb(style.INK), font, anchor="lm")
+            x += font.getlength(words[key]) + 2 * gap + spread
+        for text in ends[:2]:
+            draw.text((x, middle), text, _rgb(style.INK), font, anchor="lm")
+            x += font.getlength(text) + gap
+        for column, color in enumerate(tension_colors(np.linspace(0, 1, scale), 1.0)):
             draw.line((x + column, middle - 0.31 * line, x + column, middle + 0.31 * line), _rgb(color))
-        draw.text((x + pixels + gap * 0.5, middle), ends[1], _rgb(style.INK), font, anchor="lm")
-        self._fitted(draw, (gap, y + line), footnote, width - 2 * gap, style.SMALL, style.FAINT)
+        draw.text((x + scale + gap, middle), ends[2], _rgb(style.INK), font, anchor="lm")
 
     def _draw_swatch(self, draw: ImageDraw.ImageDraw, entry: str, x: float, middle: float, width: float, height: float):
         top, bottom = middle - height / 2, middle + height / 2
-        if entry == "slack cable":
+        if entry == "slack":
             draw.arc(
                 (x, middle - height * 1.6, x + width, bottom), 20, 160, _rgb(style.SLACK), max(2, round(height / 5))
             )
@@ -235,7 +273,7 @@ class Page:
         if entry == "commanded":
             clear = (1 - style.GHOST_ALPHA) ** 2
             fill = tuple(clear * 0.9 + (1 - clear) * channel for channel in style.COMMANDED)
-        outline = _rgb(style.STATIC) if entry == "static solver" else None
+        outline = _rgb(style.STATIC) if entry == "static" else None
         draw.rectangle((x, top, x + width, bottom), _rgb(fill), outline, max(2, round(height / 6)))
 
     def _fitted(self, draw, at, text: str, width: float, size: float, color, anchor: str = "la") -> None:

@@ -175,7 +175,8 @@ class _Film:
             [trajectory.robot for trajectory in several],
             [_caption(trajectory) for trajectory in several],
             largest_tension=largest,
-            footnote=_footnote(several, seconds, exaggeration),
+            footnote=_footnote(several, seconds),
+            warning="" if exaggeration == 1 else f"Deviations drawn {exaggeration:g} × as large; the numbers are true",
             outlined=any(poses is not None for poses in statics),
         )
         self._backend: Backend = renderer
@@ -261,18 +262,17 @@ def _caption(trajectory: Trajectory) -> str:
     return f"{cables} · platform {robot.mass:g} kg · frame {width:g} × {depth:g} × {height:g} m"
 
 
-def _footnote(trajectories: Sequence[Trajectory], seconds: float, exaggeration: float) -> str:
+def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
     durations = [float(trajectory.times[-1] - trajectory.times[0]) for trajectory in trajectories]
     rate = float(np.mean(durations)) / seconds
     speed = "in real time"
     if rate > 1.05:
-        speed = f"{rate:.3g} times faster than simulated"
+        speed = f"{rate:.3g} times faster than real"
     elif rate < 0.95:
-        speed = f"{1 / rate:.3g} times slower than simulated"
-    drawn = "drawn to scale"
-    if exaggeration != 1:
-        drawn = f"DEVIATIONS DRAWN {exaggeration:g} TIMES AS LARGE (the numbers are true)"
-    return f"Winches follow the commanded line; MuJoCo simulates the platform, shown {speed}; {drawn}."
+        speed = f"{1 / rate:.3g} times slower than real"
+    still = all(np.ptp(trajectory.commanded.translation, axis=0).max() == 0 for trajectory in trajectories)
+    what = "The platform is let go where it was commanded" if still else "The winches follow the dark line"
+    return f"{what}; MuJoCo simulates what the platform does. Shown {speed}."
 
 
 @contextmanager
