@@ -179,9 +179,7 @@ def video(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Film platforms driven along a line by their winches, in MuJoCo, with the static solver's pose as an outline."""
-    # A terminated process cleans up as an interrupted one does.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    with _errors_as_sentences(), _progress() as progress:
+    with _errors_as_sentences(), _tidy_when_terminated(), _progress() as progress:
         film.check_output(output, force=force)
         frames = film.check_settings(seconds, fps, size, exaggerate, renderer)
         shown = []
@@ -248,6 +246,16 @@ def _errors_as_sentences() -> Iterator[None]:
     except cdpr.CdprError as error:
         typer.echo(f"cdpr-sim: {error}", err=True)
         raise typer.Exit(2) from None
+
+
+@contextmanager
+def _tidy_when_terminated() -> Iterator[None]:
+    """A terminated process cleans up as an interrupted one does."""
+    previous = signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
 
 
 def _busy(what: str):

@@ -103,7 +103,7 @@ def drive(
     if fell:
         x, y, z = trajectory.commanded.translation[-1]
         raise PlatformFell(
-            f"{robot.name}: found the platform fallen {trajectory.times[-1]:.3g} s into the drive, when it was "
+            f"{robot.name}: found the platform fallen {trajectory.times[-1]:.4g} s into the drive, when it was "
             f"commanded to ({x:.3g}, {y:.3g}, {z:.3g}) m: {fell}",
             trajectory,
         )

@@ -139,7 +139,7 @@ class Page:
             return Cell(heading, view, Box(right, top, side, close), numbers, bars)
         strip = int(min(0.30 * height, 0.30 * width))
         view = Box(left, top, width, height - strip - gap)
-        close = int(min(1.15 * strip, 0.30 * width, max(0.12 * width, 0.55 * width - self._numbers_width())))
+        close = int(min(1.15 * strip, 0.30 * width, max(0.12 * width, 0.62 * width - self._numbers_width())))
         numbers_width = int(min(self._numbers_width(), 0.45 * width))
         under = view.bottom + gap
         numbers = Box(left + close + 2 * gap, under, numbers_width, strip)

@@ -20,6 +20,9 @@ from cdpr_sim.raycast import RayCaster, averaged
 Backend = Literal["auto", "opengl", "raycast"]
 
 
+INSTALL = "for instance Debian's libegl1 libopengl0 libgl1-mesa-dri, or libosmesa6"
+
+
 class OpenGLUnavailable(CdprError):
     """No OpenGL could be loaded on this machine."""
 
@@ -101,7 +104,8 @@ def _open_context(width: int, height: int):
         except Exception as error:  # a missing library shows as any of half a dozen types
             reasons.append(f"{name}: {str(error).strip() or type(error).__name__}")
             _forget(name, before)
-    raise OpenGLUnavailable(f"OpenGL: none could be loaded ({'; '.join(reasons) or 'MUJOCO_GL disables it'})")
+    tried = "; ".join(reasons) or "MUJOCO_GL disables it"
+    raise OpenGLUnavailable(f"OpenGL: none could be loaded, expected {INSTALL} ({tried})")
 
 
 def _candidates() -> list[str]:

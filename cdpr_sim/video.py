@@ -33,7 +33,7 @@ MOST_EXAGGERATION = 1e4
 MOST_ROBOTS = 6
 
 QUALITY = 18.0
-"""Constant rate factor of H.264: no difference to be seen."""
+"""Constant rate factor, or quantiser, of H.264: no difference to be seen."""
 
 
 def write_video(
@@ -116,7 +116,7 @@ def show(
     pictures = frames(
         trajectories, static, seconds=seconds, fps=fps, size=size, exaggeration=exaggeration, renderer=renderer
     )
-    mediapy.show_video(pictures, fps=fps, crf=QUALITY)
+    mediapy.show_video(pictures, fps=fps, qp=round(QUALITY))
 
 
 def check_output(path: str | Path, *, force: bool = False) -> Path:
@@ -256,10 +256,10 @@ def check_settings(seconds: float, fps: float, size: tuple[int, int], exaggerati
 def _caption(trajectory: Trajectory) -> str:
     robot = trajectory.robot
     lowest, highest = robot.axial_stiffness.min(), robot.axial_stiffness.max()
-    stiffness = f"EA = {lowest:g} N" if lowest == highest else f"EA = {lowest:g} to {highest:g} N"
-    cables = f"{robot.material} cables, {stiffness}" if robot.material else f"cables with {stiffness}"
+    stiffness = f"{lowest / 1e3:g} kN" if lowest == highest else f"{lowest / 1e3:g} to {highest / 1e3:g} kN"
     width, depth, height = np.ptp(robot.frame, axis=0)
-    return f"{cables} · platform {robot.mass:g} kg · frame {width:g} × {depth:g} × {height:g} m"
+    scale = f"platform {robot.mass:g} kg · frame {width:.3g} × {depth:.3g} × {height:.3g} m"
+    return f"{robot.material or 'cables'}, EA = {stiffness} · {scale}"
 
 
 def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
@@ -267,12 +267,12 @@ def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
     rate = float(np.mean(durations)) / seconds
     speed = "in real time"
     if rate > 1.05:
-        speed = f"{rate:.3g} times faster than real"
+        speed = f"{rate:.3g} times faster"
     elif rate < 0.95:
-        speed = f"{1 / rate:.3g} times slower than real"
+        speed = f"{1 / rate:.3g} times slower"
     still = all(np.ptp(trajectory.commanded.translation, axis=0).max() == 0 for trajectory in trajectories)
     what = "The platform is let go where it was commanded" if still else "The winches follow the dark line"
-    return f"{what}; MuJoCo simulates what the platform does. Shown {speed}."
+    return f"{what}; simulated by MuJoCo, shown {speed}."
 
 
 @contextmanager

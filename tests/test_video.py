@@ -1,6 +1,8 @@
 """Videos: as many frames as asked for, showing what the trajectory says, by either renderer, whole or not there."""
 
+import base64
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -390,11 +392,14 @@ def test_no_environment_variable_is_needed_or_left_behind(monkeypatch):
 
 
 def test_show_plays_in_a_notebook(parallel, monkeypatch):
-    """It hands frames to mediapy's player, one by one."""
-    shown = []
-    monkeypatch.setattr(mediapy, "show_video", lambda frames, **words: shown.extend(frame.shape for frame in frames))
+    """What the notebook is given is an H.264 video of the size asked for, embedded."""
+    displayed = []
+    monkeypatch.setattr("IPython.display.display", lambda thing: displayed.append(thing.data))
     cdpr.show(parallel, seconds=0.2, fps=10, size=(320, 240), renderer="raycast")
-    assert shown == [(240, 320, 3)] * 2
+    (html,) = displayed
+    assert 'width="320" height="240"' in html
+    data = base64.b64decode(re.search(r"data:video/mp4;base64,([^\"]+)", html).group(1))
+    assert np.asarray(mediapy.decompress_video(data)).shape == (2, 240, 320, 3)
 
 
 def test_the_command_makes_a_video(tmp_path):
