@@ -109,7 +109,7 @@ class Stage:
         model = self.model
         model.tendon_rgba[:, 3] = 1
         model.tendon_rgba[:, :3] = tension_colors(self.trajectory.tensions[step], self.largest_tension)
-        model.tendon_rgba[self.trajectory.slack[step], :3] = style.SLACK
+        model.tendon_rgba[self.trajectory.slack[step], :3] = style.SLACK_COLOR
         model.tendon_lengthspring[:] = 0
 
     def _set_lengths(self, step: int) -> None:
@@ -123,9 +123,9 @@ class Stage:
         every = max(1, len(self.trajectory) // PIECES)
         commanded, positions = self.trajectory.commanded.translation, self.poses.translation
         path = commanded[[*range(0, len(commanded), every), len(commanded) - 1]]
-        self._line(path, style.PATH_RADIUS, (*style.COMMANDED, style.PATH_ALPHA))
+        self._line(path, style.PATH_RADIUS, (*style.COMMANDED_COLOR, style.PATH_ALPHA))
         trail = positions[[*range(0, step, every), step]]
-        self._line(trail, style.TRAIL_RADIUS, (*style.PLATFORM, 1))
+        self._line(trail, style.TRAIL_RADIUS, (*style.PLATFORM_COLOR, 1))
 
     def _draw_commanded(self, step: int) -> None:
         commanded = self.trajectory.commanded[step]
@@ -133,7 +133,11 @@ class Stage:
         inside = style.GHOST_SIZE * box
         matrix = commanded.rotation.as_matrix().ravel()
         self._geom(
-            mujoco.mjtGeom.mjGEOM_BOX, inside, commanded.translation, matrix, (*style.COMMANDED, style.GHOST_ALPHA)
+            mujoco.mjtGeom.mjGEOM_BOX,
+            inside,
+            commanded.translation,
+            matrix,
+            (*style.COMMANDED_COLOR, style.GHOST_ALPHA),
         )
         # A dark patch on the floor under the platform tells how high it hangs and where it is.
         floor = self.data.geom("floor").xpos[2]
@@ -147,7 +151,7 @@ class Stage:
         points = pose.apply(corners * self.robot.platform_size / 2)
         for a, b in itertools.combinations(range(8), 2):
             if np.count_nonzero(corners[a] != corners[b]) == 1:
-                self._line(points[[a, b]], style.STATIC_RADIUS, (*style.STATIC, 1))
+                self._line(points[[a, b]], style.STATIC_RADIUS, (*style.STATIC_COLOR, 1))
 
     def _line(self, points: Float[np.ndarray, "points 3"], radius: float, color: tuple[float, ...]) -> None:
         for start, end in itertools.pairwise(points):

@@ -8,10 +8,10 @@ Color = tuple[float, float, float]
 
 # What is in the scene; widths are fractions of the frame's diagonal.
 
-PLATFORM: Color = (0.16, 0.38, 0.62)
+PLATFORM_COLOR: Color = (0.16, 0.38, 0.62)
 """Where the platform is, in MuJoCo."""
 
-COMMANDED: Color = (0.10, 0.10, 0.14)
+COMMANDED_COLOR: Color = (0.10, 0.10, 0.14)
 """Where it was commanded: the ghost and the path."""
 
 GHOST_ALPHA = 0.20
@@ -22,7 +22,7 @@ PATH_ALPHA = 0.35
 PATH_RADIUS = 0.0013
 TRAIL_RADIUS = 0.0018
 
-STATIC: Color = (1.0, 0.80, 0.15)
+STATIC_COLOR: Color = (1.0, 0.80, 0.15)
 """Outline of the static solver's pose."""
 
 STATIC_RADIUS = 0.0011
@@ -30,7 +30,7 @@ STATIC_RADIUS = 0.0011
 SHADOW_ALPHA = 0.09
 
 CABLE_RADIUS = 0.0022
-SLACK: Color = (0.90, 0.24, 0.05)
+SLACK_COLOR: Color = (0.90, 0.24, 0.05)
 """A slack cable: vermilion, which no tension has, nor is it mistaken for one in any common colour blindness."""
 
 TENSION_MAP = "viridis"
@@ -53,13 +53,13 @@ SLICES, STACKS, QUADS = 12, 6, 12
 
 # The page around it; sizes are fractions of its shorter side.
 
-PAPER: Color = (1.0, 1.0, 1.0)
-INK: Color = (0.11, 0.12, 0.14)
-FAINT: Color = (0.42, 0.44, 0.48)
-RULE: Color = (0.84, 0.86, 0.88)
-TITLE, TEXT, SMALL, FIGURE = 0.038, 0.027, 0.0245, 0.042
+PAGE_PAPER: Color = (1.0, 1.0, 1.0)
+PAGE_INK: Color = (0.11, 0.12, 0.14)
+PAGE_FAINT: Color = (0.42, 0.44, 0.48)
+PAGE_RULE: Color = (0.84, 0.86, 0.88)
+TITLE_HEIGHT, TEXT_HEIGHT, LABEL_HEIGHT, NUMBER_HEIGHT = 0.038, 0.027, 0.0245, 0.042
 """Heights of type: title, text, labels, and the numbers to be read at a glance."""
 
-LEAST_TEXT = 10
+LEAST_HEIGHT = 10
 """[pixel] Smaller type cannot be read."""
 # ------------------------------------------------------------------------------------------------ end of VIDEO -------

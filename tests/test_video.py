@@ -177,7 +177,9 @@ def test_slack_cables_hang_and_have_their_own_colour(parallel):
     spare = stage.model.tendon_lengthspring[:, 1] - stage.data.ten_length
     np.testing.assert_allclose(spare[slack], (parallel.rest_lengths - parallel.lengths)[0, slack], atol=1e-9)
     assert (spare[~slack] < 0).all()
-    np.testing.assert_allclose(stage.model.tendon_rgba[slack, :3], np.tile(style.SLACK, (slack.sum(), 1)), atol=1e-6)
+    np.testing.assert_allclose(
+        stage.model.tendon_rgba[slack, :3], np.tile(style.SLACK_COLOR, (slack.sum(), 1)), atol=1e-6
+    )
     expected = scene.tension_colors(parallel.tensions[0, ~slack], 2.0)
     np.testing.assert_allclose(stage.model.tendon_rgba[~slack, :3], expected, atol=1e-6)
     pieces = sum(geom.type == raycast.CAPSULE for geom in stage.scene.geoms[: stage.scene.ngeom])
@@ -191,7 +193,7 @@ def test_slack_cables_hang_and_have_their_own_colour(parallel):
 def test_no_tension_is_coloured_like_a_slack_cable():
     """Every colour of the scale is far from slack's, in lightness or hue, and grows darker with tension."""
     colors = scene.tension_colors(np.linspace(0, 1, 64), 1.0)
-    assert np.linalg.norm(colors - style.SLACK, axis=1).min() > 0.5
+    assert np.linalg.norm(colors - style.SLACK_COLOR, axis=1).min() > 0.5
     luminance = colors @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(luminance) < 0).all()
 
