@@ -39,12 +39,18 @@ truncation (its square) and rounding (over it) meet."""
 
 
 @dataclass(frozen=True)
-class Reading:
-    """What MuJoCo says of each row's state at zero velocity."""
+class Observation:
+    """What MuJoCo says of each row's pose and cables."""
 
     poses: RigidTransform
     lengths: Float[np.ndarray, "rows cables"]
     tensions: Float[np.ndarray, "rows cables"]
+
+
+@dataclass(frozen=True)
+class Reading(Observation):
+    """What MuJoCo says of each row's state at zero velocity, its balance included."""
+
     residuals: Float[np.ndarray, " rows"]
     eigenvalues: Float[np.ndarray, "rows free"]
     softest: Float[np.ndarray, "rows free"]
@@ -126,11 +132,21 @@ class Bench:
         """Each row's state at ``qpos`` and zero velocity."""
         self.qpos[:] = qpos
         residuals = self.residuals()
+        seen = self._observed()
+        return Reading(seen.poses, seen.lengths, seen.tensions, residuals, *self._stiffness())
+
+    def observe(self, qpos: Float[np.ndarray, "rows coordinates"]) -> Observation:
+        """Each row's pose and cables at ``qpos``: ``read`` without the balance, for motions of many states."""
+        self.qpos[:] = qpos
+        self.residuals()
+        return self._observed()
+
+    def _observed(self) -> Observation:
         lengths = self._lengths.copy()
         poses = RigidTransform.from_components(
             self._xpos[:, self._platform], Rotation.from_quat(self._xquat[:, self._platform], scalar_first=True)
         )
-        return Reading(poses, lengths, self._tensions(), residuals, *self._stiffness())
+        return Observation(poses, lengths, self._tensions())
 
     def _tensions(self) -> Float[np.ndarray, "rows cables"]:
         """Tension [N] of each cable: MuJoCo's spring force with only that spring switched on, along its tendon.
@@ -207,7 +223,7 @@ def bench_of(problems: Sequence[Problem], model: mujoco.MjModel | None, threads:
     robot, rows = problems[0].robot, len(problems)
     reusable = model is None and rows == 1
     bench = _idle.pop(robot, None) if reusable else None  # taken out, so that no other thread can have it
-    with _quiet():
+    with quiet():
         if bench is None:
             bench = Bench(robot, _model_of(robot) if model is None else _prepared(model, unit_of(robot)), rows, threads)
         bench.start(problems, own_springs=model is not None)
@@ -248,7 +264,7 @@ _quiet_users: list[object] = []
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Keep MuJoCo's warnings out of the terminal and MUJOCO_LOG.TXT: they are read from the warning counters instead.
 
     The handler belongs to the process: the first to come replaces it and the last to go puts it back.

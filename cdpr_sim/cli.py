@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,11 +14,13 @@ from typing import Annotated
 import typer
 from rich import box
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 import cdpr_sim as cdpr
 from cdpr_sim import grids, maps, overview, pictures, report
 from cdpr_sim import models as model_folders
+from cdpr_sim import video as film
 
 app = typer.Typer(
     help="Where does the platform of a cable-driven parallel robot really end up? Statics and MuJoCo, cross-checked.",
@@ -247,11 +252,85 @@ def check(
     raise typer.Exit(0 if result.agrees else 1)
 
 
+@app.command()
+def video(
+    robots: Annotated[list[str], typer.Argument(metavar="ROBOT...", help="One, or several side by side in step.")],
+    path: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--path", metavar="X0 X1", help="Drive from x = X0 to x = X1 [m]; default: across the workspace."),
+    ] = None,
+    y: Annotated[float | None, typer.Option("--y", help="Of the path [m]; default: the workspace's middle.")] = None,
+    z: Annotated[float | None, typer.Option("--z", help="Of the path [m]; default: the workspace's middle.")] = None,
+    drop: Annotated[
+        bool, typer.Option("--drop", help="No drive: let the platform go at X0, or the workspace's middle.")
+    ] = False,
+    material: Annotated[
+        list[str] | None, typer.Option("--material", help="Cables; given again, materials are shown side by side.")
+    ] = None,
+    drive_seconds: Annotated[
+        float | None, typer.Option("--drive-seconds", help="Duration of the drive; default: nearly static.")
+    ] = None,
+    seconds: Annotated[float, typer.Option("--seconds", help="Duration of the video.")] = 10.0,
+    fps: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 30.0,
+    size: Annotated[tuple[int, int], typer.Option("--size", metavar="WIDTH HEIGHT", help="[pixel]")] = (1280, 720),
+    exaggerate: Annotated[
+        float, typer.Option("--exaggerate", help="Draw deviations this many times as large, and say so.")
+    ] = 1.0,
+    renderer: Annotated[str, typer.Option("--renderer", help="auto, opengl or raycast (no OpenGL needed).")] = "auto",
+    output: Annotated[Path, typer.Option("-o", "--output", help="File: .mp4 or .gif.")] = Path("video.mp4"),
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+) -> None:
+    """Film platforms driven along a line by their winches, in MuJoCo, with the static solver's pose as an outline."""
+    with _errors_as_sentences(), _tidy_when_terminated(), _progress() as progress:
+        film.check_output(output, force=force)
+        frames = film.check_settings(seconds, fps, size, exaggerate, renderer)
+        shown = []
+        for name, cables in itertools.product(robots, material or [None]):
+            robot = _robot(name, cables)
+            waypoints = _line(robot, path, y, z)
+            task = progress.add_task(f"MuJoCo drives {robot.name}", total=1.0)
+            trajectory = cdpr.drive(
+                robot,
+                waypoints[:1] if drop else waypoints,
+                seconds=drive_seconds,
+                states=frames,
+                from_rest=not drop,
+                progress=lambda done, task=task: progress.update(task, completed=done),
+            )
+            shown.append((trajectory, cdpr.solve_trajectory(trajectory).poses))
+        task = progress.add_task("Drawing", total=frames)
+        cdpr.write_video(
+            output,
+            [trajectory for trajectory, _ in shown],
+            [static for _, static in shown],
+            seconds=seconds,
+            fps=fps,
+            size=size,
+            exaggeration=exaggerate,
+            renderer=renderer,  # type: ignore[arg-type]
+            force=force,
+            progress=lambda done, total: progress.update(task, completed=done),
+        )
+    typer.echo(output)
+
+
+def _line(
+    robot: cdpr.Robot, path: tuple[float, float] | None, y: float | None, z: float | None
+) -> list[tuple[float, float, float]]:
+    """The two ends of a path along x."""
+    home = robot.home
+    x0, x1 = robot.workspace[:, 0] if path is None else path
+    return [(x, home[1] if y is None else y, home[2] if z is None else z) for x in (x0, x1)]
+
+
 def _problem(name: str, pose: tuple[float, float, float] | None, material: str | None) -> cdpr.Problem:
-    robot = cdpr.load_robot(name)
-    if material is not None:
-        robot = robot.replace(material=material)
+    robot = _robot(name, material)
     return cdpr.Problem.of(robot, robot.home if pose is None else pose)
+
+
+def _robot(name: str, material: str | None) -> cdpr.Robot:
+    robot = cdpr.load_robot(name)
+    return robot if material is None else robot.replace(material=material)
 
 
 def _outcome(problem: cdpr.Problem, method: str) -> report.Outcome:
@@ -271,8 +350,25 @@ def _errors_as_sentences() -> Iterator[None]:
         raise typer.Exit(2) from None
 
 
+@contextmanager
+def _tidy_when_terminated() -> Iterator[None]:
+    """A terminated process cleans up as an interrupted one does."""
+    previous = signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
 def _busy(what: str):
     return Console(stderr=True).status(f"{what} ...")
+
+
+def _progress() -> Progress:
+    """A bar per task, on standard error, where a terminal can show it."""
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
+    return Progress(*columns, console=console, disable=not console.is_terminal)
 
 
 def _print_json(value: dict) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cdpr_sim.equilibrium import Equilibrium
+    from cdpr_sim.trajectory import Trajectory
 
 
 class CdprError(Exception):
@@ -56,3 +57,15 @@ class NotConverged(_NoRest):
 
 class NotSettled(_NoRest):
     """MuJoCo's platform did not come to rest."""
+
+
+class PlatformFell(CdprError):
+    """MuJoCo's platform fell while it was driven.
+
+    Attributes:
+        trajectory: the motion so far; its last state is the fallen one.
+    """
+
+    def __init__(self, reason: str, trajectory: Trajectory | None = None) -> None:
+        super().__init__(reason)
+        self.trajectory = trajectory

@@ -15,6 +15,7 @@ from cdpr_sim.equilibrium import Equilibrium
 from cdpr_sim.errors import InvalidInput, NotConverged
 from cdpr_sim.problem import Problem
 from cdpr_sim.robot import Robot
+from cdpr_sim.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,12 @@ class Solutions:
     def converged(self) -> Bool[np.ndarray, "*batch"]:
         """(...) whether each one is an equilibrium."""
         return self.status == Status.CONVERGED
+
+    @property
+    def poses(self) -> RigidTransform:
+        """(...) the poses; nan where a row is no equilibrium."""
+        positions = np.where(self.converged[..., None], self.positions, np.nan)
+        return RigidTransform.from_components(positions, Rotation.from_matrix(self.rotations))
 
 
 def solve(problem: Problem) -> Equilibrium:
@@ -123,6 +130,16 @@ def solve_many(
     )
     tensions = statics.tensions(lengths, rest_lengths, stiffness)
     return Solutions(solved_positions, solved_rotations, lengths, tensions, residuals, iterations, status)
+
+
+def solve_trajectory(trajectory: Trajectory) -> Solutions:
+    """The static equilibrium for each state's command, as if the winches had stopped there: (steps,) of them."""
+    return solve_many(
+        trajectory.robot,
+        trajectory.commanded.translation,
+        rotations=trajectory.commanded.rotation.as_matrix(),
+        rest_lengths=trajectory.rest_lengths,
+    )
 
 
 def _solve(*arguments: ArrayLike) -> list[np.ndarray]:

@@ -32,6 +32,7 @@ from cdpr_sim.mjcf import coordinates
 from cdpr_sim.pose import PoseLike
 from cdpr_sim.problem import Problem
 from cdpr_sim.robot import Robot
+from cdpr_sim.trajectory import Trajectory
 
 RESIDUAL = 1e-9
 """Largest unbalanced force at rest, as a fraction of the load (the weight, or the external wrench where larger)."""
@@ -73,26 +74,6 @@ class Outcome(enum.Enum):
     SETTLED = "it came to rest"
     RESTLESS = "it did not come to rest"
     WARNED = "MuJoCo found its motion unstable"
-
-
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """A motion of the platform.
-
-    Attributes:
-        times: (steps,) [s].
-        poses: of the platform in the base frame, a stack of (steps,).
-        lengths: of the cables, (steps, cables) [m].
-        tensions: (steps, cables) [N].
-    """
-
-    times: Float[np.ndarray, " steps"]
-    poses: RigidTransform
-    lengths: Float[np.ndarray, "steps cables"]
-    tensions: Float[np.ndarray, "steps cables"]
-
-    def __len__(self) -> int:
-        return len(self.times)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +175,16 @@ def settle_trajectory(
     equilibrium = settle_problems([problem], model=model, frames=frames).equilibrium(0)
     times, qpos = (np.array(column) for column in zip(*frames, strict=True))
     with bench_of([problem] * len(times), model) as bench:
-        reading = bench.read(qpos)
-    return equilibrium, Trajectory(times, reading.poses, reading.lengths, reading.tensions)
+        seen = bench.observe(qpos)
+    return equilibrium, Trajectory(
+        robot=robot,
+        times=times,
+        poses=seen.poses,
+        lengths=seen.lengths,
+        tensions=seen.tensions,
+        commanded=RigidTransform.from_matrix(np.tile(problem.pose.as_matrix(), (len(times), 1, 1))),
+        rest_lengths=np.tile(problem.rest_lengths, (len(times), 1)),
+    )
 
 
 def settle_many(

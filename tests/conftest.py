@@ -7,8 +7,8 @@ from jaxtyping import install_import_hook
 # Behind the doors (Robot, Problem, catalog, cli), where what users give is checked, with messages of its own.
 # descent, modes and feasibility stay out too: their functions are compiled by Numba.
 MODULES = [
-    "agreement", "balance", "bench", "equilibrium", "mjcf", "newton", "seecr", "settling", "solver_studies", "statics",
-    "studies", "two_cable_studies",
+    "agreement", "balance", "bench", "equilibrium", "mjcf", "newton", "render", "scene", "seecr", "settling",
+    "solver_studies", "statics", "studies", "trajectory", "two_cable_studies",
 ]  # fmt: skip
 install_import_hook([f"cdpr_sim.{module}" for module in MODULES], "typechecker.check")
 

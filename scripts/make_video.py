@@ -1,0 +1,60 @@
+"""The showpiece: two layouts of DemoBot along the paper's line, side by side; and the small picture of the README.
+
+One is level all the way. The other tilts, strays from the line, and hangs on half of its cables. Both do what MuJoCo
+says; the gold outline is what the static solver says.
+
+Run: python scripts/make_video.py
+"""
+
+from pathlib import Path
+
+from rich.progress import Progress
+
+import cdpr_sim as cdpr
+
+ROBOTS = ("cogiro", "parallel")
+LINE = [(0.17, 0.25, 0.1), (0.63, 0.25, 0.1)]  # m, the paper's
+DRIVE_SECONDS = None  # s; None: nearly static
+SECONDS = 10.0  # s, of video
+FOLDER = Path(__file__).parents[1] / "pictures"
+FILES = {  # file: size [pixel], frames a second
+    "showpiece.mp4": ((1280, 720), 30.0),
+    "showpiece.gif": ((800, 450), 10.0),
+}
+
+
+def main() -> None:
+    FOLDER.mkdir(exist_ok=True)
+    most = max(round(SECONDS * fps) for _, fps in FILES.values())
+    with Progress() as progress:
+        trajectories = []
+        for name in ROBOTS:
+            task = progress.add_task(f"MuJoCo drives {name}", total=1.0)
+            trajectories.append(
+                cdpr.drive(
+                    cdpr.load_robot(name),
+                    LINE,
+                    seconds=DRIVE_SECONDS,
+                    states=most,
+                    progress=lambda done, task=task: progress.update(task, completed=done),
+                )
+            )
+        static = [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories]
+        for name, (size, fps) in FILES.items():
+            task = progress.add_task(f"Drawing {name}", total=round(SECONDS * fps))
+            cdpr.write_video(
+                FOLDER / name,
+                trajectories,
+                static,
+                seconds=SECONDS,
+                fps=fps,
+                size=size,
+                force=True,
+                progress=lambda done, total, task=task: progress.update(task, completed=done),
+            )
+    for name in FILES:
+        print(f"{FOLDER / name}: {(FOLDER / name).stat().st_size / 1e6:.2f} MB")
+
+
+if __name__ == "__main__":
+    main()
