@@ -3,6 +3,9 @@ from .agreement import Verdict as Verdict
 from .agreement import compare as compare
 from .catalog import list_robots as list_robots
 from .catalog import load_robot as load_robot
+from .compensation import Compensation as Compensation
+from .compensation import Reach as Reach
+from .compensation import compensate as compensate
 from .equilibrium import Equilibrium as Equilibrium
 from .equilibrium import Stability as Stability
 from .errors import CdprError as CdprError

@@ -14,8 +14,8 @@ from rich.console import Console
 from rich.table import Table
 
 import cdpr_sim as cdpr
+from cdpr_sim import answer_tables, report
 from cdpr_sim import models as model_folders
-from cdpr_sim import report
 
 app = typer.Typer(
     help="Where does the platform of a cable-driven parallel robot really end up? Statics and MuJoCo, cross-checked.",
@@ -99,6 +99,62 @@ def solve(
         _print_json(report.as_dict(result))
     else:
         Console().print(report.settle_table(problem, {result.source: result}))
+
+
+@app.command()
+def compensate(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    limits: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--tensions", metavar="MIN MAX", help="Limits of tension [N]; default: 1 % of the load, inf."),
+    ] = None,
+    prefer: Annotated[str, typer.Option("--prefer", help="smallest tensions, or the stiffest platform.")] = "smallest",
+    arm: Annotated[
+        float | None,
+        typer.Option("--arm", help="[m] Where only a near pose can be held: how much rotation counts; 0: not at all."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Cut the cables to lengths that hold the platform where it is commanded to be, and prove it in MuJoCo.
+
+    Exit status: 0 if the commanded pose is held, 1 if only a pose near it can be, 2 for input that cannot be right.
+    """
+    with _errors_as_sentences():
+        problem = _problem(robot, pose, material)
+        machine, commanded = problem.robot, problem.pose
+        with _busy("Looking for tensions (the first run on a machine compiles for half a minute)"):
+            found = cdpr.compensate(
+                machine,
+                commanded,
+                tension_limits=limits,
+                prefer=prefer,  # type: ignore[arg-type]
+                arm=arm,
+            )
+            roads = {"MuJoCo": cdpr.settle, "Newton": cdpr.solve}
+            before = {name: road(machine, commanded) for name, road in roads.items()}
+            # From where the platform hangs now, so that coming to the commanded pose is its own doing.
+            after = {name: road(machine, before[name].pose, found.rest_lengths) for name, road in roads.items()}
+    if as_json:
+        _print_json(
+            {
+                "robot": machine.name,
+                "commanded": commanded.translation.tolist(),
+                "exact": found.exact,
+                "distance": found.distance,
+                "reasons": list(found.reasons),
+                "rest_lengths": found.rest_lengths.tolist(),
+                "before": {name.lower(): report.as_dict(result) for name, result in before.items()},
+                "after": {name.lower(): report.as_dict(result) for name, result in after.items()},
+            }
+        )
+    else:
+        console = Console()
+        console.print(answer_tables.compensation_table(found, before, after))
+        console.print(answer_tables.compensation_lengths(found), highlight=False)
+        console.print(answer_tables.compensation_verdict(found), highlight=False)
+    raise typer.Exit(0 if found.exact else 1)
 
 
 @app.command()

@@ -4,9 +4,13 @@ import hypothesis
 import pytest
 from jaxtyping import install_import_hook
 
-# Behind the doors (Robot, Problem, catalog, cli), where what users give is checked, with messages of its own.
+# Behind the doors (Robot, Problem, catalog, compensation, identification, cli), where what users give is checked, with
+# messages of its own.
 # descent stays out too: its functions are compiled by Numba.
-MODULES = ["agreement", "bench", "equilibrium", "mjcf", "newton", "seecr", "settling", "statics"]
+MODULES = [
+    "agreement", "bench", "derivatives", "distribution", "equilibria", "equilibrium", "mjcf", "newton",
+    "release", "seecr", "sensitivity", "settling", "statics", "vibration",
+]  # fmt: skip
 install_import_hook([f"cdpr_sim.{module}" for module in MODULES], "typechecker.check")
 
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True, max_examples=100)

@@ -1,0 +1,71 @@
+"""Answers as tables for people: compensation, sensitivities, equilibria, identification. Nothing is computed here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+from cdpr_sim.compensation import Compensation
+from cdpr_sim.equilibrium import Equilibrium
+from cdpr_sim.report import SLACK, stiffness
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
+    for name in columns:
+        table.add_column(name, justify="right" if name != columns[0] else "left", no_wrap=True)
+    return table
+
+
+def compensation_table(
+    compensation: Compensation, before: Mapping[str, Equilibrium], after: Mapping[str, Equilibrium]
+) -> Table:
+    """Errors of position and tilt with the rigid and with the compensated lengths, by each road.
+
+    Args:
+        compensation: what is told to the winches.
+        before: by name of the road, the equilibrium with the rigid lengths.
+        after: likewise with the compensated lengths.
+    """
+    problem = compensation.equilibrium.problem
+    robot, commanded = problem.robot, compensation.commanded
+    x, y, z = 1e3 * commanded.translation
+    results = {f"before\n{name}": found for name, found in before.items()}
+    results |= {f"after\n{name}": found for name, found in after.items()}
+    table = _table(f"{robot.name}, {stiffness(problem)},\ncommanded to ({x:g}, {y:g}, {z:g}) mm", "", *results.keys())
+    shifts = [1e3 * (found.position - commanded.translation) for found in results.values()]
+    turns = [np.degrees((found.rotation * commanded.rotation.inv()).magnitude()) for found in results.values()]
+    for axis, name in enumerate("xyz"):
+        table.add_row(escape(f"error {name} [mm]"), *(f"{shift[axis]:.6f}" for shift in shifts))
+    table.add_row(escape("error of position [mm]"), *(f"{np.linalg.norm(shift):.2e}" for shift in shifts), style="bold")
+    table.add_row("error of rotation [°]", *(f"{turn:.2e}" for turn in turns), style="bold")
+    table.add_row("tilt [°]", *(f"{np.degrees(found.tilt):.6f}" for found in results.values()))
+    table.add_section()
+    for cable in range(robot.cables):
+        shown = (SLACK if found.slack[cable] else f"{found.tensions[cable]:.3f}" for found in results.values())
+        table.add_row(escape(f"tension {cable + 1} [N]"), *shown)
+    table.add_section()
+    table.add_row(escape("softest [N/m]"), *(f"{found.eigenvalues[0]:.3g}" for found in results.values()))
+    table.add_row("equilibrium", *(found.stability.name.lower() for found in results.values()))
+    return table
+
+
+def compensation_lengths(compensation: Compensation) -> str:
+    """How much shorter to cut each cable than if it were rigid at the commanded pose."""
+    robot = compensation.equilibrium.problem.robot
+    shorter = 1e3 * (robot.rest_lengths(compensation.commanded) - compensation.rest_lengths)
+    return escape("Cables shorter by [mm]: ") + ", ".join(f"{value:.3f}" for value in shorter)
+
+
+def compensation_verdict(compensation: Compensation) -> str:
+    """What compensation came to, and why, in a line each."""
+    color = "green" if compensation.exact else "yellow"
+    head = f"[bold {color}]{compensation.reach.value[0].upper() + compensation.reach.value[1:]}[/]"
+    if not compensation.exact:
+        arm = f"a rotation counts as the way of a point {1e3 * compensation.arm:.0f} mm from the platform's origin"
+        head += f": {1e3 * compensation.distance:.3f} mm away ({arm if compensation.arm else 'in position alone'})"
+    return "\n".join([head + ".", *(f"  - {reason}" for reason in compensation.reasons)])
