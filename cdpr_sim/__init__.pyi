@@ -22,9 +22,14 @@ from .newton import Solutions as Solutions
 from .newton import solve_many as solve_many
 from .problem import Problem as Problem
 from .robot import Robot as Robot
+from .sensitivities import Effect as Effect
+from .sensitivities import Sensitivity as Sensitivity
+from .sensitivities import sensitivity as sensitivity
 from .settling import Settlings as Settlings
 from .settling import Trajectory as Trajectory
 from .settling import settle as settle
 from .settling import settle_many as settle_many
 from .settling import settle_trajectory as settle_trajectory
 from .solvers import solve as solve
+from .vibration import Modes as Modes
+from .vibration import natural_modes as natural_modes

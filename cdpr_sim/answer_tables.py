@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rich import box
@@ -12,6 +12,8 @@ from rich.table import Table
 from cdpr_sim.compensation import Compensation
 from cdpr_sim.equilibrium import Equilibrium
 from cdpr_sim.report import SLACK, stiffness
+from cdpr_sim.sensitivities import Effect, Sensitivity
+from cdpr_sim.vibration import Modes
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -69,3 +71,46 @@ def compensation_verdict(compensation: Compensation) -> str:
         arm = f"a rotation counts as the way of a point {1e3 * compensation.arm:.0f} mm from the platform's origin"
         head += f": {1e3 * compensation.distance:.3f} mm away ({arm if compensation.arm else 'in position alone'})"
     return "\n".join([head + ".", *(f"  - {reason}" for reason in compensation.reasons)])
+
+
+def sensitivity_table(answer: Sensitivity, effects: Sequence[Effect]) -> Table:
+    """What one unit of change of each number does, as ordered."""
+    equilibrium = answer.equilibrium
+    robot, (x, y, z) = equilibrium.problem.robot, 1e3 * equilibrium.problem.pose.translation
+    table = _table(
+        f"{robot.name}, {stiffness(equilibrium.problem)},\ncommanded to ({x:g}, {y:g}, {z:g}) mm: what matters most",
+        "",
+        "per",
+        "mm",
+        "°",
+        "N",
+    )
+    for effect in effects:
+        table.add_row(
+            effect.name,
+            f"1 {effect.per}",
+            f"{effect.position:.4g}",
+            f"{effect.rotation:.4g}",
+            f"{effect.tension:.4g}",
+        )
+    return table
+
+
+def sensitivity_note(answer: Sensitivity) -> str:
+    """How far the derivatives hold."""
+    return (
+        "They hold while the same cables stay taut: the nearest to going slack or taut is "
+        f"{1e3 * answer.margin:.3g} mm of its length away."
+    )
+
+
+def modes_table(modes: Modes) -> Table:
+    """Natural frequencies, and what each swing is made of: the largest parts of its motion, scaled to the largest."""
+    robot = modes.equilibrium.problem.robot
+    arm = robot.characteristic_length
+    table = _table(f"{robot.name}: natural frequencies", "mode", "Hz", "x", "y", "z", "about x", "about y", "about z")
+    for number, (frequency, shape) in enumerate(zip(modes.frequencies, modes.shapes, strict=True), start=1):
+        parts = shape * np.repeat([1.0, arm], 3)
+        parts = parts / parts[np.abs(parts).argmax()]
+        table.add_row(str(number), f"{frequency:.3f}", *("" if abs(p) < 5e-3 else f"{p:.2f}" for p in parts))
+    return table

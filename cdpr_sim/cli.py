@@ -158,6 +158,40 @@ def compensate(
 
 
 @app.command()
+def sensitivity(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    rows: Annotated[int, typer.Option("--rows", min=1, help="How many to print; the rest matters less.")] = 20,
+    as_json: AsJson = False,
+) -> None:
+    """What matters most: mm and degrees per mm of length, per percent of stiffness, per newton; natural frequencies."""
+    with _errors_as_sentences():
+        problem = _problem(robot, pose, material)
+        with _busy("Solving (the first run on a machine compiles for half a minute)"):
+            answer = cdpr.sensitivity(cdpr.solve(problem.robot, problem.pose))
+            effects, modes = answer.effects(), cdpr.natural_modes(answer.equilibrium)
+    if as_json:
+        _print_json(
+            {
+                "robot": problem.robot.name,
+                "commanded": problem.pose.translation.tolist(),
+                "margin": answer.margin,
+                "effects": [vars(effect) for effect in effects],
+                "pose": {name: matrix.tolist() for name, matrix in answer.pose.items()},
+                "tensions": {name: matrix.tolist() for name, matrix in answer.tensions.items()},
+                "frequencies": modes.frequencies.tolist(),
+                "shapes": modes.shapes.tolist(),
+            }
+        )
+    else:
+        console = Console()
+        console.print(answer_tables.sensitivity_table(answer, effects[:rows]))
+        console.print(answer_tables.sensitivity_note(answer), highlight=False)
+        console.print(answer_tables.modes_table(modes))
+
+
+@app.command()
 def robots() -> None:
     """List the robots of the catalogue and the materials of cables."""
     console = Console()

@@ -9,7 +9,7 @@ from jaxtyping import install_import_hook
 # descent stays out too: its functions are compiled by Numba.
 MODULES = [
     "agreement", "bench", "derivatives", "distribution", "equilibria", "equilibrium", "mjcf", "newton",
-    "release", "seecr", "sensitivity", "settling", "statics", "vibration",
+    "release", "seecr", "sensitivities", "settling", "statics", "vibration",
 ]  # fmt: skip
 install_import_hook([f"cdpr_sim.{module}" for module in MODULES], "typechecker.check")
 

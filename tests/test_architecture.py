@@ -12,7 +12,7 @@ PACKAGE = Path(cdpr.__file__).parent
 ORDER = [
     "errors", "pose", "materials", "robot", "catalog", "problem", "equilibrium",
     "statics", "descent", "seecr", "newton", "solvers", "two_cable",
-    "derivatives", "distribution", "compensation", "sensitivity", "vibration", "equilibria", "identification",
+    "derivatives", "distribution", "compensation", "sensitivities", "vibration", "equilibria", "identification",
     "measurements", "mjcf", "bench", "settling",
     "agreement", "release", "models", "report", "answer_tables", "figure_compensation", "cli",
 ]  # fmt: skip
@@ -20,7 +20,7 @@ ORDER = [
 
 MATHEMATICS = {
     "statics", "descent", "seecr", "newton", "solvers", "two_cable", "derivatives", "distribution", "compensation",
-    "sensitivity", "vibration", "equilibria", "identification",
+    "sensitivities", "vibration", "equilibria", "identification",
 }  # fmt: skip
 PHYSICS = {"mjcf", "bench", "settling", "release"}
 
