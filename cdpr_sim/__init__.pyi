@@ -6,6 +6,10 @@ from .catalog import load_robot as load_robot
 from .compensation import Compensation as Compensation
 from .compensation import Reach as Reach
 from .compensation import compensate as compensate
+from .equilibria import Equilibria as Equilibria
+from .equilibria import Following as Following
+from .equilibria import find_equilibria as find_equilibria
+from .equilibria import follow_load as follow_load
 from .equilibrium import Equilibrium as Equilibrium
 from .equilibrium import Stability as Stability
 from .errors import CdprError as CdprError
@@ -21,6 +25,9 @@ from .mjcf import to_mjcf as to_mjcf
 from .newton import Solutions as Solutions
 from .newton import solve_many as solve_many
 from .problem import Problem as Problem
+from .releasing import Release as Release
+from .releasing import grow_gravity as grow_gravity
+from .releasing import release as release
 from .robot import Robot as Robot
 from .sensitivities import Effect as Effect
 from .sensitivities import Sensitivity as Sensitivity

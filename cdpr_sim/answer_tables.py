@@ -10,7 +10,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from cdpr_sim.compensation import Compensation
+from cdpr_sim.equilibria import Equilibria, unstable_directions
 from cdpr_sim.equilibrium import Equilibrium
+from cdpr_sim.releasing import Release
 from cdpr_sim.report import SLACK, stiffness
 from cdpr_sim.sensitivities import Effect, Sensitivity
 from cdpr_sim.vibration import Modes
@@ -19,7 +21,7 @@ from cdpr_sim.vibration import Modes
 def _table(title: str, *columns: str) -> Table:
     table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
     for name in columns:
-        table.add_column(name, justify="right" if name != columns[0] else "left", no_wrap=True)
+        table.add_column(escape(name), justify="right" if name != columns[0] else "left", no_wrap=True)
     return table
 
 
@@ -114,3 +116,51 @@ def modes_table(modes: Modes) -> Table:
         parts = parts / parts[np.abs(parts).argmax()]
         table.add_row(str(number), f"{frequency:.3f}", *("" if abs(p) < 5e-3 else f"{p:.2f}" for p in parts))
     return table
+
+
+def equilibria_table(found: Equilibria, releases: Sequence[Release], reached: int | None) -> Table:
+    """Lowest energy first, with what MuJoCo's platform does when it is let go there."""
+    robot = found.problem.robot
+    table = _table(
+        f"{robot.name}, {stiffness(found.problem)}: equilibria of the same cable lengths",
+        "",
+        "energy [mJ]",
+        "x [mm]",
+        "y [mm]",
+        "z [mm]",
+        "tilt [°]",
+        "slack",
+        "softest [N/m]",
+        "unstable",
+        "let go, MuJoCo",
+        "",
+    )
+    for number, (one, energy, release) in enumerate(zip(found, found.energies, releases, strict=True)):
+        x, y, z = 1e3 * one.position
+        table.add_row(
+            str(number + 1),
+            f"{1e3 * energy:.3f}",
+            f"{x:.2f}",
+            f"{y:.2f}",
+            f"{z:.2f}",
+            f"{np.degrees(one.tilt):.2f}",
+            str(int(one.slack.sum())),
+            f"{one.eigenvalues[0]:.3g}",
+            str(unstable_directions(one) or ""),
+            "stays" if release.stays else "leaves" if release.leaves else "neither",
+            "reached" if number == reached else "",
+            style="bold" if number == reached else "" if one.stable else "dim",
+        )
+    return table
+
+
+def equilibria_note(found: Equilibria) -> str:
+    """What speaks for and against the list being complete."""
+    if found.imbalance is None:
+        return ""
+    if found.imbalance == 0:
+        return "As many with an even as with an odd number of unstable directions: nothing says that one is missing."
+    return (
+        f"[yellow]At least {abs(found.imbalance)} missing[/]: those with an even and with an odd number of unstable "
+        "directions should be as many."
+    )

@@ -192,6 +192,48 @@ def sensitivity(
 
 
 @app.command()
+def equilibria(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    saddles: Annotated[bool, typer.Option("--saddles", help="Search for the unstable ones as well.")] = False,
+    starts: Annotated[int, typer.Option("--starts", help="How many poses to start from.")] = 2000,
+    as_json: AsJson = False,
+) -> None:
+    """All places to rest on the cable lengths of the commanded pose, and which of them the robot reaches."""
+    with _errors_as_sentences():
+        problem = _problem(robot, pose, material)
+        with _busy("Looking for equilibria (the first run on a machine compiles for half a minute)"):
+            found = cdpr.find_equilibria(problem.robot, problem.rest_lengths, saddles=saddles, starts=starts)
+            followed = cdpr.follow_load(problem.robot, problem.pose)
+            reached, _ = found.nearest(followed.reached.pose)
+            by_mujoco, _ = found.nearest(cdpr.grow_gravity(problem.robot, problem.pose).pose)
+            releases = [cdpr.release(one, seconds=2.0 if one.stable else 20.0) for one in found]
+    if as_json:
+        _print_json(
+            {
+                "robot": problem.robot.name,
+                "commanded": problem.pose.translation.tolist(),
+                "reached": reached,
+                "reached_in_mujoco": by_mujoco,
+                "jumps": list(followed.jumps),
+                "imbalance": found.imbalance,
+                "equilibria": [
+                    report.as_dict(one) | {"energy": float(energy), "stays_in_mujoco": release.stays}
+                    for one, energy, release in zip(found, found.energies, releases, strict=True)
+                ],
+            }
+        )
+    else:
+        console = Console()
+        console.print(answer_tables.equilibria_table(found, releases, reached))
+        same = "MuJoCo comes to the same" if by_mujoco == reached else f"MuJoCo comes to {by_mujoco + 1} instead"
+        console.print(f"Followed while gravity grows, the platform comes to {reached + 1}; {same}.", highlight=False)
+        console.print(answer_tables.equilibria_note(found), highlight=False)
+    raise typer.Exit(0 if by_mujoco == reached else 1)
+
+
+@app.command()
 def robots() -> None:
     """List the robots of the catalogue and the materials of cables."""
     console = Console()

@@ -26,7 +26,7 @@ from cdpr_sim import derivatives, distribution, newton, statics
 from cdpr_sim.distribution import Demand
 from cdpr_sim.equilibrium import Equilibrium
 from cdpr_sim.errors import InvalidInput, NotConverged, UnknownName
-from cdpr_sim.pose import PoseLike, moved
+from cdpr_sim.pose import PoseLike, distance, moved
 from cdpr_sim.problem import Problem
 from cdpr_sim.robot import Robot, checked_array
 
@@ -140,13 +140,6 @@ def compensate(
     reasons = _reasons(demand, rigid)
     found = _nearest(rigid, limits, floor, arm)
     return Compensation(commanded, found, Reach.NEAREST, distance(commanded, found.pose, arm), arm, reasons, limits)
-
-
-def distance(one: RigidTransform, other: RigidTransform, arm: float) -> float:
-    """sqrt(|translation|² + (arm·angle)²) between two poses [m]."""
-    shift = np.linalg.norm(one.translation - other.translation)
-    angle = (one.rotation * other.rotation.inv()).magnitude()
-    return float(np.hypot(shift, arm * angle))
 
 
 def demand_at(

@@ -120,7 +120,7 @@ def sensitivity(equilibrium: Equilibrium) -> Sensitivity:
     problem = equilibrium.problem
     if equilibrium.stability is Stability.NEUTRAL:
         raise InvalidInput(
-            f"equilibrium: found a neutral one of {problem.robot.name!r}, expected one that is held in every direction: "
+            f"equilibrium: found a neutral one of {problem.robot.name!r}, expected one held in every direction: "
             "the slightest change moves the platform without limit"
         )
     position, rotation = equilibrium.position, equilibrium.rotation.as_matrix()

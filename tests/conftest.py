@@ -8,8 +8,8 @@ from jaxtyping import install_import_hook
 # messages of its own.
 # descent stays out too: its functions are compiled by Numba.
 MODULES = [
-    "agreement", "bench", "derivatives", "distribution", "equilibria", "equilibrium", "mjcf", "newton",
-    "release", "seecr", "sensitivities", "settling", "statics", "vibration",
+    "agreement", "bench", "derivatives", "distribution", "equilibrium", "mjcf", "newton",
+    "releasing", "seecr", "sensitivities", "settling", "statics", "vibration",
 ]  # fmt: skip
 install_import_hook([f"cdpr_sim.{module}" for module in MODULES], "typechecker.check")
 

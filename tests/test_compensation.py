@@ -4,8 +4,8 @@ from problems import hanging_mass, paper_line
 
 import cdpr_sim as cdpr
 from cdpr_sim import distribution, two_cable
-from cdpr_sim.compensation import demand_at, distance
-from cdpr_sim.pose import moved
+from cdpr_sim.compensation import demand_at
+from cdpr_sim.pose import distance, moved
 
 MICROMETRE = 1e-6
 
