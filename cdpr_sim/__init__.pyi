@@ -18,8 +18,12 @@ from .errors import NotConverged as NotConverged
 from .errors import NotSettled as NotSettled
 from .errors import RobotFileError as RobotFileError
 from .errors import UnknownName as UnknownName
+from .identification import Identification as Identification
+from .identification import identify as identify
 from .materials import MATERIALS as MATERIALS
 from .materials import Material as Material
+from .measurements import Measurements as Measurements
+from .measurements import read_measurements as read_measurements
 from .mjcf import scene_mjcf as scene_mjcf
 from .mjcf import to_mjcf as to_mjcf
 from .newton import Solutions as Solutions

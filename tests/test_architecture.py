@@ -12,8 +12,8 @@ PACKAGE = Path(cdpr.__file__).parent
 ORDER = [
     "errors", "pose", "materials", "robot", "catalog", "problem", "equilibrium",
     "statics", "descent", "seecr", "newton", "solvers", "two_cable",
-    "derivatives", "distribution", "compensation", "sensitivities", "vibration", "equilibria", "identification",
-    "measurements", "mjcf", "bench", "settling",
+    "derivatives", "distribution", "compensation", "sensitivities", "vibration", "equilibria", "measurements",
+    "identification", "mjcf", "bench", "settling",
     "agreement", "releasing", "models", "report", "answer_tables", "figure_compensation", "cli",
 ]  # fmt: skip
 """The rooms, in the order of the flow: each may import only from those before it."""
