@@ -12,6 +12,7 @@ from rich.table import Table
 from cdpr_sim.compensation import Compensation
 from cdpr_sim.equilibria import Equilibria, unstable_directions
 from cdpr_sim.equilibrium import Equilibrium
+from cdpr_sim.identification import Identification
 from cdpr_sim.releasing import Release
 from cdpr_sim.report import SLACK, stiffness
 from cdpr_sim.sensitivities import Effect, Sensitivity
@@ -164,3 +165,26 @@ def equilibria_note(found: Equilibria) -> str:
         f"[yellow]At least {abs(found.imbalance)} missing[/]: those with an even and with an odd number of unstable "
         "directions should be as many."
     )
+
+
+def identification_table(found: Identification) -> Table:
+    """Each unknown with its standard error, lengths in millimetres."""
+    table = _table(f"{found.robot.name}: what the measurements say", "", "value", "standard error", "")
+    for name, unit, value, error in zip(found.names, found.units, found.values, found.standard_errors, strict=True):
+        size, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
+        known = "undetermined" if np.isinf(error) else f"{size * error:.2g}"
+        table.add_row(name.replace("_", " "), f"{size * value:.6g}", known, shown)
+    return table
+
+
+def identification_note(found: Identification) -> str:
+    """What is left, and what the data cannot tell."""
+    moved = found.residuals[:, :3][~np.isnan(found.residuals[:, :3])]
+    turned = found.residuals[:, 3:][~np.isnan(found.residuals[:, 3:])]
+    parts = []
+    if moved.size:
+        parts.append(f"{1e3 * np.sqrt(np.mean(moved**2)):.3g} mm")
+    if turned.size:
+        parts.append(f"{np.degrees(np.sqrt(np.mean(turned**2))):.3g}°")
+    head = f"Residuals: {' and '.join(parts)} (root mean square)."
+    return "\n".join([head, *(f"[yellow]-[/] {reason}" for reason in found.reasons)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -231,6 +232,64 @@ def equilibria(
         console.print(f"Followed while gravity grows, the platform comes to {reached + 1}; {same}.", highlight=False)
         console.print(answer_tables.equilibria_note(found), highlight=False)
     raise typer.Exit(0 if by_mujoco == reached else 1)
+
+
+@app.command()
+def identify(
+    robot: RobotName,
+    file: Annotated[Path, typer.Argument(metavar="MEASUREMENTS", help="CSV with named columns and units.")],
+    unknown: Annotated[
+        list[str] | None,
+        typer.Option("--unknown", help="axial_stiffness (the default), axial_stiffness_each, mass, ...; repeatable."),
+    ] = None,
+    material: MaterialName = None,
+    position_error: Annotated[
+        float | None, typer.Option("--position-error", help="Standard error of a measured coordinate [mm].")
+    ] = None,
+    rotation_error: Annotated[
+        float | None, typer.Option("--rotation-error", help="Standard error of a measured angle [°].")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fit stiffness, rest lengths, mass or centre of mass to measured poses. Exit status 1 if the data cannot tell all.
+
+    Columns of the file: commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_beta [deg], and
+    so on; rest_length_1 [mm], ...; robot.
+    """
+    with _errors_as_sentences():
+        machine = cdpr.load_robot(robot)
+        if material is not None:
+            machine = machine.replace(material=material)
+        measurements = cdpr.read_measurements(file)
+        with _busy("Fitting (the first run on a machine compiles for half a minute)"):
+            found = cdpr.identify(
+                machine,
+                measurements,
+                unknown or ["axial_stiffness"],
+                position_error=None if position_error is None else 1e-3 * position_error,
+                rotation_error=None if rotation_error is None else math.radians(rotation_error),
+            )
+    if as_json:
+        # JSON has no infinity and no nan: what is not known is null.
+        errors = [error if math.isfinite(error) else None for error in found.standard_errors.tolist()]
+        _print_json(
+            {
+                "robot": machine.name,
+                "unknowns": {
+                    name: {"value": value, "standard_error": error, "unit": unit}
+                    for name, value, error, unit in zip(
+                        found.names, found.values.tolist(), errors, found.units, strict=True
+                    )
+                },
+                "spread": found.spread,
+                "reasons": list(found.reasons),
+            }
+        )
+    else:
+        console = Console()
+        console.print(answer_tables.identification_table(found))
+        console.print(answer_tables.identification_note(found), highlight=False)
+    raise typer.Exit(1 if found.reasons else 0)
 
 
 @app.command()

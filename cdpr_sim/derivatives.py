@@ -17,6 +17,10 @@ Array = np.ndarray
 PARAMETERS = ("rest_lengths", "axial_stiffness", "exits", "anchors", "mass", "center_of_mass", "external_wrench")
 """What an equilibrium depends on, by the names of ``Robot`` and ``Problem``."""
 
+_LEVI_CIVITA = np.zeros((3, 3, 3))
+_LEVI_CIVITA[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
+_LEVI_CIVITA[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
+
 
 def wrench_slope(
     problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
@@ -116,4 +120,4 @@ def tension_by_pose(
 
 def cross_matrix(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
     """[v]× with [v]× w = v × w."""
-    return np.cross(vectors[..., None, :], np.eye(3)).swapaxes(-1, -2)
+    return np.einsum("ijk,...j->...ik", _LEVI_CIVITA, vectors)

@@ -5,8 +5,8 @@ Many starts, spread over every position and rotation that the cables allow, desc
 saddles, asked for, are roots of the net wrench found from as many starts, and from between the stable ones.
 
 That none is missing cannot be proved, but sometimes refuted: on the space of poses, which but for positions that can
-be shrunk away is that of rotations, the numbers of equilibria with an even and with an odd number of unstable directions
-are equal, if none is neutral (Morse; the Euler characteristic of SO(3), and of the circle, is 0).
+be shrunk away is that of rotations, as many equilibria have an even as have an odd number of unstable directions, if
+none is neutral (Morse; the Euler characteristic of SO(3), and of the circle, is 0).
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def follow_load(
     """The equilibrium that the platform reaches from ``pose`` when its load is applied slowly.
 
     Gravity and wrench grow from a thousandth to the whole, and each equilibrium is the start of the next. Steps are
-    halved where the platform moves far; where it still does in the shortest, its equilibrium has ceased to be and it jumps.
+    halved where the platform moves far; where it still does in the shortest, its equilibrium has ceased to be: a jump.
 
     Raises:
         InvalidInput: an argument that cannot be right; a load of nothing.

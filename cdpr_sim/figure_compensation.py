@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from cdpr_sim.compensation import Compensation
 from cdpr_sim.equilibrium import Equilibrium
 
-BEFORE, AFTER, OUT_OF_REACH = "#D55E00", "#0072B2", "#f2efe6"
-"""Okabe and Ito's vermillion and blue, told apart by colour-blind readers; the ground where no lengths help."""
+BEFORE, AFTER, POSITION, OUT_OF_REACH = "#D55E00", "#0072B2", "#009E73", "#f4f1ea"
+"""Okabe and Ito's vermillion, blue and green, told apart by colour-blind readers; the ground where no lengths help."""
 
 INK, MUTED = "#1a1a1a", "#777777"
 LINE, POINT = 1.9, 4.2
@@ -31,6 +31,7 @@ class Line:
         settled_before: by MuJoCo, likewise.
         settled_after: by MuJoCo, likewise.
         compensations: one per pose.
+        position_alone: by MuJoCo, with lengths compensated for the position whatever the rotation, or none of it.
     """
 
     title: str
@@ -39,6 +40,7 @@ class Line:
     settled_before: Sequence[Equilibrium]
     settled_after: Sequence[Equilibrium]
     compensations: Sequence[Compensation]
+    position_alone: Sequence[Equilibrium] = ()
 
 
 def draw_compensation(lines: Sequence[Line]) -> Figure:
@@ -58,6 +60,11 @@ def draw_compensation(lines: Sequence[Line]) -> Figure:
     return figure
 
 
+def _power(value: float) -> str:
+    """A power of ten above ``value``."""
+    return f"$10^{{{int(np.ceil(np.log10(max(value, 1e-15))))}}}$"
+
+
 def _millimetres(found: Equilibrium, commanded: Compensation) -> float:
     return 1e3 * float(np.linalg.norm(found.position - commanded.commanded.translation))
 
@@ -73,14 +80,15 @@ def _panel(axes: Axes, line: Line, error) -> None:
     def errors(results: Sequence[Equilibrium]) -> list[float]:
         return [error(found, one) for found, one in zip(results, line.compensations, strict=True)]
 
+    if not exact.all() and error is _millimetres:
+        axes.text(
+            0.5, 0.95, "shaded: no cable lengths\nhold the commanded pose", transform=axes.transAxes, ha="center",
+            va="top", fontsize=8.5, color=MUTED,
+        )  # fmt: skip
     if not exact.all():
         half = np.diff(x).mean() / 2
         for at in x[~exact]:
             axes.axvspan(at - half, at + half, color=OUT_OF_REACH, linewidth=0, zorder=0)
-        axes.text(
-            0.5, 0.93, "shaded: no cable lengths hold\nthe commanded pose there", transform=axes.transAxes, ha="center",
-            va="top", fontsize=8, color=MUTED,
-        )  # fmt: skip
     before, after = errors(line.before), errors(line.after)
     axes.plot(x, before, color=BEFORE, linewidth=LINE, label="rigid lengths")
     axes.plot(x, errors(line.settled_before), "o", color=BEFORE, markersize=POINT, mfc="white", label="… in MuJoCo")
@@ -89,11 +97,19 @@ def _panel(axes: Axes, line: Line, error) -> None:
         x, errors(line.settled_after), "s", color=AFTER, markersize=POINT, mfc="white", label="… in MuJoCo ",
         clip_on=False, zorder=4,
     )  # fmt: skip
+    if line.position_alone:
+        alone = errors(line.position_alone)
+        axes.plot(x, alone, color=POSITION, linewidth=LINE, linestyle=(0, (2.2, 1.4)), zorder=2, clip_on=False)
+        axes.annotate(
+            "for the position alone", (x[0], alone[0]), xytext=(12, 0 if alone[0] > 1 else 9), va="center",
+            textcoords="offset points", fontsize=8.5, color=POSITION,
+        )  # fmt: skip
+        after = after + alone
     if exact.all():
         worst = max(errors(line.settled_after))
-        unit = "mm" if error is _millimetres else "°"
+        unit = " mm" if error is _millimetres else "°"
         axes.annotate(
-            f"compensated: at most {worst:.0e} {unit}", (x.mean(), 0), xytext=(0, 11), textcoords="offset points",
+            f"compensated: at most {_power(worst)}{unit}", (x.mean(), 0), xytext=(0, 11), textcoords="offset points",
             ha="center", fontsize=8.5, color=AFTER,
         )  # fmt: skip
     axes.set_ylim(0, 1.12 * max(before + after))

@@ -22,7 +22,6 @@ from scipy.stats import chi2
 from cdpr_sim import derivatives, newton
 from cdpr_sim.errors import InvalidInput, NotConverged, UnknownName
 from cdpr_sim.measurements import Measurements
-from cdpr_sim.pose import as_pose
 from cdpr_sim.problem import Problem
 from cdpr_sim.robot import Robot, checked_array
 
@@ -112,8 +111,8 @@ def identify(
         measurements: from ``read_measurements`` or ``Measurements.of``.
         unknowns: any of ``UNKNOWNS``.
         position_error: standard error of a measured coordinate [m]; default: judged from the residuals.
-        rotation_error: standard error of a measured angle [rad]; default: ``position_error``, or what is judged, over the
-            characteristic length.
+        rotation_error: standard error of a measured angle [rad]; default: ``position_error``, or what is judged,
+            over the characteristic length.
 
     Raises:
         InvalidInput: measurements of another robot or too few, errors that are not positive, or unknowns that exclude
@@ -133,8 +132,8 @@ def identify(
     count, needed = int(known.sum()), len(wanted) + (not stated)
     if count < needed:
         raise InvalidInput(
-            f"{measurements.source}: found {count} measured numbers, expected at least {needed} for {len(wanted)} unknowns"
-            + ("" if stated else " and their scatter")
+            f"{measurements.source}: found {count} measured numbers, expected {needed} or more for {len(wanted)} "
+            "unknowns" + ("" if stated else " and their scatter")
         )
     model = _Model(robot, measurements, wanted)
 
@@ -146,10 +145,19 @@ def identify(
 
     start = _scanned(wanted, weighted)
     bounds = np.array([(-np.log(RANGE), np.log(RANGE)) if one.logarithmic else (-np.inf, np.inf) for one in wanted]).T
-    fit = least_squares(weighted, start, jac=slope, bounds=bounds, x_scale="jac", xtol=1e-13, ftol=1e-13, gtol=1e-13)
+    fit = least_squares(
+        weighted,
+        start,
+        jac=slope,  # pyright: ignore[reportArgumentType]
+        bounds=bounds,
+        x_scale="jac",
+        xtol=1e-10,
+        ftol=1e-12,
+        gtol=1e-12,
+    )
     freedom = count - len(wanted)
     scatter = float(np.sqrt(2 * fit.cost / freedom)) if freedom else 1.0
-    errors, correlations, reasons = _certainty(slope(fit.x), wanted)
+    errors, correlations, reasons = _certainty(fit.jac, wanted)
     if not stated:
         errors = errors * scatter
     elif freedom and chi2.sf(2 * fit.cost, freedom) < SURPRISING:
@@ -157,7 +165,9 @@ def identify(
             f"the model does not explain the data: residuals are {scatter:.3g} times their stated error; the standard "
             "errors do not count that"
         )
-    at_bound = [one.name for one, x in zip(wanted, fit.x, strict=True) if one.logarithmic and abs(x) > 0.99 * np.log(RANGE)]
+    at_bound = [
+        one.name for one, x in zip(wanted, fit.x, strict=True) if one.logarithmic and abs(x) > 0.99 * np.log(RANGE)
+    ]
     reasons += [f"{name} runs away: the data fit best at {RANGE:g} times or a {RANGE:g}th of it" for name in at_bound]
     values = np.array([_value(one, x) for one, x in zip(wanted, fit.x, strict=True)])
     factors = np.array([value if one.logarithmic else 1.0 for one, value in zip(wanted, values, strict=True)])
@@ -224,7 +234,7 @@ class _Model:
 
     def __init__(self, robot: Robot, measurements: Measurements, unknowns: list[_Unknown]) -> None:
         self.robot, self.measurements, self.unknowns = robot, measurements, unknowns
-        poses = [robot.pose(row) for row in measurements.commanded]
+        self.poses = poses = [robot.pose(row) for row in measurements.commanded]
         self.positions = np.array([pose.translation for pose in poses])
         self.rotations = np.array([pose.rotation.as_matrix() for pose in poses])
         rigid = measurements.rest_lengths
@@ -258,9 +268,7 @@ class _Model:
         self.now, self.rest = self.changed(x)
         if not self.rest.min() > 0:
             raise NotConverged("identify: the fit asked for rest lengths below 0")
-        solved = newton.solve_many(
-            self.now, self.positions, rotations=self.rotations, rest_lengths=self.rest
-        )
+        solved = newton.solve_many(self.now, self.positions, rotations=self.rotations, rest_lengths=self.rest)
         if not solved.converged.all():
             row = int(np.argmin(solved.converged))
             raise NotConverged(
@@ -281,10 +289,10 @@ class _Model:
         """Derivative of ``residuals``."""
         self.solve(x)
         free = list(self.now.free_directions)
-        result = np.zeros((len(self.positions), 6, len(self.unknowns)))
+        result, no_wrench = np.zeros((len(self.positions), 6, len(self.unknowns))), np.zeros(6)
         angles = _euler(self.solved.rotations)
         for row, (position, rotation) in enumerate(zip(self.solved.positions, self.solved.rotations, strict=True)):
-            problem = Problem(self.now, as_pose(position), self.rest[row], np.zeros(6))
+            problem = Problem(self.now, self.poses[row], self.rest[row], no_wrench)
             slope = derivatives.wrench_slope(problem, position, rotation)[np.ix_(free, free)]
             by_parameter = derivatives.wrench_by_parameter(problem, position, rotation)
             wrench = np.stack(
@@ -363,5 +371,3 @@ def _certainty(
         if abs(correlations[i, j]) > ALIKE:
             reasons.append(f"{names[i]} and {names[j]} are hardly told apart: correlation {correlations[i, j]:+.4f}")
     return errors, correlations, reasons
-
-

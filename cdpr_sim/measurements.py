@@ -1,8 +1,8 @@
 """Measured poses: where the platform was commanded to and where it was found, from arrays or from CSV.
 
 A CSV file names its columns and their units, ``commanded_x [mm]``, ``measured_beta [deg]``: commanded_x, _y, _z are
-needed, commanded_alpha, _beta, _gamma are 0 unless given, of measured_... at least one, rest_length_1, ... where the winches
-did not follow the rigid geometry, and robot, a name. An empty cell was not measured. Angles are the paper's
+needed, commanded_alpha, _beta, _gamma are 0 unless given, at least one measured_... is, rest_length_1, ... where the
+winches did not follow the rigid geometry, and robot, a name. An empty cell was not measured. Angles are the paper's
 R = Rz(gamma) Ry(beta) Rx(alpha).
 """
 
@@ -105,8 +105,8 @@ class Measurements:
             raise InvalidInput(f"{self.source}: found measurements of {self.robot!r}, expected of {robot.name!r}")
         if self.rest_lengths is not None and self.rest_lengths.shape[1] != robot.cables:
             raise InvalidInput(
-                f"{self.source}: found {self.rest_lengths.shape[1]} rest lengths, expected {robot.cables}, one per cable "
-                f"of {robot.name!r}"
+                f"{self.source}: found {self.rest_lengths.shape[1]} rest lengths, expected {robot.cables}, one per "
+                f"cable of {robot.name!r}"
             )
         if robot.mobility == "planar":
             out = [name for i, name in enumerate(COORDINATES) if i in (1, 3, 5) and self.known[:, i].any()]
@@ -164,7 +164,10 @@ def read_measurements(path: str | Path) -> Measurements:
 
 def _column(path: Path, cell: str) -> tuple[str, float]:
     """A column's name and its unit in SI units."""
-    known = [f"{kind}_{name}" for kind in ("commanded", "measured") for name in COORDINATES] + ["rest_length_1", "robot"]
+    known = [f"{kind}_{name}" for kind in ("commanded", "measured") for name in COORDINATES] + [
+        "rest_length_1",
+        "robot",
+    ]
     found = _HEADER.match(cell.strip())
     name = found["name"] if found else cell.strip()
     if not found or (name not in known and not _REST_LENGTH.match(name)):
@@ -176,7 +179,9 @@ def _column(path: Path, cell: str) -> tuple[str, float]:
     units = ANGLES if name.endswith(("alpha", "beta", "gamma")) else LENGTHS
     if found["unit"] is None or found["unit"].strip() not in units:
         unit = "no unit" if found["unit"] is None else f"unit {found['unit']!r}"
-        raise InvalidInput(f"{path}: column {name!r}: found {unit}, expected one of {', '.join(units)}, as '{name} [..]'")
+        raise InvalidInput(
+            f"{path}: column {name!r}: found {unit}, expected one of {', '.join(units)}, as '{name} [..]'"
+        )
     return name, units[found["unit"].strip()]
 
 

@@ -27,7 +27,12 @@ def compensated_line(robot: cdpr.Robot, title: str) -> Line:
     settled_before = [settled.equilibrium(row) for row in range(len(poses))]
     settled = cdpr.settle_many(robot, [one.pose for one in settled_before], np.array(rest_lengths))
     settled_after = [settled.equilibrium(row) for row in range(len(poses))]
-    return Line(title, before, after, settled_before, settled_after, compensations)
+    alone = []
+    if not all(one.exact for one in compensations):
+        rest_lengths = [cdpr.compensate(robot, pose, arm=0).rest_lengths for pose in poses]
+        settled = cdpr.settle_many(robot, [one.pose for one in settled_before], np.array(rest_lengths))
+        alone = [settled.equilibrium(row) for row in range(len(poses))]
+    return Line(title, before, after, settled_before, settled_after, compensations, alone)
 
 
 def main() -> None:

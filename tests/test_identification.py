@@ -13,9 +13,12 @@ SLOPE = 1e-5
 """Relative error of central differences through the solver: 7e-7 measured at worst."""
 
 FITTED = 1e-5
-"""Relative error of what is fitted to MuJoCo's poses without noise: they are 1e-9 m from statics', over a sag of 4e-4 m."""
+"""Relative error of what is fitted to MuJoCo's poses without noise: they are 1e-9 m from
+statics', over a sag of 4e-4 m."""
 
-SEEDS = 200
+SEEDS = {True: 100, False: 40}
+"""How many fits, with errors stated and judged from the scatter."""
+
 COVERED = 0.95
 """Of many fits this fraction should find the truth within 1.96 standard errors."""
 
@@ -80,35 +83,33 @@ def test_one_stiffness_per_cable_is_found_from_mujocos_poses(robot):
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_standard_errors_cover_the_truth_as_often_as_they_say(robot, stated):
-    """Over 200 seeds, EA, a centre of mass and eight rest-length offsets: 95 % within 1.96 standard errors.
+    """Over many seeds, EA and eight rest-length offsets: 95 % within 1.96 standard errors.
 
-    A binomial count of 200 lies between the limits below in all but one of a thousand cases, were the errors right;
-    errors wrong by a fifth would be found out (negative control).
+    A binomial count lies between the limits below in all but one of a thousand cases, were the errors right;
+    errors wrong by a third would be found out (negative control).
     """
     rng = np.random.default_rng(7)
     offsets = rng.normal(size=8) * 1e-4
     true = robot.replace(axial_stiffness=800.0)
-    positions = commanded(8)
+    positions = commanded(6)
     poses = exact_poses(true, positions, offsets)
     truth = np.array([800.0, *offsets])
     error = NOISE if stated else None
     deviations = []
-    for _ in range(SEEDS):
+    for _ in range(SEEDS[stated]):
         measurements = cdpr.Measurements.of(positions, noisy(true, poses, rng))
-        found = cdpr.identify(
-            robot, measurements, ("axial_stiffness", "rest_length_offsets"), position_error=error
-        )
+        found = cdpr.identify(robot, measurements, ("axial_stiffness", "rest_length_offsets"), position_error=error)
         assert found.reasons == () or not stated
         deviations.append((found.values - truth) / found.standard_errors)
     deviations = np.abs(deviations)
-    low, high = binom.ppf([0.0005, 0.9995], SEEDS, COVERED)
+    low, high = binom.ppf([0.0005, 0.9995], SEEDS[stated], COVERED)
     covered = (deviations < 1.96).sum(0)
     assert (covered >= low).all()
     assert (covered <= high).all()
-    # All nine together are a finer count, correlated at most fully: a fifth too small or too large would show.
-    assert np.mean(deviations < 1.96) == pytest.approx(COVERED, abs=0.02)
-    assert abs(np.mean(deviations < 1.96 * 0.8) - COVERED) > 0.02
-    assert abs(np.mean(deviations < 1.96 * 1.25) - COVERED) > 0.02
+    # All nine together are a finer count: errors a third too small or too large would show.
+    assert np.mean(deviations < 1.96) == pytest.approx(COVERED, abs=0.03)
+    assert abs(np.mean(deviations < 1.96 / 1.33) - COVERED) > 0.03
+    assert abs(np.mean(deviations < 1.96 * 1.33) - COVERED) > 0.03
 
 
 def test_stiffness_and_mass_cannot_be_told_apart_and_it_says_so(robot):
@@ -167,7 +168,10 @@ def test_only_what_was_measured_counts(catalogue):
         ({"unknowns": ["axial_stiffness", "axial_stiffness_each"]}, "expected one of the two"),
         ({"position_error": -1}, "position_error: found -1"),
         ({"position_error": np.nan}, "position_error: found nan"),
-        ({"unknowns": ["axial_stiffness_each", "rest_length_offsets"]}, "found 6 measured numbers, expected at least 17"),
+        (
+            {"unknowns": ["axial_stiffness_each", "rest_length_offsets"]},
+            "found 6 measured numbers, expected 17 or more",
+        ),
     ],
 )
 def test_requests_that_cannot_be_right_get_one_sentence(robot, changes, message):
