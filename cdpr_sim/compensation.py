@@ -38,6 +38,10 @@ TAUT = 0.01
 HELD = 1e-3
 """Least stiffness that counts as held, in loads per characteristic length: DemoBot's pendulum swing has 0.1."""
 
+LEAST_ARM = 1e-3
+"""Of the characteristic length. Where position alone counts, this much weight on the rotation still chooses the least
+of those that go with it, and moves the position by its square times centimetres: 1e-8 m measured."""
+
 _EQUAL = 1e-6
 """[m] Distance between SLSQP's nearest pose and the equilibrium of its rest lengths: it measures 1e-9 to 1e-7."""
 
@@ -114,7 +118,8 @@ def compensate(
         prefer: of all tensions that do, the "smallest" (by norm) or those that make the platform "stiffest".
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
         arm: how much rotation counts where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
-            0 [m] asks for the position alone; default: the robot's characteristic length.
+            0 [m] asks for the position, and of the rotations that go with it for a small one; default: the robot's
+            characteristic length.
 
     Raises:
         InvalidInput: an argument that cannot be right; limits that no tension can be within.
@@ -255,27 +260,34 @@ def _nearest(problem: Problem, limits: Float[np.ndarray, "2 cables"], floor: flo
     """The stable equilibrium nearest to the problem's pose that cables cut for tensions within limits have.
 
     SLSQP over (step, tensions) with exact gradients, from the commanded pose and from where uncompensated cables of
-    several softnesses would let the platform hang; the nearest of what they find. Only where that is not held, the
+    several softnesses would let the platform hang; the nearest of what they find. Where that is not held, the
     smallest eigenvalue joins as a constraint, differenced.
     """
-    lower, upper = limits
-    best: tuple[float, Equilibrium] | None = None
-    for pose, tensions in _starts(problem, limits):
-        for least in (None, floor):
-            found = _descend(problem, (pose, tensions), limits, least, arm)
-            if found is None:
-                continue
-            away = distance(problem.pose, found.pose, arm)
-            if found.stable and found.eigenvalues[0] >= 0.5 * floor:
-                if best is None or away < best[0]:
-                    best = away, found
-                break
+    best: Equilibrium | None = None
+
+    def away(found: Equilibrium | None) -> float:
+        return np.inf if found is None else distance(problem.pose, found.pose, arm)
+
+    not_held = []
+    for start in _starts(problem, limits):
+        found = _descend(problem, start, limits, None, arm)
+        if found is None:
+            not_held.append((start, np.finfo(float).max))  # tried again only if nothing else is found
+        elif not (found.stable and found.eigenvalues[0] >= 0.5 * floor):
+            not_held.append((start, away(found)))
+        elif away(found) < away(best):
+            best = found
+    for start, nearest in not_held:
+        if nearest < away(best):  # else holding it would only take it further
+            found = _descend(problem, start, limits, floor, arm)
+            if found is not None and found.stable and away(found) < away(best):
+                best = found
     if best is None:
         raise NotConverged(
-            f"compensate: found no pose near the commanded one that tensions from {lower.min():.3g} to "
-            f"{upper.max():.3g} N hold"
+            f"compensate: found no pose near the commanded one that tensions from {limits[0].min():.3g} to "
+            f"{limits[1].max():.3g} N hold"
         )
-    return best[1]
+    return best
 
 
 def _starts(
@@ -348,7 +360,7 @@ def _descend(
     if floor is not None:
         constraints.append({"type": "ineq", "fun": lambda unknowns: held(unknowns) - floor * reach / scale})
     weights = np.zeros(count + robot.cables)
-    weights[:count] = np.repeat([1.0, (arm / reach) ** 2], 3)[free]
+    weights[:count] = np.repeat([1.0, max(arm / reach, LEAST_ARM) ** 2], 3)[free]
     found = minimize(
         lambda unknowns: float(0.5 * weights @ unknowns**2),
         np.concatenate([(begin * units / reach)[free], tensions / scale]),

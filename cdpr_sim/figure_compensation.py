@@ -17,7 +17,7 @@ BEFORE, AFTER, POSITION, OUT_OF_REACH = "#D55E00", "#0072B2", "#009E73", "#f4f1e
 
 INK, MUTED = "#1a1a1a", "#777777"
 LINE, POINT = 1.9, 4.2
-SIZE = (8.0, 4.9)
+SIZE = (8.4, 5.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +55,19 @@ def draw_compensation(lines: Sequence[Line]) -> Figure:
         axes[1, column].set_xlabel("commanded x [mm]", color=INK)
     axes[0, 0].set_ylabel("error of position [mm]", color=INK)
     axes[1, 0].set_ylabel("error of rotation [°]", color=INK)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    entries = {}
+    for column in range(len(lines)):
+        handles, labels = axes[0, column].get_legend_handles_labels()
+        entries |= dict(zip(labels, handles, strict=True))
+    figure.legend(
+        entries.values(),
+        entries.keys(),
+        loc="outside lower center",
+        ncols=5,
+        frameon=False,
+        fontsize=8.5,
+        columnspacing=1.4,
+    )
     return figure
 
 
@@ -99,10 +110,9 @@ def _panel(axes: Axes, line: Line, error) -> None:
     )  # fmt: skip
     if line.position_alone:
         alone = errors(line.position_alone)
-        axes.plot(x, alone, color=POSITION, linewidth=LINE, linestyle=(0, (2.2, 1.4)), zorder=2, clip_on=False)
-        axes.annotate(
-            "for the position alone", (x[0], alone[0]), xytext=(12, 0 if alone[0] > 1 else 9), va="center",
-            textcoords="offset points", fontsize=8.5, color=POSITION,
+        axes.plot(
+            x, alone, color=POSITION, linewidth=LINE, linestyle=(0, (2.2, 1.4)), zorder=2, clip_on=False,
+            label="… position alone, in MuJoCo",
         )  # fmt: skip
         after = after + alone
     if exact.all():

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-from problems import hanging_mass, paper_line
+from hypothesis import given, settings
+from problems import hanging_mass, paper_line, random_problems
 
 import cdpr_sim as cdpr
 from cdpr_sim import distribution, two_cable
@@ -40,6 +41,7 @@ def test_on_cogiro_with_the_fishing_line_the_error_falls_below_a_micrometre(cata
         assert errors(before, found.commanded)[0] > 400 * MICROMETRE
         assert max(errors(after, found.commanded)) < HELD
         assert after.stable
+        assert cdpr.compare(found.equilibrium, after).agrees
 
 
 def test_lengths_for_another_stiffness_do_not_compensate(catalogue):
@@ -157,3 +159,16 @@ def test_limits_that_no_pose_fits_are_said():
     """One cable cannot carry 20 N with 50 N, wherever the platform goes."""
     with pytest.raises(cdpr.NotConverged, match="found no pose near the commanded one"):
         cdpr.compensate(hanging_mass().robot, (0, 0, 1), tension_limits=(50, 60))
+
+
+@settings(max_examples=15)
+@given(random_problems())
+def test_on_random_robots_mujoco_rests_where_compensation_says(problem):
+    """Pushed or not, planar or spatial, soft or stiff: MuJoCo rests there, and would be nudged off were it a saddle."""
+    robot, wrench = problem.robot, problem.external_wrench
+    found = cdpr.compensate(robot, problem.pose, external_wrench=wrench)
+    assert found.equilibrium.stable
+    assert found.exact == (found.reasons == ())
+    at_rest = cdpr.settle(robot, found.pose, found.rest_lengths, wrench)
+    assert at_rest.stable
+    assert distance(at_rest.pose, found.pose, robot.characteristic_length) < SOFT
