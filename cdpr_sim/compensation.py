@@ -36,14 +36,16 @@ TAUT = 0.01
 """Default lower limit of tension, as a fraction of the load: keeps every cable taut, so that each one holds."""
 
 HELD = 1e-3
-"""Least stiffness that counts as held, in loads per characteristic length: DemoBot's pendulum swing has 0.1."""
+"""Least stiffness that counts as held, in loads per characteristic length: the softest place of rest of
+DemoBot that is held at all, turned over, has 0.2."""
 
 LEAST_ARM = 1e-3
 """Of the characteristic length. Where position alone counts, this much weight on the rotation still chooses the least
 of those that go with it, and moves the position by its square times centimetres: 1e-8 m measured."""
 
 _EQUAL = 1e-6
-"""[m] Distance between SLSQP's nearest pose and the equilibrium of its rest lengths: it measures 1e-9 to 1e-7."""
+"""[m] Distance between SLSQP's nearest pose and the equilibrium of its rest lengths: it measures below
+1e-12, where SLSQP has converged."""
 
 
 class Reach(enum.Enum):
@@ -129,7 +131,7 @@ def compensate(
     if prefer not in get_args(Prefer):
         raise UnknownName("preference", str(prefer), get_args(Prefer))
     commanded = robot.pose(pose)
-    rigid = Problem.of(robot, commanded, robot.rest_lengths(commanded), external_wrench)
+    rigid = Problem.of(robot, commanded, external_wrench=external_wrench)  # which refuses a pose above all exits
     lower, upper = limits = _limits(rigid, tension_limits)
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
     if arm < 0:

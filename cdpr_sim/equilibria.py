@@ -27,7 +27,8 @@ from cdpr_sim.problem import Problem
 from cdpr_sim.robot import Robot, checked_array
 
 SAME = 1e-3
-"""Two equilibria nearer than this fraction of the characteristic length are one: solutions of one scatter by 1e-8."""
+"""Two equilibria nearer than this fraction of the characteristic length are one: two solutions of one scatter by
+1e-9 m and less, where it is held."""
 
 LOOSE = 1e-6
 """Equilibria whose softest direction has this fraction of the stiffest may belong to a family: ``parallel``, hanging on
@@ -37,7 +38,7 @@ BALANCED = 1e-8
 """Unbalanced force of a root, as a fraction of the load."""
 
 ROOT_STEPS = 150
-"""Levenberg-Marquardt steps per start in the search for saddles; most that converge need 10 to 60."""
+"""Levenberg-Marquardt steps per start in the search for saddles."""
 
 BETWEEN = 7
 """Starts on the screw motion between each two stable equilibria."""

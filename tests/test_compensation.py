@@ -145,13 +145,16 @@ def test_limits_are_kept_and_binding_ones_are_named(catalogue):
         ({"tension_limits": 3}, "expected \\(lowest, highest\\)"),
         ({"tension_limits": (0, [1, 2])}, "expected \\(lowest, highest\\)"),
         ({"arm": -1}, "arm: found -1 m"),
+        ({"pose": (0.4, 0.25, 2.0)}, "falls since cables cannot push"),
+        ({"pose": (0.4, np.nan, 0.1)}, "pose: found"),
+        ({"external_wrench": [1, 2]}, "external_wrench: found an array of shape"),
         ({"prefer": "stifest"}, "did you mean stiffest"),
     ],
 )
 def test_impossible_requests_get_one_sentence(catalogue, arguments, message):
     """Each names the field, what was found and what is expected."""
     with pytest.raises(cdpr.CdprError, match=message) as caught:
-        cdpr.compensate(catalogue["cogiro"], (0.3, 0.25, 0.1), **arguments)
+        cdpr.compensate(catalogue["cogiro"], **({"pose": (0.3, 0.25, 0.1)} | arguments))
     assert "\n" not in str(caught.value)
 
 
