@@ -123,17 +123,17 @@ def equilibria_table(found: Equilibria, releases: Sequence[Release], reached: in
     """Lowest energy first, with what MuJoCo's platform does when it is let go there."""
     robot = found.problem.robot
     table = _table(
-        f"{robot.name}, {stiffness(found.problem)}: equilibria of the same cable lengths",
+        f"{robot.name}, {stiffness(found.problem)}:\nequilibria of the same cable lengths",
         "",
-        "energy [mJ]",
-        "x [mm]",
-        "y [mm]",
-        "z [mm]",
-        "tilt [°]",
+        "energy\n[mJ]",
+        "x\n[mm]",
+        "y\n[mm]",
+        "z\n[mm]",
+        "tilt\n[°]",
         "slack",
-        "softest [N/m]",
-        "unstable",
-        "let go, MuJoCo",
+        "softest\n[N/m]",
+        "ways\ndown",
+        "let go in\nMuJoCo",
         "",
     )
     for number, (one, energy, release) in enumerate(zip(found, found.energies, releases, strict=True)):
@@ -141,10 +141,10 @@ def equilibria_table(found: Equilibria, releases: Sequence[Release], reached: in
         table.add_row(
             str(number + 1),
             f"{1e3 * energy:.3f}",
-            f"{x:.2f}",
-            f"{y:.2f}",
-            f"{z:.2f}",
-            f"{np.degrees(one.tilt):.2f}",
+            f"{x:.1f}",
+            f"{y:.1f}",
+            f"{z:.1f}",
+            f"{np.degrees(one.tilt):.1f}",
             str(int(one.slack.sum())),
             f"{one.eigenvalues[0]:.3g}",
             str(unstable_directions(one) or ""),
