@@ -20,7 +20,14 @@ from cdpr_sim.vibration import Modes
 
 
 def _table(title: str, *columns: str) -> Table:
-    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
+    table = Table(
+        title=escape(title),
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1),
+        pad_edge=False,
+        collapse_padding=True,
+    )
     for name in columns:
         table.add_column(escape(name), justify="right" if name != columns[0] else "left", no_wrap=True)
     return table
@@ -134,13 +141,12 @@ def equilibria_table(found: Equilibria, releases: Sequence[Release], reached: in
         "softest\n[N/m]",
         "ways\ndown",
         "let go in\nMuJoCo",
-        "",
     )
     for number, (one, energy, release) in enumerate(zip(found, found.energies, releases, strict=True)):
         x, y, z = 1e3 * one.position
         table.add_row(
             str(number + 1),
-            f"{1e3 * energy:.3f}",
+            f"{1e3 * energy:.2f}",
             f"{x:.1f}",
             f"{y:.1f}",
             f"{z:.1f}",
@@ -149,7 +155,6 @@ def equilibria_table(found: Equilibria, releases: Sequence[Release], reached: in
             f"{one.eigenvalues[0]:.3g}",
             str(unstable_directions(one) or ""),
             "stays" if release.stays else "leaves" if release.leaves else "neither",
-            "reached" if number == reached else "",
             style="bold" if number == reached else "" if one.stable else "dim",
         )
     return table
