@@ -71,3 +71,9 @@ def tilt(rotation: Rotation) -> float:
 def moved(pose: RigidTransform, step: Float[np.ndarray, "6"]) -> RigidTransform:
     """``pose`` after a step (translation [m], left-applied rotation vector [rad])."""
     return RigidTransform.from_components(pose.translation + step[:3], Rotation.from_rotvec(step[3:]) * pose.rotation)
+
+
+def distance(one: RigidTransform, other: RigidTransform, arm: float) -> float:
+    """sqrt(|translation|² + (arm·angle)²) between two poses [m]; ``arm`` [m] turns rotations into lengths."""
+    shift = np.linalg.norm(one.translation - other.translation)
+    return float(np.hypot(shift, arm * (one.rotation * other.rotation.inv()).magnitude()))

@@ -4,11 +4,12 @@ import hypothesis
 import pytest
 from jaxtyping import install_import_hook
 
-# Behind the doors (Robot, Problem, catalog, cli), where what users give is checked, with messages of its own.
-# descent, modes and feasibility stay out too: their functions are compiled by Numba.
+# Behind the doors (Robot, Problem, catalog, compensation, identification, cli), where what users give is checked, with
+# messages of its own. descent, modes and feasibility stay out too: their functions are compiled by Numba.
 MODULES = [
-    "agreement", "balance", "bench", "equilibrium", "mjcf", "newton", "render", "scene", "seecr", "settling",
-    "solver_studies", "statics", "studies", "trajectory", "two_cable_studies",
+    "agreement", "balance", "bench", "derivatives", "distribution", "equilibrium", "mjcf", "newton", "releasing",
+    "render", "scene", "seecr", "sensitivities", "settling", "solver_studies", "statics", "studies", "trajectory",
+    "two_cable_studies", "vibration",
 ]  # fmt: skip
 install_import_hook([f"cdpr_sim.{module}" for module in MODULES], "typechecker.check")
 

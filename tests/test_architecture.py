@@ -12,20 +12,23 @@ PACKAGE = Path(cdpr.__file__).parent
 ORDER = [
     "errors", "pose", "materials", "robot", "catalog", "problem", "equilibrium", "trajectory", "progress", "grids",
     "statics", "descent", "modes", "seecr", "newton", "solvers", "two_cable", "feasibility", "stores", "sweeping",
+    "derivatives", "distribution", "compensation", "sensitivities", "vibration", "equilibria", "measurements",
+    "identification",
     "mjcf", "bench", "settling", "driving",
-    "agreement", "checking", "studies", "two_cable_studies", "balance", "solver_studies",
-    "style", "drawing", "figures", "two_cable_figures", "solver_figures", "gallery", "maps", "pictures",
-    "scene", "raycast", "render", "panel", "video",
-    "models", "report", "overview", "cli",
+    "agreement", "releasing", "checking", "studies", "two_cable_studies", "balance", "solver_studies",
+    "style", "drawing", "figures", "two_cable_figures", "solver_figures", "gallery", "figure_compensation", "maps",
+    "pictures", "scene", "raycast", "render", "panel", "video",
+    "models", "report", "overview", "answer_tables", "cli",
 ]  # fmt: skip
 """The rooms, in the order of the flow: each may import only from those before it."""
 
 MATHEMATICS = {
     "statics", "descent", "modes", "seecr", "newton", "solvers", "two_cable", "feasibility", "sweeping",
+    "derivatives", "distribution", "compensation", "sensitivities", "vibration", "equilibria", "identification",
 }  # fmt: skip
-PHYSICS = {"mjcf", "bench", "settling", "driving"}
+PHYSICS = {"mjcf", "bench", "settling", "driving", "releasing"}
 DRAWING = {
-    "style", "drawing", "figures", "two_cable_figures", "solver_figures", "maps", "pictures",
+    "style", "drawing", "figures", "two_cable_figures", "solver_figures", "figure_compensation", "maps", "pictures",
     "scene", "raycast", "render", "panel", "video",
 }  # fmt: skip
 

@@ -1,0 +1,113 @@
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli import app
+
+runner = CliRunner()
+
+
+def run(*words: str):
+    return runner.invoke(app, list(words), env={"COLUMNS": "140"})
+
+
+def row(text: str, label: str) -> list[str]:
+    """The cells of the table's row that begins with ``label``."""
+    return next(line for line in text.splitlines() if line.strip().startswith(label)).split()
+
+
+def test_compensate_shows_the_error_before_and_after_by_both_roads():
+    """Half a millimetre before, nothing after, exit status 0."""
+    result = run("compensate", "cogiro", "--material", "fishing-0.4mm", "--pose", "0.3", "0.25", "0.1")
+    assert result.exit_code == 0
+    before_mujoco, before_newton, after_mujoco, after_newton = map(float, row(result.stdout, "error of position")[-4:])
+    assert before_mujoco == pytest.approx(before_newton, abs=1e-4)
+    assert before_mujoco > 0.4
+    assert max(after_mujoco, after_newton) < 1e-6
+    assert "The commanded pose is held exactly" in result.stdout
+
+
+def test_compensate_says_where_no_lengths_help_and_exits_1():
+    """With the reason, and the nearest pose in a stated metric."""
+    result = run("compensate", "parallel", "--pose", "0.17", "0.25", "0.1")
+    assert result.exit_code == 1
+    assert "No lengths hold the commanded pose" in result.stdout
+    assert "would have to push" in result.stdout
+    values = json.loads(run("compensate", "parallel", "--pose", "0.17", "0.25", "0.1", "--arm", "0", "--json").stdout)
+    assert values["exact"] is False
+    assert values["distance"] < 1e-6
+    assert np.linalg.norm(np.subtract(values["after"]["mujoco"]["position"], [0.17, 0.25, 0.1])) < 1e-6
+
+
+def test_sensitivity_prints_what_matters_most_and_the_frequencies():
+    """A table of effects, largest first, and one of natural frequencies."""
+    result = run("sensitivity", "parallel", "--pose", "0.25", "0.25", "0.1", "--rows", "5")
+    assert result.exit_code == 0
+    assert "rest length 1" in result.stdout
+    assert "natural frequencies" in result.stdout
+    values = json.loads(run("sensitivity", "parallel", "--pose", "0.25", "0.25", "0.1", "--json").stdout)
+    assert len(values["frequencies"]) == 6
+    moved = [
+        np.hypot(
+            effect["position"], 1e3 * cdpr.load_robot("parallel").characteristic_length * np.radians(effect["rotation"])
+        )
+        for effect in values["effects"]
+    ]
+    assert (np.diff(moved) <= 1e-12).all()
+
+
+def test_equilibria_marks_the_one_that_is_reached():
+    """Seven places to rest, MuJoCo stays at each, and the upright one is reached on both roads."""
+    result = run("equilibria", "cogiro", "--material", "fishing-0.4mm", "--starts", "1000")
+    assert result.exit_code == 0
+    assert result.stdout.count("stays") == 7
+    assert "the platform comes to 1;" in result.stdout
+    assert "MuJoCo comes to the same" in result.stdout
+    values = json.loads(run("equilibria", "two-cable", "--saddles", "--starts", "300", "--json").stdout)
+    assert values["imbalance"] == 0
+    assert [one["stays_in_mujoco"] for one in values["equilibria"]] == [True, False]
+
+
+def test_identify_reads_a_file_and_finds_the_stiffness(tmp_path):
+    """Data by MuJoCo at EA = 800 N, in millimetres and degrees."""
+    robot = cdpr.load_robot("cogiro").replace(axial_stiffness=800.0)
+    lines = ["commanded_x [mm],commanded_y [mm],commanded_z [mm],measured_x [mm],measured_z [mm],measured_beta [deg]"]
+    for x in (200.0, 300.0, 450.0, 600.0):
+        found = cdpr.settle(robot, (x / 1e3, 0.2, 0.1))
+        position, beta = 1e3 * found.position, np.degrees(found.euler[1])
+        lines.append(
+            f"{x!r},200,100,{position[0]!r},{position[2]!r},{beta!r}".replace("np.float64(", "").replace(")", "")
+        )
+    path = tmp_path / "line.csv"
+    path.write_text("\n".join(lines))
+    result = run("identify", "cogiro", str(path), "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["unknowns"]["axial_stiffness"]["value"] == pytest.approx(800, rel=1e-4)
+    result = run("identify", "cogiro", str(path), "--unknown", "axial_stiffness", "--unknown", "mass")
+    assert result.exit_code == 1
+    assert result.stdout.count("undetermined") == 2
+    assert "cannot tell axial_stiffness and mass apart" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["compensate", "paralel"], "did you mean parallel"),
+        (["compensate", "cogiro", "--tensions", "2", "1"], "found lowest 2 N above highest 1 N"),
+        (["compensate", "cogiro", "--tensions", "nan", "1"], "tension_limits: found nan"),
+        (["compensate", "cogiro", "--prefer", "stif"], "unknown preference 'stif'"),
+        (["sensitivity", "two-cable", "--pose", "0.4", "0.1", "0.2"], "'two-cable' is planar"),
+        (["equilibria", "cogiro", "--starts", "0"], "starts: found 0"),
+        (["identify", "cogiro", "nowhere.csv"], "nowhere.csv: no such file"),
+    ],
+)
+def test_users_mistake_gets_one_sentence_and_exit_status_2(words, message):
+    """No traceback, nothing on standard output."""
+    result = run(*words)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert result.stdout == ""
+    assert len(result.stderr.strip().splitlines()) == 1

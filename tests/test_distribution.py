@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import cdpr_sim as cdpr
+from cdpr_sim import distribution, statics
+from cdpr_sim.compensation import demand_at
+
+SAME = 1e-5
+"""Relative difference from SLSQP's answer, which stops at 1e-10 of the objective: the root of that in the tensions."""
+
+
+def demand(name: str, position, lower=0.0, upper=np.inf) -> distribution.Demand:
+    robot = cdpr.load_robot(name)
+    problem = cdpr.Problem.of(robot, position)
+    limits = (np.full(robot.cables, lower), np.full(robot.cables, upper))
+    return demand_at(problem, problem.pose, *limits)
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.0, np.inf), (0.35, np.inf), (0.2, 1.06)])
+def test_smallest_tensions_are_those_of_a_general_optimiser(lower, upper):
+    """Least-distance programming against SLSQP, with limits that bind and without."""
+    there = demand("cogiro", (0.25, 0.2, 0.15), lower, upper)
+    found = distribution.smallest(there)
+    assert found is not None
+    bounds = [(lower, None if np.isinf(upper) else upper)] * 8
+    constraint = {"type": "eq", "fun": lambda t: there.wrench_matrix @ t + there.load}
+    general = minimize(lambda t: t @ t, np.full(8, 0.5), bounds=bounds, constraints=constraint, options={"ftol": 1e-14})
+    assert np.abs(there.wrench_matrix @ found + there.load).max() < 1e-12 * there.scale
+    assert found.min() >= lower
+    assert found.max() <= upper
+    assert found == pytest.approx(general.x, rel=SAME, abs=SAME)
+
+
+def test_stiffest_tensions_beat_every_other():
+    """No random tensions within limits have a larger smallest eigenvalue; the smallest ones have a smaller one."""
+    there = demand("cogiro", (0.25, 0.2, 0.15), 0.04, 5.0)
+    best = distribution.stiffest(there)
+    least = distribution.smallest(there)
+    assert best is not None
+    assert least is not None
+    value = there.softest(best)[0]
+    assert value > there.softest(least)[0]
+    rng = np.random.default_rng(0)
+    null = np.linalg.svd(there.wrench_matrix)[2][6:]
+    tried = 0
+    for _ in range(2000):
+        other = least + rng.normal(size=2) @ null * 0.7
+        if (other >= 0.04).all() and (other <= 5).all():
+            tried += 1
+            assert there.softest(other)[0] <= value * (1 + 2 * distribution.GAP)
+    assert tried > 50
+
+
+def test_stiffness_is_affine_in_the_tensions():
+    """What the cutting planes rest on: read off at tensions other than those it was built from."""
+    there = demand("parallel", (0.4, 0.25, 0.1))
+    robot = cdpr.load_robot("parallel")
+    tensions = np.random.default_rng(1).uniform(0.1, 2, 8)
+    lengths = robot.rest_lengths((0.4, 0.25, 0.1))
+    rest = lengths * robot.axial_stiffness / (robot.axial_stiffness + tensions)
+    problem = cdpr.Problem.of(robot, (0.4, 0.25, 0.1), rest)
+    expected = statics.eigenvalues(problem, problem.pose.translation, problem.pose.rotation.as_matrix())[0]
+    assert there.softest(tensions)[0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_where_nothing_balances_the_leftover_proves_it():
+    """Farkas: along the wrench left over the load gains and every cable gets shorter or stays as long."""
+    there = demand("parallel", (0.17, 0.25, 0.1))
+    assert distribution.smallest(there) is None
+    assert distribution.stiffest(there) is None
+    left = distribution.unbalanced(there)
+    assert left @ there.load > 0
+    assert (there.wrench_matrix.T @ left >= -1e-9 * there.scale).all()
+    # Negative control: where tensions balance the load, nothing is left over.
+    assert np.abs(distribution.unbalanced(demand("cogiro", (0.17, 0.25, 0.1)))).max() < 1e-9
+
+
+def test_pretension_without_a_limit_is_refused():
+    """A platform that cables pull from both sides gets stiffer for ever: one sentence, and no endless search."""
+    robot = cdpr.Robot(
+        exits=[[-1, 0, 1], [1, 0, 1], [-1, 0, -1], [1, 0, -1]],
+        anchors=[[-0.1, 0, -0.1], [0.1, 0, -0.1], [-0.1, 0, 0.1], [0.1, 0, 0.1]],
+        axial_stiffness=1e4,
+        mass=1.0,
+        mobility="planar",
+    )
+    with pytest.raises(cdpr.InvalidInput, match="found no upper limit"):
+        cdpr.compensate(robot, (0, 0, 0), prefer="stiffest")
+    assert cdpr.compensate(robot, (0, 0, 0), prefer="stiffest", tension_limits=(1, 100)).tensions.max() > 99

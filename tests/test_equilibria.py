@@ -1,0 +1,229 @@
+import numpy as np
+import pytest
+from problems import hanging_mass
+
+import cdpr_sim as cdpr
+from cdpr_sim import two_cable
+from cdpr_sim.equilibria import unstable_directions
+from cdpr_sim.equilibrium import Stability
+from cdpr_sim.releasing import grow_gravity, release
+
+SAME = 1e-6
+"""[m] Two equilibria, found twice: solutions scatter by 1e-10, MuJoCo's by 1e-8 where softly held."""
+
+STIFF = 1e7
+"""[N] Cables that stretch by 1e-7 of their length: rigid, for counting equilibria by the closed form."""
+
+
+RIGID = 1e-5
+"""Strain of cables that are as good as rigid: a platform's weight strains them by 1e-6 at most."""
+
+
+def tilted_up(equilibrium: cdpr.Equilibrium) -> float:
+    """The vertical part of the platform's z axis: 1 upright, −1 turned over."""
+    return float(equilibrium.rotation.as_matrix()[2, 2])
+
+
+def rigid_count(robot: cdpr.Robot, rest_lengths: np.ndarray, samples: int = 20_000) -> tuple[int, int]:
+    """(stable, unstable) equilibria of a bar on two rigid cables: an independent count, by the closed form.
+
+    For each rotation beta the bar's middle lies where two circles cross, about each exit less its arm. Along these two
+    branches of the four-bar's curve the closed form's own rotations are compared with beta: where its equation
+    changes sign and both cables pull, the bar rests if the middle is lowest there. Then the bar can hang on one cable
+    alone, its end below the exit and its middle below that, if the other is then slack.
+    """
+    exits, half = robot.exits[:, [0, 2]], float(robot.anchors[1, 0])
+    stable = unstable = 0
+    beta = np.linspace(-np.pi, np.pi, samples) + 0.1234  # all the way round, and no symmetric pose at the seam
+    arm = half * np.stack([np.cos(beta), -np.sin(beta)], axis=1)  # R_y(beta) (b, 0, 0) in the x-z plane
+    first, second = exits[0] + arm, exits[1] - arm  # the middle is l0 away from each
+    across = second - first
+    distance = np.linalg.norm(across, axis=1)
+    along = (distance**2 + rest_lengths[0] ** 2 - rest_lengths[1] ** 2) / (2 * distance)
+    height = rest_lengths[0] ** 2 - along**2
+    for side in (1.0, -1.0):
+        reached = height > 0
+        normal = np.stack([-across[:, 1], across[:, 0]], axis=1) / distance[:, None]
+        middle = first + (along / distance)[:, None] * across + side * np.sqrt(np.maximum(height, 0))[:, None] * normal
+        s, c = np.sin(-beta), np.cos(beta)
+        X, h = exits[:, 0] - middle[:, :1], exits[:, 1] - middle[:, 1:]
+        b = half
+        balance = (
+            -2 * s * X[:, 0] * X[:, 1] + c * (h[:, 0] * X[:, 1] + h[:, 1] * X[:, 0])
+            + b * s * c * (X[:, 0] - X[:, 1]) + b * c**2 * (h[:, 1] - h[:, 0])
+        )  # fmt: skip
+        for i in np.flatnonzero(np.diff(np.sign(balance)) != 0):
+            if not (reached[i] and reached[i + 1]) or i == 0:
+                continue
+            position = np.array([middle[i, 0], 0, middle[i, 1]])
+            if (two_cable.tensions(robot, position, beta[i]) > 0).all():
+                lowest = middle[i - 1, 1] - 2 * middle[i, 1] + middle[i + 1, 1] > 0
+                stable, unstable = stable + lowest, unstable + (not lowest)
+    for cable, other in ((0, 1), (1, 0)):
+        hanging = exits[cable] - [0, rest_lengths[cable]]
+        free_end = hanging - [0, 2 * half]
+        if np.linalg.norm(exits[other] - free_end) < rest_lengths[other]:
+            stable += 1
+        upright_end = hanging + np.array([0, 2 * half])
+        if np.linalg.norm(exits[other] - upright_end) < rest_lengths[other]:
+            unstable += 1
+    return stable, unstable
+
+
+@pytest.mark.parametrize(
+    "lengths",
+    [
+        [0.5, 0.5],
+        [0.36, 0.44],
+        [0.40, 0.75],
+        [0.3, 1.2],
+        [0.9, 0.9],
+        [0.8, 1.1],
+        [0.36, 0.36],
+    ],
+)
+def test_the_count_on_two_cables_is_that_of_the_closed_form(catalogue, lengths):
+    """Stiff cables, short and long, so long that one goes slack: as many stable and unstable ones as it counts."""
+    robot = catalogue["two-cable"].replace(axial_stiffness=STIFF)
+    counted = rigid_count(robot, np.array(lengths))
+    found = cdpr.find_equilibria(robot, lengths, saddles=True, starts=500)
+    assert found.imbalance == 0
+    rigid = [one for one in found if one.tensions.max() < RIGID * STIFF]
+    assert (sum(one.stable for one in rigid), sum(not one.stable for one in rigid)) == counted
+    # What rigid cables do not reach at all, such as a bar turned over on short ones, stretches them by percents.
+    assert all(one.tensions.max() > 100 * RIGID * STIFF for one in found if one not in rigid)
+
+
+def test_cogiro_at_home_can_rest_at_seven_places(catalogue):
+    """Upright, and six ways turned over: each stable, each its own, mirrored in pairs by the layout's half turn."""
+    robot = catalogue["cogiro"]
+    found = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home))
+    assert len(found) >= 6
+    assert all(one.stable for one in found)
+    assert (np.diff(found.energies) >= 0).all()
+    assert found.energies[1::2] == pytest.approx(found.energies[2::2], abs=1e-9)
+    assert tilted_up(found[0]) == pytest.approx(1, abs=1e-9)
+    assert all(tilted_up(one) < 0.2 for one in found.found[1:])
+    for seed in (1, 2):
+        again = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home), seed=seed)
+        assert len(again) == len(found)
+        assert all(found.nearest(one.pose)[1] < SAME for one in again)
+
+
+@pytest.mark.parametrize("name", ["cogiro", "two-cable", "planar-horizontal"])
+def test_mujoco_stays_at_every_stable_one_and_leaves_every_saddle(catalogue, name):
+    """Undamped, displaced by a micrometre along its softest direction and let go."""
+    robot = catalogue[name].replace(material="fishing-0.4mm")
+    found = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home), saddles=True, starts=1000)
+    assert found.unstable
+    assert found.imbalance == 0
+    for one in found:
+        assert one.stability is not Stability.NEUTRAL
+        went = release(one, seconds=1.0 if one.stable else 30.0)
+        assert (went.stays, went.leaves) == (one.stable, not one.stable), (one, went)
+    for one in found.stable:
+        assert cdpr.settle(robot, one.pose, one.rest_lengths).position == pytest.approx(one.position, abs=SAME)
+
+
+def test_a_pose_that_is_no_equilibrium_does_not_stay(catalogue):
+    """Negative control of the release: half a millimetre off, where it swings about the equilibrium."""
+    robot = catalogue["two-cable"]
+    one = cdpr.solve(robot, robot.home)
+    beside = cdpr.Equilibrium(**(vars(one) | {"pose": robot.pose(one.position + np.array([5e-4, 0, 0]))}))
+    assert not release(beside, seconds=1.0).stays
+
+
+def test_fewer_starts_would_be_noticed_by_the_imbalance(catalogue):
+    """Negative control of the count: with one equilibrium left out, even and odd no longer balance."""
+    robot = catalogue["cogiro"].replace(material="fishing-0.4mm")
+    found = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home), saddles=True, starts=1000)
+    assert found.imbalance == 0
+    fewer = cdpr.Equilibria(found.problem, found.found[1:], found.energies[1:], 1, True)
+    assert abs(fewer.imbalance or 0) == 1
+
+
+def test_the_lowest_energy_is_not_where_the_robot_goes(catalogue):
+    """With a camera on top (centre of mass 15 mm up), turned over is lower, and both roads reach the upright one."""
+    robot = catalogue["cogiro"].replace(center_of_mass=(0, 0, 0.015))
+    found = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home), starts=1000)
+    assert tilted_up(found[0]) < 0
+    followed = cdpr.follow_load(robot, robot.home)
+    assert followed.jumps == ()
+    index, distance = found.nearest(followed.reached.pose)
+    assert distance < SAME
+    assert tilted_up(found[index]) > 0.999
+    assert found.energies[index] > found.energies[0] + 0.01
+    by_mujoco = grow_gravity(robot, robot.home)
+    assert found.nearest(by_mujoco.pose) == (index, pytest.approx(0, abs=SAME))
+
+
+@pytest.mark.parametrize(("name", "pose"), [("parallel", (0.2, 0.22, 0.1)), ("planar-vertical", (0.17, 0, 0.1))])
+def test_following_and_growing_gravity_end_at_the_same_place(catalogue, name, pose):
+    """Where cables go slack on the way and the platform moves centimetres."""
+    robot = catalogue[name]
+    followed = cdpr.follow_load(robot, pose)
+    assert followed.loads[-1] == 1
+    assert followed.reached.stable
+    assert cdpr.compare(followed.reached, grow_gravity(robot, pose)).agrees
+
+
+def test_following_says_where_an_equilibrium_ceases_to_be(catalogue):
+    """Turned over on soft cables, the platform falls out of its place at some load; MuJoCo falls to the same one.
+
+    Equilibria depend on load over stiffness alone, so that cables half as stiff lose it at half the load.
+    """
+    stiff = catalogue["cogiro"]
+    rest = stiff.rest_lengths(stiff.home)
+    start = cdpr.find_equilibria(stiff, rest, starts=1000)[3].pose
+    loads = []
+    for softness in (100.0, 50.0):
+        robot = stiff.replace(axial_stiffness=softness)
+        followed = cdpr.follow_load(robot, start, rest)
+        (load,) = followed.jumps
+        loads.append(load)
+        assert tilted_up(followed.equilibria[0]) == pytest.approx(0.06, abs=0.01)
+        reached = grow_gravity(robot, start, rest)
+        assert reached.position == pytest.approx(followed.reached.position, abs=SAME)
+        assert tilted_up(reached) < -0.1
+    assert loads[0] == pytest.approx(2 * loads[1], abs=4e-4)  # the shortest step, twice
+
+
+def test_a_mass_on_one_cable_hangs_in_one_family():
+    """Its rotations about the cable are one family, and turned over is held by nothing."""
+    problem = hanging_mass()
+    found = cdpr.find_equilibria(problem.robot, problem.rest_lengths, saddles=True, starts=200)
+    assert len(found.stable) == 1
+    assert found[0].stability is Stability.NEUTRAL
+    assert found.imbalance is None
+
+
+def test_indices_count_unstable_directions(catalogue):
+    """0 at rest, and 1 or more elsewhere, as the eigenvalues say."""
+    robot = catalogue["planar-horizontal"]
+    found = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home), saddles=True, starts=300)
+    for one in found:
+        assert (unstable_directions(one) == 0) == one.stable
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"rest_lengths": [1.0]}, "rest_lengths: found an array of shape"),
+        ({"rest_lengths": [np.nan, 1.0]}, "rest_lengths: found nan"),
+        ({"rest_lengths": [0.5, 0.5], "starts": 0}, "starts: found 0"),
+        ({"rest_lengths": [0.5, 0.5], "external_wrench": [0, 0, 0, 0, 1, 0]}, "found a torque"),
+    ],
+)
+def test_what_cannot_be_right_gets_one_sentence(catalogue, arguments, message):
+    """Each names the field."""
+    with pytest.raises(cdpr.InvalidInput, match=message):
+        cdpr.find_equilibria(catalogue["two-cable"], **arguments)
+
+
+def test_without_a_load_there_is_nothing_to_follow(catalogue):
+    """Slack cables hold any pose: one sentence each."""
+    robot = catalogue["cogiro"].replace(gravity=0)
+    with pytest.raises(cdpr.InvalidInput, match="found no load"):
+        cdpr.follow_load(robot, robot.home)
+    with pytest.raises(cdpr.InvalidInput, match="found no load"):
+        cdpr.find_equilibria(robot, robot.rest_lengths(robot.home))

@@ -1,0 +1,217 @@
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+import cdpr_sim as cdpr
+from cdpr_sim import newton
+from cdpr_sim.identification import UNKNOWNS, _euler, _Model, _wanted
+
+NOISE = 2e-5
+"""[m] of a measured coordinate; DemoBot's tracker states 6.5e-5."""
+
+SLOPE = 1e-5
+"""Relative error of central differences through the solver: 7e-7 measured at worst."""
+
+FITTED = 1e-5
+"""Relative error of what is fitted to MuJoCo's poses without noise: they are 1e-9 m from
+statics', over a sag of 4e-4 m."""
+
+SEEDS = {True: 100, False: 40}
+"""How many fits, with errors stated and judged from the scatter."""
+
+COVERED = 0.95
+"""Of many fits this fraction should find the truth within 1.96 standard errors."""
+
+
+def commanded(rows: int = 12, seed: int = 0) -> np.ndarray:
+    """Positions all over DemoBot's workspace."""
+    return np.random.default_rng(seed).uniform([0.15, 0.12, 0.05], [0.65, 0.38, 0.3], (rows, 3))
+
+
+def exact_poses(robot: cdpr.Robot, positions: np.ndarray, offsets: np.ndarray | float = 0.0) -> np.ndarray:
+    """Six-vectors of statics."""
+    rest = np.array([robot.rest_lengths(position) for position in positions]) + offsets
+    solved = newton.solve_many(robot, positions, rest_lengths=rest)
+    return np.hstack([solved.positions, _euler(solved.rotations)])
+
+
+def noisy(robot: cdpr.Robot, poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    sigma = np.repeat([NOISE, NOISE / robot.characteristic_length], 3)
+    return poses + rng.normal(size=poses.shape) * sigma
+
+
+@pytest.fixture(scope="module")
+def robot() -> cdpr.Robot:
+    """What one believes the robot to be: DemoBot on the catalogue's fishing line."""
+    return cdpr.load_robot("cogiro").replace(material="fishing-0.4mm")
+
+
+def test_derivatives_of_the_residuals_are_exact(robot):
+    """Every unknown, at poses away from the middle and with a tilt, against central differences."""
+    measurements = cdpr.Measurements.of(commanded(4), np.zeros((4, 6)))
+    unknowns = [one for name in UNKNOWNS if name != "axial_stiffness" for one in _wanted(robot, [name])]
+    unknowns += _wanted(robot, ["axial_stiffness"])[:0]
+    model, at = _Model(robot, measurements, unknowns), np.zeros(len(unknowns))
+    exact = model.slopes(at)
+    for k, one in enumerate(unknowns):
+        step = np.zeros(len(unknowns))
+        step[k] = 1e-4 if one.logarithmic else 1e-6
+        differenced = (model.residuals(step) - model.residuals(-step)) / (2 * step[k])
+        assert np.abs(differenced - exact[:, :, k]).max() <= SLOPE * np.abs(exact[:, :, k]).max()
+
+
+def test_stiffness_is_found_from_poses_that_mujoco_made(robot):
+    """The solver made none of the data: MuJoCo settled a robot of another EA, and EA comes out to six digits."""
+    true = robot.replace(axial_stiffness=730.0)
+    settled = cdpr.settle_many(true, commanded(8))
+    poses = np.hstack([settled.poses.translation, settled.poses.rotation.as_euler("xyz")])
+    found = cdpr.identify(robot, cdpr.Measurements.of(commanded(8), poses))
+    assert found["axial_stiffness"][0] == pytest.approx(730.0, rel=FITTED)
+    # Negative control: with the wrong mass in the model the same data give another EA.
+    other = cdpr.identify(robot.replace(mass=0.41), cdpr.Measurements.of(commanded(8), poses))
+    assert other["axial_stiffness"][0] == pytest.approx(730.0 * 0.41 / 0.4, rel=1e-4)
+
+
+def test_one_stiffness_per_cable_is_found_from_mujocos_poses(robot):
+    """Eight unknowns, eight numbers right."""
+    true = robot.replace(axial_stiffness=np.linspace(700, 1300, 8))
+    settled = cdpr.settle_many(true, commanded(12))
+    poses = np.hstack([settled.poses.translation, settled.poses.rotation.as_euler("xyz")])
+    found = cdpr.identify(robot, cdpr.Measurements.of(commanded(12), poses), ["axial_stiffness_each"])
+    assert found.values == pytest.approx(true.axial_stiffness, rel=1e-4)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_standard_errors_cover_the_truth_as_often_as_they_say(robot, stated):
+    """Over many seeds, EA and eight rest-length offsets: 95 % within 1.96 standard errors.
+
+    A binomial count lies between the limits below in all but one of a thousand cases, were the errors right;
+    errors wrong by a third would be found out (negative control).
+    """
+    rng = np.random.default_rng(7)
+    offsets = rng.normal(size=8) * 1e-4
+    true = robot.replace(axial_stiffness=800.0)
+    positions = commanded(6)
+    poses = exact_poses(true, positions, offsets)
+    truth = np.array([800.0, *offsets])
+    error = NOISE if stated else None
+    deviations = []
+    for _ in range(SEEDS[stated]):
+        measurements = cdpr.Measurements.of(positions, noisy(true, poses, rng))
+        found = cdpr.identify(robot, measurements, ("axial_stiffness", "rest_length_offsets"), position_error=error)
+        assert found.reasons == () or not stated
+        deviations.append((found.values - truth) / found.standard_errors)
+    deviations = np.abs(deviations)
+    low, high = binom.ppf([0.0005, 0.9995], SEEDS[stated], COVERED)
+    covered = (deviations < 1.96).sum(0)
+    assert (covered >= low).all()
+    assert (covered <= high).all()
+    # All nine together are a finer count: errors a third too small or too large would show.
+    assert np.mean(deviations < 1.96) == pytest.approx(COVERED, abs=0.03)
+    assert abs(np.mean(deviations < 1.96 / 1.33) - COVERED) > 0.03
+    assert abs(np.mean(deviations < 1.96 * 1.33) - COVERED) > 0.03
+
+
+def test_stiffness_and_mass_cannot_be_told_apart_and_it_says_so(robot):
+    """Doubling both moves nothing: their errors are infinite, their ratio is right, and a sentence names the two."""
+    measurements = cdpr.Measurements.of(commanded(), exact_poses(robot.replace(axial_stiffness=800.0), commanded()))
+    found = cdpr.identify(robot, measurements, ("axial_stiffness", "mass"))
+    assert np.isinf(found.standard_errors).all()
+    assert found.values[0] / found.values[1] == pytest.approx(800.0 / 0.4, rel=FITTED)
+    assert "cannot tell axial_stiffness and mass apart" in found.reasons[0]
+    # Negative control: either alone is determined.
+    for name in ("axial_stiffness", "mass"):
+        alone = cdpr.identify(robot, measurements, (name,))
+        assert np.isfinite(alone.standard_errors).all()
+        assert alone.reasons == ()
+
+
+def test_a_slack_cables_stiffness_is_not_in_the_data(catalogue):
+    """Where a cable never pulls, its EA has no effect, and it is named."""
+    robot = catalogue["planar-vertical"]
+    positions = np.array([[0.15, 0, z] for z in (0.1, 0.15, 0.2)])
+    rest = np.array([robot.rest_lengths(position) for position in positions])
+    solved = newton.solve_many(robot, positions, rest_lengths=rest)
+    slack = np.flatnonzero((solved.tensions == 0).all(0))
+    assert slack.size
+    measured = np.stack([*solved.positions[:, [0, 2]].T, _euler(solved.rotations)[:, 1]], axis=1)
+    measurements = cdpr.Measurements.of(positions, measured, coordinates=("x", "z", "beta"))
+    found = cdpr.identify(robot, measurements, ("axial_stiffness_each",), position_error=NOISE)
+    for cable in slack:
+        assert f"the data do not depend on axial_stiffness {cable + 1}" in found.reasons
+        assert np.isinf(found.standard_errors[cable])
+
+
+def test_a_model_that_does_not_explain_the_data_is_said(robot):
+    """Poses of a robot with rest lengths off by a millimetre: EA alone cannot mend that."""
+    poses = exact_poses(robot, commanded(), np.array([1e-3, 0, 0, 0, 0, 0, 0, 0]))
+    found = cdpr.identify(robot, cdpr.Measurements.of(commanded(), poses), position_error=NOISE)
+    assert "does not explain the data" in found.reasons[0]
+
+
+def test_only_what_was_measured_counts(catalogue):
+    """From heights alone, as the paper's Fig. 12a gives them."""
+    robot = catalogue["parallel"]
+    positions = np.array([[x, 0.25, 0.1] for x in np.linspace(0.2, 0.6, 7)])
+    poses = exact_poses(robot.replace(axial_stiffness=2500.0), positions)
+    found = cdpr.identify(robot, cdpr.Measurements.of(positions, poses[:, 2:3], coordinates=["z"]))
+    assert found["axial_stiffness"][0] == pytest.approx(2500.0, rel=1e-4)
+    assert np.isnan(found.residuals[:, [0, 1, 3, 4, 5]]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"unknowns": ["axial_stifness"]}, "did you mean axial_stiffness"),
+        ({"unknowns": []}, "unknowns: found none"),
+        ({"unknowns": ["mass", "mass"]}, "expected each once"),
+        ({"unknowns": ["axial_stiffness", "axial_stiffness_each"]}, "expected one of the two"),
+        ({"position_error": -1}, "position_error: found -1"),
+        ({"position_error": np.nan}, "position_error: found nan"),
+        (
+            {"unknowns": ["axial_stiffness_each", "rest_length_offsets"]},
+            "found 6 measured numbers, expected 17 or more",
+        ),
+    ],
+)
+def test_requests_that_cannot_be_right_get_one_sentence(robot, changes, message):
+    """The field, what was found and what is expected."""
+    measurements = cdpr.Measurements.of(commanded(1), exact_poses(robot, commanded(1)))
+    with pytest.raises(cdpr.CdprError, match=message):
+        cdpr.identify(robot, measurements, **changes)
+
+
+def test_measurements_of_another_robot_are_refused(catalogue):
+    """By name, by the number of cables, and by what a planar robot cannot do."""
+    positions = commanded(2)
+    named = cdpr.Measurements.of(positions, np.zeros((2, 6)), robot="cogiro")
+    with pytest.raises(cdpr.InvalidInput, match="found measurements of 'cogiro', expected of 'parallel'"):
+        cdpr.identify(catalogue["parallel"], named)
+    lengths = cdpr.Measurements.of(positions, np.zeros((2, 6)), rest_lengths=np.ones((2, 4)))
+    with pytest.raises(cdpr.InvalidInput, match="found 4 rest lengths, expected 8"):
+        cdpr.identify(catalogue["parallel"], lengths)
+    with pytest.raises(cdpr.InvalidInput, match="'two-cable' is planar"):
+        cdpr.identify(catalogue["two-cable"], cdpr.Measurements.of(positions, np.zeros((2, 6))))
+
+
+def test_the_papers_15_mm_need_cables_ten_times_softer_than_assumed(catalogue):
+    """EA of about 0.12 kN for the ends of the line at z = 0.1 m; MuJoCo, given that EA, is 15 mm off there.
+
+    Half of it is no elasticity: on all but rigid cables the platform is 7.6 mm off, so that two cables whose EA differ
+    tenfold cannot both be 15 mm off: the stiffer one is then 8.3 mm off, or the softer one more than 50 mm.
+    """
+    robot = catalogue["parallel"]
+    ends = np.array([[0.17, 0.25, 0.1], [0.63, 0.25, 0.1]])
+    measurements = cdpr.Measurements.of(ends, ends[:, 2:] - 0.015, coordinates=["z"])
+    found = cdpr.identify(robot, measurements)
+    stiffness = found["axial_stiffness"][0]
+    assert 100 < stiffness < 140
+
+    def height(factor: float) -> float:
+        settled = cdpr.settle(robot.replace(axial_stiffness=factor * stiffness), ends[0])
+        return 1e3 * float(settled.deviation[2])
+
+    assert height(1) == pytest.approx(-15, abs=1e-3)
+    assert height(10) == pytest.approx(-8.34, abs=0.01)
+    assert height(0.1) < -50
+    assert height(1e4) == pytest.approx(-7.6, abs=0.02)

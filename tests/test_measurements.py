@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+import cdpr_sim as cdpr
+
+GOOD = """# DemoBot, fishing line
+commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_beta [deg], robot
+170, 250, 100, 92.3, 26.4, parallel
+400, 250, 100, 99.5,, parallel
+"""
+
+
+def written(tmp_path, text: str):
+    path = tmp_path / "data.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_units_and_gaps_are_read_as_written(tmp_path):
+    """Millimetres and degrees become metres and radians; an empty cell and an absent column were not measured."""
+    found = cdpr.read_measurements(written(tmp_path, GOOD))
+    assert found.commanded == pytest.approx(np.array([[0.17, 0.25, 0.1, 0, 0, 0], [0.4, 0.25, 0.1, 0, 0, 0]]))
+    assert found.measured[0, [2, 4]] == pytest.approx([0.0923, np.radians(26.4)])
+    assert found.known.tolist() == [[False, False, True, False, True, False], [False, False, True, False, False, False]]
+    assert found.robot == "parallel"
+
+
+def test_rest_lengths_are_read_in_the_order_of_their_numbers(tmp_path):
+    """Whatever the order of the columns."""
+    text = "rest_length_2 [m],commanded_x [m],commanded_y [m],commanded_z [m],rest_length_1 [mm],measured_z [m]\n"
+    found = cdpr.read_measurements(written(tmp_path, text + "0.6,0.4,0,0.2,500,0.2\n"))
+    assert found.rest_lengths == pytest.approx(np.array([[0.5, 0.6]]))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("measured_beta", "mesured_beta", "unknown column 'mesured_beta \\[deg\\]': did you mean 'measured_beta'"),
+        ("measured_z [mm]", "measured_z", "column 'measured_z': found no unit, expected one of m, cm, mm"),
+        ("measured_z [mm]", "measured_z [deg]", "found unit 'deg', expected one of m, cm"),
+        ("measured_z [mm]", "measured_beta [deg]", "found column 'measured_beta' twice"),
+        ("commanded_x [mm]", "commanded_alpha [deg]", "found no column 'commanded_x'"),
+        ("92.3", "nan", "line 2, column 'measured_z': found 'nan', expected a finite number"),
+        ("92.3", "92,3", "line 2: found 7 cells, expected 6"),
+        ("92.3", "high", "line 2, column 'measured_z': found 'high'"),
+        ("170,", ",", "line 2, column 'commanded_x': found nothing"),
+        (", parallel\n400", ", cogiro\n400", "found measurements of cogiro, parallel, expected of one robot"),
+    ],
+)
+def test_what_is_wrong_is_said_with_line_and_column(tmp_path, old, new, message):
+    """One sentence each."""
+    assert old in GOOD
+    with pytest.raises(cdpr.InvalidInput, match=message) as caught:
+        cdpr.read_measurements(written(tmp_path, GOOD.replace(old, new, 1)))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_missing_empty_or_no_text_is_said(tmp_path):
+    """One sentence each."""
+    with pytest.raises(cdpr.InvalidInput, match="no such file"):
+        cdpr.read_measurements(tmp_path / "none.csv")
+    with pytest.raises(cdpr.InvalidInput, match="found no rows"):
+        cdpr.read_measurements(written(tmp_path, GOOD.splitlines()[1]))
+    path = tmp_path / "binary.csv"
+    path.write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(cdpr.InvalidInput, match="cannot be read as text"):
+        cdpr.read_measurements(path)
+    with pytest.raises(cdpr.InvalidInput, match="cannot be read as text"):
+        cdpr.read_measurements(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"commanded": [[0, 0, 0]], "measured": [[0, 0]]}, "measured: found an array of shape"),
+        ({"commanded": [[0, 0]], "measured": [[0] * 6]}, "commanded: found 2 columns"),
+        ({"commanded": [[0, 0, 0]], "measured": [[np.nan] * 6]}, "measured: found nan"),
+        ({"commanded": [[0, 0, 0]], "measured": [[0]], "coordinates": ["h"]}, "unknown coordinate 'h'"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_said(arguments, message):
+    """The field, what was found and what is expected."""
+    with pytest.raises(cdpr.CdprError, match=message):
+        cdpr.Measurements.of(**arguments)

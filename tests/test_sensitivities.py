@@ -1,0 +1,136 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from problems import hanging_mass, random_problems
+from test_derivatives import changed
+
+import cdpr_sim as cdpr
+from cdpr_sim import derivatives
+from cdpr_sim.pose import moved
+
+CUBE = 1e-4
+"""Relative error of central differences through the solver: its rounding over the step, and the square of the step; at
+most 4e-7 measured on the catalogue with the steps below."""
+
+KINK = 1e-5
+"""[m] Closer to its rest length than this, a cable may change between slack and taut while we difference."""
+
+
+def moved_by(problem: cdpr.Problem, base: cdpr.Equilibrium, name: str, index: int, step: float) -> np.ndarray:
+    """(pose step, tensions) from ``base`` of the equilibrium of a changed problem, solved anew from there."""
+    other = changed(
+        cdpr.Problem(problem.robot, base.pose, base.rest_lengths, problem.external_wrench), name, index, step
+    )
+    aside = np.zeros(6)
+    aside[list(problem.robot.free_directions)] = 1e-4  # or the solver would find the old pose good enough
+    found = cdpr.solve(other.robot, moved(base.pose, aside), other.rest_lengths, external_wrench=other.external_wrench)
+    shift = found.position - base.position
+    return np.concatenate([shift, (found.rotation * base.rotation.inv()).as_rotvec(), found.tensions])
+
+
+def check_column(problem, base, answer, name: str, index: int, size: float) -> bool:
+    """Whether exact and differenced columns agree."""
+    up, down = (moved_by(problem, base, name, index, sign * size) for sign in (1, -1))
+    differenced = (up - down) / (2 * size)
+    exact = np.concatenate([answer.pose[name][:, index], answer.tensions[name][:, index]])
+    units = np.concatenate([np.ones(3), np.full(3, problem.robot.characteristic_length)])
+    motion = np.abs((exact - differenced)[:6] * units).max() / max(np.abs(exact[:6] * units).max(), 1e-9 / size)
+    tension = np.abs((exact - differenced)[6:]).max() / max(np.abs(exact[6:]).max(), 1e-7 * problem.load / size)
+    return bool(max(motion, tension) <= CUBE)
+
+
+def sizes(robot: cdpr.Robot) -> dict[str, float]:
+    """Steps large enough for the solver's rounding, small enough for the cube of them; lengths have 1e-5 m."""
+    return {"axial_stiffness": 1e-4 * robot.axial_stiffness.mean(), "mass": 1e-3 * robot.mass, "external_wrench": 1e-4}
+
+
+@pytest.mark.parametrize("name", derivatives.PARAMETERS)
+@pytest.mark.parametrize("robot", ["cogiro", "parallel", "planar-vertical"])
+def test_derivatives_are_those_of_the_solver(catalogue, robot, name):
+    """Every column of the catalogue's robots, off the middle, against solving anew on both sides."""
+    robot = catalogue[robot].replace(material="fishing-0.4mm")
+    y = 0.0 if robot.mobility == "planar" else 0.22
+    base = cdpr.solve(robot, (0.25, y, 0.15))
+    answer = cdpr.sensitivity(base)
+    step = sizes(robot).get(name, 1e-5)
+    assert answer.margin > KINK
+    for index in range(answer.pose[name].shape[1]):
+        if robot.mobility == "planar" and not in_plane(name, index):
+            continue
+        assert check_column(base.problem, base, answer, name, index, step), (name, index)
+
+
+def in_plane(name: str, index: int) -> bool:
+    if name in ("exits", "anchors", "center_of_mass"):
+        return index % 3 != 1
+    return name != "external_wrench" or index in (0, 2, 4)
+
+
+@settings(max_examples=25)
+@given(random_problems())
+def test_derivatives_by_rest_length_hold_on_random_robots(problem):
+    """Wrench or none, centre of mass off the origin or not."""
+    base = cdpr.solve(problem.robot, problem.pose, external_wrench=problem.external_wrench)
+    scale = np.abs(base.eigenvalues).max()
+    if base.eigenvalues[0] < 1e-4 * scale or np.abs(base.lengths - base.rest_lengths).min() < 10 * KINK:
+        return
+    answer = cdpr.sensitivity(base)
+    assert check_column(base.problem, base, answer, "rest_lengths", 0, 1e-6)
+
+
+def test_under_a_torque_the_derivatives_still_hold(catalogue):
+    """A torque that keeps its direction in space makes the slope unsymmetric; the symmetric part alone would be off."""
+    robot = catalogue["planar-horizontal"].replace(axial_stiffness=50.0)
+    wrench = [0, 0, 0, 0, 0.02, 0]
+    base = cdpr.solve(robot, (0.3, 0, 0.15), external_wrench=wrench)
+    answer = cdpr.sensitivity(base)
+    assert check_column(base.problem, base, answer, "external_wrench", 4, 1e-5)
+
+
+def test_a_hanging_mass_moves_as_its_closed_form_says():
+    """z = 3 − 0.1 − l0 (1 + m g / EA): every derivative by hand."""
+    problem = hanging_mass()
+    base = cdpr.solve(problem.robot, problem.pose)
+    strain = problem.robot.weight / problem.robot.axial_stiffness[0]
+    R = base.rotation.as_matrix()
+    slope = derivatives.wrench_slope(base.problem, base.position, R)[2, 2]
+    by = derivatives.wrench_by_parameter(base.problem, base.position, R)
+    assert -by["rest_lengths"][2, 0] / slope == pytest.approx(-(1 + strain))
+    assert -by["axial_stiffness"][2, 0] / slope == pytest.approx(1.5 * strain / problem.robot.axial_stiffness[0])
+    assert -by["mass"][2, 0] / slope == pytest.approx(-1.5 * problem.robot.gravity / problem.robot.axial_stiffness[0])
+
+
+def test_moving_the_whole_frame_moves_the_platform_along(catalogue):
+    """The sum over all exits of any axis is a pure translation: an identity that no finite difference blurs."""
+    base = cdpr.solve(catalogue["parallel"], (0.2, 0.22, 0.1))
+    answer = cdpr.sensitivity(base)
+    together = answer.pose["exits"].reshape(6, -1, 3).sum(1)
+    assert together == pytest.approx(np.vstack([np.eye(3), np.zeros((3, 3))]), abs=1e-7)
+    assert answer.tensions["exits"].reshape(8, -1, 3).sum(1) == pytest.approx(np.zeros((8, 3)), abs=1e-4)
+
+
+def test_tilt_grows_as_the_solver_says(catalogue):
+    """Its own derivative, against the solver's tilt."""
+    robot = catalogue["parallel"]
+    base = cdpr.solve(robot, (0.2, 0.22, 0.1))
+    exact = cdpr.sensitivity(base).tilt("rest_lengths")[0]
+    tilts = [cdpr.solve(robot, base.pose, base.rest_lengths + np.eye(8)[0] * step).tilt for step in (1e-6, -1e-6)]
+    assert exact == pytest.approx((tilts[0] - tilts[1]) / 2e-6, rel=CUBE)
+
+
+def test_a_platform_that_turns_freely_has_no_derivatives():
+    """One sentence instead of infinite numbers."""
+    problem = hanging_mass()
+    with pytest.raises(cdpr.InvalidInput, match="found a neutral one of 'hanging mass'"):
+        cdpr.sensitivity(cdpr.solve(problem.robot, problem.pose))
+
+
+def test_effects_are_the_derivatives_in_units_of_people(catalogue):
+    """On ``parallel``, off the middle, a millimetre of cable moves the platform by millimetres and turns it."""
+    answer = cdpr.sensitivity(cdpr.solve(catalogue["parallel"], (0.25, 0.25, 0.1)))
+    effects = answer.effects()
+    assert len(effects) == 8 + 8 + 24 + 24 + 1 + 3 + 6
+    one = next(effect for effect in effects if effect.name == "rest length 1")
+    column = answer.pose["rest_lengths"][:, 0]
+    assert one.position == pytest.approx(np.linalg.norm(column[:3]))
+    assert one.rotation == pytest.approx(np.degrees(np.linalg.norm(column[3:])) * 1e-3)

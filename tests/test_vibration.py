@@ -1,0 +1,94 @@
+import mujoco
+import numpy as np
+import pytest
+from problems import hanging_mass
+from scipy.spatial.transform import Rotation
+
+import cdpr_sim as cdpr
+from cdpr_sim.mjcf import coordinates
+from cdpr_sim.pose import moved
+from cdpr_sim.vibration import mass_matrix
+
+FREQUENCY = 5e-6
+"""Relative error of a measured frequency, 200 steps of RK4 to a period, 12 periods, zero crossings interpolated:
+5e-7 measured at worst."""
+
+AMPLITUDE = 1e-6
+"""[m] Far less than the stretch of any taut cable, so that all stay taut."""
+
+
+def measured_frequency(equilibrium: cdpr.Equilibrium, shape: np.ndarray, frequency: float, periods: int = 12) -> float:
+    """Let MuJoCo's undamped platform go, displaced along ``shape``, and read the frequency off its zero crossings."""
+    problem = equilibrium.problem
+    robot = problem.robot
+    arm = robot.characteristic_length
+    step = shape * AMPLITUDE / np.linalg.norm(shape * np.repeat([1, arm], 3))
+    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, equilibrium.pose, equilibrium.rest_lengths))
+    model.opt.viscosity = 0
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    model.opt.timestep = 1 / (200 * frequency)
+    data = mujoco.MjData(model)
+    data.qpos[:] = coordinates(robot, moved(equilibrium.pose, step))
+    mass = mass_matrix(robot, equilibrium.rotation)
+    values = []
+    for _ in range(200 * periods):
+        mujoco.mj_step(model, data)
+        position, quaternion = data.body("platform").xpos, data.body("platform").xquat
+        turn = Rotation.from_quat(quaternion, scalar_first=True) * equilibrium.rotation.inv()
+        values.append(shape @ mass @ np.concatenate([position - equilibrium.position, turn.as_rotvec()]))
+    values = np.array(values)
+    before = np.flatnonzero(np.diff(np.sign(values)))
+    crossings = (before + values[before] / (values[before] - values[before + 1])) * model.opt.timestep
+    return 0.5 * (len(crossings) - 1) / (crossings[-1] - crossings[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "pose"),
+    [
+        ("cogiro", (0.3, 0.25, 0.1)),
+        ("parallel", (0.25, 0.22, 0.1)),
+        ("two-cable", (0.3, 0, 0.2)),
+        ("planar-vertical", (0.2, 0, 0.1)),
+    ],
+)
+def test_mujoco_swings_at_the_natural_frequencies(catalogue, name, pose):
+    """Every mode of a robot whose centre of mass is off its origin, in undamped MuJoCo."""
+    robot = catalogue[name].replace(material="fishing-0.4mm", center_of_mass=(0.01, 0, -0.02))
+    equilibrium = cdpr.solve(robot, pose)
+    modes = cdpr.natural_modes(equilibrium)
+    assert len(modes.frequencies) == len(robot.free_directions)
+    for frequency, shape in zip(modes.frequencies, modes.shapes, strict=True):
+        assert measured_frequency(equilibrium, shape, frequency) == pytest.approx(frequency, rel=FREQUENCY)
+
+
+def test_a_wrong_mass_matrix_would_show(catalogue):
+    """Negative control: leave the centre of mass out of it, and MuJoCo swings at other frequencies."""
+    robot = catalogue["cogiro"].replace(material="fishing-0.4mm", center_of_mass=(0.01, 0, -0.02))
+    equilibrium = cdpr.solve(robot, (0.3, 0.25, 0.1))
+    modes = cdpr.natural_modes(equilibrium)
+    centred = cdpr.natural_modes(cdpr.solve(robot.replace(center_of_mass=(0, 0, 0)), (0.3, 0.25, 0.1)))
+    assert (np.abs(centred.frequencies / modes.frequencies - 1) > 1e3 * FREQUENCY).any()
+
+
+def test_shapes_have_unit_kinetic_energy_and_diagonalise_the_stiffness(catalogue):
+    """½ q̇ᵀ M q̇ = 1 for each shape at 1/s, and no two share energy."""
+    robot = catalogue["cogiro"].replace(center_of_mass=(0.01, 0.005, -0.02))
+    modes = cdpr.natural_modes(cdpr.solve(robot, (0.3, 0.2, 0.1)))
+    energies = 0.5 * modes.shapes @ mass_matrix(robot, modes.equilibrium.rotation) @ modes.shapes.T
+    assert energies == pytest.approx(np.eye(6), abs=1e-9)
+
+
+def test_a_mass_on_one_cable_bounces_at_the_spring_frequency():
+    """ω² = EA / (l0 m) for the vertical mode, and one direction that nothing holds."""
+    problem = hanging_mass()
+    modes = cdpr.natural_modes(cdpr.solve(problem.robot, problem.pose))
+    expected = np.sqrt(problem.stiffnesses[0] / problem.robot.mass) / (2 * np.pi)
+    assert np.abs(modes.frequencies - expected).min() < 1e-9
+    assert modes.frequencies[0] < 1e-3
+
+
+def test_a_torque_that_keeps_its_direction_is_refused(catalogue):
+    """It is not conservative: one sentence."""
+    found = cdpr.solve(catalogue["cogiro"], (0.3, 0.25, 0.1), external_wrench=[0, 0, 0, 0, 0.001, 0])
+    with pytest.raises(cdpr.InvalidInput, match="under an external torque"):
+        cdpr.natural_modes(found)
