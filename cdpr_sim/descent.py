@@ -26,13 +26,13 @@ coordinates are lengths.
 from __future__ import annotations
 
 import enum
-import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numba import float64, guvectorize, int64, njit
 
+from cdpr_sim.compiling import built_once
 from cdpr_sim.equilibrium import NEUTRAL
 
 MAX_ITERATIONS = 1000
@@ -86,7 +86,7 @@ class Status(enum.IntEnum):
 _CONVERGED, _ITERATION_LIMIT, _STALLED, _NOT_FINITE = (int(status) for status in Status)
 
 
-@functools.cache
+@built_once
 def equilibrium_gufunc() -> Callable:
     """The compiled solver as a NumPy generalised ufunc, which broadcasts and releases the GIL.
 

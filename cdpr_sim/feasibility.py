@@ -16,7 +16,6 @@ limits, a direction in which the cables cannot pull enough (Farkas). The referen
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -25,6 +24,7 @@ from numba import float64, guvectorize, int64, njit
 from numpy.typing import ArrayLike
 
 from cdpr_sim import statics
+from cdpr_sim.compiling import built_once
 from cdpr_sim.errors import InvalidInput
 from cdpr_sim.problem import Problem
 from cdpr_sim.robot import Robot, checked_array
@@ -222,7 +222,7 @@ def _load_of(robot, rotation, wrench) -> float:
     return float(np.linalg.norm((statics.load_wrench(problem, rotation) / units)[list(robot.free_directions)])) or 1.0
 
 
-@functools.cache
+@built_once
 def _unbalanced_gufunc() -> Callable:
     """``unbalanced`` as a gufunc: inf where the active sets cycle, nan where the input is not finite."""
     vector, matrix = float64[:], float64[:, :]

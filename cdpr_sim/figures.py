@@ -13,7 +13,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import ArrayLike
 
 from cdpr_sim import drawing, style
 from cdpr_sim.balance import Balance
@@ -64,26 +63,33 @@ def planar(width: Width) -> Figure:
 
 
 @styled
-def spatial(width: Width, workspace: ArrayLike | None = None) -> Figure:
-    """Fig. 10 and 11: poses of a spatial robot at rest, and its cables' tensions along the width.
-
-    Args:
-        width: the study.
-        workspace: outline of the static feasible workspace, (points, 3) [m], if it is to be drawn.
-    """
+def spatial(width: Width) -> Figure:
+    """Fig. 10 and 11: poses of a spatial robot at rest, its feasible workspace, and tensions along the width."""
     rests = width.poses
     figure, (left,), right = _width(width, _headline(width), projection="3d")
     drawing.draw_space(left, rests.robot)
     handles = drawing.pose_legend(slack=bool(rests.slack.any()))
-    if workspace is not None:
-        outline = np.asarray(workspace, dtype=float)
-        left.plot(*np.vstack([outline, outline[:1]]).T, color=style.GREEN, lw=style.LINE)
+    if len(width.workspace):
+        left.plot(
+            *np.vstack([width.workspace, width.workspace[:1]]).T, color=style.GREEN, lw=style.LINE, gid="feasible"
+        )
         handles.append(Line2D([], [], color=style.GREEN, lw=style.LINE, label="static feasible workspace"))
     for row in range(len(rests)):
         drawing.draw_pose_in_space(left, rests, row)
     left.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.06), ncols=2)
     for ax, one in zip(right, width.lines, strict=True):
         _tensions(ax, one, last=one is width.lines[-1])
+        feasible = width.feasible(one.height)
+        if feasible is not None:
+            ax.plot(
+                feasible,
+                [1, 1],
+                color=style.GREEN,
+                lw=4,
+                transform=ax.get_xaxis_transform(),
+                clip_on=False,
+                gid="feasible",
+            )
     return figure
 
 

@@ -7,12 +7,12 @@ come from Householder's tridiagonal form and the implicit QL iteration (EISPACK'
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 
 import numpy as np
 from numba import float64, guvectorize, int64, njit
 
+from cdpr_sim.compiling import built_once
 from cdpr_sim.equilibrium import NEUTRAL
 
 QL_SWEEPS = 50
@@ -21,7 +21,7 @@ QL_SWEEPS = 50
 _inline = njit(cache=True, error_model="numpy", forceinline=True)
 
 
-@functools.cache
+@built_once
 def modes_gufunc() -> Callable:
     """How stiffly the platform is held, as a NumPy generalised ufunc, which broadcasts and releases the GIL.
 

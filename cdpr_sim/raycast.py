@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from cdpr_sim import style
+from cdpr_sim.compiling import first_use
 
 SHAPES = {
     name: getattr(mujoco.mjtGeom, f"mjGEOM_{name}").value
@@ -50,6 +51,10 @@ class RayCaster:
         One ray per pixel finds what is where; pixels at whose edge something else begins are cast again, finely. A
         shape that MuJoCo draws and this does not (a mesh, an arrow, text) is left out.
         """
+        with first_use(__name__):
+            return self._draw(scene, width, height)
+
+    def _draw(self, scene: mujoco.MjvScene, width: int, height: int) -> UInt8[np.ndarray, "height width 3"]:
         kinds, floats = _geoms(scene)
         what = np.zeros((height, width), np.int32)
         mixed = np.ones((height, width), np.bool_)

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from cdpr_sim import newton, settling, statics
+from cdpr_sim import feasibility, newton, settling, statics
 from cdpr_sim.catalog import load_robot
 from cdpr_sim.errors import NotConverged
 from cdpr_sim.materials import MATERIALS
@@ -32,6 +32,9 @@ PAPER_TILT, PAPER_SAG = np.radians(20.0), 0.015
 """[rad], [m] Tilt and deviation in z at both ends of the paper's lines, parallel layout, either cable: "approximately
 20°" and "about 15 mm". Read from the paper's text (section IV), not from its data."""
 
+
+_SAME_HEIGHT = 1e-9
+"""[m]"""
 
 # What both roads answer
 
@@ -176,10 +179,21 @@ class Width:
     Attributes:
         poses: a few poses at a few heights, by the static road, with the first material.
         lines: one per material, all at the same height.
+        workspace: outline of the static feasible workspace in the plane of the poses, (points, 3) [m]: from the first to
+            the last feasible x at each height; none where no height has any.
     """
 
     poses: Rests
     lines: tuple[Line, ...]
+    workspace: Float[np.ndarray, "points 3"]
+
+    def feasible(self, height: float) -> tuple[float, float] | None:
+        """From where to where along x [m] the static feasible workspace reaches at ``height``, if it does."""
+        if not len(self.workspace):
+            return None
+        heights = self.workspace[:, 2]
+        row = self.workspace[np.abs(heights - height) <= np.abs(heights - height).min() + _SAME_HEIGHT, 0]
+        return float(row.min()), float(row.max())
 
 
 def line(
@@ -219,7 +233,23 @@ def across_the_width(
     return Width(
         poses=rests_by_statics(robots[0], poses),
         lines=tuple(line(one, height, ends, static_rows=static_rows, settled_rows=settled_rows) for one in robots),
+        workspace=feasible_outline(robot),
     )
+
+
+def feasible_outline(robot: Robot, columns: int = 601, rows: int = 71) -> Float[np.ndarray, "points 3"]:
+    """Outline of the static feasible workspace in the x-z plane midway in y, up on the left and down on the right [m].
+
+    The poses of the robot's workspace at which rigid cables hold the level platform (the paper's Fig. 10 and 11 have it
+    from ARACHNIS); it does not depend on the cables' stiffness.
+    """
+    (x0, _, z0), (x1, _, z1) = robot.workspace
+    x, z = np.linspace(x0, x1, columns), np.linspace(z0, z1, rows)
+    grid = np.stack(np.broadcast_arrays(x, robot.home[1], z[:, None]), axis=-1)
+    held = feasibility.feasible(robot, grid)
+    edges = [(row, np.flatnonzero(held[row])[[0, -1]]) for row in range(rows) if held[row].any()]
+    left, right = ([grid[row, ends[side]] for row, ends in edges] for side in (0, 1))
+    return np.array(left + right[::-1]).reshape(-1, 3)
 
 
 def paper_lines(

@@ -11,9 +11,9 @@ PACKAGE = Path(cdpr.__file__).parent
 
 ORDER = [
     "errors", "pose", "materials", "robot", "catalog", "problem", "equilibrium", "trajectory", "progress", "grids",
-    "statics", "descent", "modes", "seecr", "newton", "solvers", "two_cable", "feasibility", "stores", "sweeping",
-    "derivatives", "distribution", "compensation", "sensitivities", "vibration", "equilibria", "measurements",
-    "identification",
+    "statics", "compiling", "descent", "modes", "seecr", "newton", "solvers", "two_cable", "feasibility", "stores",
+    "sweeping", "derivatives", "distribution", "compensation", "sensitivities", "vibration", "equilibria",
+    "measurements", "identification",
     "mjcf", "bench", "settling", "driving",
     "agreement", "releasing", "checking", "studies", "two_cable_studies", "balance", "solver_studies",
     "style", "drawing", "figures", "two_cable_figures", "solver_figures", "gallery", "figure_compensation", "maps",

@@ -24,6 +24,7 @@ from cdpr_sim import (
     two_cable_figures,
     two_cable_studies,
 )
+from cdpr_sim.feasibility import feasible_by_linprog
 
 ON_LINE = 1e-7
 """A point's distance from a line, as a fraction of the line's range: 1.5e-9 measured, since each settled row has a
@@ -251,13 +252,17 @@ def test_tilt_condition_marks_where_the_forces_meet(results):
         assert ("no moment" in ax.get_title(loc="left")) == (abs(case.moment) < 1e-6)
 
 
-def test_static_feasible_workspace_is_drawn_if_given(results):
-    """The outline that another study computes."""
-    corners = np.array([[0.3, 0.25, 0.1], [0.5, 0.25, 0.1], [0.5, 0.25, 0.3]])
-    without, outlined = (figures.spatial(results["parallel"], workspace) for workspace in (None, corners))
-    words = [[text.get_text() for text in figure.axes[0].get_legend().texts] for figure in (without, outlined)]
-    assert ["static feasible workspace" in one for one in words] == [False, True]
-    assert len(outlined.axes[0].lines) == len(without.axes[0].lines) + 1
+def test_static_feasible_workspace_is_drawn_where_linear_programming_finds_it(results):
+    """Fig. 11: outline in space, extent above the tensions; HiGHS finds poses just inside feasible, just outside not."""
+    width = results["parallel"]
+    figure = figures.spatial(width)
+    drawn = [line for ax in figure.axes for line in ax.lines if line.get_gid() == "feasible"]
+    assert len(drawn) == 1 + len(width.lines)
+    first, last = drawn[1].get_xdata()
+    step = 2e-3  # two columns of the outline's grid
+    robot = width.poses.robot
+    assert all(feasible_by_linprog(robot, [x, 0.25, 0.1]) for x in (first + step, last - step))
+    assert not any(feasible_by_linprog(robot, [x, 0.25, 0.1]) for x in (first - step, last + step))
 
 
 def test_convergence_is_drawn_as_counted(results):
