@@ -179,8 +179,8 @@ class Width:
     Attributes:
         poses: a few poses at a few heights, by the static road, with the first material.
         lines: one per material, all at the same height.
-        workspace: outline of the static feasible workspace in the plane of the poses, (points, 3) [m]: from the first to
-            the last feasible x at each height; none where no height has any.
+        workspace: outline of the static feasible workspace in the plane of the poses, (points, 3) [m]: from the first
+            to the last feasible x at each height; none where no height has any.
     """
 
     poses: Rests

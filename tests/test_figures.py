@@ -253,7 +253,7 @@ def test_tilt_condition_marks_where_the_forces_meet(results):
 
 
 def test_static_feasible_workspace_is_drawn_where_linear_programming_finds_it(results):
-    """Fig. 11: outline in space, extent above the tensions; HiGHS finds poses just inside feasible, just outside not."""
+    """Fig. 11: outline in space, extent above the tensions; HiGHS holds poses just inside and none just outside."""
     width = results["parallel"]
     figure = figures.spatial(width)
     drawn = [line for ax in figure.axes for line in ax.lines if line.get_gid() == "feasible"]
