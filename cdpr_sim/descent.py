@@ -276,8 +276,9 @@ def _measure(case, at):
             length2 += u[i, a] ** 2
         l[i] = np.sqrt(length2)
         s[i] = l[i] - l0[i]
+        inverse = 1 / l[i]
         for a in range(3):
-            u[i, a] /= l[i]
+            u[i, a] *= inverse
     return _energy(case, at)
 
 
@@ -331,9 +332,10 @@ def _slopes(case, at, model):
     k, weight, com, wrench, free, scale = case.k, case.weight, case.com, case.wrench, case.free, case.scale
     R, r, u, s = at.R, at.r, at.u, at.s
     J, g = model.J, model.g
+    per_scale = 1 / scale
     for i in range(len(k)):
         J[i, 0], J[i, 1], J[i, 2] = -u[i, 0], -u[i, 1], -u[i, 2]
-        x, y, z = r[i, 0] / scale, r[i, 1] / scale, r[i, 2] / scale
+        x, y, z = r[i, 0] * per_scale, r[i, 1] * per_scale, r[i, 2] * per_scale
         J[i, 3] = z * u[i, 1] - y * u[i, 2]
         J[i, 4] = x * u[i, 2] - z * u[i, 0]
         J[i, 5] = y * u[i, 0] - x * u[i, 1]
@@ -365,6 +367,7 @@ def _curvature(case, at, tau, model):
     k, weight, com, free, scale = case.k, case.weight, case.com, case.free, case.scale
     R, r, u, l = at.R, at.r, at.u, at.l  # noqa: E741
     J, K = model.J, model.K
+    per_scale = 1 / scale
     for a in range(6):
         for b in range(a + 1):
             K[a, b] = 0.0
@@ -376,7 +379,7 @@ def _curvature(case, at, tau, model):
         if tau[i] <= 0:
             continue
         q = tau[i] / l[i]
-        x, y, z = r[i, 0] / scale, r[i, 1] / scale, r[i, 2] / scale
+        x, y, z = r[i, 0] * per_scale, r[i, 1] * per_scale, r[i, 2] * per_scale
         for a in range(6):
             for b in range(a + 1):
                 K[a, b] -= q * J[i, a] * J[i, b]
@@ -521,9 +524,9 @@ def _model_decrease(case, at, model, x, predicted):
     J, g, K = model.J, model.g, model.K
     decrease = 0.0
     for a in range(6):
-        slope = g[a]
-        for b in range(6):
-            slope += 0.5 * K[max(a, b), min(a, b)] * x[b]
+        slope = g[a] + 0.5 * K[a, a] * x[a]
+        for b in range(a):
+            slope += K[a, b] * x[b]
         decrease -= slope * x[a]
     for i in range(len(k)):
         stretch = s[i]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ from cdpr_sim import (
 )
 from cdpr_sim.catalog import load_robot
 from cdpr_sim.errors import InvalidInput, UnknownName
+from cdpr_sim.writing import appearing
 
 
 @dataclass(frozen=True)
@@ -188,22 +188,9 @@ def write_whole(contents: dict[Path, bytes]) -> None:
     Raises:
         InvalidInput: a place that cannot be written; what was there is still there.
     """
-    temporaries: dict[Path, str] = {}
-    path = Path()
-    try:
-        for path, content in contents.items():
-            handle, temporaries[path] = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
-            with os.fdopen(handle, "wb") as file:
-                file.write(content)
-            os.chmod(temporaries[path], 0o644)
-        for path in contents:
-            os.replace(temporaries[path], path)
-            del temporaries[path]
-    except OSError as error:
-        raise _unwritable(path, error) from None
-    finally:
-        for temporary in temporaries.values():
-            os.unlink(temporary)
+    with appearing(*contents) as temporaries:
+        for content, temporary in zip(contents.values(), temporaries, strict=True):
+            temporary.write_bytes(content)
 
 
 def _unwritable(path: Path, error: OSError) -> InvalidInput:

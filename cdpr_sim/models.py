@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
 from cdpr_sim.errors import InvalidInput
 from cdpr_sim.mjcf import scene_mjcf, to_mjcf
 from cdpr_sim.pose import PoseLike
 from cdpr_sim.robot import Robot
+from cdpr_sim.writing import appearing
 
 
 def model_files(robot: Robot, pose: PoseLike | None = None) -> dict[str, str]:
@@ -48,18 +47,11 @@ def write_models(folder: Path, files: dict[str, str], *, force: bool = False) ->
         raise InvalidInput(f"{existing[0]}: exists and differs, expected a new place or --force")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for path in stale:
-            handle, temporary = tempfile.mkstemp(dir=folder, prefix=".", suffix=path.suffix)
-            try:
-                with os.fdopen(handle, "w", encoding="utf-8") as file:
-                    file.write(files[path.name])
-                os.chmod(temporary, 0o644)
-                os.replace(temporary, path)
-            except BaseException:
-                os.unlink(temporary)
-                raise
     except OSError as error:
         raise InvalidInput(f"{folder}: cannot be written: {error.strerror or error}") from None
+    with appearing(*stale) as temporaries:
+        for path, temporary in zip(stale, temporaries, strict=True):
+            temporary.write_text(files[path.name], encoding="utf-8")
     return stale
 
 

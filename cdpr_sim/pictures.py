@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cdpr_sim.errors import InvalidInput, StoreError
+from cdpr_sim.errors import InvalidInput
+from cdpr_sim.writing import appearing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,16 +31,10 @@ def check_target(path: Path, *, force: bool) -> None:
 
 
 def write(figure: Figure, path: Path) -> None:
-    """Save under another name until it is whole.
+    """Save the figure.
 
     Raises:
-        StoreError: the file cannot be written; what was there is still there.
+        InvalidInput: the file cannot be written; what was there is still there.
     """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        figure.savefig(part, dpi=DPI, format=path.suffix[1:])
-        os.replace(part, path)
-    except OSError as error:
-        raise StoreError(f"output: {path} cannot be written: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)
+    with appearing(path) as (temporary,):
+        figure.savefig(temporary, dpi=DPI, format=path.suffix[1:])

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import get_args
 
@@ -18,6 +16,7 @@ from cdpr_sim.panel import Page, nice_above
 from cdpr_sim.render import Backend, Renderer, open_renderer
 from cdpr_sim.scene import Stage
 from cdpr_sim.trajectory import Trajectory
+from cdpr_sim.writing import appearing
 
 SIZE = (1280, 720)
 FPS = 30.0
@@ -72,13 +71,15 @@ def write_video(
     """
     path = check_output(path, force=force)
     film = _Film(trajectories, static, seconds, fps, size, exaggeration, renderer)
-    with film, _appearing(path) as temporary:
-        write = _writer(temporary, film)
-        with write as video:
-            for done, frame in enumerate(film.frames(), start=1):
-                video.add_image(frame)
-                if progress is not None:
-                    progress(done, film.count)
+    with film, appearing(path) as (temporary,):
+        try:
+            with _writer(temporary, film) as video:
+                for done, frame in enumerate(film.frames(), start=1):
+                    video.add_image(frame)
+                    if progress is not None:
+                        progress(done, film.count)
+        except RuntimeError as error:  # mediapy's, which quotes ffmpeg
+            raise InvalidInput(f"{path}: cannot be written: {str(error).strip().splitlines()[-1]}") from error
     return path
 
 
@@ -273,26 +274,6 @@ def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
     still = all(np.ptp(trajectory.commanded.translation, axis=0).max() == 0 for trajectory in trajectories)
     what = "The platform is let go where it was commanded" if still else "The winches follow the dark line"
     return f"{what}; simulated by MuJoCo, shown {speed}."
-
-
-@contextmanager
-def _appearing(path: Path) -> Iterator[Path]:
-    """A temporary file beside ``path`` that takes its place when all went well, and else is gone."""
-    try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix.lower())
-        os.close(handle)
-    except OSError as error:
-        raise InvalidInput(f"{path}: cannot be written: {error.strerror or error}") from None
-    temporary = Path(name)
-    try:
-        try:
-            yield temporary
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, path)
-        except (OSError, RuntimeError) as error:  # mediapy's RuntimeError quotes ffmpeg
-            raise InvalidInput(f"{path}: cannot be written: {str(error).strip().splitlines()[-1]}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _writer(path: Path, film: _Film):

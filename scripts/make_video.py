@@ -17,10 +17,7 @@ LINE = [(0.17, 0.25, 0.1), (0.63, 0.25, 0.1)]  # m, the paper's
 DRIVE_SECONDS = None  # s; None: nearly static
 SECONDS = 10.0  # s, of video
 FOLDER = Path(__file__).parents[1] / "pictures"
-FILES = {  # file: size [pixel], frames a second
-    "showpiece.mp4": ((1280, 720), 30.0),
-    "showpiece.gif": ((800, 450), 10.0),
-}
+FILES = {"showpiece.gif": ((800, 450), 10.0)}  # file: size [pixel], frames a second; .mp4 as well
 
 
 def main() -> None:

@@ -10,7 +10,8 @@ import cdpr_sim as cdpr
 PACKAGE = Path(cdpr.__file__).parent
 
 ORDER = [
-    "errors", "pose", "materials", "robot", "catalog", "problem", "equilibrium", "trajectory", "progress", "grids",
+    "errors", "pose", "materials", "robot", "catalog", "problem", "equilibrium", "trajectory",
+    "progress", "writing", "grids",
     "statics", "compiling", "descent", "modes", "seecr", "newton", "solvers", "two_cable", "feasibility", "stores",
     "sweeping", "derivatives", "distribution", "compensation", "sensitivities", "vibration", "equilibria",
     "measurements", "identification",
