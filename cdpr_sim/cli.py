@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich import box
 from rich.console import Console
@@ -30,6 +31,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
+
+COMPENSATED_WAYPOINTS = 61
+"""Along a line that is filmed with compensated lengths; in between, their corrections change evenly."""
 
 METHODS = {"Newton": "newton", "SEECR\nfsolve": "fsolve", "SEECR\nleast_sq.": "least_squares"}
 
@@ -464,6 +468,9 @@ def video(
     seconds: Annotated[float, typer.Option("--seconds", help="Duration of the video.")] = 10.0,
     fps: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 30.0,
     size: Annotated[tuple[int, int], typer.Option("--size", metavar="WIDTH HEIGHT", help="[pixel]")] = (1280, 720),
+    compensate: Annotated[
+        bool, typer.Option("--compensate", help="Beside each, the same with compensated cable lengths.")
+    ] = False,
     exaggerate: Annotated[
         float, typer.Option("--exaggerate", help="Draw deviations this many times as large, and say so.")
     ] = 1.0,
@@ -476,16 +483,25 @@ def video(
         film.check_output(output, force=force)
         frames = film.check_settings(seconds, fps, size, exaggerate, renderer)
         shown = []
-        for name, cables in itertools.product(robots, material or [None]):
+        for name, cables, cut in itertools.product(
+            robots, material or [None], (False, True) if compensate else (False,)
+        ):
             robot = _robot(name, cables)
-            waypoints = _line(robot, path, y, z)
+            waypoints = _line(robot, path, y, z)[: 1 if drop else None]
+            lengths = None
+            if cut:
+                waypoints = np.linspace(waypoints[0], waypoints[-1], 1 if drop else COMPENSATED_WAYPOINTS)
+                tracked = progress.track(waypoints, description=f"Compensating {robot.name}")
+                lengths = [cdpr.compensate(robot, waypoint).rest_lengths for waypoint in tracked]
+                robot = robot.replace(name=f"{robot.name}, compensated")
             task = progress.add_task(f"MuJoCo drives {robot.name}", total=1.0)
             trajectory = cdpr.drive(
                 robot,
-                waypoints[:1] if drop else waypoints,
+                waypoints,
                 seconds=drive_seconds,
                 states=frames,
                 from_rest=not drop,
+                rest_lengths=lengths,
                 progress=lambda done, task=task: progress.update(task, completed=done),
             )
             shown.append((trajectory, cdpr.solve_trajectory(trajectory).poses))

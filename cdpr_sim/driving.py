@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 import mujoco
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
 from cdpr_sim.bench import bench_of, quiet
@@ -22,7 +23,7 @@ from cdpr_sim.errors import InvalidInput, PlatformFell
 from cdpr_sim.mjcf import coordinates, to_mjcf
 from cdpr_sim.pose import PoseLike
 from cdpr_sim.problem import Problem
-from cdpr_sim.robot import STANDARD_GRAVITY, Robot
+from cdpr_sim.robot import STANDARD_GRAVITY, Robot, checked_array
 from cdpr_sim.settling import settle
 from cdpr_sim.trajectory import Trajectory
 
@@ -60,6 +61,7 @@ def drive(
     seconds: float | None = None,
     states: int = STATES,
     from_rest: bool = True,
+    rest_lengths: ArrayLike | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Drive the platform along ``waypoints`` by its winches while MuJoCo simulates it.
@@ -75,10 +77,12 @@ def drive(
         states: how many states to return, evenly spaced in time, the first and the last included.
         from_rest: start where the platform settles at the first waypoint; if False it is let go at the waypoint
             itself, with its cables just not taut, and drops.
+        rest_lengths: what the winches let out at each waypoint, (waypoints, cables) [m], compensated ones for instance;
+            in between, their difference from the rigid lengths changes evenly. Default: the rigid lengths.
         progress: called now and then with the fraction done, 0 to 1.
 
     Raises:
-        InvalidInput: waypoints, a duration or a number of states that cannot be right.
+        InvalidInput: waypoints, rest lengths, a duration or a number of states that cannot be right.
         NotSettled: the platform does not come to rest at the first waypoint.
         PlatformFell: it fell on the way; carries the trajectory so far.
     """
@@ -87,7 +91,7 @@ def drive(
         raise InvalidInput("waypoints: found none, expected at least one pose")
     if not 2 <= states <= MOST_STATES:
         raise InvalidInput(f"states: found {states}, expected 2 to {MOST_STATES}")
-    path = _Path(robot, poses)
+    path = _Path(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0])
     if seconds is None:
         seconds = PEAK * path.length / _slow_speed(first) or PAUSE
@@ -95,8 +99,10 @@ def drive(
         raise InvalidInput(f"seconds: found {seconds:g}, expected more than 0 and at most {MOST_SECONDS:g}")
     fractions = np.linspace(0, 1, states)
     commanded = path.at(fractions)
-    problems = [Problem.of(robot, pose) for pose in commanded]  # refuses a command that nothing could hold
-    start = settle(robot, poses[0]).pose if from_rest else poses[0]
+    for pose in commanded:
+        Problem.of(robot, pose)  # refuses a command that nothing could hold
+    problems = [Problem.of(robot, *row) for row in zip(commanded, path.winches(fractions), strict=True)]
+    start = settle(robot, poses[0], problems[0].rest_lengths).pose if from_rest else poses[0]
     with quiet():
         qpos, fell = _simulate(problems, path, start, seconds, progress)
     trajectory = _read(problems[: len(qpos)], seconds * fractions[: len(qpos)], qpos, commanded[: len(qpos)])
@@ -113,7 +119,8 @@ def drive(
 class _Path:
     """Straight lines through poses, as a function of the fraction of time that has passed."""
 
-    def __init__(self, robot: Robot, poses: list[RigidTransform]) -> None:
+    def __init__(self, robot: Robot, poses: list[RigidTransform], rest_lengths: ArrayLike | None = None) -> None:
+        self.robot = robot
         self.positions = np.array([pose.translation for pose in poses])
         rotations = Rotation.concatenate([pose.rotation for pose in poses])
         turns = (rotations[1:] * rotations[:-1].inv()).magnitude() if len(poses) > 1 else np.zeros(0)
@@ -122,19 +129,34 @@ class _Path:
         moving = np.append(True, legs > 0)
         self.along = np.append(0.0, np.cumsum(legs))[moving]
         self.positions = self.positions[moving]
+        corrections = np.zeros((len(poses), robot.cables))
+        if rest_lengths is not None:
+            given = checked_array("rest_lengths", rest_lengths, (len(poses), robot.cables))
+            corrections = given - [robot.rest_lengths(pose) for pose in poses]
+        self.corrections = corrections[moving]
         self.rotations = Rotation.from_quat(rotations.as_quat()[moving])
         self.length = float(self.along[-1])
 
     def at(self, fractions: Float[np.ndarray, " steps"]) -> RigidTransform:
         """Commanded poses after these fractions of the time."""
-        s = fractions
-        along = self.length * s**3 * (10 - 15 * s + 6 * s**2)
+        along = self._along(fractions)
         if len(self.along) == 1:
             return RigidTransform.from_components(
-                np.repeat(self.positions, len(s), 0), Rotation.concatenate([self.rotations] * len(s))
+                np.repeat(self.positions, len(along), 0), Rotation.concatenate([self.rotations] * len(along))
             )
         positions = np.stack([np.interp(along, self.along, column) for column in self.positions.T], axis=1)
         return RigidTransform.from_components(positions, Slerp(self.along, self.rotations)(along.clip(0, self.length)))
+
+    def winches(self, fractions: Float[np.ndarray, " steps"]) -> Float[np.ndarray, "steps cables"]:
+        """Rest lengths let out after these fractions of the time [m]."""
+        commanded, robot = self.at(fractions), self.robot
+        anchors = np.einsum("nij,mj->nmi", commanded.rotation.as_matrix(), robot.anchors)
+        rigid = np.linalg.norm(robot.exits - anchors - commanded.translation[:, None], axis=2)
+        along = self._along(fractions)
+        return rigid + np.stack([np.interp(along, self.along, column) for column in self.corrections.T], axis=1)
+
+    def _along(self, s: Float[np.ndarray, " steps"]) -> Float[np.ndarray, " steps"]:
+        return self.length * s**3 * (10 - 15 * s + 6 * s**2)
 
 
 def _slow_speed(problem: Problem) -> float:
@@ -167,7 +189,7 @@ def _simulate(
     for k, problem in enumerate(problems):
         if k > 0:
             # The lengths that hold at the end of each time step, as an implicit integrator wants them.
-            for rest in _winches(robot, path.at((k - 1 + np.arange(1, steps + 1) / steps) / intervals)):
+            for rest in path.winches((k - 1 + np.arange(1, steps + 1) / steps) / intervals):
                 band[:, 1] = rest
                 stiffness[:] = robot.axial_stiffness / rest
                 mujoco.mj_step(model, data)
@@ -179,12 +201,6 @@ def _simulate(
         if progress is not None:
             progress(k / intervals)
     return qpos, None
-
-
-def _winches(robot: Robot, commanded: RigidTransform) -> Float[np.ndarray, "steps cables"]:
-    """``Robot.rest_lengths`` of many poses at once."""
-    anchors = np.einsum("nij,mj->nmi", commanded.rotation.as_matrix(), robot.anchors)
-    return np.linalg.norm(robot.exits - anchors - commanded.translation[:, None], axis=2)
 
 
 def _fallen(problem: Problem, data: mujoco.MjData, platform: int) -> str | None:

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.catalog import load_robot
+from cdpr_sim.compensation import compensate
 from cdpr_sim.driving import NEARLY_STATIC, drive
 from cdpr_sim.errors import InvalidInput, PlatformFell
 from cdpr_sim.robot import Robot
@@ -22,6 +23,10 @@ weight, leans it by that angle."""
 
 FAST = 3.0
 """[s] For a drive that is not static: at 0.29 m/s the drag is a quarter of the weight."""
+
+COMPENSATED = 1e-5
+"""[m] Drag at the default speed, 1e-3 of the weight, against the crossed layout: some 1e3 N/m, hence 4e-6 m; and
+corrections interpolated over 5 mm."""
 
 KINEMATICS = 1e-12
 """[m] Rounding of a length of a metre, with room."""
@@ -165,3 +170,21 @@ def test_waypoints_may_repeat_and_come_as_transforms():
     stack = RigidTransform.from_components([LINE[0], LINE[0], LINE[1]], Rotation.identity(3))
     trajectory = drive(load_robot("cogiro"), stack, seconds=1.0, states=3)
     np.testing.assert_allclose(trajectory.commanded.translation[-1], LINE[1], atol=KINEMATICS)
+
+
+def test_compensated_winches_keep_the_platform_on_the_line():
+    """Crossed layout, fishing line: half a millimetre low with rigid lengths, on the line with compensated ones."""
+    robot = load_robot("cogiro").replace(material="fishing-0.4mm")
+    line = np.linspace([0.3, 0.25, 0.1], [0.35, 0.25, 0.1], 11)
+    lengths = [compensate(robot, waypoint).rest_lengths for waypoint in line]
+    rigid, compensated = (drive(robot, line, states=11, rest_lengths=one) for one in (None, lengths))
+    errors = [np.linalg.norm(one.deviations, axis=1).max() for one in (rigid, compensated)]
+    assert errors[0] > 4e-4
+    assert errors[1] < COMPENSATED
+
+
+def test_rest_lengths_of_another_shape_are_refused():
+    """As many rows as waypoints."""
+    robot = load_robot("two-cable")
+    with pytest.raises(InvalidInput, match=r"rest_lengths: found an array of shape \(1, 2\)"):
+        drive(robot, [[0.3, 0, 0.2], [0.4, 0, 0.2]], rest_lengths=[[1.0, 1.0]])

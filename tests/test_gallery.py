@@ -1,6 +1,5 @@
 """Pictures are written whole or not at all."""
 
-import os
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -63,17 +62,16 @@ def test_a_failure_leaves_what_was_there(failing, two_pictures, tmp_path, monkey
         monkeypatch.setitem(two_pictures, "first", gallery.Picture("", "", study, lambda _: small()))
         error = cdpr.NotConverged
     else:
-        fdopen = os.fdopen
-        opened = []
+        write_bytes = Path.write_bytes
+        written = []
 
-        def full(handle, mode):
-            opened.append(handle)
-            if len(opened) == 2:
-                os.close(handle)
+        def full(path, content):
+            written.append(path)
+            if len(written) == 2:
                 raise OSError(28, "No space left on device")
-            return fdopen(handle, mode)
+            return write_bytes(path, content)
 
-        monkeypatch.setattr(gallery.os, "fdopen", full)
+        monkeypatch.setattr(Path, "write_bytes", full)
         error = cdpr.InvalidInput
     with pytest.raises(error):
         list(gallery.write_figures(["first"], tmp_path, force=True))
