@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from problems import grid, hanging_mass, random_problems
 
 import cdpr_sim as cdpr
@@ -12,6 +12,9 @@ ROUNDING = 1e-11
 
 FREQUENCY_ROUNDING = 1e-6
 """Relative: the lowest of the ω² is known to 1e-13 of the largest, which is up to 1e7 times as large."""
+
+KINK = 1e-12
+"""[m] A cable closer to its rest length is taut or slack by rounding alone, and the stiffness jumps there."""
 
 
 def modes(problem, positions, rotations):
@@ -48,6 +51,7 @@ def test_frequency_is_that_of_the_generalised_eigenproblem(problem):
 
     robot = problem.robot
     equilibrium = cdpr.solve(robot, problem.pose)
+    assume(np.abs(equilibrium.lengths - equilibrium.rest_lengths).min() > KINK)
     rotation = equilibrium.rotation.as_matrix()
     free = np.ix_(robot.free_directions, robot.free_directions)
     K = statics.stiffness_matrix(problem, equilibrium.position, rotation)[free]
