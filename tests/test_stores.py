@@ -18,6 +18,15 @@ ASKED = dict(robots=["parallel", "cogiro"], grid=(32, 10, 10), chunk=100, quanti
 SLAB = stores.TASKS * ASKED["chunk"]
 """Poses."""
 
+ROUNDING = 1e-14
+"""Relative: with NumPy 2.0 a tilt differs in the last place between one chunk and another; with 2.4 all is equal to the
+bit. Taken for how it rounds the ends of arrays."""
+
+
+def assert_same(found: "xr.Dataset", expected: "xr.Dataset") -> None:
+    """The same variables, dimensions and coordinates, and the same numbers but for rounding."""
+    xr.testing.assert_allclose(found, expected, rtol=ROUNDING, atol=0)
+
 
 @pytest.fixture(scope="module")
 def expected() -> xr.Dataset:
@@ -30,7 +39,7 @@ def test_what_is_stored_is_what_was_swept(expected, tmp_path, suffix):
     """All numbers, types, coordinates and units, to the last bit, from NetCDF and from Zarr."""
     path = tmp_path / f"sweep{suffix}"
     stored = cdpr.sweep(**ASKED, store=path).compute()
-    xr.testing.assert_equal(stored, expected)
+    assert_same(stored, expected)
     for name in expected.variables:
         for attribute in ("units", "long_name"):
             assert stored[name].attrs.get(attribute) == expected[name].attrs.get(attribute)
@@ -44,7 +53,7 @@ def test_finished_store_is_read_and_not_computed_again(expected, tmp_path, monke
     """The same call a second time costs nothing."""
     cdpr.sweep(**ASKED, store=tmp_path / "sweep.zarr")
     monkeypatch.setattr(sweeping, "solve_many", None)
-    xr.testing.assert_equal(cdpr.sweep(**ASKED, store=tmp_path / "sweep.zarr").compute(), expected)
+    assert_same(cdpr.sweep(**ASKED, store=tmp_path / "sweep.zarr").compute(), expected)
 
 
 LONGER = ASKED | dict(grid=(64, 10, 10))
@@ -62,7 +71,7 @@ def test_killed_sweep_goes_on_where_it_stopped(tmp_path):
     path, expected = tmp_path / "sweep.zarr", cdpr.sweep(**LONGER)
     child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], env=os.environ | {"PYTHONPATH": sys.path[0]})
     done = []
-    while not done:  # until the first slab is whole
+    while len(done) < SLAB:  # until a slab's worth of poses is solved
         assert child.poll() is None, "the sweep ended before it could be killed"
         time.sleep(0.002)
         done = _solved_chunks(path)
@@ -74,12 +83,12 @@ def test_killed_sweep_goes_on_where_it_stopped(tmp_path):
     plain = xr.open_zarr(path, consolidated=False).compute()  # by someone who knows nothing of us
     pending = plain["status"] == stores.PENDING
     assert 0 < int(pending.sum()) < pending.size
-    xr.testing.assert_equal(plain.where(~pending, drop=False)["tilt"], expected["tilt"].where(~pending))
+    assert_same(plain.where(~pending, drop=False)["tilt"], expected["tilt"].where(~pending))
     assert np.isfinite(plain["tensions"].where(~pending, 0.0)).all()
 
     kept = _modified(path, ~pending)
     assert kept
-    xr.testing.assert_equal(cdpr.sweep(**LONGER, store=path).compute(), expected)
+    assert_same(cdpr.sweep(**LONGER, store=path).compute(), expected)
     assert _modified(path, ~pending) == kept
 
 
@@ -106,7 +115,7 @@ def test_interrupted_sweep_goes_on_after_every_slab(expected, tmp_path, monkeypa
             status = xr.open_zarr(path, consolidated=False)["status"]
             assert int((status != stores.PENDING).sum()) == turn * SLAB
     assert turn == 4
-    xr.testing.assert_equal(stored.compute(), expected)
+    assert_same(stored.compute(), expected)
 
 
 def test_full_disk_is_one_sentence_and_nothing_is_lost(expected, tmp_path):
@@ -124,7 +133,7 @@ def test_full_disk_is_one_sentence_and_nothing_is_lost(expected, tmp_path):
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["sweep.zarr"]
     with pytest.raises(cdpr.InvalidInput, match="unfinished"):
         cdpr.open_sweep(path)
-    xr.testing.assert_equal(cdpr.sweep(**ASKED, store=path).compute(), expected)
+    assert_same(cdpr.sweep(**ASKED, store=path).compute(), expected)
 
 
 @pytest.mark.parametrize(
@@ -191,9 +200,14 @@ def _solved_chunks(path) -> list:
 
 
 def _modified(path, known=None) -> dict:
-    """When each chunk of the tilt was written; of the poses ``known``, if given."""
+    """When each chunk of the tilt was written; only of slabs that are whole, if it is given which poses are ``known``.
+
+    A slab that was being finished when the process was killed has to be written again.
+    """
     times = {file.name: file.stat().st_mtime_ns for file in (path / "tilt").iterdir() if file.name[0].isdigit()}
     if known is None:
         return times
-    robots, columns = np.nonzero(known.values.all(axis=(2, 3)))
+    chunks = known.values.all(axis=(2, 3))
+    whole = chunks.reshape(len(chunks), -1, stores.TASKS).all(axis=2)
+    robots, columns = np.nonzero(np.repeat(whole, stores.TASKS, axis=1))
     return {name: times[name] for name in {f"{r}.{x}.0.0" for r, x in zip(robots, columns, strict=True)}}
