@@ -351,8 +351,11 @@ def test_an_encoder_that_fails_is_one_sentence(tmp_path, parallel, monkeypatch):
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups to send an interrupt to")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-def test_an_interrupted_command_leaves_nothing(tmp_path, name):
+def test_an_interrupted_command_leaves_nothing(tmp_path, tmp_path_factory, name):
     """Ctrl-C in a terminal reaches Python and ffmpeg alike: no file, no temporary one, no traceback."""
+    compiled = ["video", "cogiro", "--drive-seconds", "1", "--seconds", "0.1", "--size", "320", "240"]
+    whole = CliRunner().invoke(app, [*compiled, "-o", str(tmp_path_factory.mktemp("compiled") / "v.mp4")])
+    assert whole.exit_code == 0  # all is compiled now, so that it is drawing that is interrupted
     words = ["video", "cogiro", "--drive-seconds", "1", "--seconds", "300", "--size", "320", "240", "-o", "v.mp4"]
     command = [sys.executable, "-c", "from cdpr_sim.cli import main; main()", *words]
     environment = os.environ | {"PYTHONPATH": str(Path(cdpr.__file__).parents[1])}
