@@ -20,9 +20,11 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 import cdpr_sim as cdpr
-from cdpr_sim import answer_tables, grids, maps, overview, pictures, report
-from cdpr_sim import models as model_folders
-from cdpr_sim import video as film
+from cdpr_sim.report import answers as answer_tables, workspaces as overview, settling as report
+from cdpr_sim.analysis.workspace import grids
+from cdpr_sim.drawing import maps, pictures
+from cdpr_sim.physics import model_files as model_folders
+from cdpr_sim.drawing.video import film
 
 app = typer.Typer(
     help="Where does the platform of a cable-driven parallel robot really end up? Statics and MuJoCo, cross-checked.",

@@ -17,7 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import cdpr_sim as cdpr
-from cdpr_sim import newton, seecr, statics
+from cdpr_sim.statics import newton, seecr, forces as statics
 
 ROBOTS = ["cogiro", "parallel"]
 STIFFNESSES = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7]  # [N] EA

@@ -123,7 +123,7 @@ def dask_overheads(poses: int) -> list[float]:
 def feasibility(name: str, limits: tuple[float, float]) -> tuple[float, float]:
     """Seconds of CPU per pose by the fast road and by HiGHS."""
     import cdpr_sim as cdpr
-    from cdpr_sim.feasibility import feasible_by_linprog
+    from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 
     robot = cdpr.load_robot(name)
     positions = np.random.default_rng(0).uniform(robot.workspace[0], robot.workspace[1], (100_000, 3))
@@ -142,7 +142,7 @@ def feasibility(name: str, limits: tuple[float, float]) -> tuple[float, float]:
 def check(grid: tuple[int, int, int]) -> tuple[float, int, str, int]:
     """Wall time [s], poses, outcomes in words, and the number of findings."""
     import cdpr_sim as cdpr
-    from cdpr_sim.checking import OUTCOMES
+    from cdpr_sim.crosscheck.check import OUTCOMES
 
     cdpr.check("cogiro", (2, 1, 1))
     start = time.perf_counter()

@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 
 import cdpr_sim as cdpr
-from cdpr_sim import video
-from cdpr_sim.render import OpenGLUnavailable
+from cdpr_sim.drawing.video import film as video
+from cdpr_sim.drawing.video.render import OpenGLUnavailable
 
 ROBOTS = ("cogiro", "parallel")
 LINE = [(0.17, 0.25, 0.1), (0.63, 0.25, 0.1)]  # m, the paper's

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import cdpr_sim as cdpr
-from cdpr_sim.figure_compensation import Line, draw_compensation
+from cdpr_sim.studies.compensation_figures import Line, draw_compensation
 
 ROBOTS = {"cogiro": "crossed cables (Cogiro), fishing line", "parallel": "parallel cables, fishing line"}
 MATERIAL = "fishing-0.4mm"

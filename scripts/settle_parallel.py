@@ -7,7 +7,7 @@ import numpy as np
 from rich.console import Console
 
 import cdpr_sim as cdpr
-from cdpr_sim import report
+from cdpr_sim.report import settling as report
 
 ROBOT = "parallel"
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]

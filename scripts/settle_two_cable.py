@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 import cdpr_sim as cdpr
-from cdpr_sim import report, two_cable
+from cdpr_sim.report import settling as report
+from cdpr_sim.statics import two_cable
 
 ROBOT = "two-cable"
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]

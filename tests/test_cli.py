@@ -4,7 +4,7 @@ import pytest
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim import report
+from cdpr_sim.report import settling as report
 from cdpr_sim.cli import app
 
 runner = CliRunner()

@@ -2,7 +2,7 @@ import pytest
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim import checking
+from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.cli import app
 
 runner = CliRunner()

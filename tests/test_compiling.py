@@ -3,7 +3,7 @@ import threading
 import time
 from pathlib import Path
 
-from cdpr_sim import compiling
+from cdpr_sim.core import compiling
 
 
 def test_builder_runs_once_however_many_threads_ask():

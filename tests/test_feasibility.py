@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from problems import grid, random_problems, symmetric_pair
 
 import cdpr_sim as cdpr
-from cdpr_sim.feasibility import BALANCED, feasible_by_linprog
+from cdpr_sim.analysis.workspace.feasibility import BALANCED, feasible_by_linprog
 
 HIGHS = 1e-6
 """Unbalanced fraction of the load below which HiGHS, whose rows may be off by 1e-7, may call a pose feasible."""

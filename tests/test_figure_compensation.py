@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.figure_compensation import Line, draw_compensation
+from cdpr_sim.studies.compensation_figures import Line, draw_compensation
 
 
 def line_of(robot: cdpr.Robot) -> Line:

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import cdpr_sim as cdpr
-from cdpr_sim import gallery
+from cdpr_sim.studies import gallery
 
 
 def small() -> Figure:

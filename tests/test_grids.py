@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.grids import AXES, DEFAULT, as_grid, plane
+from cdpr_sim.analysis.workspace.grids import AXES, DEFAULT, as_grid, plane
 
 
 def test_counts_fill_the_workspace_from_face_to_face(catalogue):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim import maps, pictures, style
+from cdpr_sim.drawing import maps, pictures, style
 
 PLANE = {"x": np.linspace(0.1, 0.7, 13), "z": np.linspace(0.05, 0.4, 8)}
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
@@ -79,7 +79,7 @@ def test_agreement_map_draws_the_outcomes():
 
 def test_every_outcome_has_a_colour():
     """Also those that nobody wants to see."""
-    from cdpr_sim.checking import OUTCOMES
+    from cdpr_sim.crosscheck.check import OUTCOMES
 
     assert set(style.MAP_OUTCOMES) == set(OUTCOMES)
 

@@ -7,7 +7,7 @@ import pytest
 from test_cli import run
 
 import cdpr_sim as cdpr
-from cdpr_sim.models import model_files, stale_models
+from cdpr_sim.physics.model_files import model_files, stale_models
 
 MODELS = Path(__file__).parents[1] / "models"
 

@@ -4,8 +4,8 @@ from hypothesis import assume, given
 from problems import grid, hanging_mass, random_problems
 
 import cdpr_sim as cdpr
-from cdpr_sim import statics
-from cdpr_sim.modes import modes_gufunc
+from cdpr_sim.statics import forces as statics
+from cdpr_sim.statics.stiffness_kernel import modes_gufunc
 
 ROUNDING = 1e-11
 """Relative to the largest eigenvalue: 1e-14 measured on DemoBot, 1e-12 where cables are stiff and tensions large."""

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim import newton, statics
-from cdpr_sim.descent import FORCE_TOLERANCE, ROUNDING, Status, equilibrium_gufunc
+from cdpr_sim.statics import newton, forces as statics
+from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, ROUNDING, Status, equilibrium_gufunc
 
 SAME = 1e-13
 """[m] The same kernel on rest lengths that were rounded in two ways."""

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim import pose
+from cdpr_sim.core import pose
 
 
 def test_six_vector_follows_the_papers_convention():

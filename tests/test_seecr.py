@@ -3,7 +3,7 @@ import pytest
 from problems import paper_line
 
 import cdpr_sim as cdpr
-from cdpr_sim import seecr
+from cdpr_sim.statics import seecr
 
 SAME_POSITION = 1e-6
 """[m] SciPy stops at 1.5e-8 relative; DemoBot's softest direction is some 10 N/m under a tolerance of 4e-6 N."""

@@ -4,7 +4,8 @@ from hypothesis import given
 from problems import hanging_mass, random_problems
 
 import cdpr_sim as cdpr
-from cdpr_sim import pose, statics
+from cdpr_sim.core import pose
+from cdpr_sim.statics import forces as statics
 
 KINK = 1e-4
 """Cables are kept this far [m] from their rest length, ten times the largest step of the finite differences."""

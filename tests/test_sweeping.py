@@ -3,9 +3,9 @@ import pytest
 import xarray as xr
 
 import cdpr_sim as cdpr
-from cdpr_sim import sweeping
-from cdpr_sim.descent import FORCE_TOLERANCE, Status
-from cdpr_sim.sweeping import FALLS, QUANTITIES
+from cdpr_sim.analysis.workspace import sweep as sweeping
+from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, Status
+from cdpr_sim.analysis.workspace.sweep import FALLS, QUANTITIES
 
 GRID = (7, 5, 4)
 

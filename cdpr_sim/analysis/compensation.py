@@ -1,0 +1,398 @@
+"""Compensation: how long to cut elastic cables so that they hold the platform where it was told to be.
+
+At the commanded pose, choose tensions within limits that balance the load (``distribution``), and give each cable the
+rest length that its tension stretches to the length it has there,
+
+    l0 = l EA / (EA + tau)          from  tau = EA (l − l0)/l0  (paper Eq. 10).
+
+The commanded pose is then an equilibrium; that its stiffness matrix is positive definite makes it one that the platform
+comes back to. Where no tensions within limits do this, the nearest pose where some do is found instead: the least
+sqrt(|translation|² + (arm·angle)²), with an arm of the robot's characteristic length unless another is asked for.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+from scipy.optimize import minimize
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.statics import derivatives, newton, forces as statics
+from cdpr_sim.analysis import tensions as distribution
+from cdpr_sim.analysis.tensions import Demand
+from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.errors import InvalidInput, NotConverged, UnknownName
+from cdpr_sim.core.pose import PoseLike, distance, moved
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot, checked_array
+
+Prefer = Literal["smallest", "stiffest"]
+
+TAUT = 0.01
+"""Default lower limit of tension, as a fraction of the load: keeps every cable taut, so that each one holds."""
+
+HELD = 1e-3
+"""Least stiffness that counts as held, in loads per characteristic length: the softest place of rest of
+DemoBot that is held at all, turned over, has 0.2."""
+
+LEAST_ARM = 1e-3
+"""Of the characteristic length. Where position alone counts, this much weight on the rotation still chooses the least
+of those that go with it, and moves the position by its square times centimetres: 1e-8 m measured."""
+
+_EQUAL = 1e-6
+"""[m] Distance between SLSQP's nearest pose and the equilibrium of its rest lengths: it measures below
+1e-12, where SLSQP has converged."""
+
+
+class Reach(enum.Enum):
+    """What compensation came to; the value says it in words."""
+
+    EXACT = "the commanded pose is held exactly"
+    NEAREST = "no lengths hold the commanded pose; this is the nearest that some hold"
+
+
+@dataclass(frozen=True, eq=False)
+class Compensation:
+    """Rest lengths that put the platform where it was told to be, or as near as any can.
+
+    Attributes:
+        commanded: the pose asked for.
+        equilibrium: what the compensated lengths lead to, by statics: its pose, tensions and stiffness.
+        reach: whether that is the commanded pose.
+        distance: of the two poses [m], sqrt(|translation|² + (arm·angle)²); 0 where exact.
+        arm: what turns rotations into lengths in that distance [m].
+        reasons: why no lengths hold the commanded pose, a sentence each; empty where exact.
+        tension_limits: (2, cables) [N].
+    """
+
+    commanded: RigidTransform
+    equilibrium: Equilibrium
+    reach: Reach
+    distance: float
+    arm: float
+    reasons: tuple[str, ...]
+    tension_limits: Float[np.ndarray, "2 cables"]
+
+    @property
+    def exact(self) -> bool:
+        """Whether the compensated lengths hold the commanded pose itself."""
+        return self.reach is Reach.EXACT
+
+    @property
+    def pose(self) -> RigidTransform:
+        """The pose that the compensated lengths hold."""
+        return self.equilibrium.pose
+
+    @property
+    def rest_lengths(self) -> Float[np.ndarray, " cables"]:
+        """Compensated unstretched lengths l0, (cables,) [m]: what the winches should let out."""
+        return self.equilibrium.rest_lengths
+
+    @property
+    def tensions(self) -> Float[np.ndarray, " cables"]:
+        """At that pose, (cables,) [N]."""
+        return self.equilibrium.tensions
+
+    def __repr__(self) -> str:
+        return f"<Compensation: {self.reach.value}, {1e3 * self.distance:.3g} mm away>"
+
+
+def compensate(
+    robot: Robot,
+    pose: PoseLike,
+    *,
+    tension_limits: ArrayLike | None = None,
+    prefer: Prefer = "smallest",
+    external_wrench: ArrayLike | None = None,
+    arm: float | None = None,
+) -> Compensation:
+    """Rest lengths with which the platform rests at ``pose``, elastic cables and all.
+
+    Args:
+        robot: the robot.
+        pose: where the platform should be.
+        tension_limits: (lowest, highest) tension [N], numbers or one per cable; default: from 1 % of the load, which
+            keeps every cable taut, upwards.
+        prefer: of all tensions that do, the "smallest" (by norm) or those that make the platform "stiffest".
+        external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
+        arm: how much rotation counts where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
+            0 [m] asks for the position, and of the rotations that go with it for a small one; default: the robot's
+            characteristic length.
+
+    Raises:
+        InvalidInput: an argument that cannot be right; limits that no tension can be within.
+        UnknownName: no such preference.
+        NotConverged: no pose was found that tensions within limits hold.
+    """
+    if prefer not in get_args(Prefer):
+        raise UnknownName("preference", str(prefer), get_args(Prefer))
+    commanded = robot.pose(pose)
+    rigid = Problem.of(robot, commanded, external_wrench=external_wrench)  # which refuses a pose above all exits
+    lower, upper = limits = _limits(rigid, tension_limits)
+    arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
+    if arm < 0:
+        raise InvalidInput(f"arm: found {arm:g} m, expected 0 or more")
+    demand = demand_at(rigid, commanded, lower, upper)
+    floor = HELD * rigid.load / robot.characteristic_length
+    choose = distribution.smallest if prefer == "smallest" else distribution.stiffest
+    tensions = choose(demand, floor)
+    if tensions is not None:
+        found = _held(rigid, commanded, tensions)
+        if found.stable:
+            return Compensation(commanded, found, Reach.EXACT, 0.0, arm, (), limits)
+    reasons = _reasons(demand, rigid)
+    found = _nearest(rigid, limits, floor, arm)
+    return Compensation(commanded, found, Reach.NEAREST, distance(commanded, found.pose, arm), arm, reasons, limits)
+
+
+def demand_at(
+    problem: Problem,
+    pose: RigidTransform,
+    lower: Float[np.ndarray, " cables"],
+    upper: Float[np.ndarray, " cables"],
+) -> Demand:
+    """What tensions must do at ``pose`` under the problem's load; its rest lengths play no part."""
+    robot, position, rotation = problem.robot, pose.translation, pose.rotation.as_matrix()
+    free, units = list(robot.free_directions), _units(robot)
+    lengths = statics.lengths(robot, position, rotation)
+
+    def stiffness(tensions: Float[np.ndarray, " cables"]) -> Float[np.ndarray, "free free"]:
+        cut = Problem(robot, pose, _rest_lengths(robot, lengths, tensions), problem.external_wrench)
+        matrix = statics.stiffness_matrix(cut, position, rotation) / np.outer(units, units)
+        return matrix[np.ix_(free, free)]
+
+    # The stiffness matrix is affine in the tensions, all taut: as many values as there are cables, and one, tell it.
+    some = np.full(robot.cables, problem.load or 1.0)
+    base = stiffness(some)
+    stiffening = np.array([(stiffness(some + step) - base) / some[0] for step in np.diag(some)])
+    return Demand(
+        wrench_matrix=(statics.wrench_matrix(robot, position, rotation) / units[:, None])[free],
+        load=(statics.load_wrench(problem, rotation) / units)[free],
+        lower=lower,
+        upper=upper,
+        stiffness=base - np.einsum("c,cij->ij", some, stiffening),
+        stiffening=stiffening,
+    )
+
+
+def _held(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " cables"]) -> Equilibrium:
+    """The equilibrium at ``pose`` with cables cut for ``tensions``."""
+    lengths = statics.lengths(problem.robot, pose.translation, pose.rotation.as_matrix())
+    cut = Problem.of(problem.robot, pose, _rest_lengths(problem.robot, lengths, tensions), problem.external_wrench)
+    return statics.equilibrium_at(cut, pose, iterations=0, source="compensation")
+
+
+def _rest_lengths(
+    robot: Robot, lengths: Float[np.ndarray, " cables"], tensions: Float[np.ndarray, " cables"]
+) -> Float[np.ndarray, " cables"]:
+    """l0 = l EA / (EA + tau): what a cable of length l under tension tau measures when nothing pulls (Eq. 10)."""
+    return lengths * robot.axial_stiffness / (robot.axial_stiffness + tensions)
+
+
+def _limits(problem: Problem, tension_limits: ArrayLike | None) -> Float[np.ndarray, "2 cables"]:
+    if tension_limits is None:
+        tension_limits = (TAUT * problem.load, np.inf)
+    try:
+        pair = [np.asarray(limit, dtype=float) for limit in tension_limits]  # type: ignore[union-attr]
+        limits = np.array([np.broadcast_to(limit, (problem.robot.cables,)) for limit in pair])
+    except (TypeError, ValueError):
+        limits = np.empty(0)
+    if limits.shape != (2, problem.robot.cables):
+        raise InvalidInput(
+            f"tension_limits: found {tension_limits!r}, expected (lowest, highest) [N], numbers or one per cable"
+        )
+    lower = checked_array("tension_limits", limits[0], (problem.robot.cables,))
+    upper = np.where(np.isposinf(limits[1]), np.inf, limits[1])
+    if np.isnan(upper).any():
+        raise InvalidInput("tension_limits: found nan, expected numbers")
+    if lower.min() < 0:
+        raise InvalidInput(f"tension_limits: found a lowest of {lower.min():g} N, expected 0 or more: cables only pull")
+    if (lower > upper).any():
+        cable = int(np.argmax(lower > upper))
+        raise InvalidInput(
+            f"tension_limits: found lowest {lower[cable]:g} N above highest {upper[cable]:g} N, expected the reverse"
+        )
+    limits = np.array([lower, upper])
+    limits.flags.writeable = False
+    return limits
+
+
+def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
+    """Why no tensions within limits hold the commanded pose, most to the point first."""
+    robot = problem.robot
+    if distribution.balances(demand):
+        return ("tensions within limits balance the load there, but none hold it: pushed, the platform would leave",)
+    free = list(robot.free_directions)
+    missing = np.zeros(6)
+    pulling = Demand(**(vars(demand) | {"lower": np.zeros(robot.cables), "upper": np.full(robot.cables, np.inf)}))
+    if distribution.balances(pulling):
+        smallest = distribution.smallest(pulling)
+        least = "" if smallest is None else f" (the smallest: {smallest.min():.3g} to {smallest.max():.3g} N)"
+        return (f"cables that only pull could balance the load there, but not within the limits of tension{least}",)
+    pushing = np.linalg.lstsq(demand.wrench_matrix, -demand.load, rcond=None)[0]
+    can_push = np.abs(demand.wrench_matrix @ pushing + demand.load).max() <= distribution.BALANCED * demand.scale
+    missing[free] = distribution.unbalanced(pulling)
+    why = (
+        f"cables would have to push to balance the load there: cable {int(np.argmin(pushing)) + 1} "
+        f"with {-pushing.min():.3g} N"
+        if can_push
+        else "the cables cannot balance the load there, whether they pull or push: their wrenches do not span it"
+    )
+    return (
+        why,
+        "the load can move the platform without any cable getting longer: "
+        f"along {_twist_in_words(missing / np.linalg.norm(missing), robot)}",
+    )
+
+
+def _twist_in_words(twist: Float[np.ndarray, "6"], robot: Robot) -> str:
+    """A small motion, scaled to its largest part: in millimetres and degrees."""
+    motion = 1e-3 * twist / max(np.abs(twist).max(), np.finfo(float).tiny)
+    parts = [f"{1e3 * value:+.2g} mm {axis}" for value, axis in zip(motion[:3], "xyz", strict=True)]
+    degrees = np.degrees(motion[3:] / robot.characteristic_length)
+    parts += [f"{value:+.2g}° about {axis}" for value, axis in zip(degrees, "xyz", strict=True)]
+    return ", ".join(part for part, value in zip(parts, motion, strict=True) if abs(value) >= 1e-5)
+
+
+def _nearest(problem: Problem, limits: Float[np.ndarray, "2 cables"], floor: float, arm: float) -> Equilibrium:
+    """The stable equilibrium nearest to the problem's pose that cables cut for tensions within limits have.
+
+    SLSQP over (step, tensions) with exact gradients, from the commanded pose and from where uncompensated cables of
+    several softnesses would let the platform hang; the nearest of what they find. Where that is not held, the
+    smallest eigenvalue joins as a constraint, differenced.
+    """
+    best: Equilibrium | None = None
+
+    def away(found: Equilibrium | None) -> float:
+        return np.inf if found is None else distance(problem.pose, found.pose, arm)
+
+    not_held = []
+    for start in _starts(problem, limits):
+        found = _descend(problem, start, limits, None, arm)
+        if found is None:
+            not_held.append((start, np.finfo(float).max))  # tried again only if nothing else is found
+        elif not (found.stable and found.eigenvalues[0] >= 0.5 * floor):
+            not_held.append((start, away(found)))
+        elif away(found) < away(best):
+            best = found
+    for start, nearest in not_held:
+        if nearest < away(best):  # else holding it would only take it further
+            found = _descend(problem, start, limits, floor, arm)
+            if found is not None and found.stable and away(found) < away(best):
+                best = found
+    if best is None:
+        raise NotConverged(
+            f"compensate: found no pose near the commanded one that tensions from {limits[0].min():.3g} to "
+            f"{limits[1].max():.3g} N hold"
+        )
+    return best
+
+
+def _starts(
+    problem: Problem, limits: Float[np.ndarray, "2 cables"]
+) -> list[tuple[RigidTransform, Float[np.ndarray, " cables"]]]:
+    """Poses and tensions to search from: the commanded pose, and where softer and softer cables let it hang."""
+    robot, starts = problem.robot, []
+    softness = np.array([1.0, 0.1, 0.01])
+    hanging = newton.solve_many(
+        robot,
+        problem.pose.translation,
+        rotations=problem.pose.rotation.as_matrix(),
+        rest_lengths=problem.rest_lengths,
+        axial_stiffness=softness[:, None] * robot.axial_stiffness,
+        external_wrench=problem.external_wrench,
+    )
+    for row in np.flatnonzero(hanging.converged):
+        pose = RigidTransform.from_components(hanging.positions[row], Rotation.from_matrix(hanging.rotations[row]))
+        starts.append((pose, np.clip(hanging.tensions[row], *limits)))
+    starts.insert(0, (problem.pose, np.clip(starts[0][1] if starts else limits[0], *limits)))
+    return starts
+
+
+def _descend(
+    problem: Problem,
+    start: tuple[RigidTransform, Float[np.ndarray, " cables"]],
+    limits: Float[np.ndarray, "2 cables"],
+    floor: float | None,
+    arm: float,
+) -> Equilibrium | None:
+    """One run of SLSQP over the step from the commanded pose, per characteristic length, and the tensions per load."""
+    robot = problem.robot
+    free, units = list(robot.free_directions), _units(robot)
+    scale, reach = problem.load or 1.0, robot.characteristic_length
+    count = len(free)
+    pose, tensions = start
+    turn = (pose.rotation * problem.pose.rotation.inv()).as_rotvec()
+    begin = np.concatenate([pose.translation - problem.pose.translation, turn])
+
+    def posed(unknowns: Float[np.ndarray, " unknowns"]) -> tuple[RigidTransform, np.ndarray, Problem]:
+        step = np.zeros(6)
+        step[free] = unknowns[:count] * reach / units[free]
+        pose = moved(problem.pose, step)
+        lengths = statics.lengths(robot, pose.translation, pose.rotation.as_matrix())
+        rest = _rest_lengths(robot, lengths, np.maximum(unknowns[count:], 0) * scale)
+        return pose, step, Problem(robot, pose, rest, problem.external_wrench)
+
+    def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " free"]:
+        pose, _, cut = posed(unknowns)
+        rotation = pose.rotation.as_matrix()
+        W = statics.wrench_matrix(robot, pose.translation, rotation)
+        net = W @ unknowns[count:] * scale + statics.load_wrench(cut, rotation)
+        return (net / units)[free] / scale
+
+    def slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "free unknowns"]:
+        pose, step, cut = posed(unknowns)
+        position, rotation = pose.translation, pose.rotation.as_matrix()
+        geometric = derivatives.wrench_slope_at_fixed_tensions(cut, position, rotation)
+        geometric[:, 3:] = geometric[:, 3:] @ _left_jacobian(step[3:])
+        by_step = (geometric * reach / units / units[:, None])[np.ix_(free, free)] / scale
+        by_tension = (statics.wrench_matrix(robot, position, rotation) / units[:, None])[free]
+        return np.hstack([by_step, by_tension])
+
+    def held(unknowns: Float[np.ndarray, " unknowns"]) -> float:
+        pose, _, cut = posed(unknowns)
+        softest = statics.eigenvalues(cut, pose.translation, pose.rotation.as_matrix())[0]
+        return float(softest * reach / scale)
+
+    constraints = [{"type": "eq", "fun": balance, "jac": slope}]
+    if floor is not None:
+        constraints.append({"type": "ineq", "fun": lambda unknowns: held(unknowns) - floor * reach / scale})
+    weights = np.zeros(count + robot.cables)
+    weights[:count] = np.repeat([1.0, max(arm / reach, LEAST_ARM) ** 2], 3)[free]
+    found = minimize(
+        lambda unknowns: float(0.5 * weights @ unknowns**2),
+        np.concatenate([(begin * units / reach)[free], tensions / scale]),
+        jac=lambda unknowns: weights * unknowns,
+        bounds=[(None, None)] * count + [*zip(*(limits / scale), strict=True)],
+        constraints=constraints,
+        method="SLSQP",
+        options={"maxiter": 300, "ftol": 1e-14},
+    )
+    if not np.isfinite(found.x).all() or np.abs(balance(found.x)).max() > 1e-6:
+        return None
+    pose, _, cut = posed(found.x)
+    try:
+        equilibrium = newton.solve(Problem.of(robot, pose, cut.rest_lengths, problem.external_wrench))
+    except NotConverged:
+        return None
+    return equilibrium if distance(pose, equilibrium.pose, reach) <= _EQUAL else None
+
+
+def _left_jacobian(rotation_vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """J with exp((phi + d)×) = exp((J d)×) exp(phi×) to first order: the left Jacobian of SO(3)."""
+    angle = float(np.linalg.norm(rotation_vector))
+    cross = derivatives.cross_matrix(rotation_vector)
+    if angle < 1e-6:
+        return np.eye(3) + 0.5 * cross
+    first, second = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    return np.eye(3) + first * cross + second * cross @ cross
+
+
+def _units(robot: Robot) -> Float[np.ndarray, "6"]:
+    """What turns (translation, rotation) into lengths, and (force, torque) into forces."""
+    return np.repeat([1.0, robot.characteristic_length], 3)

@@ -1,0 +1,373 @@
+"""All equilibria of given cable lengths, and which of them a robot reaches when its load is applied.
+
+Cables that are let out leave a platform more than one place to rest: upright, turned over, hooked onto two of eight.
+Many starts, spread over every position and rotation that the cables allow, descend the energy to the stable ones;
+saddles, asked for, are roots of the net wrench found from as many starts, and from between the stable ones.
+
+That none is missing cannot be proved, but sometimes refuted: on the space of poses, which but for positions that can
+be shrunk away is that of rotations, as many equilibria have an even as have an odd number of unstable directions, if
+none is neutral (Morse; the Euler characteristic of SO(3), and of the circle, is 0).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.statics import derivatives, newton, forces as statics
+from cdpr_sim.core.equilibrium import NEUTRAL, Equilibrium, Stability
+from cdpr_sim.core.errors import InvalidInput, NotConverged
+from cdpr_sim.core.pose import PoseLike, distance
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot, checked_array
+
+SAME = 1e-3
+"""Two equilibria nearer than this fraction of the characteristic length are one: two solutions of one scatter by
+1e-9 m and less, where it is held."""
+
+LOOSE = 1e-6
+"""Equilibria whose softest direction has this fraction of the stiffest may belong to a family: ``parallel``, hanging on
+two diagonal cables, measures 1e-18, and the softest that is held 1e-4."""
+
+BALANCED = 1e-8
+"""Unbalanced force of a root, as a fraction of the load."""
+
+ROOT_STEPS = 150
+"""Levenberg-Marquardt steps per start in the search for saddles."""
+
+BETWEEN = 7
+"""Starts on the screw motion between each two stable equilibria."""
+
+SOFT_STRAIN, STIFFENING = 0.01, 3.0
+"""Saddles are searched for first with cables that the load strains by this much, then with cables stiffer by this
+factor, and again, until they are as stiff as they are."""
+
+FIRST_LOAD, SHORTEST_STEP, LONGEST_STEP = 1e-3, 1e-4, 0.05
+"""Fractions of the load: where following begins, and its steps."""
+
+JUMP = 0.2
+"""A pose that moves by more than this fraction of the characteristic length within the shortest step has jumped."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibria:
+    """Equilibria of one problem, lowest energy first. Iterates over them.
+
+    Attributes:
+        problem: rest lengths and load; its pose plays no part.
+        found: each certified by its own residual and eigenvalues.
+        energies: of each [J], zero where gravity's is at z = 0 and all cables are slack.
+        starts: how many starts were made.
+        saddles: whether unstable ones were searched for.
+    """
+
+    problem: Problem
+    found: tuple[Equilibrium, ...]
+    energies: Float[np.ndarray, " equilibria"]
+    starts: int
+    saddles: bool
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def __iter__(self) -> Iterator[Equilibrium]:
+        return iter(self.found)
+
+    def __getitem__(self, index: int) -> Equilibrium:
+        return self.found[index]
+
+    @property
+    def stable(self) -> tuple[Equilibrium, ...]:
+        """Those at which a platform can rest, neutral ones included."""
+        return tuple(one for one in self.found if one.stability is not Stability.UNSTABLE)
+
+    @property
+    def unstable(self) -> tuple[Equilibrium, ...]:
+        """Saddles and maxima."""
+        return tuple(one for one in self.found if one.stability is Stability.UNSTABLE)
+
+    @property
+    def imbalance(self) -> int | None:
+        """Equilibria with an even minus those with an odd number of unstable directions: 0 if none is missing.
+
+        None where it says nothing: saddles were not searched for, or some equilibrium is neutral.
+        """
+        if not self.saddles or any(one.stability is Stability.NEUTRAL for one in self.found):
+            return None
+        return sum(1 - 2 * (unstable_directions(one) % 2) for one in self.found)
+
+    def nearest(self, pose: RigidTransform) -> tuple[int, float]:
+        """Index of the equilibrium nearest to ``pose``, and its distance [m], rotations scaled."""
+        arm = self.problem.robot.characteristic_length
+        distances = [distance(one.pose, pose, arm) for one in self.found]
+        index = int(np.argmin(distances))
+        return index, distances[index]
+
+
+@dataclass(frozen=True, eq=False)
+class Following:
+    """How a platform comes to rest while its load grows from nothing.
+
+    Attributes:
+        loads: fractions of the load, ascending to 1, (steps,).
+        equilibria: at each of them.
+        jumps: loads at which the platform lost its equilibrium and fell to another.
+    """
+
+    loads: Float[np.ndarray, " steps"]
+    equilibria: tuple[Equilibrium, ...]
+    jumps: tuple[float, ...]
+
+    @property
+    def reached(self) -> Equilibrium:
+        """Under the full load."""
+        return self.equilibria[-1]
+
+
+def find_equilibria(
+    robot: Robot,
+    rest_lengths: ArrayLike,
+    *,
+    external_wrench: ArrayLike | None = None,
+    saddles: bool = False,
+    starts: int = 2000,
+    seed: int = 0,
+) -> Equilibria:
+    """Where the platform can rest on cables of these lengths, lowest energy first.
+
+    A neutral equilibrium stands for the family that it belongs to.
+
+    Args:
+        robot: the robot.
+        rest_lengths: unstretched cable lengths, (cables,) [m].
+        external_wrench: a force [N], and no torque, on the platform's origin, base frame, besides gravity.
+        saddles: whether to search for the unstable ones as well.
+        starts: how many poses to start from.
+        seed: of the starts.
+
+    Raises:
+        InvalidInput: an argument that cannot be right; a load that pulls nowhere.
+    """
+    problem = Problem.of(
+        robot, robot.home, checked_array("rest_lengths", rest_lengths, (robot.cables,)), external_wrench
+    )
+    if problem.external_wrench[3:].any():
+        raise InvalidInput("external_wrench: found a torque, expected a force alone: a torque has no energy to sort by")
+    if not problem.load > 0:
+        raise InvalidInput("find_equilibria: found no load, expected weight or force: slack cables hold any pose then")
+    if starts < 1:
+        raise InvalidInput(f"starts: found {starts}, expected 1 or more")
+    positions, rotations = _starts(problem, starts, np.random.default_rng(seed))
+    descended = newton.solve_many(
+        robot,
+        positions,
+        rotations=rotations,
+        rest_lengths=problem.rest_lengths,
+        external_wrench=problem.external_wrench,
+    )
+    done = descended.converged
+    found = _distinct(problem, descended.positions[done], descended.rotations[done], polish=True)
+    if saddles:
+        between = _between(found)
+        positions = np.concatenate([positions, between.translation])
+        rotations = np.concatenate([rotations, between.rotation.as_matrix()])
+        found += _distinct(problem, *_stiffened_roots(problem, positions, rotations), polish=False, known=found)
+    energies = np.array([statics.energy(problem, one.position, one.rotation.as_matrix()) for one in found], dtype=float)
+    order = np.argsort(energies, kind="stable")
+    return Equilibria(problem, tuple(found[i] for i in order), energies[order], len(positions), saddles)
+
+
+def follow_load(
+    robot: Robot, pose: PoseLike, rest_lengths: ArrayLike | None = None, external_wrench: ArrayLike | None = None
+) -> Following:
+    """The equilibrium that the platform reaches from ``pose`` when its load is applied slowly.
+
+    Gravity and wrench grow from a thousandth to the whole, and each equilibrium is the start of the next. Steps are
+    halved where the platform moves far; where it still does in the shortest, its equilibrium has ceased to be: a jump.
+
+    Raises:
+        InvalidInput: an argument that cannot be right; a load of nothing.
+        NotConverged: no equilibrium under some load; carries the best point.
+    """
+    whole = Problem.of(robot, pose, rest_lengths, external_wrench)
+    if not whole.load > 0:
+        raise InvalidInput("follow_load: found no load, expected weight or an external wrench")
+
+    def under(load: float, start: RigidTransform) -> Equilibrium:
+        part = robot if load == 1 else robot.replace(gravity=load * robot.gravity)
+        return newton.solve(Problem.of(part, start, whole.rest_lengths, load * whole.external_wrench))
+
+    arm = robot.characteristic_length
+    loads, equilibria, jumps = [FIRST_LOAD], [under(FIRST_LOAD, whole.pose)], []
+    step = FIRST_LOAD
+    while loads[-1] < 1:
+        load = min(loads[-1] + step, 1.0)
+        found = under(load, equilibria[-1].pose)
+        far = distance(found.pose, equilibria[-1].pose, arm) > JUMP * arm
+        if far and step > SHORTEST_STEP:
+            step = max(step / 2, SHORTEST_STEP)
+            continue
+        if far:
+            jumps.append(load)
+        loads.append(load)
+        equilibria.append(found)
+        step = min(1.5 * step, LONGEST_STEP)
+    return Following(np.array(loads), tuple(equilibria), tuple(jumps))
+
+
+def unstable_directions(equilibrium: Equilibrium) -> int:
+    """How many directions the platform leaves along: 0 at rest, 1 at a saddle between two places of rest."""
+    values = equilibrium.eigenvalues
+    return int((values < -NEUTRAL * np.abs(values).max()).sum())
+
+
+def _starts(
+    problem: Problem, count: int, rng: np.random.Generator
+) -> tuple[Float[np.ndarray, "starts 3"], Float[np.ndarray, "starts 3 3"]]:
+    """Positions within a cable's length of the exits, downwards and a little aside, and every rotation alike."""
+    robot, longest = problem.robot, problem.rest_lengths.max()
+    reach = longest + robot.characteristic_length
+    lower, upper = robot.exits.min(0), robot.exits.max(0)
+    margin = 0.3 * reach
+    positions = rng.uniform(lower - np.array([margin, margin, reach]), upper + margin, (count, 3))
+    if robot.mobility == "planar":
+        positions[:, 1] = 0
+        return positions, Rotation.from_rotvec(rng.uniform(-np.pi, np.pi, (count, 1)) * [0.0, 1.0, 0.0]).as_matrix()
+    return positions, Rotation.random(count, rng=rng).as_matrix()
+
+
+def _between(found: list[Equilibrium]) -> RigidTransform:
+    """Poses on the screw motions between each two equilibria: a saddle parts them."""
+    poses = [RigidTransform.identity()]
+    for i, one in enumerate(found):
+        for other in found[:i]:
+            screw = (one.pose.inv() * other.pose).as_exp_coords()
+            fractions = np.linspace(0, 1, BETWEEN + 2)[1:-1]
+            poses += [one.pose * RigidTransform.from_exp_coords(fraction * screw) for fraction in fractions]
+    return RigidTransform.concatenate(poses)
+
+
+def _stiffened_roots(
+    problem: Problem, positions: Float[np.ndarray, "starts 3"], rotations: Float[np.ndarray, "starts 3 3"]
+) -> tuple[Float[np.ndarray, "roots 3"], Float[np.ndarray, "roots 3 3"]]:
+    """Roots from the starts, and from the roots of softer cables, stiffened step by step.
+
+    The stiffer the cables the narrower the valleys that lead to a saddle: at a strain of a percent they are wide.
+    """
+    robot = problem.robot
+    found = [_roots(problem, positions, rotations)]
+    softening = SOFT_STRAIN * float(robot.axial_stiffness.max()) / problem.load
+    levels = max(int(np.ceil(np.log(max(softening, 1.0)) / np.log(STIFFENING))), 0)
+    for level in range(levels, -1, -1):
+        softer = robot.replace(axial_stiffness=robot.axial_stiffness / STIFFENING**level)
+        part = Problem(softer, problem.pose, problem.rest_lengths, problem.external_wrench)
+        positions, rotations = _roots(part, positions, rotations, 1e-2 if level == levels else 1e-12)
+    found.append((positions, rotations))
+    return np.concatenate([p for p, _ in found]), np.concatenate([r for _, r in found])
+
+
+def _roots(
+    problem: Problem,
+    positions: Float[np.ndarray, "starts 3"],
+    rotations: Float[np.ndarray, "starts 3 3"],
+    damping: float = 1e-2,
+) -> tuple[Float[np.ndarray, "roots 3"], Float[np.ndarray, "roots 3 3"]]:
+    """Where the net wrench vanishes, stable or not: Levenberg-Marquardt with the exact slope, all starts at once."""
+    robot = problem.robot
+    free, units = list(robot.free_directions), np.repeat([1.0, robot.characteristic_length], 3)
+    eye = np.eye(len(free))
+
+    def wrench(positions: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+        return (statics.net_wrench(problem, positions, rotations) / units)[:, free]
+
+    positions, rotations = positions.copy(), rotations.copy()
+    force = wrench(positions, rotations)
+    size = np.linalg.norm(force, axis=1)
+    dampings = np.full(len(size), damping)
+    live = np.isfinite(size)
+    for _ in range(ROOT_STEPS):
+        rows = np.flatnonzero(live & (size > 1e-3 * BALANCED * problem.load))
+        if not rows.size:
+            break
+        slope = derivatives.wrench_slope(problem, positions[rows], rotations[rows]) / np.outer(units, units)
+        slope = slope[:, free][:, :, free]
+        normal = slope.swapaxes(-1, -2) @ slope
+        scale = np.trace(normal, axis1=-2, axis2=-1)[:, None, None] / len(free)
+        gradient = np.einsum("nij,ni->nj", slope, force[rows])
+        step = -np.linalg.solve(normal + (dampings[rows, None, None] * scale + 1e-300) * eye, gradient[..., None])[
+            ..., 0
+        ]
+        length = np.linalg.norm(step, axis=1)
+        step *= np.minimum(1.0, 2 * robot.characteristic_length / np.maximum(length, 1e-300))[:, None]
+        whole = np.zeros((len(rows), 6))
+        whole[:, free] = step / units[free]
+        tried_positions = positions[rows] + whole[:, :3]
+        tried_rotations = Rotation.from_rotvec(whole[:, 3:]).as_matrix() @ rotations[rows]
+        tried = wrench(tried_positions, tried_rotations)
+        tried_size = np.linalg.norm(tried, axis=1)
+        better = tried_size < size[rows]
+        taken = rows[better]
+        positions[taken], rotations[taken] = tried_positions[better], tried_rotations[better]
+        force[taken], size[taken] = tried[better], tried_size[better]
+        dampings[rows] = np.where(better, dampings[rows] / 10, dampings[rows] * 5)
+        live[rows[dampings[rows] > 1e8]] = False
+        dampings = np.maximum(dampings, 1e-14)
+    balanced = size <= BALANCED * problem.load
+    # Products of many small rotations drift from orthogonality by rounding.
+    return positions[balanced], Rotation.from_matrix(rotations[balanced]).as_matrix()
+
+
+def _distinct(
+    problem: Problem,
+    positions: Float[np.ndarray, "rows 3"],
+    rotations: Float[np.ndarray, "rows 3 3"],
+    *,
+    polish: bool,
+    known: list[Equilibrium] | None = None,
+) -> list[Equilibrium]:
+    """One equilibrium of each kind, besides those ``known``; of a neutral family, the first."""
+    arm = problem.robot.characteristic_length
+    found: list[Equilibrium] = []
+    left = np.ones(len(positions), dtype=bool)
+    for one in known or []:
+        left &= ~_near(one, positions, rotations, SAME * arm)
+    while left.any():
+        row = int(np.argmax(left))
+        pose = RigidTransform.from_components(positions[row], Rotation.from_matrix(rotations[row]))
+        left[row] = False
+        one = statics.equilibrium_at(problem, pose, iterations=0, source="equilibria")
+        if polish:
+            try:
+                one = newton.solve(Problem.of(problem.robot, pose, problem.rest_lengths, problem.external_wrench))
+            except NotConverged:
+                continue
+        left &= ~_near(one, positions, rotations, SAME * arm)
+        relatives = [*(known or []), *found]
+        if not any(distance(one.pose, other.pose, arm) <= SAME * arm or _related(one, other) for other in relatives):
+            found.append(one)
+    return found
+
+
+def _near(
+    one: Equilibrium, positions: Float[np.ndarray, "rows 3"], rotations: Float[np.ndarray, "rows 3 3"], limit: float
+) -> np.ndarray:
+    arm = one.problem.robot.characteristic_length
+    cosine = (np.einsum("nij,ij->n", rotations, one.rotation.as_matrix()) - 1) / 2
+    angle = np.arccos(np.clip(cosine, -1, 1))
+    return np.hypot(np.linalg.norm(positions - one.position, axis=1), arm * angle) <= limit
+
+
+def _related(one: Equilibrium, other: Equilibrium) -> bool:
+    """Whether two equilibria that nothing holds belong to one family: the same tensions at the same energy."""
+    if min(np.abs(e.eigenvalues).min() / np.abs(e.eigenvalues).max() for e in (one, other)) > LOOSE:
+        return False
+    problem = one.problem
+    energies = [statics.energy(problem, e.position, e.rotation.as_matrix()) for e in (one, other)]
+    size = problem.load * problem.robot.characteristic_length
+    alike = np.allclose(one.tensions, other.tensions, rtol=0, atol=1e-5 * problem.load)
+    return bool(alike and abs(energies[0] - energies[1]) <= 1e-8 * size)

@@ -1,0 +1,373 @@
+"""Identification: what the cables' stiffness, rest lengths, mass or centre of mass must be for the measured poses.
+
+Nonlinear least squares (Levenberg 1944; SciPy's trust-region reflective) on
+
+    r = (x(θ) − x_measured) / sigma
+
+where x(θ) is the equilibrium of statics, with the exact derivatives of the implicit function theorem. Positive unknowns
+are fitted by their logarithm. Standard errors are the square roots of the diagonal of (JᵀJ)⁻¹; directions of θ that the
+data do not see, by the singular values of J with unit columns, have infinite ones, and a sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import least_squares
+from scipy.stats import chi2
+
+from cdpr_sim.statics import derivatives, newton
+from cdpr_sim.core.errors import InvalidInput, NotConverged, UnknownName
+from cdpr_sim.analysis.measurements import Measurements
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot, checked_array
+
+UNKNOWNS = ("axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "mass", "center_of_mass")
+"""What can be fitted: one EA for all cables, one each, what is added to each rest length, mass, centre of mass."""
+
+UNSEEN = 1e-6
+"""A singular value below this fraction of the largest, with columns of unit length, is rounding: EA and mass together,
+which have exactly the same effect, measure 5e-9; EA, offsets and centre of mass, told apart by 12 poses, 5e-3."""
+
+ALIKE = 0.99
+"""Correlation above which two unknowns are hardly told apart."""
+
+SURPRISING = 1e-3
+"""Probability of residuals as large as found, below which the model does not explain the data."""
+
+RANGE = 1e4
+"""Positive unknowns are sought within this factor of the robot's own."""
+
+SCAN = 10.0 ** np.arange(-2, 2.01, 0.25)
+"""Factors of EA that are tried before the fit: far from it the platform may hang elsewhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What the measurements say of the unknowns.
+
+    Attributes:
+        robot: the robot with what was found in it (rest-length offsets are not part of a robot).
+        names: of the unknowns, one by one: "axial_stiffness", "mass", "rest_length_offset 3".
+        units: of each.
+        values: of each.
+        standard_errors: of each; ``inf`` where the data do not determine it.
+        correlations: between them, (unknowns, unknowns); nan where undetermined.
+        residuals: what is left, in coordinates (rows, 6) [m, rad]; nan where not measured.
+        spread: root mean square of residuals over their stated error; 1 if model and errors are right, and by
+            construction where no errors were stated.
+        reasons: what the data cannot tell, and whether the model explains them, a sentence each.
+    """
+
+    robot: Robot
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Float[np.ndarray, " unknowns"]
+    standard_errors: Float[np.ndarray, " unknowns"]
+    correlations: Float[np.ndarray, "unknowns unknowns"]
+    residuals: Float[np.ndarray, "rows 6"]
+    spread: float
+    reasons: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> tuple[float, float]:
+        """(value, standard error) of the unknown called ``name``.
+
+        Raises:
+            UnknownName: no such unknown.
+        """
+        if name not in self.names:
+            raise UnknownName("unknown", name, self.names)
+        index = self.names.index(name)
+        return float(self.values[index]), float(self.standard_errors[index])
+
+
+@dataclass(frozen=True)
+class _Unknown:
+    """One number to fit: its derivative is the sum of those of ``columns`` of ``parameter``."""
+
+    name: str
+    unit: str
+    parameter: str
+    columns: tuple[int, ...]
+    start: float
+    logarithmic: bool
+
+
+def identify(
+    robot: Robot,
+    measurements: Measurements,
+    unknowns: Sequence[str] = ("axial_stiffness",),
+    *,
+    position_error: float | None = None,
+    rotation_error: float | None = None,
+) -> Identification:
+    """Fit ``unknowns`` to measured poses.
+
+    Args:
+        robot: what is known, and where the fit starts.
+        measurements: from ``read_measurements`` or ``Measurements.of``.
+        unknowns: any of ``UNKNOWNS``.
+        position_error: standard error of a measured coordinate [m]; default: judged from the residuals.
+        rotation_error: standard error of a measured angle [rad]; default: ``position_error``, or what is judged,
+            over the characteristic length.
+
+    Raises:
+        InvalidInput: measurements of another robot or too few, errors that are not positive, or unknowns that exclude
+            each other.
+        UnknownName: no such unknown.
+        NotConverged: no equilibrium at some commanded pose for any stiffness near the best.
+    """
+    measurements.check_robot(robot)
+    wanted = _wanted(robot, unknowns)
+    known = measurements.known
+    stated = position_error is not None
+    position_error = 1.0 if position_error is None else _positive("position_error", position_error)
+    if rotation_error is None:
+        rotation_error = position_error / robot.characteristic_length
+    rotation_error = _positive("rotation_error", rotation_error)
+    sigma = np.broadcast_to(np.repeat([position_error, rotation_error], 3), known.shape)[known]
+    count, needed = int(known.sum()), len(wanted) + (not stated)
+    if count < needed:
+        raise InvalidInput(
+            f"{measurements.source}: found {count} measured numbers, expected {needed} or more for {len(wanted)} "
+            "unknowns" + ("" if stated else " and their scatter")
+        )
+    model = _Model(robot, measurements, wanted)
+
+    def weighted(values: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " numbers"]:
+        return model.residuals(values)[known] / sigma
+
+    def slope(values: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "numbers unknowns"]:
+        return model.slopes(values)[known] / sigma[:, None]
+
+    start = _scanned(wanted, weighted)
+    bounds = np.array([(-np.log(RANGE), np.log(RANGE)) if one.logarithmic else (-np.inf, np.inf) for one in wanted]).T
+    fit = least_squares(
+        weighted,
+        start,
+        jac=slope,  # pyright: ignore[reportArgumentType]
+        bounds=bounds,
+        x_scale="jac",
+        xtol=1e-10,
+        ftol=1e-12,
+        gtol=1e-12,
+    )
+    freedom = count - len(wanted)
+    scatter = float(np.sqrt(2 * fit.cost / freedom)) if freedom else 1.0
+    errors, correlations, reasons = _certainty(fit.jac, wanted)
+    if not stated:
+        errors = errors * scatter
+    elif freedom and chi2.sf(2 * fit.cost, freedom) < SURPRISING:
+        reasons.append(
+            f"the model does not explain the data: residuals are {scatter:.3g} times their stated error; the standard "
+            "errors do not count that"
+        )
+    at_bound = [
+        one.name for one, x in zip(wanted, fit.x, strict=True) if one.logarithmic and abs(x) > 0.99 * np.log(RANGE)
+    ]
+    reasons += [f"{name} runs away: the data fit best at {RANGE:g} times or a {RANGE:g}th of it" for name in at_bound]
+    values = np.array([_value(one, x) for one, x in zip(wanted, fit.x, strict=True)])
+    factors = np.array([value if one.logarithmic else 1.0 for one, value in zip(wanted, values, strict=True)])
+    return Identification(
+        robot=model.changed(fit.x)[0],
+        names=tuple(one.name for one in wanted),
+        units=tuple(one.unit for one in wanted),
+        values=values,
+        standard_errors=errors * factors,
+        correlations=correlations,
+        residuals=np.where(known, model.residuals(fit.x), np.nan),
+        spread=scatter if stated else 1.0,
+        reasons=tuple(reasons),
+    )
+
+
+def _positive(field: str, value: float) -> float:
+    number = float(checked_array(field, value, ()))
+    if not number > 0:
+        raise InvalidInput(f"{field}: found {number:g}, expected more than 0")
+    return number
+
+
+def _wanted(robot: Robot, unknowns: Sequence[str]) -> list[_Unknown]:
+    if isinstance(unknowns, str):
+        unknowns = (unknowns,)
+    if not unknowns:
+        raise InvalidInput(f"unknowns: found none, expected some of {', '.join(UNKNOWNS)}")
+    for name in unknowns:
+        if name not in UNKNOWNS:
+            raise UnknownName("unknown", str(name), UNKNOWNS)
+    if len(set(unknowns)) < len(unknowns):
+        raise InvalidInput(f"unknowns: found {', '.join(unknowns)}, expected each once")
+    if {"axial_stiffness", "axial_stiffness_each"} <= set(unknowns):
+        raise InvalidInput("unknowns: found axial_stiffness and axial_stiffness_each, expected one of the two")
+    cables, EA = range(robot.cables), robot.axial_stiffness
+    axes = (0, 2) if robot.mobility == "planar" else (0, 1, 2)
+    choices = {
+        "axial_stiffness": [
+            _Unknown("axial_stiffness", "N", "axial_stiffness", tuple(cables), float(np.exp(np.log(EA).mean())), True)
+        ],
+        "axial_stiffness_each": [
+            _Unknown(f"axial_stiffness {i + 1}", "N", "axial_stiffness", (i,), float(EA[i]), True) for i in cables
+        ],
+        "rest_length_offsets": [
+            _Unknown(f"rest_length_offset {i + 1}", "m", "rest_lengths", (i,), 0.0, False) for i in cables
+        ],
+        "mass": [_Unknown("mass", "kg", "mass", (0,), robot.mass, True)],
+        "center_of_mass": [
+            _Unknown(f"center_of_mass {'xyz'[i]}", "m", "center_of_mass", (i,), float(robot.center_of_mass[i]), False)
+            for i in axes
+        ],
+    }
+    return [one for name in unknowns for one in choices[name]]
+
+
+def _value(unknown: _Unknown, x: float) -> float:
+    """From the fit's coordinate, 0 at the start: a logarithm, or a difference."""
+    return unknown.start * float(np.exp(x)) if unknown.logarithmic else unknown.start + float(x)
+
+
+class _Model:
+    """Equilibria at every row, and their derivatives, as functions of the fit's coordinates."""
+
+    def __init__(self, robot: Robot, measurements: Measurements, unknowns: list[_Unknown]) -> None:
+        self.robot, self.measurements, self.unknowns = robot, measurements, unknowns
+        self.poses = poses = [robot.pose(row) for row in measurements.commanded]
+        self.positions = np.array([pose.translation for pose in poses])
+        self.rotations = np.array([pose.rotation.as_matrix() for pose in poses])
+        rigid = measurements.rest_lengths
+        self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in poses]) if rigid is None else rigid
+        self._at: np.ndarray | None = None
+
+    def changed(self, x: Float[np.ndarray, " unknowns"]) -> tuple[Robot, Float[np.ndarray, "rows cables"]]:
+        """The robot and its rest lengths with the unknowns at ``x``."""
+        stiffness = self.robot.axial_stiffness.copy()
+        center, mass = self.robot.center_of_mass.copy(), self.robot.mass
+        rest = self.rest_lengths.copy()
+        touched = set()
+        for one, coordinate in zip(self.unknowns, x, strict=True):
+            value, columns = _value(one, coordinate), list(one.columns)
+            touched.add(one.parameter)
+            if one.parameter == "axial_stiffness":
+                stiffness[columns] = value
+            elif one.parameter == "rest_lengths":
+                rest[:, columns] += value
+            elif one.parameter == "mass":
+                mass = value
+            else:
+                center[columns] = value
+        new = {"axial_stiffness": stiffness, "mass": mass, "center_of_mass": center}
+        return self.robot.replace(**{name: value for name, value in new.items() if name in touched}), rest
+
+    def solve(self, x: Float[np.ndarray, " unknowns"]) -> None:
+        """Equilibria at ``x``, kept until another is asked for."""
+        if self._at is not None and np.array_equal(self._at, x):
+            return
+        self.now, self.rest = self.changed(x)
+        if not self.rest.min() > 0:
+            raise NotConverged("identify: the fit asked for rest lengths below 0")
+        solved = newton.solve_many(self.now, self.positions, rotations=self.rotations, rest_lengths=self.rest)
+        if not solved.converged.all():
+            row = int(np.argmin(solved.converged))
+            raise NotConverged(
+                f"identify: no equilibrium found for row {row + 1} of {self.measurements.source} while fitting "
+                f"(residual {solved.residuals[row]:.1e} N)"
+            )
+        self.solved, self._at = solved, x.copy()
+
+    def residuals(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows 6"]:
+        """Six-vector of the equilibrium less the measured one; angles between −π and π."""
+        self.solve(x)
+        angles = _euler(self.solved.rotations)
+        difference = np.hstack([self.solved.positions, angles]) - self.measurements.measured
+        difference[:, 3:] = (difference[:, 3:] + np.pi) % (2 * np.pi) - np.pi
+        return difference
+
+    def slopes(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows 6 unknowns"]:
+        """Derivative of ``residuals``."""
+        self.solve(x)
+        free = list(self.now.free_directions)
+        result, no_wrench = np.zeros((len(self.positions), 6, len(self.unknowns))), np.zeros(6)
+        angles = _euler(self.solved.rotations)
+        for row, (position, rotation) in enumerate(zip(self.solved.positions, self.solved.rotations, strict=True)):
+            problem = Problem(self.now, self.poses[row], self.rest[row], no_wrench)
+            slope = derivatives.wrench_slope(problem, position, rotation)[np.ix_(free, free)]
+            by_parameter = derivatives.wrench_by_parameter(problem, position, rotation)
+            wrench = np.stack(
+                [by_parameter[one.parameter][:, list(one.columns)].sum(1) for one in self.unknowns], axis=1
+            )
+            # Where nothing holds the platform, the least of all derivatives: the data do not see that direction.
+            result[row, free] = -np.linalg.lstsq(slope, wrench[free], rcond=1e-12)[0]
+            result[row, 3:] = _angle_rates(angles[row]) @ result[row, 3:]
+        scale = [_value(one, at) if one.logarithmic else 1.0 for one, at in zip(self.unknowns, x, strict=True)]
+        return result * np.array(scale)
+
+
+def _euler(rotations: Float[np.ndarray, "rows 3 3"]) -> Float[np.ndarray, "rows 3"]:
+    """(alpha, beta, gamma) of R = Rz(gamma) Ry(beta) Rx(alpha)."""
+    beta = np.arctan2(-rotations[:, 2, 0], np.hypot(rotations[:, 0, 0], rotations[:, 1, 0]))
+    alpha = np.arctan2(rotations[:, 2, 1], rotations[:, 2, 2])
+    gamma = np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0])
+    return np.stack([alpha, beta, gamma], axis=1)
+
+
+def _angle_rates(angles: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """E⁻¹ with d(alpha, beta, gamma) = E⁻¹ omega, for a rotation vector omega in the base frame."""
+    _, beta, gamma = angles
+    s, c, sb, cb = np.sin(gamma), np.cos(gamma), np.sin(beta), np.cos(beta)
+    return np.linalg.inv(np.array([[c * cb, -s, 0.0], [s * cb, c, 0.0], [-sb, 0.0, 1.0]]))
+
+
+def _scanned(wanted: list[_Unknown], weighted) -> Float[np.ndarray, " unknowns"]:
+    """The best of several stiffnesses to start from, all else as known."""
+    start = np.zeros(len(wanted))
+    stiff = np.array([one.parameter == "axial_stiffness" for one in wanted])
+    if not stiff.any():
+        return start
+    best, best_size = None, np.inf
+    failure: NotConverged | None = None
+    for factor in SCAN:
+        tried = np.where(stiff, np.log(factor), start)
+        try:
+            size = float(np.sum(weighted(tried) ** 2))
+        except NotConverged as error:
+            failure = error
+            continue
+        if size < best_size:
+            best, best_size = tried, size
+    if best is None:
+        assert failure is not None
+        raise failure
+    return best
+
+
+def _certainty(
+    slope: Float[np.ndarray, "numbers unknowns"], wanted: list[_Unknown]
+) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unknowns unknowns"], list[str]]:
+    """Standard errors for unit errors of the data, correlations, and in words what the data cannot tell."""
+    names = [one.name for one in wanted]
+    sizes = np.linalg.norm(slope, axis=0)
+    reasons = [f"the data do not depend on {names[i]}" for i in np.flatnonzero(sizes == 0)]
+    seen = np.where(sizes > 0, sizes, 1.0)
+    _, singular, directions = np.linalg.svd(slope / seen, full_matrices=True)
+    singular = np.append(singular, np.zeros(len(names) - len(singular)))
+    unseen = directions[singular <= UNSEEN * singular[0]]
+    blurred = (np.abs(unseen) > 1e-3).any(0)
+    for direction in unseen:
+        together = np.flatnonzero(np.abs(direction) > 1e-3)
+        if len(together) > 1:
+            listed = " and ".join([", ".join(names[i] for i in together[:-1]), names[together[-1]]])
+            reasons.append(f"the data cannot tell {listed} apart: they can change together without moving the platform")
+    kept = singular > UNSEEN * singular[0]
+    covariance = (directions[kept].T / singular[kept] ** 2) @ directions[kept] / np.outer(seen, seen)
+    errors = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlations = covariance / np.outer(errors, errors)
+    errors = np.where(blurred, np.inf, errors)
+    correlations[blurred] = correlations[:, blurred] = np.nan
+    for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
+        if abs(correlations[i, j]) > ALIKE:
+            reasons.append(f"{names[i]} and {names[j]} are hardly told apart: correlation {correlations[i, j]:+.4f}")
+    return errors, correlations, reasons

@@ -1,0 +1,72 @@
+"""Natural frequencies and mode shapes: how a platform swings about where it rests.
+
+For small motions about a stable equilibrium, M q̈ + K q = 0 with the stiffness matrix K and the mass matrix M of
+(translation of the origin, rotation vector), so that the modes solve K q = ω² M q.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
+
+from cdpr_sim.statics import derivatives, forces as statics
+from cdpr_sim.core.equilibrium import Equilibrium, Stability
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Natural frequencies and mode shapes, slowest first.
+
+    Attributes:
+        equilibrium: about which the platform swings.
+        frequencies: (free,) [Hz]; a direction that nothing holds has 0.
+        shapes: (free, 6), each a (translation [m], left-applied rotation vector [rad]) of unit kinetic energy at 1/s.
+    """
+
+    equilibrium: Equilibrium
+    frequencies: Float[np.ndarray, " free"]
+    shapes: Float[np.ndarray, "free 6"]
+
+
+def natural_modes(equilibrium: Equilibrium) -> Modes:
+    """Natural frequencies and mode shapes about ``equilibrium``.
+
+    Raises:
+        InvalidInput: the equilibrium is unstable, or held by a torque that keeps its direction in space.
+    """
+    problem = equilibrium.problem
+    if equilibrium.stability is Stability.UNSTABLE:
+        raise InvalidInput(
+            f"equilibrium: found an unstable one of {problem.robot.name!r}, expected one that the platform swings about"
+        )
+    if problem.external_wrench[3:].any():
+        raise InvalidInput(
+            "equilibrium: found one under an external torque, expected none: such a torque is not conservative, and a "
+            "platform need not swing about it"
+        )
+    free = list(problem.robot.free_directions)
+    stiffness = statics.stiffness_matrix(problem, equilibrium.position, equilibrium.rotation.as_matrix())
+    mass = mass_matrix(problem.robot, equilibrium.rotation)
+    squares, vectors = eigh(stiffness[np.ix_(free, free)], mass[np.ix_(free, free)])
+    shapes = np.zeros((len(free), 6))
+    shapes[:, free] = np.sqrt(2) * vectors.T
+    frequencies = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
+    return Modes(equilibrium, frequencies, shapes)
+
+
+def mass_matrix(robot: Robot, rotation: Rotation) -> Float[np.ndarray, "6 6"]:
+    """M about the platform's origin in the base frame [kg, kg m, kg m²].
+
+    With c the centre of mass seen from there: [[m 1, −m [c]×], [m [c]×, R I Rᵀ + m (c·c 1 − c cᵀ)]].
+    """
+    R = rotation.as_matrix()
+    center = R @ robot.center_of_mass
+    cross = derivatives.cross_matrix(center)
+    inertia = R @ robot.inertia @ R.T + robot.mass * (center @ center * np.eye(3) - np.outer(center, center))
+    return np.block([[robot.mass * np.eye(3), -robot.mass * cross], [robot.mass * cross, inertia]])

@@ -1,0 +1,165 @@
+"""What matters most: how an equilibrium moves with every length, point, stiffness and load that it depends on.
+
+At equilibrium the net wrench F(x, θ) vanishes, so that by the implicit function theorem
+
+    ∂x/∂θ = −(∂F/∂x)⁻¹ ∂F/∂θ,    dtau/dθ = ∂tau/∂θ + ∂tau/∂x ∂x/∂θ,
+
+exactly, as long as the same cables stay taut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.statics import derivatives
+from cdpr_sim.core.equilibrium import Equilibrium, Stability
+from cdpr_sim.core.errors import InvalidInput
+
+PER = {
+    "rest_lengths": "mm",
+    "axial_stiffness": "%",
+    "exits": "mm",
+    "anchors": "mm",
+    "mass": "%",
+    "center_of_mass": "mm",
+    "external_wrench": "N or N mm",
+}
+"""What one unit of change is when effects are compared, per parameter."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What a small change of one number does, in units that people compare.
+
+    Attributes:
+        name: of the number, as "exit 3 z".
+        parameter: one of ``derivatives.PARAMETERS``.
+        index: within that parameter, flattened.
+        per: the unit of change: "mm", "%", "N" or "N mm".
+        position: distance that the platform moves, per unit of change [mm].
+        rotation: angle that it turns, per unit of change [°].
+        tension: largest change of tension, per unit of change [N].
+    """
+
+    name: str
+    parameter: str
+    index: int
+    per: str
+    position: float
+    rotation: float
+    tension: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """First derivatives of an equilibrium, by the name of what it depends on (``derivatives.PARAMETERS``).
+
+    Exits and anchors are flattened: x, y, z of cable 1, of cable 2, and so on.
+
+    Attributes:
+        equilibrium: where they hold.
+        pose: of (translation [m], left-applied rotation vector [rad]), each (6, parameters).
+        tensions: of the tensions [N], each (cables, parameters).
+        margin: how close a cable is to going slack or taut [m of its length]: beyond that the derivatives change.
+    """
+
+    equilibrium: Equilibrium
+    pose: Mapping[str, Float[np.ndarray, "6 parameters"]]
+    tensions: Mapping[str, Float[np.ndarray, "cables parameters"]]
+    margin: float
+
+    def tilt(self, parameter: str) -> Float[np.ndarray, " parameters"]:
+        """Derivative of the tilt [rad] by each number of ``parameter``; of a level one, how fast it tilts at all."""
+        turning = self.pose[parameter][3:]
+        axis = self.equilibrium.rotation.as_matrix()[:, 2]
+        flat = np.hypot(axis[0], axis[1])
+        if flat < 1e-9:
+            return np.hypot(turning[0], turning[1])
+        # The tilt is the angle of the platform's z axis to the vertical: it grows by turning about z × axis.
+        return (-axis[1] * turning[0] + axis[0] * turning[1]) / flat
+
+    def effects(self) -> list[Effect]:
+        """What a millimetre, a percent or a newton of each number does, the largest move of any anchor first.
+
+        Moves and turns are compared by what an anchor at the characteristic length from the origin sees.
+        """
+        robot = self.equilibrium.problem.robot
+        found = []
+        for parameter in derivatives.PARAMETERS:
+            for index in range(self.pose[parameter].shape[1]):
+                per, size = _unit(parameter, index, self.equilibrium)
+                step = self.pose[parameter][:, index] * size
+                found.append(
+                    Effect(
+                        name=_name(parameter, index),
+                        parameter=parameter,
+                        index=index,
+                        per=per,
+                        position=1e3 * float(np.linalg.norm(step[:3])),
+                        rotation=float(np.degrees(np.linalg.norm(step[3:]))),
+                        tension=float(np.abs(self.tensions[parameter][:, index] * size).max()),
+                    )
+                )
+        arm = 1e3 * robot.characteristic_length
+        return sorted(found, key=lambda e: -np.hypot(e.position, arm * np.radians(e.rotation)))
+
+
+def sensitivity(equilibrium: Equilibrium) -> Sensitivity:
+    """The derivatives of ``equilibrium`` by everything it depends on.
+
+    Args:
+        equilibrium: found by either road; its own problem says what it depends on.
+
+    Raises:
+        InvalidInput: nothing holds some direction, so that the derivatives are infinite.
+    """
+    problem = equilibrium.problem
+    if equilibrium.stability is Stability.NEUTRAL:
+        raise InvalidInput(
+            f"equilibrium: found a neutral one of {problem.robot.name!r}, expected one held in every direction: "
+            "the slightest change moves the platform without limit"
+        )
+    position, rotation = equilibrium.position, equilibrium.rotation.as_matrix()
+    free = list(problem.robot.free_directions)
+    slope = derivatives.wrench_slope(problem, position, rotation)[np.ix_(free, free)]
+    by_parameter = derivatives.wrench_by_parameter(problem, position, rotation)
+    tension_by = derivatives.tension_by_parameter(problem, position, rotation)
+    by_pose = derivatives.tension_by_pose(problem, position, rotation)
+    poses, tensions = {}, {}
+    for name in derivatives.PARAMETERS:
+        step = np.zeros_like(by_parameter[name])
+        step[free] = -np.linalg.solve(slope, by_parameter[name][free])
+        poses[name] = step
+        tensions[name] = tension_by[name] + by_pose @ step
+    margin = float(np.abs(equilibrium.lengths - equilibrium.rest_lengths).min())
+    return Sensitivity(equilibrium, poses, tensions, margin)
+
+
+def _unit(parameter: str, index: int, equilibrium: Equilibrium) -> tuple[str, float]:
+    """The unit of change, and its size in SI units."""
+    robot = equilibrium.problem.robot
+    if parameter == "axial_stiffness":
+        return "%", 0.01 * float(robot.axial_stiffness[index])
+    if parameter == "mass":
+        return "%", 0.01 * robot.mass
+    if parameter == "external_wrench":
+        return ("N", 1.0) if index < 3 else ("N mm", 1e-3)
+    return "mm", 1e-3
+
+
+def _name(parameter: str, index: int) -> str:
+    if parameter in ("exits", "anchors"):
+        return f"{parameter[:-1]} {index // 3 + 1} {'xyz'[index % 3]}"
+    if parameter == "rest_lengths":
+        return f"rest length {index + 1}"
+    if parameter == "axial_stiffness":
+        return f"EA of cable {index + 1}"
+    if parameter == "mass":
+        return "mass"
+    if parameter == "center_of_mass":
+        return f"centre of mass {'xyz'[index]}"
+    return f"{'force' if index < 3 else 'torque'} {'xyz'[index % 3]}"

@@ -1,0 +1,1 @@
+"""Whole workspaces: grids, feasibility, sweeps and their stores."""

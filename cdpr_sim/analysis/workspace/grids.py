@@ -1,0 +1,125 @@
+"""Grids of commanded positions over a workspace, in and out: counts, coordinates, or a robot's own box."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.robot import Robot, checked_array
+
+GridLike: TypeAlias = Sequence[int] | Mapping[str, Sequence[float] | np.ndarray]
+"""Counts (nx, ny, nz) over the robots' workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m]."""
+
+DEFAULT = (40, 25, 10)
+"""Ten thousand positions."""
+
+AXES = ("x", "y", "z")
+
+MOST_POSES = 10**10
+"""More is a slip of the keyboard: it would take hours and hundreds of gigabytes."""
+
+
+def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndarray]:
+    """The coordinates x, y and z [m] that ``grid`` describes, each strictly ascending.
+
+    Args:
+        grid: counts (nx, ny, nz), spread evenly over the workspace from face to face (one: its middle), or coordinates
+            by name. Those that are left out stay in the middle of the workspace. Default: ``DEFAULT``.
+        robots: share the workspace that is meant; a planar robot has a single y = 0.
+
+    Raises:
+        InvalidInput: an empty or absurd grid, or robots of different workspaces where the grid does not say which.
+    """
+    given = dict(zip(AXES, _counts(DEFAULT if grid is None else grid), strict=True)) if not _named(grid) else {}
+    if _named(grid):
+        for name in grid:  # type: ignore[union-attr]
+            if name not in AXES:
+                raise InvalidInput(f"grid: found an axis {name!r}, expected x, y or z")
+        given = {name: _coordinates(name, values) for name, values in grid.items()}  # type: ignore[union-attr]
+    if len(given) < 3 or not _named(grid):
+        workspace = _shared_workspace(robots)
+    axes = {}
+    for i, name in enumerate(AXES):
+        value = given.get(name, 1)
+        if isinstance(value, np.ndarray):
+            axes[name] = value
+            continue
+        lower, upper = workspace[:, i]  # type: ignore[possibly-undefined]
+        axes[name] = (
+            np.linspace(lower, upper, value) if value > 1 and upper > lower else np.array([(lower + upper) / 2])
+        )
+    for robot in robots:
+        if robot.mobility == "planar" and axes["y"].any():
+            raise InvalidInput(f"grid: found y = {axes['y'][-1]:g} m, but {robot.name!r} is planar: expected y = 0")
+    poses = np.prod([float(len(values)) for values in axes.values()])
+    if poses > MOST_POSES:
+        raise InvalidInput(f"grid: found {poses:.1e} positions, expected {MOST_POSES:.0e} at most")
+    return axes
+
+
+def plane(name: str, at: float | None, points: int, robots: Sequence[Robot]) -> dict[str, np.ndarray]:
+    """The coordinates of a plane through the robots' workspace.
+
+    Args:
+        name: its two axes, such as "xz".
+        at: where it lies along the third [m]; default: the middle of the workspace.
+        points: along its longer side; squares.
+        robots: share the workspace that is meant.
+
+    Raises:
+        InvalidInput: no such plane, too few points, or robots of different workspaces.
+    """
+    across = set(AXES) - set(name)
+    if len(name) != 2 or len(across) != 1 or not set(name) <= set(AXES):
+        raise InvalidInput(f"plane: found {name!r}, expected xy, xz or yz")
+    if points < 2:
+        raise InvalidInput(f"points: found {points}, expected at least 2")
+    lower, upper = _shared_workspace(robots)
+    extent = [upper[AXES.index(axis)] - lower[AXES.index(axis)] for axis in name]
+    if not min(extent) > 0:
+        raise InvalidInput(
+            f"plane: found a workspace of {extent[0]:g} m by {extent[1]:g} m, expected a plane with an area"
+        )
+    axes = {}
+    for i, axis in enumerate(AXES):
+        if axis in across:
+            axes[axis] = np.array([(lower[i] + upper[i]) / 2 if at is None else at])
+        else:
+            count = max(2, round(points * (upper[i] - lower[i]) / max(extent)))
+            axes[axis] = np.linspace(lower[i], upper[i], count)
+    return as_grid(axes, robots)  # type: ignore[return-value]
+
+
+def _named(grid: GridLike | None) -> bool:
+    return isinstance(grid, Mapping)
+
+
+def _counts(grid: GridLike) -> list[int]:
+    counts = checked_array("grid", grid, (3,))  # type: ignore[arg-type]
+    if not ((counts >= 1) & (counts == np.round(counts))).all():
+        found = ", ".join(f"{count:g}" for count in counts)
+        raise InvalidInput(f"grid: found ({found}), expected three whole numbers of at least 1, or coordinates by name")
+    return [int(count) for count in counts]
+
+
+def _coordinates(name: str, values: Sequence[float] | np.ndarray) -> np.ndarray:
+    coordinates = np.atleast_1d(checked_array(f"grid[{name!r}]", values, None))
+    if coordinates.ndim != 1 or coordinates.size == 0:
+        raise InvalidInput(f"grid[{name!r}]: found an array of shape {coordinates.shape}, expected a list of numbers")
+    if not (np.diff(coordinates) > 0).all():
+        raise InvalidInput(f"grid[{name!r}]: found coordinates out of order or twice, expected them to ascend")
+    return coordinates
+
+
+def _shared_workspace(robots: Sequence[Robot]) -> np.ndarray:
+    first = robots[0]
+    for robot in robots[1:]:
+        if not np.array_equal(robot.workspace, first.workspace):
+            raise InvalidInput(
+                f"grid: {first.name!r} and {robot.name!r} have different workspaces; "
+                "expected the grid's coordinates, by name, for robots that are swept together"
+            )
+    return first.workspace

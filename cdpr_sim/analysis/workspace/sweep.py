@@ -1,0 +1,401 @@
+"""The whole workspace at once: equilibria over a grid of commanded positions, as an ``xarray.Dataset``.
+
+The compiled gufuncs go through ``xarray.apply_ufunc``: over NumPy arrays in one call, over chunks by Dask on threads,
+out of core, or on whatever cluster a ``dask.distributed.Client`` is connected to. No code here knows which.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from cdpr_sim.analysis.workspace import feasibility, store as stores
+from cdpr_sim.statics import forces as statics
+from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.statics.newton_kernel import Status
+from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid
+from cdpr_sim.core.materials import load_material
+from cdpr_sim.statics.stiffness_kernel import modes_gufunc
+from cdpr_sim.statics.newton import solve_many
+from cdpr_sim.core.robot import Robot, checked_array
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+CHUNK = 32_768
+"""Poses per task: half a second and 20 MB, long beside what Dask spends on a task and small beside memory."""
+
+TASKS, LEAST_CHUNK = 8, 2_500
+"""A small sweep is split as well, into so many tasks, unless they would have fewer poses than that."""
+
+FALLS = 4
+"""The status, beside those of the solver, of a pose at which every exit lies below the platform."""
+
+STATUSES = {stores.PENDING: "pending", **{int(s): s.name.lower() for s in Status}, FALLS: "falls"}
+"""What ``status`` says, in the words of its CF flags."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A variable of the Dataset: its dimensions beside the grid's, its type, unit and meaning."""
+
+    dims: tuple[str, ...]
+    dtype: type
+    units: str
+    long_name: str
+
+
+QUANTITIES = {
+    "position": Quantity(("axis",), float, "m", "position of the platform's origin in the base frame"),
+    "rotation_vector": Quantity(("axis",), float, "rad", "rotation of the platform, as axis times angle, base frame"),
+    "deviation": Quantity(("axis",), float, "m", "position minus commanded position"),
+    "distance": Quantity((), float, "m", "distance from the commanded position"),
+    "tilt": Quantity((), float, "rad", "angle between the platform's z axis and the vertical"),
+    "tensions": Quantity(("cable",), float, "N", "cable tensions, 0 where slack"),
+    "slack_count": Quantity((), float, "1", "number of slack cables"),
+    "slack_set": Quantity((), np.int64, "1", "slack cables, cable i as bit i − 1; −1 where there is no equilibrium"),
+    "eigenvalues": Quantity(("mode",), float, "N m-1", "eigenvalues of the stiffness matrix, ascending"),
+    "frequency": Quantity((), float, "Hz", "lowest natural frequency"),
+    "residual": Quantity((), float, "N", "largest unbalanced force, torques over the characteristic length"),
+    "iterations": Quantity((), np.int16, "1", "Newton iterations"),
+    "status": Quantity((), np.int8, "1", "how the solve ended"),
+}
+"""What a sweep computes at every pose; each is nan (and the status says why) where there is no equilibrium."""
+
+_FEASIBLE = {
+    "feasible": "rigid cables can hold the platform as commanded",
+    "wrench_feasible": "rigid cables can hold the platform as commanded against every one of the wrenches",
+}
+
+_MODES = {"eigenvalues", "frequency"}
+
+
+def sweep(
+    robots: str | Robot | Sequence[str | Robot],
+    grid: GridLike | None = None,
+    materials: Sequence[str] | Mapping[str, float] | None = None,
+    *,
+    orientation: ArrayLike = (0.0, 0.0, 0.0),
+    external_wrench: ArrayLike | None = None,
+    tension_limits: tuple[ArrayLike, ArrayLike] = feasibility.SLACK_TO_ANYTHING,
+    wrenches: ArrayLike | None = None,
+    quantities: Sequence[str] | None = None,
+    chunk: int | None = CHUNK,
+    compute: bool = True,
+    store: str | Path | None = None,
+    progress: bool = False,
+) -> xr.Dataset:
+    """Where the platform ends up from every commanded position of a grid, for every robot and material.
+
+    Args:
+        robots: one robot or several, as objects, catalogue names or .toml files; several give a dimension ``robot``.
+        grid: counts (nx, ny, nz) over the workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m]; default: 10⁴.
+        materials: names of the catalogue, or {name: EA [N]}; they give a dimension ``material``. Default: each robot's.
+        orientation: commanded, (alpha, beta, gamma) [rad]; default: level.
+        external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity, (6,).
+        tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each.
+        wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
+        quantities: names of ``QUANTITIES`` and "feasible"; default: all. The status is always there.
+        chunk: poses per Dask task at most; None: one call of NumPy, on one core, without Dask.
+        compute: False for a Dataset of Dask arrays that are yet to be computed, for tools and clusters of your own.
+        store: a new .nc file, or a .zarr folder, into which a sweep that was interrupted goes on where it stopped; the
+            result is then read from there, piece by piece as it is used.
+        progress: show a progress bar on standard error.
+
+    Returns:
+        Variables over (robot, material, x, y, z), with units in their attributes, and the robots' frames and exits.
+        ``feasible`` says whether rigid cables could hold the platform at the commanded pose itself.
+
+    Raises:
+        InvalidInput: a grid, names, limits or a store that cannot be right.
+        UnknownName: no such robot, material or quantity.
+        StoreError: the store cannot be written; what is in it stays.
+    """
+    many = not isinstance(robots, (str, Robot))
+    group = as_robots(robots)
+    axes = as_grid(grid, group)
+    stiffnesses = axial_stiffnesses(group, materials)
+    names = _checked_quantities(quantities)
+    rotation = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,))).as_matrix()
+    wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
+    for robot in group:
+        feasibility.checked_limits(robot, tension_limits)
+        feasibility.checked_wrenches(robot, wrench)
+        if wrenches is not None:
+            feasibility.checked_wrenches(robot, wrenches)
+        robot.pose(np.r_[robot.home, orientation])
+    if chunk is not None and not chunk >= 1:
+        raise InvalidInput(f"chunk: found {chunk}, expected at least one pose per task")
+    if store is not None:
+        chunk = chunk or CHUNK
+        store = stores.checked_path(store)
+    blocks = None if chunk is None else _blocks(axes, 1 if materials is None else len(materials), chunk)
+    points = _coordinates(axes, blocks)
+
+    held = dict(rotation=rotation, tension_limits=tension_limits)
+    parts = []
+    for robot in group:
+        stiffness = _labelled(stiffnesses[robot.name], materials)
+        part = _equilibria(robot, points, stiffness, rotation, wrench, names)
+        if "feasible" in names:
+            part["feasible"] = _feasible(robot, points, wrenches=wrench, **held)
+        if wrenches is not None:
+            part["wrench_feasible"] = _feasible(robot, points, wrenches=np.atleast_2d(wrenches) + wrench, **held)
+        parts.append(_with_geometry(part, robot))
+    result = _side_by_side(parts) if many else parts[0]
+    _annotate(result, tension_limits)
+    if store is not None:
+        identity = [group, axes, stiffnesses, rotation, wrench, tension_limits, wrenches, names, blocks]
+        return stores.written(result, store, identity, progress=progress)
+    return stores.computed(result, progress=progress) if compute and chunk is not None else result
+
+
+def as_robots(robots: str | Robot | Sequence[str | Robot]) -> list[Robot]:
+    """One robot or several, as objects, catalogue names or .toml files.
+
+    Raises:
+        InvalidInput: none, or two of the same name.
+        UnknownName: no such robot.
+    """
+    group = [robots] if isinstance(robots, (str, Robot)) else list(robots)
+    group = [load_robot(one) if isinstance(one, str) else one for one in group]
+    names = [robot.name for robot in group]
+    if not names:
+        raise InvalidInput("robots: found none, expected at least one")
+    for name in names:
+        if names.count(name) > 1:
+            raise InvalidInput(
+                f"robots: found {names.count(name)} called {name!r}, expected a name of its own for each"
+            )
+    return group
+
+
+def axial_stiffnesses(
+    robots: Sequence[Robot], materials: Sequence[str] | Mapping[str, float] | None
+) -> dict[str, np.ndarray]:
+    """EA per robot, (materials, cables) [N], or (cables,) if no materials are given.
+
+    Raises:
+        InvalidInput: no material, one twice, or an axial stiffness that is not positive.
+        UnknownName: no such material.
+    """
+    if materials is None:
+        return {robot.name: robot.axial_stiffness.copy() for robot in robots}
+    if isinstance(materials, str):
+        raise InvalidInput(f"materials: found the text {materials!r}, expected a list of names")
+    if len(materials) == 0 or len(set(materials)) < len(materials):
+        raise InvalidInput(f"materials: found {list(materials)}, expected at least one and none twice")
+    if isinstance(materials, Mapping):
+        values = checked_array("materials", list(materials.values()), (None,))
+        if not values.min() > 0:
+            raise InvalidInput(f"materials: found an axial stiffness of {values.min():g} N, expected more than 0")
+    else:
+        values = np.array([load_material(name).axial_stiffness for name in materials])
+    return {robot.name: np.repeat(values[:, None], robot.cables, axis=1) for robot in robots}
+
+
+def _labelled(stiffness: np.ndarray, materials: Sequence[str] | Mapping[str, float] | None) -> xr.DataArray:
+    import xarray as xr
+
+    if materials is None:
+        return xr.DataArray(stiffness, dims=("cable",))
+    return xr.DataArray(stiffness, dims=("material", "cable"), coords={"material": list(materials)})
+
+
+def _checked_quantities(quantities: Sequence[str] | None) -> list[str]:
+    known = [*QUANTITIES, "feasible"]
+    if quantities is None:
+        return known
+    for name in quantities:
+        if name not in known:
+            raise UnknownName("quantity", str(name), known)
+    return [name for name in known if name in quantities or name == "status"]
+
+
+def _blocks(axes: Mapping[str, np.ndarray], materials: int, chunk: int) -> dict[str, int]:
+    """Coordinates per chunk along each axis: whole columns along z, then rows of them along y, then along x."""
+    poses = materials * int(np.prod([len(values) for values in axes.values()]))
+    left = min(chunk, max(LEAST_CHUNK, poses // TASKS)) // materials
+    blocks = {}
+    for name in reversed(AXES):
+        pieces = -(-len(axes[name]) // max(1, left))
+        blocks[name] = -(-len(axes[name]) // pieces)  # of nearly the same size
+        left //= blocks[name]
+    return blocks
+
+
+def _coordinates(axes: Mapping[str, np.ndarray], blocks: Mapping[str, int] | None) -> list[xr.DataArray]:
+    import xarray as xr
+
+    points = []
+    for name, values in axes.items():
+        coordinate = xr.DataArray(values, dims=(name,), attrs={"units": "m", "long_name": f"commanded {name}"})
+        point = xr.DataArray(values, dims=(name,), coords={name: coordinate}, name=f"commanded_{name}")
+        points.append(point if blocks is None else point.chunk({name: blocks[name]}))
+    return points
+
+
+def _equilibria(
+    robot: Robot,
+    points: Sequence[xr.DataArray],
+    stiffness: xr.DataArray,
+    rotation: np.ndarray,
+    wrench: np.ndarray,
+    names: Sequence[str],
+) -> xr.Dataset:
+    import xarray as xr
+
+    names = [name for name in QUANTITIES if name in names]
+    kinds = [QUANTITIES[name] for name in names]
+    sizes = {"cable": robot.cables, "axis": 3, "mode": len(robot.free_directions)}
+    arrays = _apply_ufunc(
+        _solve_block,
+        stiffness,
+        *points,
+        kwargs=dict(robot=robot, rotation=rotation, wrench=wrench, names=tuple(names)),
+        input_core_dims=[["cable"], [], [], []],
+        output_core_dims=[list(kind.dims) for kind in kinds],
+        output_dtypes=[kind.dtype for kind in kinds],
+        dask_gufunc_kwargs={"output_sizes": {dim: sizes[dim] for kind in kinds for dim in kind.dims}},
+    )
+    if len(names) == 1:
+        arrays = (arrays,)
+    dataset = xr.Dataset(dict(zip(names, arrays, strict=True)))
+    for name, kind in zip(names, kinds, strict=True):
+        dataset[name].attrs = {"units": kind.units, "long_name": kind.long_name}
+    return dataset
+
+
+def _solve_block(
+    stiffness: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray, *, robot, rotation, wrench, names
+) -> tuple[np.ndarray, ...] | np.ndarray:
+    """The quantities ``names`` over one block of the grid: what runs on each thread or worker."""
+    commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+    rest_lengths = statics.lengths(robot, commanded, rotation)
+    solved = solve_many(
+        robot,
+        commanded,
+        rotations=rotation,
+        rest_lengths=rest_lengths,
+        axial_stiffness=stiffness,
+        external_wrench=wrench,
+    )
+    status = solved.status.astype(np.int8)
+    highest = (robot.exits[:, 2] - robot.anchors @ rotation[2]).max()  # of the platform, below at least one exit
+    if robot.weight > wrench[2]:
+        status[np.broadcast_to(z >= highest, status.shape)] = FALLS
+    lost = status != Status.CONVERGED
+    wanted: dict[str, Any] = {"status": status, "iterations": solved.iterations.astype(np.int16)}
+    if "position" in names:
+        wanted["position"] = solved.positions
+    if "rotation_vector" in names:
+        wanted["rotation_vector"] = _rotation_vectors(solved.rotations, ~lost)
+    if {"deviation", "distance"} & set(names):
+        wanted["deviation"] = solved.positions - commanded
+        wanted["distance"] = np.linalg.norm(wanted["deviation"], axis=-1)
+    if "tilt" in names:
+        up = solved.rotations[..., :, 2]
+        wanted["tilt"] = np.arctan2(np.hypot(up[..., 0], up[..., 1]), up[..., 2])
+    if "tensions" in names:
+        wanted["tensions"] = solved.tensions
+    if {"slack_count", "slack_set"} & set(names):
+        slack = solved.tensions <= 0
+        wanted["slack_count"] = slack.sum(-1, dtype=float)
+        wanted["slack_set"] = np.where(lost, -1, slack @ (1 << np.arange(robot.cables, dtype=np.int64)))
+    if _MODES & set(names):
+        with np.errstate(all="ignore"):
+            wanted["eigenvalues"], wanted["frequency"] = modes_gufunc()(
+                robot.exits, robot.anchors, stiffness, rest_lengths, robot.mass, robot.gravity, robot.center_of_mass,
+                robot.inertia, np.array(robot.free_directions), robot.characteristic_length, solved.positions,
+                solved.rotations,
+            )  # fmt: skip
+    wanted["residual"] = solved.residuals
+    results = []
+    for name in names:
+        values = wanted[name]
+        if QUANTITIES[name].dtype is float and lost.any():
+            values = np.array(values)
+            values[lost] = np.nan
+        results.append(values)
+    return tuple(results) if len(results) > 1 else results[0]
+
+
+def _rotation_vectors(rotations: np.ndarray, known: np.ndarray) -> np.ndarray:
+    vectors = np.full(rotations.shape[:-1], np.nan)
+    if known.any():
+        vectors[known] = Rotation.from_matrix(rotations[known]).as_rotvec()
+    return vectors
+
+
+def _apply_ufunc(function: Any, *arrays: xr.DataArray, **options: Any) -> Any:
+    """``xarray.apply_ufunc`` for blocks of a grid: Dask warns that they are more than along any one axis."""
+    import xarray as xr
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Increasing number of chunks")
+        return xr.apply_ufunc(function, *arrays, dask="parallelized", **options)
+
+
+def _feasible(robot: Robot, points: Sequence[xr.DataArray], **conditions: Any) -> xr.DataArray:
+    return _apply_ufunc(
+        _feasible_block,
+        *points,
+        kwargs=dict(robot=robot, **conditions),
+        output_dtypes=[bool],
+    )
+
+
+def _feasible_block(x, y, z, *, robot, rotation, tension_limits, wrenches) -> np.ndarray:
+    commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+    return feasibility.feasible(robot, commanded, rotations=rotation, tension_limits=tension_limits, wrenches=wrenches)
+
+
+def _with_geometry(dataset: xr.Dataset, robot: Robot) -> xr.Dataset:
+    """With names for what is counted, and with the frame and the exits, which a map shows."""
+    coords = {
+        "robot": robot.name,
+        "axis": list(AXES),
+        "cable": np.arange(1, robot.cables + 1),
+        "frame": (("corner", "axis"), robot.frame),
+        "exits": (("cable", "axis"), robot.exits),
+    }
+    if "mode" in dataset.dims:
+        coords["mode"] = np.arange(1, len(robot.free_directions) + 1)
+    return dataset.assign_coords(coords)
+
+
+def _side_by_side(parts: Sequence[xr.Dataset]) -> xr.Dataset:
+    """Along a dimension ``robot``; cables and modes that a robot does not have are nan."""
+    import xarray as xr
+
+    whole = xr.concat(parts, "robot", join="outer", data_vars="all", coords=["frame", "exits"], compat="equals")  # type: ignore[call-overload]
+    assert isinstance(whole, xr.Dataset)
+    return whole
+
+
+def _annotate(dataset: xr.Dataset, tension_limits: tuple[ArrayLike, ArrayLike]) -> None:
+    dataset["status"].attrs |= {
+        "flag_values": list(STATUSES),
+        "flag_meanings": " ".join(STATUSES.values()),
+    }
+    for name, meaning in _FEASIBLE.items():
+        if name in dataset:
+            dataset[name].attrs = {"units": "1", "long_name": meaning}
+    dataset["frame"].attrs = {"units": "m", "long_name": "two opposite corners of the frame"}
+    dataset["exits"].attrs = {"units": "m", "long_name": "exit points of the cables"}
+    dataset.attrs = {
+        "title": "Static equilibria of cable-driven parallel robots over their workspace",
+        "source": "cdpr_sim.sweep",
+        "Conventions": "CF-1.11",
+        "tension_limits": [
+            float(np.ravel(limit).min() if i == 0 else np.ravel(limit).max()) for i, limit in enumerate(tension_limits)
+        ],
+    }

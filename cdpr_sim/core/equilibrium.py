@@ -1,0 +1,113 @@
+"""Where a platform rests, as either road found it: the one result type, which certifies itself."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.core import pose as _pose
+from cdpr_sim.core.problem import Problem
+
+NEUTRAL = 1e-9
+"""Eigenvalues smaller than this fraction of the largest are rounding: that direction is neither held nor repelled."""
+
+
+class Stability(enum.Enum):
+    """What happens to the platform after a small push."""
+
+    STABLE = "it comes back"
+    NEUTRAL = "it stays where it was pushed: some direction is held by nothing"
+    UNSTABLE = "it leaves: the point is a saddle or a maximum of the energy"
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A pose, the cables' state there, and the evidence that it is (or is not) a static equilibrium.
+
+    Data only: each road fills in its own residual and eigenvalues, by its own means.
+
+    Attributes:
+        problem: what was asked.
+        pose: the platform's pose.
+        tensions: (cables,) [N], 0 where slack.
+        lengths: (cables,) [m].
+        residual: largest unbalanced force [N] over the free directions, torques divided by the robot's
+            characteristic length; 0 at equilibrium.
+        eigenvalues: of the stiffness matrix on the free directions, ascending [N/m], rotations scaled by the
+            characteristic length.
+        iterations: Newton iterations, function evaluations (SEECR) or time steps (MuJoCo).
+        source: "newton", "seecr/fsolve", "seecr/least_squares", "mujoco".
+    """
+
+    problem: Problem
+    pose: RigidTransform
+    tensions: Float[np.ndarray, " cables"]
+    lengths: Float[np.ndarray, " cables"]
+    residual: float
+    eigenvalues: Float[np.ndarray, " free"]
+    iterations: int
+    source: str
+
+    def __post_init__(self) -> None:
+        for array in (self.tensions, self.lengths, self.eigenvalues):
+            array.flags.writeable = False
+
+    @property
+    def position(self) -> Float[np.ndarray, "3"]:
+        """Of the platform's origin in the base frame [m]."""
+        return self.pose.translation
+
+    @property
+    def rotation(self) -> Rotation:
+        """From the platform frame to the base frame."""
+        return self.pose.rotation
+
+    @property
+    def euler(self) -> Float[np.ndarray, "3"]:
+        """(alpha, beta, gamma) [rad] with R = Rz(gamma) Ry(beta) Rx(alpha), the paper's convention."""
+        return _pose.euler(self.rotation)
+
+    @property
+    def tilt(self) -> float:
+        """The angle [rad] between the platform's z axis and the vertical."""
+        return _pose.tilt(self.rotation)
+
+    @property
+    def deviation(self) -> Float[np.ndarray, "3"]:
+        """Position minus commanded position [m]; its z is minus the sag."""
+        return self.position - self.problem.pose.translation
+
+    @property
+    def rest_lengths(self) -> Float[np.ndarray, " cables"]:
+        """Unstretched cable lengths l0, (cables,) [m]."""
+        return self.problem.rest_lengths
+
+    @property
+    def slack(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables carry no tension, (cables,)."""
+        return self.tensions <= 0
+
+    @property
+    def stability(self) -> Stability:
+        """Stable, neutral or unstable, by the smallest eigenvalue of the stiffness matrix."""
+        smallest, scale = self.eigenvalues[0], np.abs(self.eigenvalues).max()
+        if not smallest >= -NEUTRAL * scale:  # also where it is nan
+            return Stability.UNSTABLE
+        return Stability.STABLE if smallest > NEUTRAL * scale else Stability.NEUTRAL
+
+    @property
+    def stable(self) -> bool:
+        """Whether the stiffness matrix is positive definite on the free directions."""
+        return self.stability is Stability.STABLE
+
+    def __repr__(self) -> str:
+        x, y, z = self.position
+        return (
+            f"<Equilibrium by {self.source}: ({x:.6f}, {y:.6f}, {z:.6f}) m, tilt {np.degrees(self.tilt):.3f}°, "
+            f"{int(self.slack.sum())} of {len(self.tensions)} cables slack, residual {self.residual:.1e} N, "
+            f"{self.stability.name.lower()}>"
+        )

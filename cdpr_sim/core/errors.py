@@ -1,0 +1,71 @@
+"""What can go wrong, as exceptions: one family, each message one clear sentence."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cdpr_sim.core.equilibrium import Equilibrium
+    from cdpr_sim.core.trajectory import Trajectory
+
+
+class CdprError(Exception):
+    """The base of every error that cdpr_sim raises on purpose."""
+
+
+class InvalidInput(CdprError, ValueError):
+    """A value that cannot be right: the message names the field, what was found, what is expected."""
+
+
+class UnknownName(CdprError, LookupError):
+    """A name that is not in a catalogue: the message lists the nearest valid names."""
+
+    def __init__(self, what: str, name: str, known: Iterable[str], note: str = "") -> None:
+        known = sorted(known)
+        near = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
+        hint = f"did you mean {' or '.join(near)}? " if near else ""
+        super().__init__(f"unknown {what} {name!r}: {hint}known: {', '.join(known)}{note}")
+
+
+class RobotFileError(InvalidInput):
+    """A robot file that is missing, is not TOML, or does not describe a robot."""
+
+
+class StoreError(CdprError, OSError):
+    """A file or folder that cannot be written; what was there is still there."""
+
+
+class _NoRest(CdprError):
+    """A road that did not reach static equilibrium; carries the best point it saw.
+
+    Attributes:
+        reason: what happened, in words.
+        equilibrium: the best point, its residual included; it is *not* an equilibrium.
+    """
+
+    def __init__(self, reason: str, equilibrium: Equilibrium | None = None) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.equilibrium = equilibrium
+
+
+class NotConverged(_NoRest):
+    """A static solver stopped without reaching equilibrium."""
+
+
+class NotSettled(_NoRest):
+    """MuJoCo's platform did not come to rest."""
+
+
+class PlatformFell(CdprError):
+    """MuJoCo's platform fell while it was driven.
+
+    Attributes:
+        trajectory: the motion so far; its last state is the fallen one.
+    """
+
+    def __init__(self, reason: str, trajectory: Trajectory | None = None) -> None:
+        super().__init__(reason)
+        self.trajectory = trajectory

@@ -1,0 +1,79 @@
+"""Poses in and out: a position, the paper's six-vector, or a SciPy ``RigidTransform``.
+
+The pose of the platform frame in the base frame: z up, metres and radians. The six-vector is the paper's
+[x, y, z, alpha, beta, gamma] with R = Rz(gamma) Ry(beta) Rx(alpha).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.core.errors import InvalidInput
+
+PoseLike: TypeAlias = ArrayLike | Sequence[float] | RigidTransform
+
+
+def as_pose(pose: PoseLike) -> RigidTransform:
+    """The pose that ``pose`` describes.
+
+    Args:
+        pose: a position (3,) [m] with the platform level, a six-vector (6,) [m, rad], or a ``RigidTransform``.
+
+    Raises:
+        InvalidInput: another shape, or a number that is not finite.
+    """
+    if isinstance(pose, RigidTransform):
+        if not pose.single:
+            raise InvalidInput(f"pose: found a stack of {len(pose)} transforms, expected a single one")
+        return pose
+    try:
+        vector = np.asarray(pose, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"pose: found {pose!r}, expected 3 or 6 numbers or a RigidTransform") from None
+    if vector.shape not in {(3,), (6,)}:
+        raise InvalidInput(
+            f"pose: found an array of shape {vector.shape}, expected (x, y, z) or (x, y, z, alpha, beta, gamma)"
+        )
+    if not np.isfinite(vector).all():
+        raise InvalidInput(f"pose: found {vector.tolist()}, expected finite numbers")
+    rotation = Rotation.from_euler("xyz", vector[3:]) if vector.size == 6 else Rotation.identity()
+    return RigidTransform.from_components(vector[:3], rotation)
+
+
+def euler(rotation: Rotation) -> Float[np.ndarray, "3"]:
+    """(alpha, beta, gamma) [rad] of R = Rz(gamma) Ry(beta) Rx(alpha), the paper's convention.
+
+    At beta = ±90° only the sum or difference of alpha and gamma is defined; gamma is then 0.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # SciPy's gimbal-lock warning, answered above
+        return rotation.as_euler("xyz")
+
+
+def six_vector(pose: RigidTransform) -> Float[np.ndarray, "6"]:
+    """The paper's [x, y, z, alpha, beta, gamma] of ``pose`` [m, rad]."""
+    return np.concatenate([pose.translation, euler(pose.rotation)])
+
+
+def tilt(rotation: Rotation) -> float:
+    """The angle [rad] between the platform's z axis and the vertical."""
+    x, y, z = rotation.as_matrix()[:, 2]
+    return float(np.arctan2(np.hypot(x, y), z))
+
+
+def moved(pose: RigidTransform, step: Float[np.ndarray, "6"]) -> RigidTransform:
+    """``pose`` after a step (translation [m], left-applied rotation vector [rad])."""
+    return RigidTransform.from_components(pose.translation + step[:3], Rotation.from_rotvec(step[3:]) * pose.rotation)
+
+
+def distance(one: RigidTransform, other: RigidTransform, arm: float) -> float:
+    """sqrt(|translation|² + (arm·angle)²) between two poses [m]; ``arm`` [m] turns rotations into lengths."""
+    shift = np.linalg.norm(one.translation - other.translation)
+    return float(np.hypot(shift, arm * (one.rotation * other.rotation.inv()).magnitude()))

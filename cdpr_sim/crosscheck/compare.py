@@ -1,0 +1,199 @@
+"""Do the two roads agree? The differences, the cross residuals, and a verdict with its reasons."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.statics import newton, forces as statics
+from cdpr_sim.physics import settle as settling
+from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.robot import Robot
+
+POSITION_TOLERANCE = 1e-6
+"""[m] A thousandth of a millimetre. Settled poses measure 1e-9 m from the solver's, where a residual of 1e-9 of the
+weight meets the softest platform (a few N/m)."""
+
+ROTATION_TOLERANCE = 1e-5
+"""[rad]"""
+
+TENSION_TOLERANCE = 1e-3
+"""[N]"""
+
+CROSS_TOLERANCE = 1e-5
+"""Largest unbalanced force that either road may find at the other's pose, as a fraction of the load. MuJoCo calls a
+platform at rest at 1e-6; a model that is wrong by 1 % in one taut cable leaves 1e-3."""
+
+REST_LENGTH_TOLERANCE = 1e-7
+"""[m] A cable this close to its rest length counts as taut or as slack, whichever the other road says."""
+
+
+LEVEL = 1e-8
+"""Energies between two equilibria of one family differ by less than this fraction of load times characteristic length:
+less than lifting DemoBot's platform by a nanometre."""
+
+
+class Verdict(enum.Enum):
+    """What comparing the two roads came to."""
+
+    AGREE = "the two roads agree"
+    AGREE_BUT_FREE = "the two roads agree in all that the cables hold, and differ where nothing holds the platform"
+    DIFFERENT_EQUILIBRIA = "the two roads rest at different equilibria, each of which the other confirms"
+    DISAGREE = "the two roads disagree"
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Static and physical equilibrium of one problem, side by side.
+
+    Attributes:
+        verdict: what the comparison came to.
+        reasons: what the verdict rests on, a sentence each; empty when they simply agree.
+        position_error: distance between the platform's origins [m].
+        rotation_error: angle between the platforms [rad].
+        tension_error: largest difference in a cable [N].
+        same_slack: whether the same cables are slack; one within 1e-7 m of its rest length counts as either.
+        static_in_mujoco: unbalanced force that MuJoCo finds at the static pose [N].
+        settled_in_statics: unbalanced force that statics finds at the settled pose [N].
+    """
+
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    position_error: float
+    rotation_error: float
+    tension_error: float
+    same_slack: bool
+    static_in_mujoco: float
+    settled_in_statics: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the two roads agree."""
+        return self.verdict in (Verdict.AGREE, Verdict.AGREE_BUT_FREE)
+
+
+def compare(
+    static: Equilibrium,
+    settled: Equilibrium,
+    *,
+    position_tolerance: float = POSITION_TOLERANCE,
+    rotation_tolerance: float = ROTATION_TOLERANCE,
+    tension_tolerance: float = TENSION_TOLERANCE,
+) -> Agreement:
+    """Compare an equilibrium found by statics with one that MuJoCo settled at.
+
+    Args:
+        static: from ``solve``.
+        settled: from ``settle``, of the same robot, rest lengths and load.
+        position_tolerance: [m].
+        rotation_tolerance: [rad].
+        tension_tolerance: [N].
+
+    Raises:
+        InvalidInput: the two answer different problems.
+    """
+    problem = static.problem
+    if not problem.same_as(settled.problem):
+        raise InvalidInput("compare: found equilibria of two problems, expected the same robot, rest lengths and load")
+    differences = {
+        "position": (np.linalg.norm(static.position - settled.position), position_tolerance, "m"),
+        "rotation": ((static.rotation * settled.rotation.inv()).magnitude(), rotation_tolerance, "rad"),
+        "tension": (np.abs(static.tensions - settled.tensions).max(), tension_tolerance, "N"),
+    }
+    cross = {
+        "MuJoCo at the static pose": settling.residual_of(problem, static.pose),
+        "statics at the settled pose": float(statics.residual(problem, settled.position, settled.rotation.as_matrix())),
+    }
+    slack_differs = (static.slack != settled.slack) & ~(_at_rest_length(static) | _at_rest_length(settled))
+
+    apart = [
+        f"{name} differs by {error:.1e} {unit} (tolerance {tolerance:.0e})"
+        for name, (error, tolerance, unit) in differences.items()
+        if not error <= tolerance
+    ]
+    if slack_differs.any():
+        cables = ", ".join(str(i + 1) for i in np.flatnonzero(slack_differs))
+        apart.append(f"cable {cables} is slack on one road only")
+    unbalanced = [
+        f"{where} finds {force:.1e} N unbalanced (tolerance {CROSS_TOLERANCE * problem.load:.0e})"
+        for where, force in cross.items()
+        if not force <= CROSS_TOLERANCE * problem.load
+    ]
+    if unbalanced:
+        verdict = Verdict.DISAGREE
+    elif not apart:
+        verdict = Verdict.AGREE
+    elif not slack_differs.any() and differences["tension"][0] <= tension_tolerance and _connected(static, settled):
+        verdict = Verdict.AGREE_BUT_FREE
+        apart.append("the energy is level in between: the platform moves freely from the one pose to the other")
+    else:
+        verdict = Verdict.DIFFERENT_EQUILIBRIA
+        apart += [
+            f"the equilibrium by {one.source} is {one.stability.name.lower()}"
+            for one in (static, settled)
+            if not one.stable
+        ]
+    return Agreement(
+        verdict=verdict,
+        reasons=tuple(unbalanced + apart),
+        position_error=float(differences["position"][0]),
+        rotation_error=float(differences["rotation"][0]),
+        tension_error=float(differences["tension"][0]),
+        same_slack=not slack_differs.any(),
+        static_in_mujoco=cross["MuJoCo at the static pose"],
+        settled_in_statics=cross["statics at the settled pose"],
+    )
+
+
+@dataclass(frozen=True)
+class CrossCheck:
+    """One commanded pose, both answers to where the platform ends up, and whether they agree."""
+
+    static: Equilibrium
+    settled: Equilibrium
+    agreement: Agreement
+
+
+def cross_check(robot: Robot, poses: Sequence[PoseLike] | np.ndarray) -> list[CrossCheck]:
+    """Settle the robot in MuJoCo from each commanded pose, solve it by Newton, and compare.
+
+    Args:
+        robot: the robot.
+        poses: commanded poses, (n, 3), (n, 6) or a sequence of anything that is a pose.
+
+    Raises:
+        InvalidInput: a pose that cannot be right.
+        NotSettled: a platform that does not come to rest.
+        NotConverged: a pose without static equilibrium.
+    """
+    settlings = settling.settle_many(robot, poses)
+    settled = [settlings.equilibrium(row) for row in range(len(settlings))]
+    static = [newton.solve(one.problem) for one in settled]
+    return [CrossCheck(a, b, compare(a, b)) for a, b in zip(static, settled, strict=True)]
+
+
+def _at_rest_length(equilibrium: Equilibrium) -> Bool[np.ndarray, " cables"]:
+    return np.abs(equilibrium.lengths - equilibrium.rest_lengths) <= REST_LENGTH_TOLERANCE
+
+
+def _connected(static: Equilibrium, settled: Equilibrium) -> bool:
+    """Whether the two belong to one family of equilibria: the energy stays level along the screw motion between them.
+
+    The energy and not the forces: rounding of the two ends, times a stiff cable, is a force in between, but no energy.
+    """
+    problem = static.problem
+    between = (static.pose.inv() * settled.pose).as_exp_coords()
+    fractions = np.linspace(0, 1, 17)
+    poses = static.pose * RigidTransform.from_exp_coords(fractions[:, None] * between)
+    turn = (settled.rotation * static.rotation.inv()).as_rotvec()
+    work = fractions * (turn @ problem.external_wrench[3:])
+    energies = statics.energy(problem, poses.translation, poses.rotation.as_matrix()) - work
+    level = LEVEL * problem.load * problem.robot.characteristic_length
+    return bool(np.ptp(energies) <= level)

@@ -1,0 +1,219 @@
+"""Robots on matplotlib axes: platforms, cables taut and slack, zones, and what every figure has in common."""
+
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
+from __future__ import annotations
+
+import functools
+import textwrap
+from collections.abc import Callable, Iterable
+from typing import ParamSpec
+
+import matplotlib
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon, Rectangle
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+from cdpr_sim.drawing import style
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.studies.lines import Rests
+
+P = ParamSpec("P")
+
+FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+EDGES = ((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7))
+"""Of a box whose corners are counted in binary (x, y, z)."""
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Draw in the house's style, whatever style the caller has set, and leave that as it was."""
+
+    @functools.wraps(draw)
+    def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with matplotlib.rc_context():
+            matplotlib.rcdefaults()
+            matplotlib.rcParams.update(style.RC)
+            return draw(*args, **kwargs)
+
+    return in_style
+
+
+def canvas(width: float, height: float, title: str, caption: str) -> Figure:
+    """A figure [inches] with a title above, which says what it shows, and a caption below, which says how."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.06)  # type: ignore[union-attr]
+    figure.suptitle(textwrap.fill(title, int(width * style.TITLE_LETTERS)), **style.TITLE)
+    figure.supxlabel(textwrap.fill(caption, int(width * style.CAPTION_LETTERS)), **style.CAPTION)
+    return figure
+
+
+def cables_in_words(robot: Robot) -> str:
+    """Material and stiffness, for titles and captions."""
+    lowest, highest = robot.axial_stiffness.min(), robot.axial_stiffness.max()
+    stiffness = f"EA = {newtons(lowest)}" + (f" to {newtons(highest)}" if highest > lowest else "")
+    return f"{robot.material} cables ({stiffness})" if robot.material else f"cables with {stiffness}"
+
+
+def newtons(force: float) -> str:
+    """A force with its unit."""
+    for unit, size in (("MN", 1e6), ("kN", 1e3)):
+        if force >= size:
+            return f"{force / size:g} {unit}"
+    return f"{force:g} N"
+
+
+# In the x-z plane
+
+
+def draw_front(ax: Axes, robot: Robot) -> None:
+    """The frame's front and the exits in the x-z plane, to scale [m], with labelled axes."""
+    (left, _, bottom), (right, _, top) = robot.frame
+    ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, ec=style.FAINT, lw=style.THIN))
+    ax.plot(*robot.exits[:, [0, 2]].T, "o", ms=3.5, color=style.INK, zorder=5, clip_on=False)
+    ax.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
+    ax.set_xlim(left - 0.02, right + 0.02)
+    ax.set_ylim(bottom - 0.02, top + 0.02)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+
+
+def draw_platform(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, **looks) -> Polygon:
+    """The platform's front: the drawn box cut at its middle."""
+    x, _, z = robot.platform_size / 2
+    corners = np.array([[-x, 0, -z], [x, 0, -z], [x, 0, z], [-x, 0, z]])
+    looks = {"fc": style.PLATFORM, "ec": style.INK, "lw": style.HAIR + 0.2, "zorder": 4} | looks
+    outline = Polygon((position + corners @ rotation.T)[:, [0, 2]], closed=True, **looks)
+    ax.add_patch(outline)
+    return outline
+
+
+def draw_commanded(ax: Axes, robot: Robot, position: np.ndarray) -> Polygon:
+    """Where the platform was commanded to be: an outline."""
+    looks = {"fc": "none", "ec": style.COMMANDED, "lw": style.THIN, "ls": style.COMMANDED_DASH, "zorder": 3.5}
+    return draw_platform(ax, robot, position, np.eye(3), **looks)
+
+
+def draw_cables(
+    ax: Axes,
+    robot: Robot,
+    position: np.ndarray,
+    rotation: np.ndarray,
+    slack: Iterable[bool],
+    rest_lengths: Iterable[float] | None = None,
+    **looks,
+) -> None:
+    """Taut cables as straight lines; slack ones dotted, in another colour, hanging as long as they are."""
+    anchors = position + robot.anchors @ rotation.T
+    rests = [None] * robot.cables if rest_lengths is None else rest_lengths
+    for exit_point, anchor, is_slack, rest in zip(robot.exits, anchors, slack, rests, strict=True):
+        if is_slack:
+            points = exit_point[None] if rest is None else hanging(exit_point, anchor, float(rest))
+            points = np.vstack([points, anchor]) if rest is None else points
+            ax.plot(*points[:, [0, 2]].T, ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, zorder=3)
+        else:
+            line = {"color": style.INK, "lw": style.HAIR + 0.2, "zorder": 2.5} | looks
+            ax.plot(*np.stack([exit_point, anchor])[:, [0, 2]].T, **line)
+
+
+def hanging(start: np.ndarray, end: np.ndarray, rest_length: float, points: int = 25) -> Float[np.ndarray, "points 3"]:
+    """A parabola from start to end that is about ``rest_length`` long: by 8 (s cos a)²/(3 l) longer than straight.
+
+    s is the sag below the straight line, a that line's slope; steep cables are drawn with less, as if a were 70°.
+    """
+    length = float(np.linalg.norm(end - start))
+    level = max(float(np.hypot(*(end - start)[:2])) / length, np.cos(np.radians(70)))
+    sag = np.sqrt(max(rest_length - length, 0.0) * 3 * length / 8) / level
+    along = np.linspace(0, 1, points)[:, None]
+    return start + along * (end - start) - 4 * sag * along * (1 - along) * np.array([0.0, 0.0, 1.0])
+
+
+def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
+    """What the parts of a drawn pose mean."""
+    handles = [
+        Patch(fc="none", ec=style.COMMANDED, ls=style.COMMANDED_DASH, label="commanded pose"),
+        Patch(fc=style.PLATFORM, ec=style.INK, lw=style.HAIR, label="platform at rest"),
+        Line2D([], [], color=style.INK, lw=style.HAIR + 0.2, label="taut cable"),
+    ]
+    if slack:
+        handles.append(Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack cable"))
+    return handles
+
+
+# Along a line
+
+
+def draw_zones(ax: Axes, rests: Rests) -> list[Patch]:
+    """Shade where cables are slack along x, and return a legend entry for each number of them."""
+    counts = sorted({slack for *_, slack in rests.zones() if slack})
+    looks = {}
+    for count in counts:
+        fill, hatch = style.ZONES[0] if count <= rests.robot.cables // 4 else style.ZONES[1]
+        looks[count] = {"fc": fill, "ec": style.ZONE_HATCH, "hatch": hatch, "lw": 0}
+    for start, end, slack in rests.zones():
+        if slack:
+            span = ax.axvspan(start, end, zorder=0, **looks[slack])
+            span.set_gid(f"zone-{slack}-slack")
+    words = {1: "1 cable slack"}
+    return [Patch(**look, label=words.get(count, f"{count} cables slack")) for count, look in looks.items()]
+
+
+def points(color: str, marker: str = "o", **looks) -> dict:
+    """How MuJoCo's points look: hollow."""
+    return {"ls": "none", "marker": marker, "mfc": "white", "mec": color, "mew": 1.1, "zorder": 6} | looks
+
+
+# In space
+
+
+def draw_space(ax: Axes3D, robot: Robot) -> None:
+    """The frame and the exits in space [m], to scale."""
+    lower, upper = robot.frame
+    box = _corners(lower, upper)
+    ax.add_collection3d(Line3DCollection([box[list(edge)] for edge in EDGES], colors=style.FAINT, lw=style.THIN))
+    ax.plot(*robot.exits.T, "o", ms=3, color=style.INK)
+    ax.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    ax.set_xlim(lower[0], upper[0])
+    ax.set_ylim(lower[1], upper[1])
+    ax.set_zlim(lower[2], upper[2])
+    ax.set_box_aspect(tuple(upper - lower), zoom=1.0)
+    ax.set_proj_type("persp", focal_length=0.6)
+    ax.view_init(elev=14, azim=-72)
+    ax.set_yticks([0, 0.25, 0.5])
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.pane.fill = False
+        axis.pane.set_edgecolor("white")
+    ax.grid(visible=False)
+
+
+def draw_pose_in_space(ax: Axes3D, rests: Rests, row: int) -> None:
+    """One pose with its commanded outline, its taut cables and its slack ones."""
+    robot, position, rotation = rests.robot, rests.positions[row], rests.rotations[row]
+    half = robot.platform_size / 2
+    box = _corners(-half, half)
+    ghost = rests.commanded[row] + box
+    ax.add_collection3d(
+        Line3DCollection([ghost[list(edge)] for edge in EDGES], colors=style.COMMANDED, lw=0.7, ls=style.COMMANDED_DASH)
+    )
+    corners = position + box @ rotation.T
+    ax.add_collection3d(
+        Poly3DCollection(
+            [corners[list(face)] for face in FACES], fc=style.PLATFORM, ec=style.INK, lw=0.6, shade=False, zorder=4
+        )
+    )
+    anchors = position + robot.anchors @ rotation.T
+    for cable in range(robot.cables):
+        if rests.slack[row, cable]:
+            curve = hanging(robot.exits[cable], anchors[cable], float(rests.rest_lengths[row, cable]))
+            ax.plot(*curve.T, color=style.SLACK_CABLE, lw=1.2, ls=style.SLACK_DASH)
+        else:
+            ax.plot(*np.stack([robot.exits[cable], anchors[cable]]).T, color=style.INK, lw=0.6)
+
+
+def _corners(lower: np.ndarray, upper: np.ndarray) -> Float[np.ndarray, "8 3"]:
+    choice = (np.arange(8)[:, None] >> np.array([2, 1, 0])) & 1
+    return np.where(choice, upper, lower)

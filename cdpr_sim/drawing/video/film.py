@@ -1,0 +1,295 @@
+"""Videos of trajectories, side by side in step: files that are whole or not there at all, and players in notebooks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from jaxtyping import UInt8
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.drawing.video.page import Page, nice_above
+from cdpr_sim.drawing.video.render import Backend, Renderer, open_renderer
+from cdpr_sim.drawing.video.scene import Stage
+from cdpr_sim.core.trajectory import Trajectory
+from cdpr_sim.core.files import appearing
+
+SIZE = (1280, 720)
+FPS = 30.0
+SECONDS = 10.0
+
+SUFFIXES = (".mp4", ".gif")
+
+LEAST_SIZE, MOST_SIZE = (320, 240), (3840, 2160)
+"""[pixel] Below nothing can be read; above, a frame takes software OpenGL a minute."""
+
+MOST_FRAMES, MOST_FPS = 100_000, 240.0
+MOST_EXAGGERATION = 1e4
+MOST_ROBOTS = 6
+
+QUALITY = 18.0
+"""Constant rate factor, or quantiser, of H.264: no difference to be seen."""
+
+
+def write_video(
+    path: str | Path,
+    trajectories: Trajectory | Sequence[Trajectory],
+    static: RigidTransform | Sequence[RigidTransform | None] | None = None,
+    *,
+    seconds: float = SECONDS,
+    fps: float = FPS,
+    size: tuple[int, int] = SIZE,
+    exaggeration: float = 1.0,
+    renderer: Backend = "auto",
+    force: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Write a video of one trajectory, or of several side by side in step; mp4 (H.264) or gif, by suffix.
+
+    Frames go to the encoder one by one. The file appears when it is complete: an interrupt leaves nothing behind, and
+    a file that was there stays as it was.
+
+    Args:
+        path: of the file, ending in .mp4 or .gif.
+        trajectories: what moves, one or several; each is shown from its first state to its last.
+        static: the static solver's poses for each, a stack of (steps,) or None, drawn as outlines.
+        seconds: duration of the video; the motion is shown faster or slower to fit, and the picture says so.
+        fps: frames per second.
+        size: (width, height) [pixel], even numbers.
+        exaggeration: draw shifts, tilts and slack this many times as large; the picture says so.
+        renderer: "opengl", "raycast", or "auto" for the first that works here.
+        force: replace a file that is there.
+        progress: called after each frame with the number done and the number of all.
+
+    Raises:
+        InvalidInput: a path that cannot be written, a file that is there, an unknown suffix, a size, duration or number
+            of frames that cannot be right.
+    """
+    path = check_output(path, force=force)
+    film = _Film(trajectories, static, seconds, fps, size, exaggeration, renderer)
+    with film, appearing(path) as (temporary,):
+        try:
+            with _writer(temporary, film) as video:
+                for done, frame in enumerate(film.frames(), start=1):
+                    video.add_image(frame)
+                    if progress is not None:
+                        progress(done, film.count)
+        except RuntimeError as error:  # mediapy's, which quotes ffmpeg
+            raise InvalidInput(f"{path}: cannot be written: {str(error).strip().splitlines()[-1]}") from error
+    return path
+
+
+def frames(
+    trajectories: Trajectory | Sequence[Trajectory],
+    static: RigidTransform | Sequence[RigidTransform | None] | None = None,
+    *,
+    seconds: float = SECONDS,
+    fps: float = FPS,
+    size: tuple[int, int] = SIZE,
+    exaggeration: float = 1.0,
+    renderer: Backend = "auto",
+) -> Iterator[UInt8[np.ndarray, "height width 3"]]:
+    """The frames of ``write_video``, one by one.
+
+    Raises:
+        InvalidInput: as ``write_video``.
+    """
+    with _Film(trajectories, static, seconds, fps, size, exaggeration, renderer) as film:
+        yield from film.frames()
+
+
+def show(
+    trajectories: Trajectory | Sequence[Trajectory],
+    static: RigidTransform | Sequence[RigidTransform | None] | None = None,
+    *,
+    seconds: float = SECONDS,
+    fps: float = FPS,
+    size: tuple[int, int] = (960, 540),
+    exaggeration: float = 1.0,
+    renderer: Backend = "auto",
+) -> None:
+    """Play a trajectory, or several side by side in step, in a notebook; the arguments are those of ``write_video``."""
+    mediapy = _mediapy()
+    pictures = frames(
+        trajectories, static, seconds=seconds, fps=fps, size=size, exaggeration=exaggeration, renderer=renderer
+    )
+    mediapy.show_video(pictures, fps=fps, qp=round(QUALITY))
+
+
+def check_output(path: str | Path, *, force: bool = False) -> Path:
+    """``path``, where a video can be written.
+
+    Raises:
+        InvalidInput: an unknown suffix, a file that is there without ``force``, or a folder that cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in SUFFIXES:
+        found = f"found the suffix {path.suffix!r}" if path.suffix else "found no suffix"
+        raise InvalidInput(f"{path}: {found}, expected {' or '.join(SUFFIXES)}")
+    if path.is_dir():
+        raise InvalidInput(f"{path}: found a folder, expected a file")
+    if path.exists() and not force:
+        raise InvalidInput(f"{path}: exists, expected a new place or --force")
+    if not path.parent.is_dir():
+        raise InvalidInput(f"{path}: found no folder {str(path.parent)!r}, expected one that exists")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise InvalidInput(f"{path}: cannot be written: the folder {str(path.parent)!r} is read-only")
+    return path
+
+
+class _Film:
+    """The frames of a video: its stages, its page and its renderers."""
+
+    def __init__(
+        self,
+        trajectories: Trajectory | Sequence[Trajectory],
+        static: RigidTransform | Sequence[RigidTransform | None] | None,
+        seconds: float,
+        fps: float,
+        size: tuple[int, int],
+        exaggeration: float,
+        renderer: Backend,
+    ) -> None:
+        several = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
+        statics = [static] if static is None or isinstance(static, RigidTransform) else list(static)
+        statics = statics * len(several) if statics == [None] else statics
+        self.count = check_settings(seconds, fps, size, exaggeration, renderer)
+        self.fps, self.size = fps, (int(size[0]), int(size[1]))
+        if not 1 <= len(several) <= MOST_ROBOTS:
+            raise InvalidInput(f"trajectories: found {len(several)}, expected 1 to {MOST_ROBOTS} side by side")
+        if len(statics) != len(several):
+            raise InvalidInput(f"static: found {len(statics)} stacks of poses, expected {len(several)}, one each")
+        for trajectory, poses in zip(several, statics, strict=True):
+            if poses is not None and (poses.single or len(poses) != len(trajectory)):
+                raise InvalidInput(f"static: expected {len(trajectory)} poses, as many as the trajectory has states")
+        largest = nice_above(max(float(trajectory.tensions.max()) for trajectory in several))
+        self.stages = [
+            Stage(trajectory, poses, largest_tension=largest, exaggeration=exaggeration)
+            for trajectory, poses in zip(several, statics, strict=True)
+        ]
+        self.page = Page(
+            self.size,
+            [trajectory.robot for trajectory in several],
+            [_caption(trajectory) for trajectory in several],
+            largest_tension=largest,
+            footnote=_footnote(several, seconds),
+            warning="" if exaggeration == 1 else f"Deviations drawn {exaggeration:g} × as large; the numbers are true",
+            outlined=any(poses is not None for poses in statics),
+        )
+        self._backend: Backend = renderer
+        self._renderers: list[Renderer] = []
+
+    def __enter__(self) -> _Film:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for renderer in self._renderers:
+            renderer.close()
+        self._renderers = []
+
+    def frames(self) -> Iterator[UInt8[np.ndarray, "height width 3"]]:
+        """One after the other; each trajectory's states at even fractions of its own duration."""
+        boxes = [(cell.view, cell.close_up) for cell in self.page.cells]
+        width = max(box.width for pair in boxes for box in pair)
+        height = max(box.height for pair in boxes for box in pair)
+        self._renderers = [open_renderer(stage.model, width, height, self._backend) for stage in self.stages]
+        wholes = [stage.whole(view.width / view.height) for stage, (view, _) in zip(self.stages, boxes, strict=True)]
+        for fraction in np.linspace(0, 1, self.count):
+            views, close_ups = [], []
+            for stage, renderer, whole, (view, close) in zip(self.stages, self._renderers, wholes, boxes, strict=True):
+                stage.set(_state_at(stage.trajectory, float(fraction)))
+                views.append(_picture(renderer, stage, whole, view))
+                close_ups.append(_picture(renderer, stage, stage.close_up(), close))
+            states = [(stage.trajectory, stage.step) for stage in self.stages]
+            yield self.page.frame(
+                views,
+                close_ups,
+                [trajectory.tilts[step] for trajectory, step in states],
+                [trajectory.deviations[step] for trajectory, step in states],
+                [trajectory.tensions[step] for trajectory, step in states],
+            )
+
+
+def _picture(renderer: Renderer, stage: Stage, camera, box) -> UInt8[np.ndarray, "height width 3"]:
+    return renderer.draw(stage.look(camera), box.width, box.height)
+
+
+def _state_at(trajectory: Trajectory, fraction: float) -> int:
+    """The state nearest to ``fraction`` of the duration."""
+    times = trajectory.times
+    instant = times[0] + fraction * (times[-1] - times[0])
+    after = int(np.searchsorted(times, instant).clip(1, len(times) - 1))
+    return after if times[after] - instant <= instant - times[after - 1] else after - 1
+
+
+def check_settings(seconds: float, fps: float, size: tuple[int, int], exaggeration: float, renderer: str) -> int:
+    """The number of frames of a video with these settings.
+
+    Raises:
+        InvalidInput: a duration, rate, size or exaggeration that cannot be right.
+        UnknownName: no such renderer.
+    """
+    if renderer not in get_args(Backend):
+        raise UnknownName("renderer", renderer, get_args(Backend))
+    if not 0 < exaggeration <= MOST_EXAGGERATION:
+        raise InvalidInput(
+            f"exaggeration: found {exaggeration:g}, expected more than 0 and at most {MOST_EXAGGERATION:g}"
+        )
+    width, height = size
+    fits = all(least <= n <= most for n, least, most in zip(size, LEAST_SIZE, MOST_SIZE, strict=True))
+    if not fits or width % 2 or height % 2:
+        (a, b), (c, d) = LEAST_SIZE, MOST_SIZE
+        raise InvalidInput(f"size: found {width} x {height} pixels, expected even numbers from {a} x {b} to {c} x {d}")
+    if not 0 < fps <= MOST_FPS:
+        raise InvalidInput(f"fps: found {fps:g}, expected more than 0 and at most {MOST_FPS:g} frames per second")
+    count = round(seconds * fps) if np.isfinite(seconds) else -1
+    if not 2 <= count <= MOST_FRAMES:
+        raise InvalidInput(
+            f"seconds: found {seconds:g} at {fps:g} frames per second, expected 2 to {MOST_FRAMES} frames in all"
+        )
+    return count
+
+
+def _caption(trajectory: Trajectory) -> str:
+    robot = trajectory.robot
+    lowest, highest = robot.axial_stiffness.min(), robot.axial_stiffness.max()
+    stiffness = f"{lowest / 1e3:g} kN" if lowest == highest else f"{lowest / 1e3:g} to {highest / 1e3:g} kN"
+    width, depth, height = np.ptp(robot.frame, axis=0)
+    scale = f"platform {robot.mass:g} kg · frame {width:.3g} × {depth:.3g} × {height:.3g} m"
+    return f"{robot.material or 'cables'}, EA = {stiffness} · {scale}"
+
+
+def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
+    durations = [float(trajectory.times[-1] - trajectory.times[0]) for trajectory in trajectories]
+    rate = float(np.mean(durations)) / seconds
+    speed = "in real time"
+    if rate > 1.05:
+        speed = f"{rate:.3g} times faster"
+    elif rate < 0.95:
+        speed = f"{1 / rate:.3g} times slower"
+    still = all(np.ptp(trajectory.commanded.translation, axis=0).max() == 0 for trajectory in trajectories)
+    what = "The platform is let go where it was commanded" if still else "The winches follow the dark line"
+    return f"{what}; simulated by MuJoCo, shown {speed}."
+
+
+def _writer(path: Path, film: _Film):
+    mediapy, (width, height) = _mediapy(), film.size
+    if path.suffix == ".gif":
+        # One palette, of the first frame (whose legend holds every colour), so that no frame has to wait for the last.
+        palette = "split[a][b];[a]trim=end_frame=1,palettegen[p];[b][p]paletteuse=dither=bayer:bayer_scale=4"
+        return mediapy.VideoWriter(path, (height, width), fps=film.fps, codec="gif", ffmpeg_args=["-vf", palette])
+    options = ["-preset", "veryfast", "-movflags", "+faststart"]
+    return mediapy.VideoWriter(path, (height, width), fps=film.fps, crf=QUALITY, ffmpeg_args=options)
+
+
+def _mediapy():
+    """mediapy, with the ffmpeg that ``imageio-ffmpeg`` brings."""
+    import imageio_ffmpeg
+    import mediapy
+
+    mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
+    return mediapy

@@ -1,0 +1,355 @@
+"""The page around the pictures of a video: title, numbers, tension bars, legend and scale. Everything is given."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from cdpr_sim.drawing import style
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.drawing.video.scene import tension_colors
+
+LEGENDS = (
+    {
+        "platform": "platform in MuJoCo",
+        "commanded": "where it was commanded",
+        "static": "where the static solver puts it",
+        "slack": "slack cable",
+        "tension": "tension",
+    },
+    {
+        "platform": "platform in MuJoCo",
+        "commanded": "commanded",
+        "static": "static solver",
+        "slack": "slack cable",
+        "tension": "tension",
+    },
+    {"platform": "MuJoCo", "commanded": "commanded", "static": "static", "slack": "slack", "tension": ""},
+)
+"""From wordy to terse."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of the page, in pixels."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def right(self) -> int:
+        """One past the last column."""
+        return self.left + self.width
+
+    @property
+    def bottom(self) -> int:
+        """One past the last row."""
+        return self.top + self.height
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One robot's place on the page: the picture of the whole, the close-up, and the numbers."""
+
+    heading: Box
+    view: Box
+    close_up: Box
+    numbers: Box
+    bars: Box
+
+
+class Page:
+    """The layout of a video's frames: as many robots side by side as there are captions.
+
+    Args:
+        size: (width, height) [pixel].
+        robots: one per cell.
+        captions: the line under each robot's name.
+        largest_tension: [N] the end of the scale.
+        footnote: what the whole is, in a line.
+        warning: what must not be overlooked, written into the pictures; or nothing.
+        outlined: whether the static solver's outline is drawn, and so belongs in the legend.
+    """
+
+    def __init__(
+        self,
+        size: tuple[int, int],
+        robots: Sequence[Robot],
+        captions: Sequence[str],
+        *,
+        largest_tension: float,
+        footnote: str,
+        outlined: bool,
+        warning: str = "",
+    ) -> None:
+        self.size, self.largest_tension, self._warning = size, largest_tension, warning
+        self._unit = min(size[1], 0.75 * size[0], 1.25 * size[0] / len(robots))
+        self._gap = max(4, round(0.012 * self._unit))
+        self._legend = self._line(style.LABEL_HEIGHT) * 2 + 2 * self._gap
+        self.cells = [self._cell(k, len(robots)) for k in range(len(robots))]
+        self._blank = Image.new("RGB", size, _rgb(style.PAGE_PAPER))
+        draw = ImageDraw.Draw(self._blank)
+        for cell, robot, caption in zip(self.cells, robots, captions, strict=True):
+            self._draw_heading(draw, cell.heading, robot, caption)
+            self._draw_bar_labels(draw, cell.bars, robot.cables)
+        self._draw_legend(draw, footnote, outlined)
+
+    def frame(
+        self,
+        views: Sequence[np.ndarray],
+        close_ups: Sequence[np.ndarray],
+        tilts: Sequence[float],
+        deviations: Sequence[np.ndarray],
+        tensions: Sequence[np.ndarray],
+    ) -> np.ndarray:
+        """One frame, (height, width, 3) uint8: each robot's pictures, tilt [rad], deviation [m] and tensions [N]."""
+        page = self._blank.copy()
+        draw = ImageDraw.Draw(page)
+        for k, cell in enumerate(self.cells):
+            for box, pixels in ((cell.view, views[k]), (cell.close_up, close_ups[k])):
+                page.paste(Image.fromarray(np.ascontiguousarray(pixels)), (box.left, box.top))
+                draw.rectangle((box.left, box.top, box.right - 1, box.bottom - 1), outline=_rgb(style.PAGE_RULE))
+            if self._warning:
+                self._draw_warning(draw, cell.view)
+            self._draw_numbers(draw, cell.numbers, tilts[k], deviations[k], tensions[k])
+            self._draw_bars(draw, cell.bars, tensions[k])
+        return np.asarray(page)
+
+    def _cell(self, k: int, cells: int) -> Cell:
+        gap = self._gap
+        width = (self.size[0] - gap * (cells + 1)) // cells
+        left = gap + k * (width + gap)
+        heading = Box(left, gap, width, self._line(style.TITLE_HEIGHT) + self._line(style.LABEL_HEIGHT) + gap)
+        top, bottom = heading.bottom, self.size[1] - self._legend - gap
+        height = bottom - top
+        if width > 1.25 * height:  # numbers beside the picture, else below
+            side = int(0.27 * width)
+            view = Box(left, top, width - side - gap, height)
+            close = min(side, int(0.42 * height))
+            right = view.right + gap
+            numbers = Box(right, top + close + gap, side, 4 * self._line(style.NUMBER_HEIGHT) * 85 // 100)
+            bars = Box(right, numbers.bottom + gap, side, bottom - numbers.bottom - gap)
+            return Cell(heading, view, Box(right, top, side, close), numbers, bars)
+        strip = int(min(0.30 * height, 0.30 * width))
+        view = Box(left, top, width, height - strip - gap)
+        close = int(min(1.15 * strip, 0.30 * width, max(0.12 * width, 0.62 * width - self._numbers_width())))
+        numbers_width = int(min(self._numbers_width(), 0.45 * width))
+        under = view.bottom + gap
+        numbers = Box(left + close + 2 * gap, under, numbers_width, strip)
+        bars = Box(numbers.right + gap, under, left + width - numbers.right - gap, strip)
+        return Cell(heading, view, Box(left, under, close, strip), numbers, bars)
+
+    def _draw_heading(self, draw: ImageDraw.ImageDraw, box: Box, robot: Robot, caption: str) -> None:
+        title = self._font(style.TITLE_HEIGHT, bold=True)
+        draw.text((box.left, box.top), robot.name, _rgb(style.PAGE_INK), title)
+        beside = box.left + draw.textlength(robot.name + " ", title)
+        base = box.top + title.getmetrics()[0]
+        self._fitted(
+            draw,
+            (beside, base),
+            robot.description,
+            box.right - beside,
+            style.TEXT_HEIGHT,
+            style.PAGE_FAINT,
+            anchor="ls",
+        )
+        line = box.top + self._line(style.TITLE_HEIGHT)
+        self._fitted(draw, (box.left, line), caption, box.width, style.LABEL_HEIGHT, style.PAGE_INK)
+
+    def _draw_warning(self, draw: ImageDraw.ImageDraw, view: Box) -> None:
+        """At the foot of the picture, on a strip of its own."""
+        line, gap = self._line(style.TEXT_HEIGHT), self._gap
+        top = view.bottom - line - 2 * gap
+        draw.rectangle((view.left, top, view.right - 1, view.bottom - 1), fill=_rgb(style.PAGE_INK))
+        self._fitted(
+            draw, (view.left + gap, top + gap), self._warning, view.width - 2 * gap, style.TEXT_HEIGHT, style.PAGE_PAPER
+        )
+
+    def _draw_numbers(self, draw: ImageDraw.ImageDraw, box: Box, tilt: float, deviation, tensions) -> None:
+        """Tilt, shift and sag, to be read at a glance; and how many cables are slack."""
+        shift, sag = 1e3 * float(np.hypot(*deviation[:2])), -1e3 * float(deviation[2])
+        rows = [("tilt", np.degrees(tilt), " °"), ("shift", shift, " mm"), ("sag", sag, " mm")]
+        step = box.height / 4
+        label, figure = self._font(style.LABEL_HEIGHT), self._font(style.NUMBER_HEIGHT, bold=True)
+        unit_left = box.right - max(label.getlength(text) for text in (" mm", f" of {len(tensions)}"))
+        for row, (name, value, unit) in enumerate(rows):
+            base = box.top + (row + 0.72) * step
+            draw.text((box.left, base), name, _rgb(style.PAGE_FAINT), label, anchor="ls")
+            number = f"{value:.{1 if abs(value) >= 9.95 else 2}f}".replace("-", "−")
+            draw.text((unit_left, base), number, _rgb(style.PAGE_INK), figure, anchor="rs")
+            draw.text((unit_left, base), unit, _rgb(style.PAGE_FAINT), label, anchor="ls")
+        slack, base = int((tensions <= 0).sum()), box.top + 3.72 * step
+        draw.text((box.left, base), "slack", _rgb(style.SLACK_COLOR if slack else style.PAGE_FAINT), label, anchor="ls")
+        color = _rgb(style.SLACK_COLOR if slack else style.PAGE_FAINT)
+        draw.text((unit_left, base), str(slack), color, figure, anchor="rs")
+        draw.text((unit_left, base), f" of {len(tensions)}", color, label, anchor="ls")
+
+    def _chart(self, box: Box) -> Box:
+        """Where the bars stand: above their numbers and below the title."""
+        line = self._line(style.LABEL_HEIGHT)
+        left = self._font(style.LABEL_HEIGHT).getlength(self._newtons(self.largest_tension)) + 2 * self._gap
+        top = box.top + line + self._gap
+        return Box(int(box.left + left), top, int(box.width - left), box.bottom - line - top)
+
+    def _draw_bar_labels(self, draw: ImageDraw.ImageDraw, box: Box, cables: int) -> None:
+        chart, font = self._chart(box), self._font(style.LABEL_HEIGHT)
+        self._fitted(draw, (chart.left, box.top), "tension [N]", chart.width, style.LABEL_HEIGHT, style.PAGE_FAINT)
+        for tension in (0.0, self.largest_tension / 2, self.largest_tension):
+            y = chart.bottom - 1 - round((chart.height - 1) * tension / self.largest_tension)
+            draw.line((chart.left, y, chart.right, y), _rgb(style.PAGE_RULE))
+            anchor = (chart.left - self._gap, y)
+            draw.text(anchor, self._newtons(tension), _rgb(style.PAGE_FAINT), font, anchor="rm")
+        for i in range(cables):
+            self._draw_bar_number(draw, chart, i, cables, style.PAGE_INK)
+
+    def _draw_bars(self, draw: ImageDraw.ImageDraw, box: Box, tensions: np.ndarray) -> None:
+        chart = self._chart(box)
+        colors = tension_colors(tensions, self.largest_tension)
+        for i, (left, right) in enumerate(_slots(chart, len(tensions))):
+            if tensions[i] <= 0:  # a slack cable: an empty frame, and its number in the colour of slackness
+                draw.rectangle((left, chart.top, right, chart.bottom - 1), outline=_rgb(style.SLACK_COLOR))
+                self._draw_bar_number(draw, chart, i, len(tensions), style.SLACK_COLOR)
+                self._draw_upright(draw, (left + right) / 2, chart, right - left)
+                continue
+            height = min(1.0, tensions[i] / self.largest_tension) * (chart.height - 1)
+            draw.rectangle((left, chart.bottom - 1 - height, right, chart.bottom - 1), fill=_rgb(colors[i]))
+
+    def _draw_bar_number(self, draw: ImageDraw.ImageDraw, chart: Box, i: int, cables: int, color: style.Color) -> None:
+        """Under its bar, where bars are wide enough for all numbers."""
+        font, pitch = self._font(style.LABEL_HEIGHT), chart.width / cables
+        if font.getlength(f"{cables} ") <= pitch:
+            middle = chart.left + (i + 0.5) * pitch
+            draw.text((middle, chart.bottom + self._gap / 2), str(i + 1), _rgb(color), font, anchor="ma")
+
+    def _draw_upright(self, draw: ImageDraw.ImageDraw, middle: float, chart: Box, width: float) -> None:
+        """The word "slack", upwards along a bar that is wide and high enough for it."""
+        size = self._size(style.LABEL_HEIGHT)
+        word = _upright("slack", size)
+        if word.width <= width and word.height <= chart.height - 2 * self._gap:
+            place = (round(middle - word.width / 2), round(chart.bottom - self._gap - word.height))
+            draw.bitmap(place, word, _rgb(style.SLACK_COLOR))
+
+    def _numbers_width(self) -> float:
+        """Of the widest line of numbers: a word, a number and its unit."""
+        label, figure = self._font(style.LABEL_HEIGHT), self._font(style.NUMBER_HEIGHT, bold=True)
+        return label.getlength("slack   ") + figure.getlength("00.00") + label.getlength(" of 8")
+
+    def _draw_legend(self, draw: ImageDraw.ImageDraw, footnote: str, outlined: bool) -> None:
+        width, height = self.size
+        line, gap = self._line(style.LABEL_HEIGHT), self._gap
+        top = height - self._legend
+        draw.line((gap, top, width - gap, top), _rgb(style.PAGE_RULE))
+        self._fitted(draw, (gap, top + gap + line), footnote, width - 2 * gap, style.LABEL_HEIGHT, style.PAGE_FAINT)
+        middle, swatch, font = top + gap + line / 2, 1.3 * line, self._font(style.LABEL_HEIGHT)
+        scale = round(0.16 * width)
+        ends = self._newtons(0), f"{self._newtons(self.largest_tension)} N"
+
+        def needed(words: dict[str, str]) -> float:
+            swatches = sum(
+                swatch + 3 * gap + font.getlength(text)
+                for key, text in words.items()
+                if key != "tension" and (key != "static" or outlined)
+            )
+            return swatches + sum(font.getlength(text) + gap for text in (words["tension"], *ends)) + scale
+
+        room = width - 2 * gap
+        words = next((words for words in LEGENDS if needed(words) <= room), LEGENDS[-1])
+        spread = min(3.0 * gap, max(0.0, (room - needed(words)) / len(words)))
+        x = float(gap)
+        for key in words:
+            if key == "tension" or (key == "static" and not outlined):
+                continue
+            self._draw_swatch(draw, key, x, middle, swatch, 0.62 * line)
+            x += swatch + gap
+            draw.text((x, middle), words[key], _rgb(style.PAGE_INK), font, anchor="lm")
+            x += font.getlength(words[key]) + 2 * gap + spread
+        for text in (words["tension"], ends[0]):
+            draw.text((x, middle), text, _rgb(style.PAGE_INK), font, anchor="lm")
+            x += font.getlength(text) + gap
+        for column, color in enumerate(tension_colors(np.linspace(0, 1, scale), 1.0)):
+            draw.line((x + column, middle - 0.31 * line, x + column, middle + 0.31 * line), _rgb(color))
+        draw.text((x + scale + gap, middle), ends[1], _rgb(style.PAGE_INK), font, anchor="lm")
+
+    def _draw_swatch(self, draw: ImageDraw.ImageDraw, entry: str, x: float, middle: float, width: float, height: float):
+        top, bottom = middle - height / 2, middle + height / 2
+        if entry == "slack":
+            draw.arc(
+                (x, middle - height * 1.6, x + width, bottom),
+                20,
+                160,
+                _rgb(style.SLACK_COLOR),
+                max(2, round(height / 5)),
+            )
+            return
+        fill = style.PLATFORM_COLOR
+        if entry == "commanded":
+            clear = (1 - style.GHOST_ALPHA) ** 2
+            fill = tuple(clear * 0.9 + (1 - clear) * channel for channel in style.COMMANDED_COLOR)
+        outline = _rgb(style.STATIC_COLOR) if entry == "static" else None
+        draw.rectangle((x, top, x + width, bottom), _rgb(fill), outline, max(2, round(height / 6)))
+
+    def _fitted(self, draw, at, text: str, width: float, size: float, color, anchor: str = "la") -> None:
+        """``text``, in smaller type where it is wider than ``width``; dropped where it cannot be read."""
+        font = self._font(size)
+        if font.getlength(text) > width:
+            font = self._font(size * width / font.getlength(text))
+        while text and font.getlength(text) > width:
+            text = text[:-2].rstrip() + "…" if len(text) > 2 else ""
+        draw.text(at, text, _rgb(color), font, anchor=anchor)
+
+    @staticmethod
+    def _newtons(tension: float) -> str:
+        return f"{tension:.3g}"
+
+    def _size(self, size: float) -> int:
+        return max(style.LEAST_HEIGHT, round(size * self._unit))
+
+    def _font(self, size: float, *, bold: bool = False) -> ImageFont.FreeTypeFont:
+        return _font(self._size(size), bold)
+
+    def _line(self, size: float) -> int:
+        return round(1.28 * self._size(size))
+
+
+def nice_above(value: float) -> float:
+    """The next number 1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6 or 8 times a power of ten: a scale's end."""
+    if not value > 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10) if step * power >= value))
+
+
+def _slots(chart: Box, cables: int) -> list[tuple[float, float]]:
+    """Left and right of each cable's bar."""
+    pitch = chart.width / cables
+    return [(chart.left + (i + 0.14) * pitch, chart.left + (i + 0.86) * pitch) for i in range(cables)]
+
+
+def _rgb(color: Sequence[float]) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * float(channel)) for channel in color)
+    return red, green, blue
+
+
+@functools.lru_cache(maxsize=64)
+def _font(size: int, bold: bool) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans, which comes with matplotlib and so is on every machine."""
+    import matplotlib
+
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path(), "fonts", "ttf", name)), size)
+
+
+@functools.lru_cache(maxsize=8)
+def _upright(word: str, size: int) -> Image.Image:
+    font = _font(size, False)
+    left, top, right, bottom = font.getbbox(word)
+    image = Image.new("L", (int(right - left), int(bottom - top)))
+    ImageDraw.Draw(image).text((-left, -top), word, 255, font)
+    return image.rotate(90, expand=True)

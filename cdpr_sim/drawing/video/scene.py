@@ -1,0 +1,219 @@
+"""What a video of a robot shows, state by state, as MuJoCo's abstract scene: neither pixels nor OpenGL.
+
+The platform where MuJoCo has it; a translucent ghost where it was commanded; the outline of the static solver's pose;
+cables coloured by tension, slack ones hanging as chains; the commanded path and the trail of the platform's origin.
+All of it is given: poses, tensions and lengths come from a ``Trajectory`` and, for the outline, from a static solver.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.drawing import style
+from cdpr_sim.physics.mjcf import coordinates, scene_mjcf, to_mjcf
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.trajectory import Trajectory
+
+PIECES = 48
+"""Straight pieces that draw a path."""
+
+MOST_GEOMS = 4000
+
+_IDENTITY = np.eye(3).ravel()
+
+
+class Stage:
+    """One robot, its frame and the floor, set to one state of a trajectory at a time.
+
+    Args:
+        trajectory: what moves.
+        static: the static solver's pose for each state, a stack of (steps,); nan where it found none.
+        largest_tension: [N] the dark end of the tension scale.
+        exaggeration: every deviation from the commanded pose, shift and rotation alike, is drawn this many times.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        static: RigidTransform | None = None,
+        *,
+        largest_tension: float,
+        exaggeration: float = 1.0,
+    ) -> None:
+        self.trajectory, self.largest_tension, self.exaggeration = trajectory, largest_tension, exaggeration
+        robot = self.robot = trajectory.robot
+        self.model = _model(robot, trajectory.commanded[0])
+        self.data = mujoco.MjData(self.model)
+        self.scene = mujoco.MjvScene(self.model, maxgeom=MOST_GEOMS)
+        # Shadows and mirror images would cost software OpenGL most of its time.
+        self.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
+        self.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+        self._options = mujoco.MjvOption()
+        self._springs = self.model.tendon_stiffness.copy()
+        self.diagonal = float(np.linalg.norm(np.ptp(robot.frame, axis=0))) or 1.0
+        self.poses = exaggerated(trajectory.poses, trajectory.commanded, exaggeration)
+        self.static = None if static is None else exaggerated(static, trajectory.commanded, exaggeration)
+        self.step = 0
+
+    def set(self, step: int) -> None:
+        """Show state ``step`` of the trajectory."""
+        self.step = step
+        self.data.qpos[:] = coordinates(self.robot, self.poses[step])
+        self._set_cables(step)
+        mujoco.mj_fwdPosition(self.model, self.data)
+        self._set_lengths(step)
+        camera, everything = self.whole(1.5), mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(self.model, self.data, self._options, None, camera, everything, self.scene)
+        self._draw_paths(step)
+        self._draw_commanded(step)
+        if self.static is not None and np.isfinite(self.static[step].translation).all():
+            self._draw_outline(self.static[step])
+
+    def look(self, camera: mujoco.MjvCamera) -> mujoco.MjvScene:
+        """The scene as ``camera`` sees it."""
+        mujoco.mjv_updateCamera(self.model, self.data, camera, self.scene)
+        return self.scene
+
+    def whole(self, aspect: float) -> mujoco.MjvCamera:
+        """A camera that has the robot's whole frame in a picture of this aspect (width over height)."""
+        corners = np.array(list(itertools.product(*self.robot.frame.T)))
+        corners = np.vstack([corners, self.robot.exits])
+        axes = _camera_axes()
+        center = corners.mean(0)
+        distance = 0.0
+        for _ in range(3):  # centre what is seen, then see how far back that takes
+            seen = (corners - center) @ axes.T
+            tangent = np.tan(np.radians(style.FIELD_OF_VIEW) / 2) * style.FILL * np.array([aspect, 1.0])
+            distance = float((np.abs(seen[:, :2]) / tangent + seen[:, 2:]).max())
+            flat = seen[:, :2] / (distance - seen[:, 2:])
+            center = center + (flat.max(0) + flat.min(0)) / 2 * distance @ axes[:2]
+        return _camera(center, distance)
+
+    def close_up(self) -> mujoco.MjvCamera:
+        """A camera that follows the command closely, so that what the platform does otherwise shows."""
+        size = float(np.linalg.norm(self.robot.platform_size))
+        both = self.trajectory.commanded[self.step].translation, self.poses[self.step].translation
+        apart = float(np.linalg.norm(both[1] - both[0]))
+        height = max(style.CLOSE_UP * size, apart + 1.6 * size)
+        return _camera(np.mean(both, axis=0), height / 2 / np.tan(np.radians(style.FIELD_OF_VIEW) / 2))
+
+    def _set_cables(self, step: int) -> None:
+        model = self.model
+        model.tendon_rgba[:, 3] = 1
+        model.tendon_rgba[:, :3] = tension_colors(self.trajectory.tensions[step], self.largest_tension)
+        model.tendon_rgba[self.trajectory.slack[step], :3] = style.SLACK_COLOR
+        model.tendon_lengthspring[:] = 0
+
+    def _set_lengths(self, step: int) -> None:
+        """MuJoCo draws a cable as a hanging chain of its rest length, where that is longer than the distance."""
+        trajectory, distance = self.trajectory, self.data.ten_length
+        spare = np.maximum(trajectory.rest_lengths[step] - trajectory.lengths[step], 0)
+        spare *= np.where(trajectory.slack[step], self.exaggeration, 0)
+        self.model.tendon_lengthspring[:, 1] = np.where(spare > 0, distance + spare, 0)
+
+    def _draw_paths(self, step: int) -> None:
+        every = max(1, len(self.trajectory) // PIECES)
+        commanded, positions = self.trajectory.commanded.translation, self.poses.translation
+        path = commanded[[*range(0, len(commanded), every), len(commanded) - 1]]
+        self._line(path, style.PATH_RADIUS, (*style.COMMANDED_COLOR, style.PATH_ALPHA))
+        trail = positions[[*range(0, step, every), step]]
+        self._line(trail, style.TRAIL_RADIUS, (*style.PLATFORM_COLOR, 1))
+
+    def _draw_commanded(self, step: int) -> None:
+        commanded = self.trajectory.commanded[step]
+        box = self.robot.platform_size / 2
+        inside = style.GHOST_SIZE * box
+        matrix = commanded.rotation.as_matrix().ravel()
+        self._geom(
+            mujoco.mjtGeom.mjGEOM_BOX,
+            inside,
+            commanded.translation,
+            matrix,
+            (*style.COMMANDED_COLOR, style.GHOST_ALPHA),
+        )
+        # A dark patch on the floor under the platform tells how high it hangs and where it is.
+        floor = self.data.geom("floor").xpos[2]
+        x, y, _ = self.poses[step].translation
+        turn = Rotation.from_euler("z", self.poses[step].rotation.as_euler("zyx")[0]).as_matrix().ravel()
+        flat = np.array([box[0], box[1], 1e-4 * self.diagonal])
+        self._geom(mujoco.mjtGeom.mjGEOM_BOX, flat, [x, y, floor], turn, (0, 0, 0, style.SHADOW_ALPHA))
+
+    def _draw_outline(self, pose: RigidTransform) -> None:
+        corners = np.array(list(itertools.product((-1, 1), repeat=3)))
+        points = pose.apply(corners * self.robot.platform_size / 2)
+        for a, b in itertools.combinations(range(8), 2):
+            if np.count_nonzero(corners[a] != corners[b]) == 1:
+                self._line(points[[a, b]], style.STATIC_RADIUS, (*style.STATIC_COLOR, 1))
+
+    def _line(self, points: Float[np.ndarray, "points 3"], radius: float, color: tuple[float, ...]) -> None:
+        for start, end in itertools.pairwise(points):
+            if (start != end).any():
+                geom = self._geom(mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), _IDENTITY, color)
+                capsule = mujoco.mjtGeom.mjGEOM_CAPSULE.value
+                mujoco.mjv_connector(geom, capsule, radius * self.diagonal, start.copy(), end.copy())
+
+    def _geom(self, shape: mujoco.mjtGeom, size, position, matrix, color: Sequence[float]) -> mujoco.MjvGeom:
+        geom = self.scene.geoms[self.scene.ngeom]
+        mujoco.mjv_initGeom(
+            geom, shape.value, np.asarray(size, float), np.asarray(position, float), matrix, np.array(color, np.float32)
+        )
+        geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value
+        self.scene.ngeom += 1
+        return geom
+
+
+def exaggerated(poses: RigidTransform, commanded: RigidTransform, times: float) -> RigidTransform:
+    """``poses`` with their shift and rotation away from ``commanded`` drawn ``times`` as large."""
+    if times == 1:
+        return poses
+    shift = poses.translation - commanded.translation
+    turn = (poses.rotation * commanded.rotation.inv()).as_rotvec()
+    return RigidTransform.from_components(
+        commanded.translation + times * shift, Rotation.from_rotvec(times * turn) * commanded.rotation
+    )
+
+
+def tension_colors(tensions: Float[np.ndarray, " n"], largest: float) -> Float[np.ndarray, "n 3"]:
+    """Colours on the perceptually uniform scale from no tension to ``largest`` [N]."""
+    import matplotlib
+
+    fractions = np.clip(np.asarray(tensions) / largest, 0, 1)
+    start, end = style.TENSION_RANGE
+    return matplotlib.colormaps[style.TENSION_MAP](start + fractions * (end - start))[..., :3]
+
+
+def _model(robot: Robot, pose: RigidTransform) -> mujoco.MjModel:
+    """The scene of ``models/``, with round shapes and chains coarse enough for software OpenGL."""
+    model = mujoco.MjModel.from_xml_string(
+        scene_mjcf(robot), assets={"robot.xml": to_mjcf(robot, pose).encode("utf-8")}
+    )
+    quality = model.vis.quality
+    quality.numslices, quality.numstacks, quality.numquads = style.SLICES, style.STACKS, style.QUADS
+    quality.offsamples = 0
+    model.vis.global_.fovy = style.FIELD_OF_VIEW
+    model.tendon_width[:] = style.CABLE_RADIUS * (np.linalg.norm(np.ptp(robot.frame, axis=0)) or 1.0)
+    return model
+
+
+def _camera_axes() -> Float[np.ndarray, "3 3"]:
+    """Right, up and backwards of MuJoCo's free camera."""
+    azimuth, elevation = np.radians([style.AZIMUTH, style.ELEVATION])
+    forward = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    right = np.array([np.sin(azimuth), -np.cos(azimuth), 0])
+    return np.array([right, np.cross(right, forward), -forward])
+
+
+def _camera(center: Float[np.ndarray, "3"], distance: float) -> mujoco.MjvCamera:
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.azimuth, camera.elevation, camera.distance = style.AZIMUTH, style.ELEVATION, distance
+    camera.lookat[:] = center
+    return camera

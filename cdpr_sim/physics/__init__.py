@@ -1,0 +1,1 @@
+"""MuJoCo: models, settling, driving, releasing. Never a formula of statics."""

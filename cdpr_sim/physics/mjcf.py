@@ -1,0 +1,236 @@
+"""A robot as a MuJoCo model (MJCF text): cables that pull and never push, and a scene to look at it in.
+
+A cable is a spatial tendon from its exit site to its anchor site with ``stiffness`` EA/l0 and
+``springlength="0 l0"``: MuJoCo's spring is silent inside that dead band, so
+
+    tau = EA/l0 (l - l0)  for l > l0,  else 0          (paper Eq. 10, 11)
+
+Three things a tendon could have are left out on purpose. ``range`` would add a constraint that stops the cable
+stretching; ``damping`` ignores the dead band, so that a slack cable would push, and it turns off the drawing of a
+slack cable as a hanging chain; ``frictionloss`` would hold the platform away from its equilibrium.
+
+Numbers are written with ``repr``, which MuJoCo parses back to the very same doubles.
+"""
+
+from __future__ import annotations
+
+import itertools
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
+
+TIMESTEP = 0.002
+"""[s] The discrete integrator is implicit in the cables' springs, so that this need not shrink with their stiffness."""
+
+CABLE_COLOR = (0.93, 0.45, 0.13, 1)
+PLATFORM_COLOR = (0.16, 0.38, 0.62, 1)
+EXIT_COLOR = (0.15, 0.16, 0.18, 1)
+ANCHOR_COLOR = (0.95, 0.80, 0.25, 1)
+FRAME_COLOR = (0.62, 0.65, 0.69, 1)
+BRACKET_COLOR = (0.38, 0.41, 0.45, 1)
+
+
+def to_mjcf(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike | None = None) -> str:
+    """The robot with its platform at ``pose``, as MJCF text.
+
+    Names: body ``platform``; sites ``exit_1`` and ``anchor_1``; tendon ``cable_1`` and its sensor ``length_1``, counted
+    from 1 as in the paper; keyframe ``commanded``. A spatial platform has the free joint ``platform``, a planar one
+    the joints ``x``, ``z`` and ``beta`` (positive about +y), whose coordinates are the base frame's.
+
+    The air is made viscous enough to calm the platform's slowest swing without overshoot: that changes how it comes to
+    rest, and not where.
+
+    Args:
+        robot: the robot.
+        pose: the commanded pose, where the model starts.
+        rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
+
+    Raises:
+        InvalidInput: a pose or a length that cannot be right.
+    """
+    problem = Problem.of(robot, pose, rest_lengths)
+    names = range(1, robot.cables + 1)
+    root = ET.Element("mujoco", model=robot.name)
+    ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
+    ET.SubElement(
+        root,
+        "option",
+        timestep=_text(TIMESTEP),
+        integrator="discrete",
+        gravity=_text([0, 0, -robot.gravity]),
+        viscosity=_text(_viscosity(problem)),
+    )
+    root.append(_defaults(robot))
+    world = ET.SubElement(root, "worldbody")
+    for i, position in zip(names, robot.exits, strict=True):
+        ET.SubElement(world, "site", {"name": f"exit_{i}", "class": "exit", "pos": _text(position)})
+    world.append(_platform(robot, problem.pose))
+    tendons = ET.SubElement(root, "tendon")
+    for i, stiffness, length in zip(names, problem.stiffnesses, problem.rest_lengths, strict=True):
+        cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
+        cable.set("stiffness", _text(stiffness))
+        cable.set("springlength", _text([0, length]))
+        ET.SubElement(cable, "site", site=f"exit_{i}")
+        ET.SubElement(cable, "site", site=f"anchor_{i}")
+    sensors = ET.SubElement(root, "sensor")
+    for i in names:
+        ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"cable_{i}")
+    keyframes = ET.SubElement(root, "keyframe")
+    ET.SubElement(keyframes, "key", name="commanded", qpos=_text(coordinates(robot, problem.pose)))
+    return _document(root)
+
+
+def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
+    """A scene around the model in ``robot_file``: the robot's frame, a floor, light and two cameras, as MJCF text.
+
+    Nothing in it collides or has mass: it changes the picture and not the physics.
+    """
+    lower, upper = robot.frame
+    center, diagonal = (lower + upper) / 2, float(np.linalg.norm(upper - lower)) or 1.0
+    root = ET.Element("mujoco", model=f"{robot.name} scene")
+    ET.SubElement(root, "include", file=robot_file)
+    ET.SubElement(root, "statistic", center=_text(center), extent=_text(0.8 * diagonal))
+    visual = ET.SubElement(root, "visual")
+    ET.SubElement(visual, "headlight", diffuse="0.45 0.45 0.45", ambient="0.35 0.35 0.35", specular="0.1 0.1 0.1")
+    ET.SubElement(visual, "rgba", haze="0.86 0.90 0.94 1")
+    ET.SubElement(visual, "global", azimuth="125", elevation="-18", offwidth="1920", offheight="1080")
+    ET.SubElement(visual, "quality", shadowsize="4096")
+    root.append(_assets(diagonal))
+    world = ET.SubElement(root, "worldbody")
+    light = center + diagonal * np.array([-0.4, -0.8, 2.0])
+    ET.SubElement(
+        world, "light", pos=_text(light), dir=_text(center - light), diffuse="0.6 0.6 0.6", directional="true"
+    )
+    floor = [*center[:2], lower[2] - 0.02 * diagonal]
+    ET.SubElement(
+        world, "geom", {"name": "floor", "class": "drawn", "type": "plane", "pos": _text(floor), "size": "0 0 0.05"}
+    ).set("material", "floor")
+    for start, end in _edges(lower, upper):
+        _rod(world, start, end, 0.006 * diagonal, FRAME_COLOR)
+    for start in np.unique(robot.exits, axis=0):
+        end = _nearest_on_frame(start, lower, upper)
+        if np.linalg.norm(end - start) > 1e-3 * diagonal:
+            _rod(world, start, end, 0.003 * diagonal, BRACKET_COLOR)
+    _camera(world, "front", center, np.array([0.0, -1.0, 0.12]), 1.35 * diagonal)
+    _camera(world, "iso", center, np.array([0.75, -1.0, 0.55]), 1.35 * diagonal)
+    return _document(root)
+
+
+def coordinates(robot: Robot, pose: RigidTransform) -> np.ndarray:
+    """MuJoCo's ``qpos`` of the platform at ``pose``: (x, y, z, quaternion w x y z), or planar (x, z, beta)."""
+    if robot.mobility == "planar":
+        along = pose.rotation.as_matrix()[:, 0]
+        return np.array([pose.translation[0], pose.translation[2], np.arctan2(-along[2], along[0])])
+    return np.concatenate([pose.translation, pose.rotation.as_quat(scalar_first=True)])
+
+
+def _viscosity(problem: Problem) -> float:
+    """Of the air [Pa s], such that the slowest swing, of a pendulum as long as the cables, is damped critically.
+
+    Damping a free joint would do the same to translation and rotation, whose units differ; a viscous medium tells them
+    apart. MuJoCo's drag on a body is 3 pi d eta v, with d the mean edge of the box that has its mass and inertia.
+    """
+    robot = problem.robot
+    moments = np.linalg.eigvalsh(robot.inertia)
+    edges = np.sqrt(np.maximum(6 / robot.mass * (moments.sum() - 2 * moments), 0))
+    swing = np.sqrt((robot.gravity or STANDARD_GRAVITY) / problem.rest_lengths.mean())
+    return float(2 * robot.mass * swing / (3 * np.pi * edges.mean()))
+
+
+def _defaults(robot: Robot) -> ET.Element:
+    scale = float(np.linalg.norm(np.ptp(np.vstack([robot.exits, robot.frame]), axis=0))) or 1.0
+    defaults = ET.Element("default")
+    drawn = ET.SubElement(defaults, "default", {"class": "drawn"})
+    ET.SubElement(drawn, "geom", contype="0", conaffinity="0", group="2", mass="0")
+    for name, size, color in (("exit", 0.006, EXIT_COLOR), ("anchor", 0.004, ANCHOR_COLOR)):
+        site = ET.SubElement(defaults, "default", {"class": name})
+        ET.SubElement(site, "site", size=_text(round(size * scale, 6)), rgba=_text(color), group="2")
+    cable = ET.SubElement(defaults, "default", {"class": "cable"})
+    ET.SubElement(cable, "tendon", width=_text(round(0.0016 * scale, 6)), rgba=_text(CABLE_COLOR))
+    return defaults
+
+
+def _platform(robot: Robot, pose: RigidTransform) -> ET.Element:
+    body = ET.Element("body", name="platform", pos=_text(pose.translation))
+    if robot.mobility == "planar":
+        # The body stays level, so that x and z are exactly the base frame's; ``ref`` makes them its coordinates.
+        x, z, _ = coordinates(robot, pose)
+        ET.SubElement(body, "joint", name="x", type="slide", axis="1 0 0", ref=_text(x))
+        ET.SubElement(body, "joint", name="z", type="slide", axis="0 0 1", ref=_text(z))
+        ET.SubElement(body, "joint", name="beta", type="hinge", axis="0 1 0")
+    else:
+        body.set("quat", _text(pose.rotation.as_quat(scalar_first=True)))
+        ET.SubElement(body, "freejoint", name="platform")
+    inertial = ET.SubElement(body, "inertial", pos=_text(robot.center_of_mass), mass=_text(robot.mass))
+    inertia = robot.inertia
+    if np.array_equal(inertia, np.diag(np.diag(inertia))):
+        inertial.set("diaginertia", _text(np.diag(inertia)))
+    else:
+        inertial.set("fullinertia", _text(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
+    ET.SubElement(
+        body, "geom", {"name": "platform", "class": "drawn", "type": "box", "size": _text(robot.platform_size / 2)}
+    ).set("rgba", _text(PLATFORM_COLOR))
+    for i, position in enumerate(robot.anchors, start=1):
+        ET.SubElement(body, "site", {"name": f"anchor_{i}", "class": "anchor", "pos": _text(position)})
+    # MuJoCo's xfrc_applied acts at a body's centre of mass; a massless child has its own at the platform's origin.
+    ET.SubElement(body, "body", name="origin")
+    return body
+
+
+def _assets(diagonal: float) -> ET.Element:
+    assets = ET.Element("asset")
+    ET.SubElement(
+        assets, "texture", type="skybox", builtin="gradient", rgb1="0.93 0.95 0.97", rgb2="0.62 0.70 0.80",
+        width="512", height="3072",
+    )  # fmt: skip
+    ET.SubElement(
+        assets, "texture", name="floor", type="2d", builtin="checker", mark="edge", rgb1="0.82 0.84 0.87",
+        rgb2="0.78 0.80 0.83", markrgb="0.90 0.91 0.93", width="512", height="512",
+    )  # fmt: skip
+    squares = _text([round(1 / (0.3 * diagonal), 3)] * 2)
+    ET.SubElement(assets, "material", name="floor", texture="floor", texuniform="true", texrepeat=squares)
+    return assets
+
+
+def _edges(lower: np.ndarray, upper: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The twelve edges of a box, as pairs of corners."""
+    corners = [np.array(corner) for corner in itertools.product(*zip(lower, upper, strict=True))]
+    return [(a, b) for a, b in itertools.combinations(corners, 2) if np.count_nonzero(a != b) == 1]
+
+
+def _nearest_on_frame(point: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    edges = _edges(lower, upper)
+    nearest = [np.clip(point, np.minimum(a, b), np.maximum(a, b)) for a, b in edges] or [point]
+    return min(nearest, key=lambda candidate: float(np.linalg.norm(candidate - point)))
+
+
+def _rod(world: ET.Element, start: np.ndarray, end: np.ndarray, radius: float, color: Sequence[float]) -> None:
+    rod = ET.SubElement(world, "geom", {"class": "drawn", "type": "capsule", "fromto": _text([*start, *end])})
+    rod.set("size", _text(round(radius, 6)))
+    rod.set("rgba", _text(color))
+
+
+def _camera(world: ET.Element, name: str, target: np.ndarray, direction: np.ndarray, distance: float) -> None:
+    """A camera that looks at ``target`` from ``direction``, upright."""
+    backwards = direction / np.linalg.norm(direction)
+    right = np.cross([0.0, 0.0, 1.0], backwards)
+    right /= np.linalg.norm(right)
+    axes = _text(np.round([*right, *np.cross(backwards, right)], 6))
+    ET.SubElement(world, "camera", name=name, pos=_text(np.round(target + distance * backwards, 6)), xyaxes=axes)
+
+
+def _text(values: float | Sequence[float] | np.ndarray) -> str:
+    """Numbers as MJCF reads them: ``repr`` of the double, whole numbers without ``.0``, zero without a sign."""
+    return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in np.atleast_1d(values))
+
+
+def _document(root: ET.Element) -> str:
+    ET.indent(root, space="  ")
+    return ET.tostring(root, encoding="unicode") + "\n"

@@ -1,0 +1,133 @@
+"""Let a platform go in MuJoCo, undamped, and see whether it stays; or let gravity grow slowly, and see where it ends.
+
+The physics side's own word on equilibria: no formula of statics stands here.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.physics.batch import bench_of
+from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.errors import InvalidInput, NotSettled
+from cdpr_sim.physics.mjcf import coordinates, to_mjcf
+from cdpr_sim.core.pose import PoseLike, distance, moved
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.settle import settle
+
+NUDGE = 1e-6
+"""[m] How far a platform is displaced along its softest direction before it is let go. Less than most taut cables'
+stretch, and more than the 1e-9 m that an equilibrium's rounding leaves open."""
+
+STAYS, LEAVES = 3.0, 100.0
+"""In nudges; 1.0 is measured. Energy forbids a stable platform to stray further than it was displaced
+along its softest direction; one that leaves grows exponentially."""
+
+FINEST = 0.1
+"""Time step of the undamped motion, over the 1/omega of an upper bound of its fastest swing."""
+
+RAMP = 20.0
+"""[s] in which gravity grows to its full size: tens of times DemoBot's slowest swing."""
+
+
+@dataclass(frozen=True)
+class Release:
+    """What became of a platform that was displaced by a nudge and let go.
+
+    Attributes:
+        strayed: the farthest it came [m], rotations scaled by the characteristic length.
+        nudge: how far it was displaced [m].
+        seconds: how long it was watched.
+    """
+
+    strayed: float
+    nudge: float
+    seconds: float
+
+    @property
+    def stays(self) -> bool:
+        """Whether it strayed no further than it was displaced, but for rounding."""
+        return self.strayed <= STAYS * self.nudge
+
+    @property
+    def leaves(self) -> bool:
+        """Whether it strayed a hundred times as far as it was displaced."""
+        return self.strayed >= LEAVES * self.nudge
+
+
+def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
+    """Displace the platform a micrometre along its softest direction, let it go undamped, and see how far it strays.
+
+    Stops as soon as it has left.
+
+    Raises:
+        InvalidInput: an equilibrium under an external wrench.
+    """
+    problem = equilibrium.problem
+    robot, pose = problem.robot, equilibrium.pose
+    if problem.external_wrench.any():
+        raise InvalidInput("equilibrium: found one under an external wrench, expected gravity alone")
+    arm = robot.characteristic_length
+    with bench_of([problem], None) as bench:
+        softest = bench.read(coordinates(robot, pose)[None]).softest[0]
+    step = np.zeros(6)
+    step[list(robot.free_directions)] = NUDGE * softest
+    step[3:] /= arm
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, problem.rest_lengths))
+    model.opt.viscosity = 0
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    model.opt.timestep = FINEST / _fastest(model, robot)
+    data = mujoco.MjData(model)
+    data.qpos[:] = coordinates(robot, moved(pose, step))
+    strayed, watched = NUDGE, 0
+    chunk = max(int(0.002 / model.opt.timestep), 1)
+    while watched * model.opt.timestep < seconds and strayed < LEAVES * NUDGE:
+        mujoco.mj_step(model, data, nstep=chunk)
+        watched += chunk
+        strayed = max(strayed, distance(_pose(data), pose, arm))
+    return Release(strayed, NUDGE, watched * model.opt.timestep)
+
+
+def grow_gravity(robot: Robot, pose: PoseLike, rest_lengths=None, *, seconds: float = RAMP) -> Equilibrium:
+    """Where MuJoCo's platform rests after gravity has grown slowly from nothing, starting at ``pose`` in viscous air.
+
+    Args:
+        robot: the robot.
+        pose: where the platform starts.
+        rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
+        seconds: how long gravity grows.
+
+    Raises:
+        InvalidInput: an argument that cannot be right.
+        NotSettled: it does not come to rest, or MuJoCo warns of its motion.
+    """
+    problem = Problem.of(robot, pose, rest_lengths)
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, problem.pose, problem.rest_lengths))
+    data = mujoco.MjData(model)
+    data.qpos[:] = coordinates(robot, problem.pose)
+    steps = int(seconds / model.opt.timestep)
+    for step in range(steps):
+        model.opt.gravity[2] = -robot.gravity * (step + 1) / steps
+        mujoco.mj_step(model, data)
+    if any(warning.number for warning in data.warning):
+        raise NotSettled(f"{robot.name}: MuJoCo found its motion unstable while gravity grew")
+    return settle(robot, _pose(data), problem.rest_lengths)
+
+
+def _pose(data: mujoco.MjData) -> RigidTransform:
+    body = data.body("platform")
+    return RigidTransform.from_components(body.xpos, Rotation.from_quat(body.xquat, scalar_first=True))
+
+
+def _fastest(model: mujoco.MjModel, robot: Robot) -> float:
+    """An upper bound of the fastest swing [rad/s]: every spring at the farthest anchor, against the least inertia."""
+    reach = np.linalg.norm(robot.anchors - robot.center_of_mass, axis=1).max()
+    springs = float(model.tendon_stiffness.sum())
+    return float(np.sqrt(springs * (1 / robot.mass + reach**2 / np.linalg.eigvalsh(robot.inertia)[0])))

@@ -1,0 +1,195 @@
+"""Answers as tables for people: compensation, sensitivities, equilibria, identification. Nothing is computed here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+from cdpr_sim.analysis.compensation import Compensation
+from cdpr_sim.analysis.equilibria import Equilibria, unstable_directions
+from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.analysis.identification import Identification
+from cdpr_sim.physics.release import Release
+from cdpr_sim.report.settling import SLACK, stiffness
+from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
+from cdpr_sim.analysis.modes import Modes
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(
+        title=escape(title),
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1),
+        pad_edge=False,
+        collapse_padding=True,
+    )
+    for name in columns:
+        table.add_column(escape(name), justify="right" if name != columns[0] else "left", no_wrap=True)
+    return table
+
+
+def compensation_table(
+    compensation: Compensation, before: Mapping[str, Equilibrium], after: Mapping[str, Equilibrium]
+) -> Table:
+    """Errors of position and tilt with the rigid and with the compensated lengths, by each road.
+
+    Args:
+        compensation: what is told to the winches.
+        before: by name of the road, the equilibrium with the rigid lengths.
+        after: likewise with the compensated lengths.
+    """
+    problem = compensation.equilibrium.problem
+    robot, commanded = problem.robot, compensation.commanded
+    x, y, z = 1e3 * commanded.translation
+    results = {f"before\n{name}": found for name, found in before.items()}
+    results |= {f"after\n{name}": found for name, found in after.items()}
+    table = _table(f"{robot.name}, {stiffness(problem)},\ncommanded to ({x:g}, {y:g}, {z:g}) mm", "", *results.keys())
+    shifts = [1e3 * (found.position - commanded.translation) for found in results.values()]
+    turns = [np.degrees((found.rotation * commanded.rotation.inv()).magnitude()) for found in results.values()]
+    for axis, name in enumerate("xyz"):
+        table.add_row(escape(f"error {name} [mm]"), *(f"{shift[axis]:.6f}" for shift in shifts))
+    table.add_row(escape("error of position [mm]"), *(f"{np.linalg.norm(shift):.2e}" for shift in shifts), style="bold")
+    table.add_row("error of rotation [°]", *(f"{turn:.2e}" for turn in turns), style="bold")
+    table.add_row("tilt [°]", *(f"{np.degrees(found.tilt):.6f}" for found in results.values()))
+    table.add_section()
+    for cable in range(robot.cables):
+        shown = (SLACK if found.slack[cable] else f"{found.tensions[cable]:.3f}" for found in results.values())
+        table.add_row(escape(f"tension {cable + 1} [N]"), *shown)
+    table.add_section()
+    table.add_row(escape("softest [N/m]"), *(f"{found.eigenvalues[0]:.3g}" for found in results.values()))
+    table.add_row("equilibrium", *(found.stability.name.lower() for found in results.values()))
+    return table
+
+
+def compensation_lengths(compensation: Compensation) -> str:
+    """How much shorter to cut each cable than if it were rigid at the commanded pose."""
+    robot = compensation.equilibrium.problem.robot
+    shorter = 1e3 * (robot.rest_lengths(compensation.commanded) - compensation.rest_lengths)
+    return escape("Cables shorter by [mm]: ") + ", ".join(f"{value:.3f}" for value in shorter)
+
+
+def compensation_verdict(compensation: Compensation) -> str:
+    """What compensation came to, and why, in a line each."""
+    color = "green" if compensation.exact else "yellow"
+    head = f"[bold {color}]{compensation.reach.value[0].upper() + compensation.reach.value[1:]}[/]"
+    if not compensation.exact:
+        arm = f"a rotation counts as the way of a point {1e3 * compensation.arm:.0f} mm from the platform's origin"
+        head += f": {1e3 * compensation.distance:.3f} mm away ({arm if compensation.arm else 'in position alone'})"
+    return "\n".join([head + ".", *(f"  - {reason}" for reason in compensation.reasons)])
+
+
+def sensitivity_table(answer: Sensitivity, effects: Sequence[Effect]) -> Table:
+    """What one unit of change of each number does, as ordered."""
+    equilibrium = answer.equilibrium
+    robot, (x, y, z) = equilibrium.problem.robot, 1e3 * equilibrium.problem.pose.translation
+    table = _table(
+        f"{robot.name}, {stiffness(equilibrium.problem)},\ncommanded to ({x:g}, {y:g}, {z:g}) mm: what matters most",
+        "",
+        "per",
+        "mm",
+        "°",
+        "N",
+    )
+    for effect in effects:
+        table.add_row(
+            effect.name,
+            f"1 {effect.per}",
+            f"{effect.position:.4g}",
+            f"{effect.rotation:.4g}",
+            f"{effect.tension:.4g}",
+        )
+    return table
+
+
+def sensitivity_note(answer: Sensitivity) -> str:
+    """How far the derivatives hold."""
+    return (
+        "They hold while the same cables stay taut: the nearest to going slack or taut is "
+        f"{1e3 * answer.margin:.3g} mm of its length away."
+    )
+
+
+def modes_table(modes: Modes) -> Table:
+    """Natural frequencies, and what each swing is made of: the largest parts of its motion, scaled to the largest."""
+    robot = modes.equilibrium.problem.robot
+    arm = robot.characteristic_length
+    table = _table(f"{robot.name}: natural frequencies", "mode", "Hz", "x", "y", "z", "about x", "about y", "about z")
+    for number, (frequency, shape) in enumerate(zip(modes.frequencies, modes.shapes, strict=True), start=1):
+        parts = shape * np.repeat([1.0, arm], 3)
+        parts = parts / parts[np.abs(parts).argmax()]
+        table.add_row(str(number), f"{frequency:.3f}", *("" if abs(p) < 5e-3 else f"{p:.2f}" for p in parts))
+    return table
+
+
+def equilibria_table(found: Equilibria, releases: Sequence[Release], reached: int | None) -> Table:
+    """Lowest energy first, with what MuJoCo's platform does when it is let go there."""
+    robot = found.problem.robot
+    table = _table(
+        f"{robot.name}, {stiffness(found.problem)}:\nequilibria of the same cable lengths",
+        "",
+        "energy\n[mJ]",
+        "x\n[mm]",
+        "y\n[mm]",
+        "z\n[mm]",
+        "tilt\n[°]",
+        "slack",
+        "softest\n[N/m]",
+        "ways\ndown",
+        "let go in\nMuJoCo",
+    )
+    for number, (one, energy, release) in enumerate(zip(found, found.energies, releases, strict=True)):
+        x, y, z = 1e3 * one.position
+        table.add_row(
+            str(number + 1),
+            f"{1e3 * energy:.2f}",
+            f"{x:.1f}",
+            f"{y:.1f}",
+            f"{z:.1f}",
+            f"{np.degrees(one.tilt):.1f}",
+            str(int(one.slack.sum())),
+            f"{one.eigenvalues[0]:.3g}",
+            str(unstable_directions(one) or ""),
+            "stays" if release.stays else "leaves" if release.leaves else "neither",
+            style="bold" if number == reached else "" if one.stable else "dim",
+        )
+    return table
+
+
+def equilibria_note(found: Equilibria) -> str:
+    """What speaks for and against the list being complete."""
+    if found.imbalance is None:
+        return ""
+    if found.imbalance == 0:
+        return "As many with an even as with an odd number of unstable directions: nothing says that one is missing."
+    return (
+        f"[yellow]At least {abs(found.imbalance)} missing[/]: those with an even and with an odd number of unstable "
+        "directions should be as many."
+    )
+
+
+def identification_table(found: Identification) -> Table:
+    """Each unknown with its standard error, lengths in millimetres."""
+    table = _table(f"{found.robot.name}: what the measurements say", "", "value", "standard error", "")
+    for name, unit, value, error in zip(found.names, found.units, found.values, found.standard_errors, strict=True):
+        size, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
+        known = "undetermined" if np.isinf(error) else f"{size * error:.2g}"
+        table.add_row(name.replace("_", " "), f"{size * value:.6g}", known, shown)
+    return table
+
+
+def identification_note(found: Identification) -> str:
+    """What is left, and what the data cannot tell."""
+    moved = found.residuals[:, :3][~np.isnan(found.residuals[:, :3])]
+    turned = found.residuals[:, 3:][~np.isnan(found.residuals[:, 3:])]
+    parts = []
+    if moved.size:
+        parts.append(f"{1e3 * np.sqrt(np.mean(moved**2)):.3g} mm")
+    if turned.size:
+        parts.append(f"{np.degrees(np.sqrt(np.mean(turned**2))):.3g}°")
+    head = f"Residuals: {' and '.join(parts)} (root mean square)."
+    return "\n".join([head, *(f"[yellow]-[/] {reason}" for reason in found.reasons)])

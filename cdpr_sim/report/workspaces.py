@@ -1,0 +1,126 @@
+"""Whole workspaces as tables for people: what a sweep found, and whether MuJoCo found the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich import box
+from rich.table import Table
+
+from cdpr_sim.crosscheck.check import OUTCOMES, Check
+from cdpr_sim.statics.newton_kernel import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_FINDINGS = 20
+"""Poses listed one by one; the dataset has them all."""
+
+_ERRORS = {
+    "position_error": ("pos.", 1e3, "mm"),
+    "rotation_error": ("rot.", 180 / np.pi, "°"),
+    "tension_error": ("tens.", 1.0, "N"),
+}
+
+_HEADINGS = {
+    "refused": "refused",
+    "agree": "agree",
+    "agree_but_free": "agree,\nfree",
+    "different_equilibria": "other\nrest",
+    "disagree": "dis-\nagree",
+    "unsettled": "unset-\ntled",
+    "unsolved": "un-\nsolved",
+}
+
+
+def sweep_table(dataset: xr.Dataset) -> Table:
+    """A row for each robot and material: how far, how tilted, how often slack, how much feasible."""
+    solved = dataset["status"] == Status.CONVERGED
+    poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
+    table = _table(f"Static equilibria from {poses:,} commanded poses", ["robot", "cables"])
+    for column in (
+        "solved\n%",
+        "median\ntilt °",
+        "worst\ntilt °",
+        "median\ndev. mm",
+        "worst\ndev. mm",
+        "slack\n%",
+        "feas\n%",
+    ):
+        table.add_column(column, justify="right", no_wrap=True)
+    for robot, material, one in _variants(dataset.assign(solved=solved)):
+        table.add_row(
+            robot,
+            material,
+            f"{100 * float(one['solved'].mean()):.3g}",
+            *(f"{np.degrees(value):.2f}" for value in _median_and_worst(one["tilt"])),
+            *(f"{1e3 * value:.2f}" for value in _median_and_worst(one["distance"])),
+            f"{100 * float((one['slack_count'] > 0).mean()):.3g}",
+            f"{100 * float(one['feasible'].mean()):.3g}",
+        )
+    return table
+
+
+def check_table(check: Check) -> Table:
+    """A row for each robot and material: how many poses agree, how many do not, and the largest differences."""
+    dataset = check.dataset
+    poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
+    table = _table(f"MuJoCo and Newton at {poses:,} poses", ["robot", "cables"])
+    present = set(np.unique(dataset["outcome"]).tolist())
+    always = {"agree", "disagree", "unsettled"}
+    words = [word for code, word in enumerate(OUTCOMES) if word in always or code in present]
+    for word in words:
+        table.add_column(_HEADINGS[word], justify="right", no_wrap=True)
+    for name, _, unit in _ERRORS.values():
+        table.add_column(f"{name}\n≤ {unit}", justify="right", no_wrap=True)
+    for robot, material, one in _variants(dataset):
+        counts = [int((one["outcome"] == OUTCOMES.index(word)).sum()) for word in words]
+        agree = one["outcome"] == OUTCOMES.index("agree")
+        largest = [float(one[name].where(agree).max()) * factor for name, (_, factor, _) in _ERRORS.items()]
+        cells = [
+            f"[red]{count}[/]" if count and not word.startswith("agree") and word != "refused" else str(count)
+            for word, count in zip(words, counts, strict=True)
+        ]
+        table.add_row(robot, material, *cells, *(f"{value:.0e}" for value in largest))
+    return table
+
+
+def check_lines(check: Check) -> Iterator[str]:
+    """What is to be said below the table: the verdict, and each pose at which the roads do not agree."""
+    poses = check.dataset["outcome"].size
+    if check.agrees:
+        yield f"[bold green]No disagreement at {poses:,} poses, and every platform came to rest.[/]"
+        return
+    yield f"[bold red]{len(check.findings):,} of {poses:,} poses do not agree:[/]"
+    for finding in check.findings[:MOST_FINDINGS]:
+        x, y, z = finding.position
+        cables = f", {finding.material}" if finding.material else ""
+        why = f": {'; '.join(finding.reasons)}" if finding.reasons else ""
+        yield f"  {finding.robot}{cables} at ({x:g}, {y:g}, {z:g}) m: {finding.outcome.replace('_', ' ')}{why}"
+    if len(check.findings) > MOST_FINDINGS:
+        yield f"  and {len(check.findings) - MOST_FINDINGS:,} more"
+
+
+def _table(title: str, columns: list[str]) -> Table:
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for column in columns:
+        table.add_column(column, no_wrap=True)
+    return table
+
+
+def _median_and_worst(values: xr.DataArray) -> tuple[float, float]:
+    """Of the poses that have an equilibrium."""
+    known = values.values[np.isfinite(values.values)]
+    return (float(np.median(known)), float(known.max())) if known.size else (np.nan, np.nan)
+
+
+def _variants(dataset: xr.Dataset) -> Iterator[tuple[str, str, xr.Dataset]]:
+    """Each robot with each material, by name."""
+    for robot in np.atleast_1d(dataset["robot"].values):
+        one = dataset.sel(robot=robot) if "robot" in dataset.dims else dataset
+        materials = np.atleast_1d(dataset["material"].values) if "material" in dataset.coords else ["own"]
+        for material in materials:
+            chosen = one.sel(material=material) if "material" in one.dims else one
+            yield str(robot), str(material), chosen

@@ -1,0 +1,156 @@
+"""Robots from TOML files: the ones that come with the package, and yours in the same format."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Strict, ValidationError
+
+from cdpr_sim.core.errors import CdprError, RobotFileError, UnknownName
+from cdpr_sim.core.materials import load_material
+from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
+
+Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
+Vector = tuple[Number, Number, Number]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class PlatformTable(_Table):
+    """``[platform]``: mass [kg], edges of its box [m], centre of mass [m], inertia [kg m²]."""
+
+    mass: Number
+    size: Vector | None = None
+    center_of_mass: Vector = (0.0, 0.0, 0.0)
+    inertia: Vector | tuple[Vector, Vector, Vector] | None = None
+
+
+class CableTable(_Table):
+    """One cable: exit A_i in the base frame, anchor B_i in the platform frame [m], and perhaps its own cable type."""
+
+    exit: Vector
+    anchor: Vector
+    material: str | None = None
+    axial_stiffness: Number | None = None
+
+
+class BoxTable(_Table):
+    """Two opposite corners [m]."""
+
+    lower: Vector
+    upper: Vector
+
+
+class RobotTable(_Table):
+    """A whole robot file. ``material`` or ``axial_stiffness`` [N] hold for every cable that has none of its own."""
+
+    name: str
+    description: str = ""
+    source: str = ""
+    mobility: Mobility = "spatial"
+    gravity: Number = STANDARD_GRAVITY
+    material: str | None = None
+    axial_stiffness: Number | None = None
+    platform: PlatformTable
+    frame: BoxTable | None = None
+    workspace: BoxTable | None = None
+    cables: list[CableTable]
+
+    def robot(self) -> Robot:
+        """The robot of this file."""
+        return Robot(
+            exits=[cable.exit for cable in self.cables],
+            anchors=[cable.anchor for cable in self.cables],
+            axial_stiffness=[self._stiffness(i, cable) for i, cable in enumerate(self.cables)],
+            mass=self.platform.mass,
+            center_of_mass=self.platform.center_of_mass,
+            inertia=self.platform.inertia,
+            mobility=self.mobility,
+            gravity=self.gravity,
+            name=self.name,
+            platform_size=self.platform.size,
+            frame=self.frame and (self.frame.lower, self.frame.upper),
+            workspace=self.workspace and (self.workspace.lower, self.workspace.upper),
+            material=self._common_material(),
+            description=self.description,
+            source=self.source,
+        )
+
+    def _stiffness(self, index: int, cable: CableTable) -> float:
+        for where, table in ((f"cables.{index}", cable), ("the robot", self)):
+            if table.material is not None and table.axial_stiffness is not None:
+                raise RobotFileError(f"{where}: found both material and axial_stiffness, expected one of them")
+            if table.axial_stiffness is not None:
+                return table.axial_stiffness
+            if table.material is not None:
+                return load_material(table.material).axial_stiffness
+        raise RobotFileError(f"cables.{index}: found neither material nor axial_stiffness, here or for the whole robot")
+
+    def _common_material(self) -> str | None:
+        own = {cable.material for cable in self.cables if cable.material or cable.axial_stiffness is not None}
+        return self.material if not own else None
+
+
+def list_robots() -> tuple[str, ...]:
+    """Names of the robots that come with the package."""
+    return tuple(sorted(Path(file.name).stem for file in _folder().iterdir() if file.name.endswith(".toml")))
+
+
+def load_robot(name: str | Path) -> Robot:
+    """A robot of the catalogue by name, or any robot by the path of its ``.toml`` file.
+
+    Raises:
+        UnknownName: no such robot in the catalogue.
+        RobotFileError: the file is missing, is not TOML, or does not describe a robot: the message gives the
+            path inside the file, what was found and what is expected.
+    """
+    if str(name).endswith(".toml"):
+        return _read(Path(name), str(name))
+    if str(name) not in list_robots():
+        raise UnknownName("robot", str(name), list_robots(), "; a robot of your own is the path of its .toml file")
+    return _read(_folder() / f"{name}.toml", f"{name}.toml")
+
+
+def _folder() -> Traversable:
+    return resources.files("cdpr_sim.robots") / "zoo"
+
+
+def _read(file: Traversable | Path, label: str) -> Robot:
+    try:
+        document = tomllib.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RobotFileError(f"{label}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise RobotFileError(f"{label}: cannot be read: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise RobotFileError(f"{label}: is not TOML: {error}") from None
+    try:
+        return RobotTable.model_validate(document).robot()
+    except ValidationError as error:
+        raise RobotFileError(f"{label}: {_sentence(error)}") from None
+    except CdprError as error:
+        raise RobotFileError(f"{label}: {error}") from None
+
+
+def _sentence(error: ValidationError) -> str:
+    """The first thing that is wrong: where in the file, what was found, what is expected."""
+    first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")  # a typo explains what is missing
+    where = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        near = difflib.get_close_matches(str(first["loc"][-1]), _known_keys(first["loc"][:-1]), n=1)
+        return f"{where}: unknown key" + (f", did you mean {near[0]!r}?" if near else "")
+    if first["type"] == "missing":
+        return f"{where}: missing"
+    return f"{where}: found {first['input']!r}: {first['msg']}"
+
+
+def _known_keys(path: tuple[int | str, ...]) -> list[str]:
+    tables = {"platform": PlatformTable, "cables": CableTable, "frame": BoxTable, "workspace": BoxTable}
+    return list((tables[str(path[0])] if path else RobotTable).model_fields)

@@ -1,0 +1,1 @@
+"""One equilibrium by mathematics. Never MuJoCo."""

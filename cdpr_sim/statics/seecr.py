@@ -1,0 +1,77 @@
+"""SEECR, the paper's solver for the equilibrium of elastic cable robots, faithful to its Fig. 5.
+
+ICRA 2024, "Towards Solving Cable-Driven Parallel Robot Inaccuracy due to Cable Elasticity". It looks for a root of the
+static equilibrium W tau + w_e = 0 (Eq. 3) over the six-vector deviation of the pose (Eq. 7) with SciPy's ``fsolve`` or
+``least_squares``, starting from a vertical fall. Both stall where cables go slack, because tensions have a kink
+there, and ``least_squares`` then reports success; here a stalled pose is never an answer.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+from scipy import optimize
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.statics import forces as statics
+from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.errors import NotConverged, UnknownName
+from cdpr_sim.core.pose import as_pose, six_vector
+from cdpr_sim.core.problem import Problem
+
+Solver = Literal["fsolve", "least_squares"]
+
+RESIDUAL_TOLERANCE = 1e-6
+"""Largest unbalanced force of an equilibrium, as a fraction of the load; MuJoCo's platform is held to the same."""
+
+
+def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
+    """The pose SEECR ends at, if it is an equilibrium; it may be an unstable one.
+
+    Raises:
+        NotConverged: forces do not balance where SciPy stopped; carries that point.
+        UnknownName: no such solver.
+    """
+    free = list(problem.robot.free_directions)
+    start = six_vector(problem.pose)
+
+    def pose_at(deviation: Float[np.ndarray, " free"]) -> RigidTransform:
+        vector = start.copy()
+        vector[free] += deviation  # Eq. 7
+        return as_pose(vector)
+
+    def unbalanced(deviation: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
+        pose = pose_at(deviation)  # Eq. 8 to 11, then Eq. 3
+        return statics.net_wrench(problem, pose.translation, pose.rotation.as_matrix())[free]
+
+    guess = initial_deviation(problem)[free]
+    if solver == "fsolve":
+        deviation, info, _, message = optimize.fsolve(unbalanced, guess, full_output=True)
+        evaluations = info["nfev"]
+    elif solver == "least_squares":
+        outcome = optimize.least_squares(unbalanced, guess)
+        deviation, evaluations, message = outcome.x, outcome.nfev, outcome.message
+    else:
+        raise UnknownName("SEECR solver", str(solver), get_args(Solver))
+    source = f"seecr/{solver}"
+    result = statics.equilibrium_at(problem, pose_at(deviation), iterations=int(evaluations or 0), source=source)
+    if not result.residual <= RESIDUAL_TOLERANCE * problem.load:
+        said = " ".join(str(message).split()).rstrip(".")
+        raise NotConverged(
+            f"seecr/{solver}: stopped with {result.residual:.1e} N unbalanced (SciPy says: {said})", result
+        )
+    return result
+
+
+def initial_deviation(problem: Problem) -> Float[np.ndarray, "6"]:
+    """The first guess: a vertical fall by m g l_vmean / EA (step 4 of the algorithm).
+
+    l_vmean is the mean vertical component of the cables; the paper prints its formula without the 1/m.
+    """
+    robot = problem.robot
+    position, rotation = problem.pose.translation, problem.pose.rotation.as_matrix()
+    _, vectors = statics.cable_vectors(robot, position, rotation)
+    fall = robot.weight * vectors[:, 2].mean() / robot.axial_stiffness.mean()
+    return np.array([0.0, 0.0, -fall, 0.0, 0.0, 0.0])

@@ -1,0 +1,45 @@
+"""One door to the static solvers."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+from numpy.typing import ArrayLike
+
+from cdpr_sim.statics import newton, seecr
+from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.errors import UnknownName
+from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
+
+Method = Literal["newton", "fsolve", "least_squares"]
+
+
+def solve(
+    robot: Robot,
+    pose: PoseLike,
+    rest_lengths: ArrayLike | None = None,
+    method: Method = "newton",
+    external_wrench: ArrayLike | None = None,
+) -> Equilibrium:
+    """Where the platform rests, by statics.
+
+    Args:
+        robot: the robot.
+        pose: the commanded pose, from which the solver starts: (x, y, z), a six-vector or a ``RigidTransform``.
+        rest_lengths: l0, (cables,) [m]; default: the rigid lengths at ``pose`` (paper Eq. 1, 2).
+        method: "newton" (ours: ends at a stable equilibrium), "fsolve" or "least_squares" (the paper's SEECR).
+        external_wrench: constant force [N] and torque [N m] on the platform's origin, base frame, (6,).
+
+    Raises:
+        InvalidInput: an argument that cannot be right.
+        UnknownName: no such method.
+        NotConverged: the solver stopped away from equilibrium; carries the best point.
+    """
+    if method not in get_args(Method):
+        raise UnknownName("method", str(method), get_args(Method))
+    problem = Problem.of(robot, pose, rest_lengths, external_wrench)
+    if method == "newton":
+        return newton.solve(problem)
+    return seecr.solve(problem, method)

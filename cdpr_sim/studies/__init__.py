@@ -1,0 +1,1 @@
+"""The paper's experiments and ours, by name: computed, then drawn."""

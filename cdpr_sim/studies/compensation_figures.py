@@ -1,0 +1,134 @@
+"""Compensation along a line in one picture, before and after. It is given results and computes none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cdpr_sim.drawing import style
+from cdpr_sim.core.equilibrium import Equilibrium
+
+if TYPE_CHECKING:
+    from cdpr_sim.analysis.compensation import Compensation
+
+BEFORE, AFTER, POSITION, OUT_OF_REACH = style.VERMILLION, style.BLUE, style.GREEN, "#f4f1ea"
+"""Colours; the last one is the ground where no lengths help."""
+
+INK, MUTED, LINE, POINT = style.INK, style.MUTED, style.LINE, style.POINT
+SIZE = (8.4, 5.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A robot's compensation at poses along a line.
+
+    Attributes:
+        title: what the robot and its cables are called.
+        before: by statics, with the rigid lengths, one per pose.
+        after: by statics, with the compensated lengths.
+        settled_before: by MuJoCo, likewise.
+        settled_after: by MuJoCo, likewise.
+        compensations: one per pose.
+        position_alone: by MuJoCo, with lengths compensated for the position whatever the rotation, or none of it.
+    """
+
+    title: str
+    before: Sequence[Equilibrium]
+    after: Sequence[Equilibrium]
+    settled_before: Sequence[Equilibrium]
+    settled_after: Sequence[Equilibrium]
+    compensations: Sequence[Compensation]
+    position_alone: Sequence[Equilibrium] = ()
+
+
+def draw_compensation(lines: Sequence[Line]) -> Figure:
+    """Error of position and of rotation over the commanded x: a column per line, before and after in one frame."""
+    figure = Figure(figsize=SIZE, layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.05, wspace=0.04, hspace=0.04)  # type: ignore[union-attr]
+    axes = figure.subplots(2, len(lines), sharex=True, squeeze=False)
+    for column, line in enumerate(lines):
+        _panel(axes[0, column], line, _millimetres)
+        _panel(axes[1, column], line, _degrees)
+        axes[0, column].set_title(line.title, loc="left", fontsize=10, color=INK, pad=9)
+        axes[1, column].set_xlabel("commanded x [mm]", color=INK)
+    axes[0, 0].set_ylabel("error of position [mm]", color=INK)
+    axes[1, 0].set_ylabel("error of rotation [°]", color=INK)
+    entries = {}
+    for column in range(len(lines)):
+        handles, labels = axes[0, column].get_legend_handles_labels()
+        entries |= dict(zip(labels, handles, strict=True))
+    figure.legend(
+        entries.values(),
+        entries.keys(),
+        loc="outside lower center",
+        ncols=5,
+        frameon=False,
+        fontsize=8.5,
+        columnspacing=1.4,
+    )
+    return figure
+
+
+def _power(value: float) -> str:
+    """A power of ten above ``value``."""
+    return f"$10^{{{int(np.ceil(np.log10(max(value, 1e-15))))}}}$"
+
+
+def _millimetres(found: Equilibrium, commanded: Compensation) -> float:
+    return 1e3 * float(np.linalg.norm(found.position - commanded.commanded.translation))
+
+
+def _degrees(found: Equilibrium, commanded: Compensation) -> float:
+    return float(np.degrees((found.rotation * commanded.commanded.rotation.inv()).magnitude()))
+
+
+def _panel(axes: Axes, line: Line, error) -> None:
+    x = np.array([1e3 * one.commanded.translation[0] for one in line.compensations])
+    exact = np.array([one.exact for one in line.compensations])
+
+    def errors(results: Sequence[Equilibrium]) -> list[float]:
+        return [error(found, one) for found, one in zip(results, line.compensations, strict=True)]
+
+    if not exact.all() and error is _millimetres:
+        axes.text(
+            0.5, 0.95, "shaded: no cable lengths\nhold the commanded pose", transform=axes.transAxes, ha="center",
+            va="top", fontsize=8.5, color=MUTED,
+        )  # fmt: skip
+    if not exact.all():
+        half = np.diff(x).mean() / 2
+        for at in x[~exact]:
+            axes.axvspan(at - half, at + half, color=OUT_OF_REACH, linewidth=0, zorder=0)
+    before, after = errors(line.before), errors(line.after)
+    axes.plot(x, before, color=BEFORE, linewidth=LINE, label="rigid lengths")
+    axes.plot(x, errors(line.settled_before), "o", color=BEFORE, markersize=POINT, mfc="white", label="… in MuJoCo")
+    axes.plot(x, after, color=AFTER, linewidth=LINE, label="compensated lengths", clip_on=False, zorder=3)
+    axes.plot(
+        x, errors(line.settled_after), "s", color=AFTER, markersize=POINT, mfc="white", label="… in MuJoCo ",
+        clip_on=False, zorder=4,
+    )  # fmt: skip
+    if line.position_alone:
+        alone = errors(line.position_alone)
+        axes.plot(
+            x, alone, color=POSITION, linewidth=LINE, linestyle=(0, (2.2, 1.4)), zorder=2, clip_on=False,
+            label="… position alone, in MuJoCo",
+        )  # fmt: skip
+        after = after + alone
+    if exact.all():
+        worst = max(errors(line.settled_after))
+        unit = " mm" if error is _millimetres else "°"
+        axes.annotate(
+            f"compensated: at most {_power(worst)}{unit}", (x.mean(), 0), xytext=(0, 11), textcoords="offset points",
+            ha="center", fontsize=8.5, color=AFTER,
+        )  # fmt: skip
+    axes.set_ylim(0, 1.12 * max(before + after))
+    axes.set_xlim(x[0] - 12, x[-1] + 12)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(MUTED)
+    axes.tick_params(colors=MUTED, labelcolor=INK, labelsize=8.5)
+    axes.grid(axis="y", color="#e6e6e6", linewidth=0.6)
+    axes.set_axisbelow(True)

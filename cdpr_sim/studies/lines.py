@@ -1,0 +1,288 @@
+"""Where robots rest along lines and across their width, by both roads: what the paper's figures show, computed.
+
+A study returns a frozen result that knows what was asked. The static road answers densely, for lines; MuJoCo
+sparsely, for points; neither is interpolated or corrected by the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from cdpr_sim.analysis.workspace import feasibility
+from cdpr_sim.statics import newton, forces as statics
+from cdpr_sim.physics import settle as settling
+from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.core.errors import NotConverged
+from cdpr_sim.core.materials import MATERIALS
+from cdpr_sim.core.pose import euler
+from cdpr_sim.core.robot import Robot
+
+PAPER_LINE = (0.17, 0.63)
+"""[m] From where to where along x the paper's trajectories go (section IV)."""
+
+PAPER_HEIGHTS = (0.1, 0.2)
+"""[m] The heights z of the paper's trajectories."""
+
+PAPER_TILT, PAPER_SAG = np.radians(20.0), 0.015
+"""[rad], [m] Tilt and deviation in z at both ends of the paper's lines, parallel layout, either cable: "approximately
+20°" and "about 15 mm". Read from the paper's text (section IV), not from its data."""
+
+
+_SAME_HEIGHT = 1e-9
+"""[m]"""
+
+# What both roads answer
+
+
+@dataclass(frozen=True, eq=False)
+class Rests:
+    """Where the platform of one robot rests, one row per commanded position, as one road found it.
+
+    Attributes:
+        robot: the robot.
+        commanded: (rows, 3) [m]; the platform was commanded to be level there.
+        positions: (rows, 3) [m].
+        rotations: (rows, 3, 3) rotation matrices.
+        tensions: (rows, cables) [N], 0 where slack.
+        lengths: (rows, cables) [m].
+        rest_lengths: (rows, cables) [m].
+        source: "newton" or "mujoco".
+    """
+
+    robot: Robot
+    commanded: Float[np.ndarray, "rows 3"]
+    positions: Float[np.ndarray, "rows 3"]
+    rotations: Float[np.ndarray, "rows 3 3"]
+    tensions: Float[np.ndarray, "rows cables"]
+    lengths: Float[np.ndarray, "rows cables"]
+    rest_lengths: Float[np.ndarray, "rows cables"]
+    source: str
+
+    def __len__(self) -> int:
+        return len(self.commanded)
+
+    @property
+    def rotation_about_y(self) -> Float[np.ndarray, " rows"]:
+        """beta [rad], what the paper's plots show."""
+        return euler(Rotation.from_matrix(self.rotations))[:, 1]
+
+    @property
+    def tilt(self) -> Float[np.ndarray, " rows"]:
+        """Angle [rad] between the platform's z axis and the vertical."""
+        return np.arctan2(np.hypot(self.rotations[:, 0, 2], self.rotations[:, 1, 2]), self.rotations[:, 2, 2])
+
+    @property
+    def slack(self) -> Bool[np.ndarray, "rows cables"]:
+        """Which cables carry no tension."""
+        return self.tensions <= 0
+
+    @cached_property
+    def twins(self) -> list[list[int]]:
+        """Cables grouped by equal tension over all rows, as symmetry makes them (within 1e-6 N)."""
+        groups: list[list[int]] = []
+        for cable in range(self.robot.cables):
+            for group in groups:
+                if np.allclose(self.tensions[:, cable], self.tensions[:, group[0]], rtol=0, atol=1e-6):
+                    group.append(cable)
+                    break
+            else:
+                groups.append([cable])
+        return groups
+
+    def zones(self) -> tuple[tuple[float, float, int], ...]:
+        """(from, to, number of slack cables) along the commanded x [m], for rows ordered in x."""
+        x, slack = self.commanded[:, 0], self.slack.sum(1)
+        changes = np.flatnonzero(np.diff(slack)) + 1
+        starts, ends = np.append(0, changes), np.append(changes, len(self) - 1)
+        return tuple((float(x[a]), float(x[b]), int(slack[a])) for a, b in zip(starts, ends, strict=True))
+
+
+def rests_by_statics(robot: Robot, commanded: ArrayLike) -> Rests:
+    """Where the static solver says the platform rests, commanded level to (rows, 3) [m].
+
+    Raises:
+        NotConverged: some row has no answer.
+    """
+    commanded = np.asarray(commanded, dtype=float)
+    solutions = newton.solve_many(robot, commanded)
+    if not solutions.converged.all():
+        raise NotConverged(f"newton: {robot.name!r} finds no rest at {commanded[~solutions.converged][0].tolist()} m")
+    return Rests(
+        robot=robot,
+        commanded=commanded,
+        positions=solutions.positions,
+        rotations=solutions.rotations,
+        tensions=solutions.tensions,
+        lengths=solutions.lengths,
+        rest_lengths=statics.lengths(robot, commanded, np.eye(3)),
+        source="newton",
+    )
+
+
+def rests_by_mujoco(robot: Robot, commanded: ArrayLike) -> Rests:
+    """Where MuJoCo's platform settles, let go level at (rows, 3) [m].
+
+    Raises:
+        NotSettled: some row did not come to rest.
+    """
+    commanded = np.asarray(commanded, dtype=float)
+    settlings = settling.settle_many(robot, commanded)
+    for row in np.flatnonzero(~settlings.settled):
+        settlings.equilibrium(int(row))  # raises with the reason
+    return Rests(
+        robot=robot,
+        commanded=commanded,
+        positions=np.array(settlings.poses.translation),
+        rotations=settlings.poses.rotation.as_matrix(),
+        tensions=settlings.tensions,
+        lengths=settlings.lengths,
+        rest_lengths=np.array([problem.rest_lengths for problem in settlings.problems]),
+        source="mujoco",
+    )
+
+
+# Along a line (Fig. 7, 8, 10, 11, 12)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One robot commanded along x at one height, by both roads.
+
+    Attributes:
+        static: dense, for lines.
+        settled: sparse, for points.
+    """
+
+    static: Rests
+    settled: Rests
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.static.robot
+
+    @property
+    def height(self) -> float:
+        """Commanded z [m]."""
+        return float(self.static.commanded[0, 2])
+
+
+@dataclass(frozen=True, eq=False)
+class Width:
+    """One robot across its workspace: poses to draw, and tensions along the width for each material.
+
+    Attributes:
+        poses: a few poses at a few heights, by the static road, with the first material.
+        lines: one per material, all at the same height.
+        workspace: outline of the static feasible workspace in the plane of the poses, (points, 3) [m]: from the first
+            to the last feasible x at each height; none where no height has any.
+    """
+
+    poses: Rests
+    lines: tuple[Line, ...]
+    workspace: Float[np.ndarray, "points 3"]
+
+    def feasible(self, height: float) -> tuple[float, float] | None:
+        """From where to where along x [m] the static feasible workspace reaches at ``height``, if it does."""
+        if not len(self.workspace):
+            return None
+        heights = self.workspace[:, 2]
+        row = self.workspace[np.abs(heights - height) <= np.abs(heights - height).min() + _SAME_HEIGHT, 0]
+        return float(row.min()), float(row.max())
+
+
+def line(
+    robot: Robot, height: float, ends: tuple[float, float], *, static_rows: int = 601, settled_rows: int = 24
+) -> Line:
+    """Command ``robot`` level along x from end to end [m] at ``height`` z [m], midway in y.
+
+    Raises:
+        NotConverged: the static solver found no rest somewhere.
+        NotSettled: MuJoCo's platform did not come to rest somewhere.
+    """
+    return Line(
+        rests_by_statics(robot, along_x(robot, height, ends, static_rows)),
+        rests_by_mujoco(robot, along_x(robot, height, ends, settled_rows)),
+    )
+
+
+def across_the_width(
+    robot: Robot,
+    *,
+    materials: Sequence[str] = ("fishing-0.4mm", "vectran-0.7mm"),
+    height: float = PAPER_HEIGHTS[0],
+    pose_heights: Sequence[float] = (0.28, 0.1),
+    columns: int = 5,
+    static_rows: int = 1201,
+    settled_rows: int = 25,
+) -> Width:
+    """``robot`` commanded across its whole workspace along x, with each of ``materials``.
+
+    Raises:
+        NotConverged: the static solver found no rest somewhere.
+        NotSettled: MuJoCo's platform did not come to rest somewhere.
+    """
+    robots = [robot.replace(material=name) for name in materials]
+    ends = (float(robot.workspace[0, 0]), float(robot.workspace[1, 0]))
+    poses = np.concatenate([along_x(robot, z, ends, columns) for z in pose_heights])
+    return Width(
+        poses=rests_by_statics(robots[0], poses),
+        lines=tuple(line(one, height, ends, static_rows=static_rows, settled_rows=settled_rows) for one in robots),
+        workspace=feasible_outline(robot),
+    )
+
+
+def feasible_outline(robot: Robot, columns: int = 601, rows: int = 71) -> Float[np.ndarray, "points 3"]:
+    """Outline of the static feasible workspace in the x-z plane midway in y, up on the left and down on the right [m].
+
+    The poses of the robot's workspace at which rigid cables hold the level platform (the paper's Fig. 10 and 11 have it
+    from ARACHNIS); it does not depend on the cables' stiffness.
+    """
+    (x0, _, z0), (x1, _, z1) = robot.workspace
+    x, z = np.linspace(x0, x1, columns), np.linspace(z0, z1, rows)
+    grid = np.stack(np.broadcast_arrays(x, robot.home[1], z[:, None]), axis=-1)
+    held = feasibility.feasible(robot, grid)
+    edges = [(row, np.flatnonzero(held[row])[[0, -1]]) for row in range(rows) if held[row].any()]
+    left, right = ([grid[row, ends[side]] for row, ends in edges] for side in (0, 1))
+    return np.array(left + right[::-1]).reshape(-1, 3)
+
+
+def paper_lines(
+    layouts: Sequence[str] = ("parallel", "cogiro"),
+    materials: Sequence[str] = tuple(MATERIALS),
+    heights: Sequence[float] = PAPER_HEIGHTS,
+    *,
+    static_rows: int = 601,
+    settled_rows: int = 13,
+) -> tuple[Line, ...]:
+    """The paper's experiment (section IV): every layout with every material at every height.
+
+    Raises:
+        NotConverged: the static solver found no rest somewhere.
+        NotSettled: MuJoCo's platform did not come to rest somewhere.
+    """
+    return tuple(
+        line(
+            load_robot(layout).replace(material=material),
+            height,
+            PAPER_LINE,
+            static_rows=static_rows,
+            settled_rows=settled_rows,
+        )
+        for layout in layouts
+        for material in materials
+        for height in heights
+    )
+
+
+def along_x(robot: Robot, height: float, ends: tuple[float, float], rows: int) -> Float[np.ndarray, "rows 3"]:
+    """Positions along x from end to end [m] at one height, midway in y."""
+    x = np.linspace(*ends, rows)
+    return np.stack([x, np.full(rows, robot.home[1]), np.full(rows, height)], axis=-1)

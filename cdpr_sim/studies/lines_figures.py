@@ -1,0 +1,315 @@
+"""The paper's figures of robots with four and eight cables, redrawn: results in, matplotlib ``Figure`` out.
+
+Lines are the static solver's, hollow points MuJoCo's. Nothing is computed here but units and the numbers in titles.
+"""
+
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from cdpr_sim.drawing import axes as drawing, style
+from cdpr_sim.studies.tilt_condition import Balance
+from cdpr_sim.drawing.axes import cables_in_words, canvas, newtons, points, styled
+from cdpr_sim.studies.lines import PAPER_SAG, PAPER_TILT, Line, Rests, Width
+
+PAPER_FIGURES = {
+    "planar-vertical": " (Paper, Fig. 7)",
+    "planar-horizontal": " (Paper, Fig. 8)",
+    "cogiro": " (Paper, Fig. 10)",
+    "parallel": " (Paper, Fig. 11)",
+}
+
+NO_TILT = 1e-3
+"""[°] Less than this is called none in a title."""
+
+ROADS = "Lines: static solver (Newton). Hollow points: MuJoCo, settled."
+
+
+@styled
+def planar(width: Width) -> Figure:
+    """Fig. 7 and 8: poses of a planar robot at rest, and its cables' tensions along the width."""
+    rests = width.poses
+    heights = np.unique(rests.commanded[:, 2])[::-1]
+    figure, left, right = _width(width, _headline(width), rows=len(heights))
+    for ax, height in zip(left, heights, strict=True):
+        drawing.draw_front(ax, rests.robot)
+        ax.set_title(f"commanded to z = {height:g} m")
+        for row in np.flatnonzero(rests.commanded[:, 2] == height):
+            drawing.draw_commanded(ax, rests.robot, rests.commanded[row])
+            drawing.draw_platform(ax, rests.robot, rests.positions[row], rests.rotations[row])
+            drawing.draw_cables(
+                ax,
+                rests.robot,
+                rests.positions[row],
+                rests.rotations[row],
+                rests.slack[row],
+                rests.rest_lengths[row],
+            )
+        if ax is not left[-1]:
+            ax.set_xlabel("")
+            ax.tick_params(labelbottom=False)
+    handles = drawing.pose_legend(slack=bool(rests.slack.any()))
+    left[-1].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=2)
+    for ax, one in zip(right, width.lines, strict=True):
+        _tensions(ax, one, last=one is width.lines[-1])
+    return figure
+
+
+@styled
+def spatial(width: Width) -> Figure:
+    """Fig. 10 and 11: poses of a spatial robot at rest, its feasible workspace, and tensions along the width."""
+    rests = width.poses
+    figure, (left,), right = _width(width, _headline(width), projection="3d")
+    drawing.draw_space(left, rests.robot)
+    handles = drawing.pose_legend(slack=bool(rests.slack.any()))
+    if len(width.workspace):
+        left.plot(
+            *np.vstack([width.workspace, width.workspace[:1]]).T, color=style.GREEN, lw=style.LINE, gid="feasible"
+        )
+        handles.append(Line2D([], [], color=style.GREEN, lw=style.LINE, label="static feasible workspace"))
+    for row in range(len(rests)):
+        drawing.draw_pose_in_space(left, rests, row)
+    left.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.06), ncols=2)
+    for ax, one in zip(right, width.lines, strict=True):
+        _tensions(ax, one, last=one is width.lines[-1])
+        feasible = width.feasible(one.height)
+        if feasible is not None:
+            ax.plot(
+                feasible,
+                [1, 1],
+                color=style.GREEN,
+                lw=4,
+                transform=ax.get_xaxis_transform(),
+                clip_on=False,
+                gid="feasible",
+            )
+    return figure
+
+
+@styled
+def tilt_condition(balances: Sequence[Balance]) -> Figure:
+    """Fig. 9: where the two sides' lines of force meet, and the moment that gravity has about that point."""
+    softest = newtons(min(balance.robot.axial_stiffness.min() for balance in balances if balance.at_rest))
+    figure = canvas(
+        10.5,
+        7.6,
+        "The platform tilts where gravity passes beside the point in which the two sides' forces meet",
+        "While a pair's two cables pull equally, their force lies on the pair's midline; the midlines meet in the "
+        "paper's points H and V. The distance of the weight's line from there times the weight is the moment that "
+        f"turns the platform; at rest (EA = {softest}) the tensions have changed until it is gone. (Paper, Fig. 9)",
+    )
+    axes = figure.subplots(2, 2)
+    for ax, balance, letter in zip(axes.flat, balances, "abcd", strict=True):
+        _balance(ax, balance, letter)
+    axes[1, 1].legend(
+        handles=[
+            Line2D([], [], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, label="line of a side's force"),
+            Line2D([], [], ls="none", marker="D", color=style.BLUE, mec="white", ms=8, label="where they meet"),
+            Line2D([], [], ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION, label="line of the weight"),
+            Line2D([], [], ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, label="slack cable"),
+        ],
+        loc="lower right",
+    )
+    return figure
+
+
+@styled
+def paper_line(lines: Sequence[Line]) -> Figure:
+    """Fig. 12: deviation in z and rotation about y along the paper's trajectory."""
+    heights = sorted({line.height for line in lines})
+    layouts = list(dict.fromkeys(line.robot.name for line in lines))
+    materials = {line.robot.material: line.robot.axial_stiffness[0] for line in lines}
+    start, end = lines[0].static.commanded[[0, -1]]
+    count = sum(len(line.settled) for line in lines)
+    stiffness = ", ".join(f"{material} {newtons(EA)}" for material, EA in materials.items())
+    extremes = []
+    for layout in layouts:
+        own = [line.static for line in lines if line.robot.name == layout]
+        tilt = max(np.abs(_beta(rests)[1]).max() for rests in own)
+        sag = max(-_sag(rests)[1].min() for rests in own)
+        verbs = ("tilts ", "sags ") if not extremes else ("", "")
+        extremes.append(f"{layout} {verbs[0]}{tilt:.2g}° and {verbs[1]}{sag:.2g} mm")
+    figure = canvas(
+        10.5,
+        6.6,
+        f"Along the paper's line: {', '.join(extremes)}",
+        f"DemoBot commanded level from x = {start[0]:g} to {end[0]:g} m (grey band) at y = {start[1]:g} m. {ROADS} "
+        f"{count} points. EA is assumed ({stiffness}), as the paper gives none. Black bars: what the paper reports of "
+        "the parallel layout at both ends, read from its text (“approximately 20°”, “about 15 mm”; we take it as "
+        "downwards) and not from its data. (Paper, Fig. 12)",
+    )
+    axes = figure.subplots(2, len(heights), sharex=True, sharey="row", squeeze=False)
+    for line in lines:
+        column = heights.index(line.height)
+        i, j = layouts.index(line.robot.name), list(materials).index(line.robot.material)
+        color, looks, marker = _series(i, j)
+        label = f"{line.robot.name}, {line.robot.material}"
+        for ax, quantity in zip(axes[:, column], (_sag, _beta), strict=True):
+            ax.plot(*quantity(line.static), color=color, **looks, gid=f"static {label}")
+            ax.plot(*quantity(line.settled), **points(color, marker, ms=4.6), gid=f"mujoco {label}")
+    for column, height in enumerate(heights):
+        for ax, value in zip(axes[:, column], (1e3 * PAPER_SAG, np.degrees(PAPER_TILT)), strict=True):
+            ax.axvspan(start[0], end[0], color="#f2f2f2", zorder=0, lw=0)
+            ax.axhline(0, color=style.FAINT, lw=style.THIN, zorder=1)
+            marks = (-value, -value) if ax is axes[0, column] else (value, -value)
+            for x, inwards, mark in zip((start[0], end[0]), (0.05, -0.05), marks, strict=True):
+                ax.plot([x, x + inwards], [mark, mark], **style.REPORTED, gid="paper")
+        axes[0, column].set_title(f"z = {height:g} m", fontweight="bold")
+        axes[-1, column].set_xlabel("x where the platform rests [m]")
+    axes[0, 0].set_ylabel("deviation in z [mm]")
+    axes[1, 0].set_ylabel("rotation about y [°]")
+    handles = []
+    for i, layout in enumerate(layouts):
+        for j, material in enumerate(materials):
+            color, looks, marker = _series(i, j)
+            looks = points(color, marker) | {"ls": "-", "color": color} | looks
+            handles.append(Line2D([], [], **looks, label=f"{layout}, {material}"))
+    handles.append(Line2D([], [], **style.REPORTED, label="reported in the paper's text"))
+    axes[0, 0].legend(handles=handles, loc="lower center")
+    return figure
+
+
+# Parts
+
+
+def _series(layout: int, material: int) -> tuple[str, dict, str]:
+    """Colour, line and marker of Fig. 12's series: a hue per layout, dark for one material, light for the other."""
+    color = ((style.VERMILLION, style.ORANGE), (style.BLUE, style.SKY))[layout % 2][material % 2]
+    return color, (style.DARK, style.LIGHT)[material % 2], style.MARKERS[2 * layout + material]
+
+
+def _width(
+    width: Width, title: str, *, rows: int = 1, projection: str | None = None
+) -> tuple[Figure, list, list[Axes]]:
+    """A canvas with ``rows`` axes on the left, for poses, and one per material on the right."""
+    robot, one = width.poses.robot, width.lines[0]
+    figure = canvas(
+        11.5,
+        7.2 if rows > 1 else 6.2,
+        title,
+        f"{robot.description}, {robot.mass:g} kg, commanded level. Left: {len(width.poses)} poses with "
+        f"{cables_in_words(robot)}. Right: tensions along z = {one.height:g} m, for each material (assumed EA). {ROADS}"
+        + PAPER_FIGURES.get(robot.name, ""),
+    )
+    columns = figure.add_gridspec(1, 2, width_ratios=(0.92, 1))
+    left, right = columns[0].subgridspec(rows, 1), columns[1].subgridspec(len(width.lines), 1)
+    return (
+        figure,
+        [figure.add_subplot(left[i], projection=projection) for i in range(rows)],
+        [figure.add_subplot(right[i]) for i in range(len(width.lines))],
+    )
+
+
+def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
+    """Each cable's tension against commanded x; cables that pull the same by symmetry share a line."""
+    static, settled, robot = line.static, line.settled, line.robot
+    middle = robot.frame[:, 0].mean()
+    zones = drawing.draw_zones(ax, static)
+    used = {True: 0, False: 0}  # line styles, by side
+    handles: list[Line2D] = []
+    for group in static.twins:
+        on_left = bool(robot.exits[group[0], 0] < middle)
+        number = used[on_left] % len(style.DASHES)
+        used[on_left] += 1
+        color = style.LEFT if on_left else style.RIGHT
+        cables = " and ".join(str(cable + 1) for cable in group)
+        label = f"cable{'s' if len(group) > 1 else ''} {cables} ({'left' if on_left else 'right'})"
+        marker = points(color, style.MARKERS[not on_left], ms=4.2)
+        ax.plot(
+            static.commanded[:, 0],
+            static.tensions[:, group[0]],
+            color=color,
+            ls=style.DASHES[number],
+            gid=f"static {group[0]}",
+        )
+        for cable in group:
+            ax.plot(
+                settled.commanded[:, 0],
+                settled.tensions[:, cable],
+                **marker,
+                gid=f"mujoco {cable}",
+            )
+        handles.append(Line2D([], [], **marker | {"ls": style.DASHES[number], "color": color}, label=label))
+    ax.set(ylabel="tension [N]", title=cables_in_words(robot))
+    ax.set_xlim(static.commanded[0, 0], static.commanded[-1, 0])
+    ax.set_ylim(bottom=min(-0.02 * ax.get_ylim()[1], 0))
+    if last:
+        ax.set_xlabel("commanded x [m]")
+        ax.legend(handles=handles + zones, loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=3)
+    else:
+        ax.tick_params(labelbottom=False)
+
+
+def _balance(ax: Axes, balance: Balance, letter: str) -> None:
+    robot = balance.robot
+    drawing.draw_front(ax, robot)
+    ax.set_ylim(0.08, 0.52)
+    drawing.draw_cables(ax, robot, balance.position, balance.rotation, balance.slack, balance.rest_lengths)
+    drawing.draw_platform(ax, robot, balance.position, balance.rotation, alpha=0.9)
+    meeting, center = balance.intersection, balance.position
+    for start, direction in zip(balance.starts, balance.directions, strict=True):
+        reach = (robot.exits[:, 2].max() - start[2]) / direction[2]
+        below = min(0.0, (meeting - start) @ direction - 0.03)
+        ends = start + np.array([[below], [reach]]) * direction
+        ax.plot(ends[:, 0], ends[:, 2], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, zorder=5)
+    ax.plot([center[0]] * 2, [-0.02, 0.5], ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION, zorder=5)
+    ax.annotate(
+        "",
+        (center[0], center[2] - 0.085),
+        (center[0], center[2]),
+        arrowprops={"arrowstyle": "-|>", "color": style.VERMILLION, "lw": 2, "shrinkA": 0, "shrinkB": 0},
+        zorder=7,
+    )
+    ax.plot(center[0], center[2], "o", color=style.VERMILLION, ms=5, zorder=8)
+    ax.plot(meeting[0], meeting[2], "D", color=style.BLUE, mec="white", ms=8, zorder=9, gid="meeting point")
+    ax.annotate(
+        "they meet" if balance.at_rest else balance.point,
+        (meeting[0], meeting[2]),
+        (-38, -3) if balance.point == "H" else (-13, -4),  # H lies on the platform: its name goes beside it
+        textcoords="offset points",
+        ha="right",
+        fontweight="bold",
+        color=style.BLUE,
+        bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
+        zorder=10,
+    )
+    beta = np.degrees(np.arctan2(balance.rotation[0, 2], balance.rotation[2, 2]))
+    state = f"at rest, rotation about y {beta:.1f}°" if balance.at_rest else "held level, each pair pulling equally"
+    ax.set_title(f"({letter}) {robot.name}: {state}\n{_moment(balance)}")
+
+
+def _moment(balance: Balance) -> str:
+    """The moment balance in words."""
+    if abs(balance.arm) < 1e-6:
+        return "gravity passes through the meeting point: no moment"
+    return (
+        f"gravity passes {1e3 * abs(balance.arm):.0f} mm beside it: "
+        f"{balance.robot.weight:.2f} N × {1e3 * abs(balance.arm):.0f} mm = {1e3 * abs(balance.moment):.0f} N mm"
+    )
+
+
+def _sag(rests: Rests) -> tuple[np.ndarray, np.ndarray]:
+    """x [m] and deviation in z [mm]."""
+    return rests.positions[:, 0], 1e3 * (rests.positions - rests.commanded)[:, 2]
+
+
+def _beta(rests: Rests) -> tuple[np.ndarray, np.ndarray]:
+    """x [m] and rotation about y [°]."""
+    return rests.positions[:, 0], np.degrees(rests.rotation_about_y)
+
+
+def _headline(width: Width) -> str:
+    """How far the platform tilts, drawn poses and lines taken together, and how many cables go slack."""
+    robot, everything = width.poses.robot, [width.poses, *(line.static for line in width.lines)]
+    tilt = np.degrees(max(rests.tilt.max() for rests in everything))
+    slack = max(int(rests.slack.sum(1).max()) for rests in everything)
+    tilts = f"up to {tilt:.2g}° of tilt" if tilt > NO_TILT else "no tilt"
+    cables = f"up to {slack} of {robot.cables} cables go slack" if slack else "no cable goes slack"
+    return f"{robot.name}: {tilts}, and {cables}"

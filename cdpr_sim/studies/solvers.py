@@ -1,0 +1,151 @@
+"""How solvers fare: how often and how fast they find rest, and how far the two roads are apart."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy.typing import ArrayLike
+
+from cdpr_sim.statics import newton, solve as solvers
+from cdpr_sim.physics import settle as settling
+from cdpr_sim.crosscheck.compare import Verdict, compare
+from cdpr_sim.robots.catalogue import list_robots, load_robot
+from cdpr_sim.core.equilibrium import Stability
+from cdpr_sim.core.errors import NotConverged
+from cdpr_sim.core.materials import MATERIALS
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics.solve import Method
+
+REPEATS = 9
+"""How often the compiled call is timed; it takes less than a millisecond, and its median is kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """How often and how fast each solver finds rest, against the cables' stiffness.
+
+    Attributes:
+        robot: the robot, its own stiffness aside.
+        axial_stiffness: EA, (stiffnesses,) [N].
+        poses: number of random commanded poses per stiffness.
+        solved: per method, poses at which forces balance in the end, (stiffnesses,).
+        stable: per method, those of them at which the platform would stay, (stiffnesses,).
+        seconds: per method, time of every pose, solved or not, (stiffnesses, poses) [s].
+        compiled_seconds: time per pose where Newton solves them all in one call, (stiffnesses,) [s].
+    """
+
+    robot: Robot
+    axial_stiffness: Float[np.ndarray, " stiffnesses"]
+    poses: int
+    solved: Mapping[str, Int[np.ndarray, " stiffnesses"]]
+    stable: Mapping[str, Int[np.ndarray, " stiffnesses"]]
+    seconds: Mapping[str, Float[np.ndarray, "stiffnesses poses"]]
+    compiled_seconds: Float[np.ndarray, " stiffnesses"]
+
+
+def convergence(
+    robot: Robot | None = None,
+    *,
+    axial_stiffness: ArrayLike = (1e2, 1e3, 1e4, 1e5, 1e6),
+    poses: int = 24,
+    methods: Sequence[Method] = get_args(Method),
+    seed: int = 1,
+) -> Convergence:
+    """Every method from the same random level poses of the robot's workspace (default: DemoBot's parallel layout)."""
+    robot = load_robot("parallel") if robot is None else robot
+    rng = np.random.default_rng(seed)
+    stiffness = np.asarray(axial_stiffness, dtype=float)
+    commanded = rng.uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
+    solved = {method: np.zeros(len(stiffness), dtype=int) for method in methods}
+    stable = {method: np.zeros(len(stiffness), dtype=int) for method in methods}
+    seconds = {method: np.zeros((len(stiffness), poses)) for method in methods}
+    compiled = np.zeros(len(stiffness))
+    newton.solve_many(robot, commanded)  # compile before the clock starts
+    for i, EA in enumerate(stiffness):
+        one = robot.replace(axial_stiffness=EA)
+        for method in methods:
+            for j, position in enumerate(commanded):
+                start = time.perf_counter()
+                try:
+                    found = solvers.solve(one, position, method=method)
+                except NotConverged:
+                    found = None
+                seconds[method][i, j] = time.perf_counter() - start
+                if found is not None:
+                    solved[method][i] += 1
+                    stable[method][i] += found.stability is not Stability.UNSTABLE
+        compiled[i] = np.median([_seconds(newton.solve_many, one, commanded) for _ in range(REPEATS)]) / poses
+    return Convergence(robot, stiffness, poses, solved, stable, seconds, compiled)
+
+
+def _seconds(function: Callable[..., object], *arguments: object) -> float:
+    start = time.perf_counter()
+    function(*arguments)
+    return time.perf_counter() - start
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """What the solver says minus what MuJoCo does, for one robot over all materials.
+
+    Attributes:
+        name: of the robot.
+        position_errors: (poses,) [m].
+        rotation_errors: (poses,) [rad].
+        tension_errors: (poses,) largest of a pose's cables [N].
+        verdicts: one per pose.
+    """
+
+    name: str
+    position_errors: Float[np.ndarray, " poses"]
+    rotation_errors: Float[np.ndarray, " poses"]
+    tension_errors: Float[np.ndarray, " poses"]
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def free(self) -> Bool[np.ndarray, " poses"]:
+        """Poses at which nothing holds the platform against some motion, so that each road may stop elsewhere."""
+        return np.array([verdict is Verdict.AGREE_BUT_FREE for verdict in self.verdicts])
+
+    @property
+    def disagreeing(self) -> int:
+        """How many poses the two roads disagree about."""
+        return sum(verdict not in (Verdict.AGREE, Verdict.AGREE_BUT_FREE) for verdict in self.verdicts)
+
+
+def differences(
+    robots: Sequence[str] = (), materials: Sequence[str] = tuple(MATERIALS), *, poses: int = 100, seed: int = 2
+) -> tuple[Differences, ...]:
+    """Both roads from ``poses`` random level poses per robot (default: the catalogue) and material.
+
+    Raises:
+        NotConverged: the static solver found no rest somewhere.
+        NotSettled: MuJoCo's platform did not come to rest somewhere.
+    """
+    rng = np.random.default_rng(seed)
+    results = []
+    for name in robots or list_robots():
+        agreements = []
+        for material in materials:
+            robot = load_robot(name).replace(material=material)
+            commanded = rng.uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
+            settlings = settling.settle_many(robot, commanded)
+            agreements += [
+                compare(solvers.solve(robot, position), settlings.equilibrium(row))
+                for row, position in enumerate(commanded)
+            ]
+        results.append(
+            Differences(
+                name=name,
+                position_errors=np.array([one.position_error for one in agreements]),
+                rotation_errors=np.array([one.rotation_error for one in agreements]),
+                tension_errors=np.array([one.tension_error for one in agreements]),
+                verdicts=tuple(one.verdict for one in agreements),
+            )
+        )
+    return tuple(results)

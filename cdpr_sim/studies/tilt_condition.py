@@ -1,0 +1,134 @@
+"""Why parallel cables tilt a planar platform: where the forces of its two sides meet (the paper's Fig. 9)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
+
+from cdpr_sim.statics import solve as solvers, forces as statics
+from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.core.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """A planar platform on two pairs of cables, seen through its moment balance (Fig. 9).
+
+    Attributes:
+        robot: the robot.
+        position: of the platform (and of its centre of mass), (3,) [m].
+        rotation: (3, 3).
+        slack: (cables,).
+        rest_lengths: (cables,) [m], at the commanded pose.
+        starts: a point on each side's line of force, (2, 3) [m].
+        directions: unit vectors along them, (2, 3).
+        point: the paper's name of where the midlines meet: "H" for horizontal pairs, "V" for vertical ones.
+        intersection: where the two lines meet, (3,) [m]; that point while the pairs pull equally.
+        arm: horizontal distance of the centre of mass from there [m], positive to the right.
+        moment: of the weight about the intersection [N m], positive as rotation about y: m g arm.
+        unbalanced: what the forces leave as a moment about y, by the wrench matrix [N m]; equals ``moment``.
+        at_rest: whether the tensions are those of the equilibrium, rather than equal in each pair.
+    """
+
+    robot: Robot
+    position: Float[np.ndarray, "3"]
+    rotation: Float[np.ndarray, "3 3"]
+    slack: Bool[np.ndarray, " cables"]
+    rest_lengths: Float[np.ndarray, " cables"]
+    starts: Float[np.ndarray, "2 3"]
+    directions: Float[np.ndarray, "2 3"]
+    point: str
+    intersection: Float[np.ndarray, "3"]
+    arm: float
+    moment: float
+    unbalanced: float
+    at_rest: bool
+
+
+def equal_pulls(robot: Robot, position: ArrayLike) -> Balance:
+    """Level at ``position``, each pair's two cables pulling equally, as hard as it takes to carry the weight.
+
+    The intersection is the paper's point H or V, and ``unbalanced`` the moment that makes the platform tilt.
+    """
+    position = np.asarray(position, dtype=float)
+    rotation = np.eye(3)
+    pulls = statics.wrench_matrix(robot, position, rotation)
+    pairs = pulls.reshape(6, 2, -1).sum(-1)  # unit tension in both cables of a pair
+    sides = np.linalg.solve(pairs[[0, 2]], [0.0, robot.weight])
+    tensions = np.repeat(sides, robot.cables // 2)
+    return _balance(robot, position, rotation, tensions, robot.rest_lengths(position), at_rest=False)
+
+
+def balance_at_rest(robot: Robot, commanded: ArrayLike) -> Balance:
+    """The same at the equilibrium that the static solver finds: the lines meet on the vertical of the centre of mass.
+
+    Raises:
+        NotConverged: there is none.
+    """
+    found = solvers.solve(robot, np.asarray(commanded, dtype=float))
+    return _balance(robot, found.position, found.rotation.as_matrix(), found.tensions, found.rest_lengths, at_rest=True)
+
+
+def moment_balances() -> tuple[Balance, ...]:
+    """Fig. 9's cases: horizontal pairs beside the middle, vertical ones in the middle, beside it, and there at rest.
+
+    Raises:
+        NotConverged: the static solver found no rest.
+    """
+    horizontal, vertical = load_robot("planar-horizontal"), load_robot("planar-vertical")
+    middle, beside = np.array([0.4, 0.0, 0.2]), np.array([0.25, 0.0, 0.2])
+    return (
+        equal_pulls(horizontal, beside),
+        equal_pulls(vertical, middle),
+        equal_pulls(vertical, beside),
+        balance_at_rest(vertical.replace(material="fishing-0.4mm"), beside),
+    )
+
+
+def _balance(
+    robot: Robot,
+    position: Float[np.ndarray, "3"],
+    rotation: Float[np.ndarray, "3 3"],
+    tensions: Float[np.ndarray, " cables"],
+    rest_lengths: Float[np.ndarray, " cables"],
+    *,
+    at_rest: bool,
+) -> Balance:
+    arms, vectors = statics.cable_vectors(robot, position, rotation)
+    forces = (tensions[:, None] * vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).reshape(2, -1, 3)
+    anchors = (position + arms).reshape(2, -1, 3)
+    side_forces = forces.sum(1)
+    starts = np.array([_point_of_action(points, pair) for points, pair in zip(anchors, forces, strict=True)])
+    directions = side_forces / np.linalg.norm(side_forces, axis=1, keepdims=True)
+    along = np.linalg.solve(
+        np.stack([directions[0, [0, 2]], -directions[1, [0, 2]]], -1), (starts[1] - starts[0])[[0, 2]]
+    )
+    intersection = starts[0] + along[0] * directions[0]
+    arm = float(position[0] - intersection[0])
+    return Balance(
+        robot=robot,
+        position=position,
+        rotation=rotation,
+        slack=tensions <= 0,
+        rest_lengths=rest_lengths,
+        starts=starts,
+        directions=directions,
+        point="H" if robot.anchors[0, 2] == robot.anchors[1, 2] else "V",
+        intersection=intersection,
+        arm=arm,
+        moment=robot.weight * arm,
+        unbalanced=float((statics.wrench_matrix(robot, position, rotation) @ tensions)[4]),
+        at_rest=at_rest,
+    )
+
+
+def _point_of_action(
+    points: Float[np.ndarray, "pair 3"], forces: Float[np.ndarray, "pair 3"]
+) -> Float[np.ndarray, "3"]:
+    """The point nearest to the anchors' middle on the line in the x-z plane about which ``forces`` have no moment."""
+    total, middle = forces.sum(0), points.mean(0)
+    moment = np.cross(points - middle, forces).sum(0)
+    return middle + np.cross(total, moment) / (total @ total)

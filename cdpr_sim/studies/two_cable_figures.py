@@ -1,0 +1,178 @@
+"""The two-cable bar, drawn: its manifold, its poses, its closed forms (the paper's Fig. 3 and 4)."""
+
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from mpl_toolkits.mplot3d import Axes3D
+
+from cdpr_sim.drawing import axes as drawing, style
+from cdpr_sim.drawing.axes import cables_in_words, canvas, newtons, points, styled
+from cdpr_sim.studies.two_cable import ClosedForms, Manifold
+
+
+@styled
+def manifold(study: Manifold) -> Figure:
+    """Fig. 3: the surface of all poses at which the two-cable bar can rest, and its drift as the cables soften."""
+    softest, stiffest = study.axial_stiffness.min(), study.axial_stiffness.max()
+    figure = canvas(
+        11,
+        5.2,
+        "A bar on two cables can only rest on one surface of poses; softer cables let it drift along it",
+        f"{study.robot.name}, {study.robot.mass:g} kg. Surface and contours: closed form. Curves: static solver, "
+        f"EA from {newtons(stiffest)} down to {newtons(softest)}. Hollow points: MuJoCo, settled. Black dots: "
+        "commanded level poses, which lie on the surface only midway between the exits. (Paper, Fig. 3)",
+    )
+    grid = figure.add_gridspec(1, 2, width_ratios=(1.1, 1), wspace=0.08)
+    space: Axes3D = figure.add_subplot(grid[0], projection="3d", computed_zorder=False)  # type: ignore[assignment]
+    x, z = np.meshgrid(study.x, study.z)
+    beta = np.degrees(study.rotation_about_y)
+    space.plot_surface(x, z, beta, color=style.SKY, alpha=0.3, lw=0, antialiased=True, zorder=1)
+    space.plot_wireframe(x, z, beta, color=style.MUTED, lw=0.4, rstride=8, cstride=6, alpha=0.7, zorder=2)
+    space.contour(x, z, beta, levels=[0], colors=style.MUTED, linewidths=1.2)
+    space.set(zticks=np.arange(-60, 61, 30), yticks=[0.1, 0.2, 0.3, 0.4], xticks=[0.1, 0.3, 0.5, 0.7])
+    for axis in (space.xaxis, space.yaxis, space.zaxis):
+        axis.set_pane_color("white")
+    space.set(xlabel="x [m]", ylabel="z [m]", zlabel="rotation about y [°]")
+    space.view_init(elev=22, azim=-58)
+    space.set_box_aspect((1.25, 1, 0.9), zoom=1.15)
+
+    front = figure.add_subplot(grid[1])
+    contours = front.contour(x, z, beta, levels=np.arange(-60, 61, 10), colors=style.FAINT, linewidths=style.THIN)
+    front.clabel(contours, fmt="%d°", fontsize=8, colors=style.MUTED)
+    front.set(xlabel="x [m]", ylabel="z [m]", title="the same from the front: contours of the rotation about y [°]")
+
+    norm = Normalize(-1 / softest, -1 / stiffest)  # by compliance, as the drift goes
+    colors = matplotlib.colormaps[style.STIFFNESS_MAP]
+    drift = np.array([rests.positions for rests in study.static])
+    turn = np.degrees([rests.rotation_about_y for rests in study.static])
+    for command, (start_x, _, start_z) in enumerate(study.commanded):
+        here, angle = drift[:, command], turn[:, command]
+        space.plot(
+            [start_x, here[0, 0]], [start_z, here[0, 2]], [0, angle[0]], color=style.INK, lw=0.9, ls=":", zorder=6
+        )
+        front.plot([start_x, here[0, 0]], [start_z, here[0, 2]], color=style.INK, lw=0.9, ls=":", zorder=3)
+        space.plot(here[:, 0], here[:, 2], angle, color=style.INK, lw=4.6, zorder=6.5, solid_capstyle="round")
+        front.plot(here[:, 0], here[:, 2], color=style.INK, lw=4.6, zorder=3.5, gid=f"static {command}")
+        for i in range(len(here) - 1):
+            color = colors(norm(-1 / study.axial_stiffness[i]))
+            piece = here[i : i + 2]
+            space.plot(piece[:, 0], piece[:, 2], angle[i : i + 2], color=color, lw=3.2, zorder=7)
+            front.plot(piece[:, 0], piece[:, 2], color=color, lw=3.2, zorder=4)
+    for rests in study.settled:
+        degrees = np.degrees(rests.rotation_about_y)
+        space.plot(*rests.positions[:, [0, 2]].T, degrees, **points(style.INK, ms=4.5) | {"zorder": 9})
+        front.plot(*rests.positions[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
+    space.plot(*study.commanded[:, [0, 2]].T, 0.0, "o", color=style.INK, ms=5, zorder=10)
+    front.plot(*study.commanded[:, [0, 2]].T, "o", color=style.INK, ms=5, zorder=7)
+    bar = figure.colorbar(matplotlib.cm.ScalarMappable(norm, colors), ax=front, shrink=0.85, pad=0.02)
+    marks = [EA for EA in (15, 20, 30, 50, 100, 1000) if softest <= EA <= stiffest]
+    bar.set_ticks([-1 / EA for EA in marks], labels=[f"{EA:g}" for EA in marks])
+    bar.set_label("axial stiffness EA [N]")
+    front.legend(
+        handles=[
+            Line2D([], [], ls="none", marker="o", color=style.INK, label="commanded, level"),
+            Line2D([], [], ls=":", lw=0.9, color=style.INK, label=f"to where cables of {newtons(stiffest)} leave it"),
+            Line2D([], [], color=colors(0.6), lw=2.6, label="static solver, EA falling"),
+            Line2D([], [], **points(style.INK, ms=4.5), label="MuJoCo, settled"),
+        ],
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.14),
+        ncols=2,
+    )
+    return figure
+
+
+@styled
+def poses(forms: ClosedForms) -> Figure:
+    """Fig. 4: where the two-cable bar is commanded, how it would have to tilt there, and where it rests."""
+    robot, rests, settled = forms.poses.robot, forms.poses, forms.settled_poses
+    shift = 1e3 * np.abs(rests.positions - rests.commanded)[:, 0].max()
+    figure = canvas(
+        8.6,
+        6.4,
+        f"Commanded level, a bar on two cables tilts and moves up to {shift:.0f} mm inwards",
+        f"{robot.name}, {cables_in_words(robot)}, bar of {1e3 * robot.platform_size[0]:.0f} mm and {robot.mass:g} kg, "
+        f"{len(rests)} commanded poses. (Paper, Fig. 4)",
+    )
+    ax = figure.add_subplot()
+    drawing.draw_front(ax, robot)
+    half = np.array([robot.anchors[0], robot.anchors[-1]])
+
+    def bar(position: np.ndarray, beta: float, **looks) -> None:
+        c, s = np.cos(beta), np.sin(beta)
+        ends = position + half @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
+        ax.plot(ends[:, 0], ends[:, 2], solid_capstyle="round", **looks)
+
+    for row, (commanded, position) in enumerate(zip(rests.commanded, rests.positions, strict=True)):
+        bar(commanded, 0.0, color=style.MUTED, lw=2, ls=(0, (1.5, 1)), zorder=3)
+        bar(commanded, forms.balanced[row], color=style.GREEN, lw=2, ls=(0, (5, 1.5)), zorder=3.5)
+        bar(position, rests.rotation_about_y[row], color=style.BLUE, lw=3.4, zorder=4)
+        drawing.draw_cables(ax, robot, position, rests.rotations[row], rests.slack[row], color=style.FAINT)
+    ax.plot(*settled.positions[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
+    for side in (0, -1):
+        anchors = settled.positions + settled.rotations @ robot.anchors[side]
+        ax.plot(*anchors[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
+    ax.legend(
+        handles=[
+            Line2D([], [], color=style.MUTED, lw=2, ls=(0, (1.5, 1)), label="commanded, level"),
+            Line2D([], [], color=style.GREEN, lw=2, ls=(0, (5, 1.5)), label="closed form: tilt it needs there"),
+            Line2D([], [], color=style.BLUE, lw=3.4, label="static solver: where it rests"),
+            Line2D([], [], **points(style.INK, ms=4.5), label="MuJoCo: its ends and middle, settled"),
+        ],
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.1),
+        ncols=2,
+    )
+    return figure
+
+
+@styled
+def closed_form(forms: ClosedForms) -> Figure:
+    """Fig. 4, Eq. 5 and 6: the tilt of the two-cable bar by four witnesses, and how far the short-bar form is off."""
+    static, settled, robot = forms.line.static, forms.line.settled, forms.line.robot
+    x, beta = static.positions[:, 0], np.degrees(static.rotation_about_y)
+    closed, short = np.degrees(forms.closed_form), np.degrees(forms.short_bar)
+    figure = canvas(
+        8.6,
+        5.6,
+        f"Leaving the bar's length out of the closed form costs {np.abs(short - beta).max():.1f}° of tilt",
+        f"{robot.name}, {cables_in_words(robot)}, commanded level along z = {forms.line.height:g} m; at each position "
+        f"where the solver finds the bar at rest, {len(x)} in all. Short bar: the paper's Eq. 5 and 6 contain terms of "
+        "the wrong dimension; mended, they are tan θ = (h₁X₂ + h₂X₁)/(2X₁X₂), a bar of no length.",
+    )
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
+    top.plot(x, closed, color=style.SKY, lw=5, alpha=0.8, label="closed form, with the bar's length")
+    top.plot(x, beta, color=style.INK, lw=1.2, label="static solver", gid="static")
+    top.plot(x, short, color=style.VERMILLION, ls=style.DASHES[1], label="closed form of a short bar (paper, mended)")
+    top.plot(
+        settled.positions[:, 0],
+        np.degrees(settled.rotation_about_y),
+        **points(style.INK),
+        label="MuJoCo, settled",
+        gid="mujoco",
+    )
+    top.set(ylabel="rotation about y [°]")
+    top.legend(loc="lower left")
+    bottom.axhline(0, color=style.FAINT, lw=style.THIN)
+    bottom.plot(x, closed - beta, color=style.SKY, lw=4, label="closed form", gid="closed-form error")
+    bottom.plot(x, short - beta, color=style.VERMILLION, ls=style.DASHES[1], label="short bar", gid="short-bar error")
+    bottom.annotate(
+        f"closed form: within {_power(np.abs(closed - beta).max())}°",
+        (x[len(x) // 3], 0),
+        xytext=(0, 7),
+        textcoords="offset points",
+        fontsize=8.5,
+    )
+    bottom.set(xlabel="x where the bar rests [m]", ylabel="minus static solver [°]")
+    bottom.legend(loc="lower right")
+    return figure
+
+
+def _power(value: float) -> str:
+    return f"1e{int(np.ceil(np.log10(value))):d}" if value > 0 else "0"
