@@ -17,7 +17,8 @@ from rich.markup import escape
 from rich.table import Table
 
 import cdpr_sim as cdpr
-from cdpr_sim.statics import newton, seecr, forces as statics
+from cdpr_sim.core.rests import Rests
+from cdpr_sim.statics import forces, newton, seecr
 
 ROBOTS = ["cogiro", "parallel"]
 STIFFNESSES = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7]  # [N] EA
@@ -59,7 +60,7 @@ def static(poses: int, scipy_poses: int) -> None:
             stiff = robot.replace(axial_stiffness=stiffness)
             seconds = [timed(newton.solve_many, stiff, positions) for _ in range(REPETITIONS)]
             solutions = newton.solve_many(stiff, positions)
-            stable, free = stabilities(stiff, positions, solutions)
+            stable, free = stabilities(newton.solve_many(stiff, positions[:: max(poses // 2000, 1)]))
             ours.add_row(
                 name,
                 f"{stiffness:.0e}",
@@ -83,16 +84,10 @@ def static(poses: int, scipy_poses: int) -> None:
     console.print(theirs)
 
 
-def stabilities(robot: cdpr.Robot, positions: np.ndarray, solutions: cdpr.Solutions) -> tuple[float, float]:
+def stabilities(found: Rests) -> tuple[float, float]:
     """Fractions of stable and of free (neutral) equilibria, by the eigenvalues of the NumPy stiffness matrix."""
-    some = slice(0, len(positions), max(len(positions) // 2000, 1))
-    extremes = []
-    for position, at, rotation in zip(
-        positions[some], solutions.positions[some], solutions.rotations[some], strict=True
-    ):
-        eigenvalues = statics.eigenvalues(cdpr.Problem.of(robot, position), at, rotation)
-        extremes.append(eigenvalues[0] / eigenvalues[-1])
-    ratio = np.array(extremes)
+    eigenvalues = forces.at(found.problems, found.positions, found.rotations).eigenvalues
+    ratio = eigenvalues[:, 0] / eigenvalues[:, -1]
     return float((ratio > 1e-9).mean()), float((abs(ratio) <= 1e-9).mean())
 
 
@@ -132,9 +127,9 @@ def physics(settles: int, batch: int) -> None:
             rows.add_row(
                 name,
                 f"{robot.axial_stiffness[0]:.0e}",
-                f"{many.settled.sum():,} of {batch:,}",
-                f"{np.median(many.steps):.0f}",
-                f"{many.steps.max()}",
+                f"{many.converged.sum():,} of {batch:,}",
+                f"{np.median(many.iterations):.0f}",
+                f"{many.iterations.max()}",
                 f"{1e3 * np.median(single):.2f}",
                 f"{batch / one:,.0f}",
                 f"{batch / all_cores / cores:,.0f}",

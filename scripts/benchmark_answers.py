@@ -28,7 +28,6 @@ def main() -> None:
     for name in ROBOTS:
         robot = cdpr.load_robot(name)
         found = cdpr.solve(robot, POSE)
-        rest = robot.rest_lengths(POSE)
         commanded = np.random.default_rng(0).uniform([0.3, 0.15, 0.05], [0.5, 0.35, 0.3], (12, 3))
         measured = np.array([cdpr.solve(robot.replace(axial_stiffness=8e3), pose).position for pose in commanded])
         measurements = cdpr.Measurements.of(commanded, measured, coordinates=("x", "y", "z"))
@@ -39,7 +38,7 @@ def main() -> None:
             "sensitivity": lambda found=found: cdpr.sensitivity(found),
             "natural_modes": lambda found=found: cdpr.natural_modes(found),
             "follow_load": lambda robot=robot: cdpr.follow_load(robot, POSE),
-            "find_equilibria, 2000 starts": lambda robot=robot, rest=rest: cdpr.find_equilibria(robot, rest),
+            "find_equilibria, 2000 starts": lambda robot=robot: cdpr.find_equilibria(robot, POSE),
             "identify EA, 12 poses": lambda robot=robot, data=measurements: cdpr.identify(robot, data),
         }
         print(f"{name}: one solve {solving:.2f} ms")

@@ -15,7 +15,10 @@ README_PICTURES = ("paper-line", "parallel", "tilt-condition", "convergence", "a
 
 
 def main(names: list[str]) -> None:
-    for name, paths in write_figures(names or list_figures(), FOLDER, force=True):
+    written = write_figures(
+        names or list_figures(), FOLDER, force=True, progress=lambda done: print(f"{done:.0%} drawn")
+    )
+    for name, paths in written.items():
         print(*paths)
         if name in README_PICTURES:
             README_FOLDER.mkdir(exist_ok=True)

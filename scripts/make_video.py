@@ -38,7 +38,7 @@ def main() -> None:
             )
         static = [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories]
         for name, (size, fps) in FILES.items():
-            task = progress.add_task(f"Drawing {name}", total=round(SECONDS * fps))
+            task = progress.add_task(f"Drawing {name}", total=1.0)
             cdpr.write_video(
                 FOLDER / name,
                 trajectories,
@@ -47,7 +47,7 @@ def main() -> None:
                 fps=fps,
                 size=size,
                 force=True,
-                progress=lambda done, total, task=task: progress.update(task, completed=done),
+                progress=lambda done, task=task: progress.update(task, completed=done),
             )
     for name in FILES:
         print(f"{FOLDER / name}: {(FOLDER / name).stat().st_size / 1e6:.2f} MB")

@@ -6,14 +6,12 @@ Run it: python scripts/settle_cogiro.py
 import numpy as np
 from rich.console import Console
 
-import cdpr_sim as cdpr
-from cdpr_sim.report import settling as report
+from cdpr_sim.report.crosscheck import line_table
+from cdpr_sim.studies.lines import checked_lines
 
 ROBOT = "cogiro"
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
-X = np.linspace(0.17, 0.63, 9)  # [m] commanded, the paper's line
-Y = 0.25  # [m]
-HEIGHTS = [0.1, 0.2]  # [m]
+HEIGHTS = [0.1, 0.2]  # [m], of the paper's lines
 
 WHY = """
 Why: the crossed cables pull from both sides of the platform on every side of the frame. Their tensions can
@@ -23,16 +21,12 @@ tensions: ten times softer cables, ten times the sag.
 
 
 def main() -> None:
-    console = Console()
-    checks = {}
-    for material in MATERIALS:
-        robot = cdpr.load_robot(ROBOT).replace(material=material)
-        for z in HEIGHTS:
-            checks[material, z] = cdpr.cross_check(robot, [[x, Y, z] for x in X])
-            console.print(report.line_table(f"{ROBOT}, {material}, z = {z} m", checks[material, z]))
+    console, lines = Console(), checked_lines(ROBOT, MATERIALS, HEIGHTS)
+    for (material, z), line in lines.items():
+        console.print(line_table(f"{ROBOT}, {material}, z = {z} m", line.settled, line.agreements))
 
     for material in MATERIALS:
-        settled = [check.settled for z in HEIGHTS for check in checks[material, z]]
+        settled = [e for z in HEIGHTS for e in lines[material, z].settled]
         tilt = np.degrees(max(e.tilt for e in settled))
         sags = [-1e3 * e.deviation[2] for e in settled]
         console.print(

@@ -6,14 +6,12 @@ Run it: python scripts/settle_planar_horizontal.py
 import numpy as np
 from rich.console import Console
 
-import cdpr_sim as cdpr
-from cdpr_sim.report import settling as report
+from cdpr_sim.report.crosscheck import line_table
+from cdpr_sim.studies.lines import checked_lines
 
 ROBOT = "planar-horizontal"
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
-X = np.linspace(0.17, 0.63, 9)  # [m] commanded, the paper's line
-Y = 0.0  # [m]
-HEIGHTS = [0.1, 0.2]  # [m]
+HEIGHTS = [0.1, 0.2]  # [m], of the paper's lines
 
 WHY = """
 Why: the midlines of the two pairs meet in a point H on the vertical through the centre of mass, wherever the
@@ -23,15 +21,11 @@ platform is level.
 
 
 def main() -> None:
-    console = Console()
-    checks = {}
-    for material in MATERIALS:
-        robot = cdpr.load_robot(ROBOT).replace(material=material)
-        for z in HEIGHTS:
-            checks[material, z] = cdpr.cross_check(robot, [[x, Y, z] for x in X])
-            console.print(report.line_table(f"{ROBOT}, {material}, z = {z} m", checks[material, z]))
+    console, lines = Console(), checked_lines(ROBOT, MATERIALS, HEIGHTS)
+    for (material, z), line in lines.items():
+        console.print(line_table(f"{ROBOT}, {material}, z = {z} m", line.settled, line.agreements))
 
-    settled = [check.settled for line in checks.values() for check in line]
+    settled = [e for line in lines.values() for e in line.settled]
     spread = max(
         max(abs(e.tensions[0] - e.tensions[1]), abs(e.tensions[2] - e.tensions[3])) / e.tensions.max() for e in settled
     )

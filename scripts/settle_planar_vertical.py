@@ -7,13 +7,12 @@ import numpy as np
 from rich.console import Console
 
 import cdpr_sim as cdpr
-from cdpr_sim.report import settling as report
+from cdpr_sim.report.crosscheck import line_table
+from cdpr_sim.studies.lines import checked_lines
 
 ROBOT = "planar-vertical"
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
-X = np.linspace(0.17, 0.63, 9)  # [m] commanded, the paper's line
-Y = 0.0  # [m]
-HEIGHTS = [0.1, 0.2]  # [m]
+HEIGHTS = [0.1, 0.2]  # [m], of the paper's lines
 
 WHY = """
 Why: the midlines of the two pairs meet in a point V, about which equal tensions in each pair make no torque.
@@ -23,18 +22,14 @@ after the other goes slack. With two left the robot is the two-cable robot.
 
 
 def main() -> None:
-    console = Console()
-    checks = {}
-    for material in MATERIALS:
-        robot = cdpr.load_robot(ROBOT).replace(material=material)
-        for z in HEIGHTS:
-            checks[material, z] = cdpr.cross_check(robot, [[x, Y, z] for x in X])
-            console.print(report.line_table(f"{ROBOT}, {material}, z = {z} m", checks[material, z]))
+    console, lines = Console(), checked_lines(ROBOT, MATERIALS, HEIGHTS)
+    for (material, z), line in lines.items():
+        console.print(line_table(f"{ROBOT}, {material}, z = {z} m", line.settled, line.agreements))
 
     finely = np.linspace(0.1, 0.7, 121)
     for material in MATERIALS:
         robot = cdpr.load_robot(ROBOT).replace(material=material)
-        taut = [int((~check.settled.slack).sum()) for check in cdpr.cross_check(robot, [[x, Y, 0.1] for x in finely])]
+        taut = (~cdpr.settle_many(robot, [(x, 0.0, 0.1) for x in finely]).slack).sum(1)
         zones = {count: [x for x, n in zip(finely, taut, strict=True) if n == count] for count in (4, 3, 2)}
         console.print(
             f"{material}, z = 0.1 m: "

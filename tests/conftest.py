@@ -4,12 +4,13 @@ import hypothesis
 import pytest
 from jaxtyping import install_import_hook
 
-# Behind the doors (Robot, Problem, catalog, compensation, identification, cli), where what users give is checked, with
-# messages of its own. descent, modes and feasibility stay out too: their functions are compiled by Numba.
+# Behind the doors (Robot, Problem, catalogue, compensation, identification, cli), where what users give is checked, with
+# messages of its own. The kernels stay out too: their functions are compiled by Numba.
 MODULES = [
-    "agreement", "balance", "bench", "derivatives", "distribution", "equilibrium", "mjcf", "newton", "releasing",
-    "render", "scene", "seecr", "sensitivities", "settling", "solver_studies", "statics", "studies", "trajectory",
-    "two_cable_studies", "vibration",
+    "analysis.modes", "analysis.sensitivity", "analysis.tensions", "core.trajectory",
+    "crosscheck.compare", "drawing.video.render", "drawing.video.scene", "physics.batch", "physics.mjcf",
+    "physics.release", "physics.settle", "statics.derivatives", "statics.forces", "statics.newton", "statics.seecr",
+    "studies.lines", "studies.solvers", "studies.tilt_condition", "studies.two_cable",
 ]  # fmt: skip
 install_import_hook([f"cdpr_sim.{module}" for module in MODULES], "typechecker.check")
 

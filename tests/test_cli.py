@@ -4,8 +4,8 @@ import pytest
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim.report import settling as report
 from cdpr_sim.cli import app
+from cdpr_sim.report import settling as report
 
 runner = CliRunner()
 

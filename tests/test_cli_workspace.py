@@ -2,8 +2,8 @@ import pytest
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.cli import app
+from cdpr_sim.crosscheck import check as checking
 
 runner = CliRunner()
 

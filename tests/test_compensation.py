@@ -5,9 +5,9 @@ from problems import hanging_mass, paper_line, random_problems
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis import tensions as distribution
-from cdpr_sim.statics import two_cable
 from cdpr_sim.analysis.compensation import demand_at
 from cdpr_sim.core.pose import distance, moved
+from cdpr_sim.statics import two_cable
 
 MICROMETRE = 1e-6
 

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from problems import grid, paper_line, random_problems
 
 import cdpr_sim as cdpr
-from cdpr_sim.statics import newton
 from cdpr_sim.crosscheck.compare import CROSS_TOLERANCE, Verdict
+from cdpr_sim.statics import newton
 
 ROBOTS = ["cogiro", "parallel", "planar-horizontal", "planar-vertical", "two-cable"]
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]

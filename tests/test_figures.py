@@ -12,9 +12,16 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import cdpr_sim as cdpr
-from cdpr_sim.studies import tilt_condition as balance, lines_figures as figures, gallery, solvers_figures as solver_figures, solvers as solver_studies, lines as studies, two_cable_figures, two_cable as two_cable_studies
-from cdpr_sim.drawing import axes as drawing, style
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
+from cdpr_sim.drawing import axes as drawing
+from cdpr_sim.drawing import style
+from cdpr_sim.studies import gallery, two_cable_figures
+from cdpr_sim.studies import lines as studies
+from cdpr_sim.studies import lines_figures as figures
+from cdpr_sim.studies import solvers as solver_studies
+from cdpr_sim.studies import solvers_figures as solver_figures
+from cdpr_sim.studies import tilt_condition as balance
+from cdpr_sim.studies import two_cable as two_cable_studies
 
 ON_LINE = 1e-7
 """A point's distance from a line, as a fraction of the line's range: 1.5e-9 measured, since each settled row has a

@@ -3,8 +3,8 @@ import pytest
 from scipy.stats import binom
 
 import cdpr_sim as cdpr
-from cdpr_sim.statics import newton
 from cdpr_sim.analysis.identification import UNKNOWNS, _euler, _Model, _wanted
+from cdpr_sim.statics import newton
 
 NOISE = 2e-5
 """[m] of a measured coordinate; DemoBot's tracker states 6.5e-5."""

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.robots.catalogue import list_robots, load_robot
-from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
 from cdpr_sim.core.pose import tilt
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
 from cdpr_sim.physics.settle import settle
+from cdpr_sim.robots.catalogue import list_robots, load_robot
 
 ROUNDING = 1e-15
 """MuJoCo diagonalises a full inertia [kg m²] and composes frames [m]: a few rounding errors of numbers below 1."""

@@ -9,7 +9,8 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.statics import newton, forces as statics
+from cdpr_sim.statics import forces as statics
+from cdpr_sim.statics import newton
 from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, ROUNDING, Status, equilibrium_gufunc
 
 SAME = 1e-13

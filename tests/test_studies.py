@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.studies import tilt_condition as balance, solvers as solver_studies, lines as studies, two_cable as two_cable_studies
-from cdpr_sim.statics import two_cable
 from cdpr_sim.crosscheck.compare import POSITION_TOLERANCE, TENSION_TOLERANCE, Verdict
+from cdpr_sim.statics import two_cable
+from cdpr_sim.studies import lines as studies
+from cdpr_sim.studies import solvers as solver_studies
+from cdpr_sim.studies import tilt_condition as balance
+from cdpr_sim.studies import two_cable as two_cable_studies
 
 MANIFOLD_TOLERANCE = 1e-8
 """[rad] The closed form where the bar was put: 3e-12 measured for the solver, 1e-9 for MuJoCo, which stops at 1e-9 of

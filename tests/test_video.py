@@ -18,9 +18,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim.drawing.video import page as panel, raycast, render, scene, film as video
-from cdpr_sim.drawing import style
 from cdpr_sim.cli import app
+from cdpr_sim.drawing import style
+from cdpr_sim.drawing.video import film as video
+from cdpr_sim.drawing.video import page as panel
+from cdpr_sim.drawing.video import raycast, render, scene
 
 LINE = [[0.17, 0.25, 0.1], [0.63, 0.25, 0.1]]
 """The paper's, for DemoBot [m]."""

@@ -20,16 +20,18 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.statics import derivatives, newton, forces as statics
 from cdpr_sim.analysis import tensions as distribution
 from cdpr_sim.analysis.tensions import Demand
-from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.core.errors import InvalidInput, NotConverged, UnknownName
+from cdpr_sim.core.checks import checked_array, frozen
+from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
+from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.robot import Robot, checked_array
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import cable_law, derivatives, forces, newton
 
 Prefer = Literal["smallest", "stiffest"]
 
@@ -103,23 +105,23 @@ class Compensation:
 
 
 def compensate(
-    robot: Robot,
-    pose: PoseLike,
+    robot: Robot | Problem,
+    pose: PoseLike | None = None,
     *,
+    external_wrench: ArrayLike | None = None,
     tension_limits: ArrayLike | None = None,
     prefer: Prefer = "smallest",
-    external_wrench: ArrayLike | None = None,
     arm: float | None = None,
 ) -> Compensation:
     """Rest lengths with which the platform rests at ``pose``, elastic cables and all.
 
     Args:
-        robot: the robot.
+        robot: the robot; or a ``Problem`` that is ready, alone, whose rest lengths play no part.
         pose: where the platform should be.
+        external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
         tension_limits: (lowest, highest) tension [N], numbers or one per cable; default: from 1 % of the load, which
             keeps every cable taut, upwards.
         prefer: of all tensions that do, the "smallest" (by norm) or those that make the platform "stiffest".
-        external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
         arm: how much rotation counts where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
             0 [m] asks for the position, and of the rotations that go with it for a small one; default: the robot's
             characteristic length.
@@ -131,9 +133,10 @@ def compensate(
     """
     if prefer not in get_args(Prefer):
         raise UnknownName("preference", str(prefer), get_args(Prefer))
-    commanded = robot.pose(pose)
-    rigid = Problem.of(robot, commanded, external_wrench=external_wrench)  # which refuses a pose above all exits
-    lower, upper = limits = _limits(rigid, tension_limits)
+    rigid = Problem.of(robot, pose, external_wrench=external_wrench)  # which refuses a pose above all exits
+    robot, commanded = rigid.robot, rigid.pose
+    lower, upper = checked_limits(robot, (TAUT * rigid.load, np.inf) if tension_limits is None else tension_limits)
+    limits = frozen(np.array([lower, upper]))
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
     if arm < 0:
         raise InvalidInput(f"arm: found {arm:g} m, expected 0 or more")
@@ -158,12 +161,13 @@ def demand_at(
 ) -> Demand:
     """What tensions must do at ``pose`` under the problem's load; its rest lengths play no part."""
     robot, position, rotation = problem.robot, pose.translation, pose.rotation.as_matrix()
-    free, units = list(robot.free_directions), _units(robot)
-    lengths = statics.lengths(robot, position, rotation)
+    free, units = robot.free, robot.units
+    cables = forces.geometry(robot, position, rotation)
 
     def stiffness(tensions: Float[np.ndarray, " cables"]) -> Float[np.ndarray, "free free"]:
-        cut = Problem(robot, pose, _rest_lengths(robot, lengths, tensions), problem.external_wrench)
-        matrix = statics.stiffness_matrix(cut, position, rotation) / np.outer(units, units)
+        rest = cable_law.rest_length_for(cables.lengths, tensions, robot.axial_stiffness)
+        cut = Problem(robot, pose, rest, problem.external_wrench)
+        matrix = forces.at(cut, position, rotation).stiffness_matrix / np.outer(units, units)
         return matrix[np.ix_(free, free)]
 
     # The stiffness matrix is affine in the tensions, all taut: as many values as there are cables, and one, tell it.
@@ -171,8 +175,8 @@ def demand_at(
     base = stiffness(some)
     stiffening = np.array([(stiffness(some + step) - base) / some[0] for step in np.diag(some)])
     return Demand(
-        wrench_matrix=(statics.wrench_matrix(robot, position, rotation) / units[:, None])[free],
-        load=(statics.load_wrench(problem, rotation) / units)[free],
+        wrench_matrix=(cables.wrench_matrix / units[:, None])[free],
+        load=(forces.load_wrench(problem, rotation) / units)[free],
         lower=lower,
         upper=upper,
         stiffness=base - np.einsum("c,cij->ij", some, stiffening),
@@ -182,44 +186,11 @@ def demand_at(
 
 def _held(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " cables"]) -> Equilibrium:
     """The equilibrium at ``pose`` with cables cut for ``tensions``."""
-    lengths = statics.lengths(problem.robot, pose.translation, pose.rotation.as_matrix())
-    cut = Problem.of(problem.robot, pose, _rest_lengths(problem.robot, lengths, tensions), problem.external_wrench)
-    return statics.equilibrium_at(cut, pose, iterations=0, source="compensation")
-
-
-def _rest_lengths(
-    robot: Robot, lengths: Float[np.ndarray, " cables"], tensions: Float[np.ndarray, " cables"]
-) -> Float[np.ndarray, " cables"]:
-    """l0 = l EA / (EA + tau): what a cable of length l under tension tau measures when nothing pulls (Eq. 10)."""
-    return lengths * robot.axial_stiffness / (robot.axial_stiffness + tensions)
-
-
-def _limits(problem: Problem, tension_limits: ArrayLike | None) -> Float[np.ndarray, "2 cables"]:
-    if tension_limits is None:
-        tension_limits = (TAUT * problem.load, np.inf)
-    try:
-        pair = [np.asarray(limit, dtype=float) for limit in tension_limits]  # type: ignore[union-attr]
-        limits = np.array([np.broadcast_to(limit, (problem.robot.cables,)) for limit in pair])
-    except (TypeError, ValueError):
-        limits = np.empty(0)
-    if limits.shape != (2, problem.robot.cables):
-        raise InvalidInput(
-            f"tension_limits: found {tension_limits!r}, expected (lowest, highest) [N], numbers or one per cable"
-        )
-    lower = checked_array("tension_limits", limits[0], (problem.robot.cables,))
-    upper = np.where(np.isposinf(limits[1]), np.inf, limits[1])
-    if np.isnan(upper).any():
-        raise InvalidInput("tension_limits: found nan, expected numbers")
-    if lower.min() < 0:
-        raise InvalidInput(f"tension_limits: found a lowest of {lower.min():g} N, expected 0 or more: cables only pull")
-    if (lower > upper).any():
-        cable = int(np.argmax(lower > upper))
-        raise InvalidInput(
-            f"tension_limits: found lowest {lower[cable]:g} N above highest {upper[cable]:g} N, expected the reverse"
-        )
-    limits = np.array([lower, upper])
-    limits.flags.writeable = False
-    return limits
+    robot = problem.robot
+    lengths = forces.geometry(robot, pose.translation, pose.rotation.as_matrix()).lengths
+    rest = cable_law.rest_length_for(lengths, tensions, robot.axial_stiffness)
+    cut = Problem.of(robot, pose, rest, problem.external_wrench)
+    return forces.equilibrium_at(cut, pose, iterations=0, source="compensation")
 
 
 def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
@@ -227,7 +198,7 @@ def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
     robot = problem.robot
     if distribution.balances(demand):
         return ("tensions within limits balance the load there, but none hold it: pushed, the platform would leave",)
-    free = list(robot.free_directions)
+    free = robot.free
     missing = np.zeros(6)
     pulling = Demand(**(vars(demand) | {"lower": np.zeros(robot.cables), "upper": np.full(robot.cables, np.inf)}))
     if distribution.balances(pulling):
@@ -301,15 +272,14 @@ def _starts(
     softness = np.array([1.0, 0.1, 0.01])
     hanging = newton.solve_many(
         robot,
-        problem.pose.translation,
-        rotations=problem.pose.rotation.as_matrix(),
-        rest_lengths=problem.rest_lengths,
-        axial_stiffness=softness[:, None] * robot.axial_stiffness,
+        problem.pose,
+        problem.rest_lengths,
         external_wrench=problem.external_wrench,
+        axial_stiffness=softness[:, None] * robot.axial_stiffness,
     )
     for row in np.flatnonzero(hanging.converged):
-        pose = RigidTransform.from_components(hanging.positions[row], Rotation.from_matrix(hanging.rotations[row]))
-        starts.append((pose, np.clip(hanging.tensions[row], *limits)))
+        found = hanging[int(row)]
+        starts.append((found.pose, np.clip(found.tensions, *limits)))
     starts.insert(0, (problem.pose, np.clip(starts[0][1] if starts else limits[0], *limits)))
     return starts
 
@@ -323,7 +293,7 @@ def _descend(
 ) -> Equilibrium | None:
     """One run of SLSQP over the step from the commanded pose, per characteristic length, and the tensions per load."""
     robot = problem.robot
-    free, units = list(robot.free_directions), _units(robot)
+    free, units = robot.free, robot.units
     scale, reach = problem.load or 1.0, robot.characteristic_length
     count = len(free)
     pose, tensions = start
@@ -334,29 +304,30 @@ def _descend(
         step = np.zeros(6)
         step[free] = unknowns[:count] * reach / units[free]
         pose = moved(problem.pose, step)
-        lengths = statics.lengths(robot, pose.translation, pose.rotation.as_matrix())
-        rest = _rest_lengths(robot, lengths, np.maximum(unknowns[count:], 0) * scale)
+        lengths = forces.geometry(robot, pose.translation, pose.rotation.as_matrix()).lengths
+        tensions = np.maximum(unknowns[count:], 0) * scale
+        rest = cable_law.rest_length_for(lengths, tensions, robot.axial_stiffness)
         return pose, step, Problem(robot, pose, rest, problem.external_wrench)
 
     def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " free"]:
         pose, _, cut = posed(unknowns)
         rotation = pose.rotation.as_matrix()
-        W = statics.wrench_matrix(robot, pose.translation, rotation)
-        net = W @ unknowns[count:] * scale + statics.load_wrench(cut, rotation)
+        W = forces.geometry(robot, pose.translation, rotation).wrench_matrix
+        net = W @ unknowns[count:] * scale + forces.load_wrench(cut, rotation)
         return (net / units)[free] / scale
 
     def slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "free unknowns"]:
         pose, step, cut = posed(unknowns)
-        position, rotation = pose.translation, pose.rotation.as_matrix()
-        geometric = derivatives.wrench_slope_at_fixed_tensions(cut, position, rotation)
+        state = forces.at(cut, pose.translation, pose.rotation.as_matrix())
+        geometric = derivatives.wrench_slope_at_fixed_tensions(state)
         geometric[:, 3:] = geometric[:, 3:] @ _left_jacobian(step[3:])
         by_step = (geometric * reach / units / units[:, None])[np.ix_(free, free)] / scale
-        by_tension = (statics.wrench_matrix(robot, position, rotation) / units[:, None])[free]
+        by_tension = (state.wrench_matrix / units[:, None])[free]
         return np.hstack([by_step, by_tension])
 
     def held(unknowns: Float[np.ndarray, " unknowns"]) -> float:
         pose, _, cut = posed(unknowns)
-        softest = statics.eigenvalues(cut, pose.translation, pose.rotation.as_matrix())[0]
+        softest = forces.at(cut, pose.translation, pose.rotation.as_matrix()).eigenvalues[0]
         return float(softest * reach / scale)
 
     constraints = [{"type": "eq", "fun": balance, "jac": slope}]
@@ -386,13 +357,8 @@ def _descend(
 def _left_jacobian(rotation_vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     """J with exp((phi + d)×) = exp((J d)×) exp(phi×) to first order: the left Jacobian of SO(3)."""
     angle = float(np.linalg.norm(rotation_vector))
-    cross = derivatives.cross_matrix(rotation_vector)
+    cross = forces.cross_matrix(rotation_vector)
     if angle < 1e-6:
         return np.eye(3) + 0.5 * cross
     first, second = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
     return np.eye(3) + first * cross + second * cross @ cross
-
-
-def _units(robot: Robot) -> Float[np.ndarray, "6"]:
-    """What turns (translation, rotation) into lengths, and (force, torque) into forces."""
-    return np.repeat([1.0, robot.characteristic_length], 3)

@@ -19,12 +19,13 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.statics import derivatives, newton, forces as statics
-from cdpr_sim.core.equilibrium import NEUTRAL, Equilibrium, Stability
-from cdpr_sim.core.errors import InvalidInput, NotConverged
+from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.robot import Robot, checked_array
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import NEUTRAL
+from cdpr_sim.statics import derivatives, forces, newton
 
 SAME = 1e-3
 """Two equilibria nearer than this fraction of the characteristic length are one: two solutions of one scatter by
@@ -130,8 +131,9 @@ class Following:
 
 
 def find_equilibria(
-    robot: Robot,
-    rest_lengths: ArrayLike,
+    robot: Robot | Problem,
+    pose: PoseLike | None = None,
+    rest_lengths: ArrayLike | None = None,
     *,
     external_wrench: ArrayLike | None = None,
     saddles: bool = False,
@@ -143,8 +145,9 @@ def find_equilibria(
     A neutral equilibrium stands for the family that it belongs to.
 
     Args:
-        robot: the robot.
-        rest_lengths: unstretched cable lengths, (cables,) [m].
+        robot: the robot; or a ``Problem`` that is ready, alone.
+        pose: the commanded pose, whose rigid lengths are let out; it plays no other part.
+        rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
         external_wrench: a force [N], and no torque, on the platform's origin, base frame, besides gravity.
         saddles: whether to search for the unstable ones as well.
         starts: how many poses to start from.
@@ -153,9 +156,9 @@ def find_equilibria(
     Raises:
         InvalidInput: an argument that cannot be right; a load that pulls nowhere.
     """
-    problem = Problem.of(
-        robot, robot.home, checked_array("rest_lengths", rest_lengths, (robot.cables,)), external_wrench
-    )
+    if isinstance(robot, Robot) and pose is None and rest_lengths is not None:
+        pose = robot.home
+    problem = Problem.of(robot, pose, rest_lengths, external_wrench)
     if problem.external_wrench[3:].any():
         raise InvalidInput("external_wrench: found a torque, expected a force alone: a torque has no energy to sort by")
     if not problem.load > 0:
@@ -164,10 +167,10 @@ def find_equilibria(
         raise InvalidInput(f"starts: found {starts}, expected 1 or more")
     positions, rotations = _starts(problem, starts, np.random.default_rng(seed))
     descended = newton.solve_many(
-        robot,
+        problem.robot,
         positions,
+        problem.rest_lengths,
         rotations=rotations,
-        rest_lengths=problem.rest_lengths,
         external_wrench=problem.external_wrench,
     )
     done = descended.converged
@@ -177,13 +180,17 @@ def find_equilibria(
         positions = np.concatenate([positions, between.translation])
         rotations = np.concatenate([rotations, between.rotation.as_matrix()])
         found += _distinct(problem, *_stiffened_roots(problem, positions, rotations), polish=False, known=found)
-    energies = np.array([statics.energy(problem, one.position, one.rotation.as_matrix()) for one in found], dtype=float)
+    energies = np.array([_energy(one) for one in found], dtype=float)
     order = np.argsort(energies, kind="stable")
     return Equilibria(problem, tuple(found[i] for i in order), energies[order], len(positions), saddles)
 
 
 def follow_load(
-    robot: Robot, pose: PoseLike, rest_lengths: ArrayLike | None = None, external_wrench: ArrayLike | None = None
+    robot: Robot | Problem,
+    pose: PoseLike | None = None,
+    rest_lengths: ArrayLike | None = None,
+    *,
+    external_wrench: ArrayLike | None = None,
 ) -> Following:
     """The equilibrium that the platform reaches from ``pose`` when its load is applied slowly.
 
@@ -195,6 +202,7 @@ def follow_load(
         NotConverged: no equilibrium under some load; carries the best point.
     """
     whole = Problem.of(robot, pose, rest_lengths, external_wrench)
+    robot = whole.robot
     if not whole.load > 0:
         raise InvalidInput("follow_load: found no load, expected weight or an external wrench")
 
@@ -279,11 +287,11 @@ def _roots(
 ) -> tuple[Float[np.ndarray, "roots 3"], Float[np.ndarray, "roots 3 3"]]:
     """Where the net wrench vanishes, stable or not: Levenberg-Marquardt with the exact slope, all starts at once."""
     robot = problem.robot
-    free, units = list(robot.free_directions), np.repeat([1.0, robot.characteristic_length], 3)
+    free, units = robot.free, robot.units
     eye = np.eye(len(free))
 
     def wrench(positions: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-        return (statics.net_wrench(problem, positions, rotations) / units)[:, free]
+        return (forces.at(problem, positions, rotations).net_wrench / units)[:, free]
 
     positions, rotations = positions.copy(), rotations.copy()
     force = wrench(positions, rotations)
@@ -294,7 +302,7 @@ def _roots(
         rows = np.flatnonzero(live & (size > 1e-3 * BALANCED * problem.load))
         if not rows.size:
             break
-        slope = derivatives.wrench_slope(problem, positions[rows], rotations[rows]) / np.outer(units, units)
+        slope = derivatives.wrench_slope(forces.at(problem, positions[rows], rotations[rows])) / np.outer(units, units)
         slope = slope[:, free][:, :, free]
         normal = slope.swapaxes(-1, -2) @ slope
         scale = np.trace(normal, axis1=-2, axis2=-1)[:, None, None] / len(free)
@@ -340,7 +348,7 @@ def _distinct(
         row = int(np.argmax(left))
         pose = RigidTransform.from_components(positions[row], Rotation.from_matrix(rotations[row]))
         left[row] = False
-        one = statics.equilibrium_at(problem, pose, iterations=0, source="equilibria")
+        one = forces.equilibrium_at(problem, pose, iterations=0, source="equilibria")
         if polish:
             try:
                 one = newton.solve(Problem.of(problem.robot, pose, problem.rest_lengths, problem.external_wrench))
@@ -367,7 +375,12 @@ def _related(one: Equilibrium, other: Equilibrium) -> bool:
     if min(np.abs(e.eigenvalues).min() / np.abs(e.eigenvalues).max() for e in (one, other)) > LOOSE:
         return False
     problem = one.problem
-    energies = [statics.energy(problem, e.position, e.rotation.as_matrix()) for e in (one, other)]
+    energies = [_energy(e) for e in (one, other)]
     size = problem.load * problem.robot.characteristic_length
     alike = np.allclose(one.tensions, other.tensions, rtol=0, atol=1e-5 * problem.load)
     return bool(alike and abs(energies[0] - energies[1]) <= 1e-8 * size)
+
+
+def _energy(equilibrium: Equilibrium) -> float:
+    state = forces.at(equilibrium.problem, equilibrium.position, equilibrium.rotation.as_matrix())
+    return float(state.energy)

@@ -19,11 +19,13 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from cdpr_sim.statics import derivatives, newton
-from cdpr_sim.core.errors import InvalidInput, NotConverged, UnknownName
 from cdpr_sim.analysis.measurements import Measurements
+from cdpr_sim.core.checks import positive
+from cdpr_sim.core.equilibrium import NotConverged
+from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.robot import Robot, checked_array
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import derivatives, forces, newton
 
 UNKNOWNS = ("axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "mass", "center_of_mass")
 """What can be fitted: one EA for all cables, one each, what is added to each rest length, mass, centre of mass."""
@@ -124,10 +126,10 @@ def identify(
     wanted = _wanted(robot, unknowns)
     known = measurements.known
     stated = position_error is not None
-    position_error = 1.0 if position_error is None else _positive("position_error", position_error)
+    position_error = 1.0 if position_error is None else positive("position_error", position_error, "m")
     if rotation_error is None:
         rotation_error = position_error / robot.characteristic_length
-    rotation_error = _positive("rotation_error", rotation_error)
+    rotation_error = positive("rotation_error", rotation_error, "rad")
     sigma = np.broadcast_to(np.repeat([position_error, rotation_error], 3), known.shape)[known]
     count, needed = int(known.sum()), len(wanted) + (not stated)
     if count < needed:
@@ -182,13 +184,6 @@ def identify(
         spread=scatter if stated else 1.0,
         reasons=tuple(reasons),
     )
-
-
-def _positive(field: str, value: float) -> float:
-    number = float(checked_array(field, value, ()))
-    if not number > 0:
-        raise InvalidInput(f"{field}: found {number:g}, expected more than 0")
-    return number
 
 
 def _wanted(robot: Robot, unknowns: Sequence[str]) -> list[_Unknown]:
@@ -268,7 +263,7 @@ class _Model:
         self.now, self.rest = self.changed(x)
         if not self.rest.min() > 0:
             raise NotConverged("identify: the fit asked for rest lengths below 0")
-        solved = newton.solve_many(self.now, self.positions, rotations=self.rotations, rest_lengths=self.rest)
+        solved = newton.solve_many(self.now, self.positions, self.rest, rotations=self.rotations)
         if not solved.converged.all():
             row = int(np.argmin(solved.converged))
             raise NotConverged(
@@ -280,21 +275,21 @@ class _Model:
     def residuals(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows 6"]:
         """Six-vector of the equilibrium less the measured one; angles between −π and π."""
         self.solve(x)
-        angles = _euler(self.solved.rotations)
-        difference = np.hstack([self.solved.positions, angles]) - self.measurements.measured
+        difference = np.hstack([self.solved.positions, self.solved.euler]) - self.measurements.measured
         difference[:, 3:] = (difference[:, 3:] + np.pi) % (2 * np.pi) - np.pi
         return difference
 
     def slopes(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows 6 unknowns"]:
         """Derivative of ``residuals``."""
         self.solve(x)
-        free = list(self.now.free_directions)
+        free = self.now.free
         result, no_wrench = np.zeros((len(self.positions), 6, len(self.unknowns))), np.zeros(6)
-        angles = _euler(self.solved.rotations)
+        angles = self.solved.euler
         for row, (position, rotation) in enumerate(zip(self.solved.positions, self.solved.rotations, strict=True)):
             problem = Problem(self.now, self.poses[row], self.rest[row], no_wrench)
-            slope = derivatives.wrench_slope(problem, position, rotation)[np.ix_(free, free)]
-            by_parameter = derivatives.wrench_by_parameter(problem, position, rotation)
+            state = forces.at(problem, position, rotation)
+            slope = derivatives.wrench_slope(state)[np.ix_(free, free)]
+            by_parameter = derivatives.wrench_by_parameter(state)
             wrench = np.stack(
                 [by_parameter[one.parameter][:, list(one.columns)].sum(1) for one in self.unknowns], axis=1
             )
@@ -303,14 +298,6 @@ class _Model:
             result[row, 3:] = _angle_rates(angles[row]) @ result[row, 3:]
         scale = [_value(one, at) if one.logarithmic else 1.0 for one, at in zip(self.unknowns, x, strict=True)]
         return result * np.array(scale)
-
-
-def _euler(rotations: Float[np.ndarray, "rows 3 3"]) -> Float[np.ndarray, "rows 3"]:
-    """(alpha, beta, gamma) of R = Rz(gamma) Ry(beta) Rx(alpha)."""
-    beta = np.arctan2(-rotations[:, 2, 0], np.hypot(rotations[:, 0, 0], rotations[:, 1, 0]))
-    alpha = np.arctan2(rotations[:, 2, 1], rotations[:, 2, 2])
-    gamma = np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0])
-    return np.stack([alpha, beta, gamma], axis=1)
 
 
 def _angle_rates(angles: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

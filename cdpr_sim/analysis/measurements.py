@@ -19,8 +19,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
+from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.errors import InvalidInput, UnknownName
-from cdpr_sim.core.robot import Robot, checked_array
+from cdpr_sim.core.robot import Robot
 
 COORDINATES = ("x", "y", "z", "alpha", "beta", "gamma")
 

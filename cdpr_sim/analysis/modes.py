@@ -10,13 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from cdpr_sim.statics import derivatives, forces as statics
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import forces, newton
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +37,26 @@ class Modes:
     shapes: Float[np.ndarray, "free 6"]
 
 
-def natural_modes(equilibrium: Equilibrium) -> Modes:
-    """Natural frequencies and mode shapes about ``equilibrium``.
+def natural_modes(
+    equilibrium: Equilibrium | Problem | Robot,
+    pose: PoseLike | None = None,
+    rest_lengths: ArrayLike | None = None,
+    *,
+    external_wrench: ArrayLike | None = None,
+) -> Modes:
+    """Natural frequencies and mode shapes about an equilibrium.
+
+    Args:
+        equilibrium: found by either road, alone; or a problem, or a robot with what follows, as ``solve`` takes them.
+        pose: the commanded pose.
+        rest_lengths: (cables,) [m]; default: the rigid lengths at ``pose``.
+        external_wrench: (6,) [N, N m].
 
     Raises:
         InvalidInput: the equilibrium is unstable, or held by a torque that keeps its direction in space.
+        NotConverged: there is none.
     """
+    equilibrium = newton.equilibrium_of(equilibrium, pose, rest_lengths, external_wrench)
     problem = equilibrium.problem
     if equilibrium.stability is Stability.UNSTABLE:
         raise InvalidInput(
@@ -50,8 +67,8 @@ def natural_modes(equilibrium: Equilibrium) -> Modes:
             "equilibrium: found one under an external torque, expected none: such a torque is not conservative, and a "
             "platform need not swing about it"
         )
-    free = list(problem.robot.free_directions)
-    stiffness = statics.stiffness_matrix(problem, equilibrium.position, equilibrium.rotation.as_matrix())
+    free = problem.robot.free
+    stiffness = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix()).stiffness_matrix
     mass = mass_matrix(problem.robot, equilibrium.rotation)
     squares, vectors = eigh(stiffness[np.ix_(free, free)], mass[np.ix_(free, free)])
     shapes = np.zeros((len(free), 6))
@@ -67,6 +84,6 @@ def mass_matrix(robot: Robot, rotation: Rotation) -> Float[np.ndarray, "6 6"]:
     """
     R = rotation.as_matrix()
     center = R @ robot.center_of_mass
-    cross = derivatives.cross_matrix(center)
+    cross = forces.cross_matrix(center)
     inertia = R @ robot.inertia @ R.T + robot.mass * (center @ center * np.eye(3) - np.outer(center, center))
     return np.block([[robot.mass * np.eye(3), -robot.mass * cross], [robot.mass * cross, inertia]])

@@ -14,10 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 
-from cdpr_sim.statics import derivatives
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import derivatives, forces, newton
 
 PER = {
     "rest_lengths": "mm",
@@ -108,27 +112,38 @@ class Sensitivity:
         return sorted(found, key=lambda e: -np.hypot(e.position, arm * np.radians(e.rotation)))
 
 
-def sensitivity(equilibrium: Equilibrium) -> Sensitivity:
-    """The derivatives of ``equilibrium`` by everything it depends on.
+def sensitivity(
+    equilibrium: Equilibrium | Problem | Robot,
+    pose: PoseLike | None = None,
+    rest_lengths: ArrayLike | None = None,
+    *,
+    external_wrench: ArrayLike | None = None,
+) -> Sensitivity:
+    """The derivatives of an equilibrium by everything it depends on.
 
     Args:
-        equilibrium: found by either road; its own problem says what it depends on.
+        equilibrium: found by either road, alone; or a problem, or a robot with what follows, as ``solve`` takes them.
+        pose: the commanded pose.
+        rest_lengths: (cables,) [m]; default: the rigid lengths at ``pose``.
+        external_wrench: (6,) [N, N m].
 
     Raises:
         InvalidInput: nothing holds some direction, so that the derivatives are infinite.
+        NotConverged: there is no equilibrium.
     """
+    equilibrium = newton.equilibrium_of(equilibrium, pose, rest_lengths, external_wrench)
     problem = equilibrium.problem
     if equilibrium.stability is Stability.NEUTRAL:
         raise InvalidInput(
             f"equilibrium: found a neutral one of {problem.robot.name!r}, expected one held in every direction: "
             "the slightest change moves the platform without limit"
         )
-    position, rotation = equilibrium.position, equilibrium.rotation.as_matrix()
-    free = list(problem.robot.free_directions)
-    slope = derivatives.wrench_slope(problem, position, rotation)[np.ix_(free, free)]
-    by_parameter = derivatives.wrench_by_parameter(problem, position, rotation)
-    tension_by = derivatives.tension_by_parameter(problem, position, rotation)
-    by_pose = derivatives.tension_by_pose(problem, position, rotation)
+    free = problem.robot.free
+    state = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix())
+    slope = derivatives.wrench_slope(state)[np.ix_(free, free)]
+    by_parameter = derivatives.wrench_by_parameter(state)
+    tension_by = derivatives.tension_by_parameter(state)
+    by_pose = derivatives.tension_by_pose(state)
     poses, tensions = {}, {}
     for name in derivatives.PARAMETERS:
         step = np.zeros_like(by_parameter[name])

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import pose as _pose
+from cdpr_sim.core.errors import CdprError
 from cdpr_sim.core.problem import Problem
-
-NEUTRAL = 1e-9
-"""Eigenvalues smaller than this fraction of the largest are rounding: that direction is neither held nor repelled."""
+from cdpr_sim.core.status import NEUTRAL, Status
 
 
 class Stability(enum.Enum):
@@ -94,10 +94,7 @@ class Equilibrium:
     @property
     def stability(self) -> Stability:
         """Stable, neutral or unstable, by the smallest eigenvalue of the stiffness matrix."""
-        smallest, scale = self.eigenvalues[0], np.abs(self.eigenvalues).max()
-        if not smallest >= -NEUTRAL * scale:  # also where it is nan
-            return Stability.UNSTABLE
-        return Stability.STABLE if smallest > NEUTRAL * scale else Stability.NEUTRAL
+        return stability_of(self.eigenvalues)
 
     @property
     def stable(self) -> bool:
@@ -111,3 +108,45 @@ class Equilibrium:
             f"{int(self.slack.sum())} of {len(self.tensions)} cables slack, residual {self.residual:.1e} N, "
             f"{self.stability.name.lower()}>"
         )
+
+
+def stability_of(eigenvalues: Float[np.ndarray, " free"]) -> Stability:
+    """What ascending eigenvalues of a stiffness matrix say."""
+    smallest, scale = eigenvalues[0], np.abs(eigenvalues).max()
+    if not smallest >= -NEUTRAL * scale:  # also where it is nan
+        return Stability.UNSTABLE
+    return Stability.STABLE if smallest > NEUTRAL * scale else Stability.NEUTRAL
+
+
+class _NoRest(CdprError):
+    """A road that did not reach static equilibrium; carries the best point it saw.
+
+    Attributes:
+        reason: what happened, in words.
+        equilibrium: the best point, its residual included; it is *not* an equilibrium.
+    """
+
+    def __init__(self, reason: str, equilibrium: Equilibrium | None = None) -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.equilibrium = equilibrium
+
+    @classmethod
+    def because(cls, status: Status, point: Equilibrium) -> Self:
+        """With the status in words, and how far the point is from rest."""
+        counted = "time steps" if point.source == "mujoco" else "iterations"
+        reason = (
+            f"{point.problem.robot.name}: {point.source}: {status.sentence} "
+            f"({point.iterations} {counted}, {point.residual:.1e} N still unbalanced)"
+        )
+        if point.problem.external_wrench[3:].any():
+            reason += "; under a torque that keeps its direction in space there may be no rest"
+        return cls(reason, point)
+
+
+class NotConverged(_NoRest):
+    """A static solver stopped without reaching equilibrium."""
+
+
+class NotSettled(_NoRest):
+    """MuJoCo's platform did not come to rest."""

@@ -4,11 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from cdpr_sim.core.equilibrium import Equilibrium
-    from cdpr_sim.core.trajectory import Trajectory
 
 
 class CdprError(Exception):
@@ -35,37 +30,3 @@ class RobotFileError(InvalidInput):
 
 class StoreError(CdprError, OSError):
     """A file or folder that cannot be written; what was there is still there."""
-
-
-class _NoRest(CdprError):
-    """A road that did not reach static equilibrium; carries the best point it saw.
-
-    Attributes:
-        reason: what happened, in words.
-        equilibrium: the best point, its residual included; it is *not* an equilibrium.
-    """
-
-    def __init__(self, reason: str, equilibrium: Equilibrium | None = None) -> None:
-        super().__init__(reason)
-        self.reason = reason
-        self.equilibrium = equilibrium
-
-
-class NotConverged(_NoRest):
-    """A static solver stopped without reaching equilibrium."""
-
-
-class NotSettled(_NoRest):
-    """MuJoCo's platform did not come to rest."""
-
-
-class PlatformFell(CdprError):
-    """MuJoCo's platform fell while it was driven.
-
-    Attributes:
-        trajectory: the motion so far; its last state is the fallen one.
-    """
-
-    def __init__(self, reason: str, trajectory: Trajectory | None = None) -> None:
-        super().__init__(reason)
-        self.trajectory = trajectory

@@ -1,14 +1,70 @@
-"""Files that are there whole or not at all."""
+"""Files that are there whole or not at all, and never over others unless asked."""
 
 from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from cdpr_sim.core.errors import InvalidInput
+
+
+def check_place(path: str | Path, suffixes: Sequence[str], *, force: bool = False, field: str = "") -> Path:
+    """``path``, where a file can be written; to be asked before work begins.
+
+    Args:
+        path: of the file.
+        suffixes: with one of which it ends.
+        force: whether a file that is there may be replaced.
+        field: what a sentence about the path calls it; default: the path itself.
+
+    Raises:
+        InvalidInput: another suffix, a file that is there without ``force``, or a folder that cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in suffixes:
+        expected = " or ".join(filter(None, [", ".join(suffixes[:-1]), suffixes[-1]]))
+        if field:
+            raise InvalidInput(f"{field}: found {path.name!r}, expected a name that ends in {expected}")
+        found = f"found the suffix {path.suffix!r}" if path.suffix else "found no suffix"
+        raise InvalidInput(f"{path}: {found}, expected {expected}")
+    if path.is_dir():
+        raise InvalidInput(f"{path}: found a folder, expected a file")
+    if field and path.exists() and not force:
+        raise InvalidInput(f"{field}: {path} exists; expected a new name, or --force to replace it")
+    refuse_existing([path], force=force)
+    if not path.parent.is_dir():
+        raise InvalidInput(f"{field or path}: found no folder {str(path.parent)!r}, expected one that exists")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise InvalidInput(f"{path}: cannot be written: the folder {str(path.parent)!r} is read-only")
+    return path
+
+
+def refuse_existing(paths: Iterable[Path], *, force: bool = False) -> None:
+    """Only with ``force`` are files replaced.
+
+    Raises:
+        InvalidInput: one of ``paths`` is there, and ``force`` is off.
+    """
+    for path in paths:
+        if path.exists() and not force:
+            raise InvalidInput(f"{path}: exists, expected a new place or --force")
+
+
+def make_folder(folder: Path) -> None:
+    """Make ``folder``, where it is not there, and see that it can be written to.
+
+    Raises:
+        InvalidInput: it cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _unwritable(folder, error) from None
 
 
 @contextmanager
@@ -30,7 +86,22 @@ def appearing(*paths: Path) -> Iterator[list[Path]]:
             os.chmod(temporary, 0o644)
             os.replace(temporary, path)
     except OSError as error:
-        raise InvalidInput(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise _unwritable(path, error) from error
     finally:
         for temporary in temporaries:
             temporary.unlink(missing_ok=True)
+
+
+def write_whole(contents: Mapping[Path, bytes]) -> None:
+    """Write all of these files or none.
+
+    Raises:
+        InvalidInput: a place that cannot be written; what was there is still there.
+    """
+    with appearing(*contents) as temporaries:
+        for content, temporary in zip(contents.values(), temporaries, strict=True):
+            temporary.write_bytes(content)
+
+
+def _unwritable(path: Path, error: OSError) -> InvalidInput:
+    return InvalidInput(f"{path}: cannot be written: {error.strerror or error}")

@@ -62,10 +62,23 @@ def six_vector(pose: RigidTransform) -> Float[np.ndarray, "6"]:
     return np.concatenate([pose.translation, euler(pose.rotation)])
 
 
+def euler_of_matrices(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3"]:
+    """``euler`` of rotation matrices, (..., 3) [rad]; nan where a matrix is."""
+    known = np.isfinite(matrices).all((-1, -2))
+    angles = np.full((*known.shape, 3), np.nan)
+    if known.any():
+        angles[known] = euler(Rotation.from_matrix(matrices[known]))
+    return angles
+
+
 def tilt(rotation: Rotation) -> float:
     """The angle [rad] between the platform's z axis and the vertical."""
-    x, y, z = rotation.as_matrix()[:, 2]
-    return float(np.arctan2(np.hypot(x, y), z))
+    return float(tilt_of_matrices(rotation.as_matrix()))
+
+
+def tilt_of_matrices(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch"]:
+    """``tilt`` of rotation matrices, (...) [rad]."""
+    return np.arctan2(np.hypot(matrices[..., 0, 2], matrices[..., 1, 2]), matrices[..., 2, 2])
 
 
 def moved(pose: RigidTransform, step: Float[np.ndarray, "6"]) -> RigidTransform:

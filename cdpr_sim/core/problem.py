@@ -1,17 +1,24 @@
-"""What both roads are asked: where does this robot rest, with these cables let out and this load?"""
+"""What both roads are asked: where does a robot rest, with these cables let out and this load? Once, or many times."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core import cable_path
+from cdpr_sim.core.checks import as_numbers, checked_array, frozen
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.pose import PoseLike
-from cdpr_sim.core.robot import Robot, checked_array
+from cdpr_sim.core.pose import PoseLike, as_pose
+from cdpr_sim.core.robot import IN_PLANE, Robot
+
+ORTHOGONAL = 1e-6
+"""How far the rows of a rotation matrix may be from unit length and right angles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,47 +40,61 @@ class Problem:
     @classmethod
     def of(
         cls,
-        robot: Robot,
-        pose: PoseLike,
+        robot: Robot | Problem,
+        pose: PoseLike | None = None,
         rest_lengths: ArrayLike | None = None,
         external_wrench: ArrayLike | None = None,
     ) -> Problem:
         """The problem that users describe; rest lengths default to the rigid ones at ``pose`` (paper Eq. 1, 2).
 
+        A problem that is ready goes through as it is, and takes nothing beside it.
+
         Raises:
             InvalidInput: a pose, a length or a wrench that cannot be right, or a commanded pose at which every
                 exit lies below the platform, so that it falls.
         """
+        if isinstance(robot, Problem):
+            beside = {"pose": pose, "rest_lengths": rest_lengths, "external_wrench": external_wrench}
+            for name, value in beside.items():
+                if value is not None:
+                    raise InvalidInput(f"{name}: found one beside a Problem, expected it in the Problem alone")
+            return robot
+        if not isinstance(robot, Robot):
+            raise InvalidInput(f"robot: found {robot!r}, expected a Robot or a Problem")
+        if pose is None:
+            raise InvalidInput("pose: found none, expected (x, y, z), a six-vector or a RigidTransform")
         transform = robot.pose(pose)
         if rest_lengths is None:
             rest = robot.rest_lengths(transform)
         else:
-            rest = checked_array("rest_lengths", rest_lengths, (robot.cables,))
+            rest = checked_array("rest_lengths", rest_lengths, (len(robot.cabling),))
             if not rest.min() > 0:
                 raise InvalidInput(f"rest_lengths: found {rest.min():g} m, expected more than 0")
         wrench = checked_array("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, (6,))
-        held = np.setdiff1d(np.arange(6), robot.free_directions)
-        if wrench[held].any():
-            raise InvalidInput(
-                f"external_wrench: found {wrench.tolist()}, but {robot.name!r} is planar: "
-                "expected only forces along x and z and a torque about y"
-            )
+        refuse_wrench_out_of_plane(robot, wrench)
         if rest_lengths is None:
-            _refuse_a_fall(robot, transform, wrench)
-        for array in (rest, wrench):
-            array.flags.writeable = False
-        return cls(robot, transform, rest, wrench)
+            frame = transform.as_matrix()
+            if _falls(robot, robot.weight, wrench, frame[:3, 3], frame[:3, :3]):
+                raise InvalidInput(
+                    f"pose: found every exit of {robot.name!r} below the platform, which falls since cables cannot "
+                    "push; expected at least one exit above its anchor"
+                )
+        return cls(robot, transform, frozen(rest), frozen(wrench))
 
     @property
-    def stiffnesses(self) -> Float[np.ndarray, " cables"]:
-        """Spring constants EA / l0 of the cables, (cables,) [N/m] (paper Eq. 10)."""
-        return self.robot.axial_stiffness / self.rest_lengths
+    def axial_stiffness(self) -> Float[np.ndarray, " cables"]:
+        """EA of the robot's cables, (cables,) [N]."""
+        return self.robot.axial_stiffness
+
+    @property
+    def mass(self) -> float:
+        """Of the robot's platform [kg]."""
+        return self.robot.mass
 
     @property
     def load(self) -> float:
         """The largest of weight, external force and external torque over the characteristic length [N]."""
-        scale = np.repeat([1.0, self.robot.characteristic_length], 3)
-        return max(self.robot.weight, float(np.abs(self.external_wrench / scale).max()))
+        return max(self.robot.weight, float(np.abs(self.external_wrench / self.robot.units).max()))
 
     def same_as(self, other: Problem) -> bool:
         """Whether both ask for the same robot, rest lengths and load (the starting pose may differ)."""
@@ -82,18 +103,294 @@ class Problem:
             np.array_equal(self.rest_lengths, other.rest_lengths)
             and np.array_equal(self.external_wrench, other.external_wrench)
             and (mine.mass, mine.gravity, mine.mobility) == (theirs.mass, theirs.gravity, theirs.mobility)
-            and all(
-                np.array_equal(getattr(mine, field), getattr(theirs, field))
-                for field in ("exits", "anchors", "axial_stiffness", "center_of_mass")
+            and np.array_equal(mine.center_of_mass, theirs.center_of_mass)
+            and (mine.cabling is theirs.cabling or mine.cabling.same_as(theirs.cabling))
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Problems:
+    """Many problems of one robot, checked as a whole; arrays broadcast to one ``shape``.
+
+    Indexing gives a single ``Problem``; a row that cannot be asked says why in ``falls`` and ``finite``.
+
+    Attributes:
+        robot: the robot.
+        positions: commanded, (..., 3) [m].
+        rotations: commanded rotation matrices, (..., 3, 3).
+        rest_lengths: unstretched cable lengths l0, (..., cables) [m].
+        external_wrench: force [N] and torque [N m] on the platform's origin, base frame, (..., 6).
+        axial_stiffness: EA, (..., cables) [N].
+        mass: (...) [kg].
+        shape: that all of them broadcast to.
+        falls: (...) where every exit lies below the platform, which then falls.
+        singles: the problems that were stacked, if they were.
+    """
+
+    robot: Robot
+    positions: Float[np.ndarray, "*#batch 3"]
+    rotations: Float[np.ndarray, "*#batch 3 3"]
+    rest_lengths: Float[np.ndarray, "*#batch cables"]
+    external_wrench: Float[np.ndarray, "*#batch 6"]
+    axial_stiffness: Float[np.ndarray, "*#batch cables"]
+    mass: Float[np.ndarray, "*#batch"]
+    shape: tuple[int, ...]
+    falls: Bool[np.ndarray, "*#batch"]
+    singles: tuple[Problem, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot | Problems,
+        poses: RigidTransform | ArrayLike | None = None,
+        rest_lengths: ArrayLike | None = None,
+        external_wrench: ArrayLike | None = None,
+        *,
+        rotations: ArrayLike | None = None,
+        axial_stiffness: ArrayLike | None = None,
+        mass: ArrayLike | None = None,
+    ) -> Problems:
+        """The problems that users describe.
+
+        Args:
+            robot: the robot; its cables and mass are the default of what follows. Or problems that are ready.
+            poses: commanded, (..., 3) [m], (..., 6) [m, rad], a stack of transforms, or a list of anything that is a
+                pose.
+            rest_lengths: (..., cables) [m]; default: the rigid lengths at each commanded pose (paper Eq. 1, 2).
+            external_wrench: (..., 6) [N, N m].
+            rotations: commanded rotation matrices (..., 3, 3), where ``poses`` are positions; default: level.
+            axial_stiffness: EA [N], a number, or with the cables last: (..., cables), or (..., 1) for all cables alike.
+            mass: (...) [kg].
+
+        Raises:
+            InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
+        """
+        if isinstance(robot, Problems):
+            for name, value in {k: v for k, v in locals().items() if k not in ("cls", "robot")}.items():
+                if value is not None:
+                    raise InvalidInput(f"{name}: found it beside Problems, expected it in them alone")
+            return robot
+        if poses is None:
+            raise InvalidInput("poses: found none, expected (..., 3), (..., 6) or a stack of RigidTransform")
+        cables = len(robot.cabling)
+        at, turned = positions_and_rotations(robot, poses, rotations)
+        wrench = _with_last("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, (6,))
+        refuse_wrench_out_of_plane(robot, wrench)
+        if axial_stiffness is None:
+            stiffness = robot.axial_stiffness
+        else:
+            stiffness = _with_last("axial_stiffness", axial_stiffness, (cables, 1), least=0.0, unit="N", number=True)
+            if cables > 1 and at.shape[-2:-1] == (cables,) == np.shape(axial_stiffness):
+                raise InvalidInput(
+                    f"axial_stiffness: found ({cables},), which could be one per cable or one per pose; expected "
+                    f"(1, {cables}) for one per cable, or ({cables}, 1) for one per pose"
+                )
+            stiffness = np.broadcast_to(stiffness, (*stiffness.shape[:-1], cables))
+        masses = np.array(robot.mass) if mass is None else checked_array("mass", mass, None)
+        if not (masses > 0).all():
+            raise InvalidInput(f"mass: found {masses.min():g} kg, expected more than 0")
+        falls = np.array(False)
+        if rest_lengths is None:
+            rest = cable_path.lengths(robot.cabling, at, turned)
+            falls = _falls(robot, masses * robot.gravity, wrench, at, turned)
+        else:
+            rest = _with_last("rest_lengths", rest_lengths, (cables,), least=0.0, unit="m")
+        parts = {
+            "poses": at.shape[:-1], "rotations": turned.shape[:-2], "rest_lengths": rest.shape[:-1],
+            "external_wrench": wrench.shape[:-1], "axial_stiffness": stiffness.shape[:-1], "mass": masses.shape,
+        }  # fmt: skip
+        try:
+            shape = np.broadcast_shapes(*parts.values())
+        except ValueError:
+            told = ", ".join(f"{name} {found}" for name, found in parts.items() if found)
+            raise InvalidInput(f"shapes before the last dimensions do not fit one another: {told}") from None
+        return cls(robot, at, turned, rest, wrench, stiffness, masses, shape, falls)
+
+    @classmethod
+    def stack(cls, problems: Sequence[Problem]) -> Problems:
+        """(rows,) problems of one and the same robot, each ready on its own."""
+        made = cls(
+            robot=problems[0].robot,
+            positions=np.array([problem.pose.translation for problem in problems]),
+            rotations=np.array([problem.pose.rotation.as_matrix() for problem in problems]),
+            rest_lengths=np.array([problem.rest_lengths for problem in problems]),
+            external_wrench=np.array([problem.external_wrench for problem in problems]),
+            axial_stiffness=problems[0].axial_stiffness,
+            mass=np.array(problems[0].mass),
+            shape=(len(problems),),
+            falls=np.array(False),
+            singles=tuple(problems),
+        )
+        made.__dict__["poses"] = RigidTransform.concatenate([problem.pose for problem in problems])
+        return made
+
+    def take(self, rows: Int[np.ndarray, " some"]) -> Problems:
+        """Some of (rows,) problems."""
+        return Problems(
+            robot=self.robot,
+            positions=self._at(self.positions, (rows,), 1),
+            rotations=self._at(self.rotations, (rows,), 2),
+            rest_lengths=self._at(self.rest_lengths, (rows,), 1),
+            external_wrench=self._at(self.external_wrench, (rows,), 1),
+            axial_stiffness=self._at(self.axial_stiffness, (rows,), 1),
+            mass=self._at(self.mass, (rows,), 0),
+            shape=(len(rows),),
+            falls=self._at(self.falls, (rows,), 0),
+        )
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __iter__(self) -> Iterator[Problem]:
+        return (self[row] for row in range(len(self)))
+
+    def __getitem__(self, row: int | tuple[int, ...]) -> Problem:
+        """The problem at one index of ``shape``."""
+        if self.singles and not isinstance(row, tuple):
+            return self.singles[row]
+        at = np.index_exp[row] if not isinstance(row, tuple) else row
+        stiffness, mass = self._at(self.axial_stiffness, at, 1), float(self._at(self.mass, at, 0))
+        robot, changes = self.robot, {}
+        if not np.array_equal(stiffness, robot.axial_stiffness):
+            changes["axial_stiffness"] = stiffness
+        if mass != robot.mass:
+            changes["mass"] = mass
+        pose = RigidTransform.from_components(
+            self._at(self.positions, at, 1), Rotation.from_matrix(self._at(self.rotations, at, 2))
+        )
+        rest, wrench = self._at(self.rest_lengths, at, 1).copy(), self._at(self.external_wrench, at, 1).copy()
+        return Problem(robot.replace(**changes) if changes else robot, pose, frozen(rest), frozen(wrench))
+
+    def _at(self, array: np.ndarray, row: tuple, core: int) -> np.ndarray:
+        """One row of an array whose last ``core`` dimensions belong to each row."""
+        return np.broadcast_to(array, self.shape + array.shape[array.ndim - core :])[row]
+
+    @cached_property
+    def finite(self) -> Bool[np.ndarray, "*batch"]:
+        """(...) where pose and rest lengths are numbers, the lengths above zero."""
+        known = np.isfinite(self.positions).all(-1) & np.isfinite(self.rotations).all((-1, -2))
+        return np.broadcast_to(known & (self.rest_lengths > 0).all(-1), self.shape)
+
+    @cached_property
+    def poses(self) -> RigidTransform:
+        """The commanded poses, a stack of (rows,)."""
+        rows = (np.broadcast_to(self.positions, (*self.shape, 3)), np.broadcast_to(self.rotations, (*self.shape, 3, 3)))
+        return RigidTransform.from_components(rows[0], Rotation.from_matrix(rows[1]))
+
+    @cached_property
+    def load(self) -> Float[np.ndarray, "*#batch"]:
+        """(...) the largest of weight, external force and external torque over the characteristic length [N]."""
+        outside = np.abs(self.external_wrench / self.robot.units).max(-1)
+        return np.maximum(self.mass * self.robot.gravity, outside)
+
+
+def positions_and_rotations(
+    robot: Robot, poses: RigidTransform | ArrayLike, rotations: ArrayLike | None
+) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*#batch 3 3"]]:
+    """Poses as users give them: positions (..., 3) [m] and rotation matrices, of all or of each.
+
+    Raises:
+        InvalidInput: not poses, or out of the plane of a planar robot.
+    """
+    vectors = np.empty(0)
+    if not isinstance(poses, RigidTransform):
+        try:
+            vectors = np.array(poses, dtype=float)
+        except (TypeError, ValueError):  # a list with transforms, or of vectors that differ in length
+            if not isinstance(poses, (list, tuple)):
+                raise InvalidInput(f"poses: found {poses!r}, expected numbers or transforms") from None
+            poses = RigidTransform.concatenate([as_pose(pose) for pose in poses])
+    if isinstance(poses, RigidTransform):
+        at, turned = poses.translation, poses.rotation.as_matrix()
+        if rotations is not None:
+            raise InvalidInput("rotations: found them beside transforms, expected one of the two")
+    elif vectors.shape[-1:] == (3,):
+        at = vectors
+        turned = np.eye(3) if rotations is None else _checked_rotations(rotations)
+    elif vectors.shape[-1:] == (6,) and rotations is None:
+        at = vectors[..., :3]
+        angles = np.where(np.isfinite(vectors[..., 3:]), vectors[..., 3:], 0.0).reshape(-1, 3)
+        turned = Rotation.from_euler("xyz", angles).as_matrix().reshape(*vectors.shape[:-1], 3, 3)
+        turned[~np.isfinite(vectors[..., 3:]).all(-1)] = np.nan
+    else:
+        raise InvalidInput(f"poses: found an array of shape {vectors.shape}, expected (..., 3) or (..., 6)")
+    if 0 in at.shape:
+        raise InvalidInput("poses: found none, expected at least one")
+    if robot.mobility == "planar":
+        beside = np.abs(at[..., 1])
+        tipped = np.abs(turned[..., 1, [0, 2]]).max(-1)
+        if (beside > IN_PLANE).any() or (tipped > IN_PLANE).any():
+            found = f"y = {np.nanmax(beside):g} m" if (beside > IN_PLANE).any() else "a rotation about x or z"
+            raise InvalidInput(
+                f"poses: found {found}, but {robot.name!r} is planar: expected y = 0 and a rotation about y only"
             )
-        )
+    return at, turned
 
 
-def _refuse_a_fall(robot: Robot, pose: RigidTransform, wrench: Float[np.ndarray, "6"]) -> None:
-    """A cable only pulls: with every exit below its anchor, nothing holds a platform that is pushed down."""
-    rise = robot.exits[:, 2] - pose.apply(robot.anchors)[:, 2]
-    if robot.weight > wrench[2] and not rise.max() > 0:
+def _checked_rotations(rotations: ArrayLike) -> Float[np.ndarray, "*batch 3 3"]:
+    matrices = as_numbers("rotations", rotations)
+    if matrices.shape[-2:] != (3, 3):
+        raise InvalidInput(f"rotations: found an array of shape {matrices.shape}, expected (..., 3, 3)")
+    known = np.isfinite(matrices).all((-1, -2))
+    square = matrices @ matrices.swapaxes(-1, -2)
+    wrong = known & ((np.abs(square - np.eye(3)).max((-1, -2)) > ORTHOGONAL) | (np.linalg.det(matrices) < 0))
+    if wrong.any():
         raise InvalidInput(
-            f"pose: found every exit of {robot.name!r} below the platform, which falls since cables cannot push; "
-            "expected at least one exit above its anchor"
+            f"rotations: found a matrix that is no rotation{_place(wrong)}, expected orthogonal ones of determinant 1"
         )
+    return matrices
+
+
+def _with_last(
+    field: str,
+    value: ArrayLike,
+    last: tuple[int, ...],
+    *,
+    least: float | None = None,
+    unit: str = "",
+    number: bool = False,
+) -> Float[np.ndarray, "*batch last"]:
+    """``value`` as finite numbers whose last dimension has one of the lengths ``last``; a single number, if allowed."""
+    array = checked_array(field, value, None)
+    if array.ndim == 0 and number:
+        array = array[None]
+    if array.shape[-1:] not in [(length,) for length in last]:
+        expected = " or ".join(f"(..., {length})" for length in last) + (" or a single number" if number else "")
+        raise InvalidInput(f"{field}: found an array of shape {array.shape}, expected {expected}")
+    if least is not None and not (array > least).all():
+        raise InvalidInput(f"{field}: found {array.min():g} {unit}, expected more than {least:g}")
+    return array
+
+
+def _place(wrong: Bool[np.ndarray, "..."]) -> str:
+    """Where the first is, in words."""
+    return f" at {[int(i) for i in np.argwhere(wrong)[0]]}" if wrong.ndim else ""
+
+
+def refuse_wrench_out_of_plane(
+    robot: Robot, wrench: Float[np.ndarray, "*batch 6"], field: str = "external_wrench"
+) -> None:
+    """A planar robot feels forces along x and z and torques about y alone.
+
+    Raises:
+        InvalidInput: another.
+    """
+    if robot.mobility == "planar" and wrench[..., [1, 3, 5]].any():
+        rows = wrench.reshape(-1, 6)
+        first = rows[rows[:, [1, 3, 5]].any(-1)][0]
+        raise InvalidInput(
+            f"{field}: found {first.tolist()}, but {robot.name!r} is planar: "
+            "expected only forces along x and z and a torque about y"
+        )
+
+
+def _falls(
+    robot: Robot,
+    weight: float | Float[np.ndarray, "*#batch"],
+    wrench: Float[np.ndarray, "*#batch 6"],
+    positions: Float[np.ndarray, "*#batch 3"],
+    rotations: Float[np.ndarray, "*#batch 3 3"],
+) -> Bool[np.ndarray, "*batch"]:
+    """A cable only pulls: with every exit below its anchor, nothing holds a platform that is pushed down."""
+    highest = (robot.exits[:, 2] - rotations[..., 2, :] @ robot.anchors.T).max(-1)
+    return (weight > wrench[..., 2]) & (positions[..., 2] >= highest)

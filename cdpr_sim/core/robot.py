@@ -1,16 +1,21 @@
-"""A cable-driven parallel robot: geometry, cable stiffness and load, frozen and checked."""
+"""A cable-driven parallel robot: a platform, its cables and its load, frozen and checked."""
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
-from typing import Literal, get_args
+import copy
+import inspect
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core import cable_path
+from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.checks import checked_array, frozen, positive
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.pose import PoseLike, as_pose
@@ -23,7 +28,7 @@ FREE_DIRECTIONS: dict[str, tuple[int, ...]] = {"spatial": (0, 1, 2, 3, 4, 5), "p
 STANDARD_GRAVITY = 9.81
 """Acceleration of gravity [m/s²], as in DemoBot's study."""
 
-_IN_PLANE = 1e-9
+IN_PLANE = 1e-9
 """How far [m, or sine of an angle] out of the x-z plane still counts as rounding."""
 
 
@@ -55,21 +60,20 @@ class Robot:
         InvalidInput: a field that cannot be right; the message names it.
     """
 
-    exits: Float[np.ndarray, "cables 3"]
-    anchors: Float[np.ndarray, "cables 3"]
-    axial_stiffness: Float[np.ndarray, " cables"]
+    cabling: Cabling
     mass: float
-    center_of_mass: Float[np.ndarray, "3"] = (0.0, 0.0, 0.0)  # type: ignore[assignment]
-    inertia: Float[np.ndarray, "3 3"] = None  # type: ignore[assignment]
-    mobility: Mobility = "spatial"
-    gravity: float = STANDARD_GRAVITY
-    name: str = "robot"
-    platform_size: Float[np.ndarray, "3"] = None  # type: ignore[assignment]
-    frame: Float[np.ndarray, "2 3"] = None  # type: ignore[assignment]
-    workspace: Float[np.ndarray, "2 3"] = None  # type: ignore[assignment]
-    material: str | None = None
-    description: str = ""
-    source: str = ""
+    center_of_mass: Float[np.ndarray, "3"]
+    inertia: Float[np.ndarray, "3 3"]
+    mobility: Mobility
+    gravity: float
+    name: str
+    platform_size: Float[np.ndarray, "3"]
+    frame: Float[np.ndarray, "2 3"]
+    workspace: Float[np.ndarray, "2 3"]
+    material: str | None
+    description: str
+    source: str
+    _given: dict[str, Any] = field(repr=False)
 
     def __init__(
         self,
@@ -90,86 +94,92 @@ class Robot:
         description: str = "",
         source: str = "",
     ) -> None:
-        exits = checked_array("exits", exits, (None, 3))
-        cables = len(exits)
-        if cables < 1:
-            raise InvalidInput("exits: found no cable, expected at least one row (x, y, z)")
-        anchors = checked_array("anchors", anchors, (cables, 3))
-        stiffness = checked_array("axial_stiffness", axial_stiffness, None)
-        if stiffness.ndim:
-            stiffness = checked_array("axial_stiffness", stiffness, (cables,))
-        stiffness = np.broadcast_to(stiffness, (cables,)).copy()
-        if not (stiffness > 0).all():
-            raise InvalidInput(f"axial_stiffness: found {stiffness.min():g} N, expected more than 0")
+        given = {name: value for name, value in locals().items() if name != "self"}
+        cabling = Cabling(exits, anchors, axial_stiffness)
         if mobility not in get_args(Mobility):
             raise UnknownName("mobility", str(mobility), get_args(Mobility))
         center_of_mass = checked_array("center_of_mass", center_of_mass, (3,))
-        mass = _positive("mass", mass, "kg")
+        mass = positive("mass", mass, "kg")
         gravity = float(checked_array("gravity", gravity, ()))
         if gravity < 0:
             raise InvalidInput(f"gravity: found {gravity:g} m/s², expected 0 or more (it acts downwards)")
         if platform_size is None:
-            platform_size = _box_around(anchors)
+            platform_size = _box_around(cabling.anchors)
         platform_size = checked_array("platform_size", platform_size, (3,))
         if not (platform_size > 0).all():
             raise InvalidInput(f"platform_size: found {platform_size.tolist()} m, expected three positive edges")
-        if inertia is None:
-            inertia = _box_inertia(mass, platform_size)
-        inertia = _checked_inertia(inertia)
+        inertia = _checked_inertia(_box_inertia(mass, platform_size) if inertia is None else inertia)
         if frame is None:
-            frame = [np.append(exits[:, :2].min(0), min(0.0, exits[:, 2].min())), exits.max(0)]
+            lower, upper = cabling.exits.min(0), cabling.exits.max(0)
+            frame = [np.append(lower[:2], min(0.0, lower[2])), upper]
         frame = _corners("frame", frame)
         if workspace is None:
             margin = np.array([0.25, 0.25, 0.2]) * (frame[1] - frame[0])
             workspace = [frame[0] + margin, frame[1] - margin]
         workspace = _corners("workspace", workspace)
         if mobility == "planar":
-            for field, points in (("exits", exits), ("anchors", anchors), ("center_of_mass", center_of_mass[None])):
-                row = int(np.argmax(np.abs(points[:, 1])))
-                if abs(points[row, 1]) > _IN_PLANE:
-                    where = field if field == "center_of_mass" else f"{field}[{row}]"
-                    raise InvalidInput(
-                        f"{where}: found y = {points[row, 1]:g} m, expected 0: a planar robot lives in the x-z plane"
-                    )
+            _refuse_out_of_plane(cabling, center_of_mass)
             workspace[:, 1] = 0.0
         values = dict(
-            exits=exits,
-            anchors=anchors,
-            axial_stiffness=stiffness,
+            cabling=cabling,
             mass=mass,
-            center_of_mass=center_of_mass,
-            inertia=inertia,
+            center_of_mass=frozen(center_of_mass),
+            inertia=frozen(inertia),
             mobility=mobility,
             gravity=gravity,
             name=str(name),
-            platform_size=platform_size,
-            frame=frame,
-            workspace=workspace,
+            platform_size=frozen(platform_size),
+            frame=frozen(frame),
+            workspace=frozen(workspace),
             material=material,
             description=description,
             source=source,
+            _given=copy.deepcopy(given),
         )
-        for field, value in values.items():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
-            object.__setattr__(self, field, value)
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def exits(self) -> Float[np.ndarray, "cables 3"]:
+        """Exit points A_i in the base frame, (cables, 3) [m]."""
+        return self.cabling.exits
+
+    @property
+    def anchors(self) -> Float[np.ndarray, "cables 3"]:
+        """Anchor points B_i in the platform frame, (cables, 3) [m]."""
+        return self.cabling.anchors
+
+    @property
+    def axial_stiffness(self) -> Float[np.ndarray, " cables"]:
+        """EA of each cable, (cables,) [N]."""
+        return self.cabling.axial_stiffness
 
     @property
     def cables(self) -> int:
         """The number of cables m."""
-        return len(self.exits)
+        return len(self.cabling)
 
     @property
     def free_directions(self) -> tuple[int, ...]:
         """Indices of (x, y, z, rotation about x, about y, about z) in which the platform can move."""
         return FREE_DIRECTIONS[self.mobility]
 
+    @cached_property
+    def free(self) -> list[int]:
+        """``free_directions`` as a list, which NumPy takes as an index."""
+        return list(self.free_directions)
+
+    @cached_property
+    def units(self) -> Float[np.ndarray, "6"]:
+        """What turns (translation, rotation) into lengths, and (force, torque) into forces: 1 and a length [m]."""
+        return frozen(np.repeat([1.0, self.characteristic_length], 3))
+
     @property
     def weight(self) -> float:
         """m g [N]."""
         return self.mass * self.gravity
 
-    @property
+    @cached_property
     def characteristic_length(self) -> float:
         """A length of the platform [m] that makes rotations comparable with translations.
 
@@ -193,8 +203,8 @@ class Robot:
         transform = as_pose(pose)
         if self.mobility == "planar":
             y, sine = transform.translation[1], np.abs(transform.rotation.as_matrix()[1, [0, 2]]).max()
-            if abs(y) > _IN_PLANE or sine > _IN_PLANE:
-                found = f"y = {y:g} m" if abs(y) > _IN_PLANE else "a rotation about x or z"
+            if abs(y) > IN_PLANE or sine > IN_PLANE:
+                found = f"y = {y:g} m" if abs(y) > IN_PLANE else "a rotation about x or z"
                 raise InvalidInput(
                     f"pose: found {found}, but {self.name!r} is planar: expected y = 0 and a rotation about y only"
                 )
@@ -206,8 +216,8 @@ class Robot:
         Raises:
             InvalidInput: a bad pose, or an exit that lies on its anchor there.
         """
-        transform = self.pose(pose)
-        lengths = np.linalg.norm(self.exits - transform.apply(self.anchors), axis=1)
+        frame = self.pose(pose).as_matrix()
+        lengths = cable_path.lengths(self.cabling, frame[:3, 3], frame[:3, :3])
         if not lengths.min() > 0:
             cable = int(np.argmin(lengths))
             raise InvalidInput(f"pose: exits[{cable}] lies on its anchor there, expected a cable longer than 0")
@@ -216,57 +226,46 @@ class Robot:
     def replace(self, **changes) -> Robot:
         """A copy with some fields changed; ``material="fishing-0.4mm"`` sets the axial stiffness as well.
 
-        What was derived by default (the uniform box's inertia) follows the change.
+        What was derived by default (the uniform box's inertia, the frame, the workspace) follows the change.
 
         Raises:
             InvalidInput: a field that cannot be right.
             UnknownName: no such field or material.
         """
-        fields = [field.name for field in dataclasses.fields(self)]
         for name in changes:
-            if name not in fields:
-                raise UnknownName("field of a robot", name, fields)
-        values = {name: getattr(self, name) for name in fields}
-        if {"mass", "platform_size"} & changes.keys() and np.array_equal(
-            self.inertia, _box_inertia(self.mass, self.platform_size)
-        ):
-            values["inertia"] = None
-        if "material" in changes and changes["material"] is not None and "axial_stiffness" not in changes:
-            values["axial_stiffness"] = load_material(changes["material"]).axial_stiffness
+            if name not in FIELDS:
+                raise UnknownName("field of a robot", name, FIELDS)
+        if changes.get("material") is not None and "axial_stiffness" not in changes:
+            changes["axial_stiffness"] = load_material(changes["material"]).axial_stiffness
         elif "axial_stiffness" in changes:
-            values["material"] = None
-        return Robot(**(values | changes))
+            changes.setdefault("material", None)
+        return Robot(**(self._given | changes))
+
+    def __reduce__(self) -> tuple:
+        """Copies and pickles are made anew from what was given, so that their arrays are read-only as well."""
+        return _robot_of, (self._given,)
 
     def __repr__(self) -> str:
         return f"<Robot {self.name!r}: {self.mobility}, {self.cables} cables, {self.mass:g} kg>"
 
 
-def checked_array(field: str, value: ArrayLike, shape: tuple[int | None, ...] | None) -> Float[np.ndarray, "..."]:
-    """A fresh float array of ``value``; ``None`` in ``shape`` stands for any length.
-
-    Raises:
-        InvalidInput: not numbers, not finite, or of another shape.
-    """
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"{field}: found {value!r}, expected numbers") from None
-    if shape is not None and (
-        array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True))
-    ):
-        wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ("," if len(shape) == 1 else "") + ")"
-        expected = "a single number" if shape == () else f"shape {wanted}"
-        raise InvalidInput(f"{field}: found an array of shape {array.shape}, expected {expected}")
-    if not np.isfinite(array).all():
-        raise InvalidInput(f"{field}: found {array[~np.isfinite(array)][0]}, expected finite numbers")
-    return array
+FIELDS = tuple(inspect.signature(Robot).parameters)
+"""What a robot is made of, and what ``replace`` can change."""
 
 
-def _positive(field: str, value: float, unit: str) -> float:
-    number = float(checked_array(field, value, ()))
-    if not number > 0:
-        raise InvalidInput(f"{field}: found {number:g} {unit}, expected more than 0")
-    return number
+def _robot_of(given: dict[str, Any]) -> Robot:
+    return Robot(**given)
+
+
+def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"]) -> None:
+    points = {"exits": cabling.exits, "anchors": cabling.anchors, "center_of_mass": center_of_mass[None]}
+    for field_name, rows in points.items():
+        row = int(np.argmax(np.abs(rows[:, 1])))
+        if abs(rows[row, 1]) > IN_PLANE:
+            where = field_name if field_name == "center_of_mass" else f"{field_name}[{row}]"
+            raise InvalidInput(
+                f"{where}: found y = {rows[row, 1]:g} m, expected 0: a planar robot lives in the x-z plane"
+            )
 
 
 def _corners(field: str, value: ArrayLike) -> Float[np.ndarray, "2 3"]:

@@ -1,57 +1,66 @@
-"""A motion of the platform and what was commanded meanwhile: data, filled in by MuJoCo and shown in pictures."""
+"""A motion of the platform and what was commanded meanwhile: a batch with times, filled in by MuJoCo."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.errors import CdprError
+from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.status import Status
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """A motion of the platform, state by state; usable without rendering.
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Rests):
+    """A motion of the platform, state by state: a batch of (steps,), and the time of each; usable without rendering.
+
+    A platform on its way is not at rest: residuals and eigenvalues are nan, and the status says ``MOVING``.
 
     Attributes:
-        robot: whose platform it is.
         times: (steps,) [s].
-        poses: of the platform in the base frame, a stack of (steps,).
-        lengths: of the cables, (steps, cables) [m].
-        tensions: (steps, cables) [N].
-        commanded: the poses that the winches were set for, a stack of (steps,).
-        rest_lengths: unstretched cable lengths that the winches had let out, (steps, cables) [m].
     """
 
-    robot: Robot
     times: Float[np.ndarray, " steps"]
-    poses: RigidTransform
-    lengths: Float[np.ndarray, "steps cables"]
-    tensions: Float[np.ndarray, "steps cables"]
-    commanded: RigidTransform
-    rest_lengths: Float[np.ndarray, "steps cables"]
 
-    def __post_init__(self) -> None:
-        for array in (self.times, self.lengths, self.tensions, self.rest_lengths):
-            array.flags.writeable = False
+    @classmethod
+    def of(
+        cls,
+        problems: Problems,
+        times: Float[np.ndarray, " steps"],
+        poses: RigidTransform,
+        lengths: Float[np.ndarray, "steps cables"],
+        tensions: Float[np.ndarray, "steps cables"],
+    ) -> Trajectory:
+        """From what MuJoCo shows: ``problems`` are the commands and the rest lengths that the winches had let out."""
+        steps = len(times)
+        motion = cls(
+            problems=problems,
+            positions=np.array(poses.translation),
+            rotations=poses.rotation.as_matrix(),
+            lengths=lengths,
+            tensions=tensions,
+            residuals=np.full(steps, np.nan),
+            iterations=np.zeros(steps, dtype=int),
+            status=np.full(steps, Status.MOVING.value),
+            source="mujoco",
+            stiffness=np.full((steps, len(problems.robot.free)), np.nan),
+            times=times,
+        )
+        motion.__dict__["poses"] = poses
+        return motion
 
-    def __len__(self) -> int:
-        return len(self.times)
 
-    @property
-    def slack(self) -> Bool[np.ndarray, "steps cables"]:
-        """Which cables carry no tension."""
-        return self.tensions <= 0
+class PlatformFell(CdprError):
+    """MuJoCo's platform fell while it was driven.
 
-    @property
-    def deviations(self) -> Float[np.ndarray, "steps 3"]:
-        """Position minus commanded position [m]; its z is minus the sag."""
-        return self.poses.translation - self.commanded.translation
+    Attributes:
+        trajectory: the motion so far; its last state is the fallen one.
+    """
 
-    @property
-    def tilts(self) -> Float[np.ndarray, " steps"]:
-        """The angle [rad] between the platform's z axis and the vertical."""
-        x, y, z = self.poses.rotation.as_matrix()[:, :, 2].T
-        return np.arctan2(np.hypot(x, y), z)
+    def __init__(self, reason: str, trajectory: Trajectory | None = None) -> None:
+        super().__init__(reason)
+        self.trajectory = trajectory

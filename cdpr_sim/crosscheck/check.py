@@ -1,33 +1,32 @@
 """Physics over the whole workspace: every pose of a grid settled in MuJoCo and compared with the solver.
 
-The rules are those of ``agreement.compare``, applied to thousands of rows at once; wherever they find anything but
+The rules are those of ``compare``, applied to thousands of rows at once; wherever they find anything but
 plain agreement, ``compare`` itself says what it is.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Bool
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.crosscheck import compare as agreement
 from cdpr_sim.analysis.workspace import grids
-from cdpr_sim.physics import settle as settling
-from cdpr_sim.statics import forces as statics
-from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.statics.newton_kernel import Status
-from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.analysis.workspace.grids import GridLike
-from cdpr_sim.statics.newton import Solutions, solve_many
-from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.progress import bar
-from cdpr_sim.core.robot import Robot
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
+from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.progress import bar
+from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import Status
+from cdpr_sim.crosscheck import compare
+from cdpr_sim.crosscheck.compare import Verdict
+from cdpr_sim.physics.settle import residuals_of, settle_many
+from cdpr_sim.statics import forces
+from cdpr_sim.statics.newton import solve_many
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -169,94 +168,68 @@ def _check_rows(
     robot: Robot, positions: np.ndarray, label: str | None, threads: int
 ) -> tuple[dict[str, np.ndarray], list[Finding]]:
     """The columns of ``_MEANINGS`` at each of the positions, and what is to be reported."""
-    values = {name: np.full(len(positions), np.nan) for name in _MEANINGS if name != "outcome"}
-    outcome = np.full(len(positions), REFUSED, dtype=np.int8)
-    problems, asked = [], []
-    for row, position in enumerate(positions):
-        try:
-            problems.append(Problem.of(robot, position))
-            asked.append(row)
-        except InvalidInput:
-            continue
+    problems = Problems.of(robot, positions)
+    settled, solved = settle_many(problems, threads=threads), solve_many(problems)
+    values, agree = compare_many(solved, settled, threads=threads)
+    outcome = np.where(problems.falls, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
     findings: list[Finding] = []
-    if problems:
-        settled = settling.settle_problems(problems, threads=threads)
-        solved = solve_many(robot, positions[asked], rest_lengths=[problem.rest_lengths for problem in problems])
-        columns, agree = compare_many(problems, solved, settled, threads=threads)
-        for name, column in columns.items():
-            values[name][asked] = column
-        outcome[asked] = OUTCOMES.index(Verdict.AGREE.name.lower())
-        for i in np.flatnonzero(~agree):
-            name, reasons = _outcome(problems[i], solved, settled, int(i))
-            outcome[asked[i]] = OUTCOMES.index(name)
-            if outcome[asked[i]] not in AGREEING:
-                x, y, z = (float(value) for value in positions[asked[i]])
-                findings.append(Finding(robot.name, label, (x, y, z), name, reasons))
+    for row in np.flatnonzero(~agree & ~problems.falls):
+        name, reasons = _outcome(solved, settled, int(row))
+        outcome[row] = OUTCOMES.index(name)
+        if outcome[row] not in AGREEING:
+            x, y, z = (float(value) for value in positions[row])
+            findings.append(Finding(robot.name, label, (x, y, z), name, reasons))
     return {"outcome": outcome, **values}, findings
 
 
 def compare_many(
-    problems: Sequence[Problem], solved: Solutions, settled: settling.Settlings, *, threads: int = 0
-) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    solved: Rests, settled: Rests, *, threads: int = 0
+) -> tuple[dict[str, np.ndarray], Bool[np.ndarray, " rows"]]:
     """The errors and cross residuals of ``Agreement``, (rows,) each, and in which rows all is within tolerance.
 
     Args:
-        problems: of one and the same robot object.
-        solved: their static equilibria, row by row.
-        settled: the same from MuJoCo.
+        solved: static equilibria, (rows,).
+        settled: the same problems by MuJoCo.
         threads: for MuJoCo; 0 for one per processor.
     """
-    load = np.array([problem.load for problem in problems])
-    rest_lengths = np.array([problem.rest_lengths for problem in problems])
-    # One problem with a stack of rest lengths: statics broadcasts.
-    stack = dataclasses.replace(problems[0], rest_lengths=rest_lengths)
-    at_rest = solved.converged & settled.settled
-    poses = _poses(solved, at_rest, problems)
-    columns = {
-        "position_error": np.linalg.norm(poses.translation - settled.poses.translation, axis=-1),
-        "rotation_error": (poses.rotation * settled.poses.rotation.inv()).magnitude(),
-        "tension_error": np.abs(solved.tensions - settled.tensions).max(-1),
-        "static_in_mujoco": settling.residuals_of(problems, poses, threads=threads),
-        "settled_in_statics": np.asarray(
-            statics.residual(stack, settled.poses.translation, settled.poses.rotation.as_matrix())
-        ),
+    columns = {name: np.full(len(solved), np.nan) for name in _MEANINGS if name != "outcome"}
+    within = np.zeros(len(solved), dtype=bool)
+    rows = np.flatnonzero(solved.converged & settled.converged)
+    if not rows.size:
+        return columns, within
+    problems = solved.problems.take(rows)
+    static, rested = _poses(solved, rows), _poses(settled, rows)
+    errors = {
+        "position_error": np.linalg.norm(static.translation - rested.translation, axis=-1),
+        "rotation_error": (static.rotation * rested.rotation.inv()).magnitude(),
+        "tension_error": np.abs(solved.tensions[rows] - settled.tensions[rows]).max(-1),
+        "static_in_mujoco": residuals_of(problems, static, threads=threads),
+        "settled_in_statics": np.asarray(forces.at(problems, rested.translation, rested.rotation.as_matrix()).residual),
     }
-    near = [
-        np.abs(lengths - rest_lengths) <= agreement.REST_LENGTH_TOLERANCE
-        for lengths in (solved.lengths, settled.lengths)
-    ]
-    same_slack = ~(((solved.tensions <= 0) != (settled.tensions <= 0)) & ~near[0] & ~near[1]).any(-1)
+    near = [np.abs(one.lengths - one.rest_lengths)[rows] <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
+    same_slack = ~((solved.slack != settled.slack)[rows] & ~near[0] & ~near[1]).any(-1)
+    cross = compare.CROSS_TOLERANCE * problems.load
     tolerances = {
-        "position_error": agreement.POSITION_TOLERANCE,
-        "rotation_error": agreement.ROTATION_TOLERANCE,
-        "tension_error": agreement.TENSION_TOLERANCE,
-        "static_in_mujoco": agreement.CROSS_TOLERANCE * load,
-        "settled_in_statics": agreement.CROSS_TOLERANCE * load,
+        "position_error": compare.POSITION_TOLERANCE,
+        "rotation_error": compare.ROTATION_TOLERANCE,
+        "tension_error": compare.TENSION_TOLERANCE,
+        "static_in_mujoco": cross,
+        "settled_in_statics": cross,
     }
-    within = np.all([columns[name] <= tolerance for name, tolerance in tolerances.items()], axis=0)
-    for column in columns.values():
-        column[~at_rest] = np.nan
-    return columns, within & same_slack & at_rest
+    within[rows] = np.all([errors[name] <= tolerance for name, tolerance in tolerances.items()], axis=0) & same_slack
+    for name, column in errors.items():
+        columns[name][rows] = column
+    return columns, within
 
 
-def _poses(solved: Solutions, known: np.ndarray, problems: Sequence[Problem]) -> RigidTransform:
-    """The solved poses; the commanded ones where there is none, so that the rest can be compared in one go."""
-    positions = np.array([problem.pose.translation for problem in problems])
-    matrices = np.array([problem.pose.rotation.as_matrix() for problem in problems])
-    positions[known], matrices[known] = solved.positions[known], solved.rotations[known]
-    return RigidTransform.from_components(positions, Rotation.from_matrix(matrices))
+def _poses(rests: Rests, rows: np.ndarray) -> RigidTransform:
+    return RigidTransform.from_components(rests.positions[rows], Rotation.from_matrix(rests.rotations[rows]))
 
 
-def _outcome(problem: Problem, solved: Solutions, settled: settling.Settlings, row: int) -> tuple[str, tuple[str, ...]]:
+def _outcome(solved: Rests, settled: Rests, row: int) -> tuple[str, tuple[str, ...]]:
     """In words, what is not plain agreement."""
-    if not solved.converged[row]:
-        return "unsolved", (Status(int(solved.status[row])).sentence,)
-    if not settled.settled[row]:
-        return "unsettled", (settled.outcomes[row].value,)
-    result = agreement.compare(_static_equilibrium(problem, solved, row), settled.equilibrium(row))
+    for name, rests in (("unsolved", solved), ("unsettled", settled)):
+        if not rests.converged[row]:
+            return name, (Status(int(rests.status[row])).sentence,)
+    result = compare.compare(solved[row], settled[row])
     return result.verdict.name.lower(), result.reasons
-
-
-def _static_equilibrium(problem: Problem, solved: Solutions, row: int) -> Equilibrium:
-    pose = RigidTransform.from_components(solved.positions[row], Rotation.from_matrix(solved.rotations[row]))
-    return statics.equilibrium_at(problem, pose, iterations=int(solved.iterations[row]), source="newton")

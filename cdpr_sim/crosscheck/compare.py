@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.statics import newton, forces as statics
-from cdpr_sim.physics import settle as settling
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.pose import PoseLike
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.settle import residual_of
+from cdpr_sim.statics import forces
 
 POSITION_TOLERANCE = 1e-6
 """[m] A thousandth of a millimetre. Settled poses measure 1e-9 m from the solver's, where a residual of 1e-9 of the
@@ -108,8 +105,10 @@ def compare(
         "tension": (np.abs(static.tensions - settled.tensions).max(), tension_tolerance, "N"),
     }
     cross = {
-        "MuJoCo at the static pose": settling.residual_of(problem, static.pose),
-        "statics at the settled pose": float(statics.residual(problem, settled.position, settled.rotation.as_matrix())),
+        "MuJoCo at the static pose": residual_of(problem, static.pose),
+        "statics at the settled pose": float(
+            forces.at(problem, settled.position, settled.rotation.as_matrix()).residual
+        ),
     }
     slack_differs = (static.slack != settled.slack) & ~(_at_rest_length(static) | _at_rest_length(settled))
 
@@ -152,33 +151,6 @@ def compare(
     )
 
 
-@dataclass(frozen=True)
-class CrossCheck:
-    """One commanded pose, both answers to where the platform ends up, and whether they agree."""
-
-    static: Equilibrium
-    settled: Equilibrium
-    agreement: Agreement
-
-
-def cross_check(robot: Robot, poses: Sequence[PoseLike] | np.ndarray) -> list[CrossCheck]:
-    """Settle the robot in MuJoCo from each commanded pose, solve it by Newton, and compare.
-
-    Args:
-        robot: the robot.
-        poses: commanded poses, (n, 3), (n, 6) or a sequence of anything that is a pose.
-
-    Raises:
-        InvalidInput: a pose that cannot be right.
-        NotSettled: a platform that does not come to rest.
-        NotConverged: a pose without static equilibrium.
-    """
-    settlings = settling.settle_many(robot, poses)
-    settled = [settlings.equilibrium(row) for row in range(len(settlings))]
-    static = [newton.solve(one.problem) for one in settled]
-    return [CrossCheck(a, b, compare(a, b)) for a, b in zip(static, settled, strict=True)]
-
-
 def _at_rest_length(equilibrium: Equilibrium) -> Bool[np.ndarray, " cables"]:
     return np.abs(equilibrium.lengths - equilibrium.rest_lengths) <= REST_LENGTH_TOLERANCE
 
@@ -194,6 +166,6 @@ def _connected(static: Equilibrium, settled: Equilibrium) -> bool:
     poses = static.pose * RigidTransform.from_exp_coords(fractions[:, None] * between)
     turn = (settled.rotation * static.rotation.inv()).as_rotvec()
     work = fractions * (turn @ problem.external_wrench[3:])
-    energies = statics.energy(problem, poses.translation, poses.rotation.as_matrix()) - work
+    energies = forces.at(problem, poses.translation, poses.rotation.as_matrix()).energy - work
     level = LEVEL * problem.load * problem.robot.characteristic_length
     return bool(np.ptp(energies) <= level)

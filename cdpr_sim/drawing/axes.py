@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import functools
 import textwrap
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import ParamSpec
 
 import matplotlib
@@ -19,9 +19,9 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from cdpr_sim.drawing import style
+from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.studies.lines import Rests
+from cdpr_sim.drawing import style
 
 P = ParamSpec("P")
 
@@ -50,21 +50,6 @@ def canvas(width: float, height: float, title: str, caption: str) -> Figure:
     figure.suptitle(textwrap.fill(title, int(width * style.TITLE_LETTERS)), **style.TITLE)
     figure.supxlabel(textwrap.fill(caption, int(width * style.CAPTION_LETTERS)), **style.CAPTION)
     return figure
-
-
-def cables_in_words(robot: Robot) -> str:
-    """Material and stiffness, for titles and captions."""
-    lowest, highest = robot.axial_stiffness.min(), robot.axial_stiffness.max()
-    stiffness = f"EA = {newtons(lowest)}" + (f" to {newtons(highest)}" if highest > lowest else "")
-    return f"{robot.material} cables ({stiffness})" if robot.material else f"cables with {stiffness}"
-
-
-def newtons(force: float) -> str:
-    """A force with its unit."""
-    for unit, size in (("MN", 1e6), ("kN", 1e3)):
-        if force >= size:
-            return f"{force / size:g} {unit}"
-    return f"{force:g} N"
 
 
 # In the x-z plane
@@ -147,14 +132,14 @@ def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
 # Along a line
 
 
-def draw_zones(ax: Axes, rests: Rests) -> list[Patch]:
-    """Shade where cables are slack along x, and return a legend entry for each number of them."""
-    counts = sorted({slack for *_, slack in rests.zones() if slack})
+def draw_zones(ax: Axes, zones: Sequence[tuple[float, float, int]], cables: int) -> list[Patch]:
+    """Shade zones (from, to, how many of the ``cables`` are slack) along x; return a legend entry for each number."""
+    counts = sorted({slack for *_, slack in zones if slack})
     looks = {}
     for count in counts:
-        fill, hatch = style.ZONES[0] if count <= rests.robot.cables // 4 else style.ZONES[1]
+        fill, hatch = style.ZONES[0] if count <= cables // 4 else style.ZONES[1]
         looks[count] = {"fc": fill, "ec": style.ZONE_HATCH, "hatch": hatch, "lw": 0}
-    for start, end, slack in rests.zones():
+    for start, end, slack in zones:
         if slack:
             span = ax.axvspan(start, end, zorder=0, **looks[slack])
             span.set_gid(f"zone-{slack}-slack")
@@ -195,7 +180,7 @@ def draw_pose_in_space(ax: Axes3D, rests: Rests, row: int) -> None:
     robot, position, rotation = rests.robot, rests.positions[row], rests.rotations[row]
     half = robot.platform_size / 2
     box = _corners(-half, half)
-    ghost = rests.commanded[row] + box
+    ghost = rests.problems.positions[row] + box
     ax.add_collection3d(
         Line3DCollection([ghost[list(edge)] for edge in EDGES], colors=style.COMMANDED, lw=0.7, ls=style.COMMANDED_DASH)
     )

@@ -8,17 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cdpr_sim.drawing import style
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.files import appearing
+from cdpr_sim.drawing import style
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+SUFFIXES = (".png", ".svg", ".pdf")
+"""Of the files that a map can be written to."""
 
 MOST_CABLES = len(style.MAP_SLACK) - 1
 """Slack cables told apart by colour; more look alike."""
@@ -100,6 +105,16 @@ def draw_agreement_map(dataset: xr.Dataset) -> Figure:
         InvalidInput: a dataset that is not a plane.
     """
     return _draw(dataset, {"outcome": _draw_outcome, "position_error": _draw_error})
+
+
+def write(figure: Figure, path: Path) -> None:
+    """Save a map: whole or not at all.
+
+    Raises:
+        InvalidInput: the file cannot be written; what was there is still there.
+    """
+    with appearing(path) as (temporary,):
+        figure.savefig(temporary, dpi=style.PNG_DPI, format=path.suffix[1:].lower())
 
 
 def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure:

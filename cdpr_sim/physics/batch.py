@@ -1,4 +1,4 @@
-"""MuJoCo as a test bench: one robot's simulations side by side, and what MuJoCo says of their state.
+"""One robot's simulations side by side in MuJoCo, and what MuJoCo says of their state.
 
 Everything is read out of MuJoCo; no formula of statics stands here.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 import functools
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -21,11 +21,12 @@ from mujoco.batch import Batch
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.physics.mjcf import coordinates, to_mjcf
-from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics import cables
+from cdpr_sim.physics.mjcf import coordinates, to_mjcf
 
-UNITS = 2.0**30
+MASS_IN_UNITS = 2.0**30
 """The platform's mass, in the unit of mass that MuJoCo is given. Its discrete integrator ends each step's iteration
 at an absolute tolerance: in kilograms, 3e-8 N no longer accelerate 1 kg, and the platform would come to a false rest. A
 unit of a power of two kilograms rounds no number, so that the motion is the same."""
@@ -56,8 +57,8 @@ class Reading(Observation):
     softest: Float[np.ndarray, "rows free"]
 
 
-class Bench:
-    """Simulations of one robot side by side, each with its own rest lengths, load and state."""
+class Simulations:
+    """One robot side by side, each with its own rest lengths, load and state."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, rows: int, threads: int = 1) -> None:
         self.robot, self.model = robot, model
@@ -77,18 +78,22 @@ class Bench:
             mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in ("platform", "origin")
         )
 
-    def start(self, problems: Sequence[Problem], *, own_springs: bool) -> None:
+    def start(self, problems: Problems, *, own_springs: bool) -> None:
         """Put each row at its problem's pose, with zero velocity, its load and, unless ``own_springs``, its springs."""
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        self.qpos[:] = [coordinates(self.robot, problem.pose) for problem in problems]
-        self.wrenches = np.array([problem.external_wrench for problem in problems])
+        self.place(problems.poses)
+        self.wrenches = np.broadcast_to(problems.external_wrench, (len(problems), 6))
         if self.wrenches.any():
             if self._origin < 0:
                 raise InvalidInput("model: found no body 'origin' in the platform, expected one to apply the wrench to")
             self._loads[:, self._origin] = self.wrenches / self.unit
         if not own_springs:
-            self.band[:, :, 1] = [problem.rest_lengths for problem in problems]
-            self.springs[:] = [problem.stiffnesses / self.unit for problem in problems]
+            self.band[:, :, 1] = problems.rest_lengths
+            self.springs[:] = cables.springs(problems.axial_stiffness, problems.rest_lengths) / self.unit
+
+    def place(self, poses: RigidTransform) -> None:
+        """Put each row's platform at its pose."""
+        self.qpos[:] = [coordinates(self.robot, pose) for pose in poses]
 
     @property
     def accelerating(self) -> Float[np.ndarray, "rows free"]:
@@ -204,32 +209,39 @@ class Bench:
         return eigenvalues, directions
 
 
-_idle: dict[Robot, Bench] = {}
-"""Benches of one row between two uses: building one takes as long as a settling."""
+_idle: dict[Robot, Simulations] = {}
+"""Simulations of one row between two uses: building one takes as long as a settling."""
 
 MOST_IDLE = 16
-"""Robots whose benches are kept."""
+"""Robots whose simulations are kept."""
 
 
 @contextmanager
-def bench_of(problems: Sequence[Problem], model: mujoco.MjModel | None, threads: int = 1) -> Iterator[Bench]:
-    """A bench with ``problems``, all of one robot, at their start: for this caller alone, and with MuJoCo kept quiet.
+def simulations_of(problems: Problems, model: mujoco.MjModel | None = None, threads: int = 1) -> Iterator[Simulations]:
+    """``problems`` at their start: for this caller alone, and with MuJoCo kept quiet.
 
     Args:
-        problems: at least one.
+        problems: (rows,) of them, of one mass.
         model: the model to use instead of the generated one, with the springs that it has.
         threads: 0 for one per processor.
+
+    Raises:
+        InvalidInput: masses of their own, which one model cannot have.
     """
-    robot, rows = problems[0].robot, len(problems)
+    robot, rows = problems.robot, len(problems)
+    if (problems.mass != robot.mass).any():
+        raise InvalidInput("mass: found one per problem, expected the robot's own: MuJoCo has one model for all rows")
     reusable = model is None and rows == 1
-    bench = _idle.pop(robot, None) if reusable else None  # taken out, so that no other thread can have it
+    found = _idle.pop(robot, None) if reusable else None  # taken out, so that no other thread can have it
     with quiet():
-        if bench is None:
-            bench = Bench(robot, _model_of(robot) if model is None else _prepared(model, unit_of(robot)), rows, threads)
-        bench.start(problems, own_springs=model is not None)
-        yield bench
+        if found is None:
+            found = Simulations(
+                robot, _model_of(robot) if model is None else _prepared(model, unit_of(robot)), rows, threads
+            )
+        found.start(problems, own_springs=model is not None)
+        yield found
     if reusable:
-        _idle[robot] = bench
+        _idle[robot] = found
         while len(_idle) > MOST_IDLE:
             _idle.pop(next(iter(_idle)), None)
 
@@ -245,7 +257,7 @@ def _model_of(robot: Robot) -> mujoco.MjModel:
 
 def unit_of(robot: Robot) -> float:
     """Of mass [kg], and hence of force [N], in which MuJoCo is given this robot: a power of two."""
-    return float(2.0 ** np.round(np.log2(robot.mass / UNITS)))
+    return float(2.0 ** np.round(np.log2(robot.mass / MASS_IN_UNITS)))
 
 
 def _prepared(model: mujoco.MjModel, unit: float) -> mujoco.MjModel:

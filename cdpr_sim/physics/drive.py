@@ -16,16 +16,18 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform, Rotation, Slerp
+from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.physics.batch import bench_of, quiet
-from cdpr_sim.core.errors import InvalidInput, PlatformFell
-from cdpr_sim.physics.mjcf import coordinates, to_mjcf
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
-from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot, checked_array
+from cdpr_sim.core.problem import Problem, Problems
+from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
+from cdpr_sim.core.trajectory import PlatformFell, Trajectory
+from cdpr_sim.physics.batch import quiet, simulations_of
+from cdpr_sim.physics.cables import let_out
+from cdpr_sim.physics.mjcf import coordinates, to_mjcf
 from cdpr_sim.physics.settle import settle
-from cdpr_sim.core.trajectory import Trajectory
 
 STATES = 301
 """States of a trajectory, unless the caller says otherwise: ten seconds of video at 30 frames a second."""
@@ -66,8 +68,8 @@ def drive(
 ) -> Trajectory:
     """Drive the platform along ``waypoints`` by its winches while MuJoCo simulates it.
 
-    The command moves along straight lines from waypoint to waypoint, turning evenly, with the minimum-jerk profile of
-    Flash and Hogan (1985, doi:10.1523/JNEUROSCI.05-07-01688.1985) over the whole path: it starts and ends at rest.
+    The command moves along straight lines from waypoint to waypoint as ``core.path`` says: turning evenly, starting
+    and ending at rest.
 
     Args:
         robot: the robot.
@@ -91,7 +93,7 @@ def drive(
         raise InvalidInput("waypoints: found none, expected at least one pose")
     if not 2 <= states <= MOST_STATES:
         raise InvalidInput(f"states: found {states}, expected 2 to {MOST_STATES}")
-    path = _Path(robot, poses, rest_lengths)
+    path = Path(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0])
     if seconds is None:
         seconds = PEAK * path.length / _slow_speed(first) or PAUSE
@@ -99,13 +101,16 @@ def drive(
         raise InvalidInput(f"seconds: found {seconds:g}, expected more than 0 and at most {MOST_SECONDS:g}")
     fractions = np.linspace(0, 1, states)
     commanded = path.at(fractions)
-    for pose in commanded:
-        Problem.of(robot, pose)  # refuses a command that nothing could hold
-    problems = [Problem.of(robot, *row) for row in zip(commanded, path.winches(fractions), strict=True)]
-    start = settle(robot, poses[0], problems[0].rest_lengths).pose if from_rest else poses[0]
+    held = Problems.of(robot, commanded)
+    if held.falls.any():
+        Problem.of(robot, commanded[int(np.argmax(held.falls))])  # says that nothing could hold it
+    problems = Problems.of(robot, commanded, path.winches(fractions))
+    start = settle(robot, poses[0], problems.rest_lengths[0]).pose if from_rest else poses[0]
     with quiet():
         qpos, fell = _simulate(problems, path, start, seconds, progress)
-    trajectory = _read(problems[: len(qpos)], seconds * fractions[: len(qpos)], qpos, commanded[: len(qpos)])
+    rows = np.arange(len(qpos))
+    seen = _read(problems.take(rows), qpos)
+    trajectory = Trajectory.of(problems.take(rows), seconds * fractions[: len(qpos)], *seen)
     if fell:
         x, y, z = trajectory.commanded.translation[-1]
         raise PlatformFell(
@@ -114,49 +119,6 @@ def drive(
             trajectory,
         )
     return trajectory
-
-
-class _Path:
-    """Straight lines through poses, as a function of the fraction of time that has passed."""
-
-    def __init__(self, robot: Robot, poses: list[RigidTransform], rest_lengths: ArrayLike | None = None) -> None:
-        self.robot = robot
-        self.positions = np.array([pose.translation for pose in poses])
-        rotations = Rotation.concatenate([pose.rotation for pose in poses])
-        turns = (rotations[1:] * rotations[:-1].inv()).magnitude() if len(poses) > 1 else np.zeros(0)
-        moves = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
-        legs = np.hypot(moves, robot.characteristic_length * turns)
-        moving = np.append(True, legs > 0)
-        self.along = np.append(0.0, np.cumsum(legs))[moving]
-        self.positions = self.positions[moving]
-        corrections = np.zeros((len(poses), robot.cables))
-        if rest_lengths is not None:
-            given = checked_array("rest_lengths", rest_lengths, (len(poses), robot.cables))
-            corrections = given - [robot.rest_lengths(pose) for pose in poses]
-        self.corrections = corrections[moving]
-        self.rotations = Rotation.from_quat(rotations.as_quat()[moving])
-        self.length = float(self.along[-1])
-
-    def at(self, fractions: Float[np.ndarray, " steps"]) -> RigidTransform:
-        """Commanded poses after these fractions of the time."""
-        along = self._along(fractions)
-        if len(self.along) == 1:
-            return RigidTransform.from_components(
-                np.repeat(self.positions, len(along), 0), Rotation.concatenate([self.rotations] * len(along))
-            )
-        positions = np.stack([np.interp(along, self.along, column) for column in self.positions.T], axis=1)
-        return RigidTransform.from_components(positions, Slerp(self.along, self.rotations)(along.clip(0, self.length)))
-
-    def winches(self, fractions: Float[np.ndarray, " steps"]) -> Float[np.ndarray, "steps cables"]:
-        """Rest lengths let out after these fractions of the time [m]."""
-        commanded, robot = self.at(fractions), self.robot
-        anchors = np.einsum("nij,mj->nmi", commanded.rotation.as_matrix(), robot.anchors)
-        rigid = np.linalg.norm(robot.exits - anchors - commanded.translation[:, None], axis=2)
-        along = self._along(fractions)
-        return rigid + np.stack([np.interp(along, self.along, column) for column in self.corrections.T], axis=1)
-
-    def _along(self, s: Float[np.ndarray, " steps"]) -> Float[np.ndarray, " steps"]:
-        return self.length * s**3 * (10 - 15 * s + 6 * s**2)
 
 
 def _slow_speed(problem: Problem) -> float:
@@ -169,33 +131,31 @@ def _slow_speed(problem: Problem) -> float:
 
 
 def _simulate(
-    problems: list[Problem],
-    path: _Path,
+    problems: Problems,
+    path: Path,
     start: RigidTransform,
     seconds: float,
     progress: Callable[[float], None] | None,
 ) -> tuple[Float[np.ndarray, "steps coordinates"], str | None]:
     """MuJoCo's coordinates at each problem's instant, and why the platform counts as fallen at the last, if it does."""
-    robot = problems[0].robot
-    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, problems[0].pose))
+    robot, commanded = problems.robot, problems.poses
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, commanded[0]))
     data = mujoco.MjData(model)
     data.qpos[:] = coordinates(robot, start)
     intervals = len(problems) - 1
     steps = max(1, round(seconds / intervals / model.opt.timestep))
     model.opt.timestep = seconds / intervals / steps
     platform = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "platform")
-    band, stiffness = model.tendon_lengthspring, model.tendon_stiffness
     qpos = np.empty((len(problems), model.nq))
-    for k, problem in enumerate(problems):
+    for k, rest_lengths in enumerate(problems.rest_lengths):
         if k > 0:
             # The lengths that hold at the end of each time step, as an implicit integrator wants them.
             for rest in path.winches((k - 1 + np.arange(1, steps + 1) / steps) / intervals):
-                band[:, 1] = rest
-                stiffness[:] = robot.axial_stiffness / rest
+                let_out(model, robot.cabling, rest)
                 mujoco.mj_step(model, data)
         qpos[k] = data.qpos
         mujoco.mj_kinematics(model, data)
-        fell = _fallen(problem, data, platform)
+        fell = _fallen(commanded[k], rest_lengths, data, platform)
         if fell:
             return qpos[: k + 1], fell
         if progress is not None:
@@ -203,38 +163,30 @@ def _simulate(
     return qpos, None
 
 
-def _fallen(problem: Problem, data: mujoco.MjData, platform: int) -> str | None:
+def _fallen(
+    commanded: RigidTransform, rest_lengths: Float[np.ndarray, " cables"], data: mujoco.MjData, platform: int
+) -> str | None:
     if data.warning.number.any():
         return "MuJoCo found its motion unstable"
-    away, limit = np.linalg.norm(data.xpos[platform] - problem.pose.translation), FALLEN * problem.rest_lengths.mean()
+    away, limit = np.linalg.norm(data.xpos[platform] - commanded.translation), FALLEN * rest_lengths.mean()
     if not away <= limit:
         return f"it is {away:.3g} m away, expected at most {limit:.3g} m, half the mean cable length"
-    if data.xmat[platform].reshape(3, 3)[:, 2] @ problem.pose.rotation.as_matrix()[:, 2] < 0:
+    if data.xmat[platform].reshape(3, 3)[:, 2] @ commanded.rotation.as_matrix()[:, 2] < 0:
         return "it has turned over"
     return None
 
 
 def _read(
-    problems: list[Problem],
-    times: Float[np.ndarray, " steps"],
-    qpos: Float[np.ndarray, "steps coordinates"],
-    commanded: RigidTransform,
-) -> Trajectory:
-    """What MuJoCo says of these states."""
-    poses, lengths, tensions = [], [], []
+    problems: Problems, qpos: Float[np.ndarray, "steps coordinates"]
+) -> tuple[RigidTransform, Float[np.ndarray, "steps cables"], Float[np.ndarray, "steps cables"]]:
+    """What MuJoCo says of these states: poses, lengths and tensions."""
+    seen = []
     for first in range(0, len(problems), ROWS):
-        rows = slice(first, first + ROWS)
-        with bench_of(problems[rows], None) as bench:
-            seen = bench.observe(qpos[rows])
-        poses.append(seen.poses)
-        lengths.append(seen.lengths)
-        tensions.append(seen.tensions)
-    return Trajectory(
-        robot=problems[0].robot,
-        times=times.copy(),
-        poses=RigidTransform.concatenate(poses),
-        lengths=np.concatenate(lengths),
-        tensions=np.concatenate(tensions),
-        commanded=commanded,
-        rest_lengths=np.array([problem.rest_lengths for problem in problems]),
+        rows = np.arange(first, min(first + ROWS, len(problems)))
+        with simulations_of(problems.take(rows)) as simulations:
+            seen.append(simulations.observe(qpos[rows]))
+    return (
+        RigidTransform.concatenate([one.poses for one in seen]),
+        np.concatenate([one.lengths for one in seen]),
+        np.concatenate([one.tensions for one in seen]),
     )

@@ -1,16 +1,4 @@
-"""A robot as a MuJoCo model (MJCF text): cables that pull and never push, and a scene to look at it in.
-
-A cable is a spatial tendon from its exit site to its anchor site with ``stiffness`` EA/l0 and
-``springlength="0 l0"``: MuJoCo's spring is silent inside that dead band, so
-
-    tau = EA/l0 (l - l0)  for l > l0,  else 0          (paper Eq. 10, 11)
-
-Three things a tendon could have are left out on purpose. ``range`` would add a constraint that stops the cable
-stretching; ``damping`` ignores the dead band, so that a slack cable would push, and it turns off the drawing of a
-slack cable as a hanging chain; ``frictionloss`` would hold the platform away from its equilibrium.
-
-Numbers are written with ``repr``, which MuJoCo parses back to the very same doubles.
-"""
+"""A robot as a MuJoCo model (MJCF text), and a scene to look at it in. What a cable is there, ``cables`` says."""
 
 from __future__ import annotations
 
@@ -25,6 +13,8 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
+from cdpr_sim.physics import cables
+from cdpr_sim.physics.numbers import text
 
 TIMESTEP = 0.002
 """[s] The discrete integrator is implicit in the cables' springs, so that this need not shrink with their stiffness."""
@@ -37,7 +27,7 @@ FRAME_COLOR = (0.62, 0.65, 0.69, 1)
 BRACKET_COLOR = (0.38, 0.41, 0.45, 1)
 
 
-def to_mjcf(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike | None = None) -> str:
+def to_mjcf(robot: Robot | Problem, pose: PoseLike | None = None, rest_lengths: ArrayLike | None = None) -> str:
     """The robot with its platform at ``pose``, as MJCF text.
 
     Names: body ``platform``; sites ``exit_1`` and ``anchor_1``; tendon ``cable_1`` and its sensor ``length_1``, counted
@@ -48,7 +38,7 @@ def to_mjcf(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike | None = None)
     rest, and not where.
 
     Args:
-        robot: the robot.
+        robot: the robot; or a ``Problem`` that is ready, alone.
         pose: the commanded pose, where the model starts.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
 
@@ -56,34 +46,27 @@ def to_mjcf(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike | None = None)
         InvalidInput: a pose or a length that cannot be right.
     """
     problem = Problem.of(robot, pose, rest_lengths)
-    names = range(1, robot.cables + 1)
+    robot = problem.robot
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     ET.SubElement(
         root,
         "option",
-        timestep=_text(TIMESTEP),
+        timestep=text(TIMESTEP),
         integrator="discrete",
-        gravity=_text([0, 0, -robot.gravity]),
-        viscosity=_text(_viscosity(problem)),
+        gravity=text([0, 0, -robot.gravity]),
+        viscosity=text(_viscosity(problem)),
     )
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
-    for i, position in zip(names, robot.exits, strict=True):
-        ET.SubElement(world, "site", {"name": f"exit_{i}", "class": "exit", "pos": _text(position)})
+    cables.add_exits(world, robot.cabling)
     world.append(_platform(robot, problem.pose))
-    tendons = ET.SubElement(root, "tendon")
-    for i, stiffness, length in zip(names, problem.stiffnesses, problem.rest_lengths, strict=True):
-        cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
-        cable.set("stiffness", _text(stiffness))
-        cable.set("springlength", _text([0, length]))
-        ET.SubElement(cable, "site", site=f"exit_{i}")
-        ET.SubElement(cable, "site", site=f"anchor_{i}")
+    cables.add_tendons(root, robot.cabling, problem.rest_lengths)
     sensors = ET.SubElement(root, "sensor")
-    for i in names:
+    for i in range(1, robot.cables + 1):
         ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"cable_{i}")
     keyframes = ET.SubElement(root, "keyframe")
-    ET.SubElement(keyframes, "key", name="commanded", qpos=_text(coordinates(robot, problem.pose)))
+    ET.SubElement(keyframes, "key", name="commanded", qpos=text(coordinates(robot, problem.pose)))
     return _document(root)
 
 
@@ -96,7 +79,7 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
     center, diagonal = (lower + upper) / 2, float(np.linalg.norm(upper - lower)) or 1.0
     root = ET.Element("mujoco", model=f"{robot.name} scene")
     ET.SubElement(root, "include", file=robot_file)
-    ET.SubElement(root, "statistic", center=_text(center), extent=_text(0.8 * diagonal))
+    ET.SubElement(root, "statistic", center=text(center), extent=text(0.8 * diagonal))
     visual = ET.SubElement(root, "visual")
     ET.SubElement(visual, "headlight", diffuse="0.45 0.45 0.45", ambient="0.35 0.35 0.35", specular="0.1 0.1 0.1")
     ET.SubElement(visual, "rgba", haze="0.86 0.90 0.94 1")
@@ -105,12 +88,10 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
     root.append(_assets(diagonal))
     world = ET.SubElement(root, "worldbody")
     light = center + diagonal * np.array([-0.4, -0.8, 2.0])
-    ET.SubElement(
-        world, "light", pos=_text(light), dir=_text(center - light), diffuse="0.6 0.6 0.6", directional="true"
-    )
+    ET.SubElement(world, "light", pos=text(light), dir=text(center - light), diffuse="0.6 0.6 0.6", directional="true")
     floor = [*center[:2], lower[2] - 0.02 * diagonal]
     ET.SubElement(
-        world, "geom", {"name": "floor", "class": "drawn", "type": "plane", "pos": _text(floor), "size": "0 0 0.05"}
+        world, "geom", {"name": "floor", "class": "drawn", "type": "plane", "pos": text(floor), "size": "0 0 0.05"}
     ).set("material", "floor")
     for start, end in _edges(lower, upper):
         _rod(world, start, end, 0.006 * diagonal, FRAME_COLOR)
@@ -151,34 +132,33 @@ def _defaults(robot: Robot) -> ET.Element:
     ET.SubElement(drawn, "geom", contype="0", conaffinity="0", group="2", mass="0")
     for name, size, color in (("exit", 0.006, EXIT_COLOR), ("anchor", 0.004, ANCHOR_COLOR)):
         site = ET.SubElement(defaults, "default", {"class": name})
-        ET.SubElement(site, "site", size=_text(round(size * scale, 6)), rgba=_text(color), group="2")
+        ET.SubElement(site, "site", size=text(round(size * scale, 6)), rgba=text(color), group="2")
     cable = ET.SubElement(defaults, "default", {"class": "cable"})
-    ET.SubElement(cable, "tendon", width=_text(round(0.0016 * scale, 6)), rgba=_text(CABLE_COLOR))
+    ET.SubElement(cable, "tendon", width=text(round(0.0016 * scale, 6)), rgba=text(CABLE_COLOR))
     return defaults
 
 
 def _platform(robot: Robot, pose: RigidTransform) -> ET.Element:
-    body = ET.Element("body", name="platform", pos=_text(pose.translation))
+    body = ET.Element("body", name="platform", pos=text(pose.translation))
     if robot.mobility == "planar":
         # The body stays level, so that x and z are exactly the base frame's; ``ref`` makes them its coordinates.
         x, z, _ = coordinates(robot, pose)
-        ET.SubElement(body, "joint", name="x", type="slide", axis="1 0 0", ref=_text(x))
-        ET.SubElement(body, "joint", name="z", type="slide", axis="0 0 1", ref=_text(z))
+        ET.SubElement(body, "joint", name="x", type="slide", axis="1 0 0", ref=text(x))
+        ET.SubElement(body, "joint", name="z", type="slide", axis="0 0 1", ref=text(z))
         ET.SubElement(body, "joint", name="beta", type="hinge", axis="0 1 0")
     else:
-        body.set("quat", _text(pose.rotation.as_quat(scalar_first=True)))
+        body.set("quat", text(pose.rotation.as_quat(scalar_first=True)))
         ET.SubElement(body, "freejoint", name="platform")
-    inertial = ET.SubElement(body, "inertial", pos=_text(robot.center_of_mass), mass=_text(robot.mass))
+    inertial = ET.SubElement(body, "inertial", pos=text(robot.center_of_mass), mass=text(robot.mass))
     inertia = robot.inertia
     if np.array_equal(inertia, np.diag(np.diag(inertia))):
-        inertial.set("diaginertia", _text(np.diag(inertia)))
+        inertial.set("diaginertia", text(np.diag(inertia)))
     else:
-        inertial.set("fullinertia", _text(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
+        inertial.set("fullinertia", text(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
     ET.SubElement(
-        body, "geom", {"name": "platform", "class": "drawn", "type": "box", "size": _text(robot.platform_size / 2)}
-    ).set("rgba", _text(PLATFORM_COLOR))
-    for i, position in enumerate(robot.anchors, start=1):
-        ET.SubElement(body, "site", {"name": f"anchor_{i}", "class": "anchor", "pos": _text(position)})
+        body, "geom", {"name": "platform", "class": "drawn", "type": "box", "size": text(robot.platform_size / 2)}
+    ).set("rgba", text(PLATFORM_COLOR))
+    cables.add_anchors(body, robot.cabling)
     # MuJoCo's xfrc_applied acts at a body's centre of mass; a massless child has its own at the platform's origin.
     ET.SubElement(body, "body", name="origin")
     return body
@@ -194,7 +174,7 @@ def _assets(diagonal: float) -> ET.Element:
         assets, "texture", name="floor", type="2d", builtin="checker", mark="edge", rgb1="0.82 0.84 0.87",
         rgb2="0.78 0.80 0.83", markrgb="0.90 0.91 0.93", width="512", height="512",
     )  # fmt: skip
-    squares = _text([round(1 / (0.3 * diagonal), 3)] * 2)
+    squares = text([round(1 / (0.3 * diagonal), 3)] * 2)
     ET.SubElement(assets, "material", name="floor", texture="floor", texuniform="true", texrepeat=squares)
     return assets
 
@@ -212,9 +192,9 @@ def _nearest_on_frame(point: np.ndarray, lower: np.ndarray, upper: np.ndarray) -
 
 
 def _rod(world: ET.Element, start: np.ndarray, end: np.ndarray, radius: float, color: Sequence[float]) -> None:
-    rod = ET.SubElement(world, "geom", {"class": "drawn", "type": "capsule", "fromto": _text([*start, *end])})
-    rod.set("size", _text(round(radius, 6)))
-    rod.set("rgba", _text(color))
+    rod = ET.SubElement(world, "geom", {"class": "drawn", "type": "capsule", "fromto": text([*start, *end])})
+    rod.set("size", text(round(radius, 6)))
+    rod.set("rgba", text(color))
 
 
 def _camera(world: ET.Element, name: str, target: np.ndarray, direction: np.ndarray, distance: float) -> None:
@@ -222,13 +202,8 @@ def _camera(world: ET.Element, name: str, target: np.ndarray, direction: np.ndar
     backwards = direction / np.linalg.norm(direction)
     right = np.cross([0.0, 0.0, 1.0], backwards)
     right /= np.linalg.norm(right)
-    axes = _text(np.round([*right, *np.cross(backwards, right)], 6))
-    ET.SubElement(world, "camera", name=name, pos=_text(np.round(target + distance * backwards, 6)), xyaxes=axes)
-
-
-def _text(values: float | Sequence[float] | np.ndarray) -> str:
-    """Numbers as MJCF reads them: ``repr`` of the double, whole numbers without ``.0``, zero without a sign."""
-    return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in np.atleast_1d(values))
+    axes = text(np.round([*right, *np.cross(backwards, right)], 6))
+    ET.SubElement(world, "camera", name=name, pos=text(np.round(target + distance * backwards, 6)), xyaxes=axes)
 
 
 def _document(root: ET.Element) -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
+from cdpr_sim.core.files import appearing
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.files import appearing
+from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
 
 
 def model_files(robot: Robot, pose: PoseLike | None = None) -> dict[str, str]:

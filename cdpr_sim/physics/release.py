@@ -11,15 +11,16 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.physics.batch import bench_of
-from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.core.errors import InvalidInput, NotSettled
-from cdpr_sim.physics.mjcf import coordinates, to_mjcf
+from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance, moved
-from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.batch import simulations_of
+from cdpr_sim.physics.mjcf import coordinates, to_mjcf
 from cdpr_sim.physics.settle import settle
 
 NUDGE = 1e-6
@@ -75,10 +76,10 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity alone")
     arm = robot.characteristic_length
-    with bench_of([problem], None) as bench:
-        softest = bench.read(coordinates(robot, pose)[None]).softest[0]
+    with simulations_of(Problems.stack([problem])) as simulations:
+        softest = simulations.read(coordinates(robot, pose)[None]).softest[0]
     step = np.zeros(6)
-    step[list(robot.free_directions)] = NUDGE * softest
+    step[robot.free] = NUDGE * softest
     step[3:] /= arm
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, problem.rest_lengths))
     model.opt.viscosity = 0
@@ -95,11 +96,17 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     return Release(strayed, NUDGE, watched * model.opt.timestep)
 
 
-def grow_gravity(robot: Robot, pose: PoseLike, rest_lengths=None, *, seconds: float = RAMP) -> Equilibrium:
+def grow_gravity(
+    robot: Robot | Problem,
+    pose: PoseLike | None = None,
+    rest_lengths: ArrayLike | None = None,
+    *,
+    seconds: float = RAMP,
+) -> Equilibrium:
     """Where MuJoCo's platform rests after gravity has grown slowly from nothing, starting at ``pose`` in viscous air.
 
     Args:
-        robot: the robot.
+        robot: the robot; or a ``Problem`` that is ready, alone.
         pose: where the platform starts.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
         seconds: how long gravity grows.
@@ -109,6 +116,9 @@ def grow_gravity(robot: Robot, pose: PoseLike, rest_lengths=None, *, seconds: fl
         NotSettled: it does not come to rest, or MuJoCo warns of its motion.
     """
     problem = Problem.of(robot, pose, rest_lengths)
+    if problem.external_wrench.any():
+        raise InvalidInput("external_wrench: found one, expected gravity alone, which grows")
+    robot = problem.robot
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, problem.pose, problem.rest_lengths))
     data = mujoco.MjData(model)
     data.qpos[:] = coordinates(robot, problem.pose)

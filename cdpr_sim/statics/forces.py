@@ -1,160 +1,203 @@
 """The statics of elastic cables in NumPy: lengths, tensions, wrenches, energy, its slope and its stiffness matrix.
 
-Everything broadcasts over leading dimensions: positions (..., 3) and rotation matrices (..., 3, 3).
+All of it is read off a frozen state: ``at(problem, position, rotation).net_wrench``. Everything broadcasts over leading
+dimensions: positions (..., 3) and rotation matrices (..., 3, 3), and a whole batch of problems.
 A step from a pose is (translation, left-applied rotation vector), six coordinates [m, rad].
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core.cable_path import path
 from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import cable_law
 
 Array = np.ndarray
 
+_LEVI_CIVITA = np.zeros((3, 3, 3))
+_LEVI_CIVITA[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
+_LEVI_CIVITA[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
 
-def cable_vectors(
-    robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
-) -> tuple[Float[Array, "*#batch cables 3"], Float[Array, "*batch cables 3"]]:
-    """Arms R bᵢ from the platform's origin to the anchors, and cable vectors aᵢ − p − R bᵢ, base frame [m] (Eq. 8)."""
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Where the cables run with the platform at a pose, or many.
+
+    Attributes:
+        robot: whose cables they are.
+        arms: R bᵢ from the platform's origin to the anchors, base frame, (..., cables, 3) [m] (Eq. 8).
+        directions: unit vectors along which the cables pull on the anchors, (..., cables, 3).
+        lengths: of the cables, (..., cables) [m] (Eq. 2, 9).
+        free_lengths: of their free pieces, which are rods whose far ends stay put, to first order, (..., cables) [m].
+    """
+
+    robot: Robot
+    arms: Float[Array, "*#batch cables 3"]
+    directions: Float[Array, "*batch cables 3"]
+    lengths: Float[Array, "*batch cables"]
+    free_lengths: Float[Array, "*batch cables"]
+
+    @cached_property
+    def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
+        """W, whose column i is (uᵢ, R bᵢ × uᵢ): the wrench on the platform of unit tension in cable i (Eq. 4)."""
+        wrenches = np.concatenate([self.directions, np.cross(self.arms, self.directions)], axis=-1)
+        return np.swapaxes(wrenches, -1, -2)
+
+    @cached_property
+    def curvatures(self) -> Float[Array, "*batch cables 3 3"]:
+        """∂²l/∂b² of each cable by its anchor's place, base frame [1/m]: (1 − u uᵀ)/(free length) of a straight one."""
+        u = self.directions
+        return (np.eye(3) - u[..., :, None] * u[..., None, :]) / self.free_lengths[..., None, None]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The forces with the platform at a pose, or many.
+
+    Attributes:
+        problem: what was asked, once or many times.
+        position: (..., 3) [m].
+        rotation: (..., 3, 3).
+        geometry: where the cables run.
+        tensions: (..., cables) [N], 0 where slack (Eq. 10, 11).
+        elasticities: ∂tau/∂l, (..., cables) [N/m], 0 where slack.
+    """
+
+    problem: Problem | Problems
+    position: Float[Array, "*#batch 3"]
+    rotation: Float[Array, "*#batch 3 3"]
+    geometry: Geometry
+    tensions: Float[Array, "*batch cables"]
+    elasticities: Float[Array, "*batch cables"]
+
+    @property
+    def lengths(self) -> Float[Array, "*batch cables"]:
+        """Of the cables, (..., cables) [m] (Eq. 2, 9)."""
+        return self.geometry.lengths
+
+    @property
+    def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
+        """W (Eq. 4)."""
+        return self.geometry.wrench_matrix
+
+    @cached_property
+    def load_wrench(self) -> Float[Array, "*batch 6"]:
+        """Gravity at the centre of mass plus the external wrench, about the origin: w_e of Eq. 3 [N, N m]."""
+        return load_wrench(self.problem, self.rotation)
+
+    @cached_property
+    def net_wrench(self) -> Float[Array, "*batch 6"]:
+        """W tau + w_e, zero at equilibrium (Eq. 3) [N, N m]: minus the slope of the energy."""
+        return np.einsum("...ic,...c->...i", self.wrench_matrix, self.tensions) + self.load_wrench
+
+    @property
+    def residual(self) -> Float[Array, "*batch"] | float:
+        """Largest unbalanced force over the free directions, torques divided by the characteristic length [N]."""
+        robot = self.problem.robot
+        return np.abs(self.net_wrench / robot.units)[..., robot.free].max(-1)
+
+    @property
+    def energy(self) -> Float[Array, "*batch"] | float:
+        """Elastic plus potential energy V = Σ U(l) + m g z_com − f·p [J].
+
+        The external torque is left out: a torque that keeps its direction in space does work that depends on the way.
+        """
+        problem, robot = self.problem, self.problem.robot
+        stretch = self.lengths - problem.rest_lengths
+        height = self.position[..., 2] + np.einsum("...j,j->...", self.rotation[..., 2, :], robot.center_of_mass)
+        elastic = cable_law.energy(stretch, problem.rest_lengths, problem.axial_stiffness).sum(-1)
+        work = np.einsum("...i,...i->...", self.position, problem.external_wrench[..., :3])
+        return elastic + problem.mass * robot.gravity * height - work
+
+    @cached_property
+    def stiffness_matrix(self) -> Float[Array, "*batch 6 6"]:
+        """The Hessian of the energy over (translation, left-applied rotation vector) [N/m, N, N m].
+
+        Over the taut cables, K = Σ k ∂lᵀ ∂l + tau ∂²l, and the weight's part; ∂l = −(u, r × u) is minus the wrench
+        matrix's column. With D = ∂b = [1, −[r]×] for the anchor's place b and r = R b,
+
+            ∂²l = Dᵀ (∂²l/∂b²) D + [0, (u·r) 1 − ½ (u rᵀ + r uᵀ)].
+
+        Exact wherever no cable is just at its rest length, where it jumps.
+        """
+        robot, geometry, tau = self.problem.robot, self.geometry, self.tensions
+        arms, directions = geometry.arms, geometry.directions
+        W = geometry.wrench_matrix
+        D = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -cross_matrix(arms)], axis=-1)
+        matrix = (W * self.elasticities[..., None, :]) @ np.swapaxes(W, -1, -2)
+        matrix += (np.swapaxes(D, -1, -2) @ (tau[..., None, None] * geometry.curvatures) @ D).sum(-3)
+        matrix[..., 3:, 3:] += np.einsum("...c,...cij->...ij", tau, _dipole(directions, arms))
+        arm = self.rotation @ robot.center_of_mass
+        matrix[..., 3:, 3:] += _dipole(_weight(self.problem, arm), arm)
+        return matrix
+
+    @property
+    def eigenvalues(self) -> Float[Array, "*batch free"]:
+        """Of the stiffness matrix on the free directions, ascending [N/m]; rotations in characteristic lengths."""
+        robot = self.problem.robot
+        matrix = self.stiffness_matrix / np.outer(robot.units, robot.units)
+        return np.linalg.eigvalsh(matrix[..., robot.free, :][..., robot.free])
+
+
+def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]) -> Geometry:
+    """Where the cables of ``robot`` run with the platform at a pose, or many."""
     arms = np.einsum("...ij,cj->...ci", rotation, robot.anchors)
-    return arms, robot.exits - np.asarray(position)[..., None, :] - arms
+    x, y, z = np.moveaxis(robot.exits - np.asarray(position)[..., None, :] - arms, -1, 0)
+    length, x, y, z, free = path(x, y, z)
+    return Geometry(robot, arms, np.stack([x, y, z], axis=-1) / free[..., None], length, free)
 
 
-def lengths(
-    robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
-) -> Float[Array, "*batch cables"]:
-    """Cable lengths lᵢ = ‖aᵢ − bᵢ‖ [m] (Eq. 2, 9)."""
-    return np.linalg.norm(cable_vectors(robot, position, rotation)[1], axis=-1)
+def at(
+    problem: Problem | Problems, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
+) -> State:
+    """The forces of ``problem`` with the platform at a pose, or many; of many problems, each at its own."""
+    cables = geometry(problem.robot, position, rotation)
+    rest, stiffness = problem.rest_lengths, problem.axial_stiffness
+    stretch = cables.lengths - rest
+    tau = cable_law.tension(stretch, rest, stiffness)
+    k, _ = cable_law.tangent(stretch, rest, stiffness)
+    return State(problem, np.asarray(position), rotation, cables, tau, k * (tau > 0))
 
 
-def tensions(
-    lengths: Float[Array, "*batch cables"], rest_lengths: ArrayLike, axial_stiffness: ArrayLike
-) -> Float[Array, "*batch cables"]:
-    """tau = EA max(l − l0, 0) / l0 [N]: a cable pulls and never pushes (Eq. 10, 11)."""
-    rest_lengths = np.asarray(rest_lengths)
-    return axial_stiffness * np.maximum(lengths - rest_lengths, 0.0) / rest_lengths
-
-
-def wrench_matrix(
-    robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
-) -> Float[Array, "*batch 6 cables"]:
-    """W, whose column i is (uᵢ, R bᵢ × uᵢ): the wrench on the platform of unit tension in cable i (Eq. 4)."""
-    arms, vectors = cable_vectors(robot, position, rotation)
-    directions = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.swapaxes(np.concatenate([directions, np.cross(arms, directions)], axis=-1), -1, -2)
-
-
-def load_wrench(problem: Problem, rotation: Float[Array, "*#batch 3 3"]) -> Float[Array, "*batch 6"]:
-    """Gravity at the centre of mass plus the external wrench, about the platform's origin: w_e of Eq. 3 [N, N m]."""
-    robot = problem.robot
-    weight = np.array([0.0, 0.0, -robot.weight])
-    arm = rotation @ robot.center_of_mass
-    gravity = np.concatenate([np.broadcast_to(weight, arm.shape), np.cross(arm, weight)], axis=-1)
-    return gravity + problem.external_wrench
-
-
-def net_wrench(
-    problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
-) -> Float[Array, "*batch 6"]:
-    """W tau + w_e, zero at equilibrium (Eq. 3) [N, N m]: minus the slope of the energy."""
-    robot = problem.robot
-    tau = tensions(lengths(robot, position, rotation), problem.rest_lengths, robot.axial_stiffness)
-    return np.einsum("...ic,...c->...i", wrench_matrix(robot, position, rotation), tau) + load_wrench(problem, rotation)
-
-
-def residual(
-    problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
-) -> Float[Array, "*batch"] | float:
-    """Largest unbalanced force over the free directions, torques divided by the characteristic length [N]."""
-    robot = problem.robot
-    free = list(robot.free_directions)
-    return np.abs(net_wrench(problem, position, rotation) / _units(robot))[..., free].max(-1)
-
-
-def energy(
-    problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
-) -> Float[Array, "*batch"] | float:
-    """Elastic plus potential energy V = Σ ½ (EA/l0) max(l − l0, 0)² + m g z_com − f·p [J].
-
-    The external torque is left out: a torque that keeps its direction in space does work that depends on the way.
-    """
-    robot = problem.robot
-    position = np.asarray(position)
-    stretch = np.maximum(lengths(robot, position, rotation) - problem.rest_lengths, 0.0)
-    height = position[..., 2] + np.einsum("...j,j->...", rotation[..., 2, :], robot.center_of_mass)
-    elastic = 0.5 * (problem.stiffnesses * stretch**2).sum(-1)
-    return elastic + robot.weight * height - position @ problem.external_wrench[:3]
-
-
-def stiffness_matrix(
-    problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
-) -> Float[Array, "*batch 6 6"]:
-    """The Hessian of the energy over (translation, left-applied rotation vector) [N/m, N, N m].
-
-    Over the taut cables, K = Σ (EA/l0) Jᵀ J + tau ∂²l, and the weight's part; J = ∂l = −(u, r × u) is minus
-    the wrench matrix's column. With D = [−1, [r]×] and r = R b,
-
-        ∂²l = (Dᵀ D − Jᵀ J)/l + [0, (u·r) 1 − ½ (u rᵀ + r uᵀ)].
-
-    Exact wherever no cable is just at its rest length, where it jumps.
-    """
-    robot = problem.robot
-    arms, vectors = cable_vectors(robot, position, rotation)
-    length = np.linalg.norm(vectors, axis=-1)
-    directions = vectors / length[..., None]
-    tau = tensions(length, problem.rest_lengths, robot.axial_stiffness)
-    elastic = problem.stiffnesses * (tau > 0)
-    J = -np.concatenate([directions, np.cross(arms, directions)], axis=-1)
-    D = np.concatenate([np.broadcast_to(-np.eye(3), (*arms.shape, 3)), _cross_matrix(arms)], axis=-1)
-    per_length = tau / length
-    matrix = np.einsum("...c,...ci,...cj->...ij", elastic - per_length, J, J)
-    matrix += np.einsum("...c,...cki,...ckj->...ij", per_length, D, D)
-    matrix[..., 3:, 3:] += np.einsum("...c,...cij->...ij", tau, _dipole(directions, arms))
-    arm = rotation @ robot.center_of_mass
-    matrix[..., 3:, 3:] += _dipole(np.broadcast_to([0.0, 0.0, -robot.weight], arm.shape), arm)
-    return matrix
-
-
-def eigenvalues(
-    problem: Problem, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
-) -> Float[Array, "*batch free"]:
-    """Of the stiffness matrix on the free directions, ascending [N/m]; rotations in characteristic lengths."""
-    units = _units(problem.robot)
-    free = list(problem.robot.free_directions)
-    matrix = stiffness_matrix(problem, position, rotation) / np.outer(units, units)
-    return np.linalg.eigvalsh(matrix[..., free, :][..., free])
+def load_wrench(problem: Problem | Problems, rotation: Float[Array, "*#batch 3 3"]) -> Float[Array, "*batch 6"]:
+    """Gravity at the centre of mass plus the external wrench, about the origin: w_e of Eq. 3 [N, N m]."""
+    arm = rotation @ problem.robot.center_of_mass
+    weight = _weight(problem, arm)
+    return np.concatenate([weight, np.cross(arm, weight)], axis=-1) + problem.external_wrench
 
 
 def equilibrium_at(problem: Problem, pose: RigidTransform, *, iterations: int, source: str) -> Equilibrium:
     """What statics says of the platform at ``pose``: tensions, residual and eigenvalues, as evidence."""
-    position, rotation = pose.translation, pose.rotation.as_matrix()
-    length = lengths(problem.robot, position, rotation)
+    state = at(problem, pose.translation, pose.rotation.as_matrix())
     return Equilibrium(
         problem=problem,
         pose=pose,
-        tensions=tensions(length, problem.rest_lengths, problem.robot.axial_stiffness),
-        lengths=length,
-        residual=float(residual(problem, position, rotation)),
-        eigenvalues=eigenvalues(problem, position, rotation),
+        tensions=state.tensions,
+        lengths=state.lengths,
+        residual=float(state.residual),
+        eigenvalues=state.eigenvalues,
         iterations=iterations,
         source=source,
     )
 
 
-def _units(robot: Robot) -> Float[Array, "6"]:
-    """What turns (translation, rotation) into lengths, and (force, torque) into forces."""
-    return np.repeat([1.0, robot.characteristic_length], 3)
-
-
-def _cross_matrix(vectors: Float[Array, "*#batch 3"]) -> Float[Array, "*batch 3 3"]:
+def cross_matrix(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
     """[v]× with [v]× w = v × w."""
-    return np.cross(vectors[..., None, :], np.eye(3)).swapaxes(-1, -2)
+    return np.einsum("ijk,...j->...ik", _LEVI_CIVITA, vectors)
+
+
+def _weight(problem: Problem | Problems, arm: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    """The force of gravity, one per arm [N]."""
+    pull = np.asarray(-problem.mass * problem.robot.gravity)[..., None] * np.array([0.0, 0.0, 1.0])
+    return np.broadcast_to(pull, np.broadcast_shapes(pull.shape, arm.shape))
 
 
 def _dipole(forces: Float[Array, "*#batch 3"], arms: Float[Array, "*#batch 3"]) -> Float[Array, "*batch 3 3"]:

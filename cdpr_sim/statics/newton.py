@@ -1,55 +1,22 @@
-"""Our static solver: descent on the energy to a pose where the platform can rest. The method is in ``descent``."""
+"""Our static solver: descent on the energy to where the platform can rest. The method is in ``newton_kernel``."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.statics import forces as statics
-from cdpr_sim.statics.newton_kernel import Status, equilibrium_gufunc
-from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.core.errors import InvalidInput, NotConverged
-from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
+from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.problem import Problem, Problems
+from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import Trajectory
-
-
-@dataclass(frozen=True, eq=False)
-class Solutions:
-    """Many static equilibria, as arrays over the leading dimensions of the call.
-
-    Attributes:
-        positions: (..., 3) [m].
-        rotations: (..., 3, 3) rotation matrices.
-        lengths: (..., cables) [m].
-        tensions: (..., cables) [N].
-        residuals: (...) largest unbalanced force [N], torques divided by the characteristic length.
-        iterations: (...) Newton iterations.
-        status: (...) a ``Status`` each; where it is not ``CONVERGED`` the numbers are the best point seen.
-    """
-
-    positions: Float[np.ndarray, "*batch 3"]
-    rotations: Float[np.ndarray, "*batch 3 3"]
-    lengths: Float[np.ndarray, "*batch cables"]
-    tensions: Float[np.ndarray, "*batch cables"]
-    residuals: Float[np.ndarray, "*batch"]
-    iterations: Int[np.ndarray, "*batch"]
-    status: Int[np.ndarray, "*batch"]
-
-    @property
-    def converged(self) -> Bool[np.ndarray, "*batch"]:
-        """(...) whether each one is an equilibrium."""
-        return self.status == Status.CONVERGED
-
-    @property
-    def poses(self) -> RigidTransform:
-        """(...) the poses; nan where a row is no equilibrium."""
-        positions = np.where(self.converged[..., None], self.positions, np.nan)
-        return RigidTransform.from_components(positions, Rotation.from_matrix(self.rotations))
+from cdpr_sim.statics import cable_law, forces
+from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
+from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 
 def solve(problem: Problem) -> Equilibrium:
@@ -59,10 +26,8 @@ def solve(problem: Problem) -> Equilibrium:
         NotConverged: forces do not balance at the best point found, which the exception carries.
     """
     robot = problem.robot
-    position, rotation, _, residual, iterations, status = _solve(
-        robot.exits,
-        robot.anchors,
-        robot.axial_stiffness,
+    position, rotation, _, _, iterations, status = _solve(
+        robot.cabling.packed,
         problem.rest_lengths,
         robot.weight,
         robot.center_of_mass,
@@ -73,73 +38,109 @@ def solve(problem: Problem) -> Equilibrium:
         problem.pose.rotation.as_matrix(),
     )
     pose = RigidTransform.from_components(position, Rotation.from_matrix(rotation))
-    result = statics.equilibrium_at(problem, pose, iterations=int(iterations), source="newton")
+    result = forces.equilibrium_at(problem, pose, iterations=int(iterations), source="newton")
     if status != Status.CONVERGED:
-        reason = f"newton: {Status(int(status)).sentence} (residual {residual:.1e} N)"
-        if problem.external_wrench[3:].any():
-            reason += "; under a torque that keeps its direction in space there may be none"
-        raise NotConverged(reason, result)
+        raise NotConverged.because(Status(int(status)), result)
     return result
 
 
-def solve_many(
-    robot: Robot,
-    positions: ArrayLike,
-    *,
-    rotations: ArrayLike | None = None,
+def equilibrium_of(
+    found: Equilibrium | Problem | Robot,
+    pose: PoseLike | None = None,
     rest_lengths: ArrayLike | None = None,
+    external_wrench: ArrayLike | None = None,
+) -> Equilibrium:
+    """An equilibrium as it is; of a problem, or of a robot and what it is asked, the one that ``solve`` finds.
+
+    Raises:
+        InvalidInput: an argument that cannot be right.
+        NotConverged: there is none.
+    """
+    if not isinstance(found, Equilibrium):
+        return solve(Problem.of(found, pose, rest_lengths, external_wrench))
+    Problem.of(found.problem, pose, rest_lengths, external_wrench)  # refuses what stands beside it
+    return found
+
+
+def solve_many(
+    robot: Robot | Problems,
+    poses: RigidTransform | ArrayLike | None = None,
+    rest_lengths: ArrayLike | None = None,
+    *,
+    external_wrench: ArrayLike | None = None,
+    rotations: ArrayLike | None = None,
     axial_stiffness: ArrayLike | None = None,
     mass: ArrayLike | None = None,
-    external_wrench: ArrayLike | None = None,
-) -> Solutions:
+) -> Rests:
     """Equilibria from many commanded poses in one compiled call, everything broadcast against everything.
 
     Args:
-        robot: the robot; its geometry, and the default of what follows.
-        positions: commanded positions, (..., 3) [m].
-        rotations: commanded rotation matrices, (..., 3, 3); default: level.
+        robot: the robot; its geometry, and the default of what follows. Or ``Problems`` that are ready, alone.
+        poses: commanded, (..., 3) [m], (..., 6) [m, rad], a stack of transforms, or a list of anything that is a pose.
         rest_lengths: (..., cables) [m]; default: the rigid lengths at each commanded pose (paper Eq. 1, 2).
-        axial_stiffness: EA, (...) or (..., cables) [N].
-        mass: (...) [kg].
         external_wrench: (..., 6) [N, N m].
+        rotations: commanded rotation matrices, (..., 3, 3), where ``poses`` are positions; default: level.
+        axial_stiffness: EA [N], a number, or with the cables last: (..., cables), or (..., 1) for all cables alike.
+        mass: (...) [kg].
+
+    Returns:
+        A row for each pose. One that is not finite, or at which the platform would fall, says so by its status.
 
     Raises:
-        InvalidInput: shapes that do not fit.
+        InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
     """
-    positions = np.asarray(positions, dtype=float)
-    if positions.shape[-1:] != (3,):
-        raise InvalidInput(f"positions: found an array of shape {positions.shape}, expected (..., 3)")
-    rotations = np.eye(3) if rotations is None else np.asarray(rotations, dtype=float)
-    if rest_lengths is None:
-        rest_lengths = statics.lengths(robot, positions, rotations)
-    stiffness = np.asarray(robot.axial_stiffness if axial_stiffness is None else axial_stiffness, dtype=float)
-    if stiffness.ndim == 0 or stiffness.shape[-1] != robot.cables:
-        stiffness = np.repeat(stiffness[..., None], robot.cables, axis=-1)
-    solved_positions, solved_rotations, lengths, residuals, iterations, status = _solve(
-        robot.exits,
-        robot.anchors,
-        stiffness,
+    problems = Problems.of(
+        robot,
+        poses,
         rest_lengths,
-        np.asarray(robot.mass if mass is None else mass) * robot.gravity,
+        external_wrench,
+        rotations=rotations,
+        axial_stiffness=axial_stiffness,
+        mass=mass,
+    )
+    robot, cabling = problems.robot, problems.robot.cabling
+    own = problems.axial_stiffness is robot.axial_stiffness
+    positions, rotations_, lengths, residuals, iterations, status = _solve(
+        cabling.packed if own else cabling.packed_with(problems.axial_stiffness),
+        problems.rest_lengths,
+        problems.mass * robot.gravity,
         robot.center_of_mass,
-        np.zeros(6) if external_wrench is None else external_wrench,
+        problems.external_wrench,
         _free(robot),
         robot.characteristic_length,
-        positions,
-        rotations,
+        problems.positions,
+        problems.rotations,
     )
-    tensions = statics.tensions(lengths, rest_lengths, stiffness)
-    return Solutions(solved_positions, solved_rotations, lengths, tensions, residuals, iterations, status)
+    if problems.falls.any():
+        status = np.where(problems.falls, Status.FALLS.value, status)
+    return Rests(
+        problems=problems,
+        positions=positions,
+        rotations=rotations_,
+        lengths=lengths,
+        tensions=cable_law.tension(lengths - problems.rest_lengths, problems.rest_lengths, problems.axial_stiffness),
+        residuals=residuals,
+        iterations=iterations,
+        status=status,
+        source="newton",
+        stiffness=lambda rests: stiffness_of(rests)[0],
+    )
 
 
-def solve_trajectory(trajectory: Trajectory) -> Solutions:
+def stiffness_of(rests: Rests) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:
+    """Eigenvalues of the stiffness matrix, ascending [N/m], and the lowest natural frequency [Hz], row by row."""
+    problems, robot = rests.problems, rests.robot
+    with np.errstate(all="ignore"):
+        return stiffness_gufunc()(
+            robot.cabling.packed_with(problems.axial_stiffness), problems.rest_lengths, problems.mass, robot.gravity,
+            robot.center_of_mass, robot.inertia, np.array(robot.free), robot.characteristic_length, rests.positions,
+            rests.rotations,
+        )  # fmt: skip
+
+
+def solve_trajectory(trajectory: Trajectory) -> Rests:
     """The static equilibrium for each state's command, as if the winches had stopped there: (steps,) of them."""
-    return solve_many(
-        trajectory.robot,
-        trajectory.commanded.translation,
-        rotations=trajectory.commanded.rotation.as_matrix(),
-        rest_lengths=trajectory.rest_lengths,
-    )
+    return solve_many(trajectory.problems)
 
 
 def _solve(*arguments: ArrayLike) -> list[np.ndarray]:
@@ -151,5 +152,5 @@ def _solve(*arguments: ArrayLike) -> list[np.ndarray]:
 def _free(robot: Robot) -> Float[np.ndarray, "6"]:
     """1 for the free directions, 0 for the others."""
     free = np.zeros(6)
-    free[list(robot.free_directions)] = 1.0
+    free[robot.free] = 1.0
     return free

@@ -25,15 +25,17 @@ coordinates are lengths.
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, guvectorize, int64, njit
+from numba import float64, guvectorize, int64
 
 from cdpr_sim.core.compiling import built_once
-from cdpr_sim.core.equilibrium import NEUTRAL
+from cdpr_sim.core.status import NEUTRAL, Status
+from cdpr_sim.statics import cable_kernel as ck
+from cdpr_sim.statics.cable_kernel import Cables, CableState, inline, outlined, pasted
+from cdpr_sim.statics.matrix_kernel import factorise, substitute
 
 MAX_ITERATIONS = 1000
 """Tens do for all but the oddest robots: a pendulum of many cables from one point needs hundreds."""
@@ -50,81 +52,56 @@ FORCE_TOLERANCE = 2e-9
 ROUNDING = 8 * np.finfo(float).eps
 """Relative error of a computed length, a few units in the last place: below it no pose has a smaller residual."""
 
-PIVOT_ROUNDING = 1e-13
-"""A Cholesky pivot smaller than this fraction of its diagonal entry is rounding, not stiffness."""
-
 MAX_TRIALS = 60
 """Steps tried, each shorter than the last, before an iteration gives up."""
 
 MAX_TAUT_SETS = 6
 """Sets of taut cables tried within one local model; two or three do, unless they cycle."""
 
-_jit = njit(cache=True, error_model="numpy")
-# Small functions that take dozens of arrays: the calls would cost more than the work.
-_inline = njit(cache=True, error_model="numpy", forceinline=True)
-
-
-class Status(enum.IntEnum):
-    """How a solve ended; ``sentence`` says it in words."""
-
-    CONVERGED = 0
-    ITERATION_LIMIT = 1
-    STALLED = 2
-    NOT_FINITE = 3
-
-    @property
-    def sentence(self) -> str:
-        """What the status means."""
-        return {
-            Status.CONVERGED: "converged to a minimum of the energy",
-            Status.ITERATION_LIMIT: f"no equilibrium within {MAX_ITERATIONS} iterations",
-            Status.STALLED: "no step lowers the energy any more, but forces do not balance to tolerance",
-            Status.NOT_FINITE: "the input is not finite",
-        }[self]
-
-
-_CONVERGED, _ITERATION_LIMIT, _STALLED, _NOT_FINITE = (int(status) for status in Status)
+_CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT)
+_STALLED, _NOT_FINITE = int(Status.STALLED), int(Status.NOT_FINITE)
 
 
 @built_once
 def equilibrium_gufunc() -> Callable:
     """The compiled solver as a NumPy generalised ufunc, which broadcasts and releases the GIL.
 
-    Compiled at the first call and cached on disk, so that importing this module compiles nothing. Arguments: exits
-    (m,3), anchors (m,3), axial stiffness (m), rest lengths (m), weight, centre of mass (3), external wrench (6), free
+    Compiled at the first call and cached on disk, so that importing this module compiles nothing. Arguments:
+    ``Cabling.packed`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
     directions as 0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
     Results: position (3), rotation matrix (3,3), lengths (m), residual, iterations, status.
     """
     vector, matrix = float64[:], float64[:, :]
-    signature = (matrix, matrix, vector, vector, float64, vector, vector, vector, float64, vector, matrix)
+    signature = (matrix, vector, float64, vector, vector, vector, float64, vector, matrix)
     results = (vector, matrix, vector, vector, int64[:], int64[:])
     return guvectorize(
         [signature + results],
-        "(m,c),(m,c),(m),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(),(),()",
+        "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(),(),()",
         cache=True,
     )(_solve_one)
 
 
 def _solve_one(
-    exits, anchors, axial_stiffness, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position,
-    start_rotation, position, rotation, lengths, residual, iterations, status,
+    cables, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
+    rotation, lengths, residual, iterations, status,
 ):  # fmt: skip
     """One element of the gufunc; copies make the compiled inner code work on contiguous arrays."""
     case = _Case(
-        exits.copy(), anchors.copy(), axial_stiffness / rest_lengths, rest_lengths.copy(), weight,
-        center_of_mass.copy(), wrench.copy(), free.copy(), scale,
-    )  # fmt: skip
+        ck.unpack(cables, rest_lengths), weight, ck.copied(center_of_mass), ck.copied(wrench), ck.copied(free), scale
+    )
     rest, residual[0], iterations[0], status[0] = _descend(case, start_position, start_rotation)
-    position[:], rotation[:, :], lengths[:] = rest.p, rest.R, rest.l
+    for a in range(3):
+        position[a] = rest.p[a]
+        for b in range(3):
+            rotation[a, b] = rest.R[a, b]
+    for i in range(len(lengths)):
+        lengths[i] = rest.c.l[i]
 
 
 class _Case(NamedTuple):
-    """What is given. A, B: exits, anchors; k = EA/l0; free: 1 where the platform moves; scale: length of rotations."""
+    """What is given. free: 1 where the platform moves; scale: length of rotations."""
 
-    A: np.ndarray
-    B: np.ndarray
-    k: np.ndarray
-    l0: np.ndarray
+    cables: Cables
     weight: float
     com: np.ndarray
     wrench: np.ndarray
@@ -133,14 +110,11 @@ class _Case(NamedTuple):
 
 
 class _Point(NamedTuple):
-    """A pose and what is measured there: anchor arms r and directions u in the base frame, l, and s = l - l0."""
+    """A pose, and the cables' state there."""
 
     p: np.ndarray
     R: np.ndarray
-    r: np.ndarray
-    u: np.ndarray
-    l: np.ndarray  # noqa: E741
-    s: np.ndarray
+    c: CableState
 
 
 class _Model(NamedTuple):
@@ -161,15 +135,18 @@ class _Scales(NamedTuple):
     energy: float
 
 
-@_inline
+@pasted
 def _descend(case, start_position, start_rotation):
     """Newton iterations from a pose: the point they end at, its residual, their number, and the status."""
-    m = len(case.k)
-    here, trial = _new_point(m), _new_point(m)
+    m = len(case.cables.l0)
+    here, trial = _new_point(case), _new_point(case)
     model = _Model(np.empty((m, 6)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
     x, taut, tau, predicted = np.empty(6), np.empty(m, np.bool_), np.empty(m), np.empty(m)
 
-    here.p[:], here.R[:, :] = start_position, start_rotation
+    for a in range(3):
+        here.p[a] = start_position[a]
+        for b in range(3):
+            here.R[a, b] = start_rotation[a, b]
     V = _measure(case, here)
     scales = _scales(case, here)
     if not np.isfinite(V + scales.force):
@@ -181,31 +158,31 @@ def _descend(case, start_position, start_rotation):
         if residual <= scales.force:
             if certified:
                 return here, residual, iteration, _CONVERGED
-            _spring_tensions(case, here, tau, taut)
+            _spring_tensions(here, tau, taut)
             _curvature(case, here, tau, model)
-            if _is_minimum(case, here, model) or not _leave_saddle(case, here, model, V, trial):
+            if _is_minimum(here, model) or not _leave_saddle(case, here, model, V, trial):
                 return here, residual, iteration, _CONVERGED
             here, trial = trial, here
             V = _measure(case, here)
-            _spring_tensions(case, here, tau, taut)
+            _spring_tensions(here, tau, taut)
             shift = 0.0
             continue
         _curvature(case, here, tau, model)
         accepted, decrease, V_trial = False, 0.0, V
-        longest = MAX_TRANSLATION * here.l.mean()
+        longest = MAX_TRANSLATION * ck.mean(here.c.l)
         # Inside this function, since only there the compiler knows that the arrays do not overlap: 1.4 times as fast.
         for _ in range(MAX_TRIALS):
             decrease = -np.inf
-            if _model_minimum(case, here, model, shift, taut, x):
+            if _model_minimum(here, model, shift, taut, x):
                 _shorten(x, longest, MAX_ROTATION * case.scale)
-                decrease = _model_decrease(case, here, model, x, predicted)
+                decrease = _model_decrease(here, model, x, predicted)
             rounding = abs(decrease) <= scales.energy  # such a step is judged by the forces, next time round
             if decrease > 0 or rounding:
                 for attempt in range(3):
                     V_trial = _measure_at(case, here, x, trial)
                     if rounding or V - V_trial >= 0.3 * decrease or attempt == 2:
                         break
-                    _retract(case, trial, model, predicted, x)
+                    _retract(trial, model, predicted, x)
                 if rounding or V - V_trial >= 0.05 * decrease:
                     accepted = True
                     break
@@ -217,86 +194,77 @@ def _descend(case, start_position, start_rotation):
         certified = shift == 0.0  # where forces balance next, the model that led there had a minimum...
         if V - V_trial > 0.5 * decrease:
             shift = shift / 8 if shift > scales.least_shift / 64 else 0.0
+        for i in range(m):
+            tau[i] = here.c.k[i] * max(predicted[i], 0.0)
         here, trial = trial, here
         V = _energy(case, here)
         for i in range(m):
-            certified &= taut[i] == (here.s[i] > 0)  # ...with the cables that really are taut
+            certified &= taut[i] == (here.c.e[i] > 0)  # ...with the cables that really are taut
             taut[i] = predicted[i] > 0
-            tau[i] = case.k[i] * max(predicted[i], 0.0)
     return here, residual, MAX_ITERATIONS, _ITERATION_LIMIT
 
 
-@_inline
+@inline
 def _scales(case, start):
     load = case.weight
     for a in range(6):
         load = max(load, abs(case.wrench[a]) / (1.0 if a < 3 else case.scale))
-    size = max(np.abs(case.A).max(), np.abs(start.p).max())
+    A, stiffest = case.cables.A, ck.largest(case.cables.k)
+    size = ck.largest(start.p)
+    for i in range(len(A)):
+        for a in range(3):
+            size = max(size, abs(A[i, a]))
     return _Scales(
-        max(load, 1e-9 * case.k.max() * case.scale) / case.l0.mean(),
-        FORCE_TOLERANCE * load + ROUNDING * case.k.max() * size,
+        max(load, 1e-9 * stiffest * case.scale) / ck.mean(case.cables.l0),
+        FORCE_TOLERANCE * load + ROUNDING * stiffest * size,
         1e-13 * load * case.scale,
     )
 
 
-@_inline
+@inline
 def _first_tensions(case, at, tau, taut):
     """As if the platform sank straight down on all cables that pull up."""
+    k, u, e = at.c.k, at.c.u, at.c.e
     upward = 0.0
     for i in range(len(tau)):
-        upward += case.k[i] * max(at.u[i, 2], 0.0) ** 2
+        upward += k[i] * max(u[i, 2], 0.0) ** 2
     for i in range(len(tau)):
-        tau[i] = case.k[i] * max(at.u[i, 2], 0.0) * case.weight / upward if upward > 0 else 0.0
-        taut[i] = at.s[i] >= 0
+        tau[i] = k[i] * max(u[i, 2], 0.0) * case.weight / upward if upward > 0 else 0.0
+        taut[i] = e[i] >= 0
 
 
-@_inline
-def _spring_tensions(case, at, tau, taut):
+@inline
+def _spring_tensions(at, tau, taut):
     """The tensions of the cables as they are stretched (paper Eq. 10, 11)."""
     for i in range(len(tau)):
-        tau[i] = case.k[i] * max(at.s[i], 0.0)
-        taut[i] = at.s[i] > 0
+        tau[i] = at.c.k[i] * max(at.c.e[i], 0.0)
+        taut[i] = at.c.e[i] > 0
 
 
-@_inline
-def _new_point(m):
-    return _Point(np.empty(3), np.empty((3, 3)), np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m))
+@inline
+def _new_point(case):
+    return _Point(np.empty(3), np.empty((3, 3)), ck.new_state(case.cables))
 
 
-@_inline
+@inline
 def _measure(case, at):
-    """Fill in the cables' state at ``at.p``, ``at.R`` (paper Eq. 8, 9); return V."""
-    A, B, k, l0 = case.A, case.B, case.k, case.l0
-    p, R, r, u, l, s = at.p, at.R, at.r, at.u, at.l, at.s  # noqa: E741
-    for i in range(len(k)):
-        length2 = 0.0
-        for a in range(3):
-            r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
-            u[i, a] = A[i, a] - p[a] - r[i, a]
-            length2 += u[i, a] ** 2
-        l[i] = np.sqrt(length2)
-        s[i] = l[i] - l0[i]
-        inverse = 1 / l[i]
-        for a in range(3):
-            u[i, a] *= inverse
+    """Fill in the cables' state at ``at.p``, ``at.R``; return V."""
+    ck.measure(case.cables, at.p, at.R, at.c)
     return _energy(case, at)
 
 
-@_inline
+@inline
 def _energy(case, at):
     """V without the work of the external torque, which depends on the way and is counted step by step."""
-    k, weight, com, wrench = case.k, case.weight, case.com, case.wrench
-    p, R, s = at.p, at.R, at.s
+    weight, com, wrench = case.weight, case.com, case.wrench
+    p, R = at.p, at.R
     V = weight * (p[2] + R[2, 0] * com[0] + R[2, 1] * com[1] + R[2, 2] * com[2])
     for a in range(3):
         V -= wrench[a] * p[a]
-    for i in range(len(k)):
-        if s[i] > 0:
-            V += 0.5 * k[i] * s[i] ** 2
-    return V
+    return ck.elastic_energy(case.cables, at.c, V)
 
 
-@_inline
+@inline
 def _measure_at(case, here, x, trial):
     """Measure the pose that the step x leads to; return V there, less the work of the external torque on the way."""
     wrench, scale = case.wrench, case.scale
@@ -309,7 +277,7 @@ def _measure_at(case, here, x, trial):
     return _measure(case, trial) - work
 
 
-@_inline
+@inline
 def _rotate(R, a, b, c, out):
     """out = exp([a b c]×) R, by Rodrigues' formula."""
     angle2 = a * a + b * b + c * c
@@ -326,19 +294,13 @@ def _rotate(R, a, b, c, out):
         out[2, j] = z + sine * (a * y - b * x) + versine * (c * along - angle2 * z)
 
 
-@_inline
+@inline
 def _slopes(case, at, model):
-    """Fill in J = ∂l/∂x (minus the columns of the wrench matrix, Eq. 4) and g; return the largest unbalanced force."""
-    k, weight, com, wrench, free, scale = case.k, case.weight, case.com, case.wrench, case.free, case.scale
-    R, r, u, s = at.R, at.r, at.u, at.s
+    """Fill in J = ∂l/∂x and the load's slope g; return the largest unbalanced force."""
+    weight, com, wrench, free, scale = case.weight, case.com, case.wrench, case.free, case.scale
+    R, k, e = at.R, at.c.k, at.c.e
     J, g = model.J, model.g
-    per_scale = 1 / scale
-    for i in range(len(k)):
-        J[i, 0], J[i, 1], J[i, 2] = -u[i, 0], -u[i, 1], -u[i, 2]
-        x, y, z = r[i, 0] * per_scale, r[i, 1] * per_scale, r[i, 2] * per_scale
-        J[i, 3] = z * u[i, 1] - y * u[i, 2]
-        J[i, 4] = x * u[i, 2] - z * u[i, 0]
-        J[i, 5] = y * u[i, 0] - x * u[i, 1]
+    ck.fill_jacobian(at.c, scale, J)
     g[0], g[1], g[2] = -wrench[0], -wrench[1], weight - wrench[2]
     g[3] = (weight * (R[1, 0] * com[0] + R[1, 1] * com[1] + R[1, 2] * com[2]) - wrench[3]) / scale
     g[4] = (-weight * (R[0, 0] * com[0] + R[0, 1] * com[1] + R[0, 2] * com[2]) - wrench[4]) / scale
@@ -347,59 +309,29 @@ def _slopes(case, at, model):
     for a in range(6):
         if free[a] == 0.0:
             g[a] = 0.0
-            J[:, a] = 0.0
+            for i in range(len(k)):
+                J[i, a] = 0.0
             continue
         force = g[a]
         for i in range(len(k)):
-            if s[i] > 0:
-                force += k[i] * s[i] * J[i, a]
+            if e[i] > 0:
+                force += k[i] * e[i] * J[i, a]
         residual = max(residual, abs(force))
     return residual
 
 
-@_inline
+@inline
 def _curvature(case, at, tau, model):
-    """Fill in the lower half of K: Σ tau ∂²l/∂x² and the weight's part, for rotation vectors applied on the left.
-
-    ∂²l/∂x² = (DᵀD − J Jᵀ)/l + uᵀ∂²d/∂x² with d = A − p − r, D = ∂d/∂x = [−1, [r]×], and
-    uᵀ∂²d/∂φ² = (u·r) 1 − ½ (u rᵀ + r uᵀ).
-    """
-    k, weight, com, free, scale = case.k, case.weight, case.com, case.free, case.scale
-    R, r, u, l = at.R, at.r, at.u, at.l  # noqa: E741
+    """Fill in the lower half of K: Σ tau ∂²l/∂x² and the weight's part, for rotation vectors applied on the left."""
+    weight, free, scale = case.weight, case.free, case.scale
     J, K = model.J, model.K
-    per_scale = 1 / scale
     for a in range(6):
         for b in range(a + 1):
             K[a, b] = 0.0
-    x = (R[0, 0] * com[0] + R[0, 1] * com[1] + R[0, 2] * com[2]) / scale
-    y = (R[1, 0] * com[0] + R[1, 1] * com[1] + R[1, 2] * com[2]) / scale
-    z = (R[2, 0] * com[0] + R[2, 1] * com[1] + R[2, 2] * com[2]) / scale
-    _add_dipole(K, 0.0, 0.0, -weight / scale, x, y, z)
-    for i in range(len(k)):
-        if tau[i] <= 0:
-            continue
-        q = tau[i] / l[i]
-        x, y, z = r[i, 0] * per_scale, r[i, 1] * per_scale, r[i, 2] * per_scale
-        for a in range(6):
-            for b in range(a + 1):
-                K[a, b] -= q * J[i, a] * J[i, b]
-        K[0, 0] += q
-        K[1, 1] += q
-        K[2, 2] += q
-        K[3, 1] -= q * z
-        K[3, 2] += q * y
-        K[4, 0] += q * z
-        K[4, 2] -= q * x
-        K[5, 0] -= q * y
-        K[5, 1] += q * x
-        K[3, 3] += q * (y * y + z * z)
-        K[4, 4] += q * (x * x + z * z)
-        K[5, 5] += q * (x * x + y * y)
-        K[4, 3] -= q * x * y
-        K[5, 3] -= q * x * z
-        K[5, 4] -= q * y * z
-        t = tau[i] / scale
-        _add_dipole(K, t * u[i, 0], t * u[i, 1], t * u[i, 2], x, y, z)
+    ck.add_weight_curvature(weight, case.com, at.R, scale, K)
+    for i in range(len(tau)):
+        if tau[i] > 0:
+            ck.add_curvature(at.c, i, tau[i], J, scale, K)
     for a in range(6):
         if free[a] == 0.0:
             for b in range(6):
@@ -407,36 +339,24 @@ def _curvature(case, at, tau, model):
             K[a, a] = weight / scale + 1.0  # any positive number: the step there is 0
 
 
-@_inline
-def _add_dipole(K, fx, fy, fz, x, y, z):
-    """Add (f·r) 1 − ½ (f rᵀ + r fᵀ) to the lower half of the rotations' block."""
-    dot = fx * x + fy * y + fz * z
-    K[3, 3] += dot - fx * x
-    K[4, 4] += dot - fy * y
-    K[5, 5] += dot - fz * z
-    K[4, 3] -= 0.5 * (fx * y + fy * x)
-    K[5, 3] -= 0.5 * (fx * z + fz * x)
-    K[5, 4] -= 0.5 * (fy * z + fz * y)
-
-
-@_inline
-def _model_minimum(case, at, model, shift, taut, x):
+@inline
+def _model_minimum(at, model, shift, taut, x):
     """Minimise gᵀx + ½ xᵀ(K + shift)x + Σ ½ k max(s + Jx, 0)², starting from the set ``taut``, which is updated.
 
     False where the quadratic form of some taut set on the way is not positive definite, or where the sets cycle.
     """
     for _ in range(MAX_TAUT_SETS):
-        if not _newton_target(case, at, model, shift, taut, x):
+        if not _newton_target(at, model, shift, taut, x):
             return False
-        if not _update_taut(case, at, model, x, taut):
+        if not _update_taut(at, model, x, taut):
             return True
     return False
 
 
-@_inline
-def _newton_target(case, at, model, shift, taut, x):
+@inline
+def _newton_target(at, model, shift, taut, x):
     """The x that would be the minimum if just the cables ``taut`` were springs; False where there is none."""
-    k, s = case.k, at.s
+    k, e = at.c.k, at.c.e
     J, g, K, L, rhs = model.J, model.g, model.K, model.L, model.rhs
     for a in range(6):
         rhs[a] = -g[a]
@@ -447,21 +367,21 @@ def _newton_target(case, at, model, shift, taut, x):
         if taut[i]:
             for a in range(6):
                 slope = k[i] * J[i, a]
-                rhs[a] -= slope * s[i]
+                rhs[a] -= slope * e[i]
                 for b in range(a + 1):
                     L[a, b] += slope * J[i, b]
-    if not _factorise(L):
+    if not factorise(L, 6):
         return False
-    _substitute(L, rhs, x)
+    substitute(L, rhs, x)
     return True
 
 
-@_inline
-def _update_taut(case, at, model, x, taut):
+@inline
+def _update_taut(at, model, x, taut):
     """Set ``taut`` to the cables that are stretched at x in the model; return whether that changed it."""
     changed = False
-    for i in range(len(case.k)):
-        stretch = at.s[i]
+    for i in range(len(taut)):
+        stretch = at.c.e[i]
         for a in range(6):
             stretch += model.J[i, a] * x[a]
         if (stretch > 0) != taut[i]:
@@ -470,42 +390,7 @@ def _update_taut(case, at, model, x, taut):
     return changed
 
 
-@_inline
-def _factorise(L):
-    """Cholesky factor of the lower half of L, in place; False where it is not positive definite."""
-    for j in range(6):
-        pivot = L[j, j]
-        least = PIVOT_ROUNDING * abs(pivot)
-        for c in range(j):
-            pivot -= L[j, c] ** 2
-        if not pivot > least:
-            return False
-        pivot = np.sqrt(pivot)
-        L[j, j] = pivot
-        for i in range(j + 1, 6):
-            entry = L[i, j]
-            for c in range(j):
-                entry -= L[i, c] * L[j, c]
-            L[i, j] = entry / pivot
-    return True
-
-
-@_inline
-def _substitute(L, rhs, x):
-    """Solve L Lᵀ x = rhs."""
-    for i in range(6):
-        value = rhs[i]
-        for c in range(i):
-            value -= L[i, c] * x[c]
-        x[i] = value / L[i, i]
-    for i in range(5, -1, -1):
-        value = x[i]
-        for c in range(i + 1, 6):
-            value -= L[c, i] * x[c]
-        x[i] = value / L[i, i]
-
-
-@_inline
+@inline
 def _shorten(x, longest, largest):
     """Scale x back to a translation of ``longest`` and a rotation of ``largest`` at most."""
     translation = np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
@@ -516,11 +401,10 @@ def _shorten(x, longest, largest):
             x[a] /= factor
 
 
-@_inline
-def _model_decrease(case, at, model, x, predicted):
+@inline
+def _model_decrease(at, model, x, predicted):
     """How far the unshifted model falls along x; fill in the stretches that it predicts."""
-    k = case.k
-    s = at.s
+    k, e = at.c.k, at.c.e
     J, g, K = model.J, model.g, model.K
     decrease = 0.0
     for a in range(6):
@@ -529,65 +413,60 @@ def _model_decrease(case, at, model, x, predicted):
             slope += K[a, b] * x[b]
         decrease -= slope * x[a]
     for i in range(len(k)):
-        stretch = s[i]
+        stretch = e[i]
         for a in range(6):
             stretch += J[i, a] * x[a]
         predicted[i] = stretch
-        decrease += 0.5 * k[i] * (max(s[i], 0.0) ** 2 - max(stretch, 0.0) ** 2)
+        decrease += 0.5 * k[i] * (max(e[i], 0.0) ** 2 - max(stretch, 0.0) ** 2)
     return decrease
 
 
-@_inline
-def _retract(case, trial, model, predicted, x):
+@inline
+def _retract(trial, model, predicted, x):
     """Correct x so that the taut cables get the stretch that the model predicted for them."""
-    k = case.k
-    s_trial = trial.s
+    k, e = trial.c.k, trial.c.e
     J, L, rhs = model.J, model.L, model.rhs
     for a in range(6):
         rhs[a] = 0.0
         for i in range(len(k)):
-            rhs[a] -= k[i] * (max(s_trial[i], 0.0) - max(predicted[i], 0.0)) * J[i, a]
+            rhs[a] -= k[i] * (max(e[i], 0.0) - max(predicted[i], 0.0)) * J[i, a]
     correction = np.empty(6)
-    _substitute(L, rhs, correction)
+    substitute(L, rhs, correction)
     for a in range(6):
         x[a] += correction[a]
 
 
-@_inline
-def _is_minimum(case, at, model):
+@inline
+def _is_minimum(at, model):
     """Whether the stiffness matrix with the cables that are taut at the point itself is positive definite."""
-    k = case.k
-    s = at.s
-    J, K, L = model.J, model.K, model.L
+    K, L = model.K, model.L
     for a in range(6):
         for b in range(a + 1):
             L[a, b] = K[a, b]
-            for i in range(len(k)):
-                if s[i] > 0:
-                    L[a, b] += k[i] * J[i, a] * J[i, b]
-    return _factorise(L)
+    ck.add_springs(at.c, model.J, L)
+    return factorise(L, 6)
 
 
-@_jit
+@outlined
 def _leave_saddle(case, here, model, V, trial):
     """Step to a lower point along the direction of most negative curvature; False where there is none."""
-    k, scale = case.k, case.scale
-    s_here = here.s
-    J, K = model.J, model.K
     H = np.empty((6, 6))
     for a in range(6):
         for b in range(a + 1):
-            H[a, b] = K[a, b]
-            for i in range(len(k)):
-                if s_here[i] > 0:
-                    H[a, b] += k[i] * J[i, a] * J[i, b]
+            H[a, b] = model.K[a, b]
+    ck.add_springs(here.c, model.J, H)
+    for a in range(6):
+        for b in range(a):
             H[b, a] = H[a, b]
     eigenvalues, directions = np.linalg.eigh(H)
-    if eigenvalues[0] >= -NEUTRAL * np.abs(eigenvalues).max():
+    if eigenvalues[0] >= -NEUTRAL * ck.largest(eigenvalues):
         return False
-    x = directions[:, 0] * (MAX_ROTATION * scale)
+    x, length = np.empty(6), MAX_ROTATION * case.scale
     for _ in range(40):
-        if _measure_at(case, here, x, trial) < V or _measure_at(case, here, -x, trial) < V:
-            return True
-        x *= 0.5
+        for sign in range(2):
+            for a in range(6):
+                x[a] = directions[a, 0] * (length if sign == 0 else -length)
+            if _measure_at(case, here, x, trial) < V:
+                return True
+        length *= 0.5
     return False

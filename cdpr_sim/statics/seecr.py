@@ -15,11 +15,11 @@ from jaxtyping import Float
 from scipy import optimize
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.statics import forces as statics
-from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.core.errors import NotConverged, UnknownName
+from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
+from cdpr_sim.core.errors import UnknownName
 from cdpr_sim.core.pose import as_pose, six_vector
 from cdpr_sim.core.problem import Problem
+from cdpr_sim.statics import forces
 
 Solver = Literal["fsolve", "least_squares"]
 
@@ -34,7 +34,7 @@ def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
         NotConverged: forces do not balance where SciPy stopped; carries that point.
         UnknownName: no such solver.
     """
-    free = list(problem.robot.free_directions)
+    free = problem.robot.free
     start = six_vector(problem.pose)
 
     def pose_at(deviation: Float[np.ndarray, " free"]) -> RigidTransform:
@@ -44,7 +44,7 @@ def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
 
     def unbalanced(deviation: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
         pose = pose_at(deviation)  # Eq. 8 to 11, then Eq. 3
-        return statics.net_wrench(problem, pose.translation, pose.rotation.as_matrix())[free]
+        return forces.at(problem, pose.translation, pose.rotation.as_matrix()).net_wrench[free]
 
     guess = initial_deviation(problem)[free]
     if solver == "fsolve":
@@ -56,7 +56,7 @@ def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
     else:
         raise UnknownName("SEECR solver", str(solver), get_args(Solver))
     source = f"seecr/{solver}"
-    result = statics.equilibrium_at(problem, pose_at(deviation), iterations=int(evaluations or 0), source=source)
+    result = forces.equilibrium_at(problem, pose_at(deviation), iterations=int(evaluations or 0), source=source)
     if not result.residual <= RESIDUAL_TOLERANCE * problem.load:
         said = " ".join(str(message).split()).rstrip(".")
         raise NotConverged(
@@ -71,7 +71,7 @@ def initial_deviation(problem: Problem) -> Float[np.ndarray, "6"]:
     l_vmean is the mean vertical component of the cables; the paper prints its formula without the 1/m.
     """
     robot = problem.robot
-    position, rotation = problem.pose.translation, problem.pose.rotation.as_matrix()
-    _, vectors = statics.cable_vectors(robot, position, rotation)
-    fall = robot.weight * vectors[:, 2].mean() / robot.axial_stiffness.mean()
+    cables = forces.geometry(robot, problem.pose.translation, problem.pose.rotation.as_matrix())
+    vertical = cables.directions[:, 2] * cables.free_lengths
+    fall = robot.weight * vertical.mean() / robot.axial_stiffness.mean()
     return np.array([0.0, 0.0, -fall, 0.0, 0.0, 0.0])

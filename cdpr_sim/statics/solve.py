@@ -6,31 +6,32 @@ from typing import Literal, get_args
 
 from numpy.typing import ArrayLike
 
-from cdpr_sim.statics import newton, seecr
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import UnknownName
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import newton, seecr
 
 Method = Literal["newton", "fsolve", "least_squares"]
 
 
 def solve(
-    robot: Robot,
-    pose: PoseLike,
+    robot: Robot | Problem,
+    pose: PoseLike | None = None,
     rest_lengths: ArrayLike | None = None,
-    method: Method = "newton",
+    *,
     external_wrench: ArrayLike | None = None,
+    method: Method = "newton",
 ) -> Equilibrium:
     """Where the platform rests, by statics.
 
     Args:
-        robot: the robot.
+        robot: the robot; or a ``Problem`` that is ready, alone.
         pose: the commanded pose, from which the solver starts: (x, y, z), a six-vector or a ``RigidTransform``.
         rest_lengths: l0, (cables,) [m]; default: the rigid lengths at ``pose`` (paper Eq. 1, 2).
-        method: "newton" (ours: ends at a stable equilibrium), "fsolve" or "least_squares" (the paper's SEECR).
         external_wrench: constant force [N] and torque [N m] on the platform's origin, base frame, (6,).
+        method: "newton" (ours: ends at a stable equilibrium), "fsolve" or "least_squares" (the paper's SEECR).
 
     Raises:
         InvalidInput: an argument that cannot be right.

@@ -20,8 +20,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
+from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.robot import Robot, checked_array
+from cdpr_sim.core.robot import Robot
 
 _REAL = 1e-7
 """Imaginary part below which a root of the quartic counts as real (a double root splits by the root of rounding)."""

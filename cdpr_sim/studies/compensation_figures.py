@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cdpr_sim.drawing import style
 from cdpr_sim.core.equilibrium import Equilibrium
-
-if TYPE_CHECKING:
-    from cdpr_sim.analysis.compensation import Compensation
+from cdpr_sim.drawing import style
+from cdpr_sim.studies.compensation import CompensatedLine
 
 BEFORE, AFTER, POSITION, OUT_OF_REACH = style.VERMILLION, style.BLUE, style.GREEN, "#f4f1ea"
 """Colours; the last one is the ground where no lengths help."""
@@ -23,37 +21,14 @@ INK, MUTED, LINE, POINT = style.INK, style.MUTED, style.LINE, style.POINT
 SIZE = (8.4, 5.0)
 
 
-@dataclass(frozen=True, eq=False)
-class Line:
-    """A robot's compensation at poses along a line.
-
-    Attributes:
-        title: what the robot and its cables are called.
-        before: by statics, with the rigid lengths, one per pose.
-        after: by statics, with the compensated lengths.
-        settled_before: by MuJoCo, likewise.
-        settled_after: by MuJoCo, likewise.
-        compensations: one per pose.
-        position_alone: by MuJoCo, with lengths compensated for the position whatever the rotation, or none of it.
-    """
-
-    title: str
-    before: Sequence[Equilibrium]
-    after: Sequence[Equilibrium]
-    settled_before: Sequence[Equilibrium]
-    settled_after: Sequence[Equilibrium]
-    compensations: Sequence[Compensation]
-    position_alone: Sequence[Equilibrium] = ()
-
-
-def draw_compensation(lines: Sequence[Line]) -> Figure:
+def draw_compensation(lines: Sequence[CompensatedLine]) -> Figure:
     """Error of position and of rotation over the commanded x: a column per line, before and after in one frame."""
     figure = Figure(figsize=SIZE, layout="constrained")
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.05, wspace=0.04, hspace=0.04)  # type: ignore[union-attr]
     axes = figure.subplots(2, len(lines), sharex=True, squeeze=False)
     for column, line in enumerate(lines):
-        _panel(axes[0, column], line, _millimetres)
-        _panel(axes[1, column], line, _degrees)
+        _panel(axes[0, column], line, "position")
+        _panel(axes[1, column], line, "rotation")
         axes[0, column].set_title(line.title, loc="left", fontsize=10, color=INK, pad=9)
         axes[1, column].set_xlabel("commanded x [mm]", color=INK)
     axes[0, 0].set_ylabel("error of position [mm]", color=INK)
@@ -79,22 +54,14 @@ def _power(value: float) -> str:
     return f"$10^{{{int(np.ceil(np.log10(max(value, 1e-15))))}}}$"
 
 
-def _millimetres(found: Equilibrium, commanded: Compensation) -> float:
-    return 1e3 * float(np.linalg.norm(found.position - commanded.commanded.translation))
-
-
-def _degrees(found: Equilibrium, commanded: Compensation) -> float:
-    return float(np.degrees((found.rotation * commanded.commanded.rotation.inv()).magnitude()))
-
-
-def _panel(axes: Axes, line: Line, error) -> None:
+def _panel(axes: Axes, line: CompensatedLine, of: Literal["position", "rotation"]) -> None:
     x = np.array([1e3 * one.commanded.translation[0] for one in line.compensations])
-    exact = np.array([one.exact for one in line.compensations])
+    exact = line.exact
 
-    def errors(results: Sequence[Equilibrium]) -> list[float]:
-        return [error(found, one) for found, one in zip(results, line.compensations, strict=True)]
+    def errors(results: Sequence[Equilibrium]) -> Float[np.ndarray, " poses"]:
+        return 1e3 * line.position_errors(results) if of == "position" else np.degrees(line.rotation_errors(results))
 
-    if not exact.all() and error is _millimetres:
+    if not exact.all() and of == "position":
         axes.text(
             0.5, 0.95, "shaded: no cable lengths\nhold the commanded pose", transform=axes.transAxes, ha="center",
             va="top", fontsize=8.5, color=MUTED,
@@ -117,15 +84,15 @@ def _panel(axes: Axes, line: Line, error) -> None:
             x, alone, color=POSITION, linewidth=LINE, linestyle=(0, (2.2, 1.4)), zorder=2, clip_on=False,
             label="… position alone, in MuJoCo",
         )  # fmt: skip
-        after = after + alone
+        after = np.append(after, alone)
     if exact.all():
         worst = max(errors(line.settled_after))
-        unit = " mm" if error is _millimetres else "°"
+        unit = " mm" if of == "position" else "°"
         axes.annotate(
             f"compensated: at most {_power(worst)}{unit}", (x.mean(), 0), xytext=(0, 11), textcoords="offset points",
             ha="center", fontsize=8.5, color=AFTER,
         )  # fmt: skip
-    axes.set_ylim(0, 1.12 * max(before + after))
+    axes.set_ylim(0, 1.12 * max(before.max(), after.max()))
     axes.set_xlim(x[0] - 12, x[-1] + 12)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(MUTED)

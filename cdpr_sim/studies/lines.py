@@ -8,21 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
-from cdpr_sim.analysis.workspace import feasibility
-from cdpr_sim.statics import newton, forces as statics
-from cdpr_sim.physics import settle as settling
-from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.core.errors import NotConverged
+from cdpr_sim.analysis.workspace.feasibility import feasible
 from cdpr_sim.core.materials import MATERIALS
-from cdpr_sim.core.pose import euler
+from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.crosscheck.compare import Agreement, compare
+from cdpr_sim.physics.settle import settle_many
+from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.statics.newton import solve_many
 
 PAPER_LINE = (0.17, 0.63)
 """[m] From where to where along x the paper's trajectories go (section IV)."""
@@ -34,74 +32,14 @@ PAPER_TILT, PAPER_SAG = np.radians(20.0), 0.015
 """[rad], [m] Tilt and deviation in z at both ends of the paper's lines, parallel layout, either cable: "approximately
 20°" and "about 15 mm". Read from the paper's text (section IV), not from its data."""
 
-
 _SAME_HEIGHT = 1e-9
 """[m]"""
 
+SAME_TENSION = 1e-6
+"""[N]"""
+
+
 # What both roads answer
-
-
-@dataclass(frozen=True, eq=False)
-class Rests:
-    """Where the platform of one robot rests, one row per commanded position, as one road found it.
-
-    Attributes:
-        robot: the robot.
-        commanded: (rows, 3) [m]; the platform was commanded to be level there.
-        positions: (rows, 3) [m].
-        rotations: (rows, 3, 3) rotation matrices.
-        tensions: (rows, cables) [N], 0 where slack.
-        lengths: (rows, cables) [m].
-        rest_lengths: (rows, cables) [m].
-        source: "newton" or "mujoco".
-    """
-
-    robot: Robot
-    commanded: Float[np.ndarray, "rows 3"]
-    positions: Float[np.ndarray, "rows 3"]
-    rotations: Float[np.ndarray, "rows 3 3"]
-    tensions: Float[np.ndarray, "rows cables"]
-    lengths: Float[np.ndarray, "rows cables"]
-    rest_lengths: Float[np.ndarray, "rows cables"]
-    source: str
-
-    def __len__(self) -> int:
-        return len(self.commanded)
-
-    @property
-    def rotation_about_y(self) -> Float[np.ndarray, " rows"]:
-        """beta [rad], what the paper's plots show."""
-        return euler(Rotation.from_matrix(self.rotations))[:, 1]
-
-    @property
-    def tilt(self) -> Float[np.ndarray, " rows"]:
-        """Angle [rad] between the platform's z axis and the vertical."""
-        return np.arctan2(np.hypot(self.rotations[:, 0, 2], self.rotations[:, 1, 2]), self.rotations[:, 2, 2])
-
-    @property
-    def slack(self) -> Bool[np.ndarray, "rows cables"]:
-        """Which cables carry no tension."""
-        return self.tensions <= 0
-
-    @cached_property
-    def twins(self) -> list[list[int]]:
-        """Cables grouped by equal tension over all rows, as symmetry makes them (within 1e-6 N)."""
-        groups: list[list[int]] = []
-        for cable in range(self.robot.cables):
-            for group in groups:
-                if np.allclose(self.tensions[:, cable], self.tensions[:, group[0]], rtol=0, atol=1e-6):
-                    group.append(cable)
-                    break
-            else:
-                groups.append([cable])
-        return groups
-
-    def zones(self) -> tuple[tuple[float, float, int], ...]:
-        """(from, to, number of slack cables) along the commanded x [m], for rows ordered in x."""
-        x, slack = self.commanded[:, 0], self.slack.sum(1)
-        changes = np.flatnonzero(np.diff(slack)) + 1
-        starts, ends = np.append(0, changes), np.append(changes, len(self) - 1)
-        return tuple((float(x[a]), float(x[b]), int(slack[a])) for a, b in zip(starts, ends, strict=True))
 
 
 def rests_by_statics(robot: Robot, commanded: ArrayLike) -> Rests:
@@ -110,20 +48,7 @@ def rests_by_statics(robot: Robot, commanded: ArrayLike) -> Rests:
     Raises:
         NotConverged: some row has no answer.
     """
-    commanded = np.asarray(commanded, dtype=float)
-    solutions = newton.solve_many(robot, commanded)
-    if not solutions.converged.all():
-        raise NotConverged(f"newton: {robot.name!r} finds no rest at {commanded[~solutions.converged][0].tolist()} m")
-    return Rests(
-        robot=robot,
-        commanded=commanded,
-        positions=solutions.positions,
-        rotations=solutions.rotations,
-        tensions=solutions.tensions,
-        lengths=solutions.lengths,
-        rest_lengths=statics.lengths(robot, commanded, np.eye(3)),
-        source="newton",
-    )
+    return _all_at_rest(solve_many(robot, commanded))
 
 
 def rests_by_mujoco(robot: Robot, commanded: ArrayLike) -> Rests:
@@ -132,20 +57,34 @@ def rests_by_mujoco(robot: Robot, commanded: ArrayLike) -> Rests:
     Raises:
         NotSettled: some row did not come to rest.
     """
-    commanded = np.asarray(commanded, dtype=float)
-    settlings = settling.settle_many(robot, commanded)
-    for row in np.flatnonzero(~settlings.settled):
-        settlings.equilibrium(int(row))  # raises with the reason
-    return Rests(
-        robot=robot,
-        commanded=commanded,
-        positions=np.array(settlings.poses.translation),
-        rotations=settlings.poses.rotation.as_matrix(),
-        tensions=settlings.tensions,
-        lengths=settlings.lengths,
-        rest_lengths=np.array([problem.rest_lengths for problem in settlings.problems]),
-        source="mujoco",
-    )
+    return _all_at_rest(settle_many(robot, commanded))
+
+
+def twins(rests: Rests) -> list[list[int]]:
+    """Cables grouped by equal tension over all rows, as symmetry makes them."""
+    groups: list[list[int]] = []
+    for cable, tensions in enumerate(rests.tensions.T):
+        for group in groups:
+            if np.allclose(tensions, rests.tensions[:, group[0]], rtol=0, atol=SAME_TENSION):
+                group.append(cable)
+                break
+        else:
+            groups.append([cable])
+    return groups
+
+
+def zones(rests: Rests) -> tuple[tuple[float, float, int], ...]:
+    """(from, to, number of slack cables) along the commanded x [m], for rows ordered in x."""
+    x, slack = rests.problems.positions[:, 0], rests.slack.sum(1)
+    changes = np.flatnonzero(np.diff(slack)) + 1
+    starts, ends = np.append(0, changes), np.append(changes, len(rests) - 1)
+    return tuple((float(x[a]), float(x[b]), int(slack[a])) for a, b in zip(starts, ends, strict=True))
+
+
+def _all_at_rest(rests: Rests) -> Rests:
+    for row in np.flatnonzero(~rests.converged):
+        rests[int(row)]  # raises, with the reason
+    return rests
 
 
 # Along a line (Fig. 7, 8, 10, 11, 12)
@@ -171,7 +110,15 @@ class Line:
     @property
     def height(self) -> float:
         """Commanded z [m]."""
-        return float(self.static.commanded[0, 2])
+        return float(self.static.problems.positions[0, 2])
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedLine:
+    """One robot commanded along x at one height, by MuJoCo, and compared with statics row by row."""
+
+    settled: Rests
+    agreements: tuple[Agreement, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +195,7 @@ def feasible_outline(robot: Robot, columns: int = 601, rows: int = 71) -> Float[
     (x0, _, z0), (x1, _, z1) = robot.workspace
     x, z = np.linspace(x0, x1, columns), np.linspace(z0, z1, rows)
     grid = np.stack(np.broadcast_arrays(x, robot.home[1], z[:, None]), axis=-1)
-    held = feasibility.feasible(robot, grid)
+    held = feasible(robot, grid)
     edges = [(row, np.flatnonzero(held[row])[[0, -1]]) for row in range(rows) if held[row].any()]
     left, right = ([grid[row, ends[side]] for row, ends in edges] for side in (0, 1))
     return np.array(left + right[::-1]).reshape(-1, 3)
@@ -280,6 +227,31 @@ def paper_lines(
         for material in materials
         for height in heights
     )
+
+
+def checked_lines(
+    layout: str,
+    materials: Sequence[str] = tuple(MATERIALS),
+    heights: Sequence[float] = PAPER_HEIGHTS,
+    *,
+    ends: tuple[float, float] = PAPER_LINE,
+    rows: int = 9,
+) -> dict[tuple[str, float], CheckedLine]:
+    """Both roads along the paper's line, compared pose by pose, for each material and height z [m].
+
+    Raises:
+        NotConverged: the static solver found no rest somewhere.
+        NotSettled: MuJoCo's platform did not come to rest somewhere.
+    """
+    lines = {}
+    for material in materials:
+        robot = load_robot(layout).replace(material=material)
+        for height in heights:
+            settled = rests_by_mujoco(robot, along_x(robot, height, ends, rows))
+            solved = solve_many(settled.problems)
+            agreements = tuple(compare(a, b) for a, b in zip(solved, settled, strict=True))
+            lines[material, height] = CheckedLine(settled, agreements)
+    return lines
 
 
 def along_x(robot: Robot, height: float, ends: tuple[float, float], rows: int) -> Float[np.ndarray, "rows 3"]:

@@ -14,10 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from cdpr_sim.drawing import axes as drawing, style
-from cdpr_sim.studies.tilt_condition import Balance
-from cdpr_sim.drawing.axes import cables_in_words, canvas, newtons, points, styled
-from cdpr_sim.studies.lines import PAPER_SAG, PAPER_TILT, Line, Rests, Width
+from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.words import cables_in_words, newtons
+from cdpr_sim.drawing import axes as drawing
+from cdpr_sim.drawing import style
+from cdpr_sim.drawing.axes import canvas, points, styled
+from cdpr_sim.studies.lines import PAPER_SAG, PAPER_TILT, Line, Width, twins, zones
+from cdpr_sim.studies.tilt_condition import MomentBalance
 
 PAPER_FIGURES = {
     "planar-vertical": " (Paper, Fig. 7)",
@@ -36,13 +39,14 @@ ROADS = "Lines: static solver (Newton). Hollow points: MuJoCo, settled."
 def planar(width: Width) -> Figure:
     """Fig. 7 and 8: poses of a planar robot at rest, and its cables' tensions along the width."""
     rests = width.poses
-    heights = np.unique(rests.commanded[:, 2])[::-1]
+    commanded = rests.problems.positions
+    heights = np.unique(commanded[:, 2])[::-1]
     figure, left, right = _width(width, _headline(width), rows=len(heights))
     for ax, height in zip(left, heights, strict=True):
         drawing.draw_front(ax, rests.robot)
         ax.set_title(f"commanded to z = {height:g} m")
-        for row in np.flatnonzero(rests.commanded[:, 2] == height):
-            drawing.draw_commanded(ax, rests.robot, rests.commanded[row])
+        for row in np.flatnonzero(commanded[:, 2] == height):
+            drawing.draw_commanded(ax, rests.robot, commanded[row])
             drawing.draw_platform(ax, rests.robot, rests.positions[row], rests.rotations[row])
             drawing.draw_cables(
                 ax,
@@ -94,7 +98,7 @@ def spatial(width: Width) -> Figure:
 
 
 @styled
-def tilt_condition(balances: Sequence[Balance]) -> Figure:
+def tilt_condition(balances: Sequence[MomentBalance]) -> Figure:
     """Fig. 9: where the two sides' lines of force meet, and the moment that gravity has about that point."""
     softest = newtons(min(balance.robot.axial_stiffness.min() for balance in balances if balance.at_rest))
     figure = canvas(
@@ -126,7 +130,7 @@ def paper_line(lines: Sequence[Line]) -> Figure:
     heights = sorted({line.height for line in lines})
     layouts = list(dict.fromkeys(line.robot.name for line in lines))
     materials = {line.robot.material: line.robot.axial_stiffness[0] for line in lines}
-    start, end = lines[0].static.commanded[[0, -1]]
+    start, end = lines[0].static.problems.positions[[0, -1]]
     count = sum(len(line.settled) for line in lines)
     stiffness = ", ".join(f"{material} {newtons(EA)}" for material, EA in materials.items())
     extremes = []
@@ -210,11 +214,11 @@ def _width(
 def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
     """Each cable's tension against commanded x; cables that pull the same by symmetry share a line."""
     static, settled, robot = line.static, line.settled, line.robot
-    middle = robot.frame[:, 0].mean()
-    zones = drawing.draw_zones(ax, static)
+    commanded, middle = static.problems.positions[:, 0], robot.frame[:, 0].mean()
+    shaded = drawing.draw_zones(ax, zones(static), robot.cables)
     used = {True: 0, False: 0}  # line styles, by side
     handles: list[Line2D] = []
-    for group in static.twins:
+    for group in twins(static):
         on_left = bool(robot.exits[group[0], 0] < middle)
         number = used[on_left] % len(style.DASHES)
         used[on_left] += 1
@@ -222,32 +226,22 @@ def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
         cables = " and ".join(str(cable + 1) for cable in group)
         label = f"cable{'s' if len(group) > 1 else ''} {cables} ({'left' if on_left else 'right'})"
         marker = points(color, style.MARKERS[not on_left], ms=4.2)
-        ax.plot(
-            static.commanded[:, 0],
-            static.tensions[:, group[0]],
-            color=color,
-            ls=style.DASHES[number],
-            gid=f"static {group[0]}",
-        )
+        line_style = style.DASHES[number]
+        ax.plot(commanded, static.tensions[:, group[0]], color=color, ls=line_style, gid=f"static {group[0]}")
         for cable in group:
-            ax.plot(
-                settled.commanded[:, 0],
-                settled.tensions[:, cable],
-                **marker,
-                gid=f"mujoco {cable}",
-            )
-        handles.append(Line2D([], [], **marker | {"ls": style.DASHES[number], "color": color}, label=label))
+            ax.plot(settled.problems.positions[:, 0], settled.tensions[:, cable], **marker, gid=f"mujoco {cable}")
+        handles.append(Line2D([], [], **marker | {"ls": line_style, "color": color}, label=label))
     ax.set(ylabel="tension [N]", title=cables_in_words(robot))
-    ax.set_xlim(static.commanded[0, 0], static.commanded[-1, 0])
+    ax.set_xlim(commanded[0], commanded[-1])
     ax.set_ylim(bottom=min(-0.02 * ax.get_ylim()[1], 0))
     if last:
         ax.set_xlabel("commanded x [m]")
-        ax.legend(handles=handles + zones, loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=3)
+        ax.legend(handles=handles + shaded, loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=3)
     else:
         ax.tick_params(labelbottom=False)
 
 
-def _balance(ax: Axes, balance: Balance, letter: str) -> None:
+def _balance(ax: Axes, balance: MomentBalance, letter: str) -> None:
     robot = balance.robot
     drawing.draw_front(ax, robot)
     ax.set_ylim(0.08, 0.52)
@@ -285,7 +279,7 @@ def _balance(ax: Axes, balance: Balance, letter: str) -> None:
     ax.set_title(f"({letter}) {robot.name}: {state}\n{_moment(balance)}")
 
 
-def _moment(balance: Balance) -> str:
+def _moment(balance: MomentBalance) -> str:
     """The moment balance in words."""
     if abs(balance.arm) < 1e-6:
         return "gravity passes through the meeting point: no moment"
@@ -297,12 +291,12 @@ def _moment(balance: Balance) -> str:
 
 def _sag(rests: Rests) -> tuple[np.ndarray, np.ndarray]:
     """x [m] and deviation in z [mm]."""
-    return rests.positions[:, 0], 1e3 * (rests.positions - rests.commanded)[:, 2]
+    return rests.positions[:, 0], 1e3 * rests.deviation[:, 2]
 
 
 def _beta(rests: Rests) -> tuple[np.ndarray, np.ndarray]:
     """x [m] and rotation about y [°]."""
-    return rests.positions[:, 0], np.degrees(rests.rotation_about_y)
+    return rests.positions[:, 0], np.degrees(rests.euler[:, 1])
 
 
 def _headline(width: Width) -> str:

@@ -11,14 +11,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from cdpr_sim.statics import newton, solve as solvers
-from cdpr_sim.physics import settle as settling
-from cdpr_sim.crosscheck.compare import Verdict, compare
-from cdpr_sim.robots.catalogue import list_robots, load_robot
-from cdpr_sim.core.equilibrium import Stability
-from cdpr_sim.core.errors import NotConverged
+from cdpr_sim.core.equilibrium import NotConverged, Stability
 from cdpr_sim.core.materials import MATERIALS
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.crosscheck.compare import Verdict, compare
+from cdpr_sim.physics.settle import settle_many
+from cdpr_sim.robots.catalogue import list_robots, load_robot
+from cdpr_sim.statics import newton
+from cdpr_sim.statics import solve as solvers
 from cdpr_sim.statics.solve import Method
 
 REPEATS = 9
@@ -134,10 +134,9 @@ def differences(
         for material in materials:
             robot = load_robot(name).replace(material=material)
             commanded = rng.uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
-            settlings = settling.settle_many(robot, commanded)
+            settled = settle_many(robot, commanded)
             agreements += [
-                compare(solvers.solve(robot, position), settlings.equilibrium(row))
-                for row, position in enumerate(commanded)
+                compare(solvers.solve(robot, position), one) for position, one in zip(commanded, settled, strict=True)
             ]
         results.append(
             Differences(

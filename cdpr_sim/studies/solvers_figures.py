@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from cdpr_sim.core.words import newtons
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, newtons, styled
+from cdpr_sim.drawing.axes import canvas, styled
 from cdpr_sim.studies.solvers import Convergence, Differences
 
 NAMES = {

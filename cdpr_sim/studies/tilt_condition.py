@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.statics import solve as solvers, forces as statics
-from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.statics.forces import geometry
+from cdpr_sim.statics.solve import solve
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
+class MomentBalance:
     """A planar platform on two pairs of cables, seen through its moment balance (Fig. 9).
 
     Attributes:
@@ -29,7 +30,7 @@ class Balance:
         intersection: where the two lines meet, (3,) [m]; that point while the pairs pull equally.
         arm: horizontal distance of the centre of mass from there [m], positive to the right.
         moment: of the weight about the intersection [N m], positive as rotation about y: m g arm.
-        unbalanced: what the forces leave as a moment about y, by the wrench matrix [N m]; equals ``moment``.
+        net_moment: of all forces together about y, by the wrench matrix [N m]; equals ``moment``.
         at_rest: whether the tensions are those of the equilibrium, rather than equal in each pair.
     """
 
@@ -44,35 +45,35 @@ class Balance:
     intersection: Float[np.ndarray, "3"]
     arm: float
     moment: float
-    unbalanced: float
+    net_moment: float
     at_rest: bool
 
 
-def equal_pulls(robot: Robot, position: ArrayLike) -> Balance:
+def equal_pulls(robot: Robot, position: ArrayLike) -> MomentBalance:
     """Level at ``position``, each pair's two cables pulling equally, as hard as it takes to carry the weight.
 
-    The intersection is the paper's point H or V, and ``unbalanced`` the moment that makes the platform tilt.
+    The intersection is the paper's point H or V, and ``net_moment`` makes the platform tilt.
     """
     position = np.asarray(position, dtype=float)
     rotation = np.eye(3)
-    pulls = statics.wrench_matrix(robot, position, rotation)
+    pulls = geometry(robot, position, rotation).wrench_matrix
     pairs = pulls.reshape(6, 2, -1).sum(-1)  # unit tension in both cables of a pair
     sides = np.linalg.solve(pairs[[0, 2]], [0.0, robot.weight])
     tensions = np.repeat(sides, robot.cables // 2)
     return _balance(robot, position, rotation, tensions, robot.rest_lengths(position), at_rest=False)
 
 
-def balance_at_rest(robot: Robot, commanded: ArrayLike) -> Balance:
+def balance_at_rest(robot: Robot, commanded: ArrayLike) -> MomentBalance:
     """The same at the equilibrium that the static solver finds: the lines meet on the vertical of the centre of mass.
 
     Raises:
         NotConverged: there is none.
     """
-    found = solvers.solve(robot, np.asarray(commanded, dtype=float))
+    found = solve(robot, np.asarray(commanded, dtype=float))
     return _balance(robot, found.position, found.rotation.as_matrix(), found.tensions, found.rest_lengths, at_rest=True)
 
 
-def moment_balances() -> tuple[Balance, ...]:
+def moment_balances() -> tuple[MomentBalance, ...]:
     """Fig. 9's cases: horizontal pairs beside the middle, vertical ones in the middle, beside it, and there at rest.
 
     Raises:
@@ -96,10 +97,10 @@ def _balance(
     rest_lengths: Float[np.ndarray, " cables"],
     *,
     at_rest: bool,
-) -> Balance:
-    arms, vectors = statics.cable_vectors(robot, position, rotation)
-    forces = (tensions[:, None] * vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).reshape(2, -1, 3)
-    anchors = (position + arms).reshape(2, -1, 3)
+) -> MomentBalance:
+    cables = geometry(robot, position, rotation)
+    forces = (tensions[:, None] * cables.directions).reshape(2, -1, 3)
+    anchors = (position + cables.arms).reshape(2, -1, 3)
     side_forces = forces.sum(1)
     starts = np.array([_point_of_action(points, pair) for points, pair in zip(anchors, forces, strict=True)])
     directions = side_forces / np.linalg.norm(side_forces, axis=1, keepdims=True)
@@ -108,7 +109,7 @@ def _balance(
     )
     intersection = starts[0] + along[0] * directions[0]
     arm = float(position[0] - intersection[0])
-    return Balance(
+    return MomentBalance(
         robot=robot,
         position=position,
         rotation=rotation,
@@ -120,7 +121,7 @@ def _balance(
         intersection=intersection,
         arm=arm,
         moment=robot.weight * arm,
-        unbalanced=float((statics.wrench_matrix(robot, position, rotation) @ tensions)[4]),
+        net_moment=float((cables.wrench_matrix @ tensions)[4]),
         at_rest=at_rest,
     )
 

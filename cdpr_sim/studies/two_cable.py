@@ -9,10 +9,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.statics import two_cable
-from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.studies.lines import PAPER_HEIGHTS, Line, Rests, along_x, line, rests_by_mujoco, rests_by_statics
+from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.statics import two_cable
+from cdpr_sim.studies.lines import PAPER_HEIGHTS, Line, along_x, line, rests_by_mujoco, rests_by_statics
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d import Axes3D
 
-from cdpr_sim.drawing import axes as drawing, style
-from cdpr_sim.drawing.axes import cables_in_words, canvas, newtons, points, styled
+from cdpr_sim.core.words import cables_in_words, newtons
+from cdpr_sim.drawing import axes as drawing
+from cdpr_sim.drawing import style
+from cdpr_sim.drawing.axes import canvas, points, styled
 from cdpr_sim.studies.two_cable import ClosedForms, Manifold
 
 
@@ -50,7 +52,7 @@ def manifold(study: Manifold) -> Figure:
     norm = Normalize(-1 / softest, -1 / stiffest)  # by compliance, as the drift goes
     colors = matplotlib.colormaps[style.STIFFNESS_MAP]
     drift = np.array([rests.positions for rests in study.static])
-    turn = np.degrees([rests.rotation_about_y for rests in study.static])
+    turn = np.degrees([rests.euler[:, 1] for rests in study.static])
     for command, (start_x, _, start_z) in enumerate(study.commanded):
         here, angle = drift[:, command], turn[:, command]
         space.plot(
@@ -65,7 +67,7 @@ def manifold(study: Manifold) -> Figure:
             space.plot(piece[:, 0], piece[:, 2], angle[i : i + 2], color=color, lw=3.2, zorder=7)
             front.plot(piece[:, 0], piece[:, 2], color=color, lw=3.2, zorder=4)
     for rests in study.settled:
-        degrees = np.degrees(rests.rotation_about_y)
+        degrees = np.degrees(rests.euler[:, 1])
         space.plot(*rests.positions[:, [0, 2]].T, degrees, **points(style.INK, ms=4.5) | {"zorder": 9})
         front.plot(*rests.positions[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
     space.plot(*study.commanded[:, [0, 2]].T, 0.0, "o", color=style.INK, ms=5, zorder=10)
@@ -92,7 +94,7 @@ def manifold(study: Manifold) -> Figure:
 def poses(forms: ClosedForms) -> Figure:
     """Fig. 4: where the two-cable bar is commanded, how it would have to tilt there, and where it rests."""
     robot, rests, settled = forms.poses.robot, forms.poses, forms.settled_poses
-    shift = 1e3 * np.abs(rests.positions - rests.commanded)[:, 0].max()
+    shift = 1e3 * np.abs(rests.deviation[:, 0]).max()
     figure = canvas(
         8.6,
         6.4,
@@ -102,17 +104,17 @@ def poses(forms: ClosedForms) -> Figure:
     )
     ax = figure.add_subplot()
     drawing.draw_front(ax, robot)
-    half = np.array([robot.anchors[0], robot.anchors[-1]])
+    half, turns = np.array([robot.anchors[0], robot.anchors[-1]]), rests.euler[:, 1]
 
     def bar(position: np.ndarray, beta: float, **looks) -> None:
         c, s = np.cos(beta), np.sin(beta)
         ends = position + half @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
         ax.plot(ends[:, 0], ends[:, 2], solid_capstyle="round", **looks)
 
-    for row, (commanded, position) in enumerate(zip(rests.commanded, rests.positions, strict=True)):
+    for row, (commanded, position) in enumerate(zip(rests.problems.positions, rests.positions, strict=True)):
         bar(commanded, 0.0, color=style.MUTED, lw=2, ls=(0, (1.5, 1)), zorder=3)
         bar(commanded, forms.balanced[row], color=style.GREEN, lw=2, ls=(0, (5, 1.5)), zorder=3.5)
-        bar(position, rests.rotation_about_y[row], color=style.BLUE, lw=3.4, zorder=4)
+        bar(position, turns[row], color=style.BLUE, lw=3.4, zorder=4)
         drawing.draw_cables(ax, robot, position, rests.rotations[row], rests.slack[row], color=style.FAINT)
     ax.plot(*settled.positions[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
     for side in (0, -1):
@@ -136,7 +138,7 @@ def poses(forms: ClosedForms) -> Figure:
 def closed_form(forms: ClosedForms) -> Figure:
     """Fig. 4, Eq. 5 and 6: the tilt of the two-cable bar by four witnesses, and how far the short-bar form is off."""
     static, settled, robot = forms.line.static, forms.line.settled, forms.line.robot
-    x, beta = static.positions[:, 0], np.degrees(static.rotation_about_y)
+    x, beta = static.positions[:, 0], np.degrees(static.euler[:, 1])
     closed, short = np.degrees(forms.closed_form), np.degrees(forms.short_bar)
     figure = canvas(
         8.6,
@@ -152,7 +154,7 @@ def closed_form(forms: ClosedForms) -> Figure:
     top.plot(x, short, color=style.VERMILLION, ls=style.DASHES[1], label="closed form of a short bar (paper, mended)")
     top.plot(
         settled.positions[:, 0],
-        np.degrees(settled.rotation_about_y),
+        np.degrees(settled.euler[:, 1]),
         **points(style.INK),
         label="MuJoCo, settled",
         gid="mujoco",

@@ -7,8 +7,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.robot import Robot, checked_array
+from cdpr_sim.core.robot import Robot
 
 GridLike: TypeAlias = Sequence[int] | Mapping[str, Sequence[float] | np.ndarray]
 """Counts (nx, ny, nz) over the robots' workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m]."""

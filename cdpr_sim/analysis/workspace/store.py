@@ -19,11 +19,12 @@ import numpy as np
 
 from cdpr_sim.core.errors import InvalidInput, StoreError
 from cdpr_sim.core.progress import bar
+from cdpr_sim.core.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
 
-PENDING = -1
+PENDING = Status.PENDING.value
 """The status of a pose that is not computed yet."""
 
 TASKS = 16

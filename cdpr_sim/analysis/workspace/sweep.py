@@ -16,16 +16,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from cdpr_sim.analysis.workspace import feasibility, store as stores
-from cdpr_sim.statics import forces as statics
-from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.statics.newton_kernel import Status
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.analysis.workspace import feasibility
+from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid
+from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.limits import SLACK_TO_ANYTHING, checked_limits, checked_wrenches
 from cdpr_sim.core.materials import load_material
-from cdpr_sim.statics.stiffness_kernel import modes_gufunc
-from cdpr_sim.statics.newton import solve_many
-from cdpr_sim.core.robot import Robot, checked_array
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import Status
+from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.statics.newton import solve_many, stiffness_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,10 +37,7 @@ CHUNK = 32_768
 TASKS, LEAST_CHUNK = 8, 2_500
 """A small sweep is split as well, into so many tasks, unless they would have fewer poses than that."""
 
-FALLS = 4
-"""The status, beside those of the solver, of a pose at which every exit lies below the platform."""
-
-STATUSES = {stores.PENDING: "pending", **{int(s): s.name.lower() for s in Status}, FALLS: "falls"}
+STATUSES = {int(status): status.name.lower() for status in Status if status <= Status.FALLS}
 """What ``status`` says, in the words of its CF flags."""
 
 
@@ -85,7 +83,7 @@ def sweep(
     *,
     orientation: ArrayLike = (0.0, 0.0, 0.0),
     external_wrench: ArrayLike | None = None,
-    tension_limits: tuple[ArrayLike, ArrayLike] = feasibility.SLACK_TO_ANYTHING,
+    tension_limits: tuple[ArrayLike, ArrayLike] = SLACK_TO_ANYTHING,
     wrenches: ArrayLike | None = None,
     quantities: Sequence[str] | None = None,
     chunk: int | None = CHUNK,
@@ -127,10 +125,10 @@ def sweep(
     rotation = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,))).as_matrix()
     wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
     for robot in group:
-        feasibility.checked_limits(robot, tension_limits)
-        feasibility.checked_wrenches(robot, wrench)
+        checked_limits(robot, tension_limits)
+        checked_wrenches(robot, wrench)
         if wrenches is not None:
-            feasibility.checked_wrenches(robot, wrenches)
+            checked_wrenches(robot, wrenches)
         robot.pose(np.r_[robot.home, orientation])
     if chunk is not None and not chunk >= 1:
         raise InvalidInput(f"chunk: found {chunk}, expected at least one pose per task")
@@ -255,7 +253,7 @@ def _equilibria(
 
     names = [name for name in QUANTITIES if name in names]
     kinds = [QUANTITIES[name] for name in names]
-    sizes = {"cable": robot.cables, "axis": 3, "mode": len(robot.free_directions)}
+    sizes = {"cable": robot.cables, "axis": 3, "mode": len(robot.free)}
     arrays = _apply_ufunc(
         _solve_block,
         stiffness,
@@ -279,45 +277,32 @@ def _solve_block(
 ) -> tuple[np.ndarray, ...] | np.ndarray:
     """The quantities ``names`` over one block of the grid: what runs on each thread or worker."""
     commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
-    rest_lengths = statics.lengths(robot, commanded, rotation)
-    solved = solve_many(
-        robot,
-        commanded,
-        rotations=rotation,
-        rest_lengths=rest_lengths,
-        axial_stiffness=stiffness,
-        external_wrench=wrench,
+    rests = solve_many(
+        robot, commanded, rotations=rotation, axial_stiffness=np.atleast_2d(stiffness), external_wrench=wrench
     )
-    status = solved.status.astype(np.int8)
-    highest = (robot.exits[:, 2] - robot.anchors @ rotation[2]).max()  # of the platform, below at least one exit
-    if robot.weight > wrench[2]:
-        status[np.broadcast_to(z >= highest, status.shape)] = FALLS
-    lost = status != Status.CONVERGED
-    wanted: dict[str, Any] = {"status": status, "iterations": solved.iterations.astype(np.int16)}
+    lost = ~rests.converged
+    wanted: dict[str, Any] = {
+        "status": rests.status.astype(np.int8),
+        "iterations": rests.iterations.astype(np.int16),
+    }
     if "position" in names:
-        wanted["position"] = solved.positions
+        wanted["position"] = rests.positions
     if "rotation_vector" in names:
-        wanted["rotation_vector"] = _rotation_vectors(solved.rotations, ~lost)
+        wanted["rotation_vector"] = _rotation_vectors(rests.rotations, ~lost)
     if {"deviation", "distance"} & set(names):
-        wanted["deviation"] = solved.positions - commanded
+        wanted["deviation"] = rests.deviation
         wanted["distance"] = np.linalg.norm(wanted["deviation"], axis=-1)
     if "tilt" in names:
-        up = solved.rotations[..., :, 2]
-        wanted["tilt"] = np.arctan2(np.hypot(up[..., 0], up[..., 1]), up[..., 2])
+        wanted["tilt"] = rests.tilt
     if "tensions" in names:
-        wanted["tensions"] = solved.tensions
+        wanted["tensions"] = rests.tensions
     if {"slack_count", "slack_set"} & set(names):
-        slack = solved.tensions <= 0
-        wanted["slack_count"] = slack.sum(-1, dtype=float)
-        wanted["slack_set"] = np.where(lost, -1, slack @ (1 << np.arange(robot.cables, dtype=np.int64)))
+        wanted["slack_count"] = rests.slack.sum(-1, dtype=float)
+        bits = rests.slack @ (1 << np.arange(robot.cables, dtype=np.int64))
+        wanted["slack_set"] = np.where(lost, -1, bits)
     if _MODES & set(names):
-        with np.errstate(all="ignore"):
-            wanted["eigenvalues"], wanted["frequency"] = modes_gufunc()(
-                robot.exits, robot.anchors, stiffness, rest_lengths, robot.mass, robot.gravity, robot.center_of_mass,
-                robot.inertia, np.array(robot.free_directions), robot.characteristic_length, solved.positions,
-                solved.rotations,
-            )  # fmt: skip
-    wanted["residual"] = solved.residuals
+        wanted["eigenvalues"], wanted["frequency"] = stiffness_of(rests)
+    wanted["residual"] = rests.residuals
     results = []
     for name in names:
         values = wanted[name]
@@ -368,7 +353,7 @@ def _with_geometry(dataset: xr.Dataset, robot: Robot) -> xr.Dataset:
         "exits": (("cable", "axis"), robot.exits),
     }
     if "mode" in dataset.dims:
-        coords["mode"] = np.arange(1, len(robot.free_directions) + 1)
+        coords["mode"] = np.arange(1, len(robot.free) + 1)
     return dataset.assign_coords(coords)
 
 

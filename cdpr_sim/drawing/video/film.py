@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import get_args
@@ -12,11 +11,12 @@ from jaxtyping import UInt8
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.files import appearing, check_place
+from cdpr_sim.core.trajectory import Trajectory
+from cdpr_sim.core.words import stiffness_in_words
 from cdpr_sim.drawing.video.page import Page, nice_above
 from cdpr_sim.drawing.video.render import Backend, Renderer, open_renderer
 from cdpr_sim.drawing.video.scene import Stage
-from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.core.files import appearing
 
 SIZE = (1280, 720)
 FPS = 30.0
@@ -46,7 +46,7 @@ def write_video(
     exaggeration: float = 1.0,
     renderer: Backend = "auto",
     force: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Write a video of one trajectory, or of several side by side in step; mp4 (H.264) or gif, by suffix.
 
@@ -63,21 +63,19 @@ def write_video(
         exaggeration: draw shifts, tilts and slack this many times as large; the picture says so.
         renderer: "opengl", "raycast", or "auto" for the first that works here.
         force: replace a file that is there.
-        progress: called after each frame with the number done and the number of all.
+        progress: called after each frame with the fraction done, 0 to 1.
 
     Raises:
         InvalidInput: a path that cannot be written, a file that is there, an unknown suffix, a size, duration or number
             of frames that cannot be right.
     """
-    path = check_output(path, force=force)
+    path = check_place(path, SUFFIXES, force=force)
     film = _Film(trajectories, static, seconds, fps, size, exaggeration, renderer)
     with film, appearing(path) as (temporary,):
         try:
             with _writer(temporary, film) as video:
-                for done, frame in enumerate(film.frames(), start=1):
+                for frame in film.frames(progress):
                     video.add_image(frame)
-                    if progress is not None:
-                        progress(done, film.count)
         except RuntimeError as error:  # mediapy's, which quotes ffmpeg
             raise InvalidInput(f"{path}: cannot be written: {str(error).strip().splitlines()[-1]}") from error
     return path
@@ -92,6 +90,7 @@ def frames(
     size: tuple[int, int] = SIZE,
     exaggeration: float = 1.0,
     renderer: Backend = "auto",
+    progress: Callable[[float], None] | None = None,
 ) -> Iterator[UInt8[np.ndarray, "height width 3"]]:
     """The frames of ``write_video``, one by one.
 
@@ -99,7 +98,7 @@ def frames(
         InvalidInput: as ``write_video``.
     """
     with _Film(trajectories, static, seconds, fps, size, exaggeration, renderer) as film:
-        yield from film.frames()
+        yield from film.frames(progress)
 
 
 def show(
@@ -111,34 +110,21 @@ def show(
     size: tuple[int, int] = (960, 540),
     exaggeration: float = 1.0,
     renderer: Backend = "auto",
+    progress: Callable[[float], None] | None = None,
 ) -> None:
     """Play a trajectory, or several side by side in step, in a notebook; the arguments are those of ``write_video``."""
     mediapy = _mediapy()
     pictures = frames(
-        trajectories, static, seconds=seconds, fps=fps, size=size, exaggeration=exaggeration, renderer=renderer
+        trajectories,
+        static,
+        seconds=seconds,
+        fps=fps,
+        size=size,
+        exaggeration=exaggeration,
+        renderer=renderer,
+        progress=progress,
     )
     mediapy.show_video(pictures, fps=fps, qp=round(QUALITY))
-
-
-def check_output(path: str | Path, *, force: bool = False) -> Path:
-    """``path``, where a video can be written.
-
-    Raises:
-        InvalidInput: an unknown suffix, a file that is there without ``force``, or a folder that cannot be written.
-    """
-    path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        found = f"found the suffix {path.suffix!r}" if path.suffix else "found no suffix"
-        raise InvalidInput(f"{path}: {found}, expected {' or '.join(SUFFIXES)}")
-    if path.is_dir():
-        raise InvalidInput(f"{path}: found a folder, expected a file")
-    if path.exists() and not force:
-        raise InvalidInput(f"{path}: exists, expected a new place or --force")
-    if not path.parent.is_dir():
-        raise InvalidInput(f"{path}: found no folder {str(path.parent)!r}, expected one that exists")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise InvalidInput(f"{path}: cannot be written: the folder {str(path.parent)!r} is read-only")
-    return path
 
 
 class _Film:
@@ -191,14 +177,14 @@ class _Film:
             renderer.close()
         self._renderers = []
 
-    def frames(self) -> Iterator[UInt8[np.ndarray, "height width 3"]]:
+    def frames(self, progress: Callable[[float], None] | None = None) -> Iterator[UInt8[np.ndarray, "height width 3"]]:
         """One after the other; each trajectory's states at even fractions of its own duration."""
         boxes = [(cell.view, cell.close_up) for cell in self.page.cells]
         width = max(box.width for pair in boxes for box in pair)
         height = max(box.height for pair in boxes for box in pair)
         self._renderers = [open_renderer(stage.model, width, height, self._backend) for stage in self.stages]
         wholes = [stage.whole(view.width / view.height) for stage, (view, _) in zip(self.stages, boxes, strict=True)]
-        for fraction in np.linspace(0, 1, self.count):
+        for done, fraction in enumerate(np.linspace(0, 1, self.count), start=1):
             views, close_ups = [], []
             for stage, renderer, whole, (view, close) in zip(self.stages, self._renderers, wholes, boxes, strict=True):
                 stage.set(_state_at(stage.trajectory, float(fraction)))
@@ -208,10 +194,12 @@ class _Film:
             yield self.page.frame(
                 views,
                 close_ups,
-                [trajectory.tilts[step] for trajectory, step in states],
-                [trajectory.deviations[step] for trajectory, step in states],
+                [trajectory.tilt[step] for trajectory, step in states],
+                [trajectory.deviation[step] for trajectory, step in states],
                 [trajectory.tensions[step] for trajectory, step in states],
             )
+            if progress is not None:
+                progress(done / self.count)
 
 
 def _picture(renderer: Renderer, stage: Stage, camera, box) -> UInt8[np.ndarray, "height width 3"]:
@@ -256,11 +244,9 @@ def check_settings(seconds: float, fps: float, size: tuple[int, int], exaggerati
 
 def _caption(trajectory: Trajectory) -> str:
     robot = trajectory.robot
-    lowest, highest = robot.axial_stiffness.min(), robot.axial_stiffness.max()
-    stiffness = f"{lowest / 1e3:g} kN" if lowest == highest else f"{lowest / 1e3:g} to {highest / 1e3:g} kN"
     width, depth, height = np.ptp(robot.frame, axis=0)
     scale = f"platform {robot.mass:g} kg · frame {width:.3g} × {depth:.3g} × {height:.3g} m"
-    return f"{robot.material or 'cables'}, EA = {stiffness} · {scale}"
+    return f"{robot.material or 'cables'}, {stiffness_in_words(robot, 'kN')} · {scale}"
 
 
 def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:

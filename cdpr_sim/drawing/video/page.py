@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from cdpr_sim.drawing import style
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.drawing import style
 from cdpr_sim.drawing.video.scene import tension_colors
 
 LEGENDS = (

@@ -19,8 +19,8 @@ import numba
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from cdpr_sim.drawing import style
 from cdpr_sim.core.compiling import first_use
+from cdpr_sim.drawing import style
 
 SHAPES = {
     name: getattr(mujoco.mjtGeom, f"mjGEOM_{name}").value

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 from jaxtyping import UInt8
 
-from cdpr_sim.drawing import style
 from cdpr_sim.core.errors import CdprError
+from cdpr_sim.drawing import style
 from cdpr_sim.drawing.video.raycast import RayCaster, averaged
 
 Backend = Literal["auto", "opengl", "raycast"]

@@ -17,10 +17,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.drawing import style
-from cdpr_sim.physics.mjcf import coordinates, scene_mjcf, to_mjcf
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import Trajectory
+from cdpr_sim.drawing import style
+from cdpr_sim.physics.mjcf import coordinates, scene_mjcf, to_mjcf
 
 PIECES = 48
 """Straight pieces that draw a path."""

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich import box
 from rich.table import Table
 
+from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES, Check
-from cdpr_sim.statics.newton_kernel import Status
+from cdpr_sim.report.tables import new_table
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,17 +39,11 @@ def sweep_table(dataset: xr.Dataset) -> Table:
     """A row for each robot and material: how far, how tilted, how often slack, how much feasible."""
     solved = dataset["status"] == Status.CONVERGED
     poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
-    table = _table(f"Static equilibria from {poses:,} commanded poses", ["robot", "cables"])
-    for column in (
-        "solved\n%",
-        "median\ntilt °",
-        "worst\ntilt °",
-        "median\ndev. mm",
-        "worst\ndev. mm",
-        "slack\n%",
-        "feas\n%",
-    ):
-        table.add_column(column, justify="right", no_wrap=True)
+    table = new_table(
+        f"Static equilibria from {poses:,} commanded poses",
+        "robot", "cables", "solved\n%", "median\ntilt °", "worst\ntilt °", "median\ndev. mm", "worst\ndev. mm",
+        "slack\n%", "feas\n%", words=2, dense=True,
+    )  # fmt: skip
     for robot, material, one in _variants(dataset.assign(solved=solved)):
         table.add_row(
             robot,
@@ -67,14 +61,11 @@ def check_table(check: Check) -> Table:
     """A row for each robot and material: how many poses agree, how many do not, and the largest differences."""
     dataset = check.dataset
     poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
-    table = _table(f"MuJoCo and Newton at {poses:,} poses", ["robot", "cables"])
     present = set(np.unique(dataset["outcome"]).tolist())
     always = {"agree", "disagree", "unsettled"}
     words = [word for code, word in enumerate(OUTCOMES) if word in always or code in present]
-    for word in words:
-        table.add_column(_HEADINGS[word], justify="right", no_wrap=True)
-    for name, _, unit in _ERRORS.values():
-        table.add_column(f"{name}\n≤ {unit}", justify="right", no_wrap=True)
+    headings = [_HEADINGS[word] for word in words] + [f"{name}\n≤ {unit}" for name, _, unit in _ERRORS.values()]
+    table = new_table(f"MuJoCo and Newton at {poses:,} poses", "robot", "cables", *headings, words=2, dense=True)
     for robot, material, one in _variants(dataset):
         counts = [int((one["outcome"] == OUTCOMES.index(word)).sum()) for word in words]
         agree = one["outcome"] == OUTCOMES.index("agree")
@@ -101,13 +92,6 @@ def check_lines(check: Check) -> Iterator[str]:
         yield f"  {finding.robot}{cables} at ({x:g}, {y:g}, {z:g}) m: {finding.outcome.replace('_', ' ')}{why}"
     if len(check.findings) > MOST_FINDINGS:
         yield f"  and {len(check.findings) - MOST_FINDINGS:,} more"
-
-
-def _table(title: str, columns: list[str]) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for column in columns:
-        table.add_column(column, no_wrap=True)
-    return table
 
 
 def _median_and_worst(values: xr.DataArray) -> tuple[float, float]:

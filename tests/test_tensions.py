@@ -4,8 +4,8 @@ from scipy.optimize import minimize
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis import tensions as distribution
-from cdpr_sim.statics import forces as statics
 from cdpr_sim.analysis.compensation import demand_at
+from cdpr_sim.statics import forces as statics
 
 SAME = 1e-5
 """Relative difference from SLSQP's answer, which stops at 1e-10 of the objective: the root of that in the tensions."""

@@ -1,36 +1,23 @@
-"""Answers as tables for people: compensation, sensitivities, equilibria, identification. Nothing is computed here."""
+"""What follows from statics, as tables for people: compensation, sensitivity, equilibria, identification."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from rich import box
 from rich.markup import escape
 from rich.table import Table
 
 from cdpr_sim.analysis.compensation import Compensation
 from cdpr_sim.analysis.equilibria import Equilibria, unstable_directions
-from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.analysis.identification import Identification
-from cdpr_sim.physics.release import Release
-from cdpr_sim.report.settling import SLACK, stiffness
-from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
 from cdpr_sim.analysis.modes import Modes
-
-
-def _table(title: str, *columns: str) -> Table:
-    table = Table(
-        title=escape(title),
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1),
-        pad_edge=False,
-        collapse_padding=True,
-    )
-    for name in columns:
-        table.add_column(escape(name), justify="right" if name != columns[0] else "left", no_wrap=True)
-    return table
+from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
+from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.words import cables_in_words
+from cdpr_sim.physics.release import Release
+from cdpr_sim.report.crosscheck import SLACK
+from cdpr_sim.report.tables import new_table
 
 
 def compensation_table(
@@ -43,12 +30,12 @@ def compensation_table(
         before: by name of the road, the equilibrium with the rigid lengths.
         after: likewise with the compensated lengths.
     """
-    problem = compensation.equilibrium.problem
-    robot, commanded = problem.robot, compensation.commanded
+    robot, commanded = compensation.equilibrium.problem.robot, compensation.commanded
     x, y, z = 1e3 * commanded.translation
     results = {f"before\n{name}": found for name, found in before.items()}
     results |= {f"after\n{name}": found for name, found in after.items()}
-    table = _table(f"{robot.name}, {stiffness(problem)},\ncommanded to ({x:g}, {y:g}, {z:g}) mm", "", *results.keys())
+    title = f"{robot.name}, {cables_in_words(robot, 'N')},\ncommanded to ({x:g}, {y:g}, {z:g}) mm"
+    table = new_table(title, "", *results, dense=True)
     shifts = [1e3 * (found.position - commanded.translation) for found in results.values()]
     turns = [np.degrees((found.rotation * commanded.rotation.inv()).magnitude()) for found in results.values()]
     for axis, name in enumerate("xyz"):
@@ -87,14 +74,9 @@ def sensitivity_table(answer: Sensitivity, effects: Sequence[Effect]) -> Table:
     """What one unit of change of each number does, as ordered."""
     equilibrium = answer.equilibrium
     robot, (x, y, z) = equilibrium.problem.robot, 1e3 * equilibrium.problem.pose.translation
-    table = _table(
-        f"{robot.name}, {stiffness(equilibrium.problem)},\ncommanded to ({x:g}, {y:g}, {z:g}) mm: what matters most",
-        "",
-        "per",
-        "mm",
-        "°",
-        "N",
-    )
+    where = f"commanded to ({x:g}, {y:g}, {z:g}) mm"
+    title = f"{robot.name}, {cables_in_words(robot, 'N')},\n{where}: what matters most"
+    table = new_table(title, "", "per", "mm", "°", "N", dense=True)
     for effect in effects:
         table.add_row(
             effect.name,
@@ -117,10 +99,10 @@ def sensitivity_note(answer: Sensitivity) -> str:
 def modes_table(modes: Modes) -> Table:
     """Natural frequencies, and what each swing is made of: the largest parts of its motion, scaled to the largest."""
     robot = modes.equilibrium.problem.robot
-    arm = robot.characteristic_length
-    table = _table(f"{robot.name}: natural frequencies", "mode", "Hz", "x", "y", "z", "about x", "about y", "about z")
+    directions = ("x", "y", "z", "about x", "about y", "about z")
+    table = new_table(f"{robot.name}: natural frequencies", "mode", "Hz", *directions, dense=True)
     for number, (frequency, shape) in enumerate(zip(modes.frequencies, modes.shapes, strict=True), start=1):
-        parts = shape * np.repeat([1.0, arm], 3)
+        parts = shape * robot.units
         parts = parts / parts[np.abs(parts).argmax()]
         table.add_row(str(number), f"{frequency:.3f}", *("" if abs(p) < 5e-3 else f"{p:.2f}" for p in parts))
     return table
@@ -129,19 +111,11 @@ def modes_table(modes: Modes) -> Table:
 def equilibria_table(found: Equilibria, releases: Sequence[Release], reached: int | None) -> Table:
     """Lowest energy first, with what MuJoCo's platform does when it is let go there."""
     robot = found.problem.robot
-    table = _table(
-        f"{robot.name}, {stiffness(found.problem)}:\nequilibria of the same cable lengths",
-        "",
-        "energy\n[mJ]",
-        "x\n[mm]",
-        "y\n[mm]",
-        "z\n[mm]",
-        "tilt\n[°]",
-        "slack",
-        "softest\n[N/m]",
-        "ways\ndown",
-        "let go in\nMuJoCo",
-    )
+    table = new_table(
+        f"{robot.name}, {cables_in_words(robot, 'N')}:\nequilibria of the same cable lengths",
+        "", "energy\n[mJ]", "x\n[mm]", "y\n[mm]", "z\n[mm]", "tilt\n[°]", "slack", "softest\n[N/m]", "ways\ndown",
+        "let go in\nMuJoCo", dense=True,
+    )  # fmt: skip
     for number, (one, energy, release) in enumerate(zip(found, found.energies, releases, strict=True)):
         x, y, z = 1e3 * one.position
         table.add_row(
@@ -174,7 +148,9 @@ def equilibria_note(found: Equilibria) -> str:
 
 def identification_table(found: Identification) -> Table:
     """Each unknown with its standard error, lengths in millimetres."""
-    table = _table(f"{found.robot.name}: what the measurements say", "", "value", "standard error", "")
+    title = f"{found.robot.name}: what the measurements say"
+    table = new_table(title, "", "value", "standard error", dense=True)
+    table.add_column("", no_wrap=True)
     for name, unit, value, error in zip(found.names, found.units, found.values, found.standard_errors, strict=True):
         size, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
         known = "undetermined" if np.isinf(error) else f"{size * error:.2g}"

@@ -10,7 +10,8 @@ import pytest
 import xarray as xr
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.workspace import store as stores, sweep as sweeping
+from cdpr_sim.analysis.workspace import store as stores
+from cdpr_sim.analysis.workspace import sweep as sweeping
 
 ASKED = dict(robots=["parallel", "cogiro"], grid=(32, 10, 10), chunk=100, quantities=["tilt", "tensions", "feasible"])
 """64 chunks: four slabs."""

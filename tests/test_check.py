@@ -5,9 +5,10 @@ import pytest
 from problems import grid
 
 import cdpr_sim as cdpr
-from cdpr_sim.crosscheck import compare as agreement, check as checking
-from cdpr_sim.physics import settle as settling
+from cdpr_sim.crosscheck import check as checking
+from cdpr_sim.crosscheck import compare as agreement
 from cdpr_sim.crosscheck.check import OUTCOMES, compare_many
+from cdpr_sim.physics import settle as settling
 from cdpr_sim.statics.newton import solve_many
 
 GRID = (6, 3, 4)

@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.physics import batch as bench, settle as settling
-from cdpr_sim.robots.catalogue import list_robots, load_robot
-from cdpr_sim.core.equilibrium import Stability
-from cdpr_sim.core.errors import InvalidInput, NotSettled
-from cdpr_sim.physics.mjcf import coordinates, to_mjcf
+from cdpr_sim.core.equilibrium import NotSettled, Stability
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics import batch as bench
+from cdpr_sim.physics import settle as settling
+from cdpr_sim.physics.mjcf import coordinates, to_mjcf
 from cdpr_sim.physics.settle import ACCEPTABLE, Outcome, residual_of, settle, settle_many, settle_trajectory
+from cdpr_sim.robots.catalogue import list_robots, load_robot
 
 CLOSED_FORM = 1e-8
 """Relative. At rest 1e-9 of the load is unbalanced; on a pendulum of length l that is 1e-9 l of displacement."""

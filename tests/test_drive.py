@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.analysis.compensation import compensate
-from cdpr_sim.physics.drive import NEARLY_STATIC, drive
-from cdpr_sim.core.errors import InvalidInput, PlatformFell
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.trajectory import PlatformFell
+from cdpr_sim.physics.drive import NEARLY_STATIC, drive
 from cdpr_sim.physics.settle import settle, settle_many
+from cdpr_sim.robots.catalogue import load_robot
 
 LINE = [[0.17, 0.25, 0.1], [0.63, 0.25, 0.1]]
 """The paper's, for DemoBot [m]."""

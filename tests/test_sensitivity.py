@@ -5,8 +5,8 @@ from problems import hanging_mass, random_problems
 from test_derivatives import changed
 
 import cdpr_sim as cdpr
-from cdpr_sim.statics import derivatives
 from cdpr_sim.core.pose import moved
+from cdpr_sim.statics import derivatives
 
 CUBE = 1e-4
 """Relative error of central differences through the solver: its rounding over the step, and the square of the step; at

@@ -4,8 +4,8 @@ import xarray as xr
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import sweep as sweeping
-from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, Status
 from cdpr_sim.analysis.workspace.sweep import FALLS, QUANTITIES
+from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, Status
 
 GRID = (7, 5, 4)
 

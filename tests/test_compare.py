@@ -5,9 +5,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 import cdpr_sim as cdpr
-from cdpr_sim.statics import newton, forces as statics
-from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.core.pose import moved
+from cdpr_sim.crosscheck.compare import Verdict
+from cdpr_sim.statics import forces as statics
+from cdpr_sim.statics import newton
 
 POSE = (0.2, 0.25, 0.1)
 

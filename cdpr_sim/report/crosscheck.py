@@ -1,19 +1,20 @@
-"""Results as tables for people: millimetres, degrees and newtons, side by side. Nothing is computed here."""
+"""Both roads as tables for people: millimetres, degrees and newtons, side by side. Nothing is computed here."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from rich import box
 from rich.markup import escape
 from rich.table import Table
 
-from cdpr_sim.crosscheck.compare import Agreement, CrossCheck
-from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.core.errors import NotConverged, NotSettled
+from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled
 from cdpr_sim.core.pose import euler, tilt
 from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.words import cables_in_words
+from cdpr_sim.crosscheck.compare import Agreement
+from cdpr_sim.report.tables import new_table
 
 Outcome = Equilibrium | NotConverged | NotSettled
 """What a road came to: an equilibrium, or the failure that carries its best point."""
@@ -29,15 +30,8 @@ def best_point(outcome: Outcome) -> Equilibrium | None:
 def settle_table(problem: Problem, outcomes: Mapping[str, Outcome]) -> Table:
     """One column per road beside the commanded pose; a road that failed shows its best point, marked as such."""
     robot = problem.robot
-    table = Table(
-        title=f"{robot.name}, {stiffness(problem)}, platform of {robot.mass:g} kg",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1),
-        pad_edge=False,
-    )
-    table.add_column("", no_wrap=True)
-    table.add_column("commanded", justify="right", no_wrap=True)
+    title = f"{robot.name}, {cables_in_words(robot, 'N')}, platform of {robot.mass:g} kg"
+    table = new_table(title, "", "commanded")
     points = {name: best_point(outcome) for name, outcome in outcomes.items()}
     for name, outcome in outcomes.items():
         found = isinstance(outcome, Equilibrium)
@@ -67,23 +61,15 @@ def settle_table(problem: Problem, outcomes: Mapping[str, Outcome]) -> Table:
     return table
 
 
-def line_table(title: str, checks: Sequence[CrossCheck]) -> Table:
+def line_table(title: str, settled: Rests, agreements: Sequence[Agreement]) -> Table:
     """One row per commanded pose: where the platform ends up, and how far the two roads are apart."""
-    columns = [
-        "commanded x [mm]",
-        "x [mm]",
-        "sag [mm]",
-        "tilt [°]",
-        "about y [°]",
-        "taut cables",
-        "roads apart [nm]",
+    table = new_table(title, words=0)
+    for column in (
+        "commanded x [mm]", "x [mm]", "sag [mm]", "tilt [°]", "about y [°]", "taut cables", "roads apart [nm]",
         "verdict",
-    ]
-    table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
+    ):  # fmt: skip
         table.add_column(escape(column), justify="right")
-    for check in checks:
-        end = check.settled
+    for end, agreement in zip(settled, agreements, strict=True):
         table.add_row(
             f"{1e3 * end.problem.pose.translation[0]:.0f}",
             f"{1e3 * end.position[0]:.2f}",
@@ -91,18 +77,10 @@ def line_table(title: str, checks: Sequence[CrossCheck]) -> Table:
             f"{np.degrees(end.tilt):.3f}",
             f"{np.degrees(end.euler[1]):.3f}",
             str(int((~end.slack).sum())),
-            f"{1e9 * check.agreement.position_error:.2f}",
-            "agree" if check.agreement.agrees else "[red]differ[/]",
+            f"{1e9 * agreement.position_error:.2f}",
+            "agree" if agreement.agrees else "[red]differ[/]",
         )
     return table
-
-
-def stiffness(problem: Problem) -> str:
-    """The cables in words."""
-    robot = problem.robot
-    lowest, highest = robot.axial_stiffness.min(), robot.axial_stiffness.max()
-    number = f"EA = {lowest:g} N" if lowest == highest else f"EA = {lowest:g} to {highest:g} N"
-    return f"{robot.material} cables ({number})" if robot.material else f"cables with {number}"
 
 
 def verdict(agreement: Agreement) -> str:
@@ -116,27 +94,3 @@ def verdict(agreement: Agreement) -> str:
         f"{'the same' if agreement.same_slack else 'other'} cables slack."
     )
     return "\n".join([head, *(f"  - {reason}" for reason in agreement.reasons)])
-
-
-def as_dict(outcome: Outcome) -> dict:
-    """An outcome for JSON, in SI units."""
-    point = best_point(outcome)
-    result: dict = {"equilibrium": isinstance(outcome, Equilibrium)}
-    if not isinstance(outcome, Equilibrium):
-        result["reason"] = outcome.reason
-    if point is not None:
-        result |= {
-            "source": point.source,
-            "position": point.position.tolist(),
-            "euler": point.euler.tolist(),
-            "tilt": point.tilt,
-            "tensions": point.tensions.tolist(),
-            "lengths": point.lengths.tolist(),
-            "rest_lengths": point.rest_lengths.tolist(),
-            "slack": point.slack.tolist(),
-            "residual": point.residual,
-            "eigenvalues": point.eigenvalues.tolist(),
-            "stability": point.stability.name.lower(),
-            "iterations": point.iterations,
-        }
-    return result

@@ -1,0 +1,144 @@
+"""Commands that ask what follows: compensate, sensitivity, equilibria, identify."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of, robot_of
+from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_json
+from cdpr_sim.report import analysis as report
+from cdpr_sim.report import as_json as json_of
+
+
+def compensate(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    limits: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--tensions", metavar="MIN MAX", help="Limits of tension [N]; default: 1 % of the load, inf."),
+    ] = None,
+    prefer: Annotated[str, typer.Option("--prefer", help="smallest tensions, or the stiffest platform.")] = "smallest",
+    arm: Annotated[
+        float | None,
+        typer.Option("--arm", help="[m] Where only a near pose can be held: how much rotation counts; 0: not at all."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Cut the cables to lengths that hold the platform where it is commanded to be, and prove it in MuJoCo.
+
+    Exit status: 0 if the commanded pose is held, 1 if only a pose near it can be, 2 for input that cannot be right.
+    """
+    with errors_as_sentences():
+        problem = problem_of(robot, pose, material)
+        with busy("Looking for tensions (the first run on a machine compiles for half a minute)"):
+            found = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
+            roads = {"MuJoCo": cdpr.settle, "Newton": cdpr.solve}
+            before = {name: road(problem) for name, road in roads.items()}
+            # From where the platform hangs now, so that coming to the commanded pose is its own doing.
+            after = {name: road(problem.robot, before[name].pose, found.rest_lengths) for name, road in roads.items()}
+    if as_json:
+        print_json(json_of.compensation(problem, found, before, after))
+    else:
+        console = Console()
+        console.print(report.compensation_table(found, before, after))
+        console.print(report.compensation_lengths(found), highlight=False)
+        console.print(report.compensation_verdict(found), highlight=False)
+    raise typer.Exit(0 if found.exact else 1)
+
+
+def sensitivity(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    rows: Annotated[int, typer.Option("--rows", min=1, help="How many to print; the rest matters less.")] = 20,
+    as_json: AsJson = False,
+) -> None:
+    """What matters most: mm and degrees per mm of length, per percent of stiffness, per newton; natural frequencies."""
+    with errors_as_sentences():
+        problem = problem_of(robot, pose, material)
+        with busy("Solving (the first run on a machine compiles for half a minute)"):
+            answer = cdpr.sensitivity(problem)
+            effects, modes = answer.effects(), cdpr.natural_modes(answer.equilibrium)
+    if as_json:
+        print_json(json_of.sensitivity(answer, effects, modes))
+    else:
+        console = Console()
+        console.print(report.sensitivity_table(answer, effects[:rows]))
+        console.print(report.sensitivity_note(answer), highlight=False)
+        console.print(report.modes_table(modes))
+
+
+def equilibria(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    saddles: Annotated[bool, typer.Option("--saddles", help="Search for the unstable ones as well.")] = False,
+    starts: Annotated[int, typer.Option("--starts", help="How many poses to start from.")] = 2000,
+    as_json: AsJson = False,
+) -> None:
+    """All places to rest on the cable lengths of the commanded pose, and which of them the robot reaches."""
+    with errors_as_sentences():
+        problem = problem_of(robot, pose, material)
+        with busy("Looking for equilibria (the first run on a machine compiles for half a minute)"):
+            found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
+            followed = cdpr.follow_load(problem)
+            reached, _ = found.nearest(followed.reached.pose)
+            by_mujoco, _ = found.nearest(cdpr.grow_gravity(problem).pose)
+            releases = [cdpr.release(one, seconds=2.0 if one.stable else 20.0) for one in found]
+    if as_json:
+        print_json(json_of.equilibria(problem, found, releases, followed, reached, by_mujoco))
+    else:
+        console = Console()
+        console.print(report.equilibria_table(found, releases, reached))
+        same = "MuJoCo comes to the same" if by_mujoco == reached else f"MuJoCo comes to {by_mujoco + 1} instead"
+        console.print(f"Followed while gravity grows, the platform comes to {reached + 1}; {same}.", highlight=False)
+        console.print(report.equilibria_note(found), highlight=False)
+    raise typer.Exit(0 if by_mujoco == reached else 1)
+
+
+def identify(
+    robot: RobotName,
+    file: Annotated[Path, typer.Argument(metavar="MEASUREMENTS", help="CSV with named columns and units.")],
+    unknown: Annotated[
+        list[str] | None,
+        typer.Option("--unknown", help="axial_stiffness (the default), axial_stiffness_each, mass, ...; repeatable."),
+    ] = None,
+    material: MaterialName = None,
+    position_error: Annotated[
+        float | None, typer.Option("--position-error", help="Standard error of a measured coordinate [mm].")
+    ] = None,
+    rotation_error: Annotated[
+        float | None, typer.Option("--rotation-error", help="Standard error of a measured angle [°].")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fit stiffness, rest lengths, mass or centre of mass to measured poses. Exit status 1 if the data cannot tell all.
+
+    Columns of the file: commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_beta [deg], and
+    so on; rest_length_1 [mm], ...; robot.
+    """
+    with errors_as_sentences():
+        machine = robot_of(robot, material)
+        measurements = cdpr.read_measurements(file)
+        with busy("Fitting (the first run on a machine compiles for half a minute)"):
+            found = cdpr.identify(
+                machine,
+                measurements,
+                unknown or ["axial_stiffness"],
+                position_error=None if position_error is None else 1e-3 * position_error,
+                rotation_error=None if rotation_error is None else math.radians(rotation_error),
+            )
+    if as_json:
+        print_json(json_of.identification(found))
+    else:
+        console = Console()
+        console.print(report.identification_table(found))
+        console.print(report.identification_note(found), highlight=False)
+    raise typer.Exit(1 if found.reasons else 0)

@@ -1,0 +1,130 @@
+"""Commands that draw and film: figures, video."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli.options import robot_of
+from cdpr_sim.cli.terminal import busy, errors_as_sentences, progress_bars, tidy_when_terminated
+from cdpr_sim.core.files import check_place
+from cdpr_sim.drawing.video import film
+
+COMPENSATED_WAYPOINTS = 61
+"""Along a line that is filmed with compensated lengths; in between, their corrections change evenly."""
+
+
+def figures(
+    name: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Default: all of them.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write <name>.svg and .png into.")] = Path(
+        "figures"
+    ),
+    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+    names: Annotated[bool, typer.Option("--list", help="List the figures and what they show; draw none.")] = False,
+) -> None:
+    """Redraw the paper's figures, MuJoCo's points on the static solver's lines, and two figures of our own."""
+    from cdpr_sim.studies.gallery import paths_of
+
+    if names:
+        table = Table("figure", "paper", "what it shows", box=box.SIMPLE_HEAD)
+        for one, picture in cdpr.PICTURES.items():
+            table.add_row(one, picture.paper, picture.shows)
+        Console().print(table)
+        return
+    with errors_as_sentences():
+        wanted = name or cdpr.list_figures()
+        written = iter(paths_of(wanted, output).values())
+        with busy("Computing and drawing, half a minute for all (the first run on a machine compiles as long)"):
+            cdpr.write_figures(
+                wanted, output, force=force, progress=lambda _: typer.echo("\n".join(map(str, next(written))))
+            )
+
+
+def video(
+    robots: Annotated[list[str], typer.Argument(metavar="ROBOT...", help="One, or several side by side in step.")],
+    path: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--path", metavar="X0 X1", help="Drive from x = X0 to x = X1 [m]; default: across the workspace."),
+    ] = None,
+    y: Annotated[float | None, typer.Option("--y", help="Of the path [m]; default: the workspace's middle.")] = None,
+    z: Annotated[float | None, typer.Option("--z", help="Of the path [m]; default: the workspace's middle.")] = None,
+    drop: Annotated[
+        bool, typer.Option("--drop", help="No drive: let the platform go at X0, or the workspace's middle.")
+    ] = False,
+    material: Annotated[
+        list[str] | None, typer.Option("--material", help="Cables; given again, materials are shown side by side.")
+    ] = None,
+    drive_seconds: Annotated[
+        float | None, typer.Option("--drive-seconds", help="Duration of the drive; default: nearly static.")
+    ] = None,
+    seconds: Annotated[float, typer.Option("--seconds", help="Duration of the video.")] = 10.0,
+    fps: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 30.0,
+    size: Annotated[tuple[int, int], typer.Option("--size", metavar="WIDTH HEIGHT", help="[pixel]")] = (1280, 720),
+    compensate: Annotated[
+        bool, typer.Option("--compensate", help="Beside each, the same with compensated cable lengths.")
+    ] = False,
+    exaggerate: Annotated[
+        float, typer.Option("--exaggerate", help="Draw deviations this many times as large, and say so.")
+    ] = 1.0,
+    renderer: Annotated[str, typer.Option("--renderer", help="auto, opengl or raycast (no OpenGL needed).")] = "auto",
+    output: Annotated[Path, typer.Option("-o", "--output", help="File: .mp4 or .gif.")] = Path("video.mp4"),
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+) -> None:
+    """Film platforms driven along a line by their winches, in MuJoCo, with the static solver's pose as an outline."""
+    with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar:
+        check_place(output, film.SUFFIXES, force=force)
+        states = film.check_settings(seconds, fps, size, exaggerate, renderer)
+        trajectories = []
+        for name, cables, cut in itertools.product(
+            robots, material or [None], (False, True) if compensate else (False,)
+        ):
+            robot = robot_of(name, cables)
+            waypoints, lengths = _line(robot, path, y, z)[: 1 if drop else None], None
+            if cut:
+                waypoints = np.linspace(waypoints[0], waypoints[-1], 1 if drop else COMPENSATED_WAYPOINTS)
+                compensated, lengths = bar(f"Compensating {robot.name}"), []
+                for waypoint in waypoints:
+                    lengths.append(cdpr.compensate(robot, waypoint).rest_lengths)
+                    compensated(len(lengths) / len(waypoints))
+                robot = robot.replace(name=f"{robot.name}, compensated")
+            trajectories.append(
+                cdpr.drive(
+                    robot,
+                    waypoints,
+                    seconds=drive_seconds,
+                    states=states,
+                    from_rest=not drop,
+                    rest_lengths=lengths,
+                    progress=bar(f"MuJoCo drives {robot.name}"),
+                )
+            )
+        cdpr.write_video(
+            output,
+            trajectories,
+            [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories],
+            seconds=seconds,
+            fps=fps,
+            size=size,
+            exaggeration=exaggerate,
+            renderer=renderer,  # type: ignore[arg-type]
+            force=force,
+            progress=bar("Drawing"),
+        )
+    typer.echo(output)
+
+
+def _line(
+    robot: cdpr.Robot, path: tuple[float, float] | None, y: float | None, z: float | None
+) -> list[tuple[float, float, float]]:
+    """The two ends of a path along x."""
+    home = robot.home
+    x0, x1 = robot.workspace[:, 0] if path is None else path
+    return [(x, home[1] if y is None else y, home[2] if z is None else z) for x in (x0, x1)]

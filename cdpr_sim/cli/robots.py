@@ -1,0 +1,58 @@
+"""Commands about the robots themselves: robots, models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli.options import MaterialName, Pose, problem_of
+from cdpr_sim.cli.terminal import errors_as_sentences
+from cdpr_sim.physics.model_files import model_files, stale_models, write_models
+
+
+def robots() -> None:
+    """List the robots of the catalogue and the materials of cables."""
+    console = Console()
+    table = Table(
+        "robot", "mobility", "cables", "mass", "what", title="Robots", title_justify="left", box=box.SIMPLE_HEAD
+    )
+    for name in cdpr.list_robots():
+        robot = cdpr.load_robot(name)
+        table.add_row(name, robot.mobility, str(robot.cables), f"{robot.mass:g} kg", robot.description)
+    console.print(table)
+    table = Table("material", "EA", "source", title="Cables", title_justify="left", box=box.SIMPLE_HEAD)
+    for material in cdpr.MATERIALS.values():
+        table.add_row(material.name, f"{material.axial_stiffness:g} N", material.source)
+    console.print(table)
+
+
+def models(
+    robot: Annotated[
+        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="Default: the whole catalogue.")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write <robot>/ into.")] = Path("models"),
+    pose: Pose = None,
+    material: MaterialName = None,
+    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is stale.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,
+) -> None:
+    """Write each robot as a MuJoCo model: robot.xml, scene.xml and a README."""
+    stale = []
+    with errors_as_sentences():
+        for name in robot or cdpr.list_robots():
+            problem = problem_of(name, pose, material)
+            folder, files = output / problem.robot.name, model_files(problem.robot, problem.pose)
+            if check:
+                stale += [folder / file for file in stale_models(folder, files)]
+            else:
+                write_models(folder, files, force=force)
+                typer.echo(f"{folder}: {', '.join(files)}")
+    for path in stale:
+        typer.echo(f"{path}: stale, expected what `cdpr-sim models --force` writes", err=True)
+    raise typer.Exit(1 if stale else 0)

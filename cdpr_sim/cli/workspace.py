@@ -1,0 +1,81 @@
+"""Commands about whole workspaces: sweep, map, check."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+import cdpr_sim as cdpr
+from cdpr_sim.analysis.workspace import grids
+from cdpr_sim.cli.options import Grid, Limits, MaterialNames, RobotNames
+from cdpr_sim.cli.terminal import errors_as_sentences
+from cdpr_sim.core.files import check_place
+from cdpr_sim.drawing import maps
+from cdpr_sim.report import workspace as report
+
+
+def sweep(
+    robot: RobotNames,
+    grid: Grid = None,
+    material: MaterialNames = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Keep the result: a new .nc file, or a .zarr folder, which is gone on with."
+        ),
+    ] = None,
+    limits: Limits = (0.0, float("inf")),
+) -> None:
+    """Solve for the static equilibrium over whole workspaces: tilt, deviation, slack cables, feasibility."""
+    with errors_as_sentences():
+        dataset = cdpr.sweep(robot, grid, material or None, tension_limits=limits, store=output, progress=True)
+        Console().print(report.sweep_table(dataset))
+
+
+def draw_map(
+    robot: RobotNames,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Picture to write: .png, .svg or .pdf.")] = Path(
+        "map.png"
+    ),
+    material: MaterialNames = None,
+    plane: Annotated[str, typer.Option("--plane", help="xz, xy or yz.")] = "xz",
+    at: Annotated[float | None, typer.Option("--at", help="Where [m] the plane lies; default: the middle.")] = None,
+    points: Annotated[int, typer.Option("--points", help="Poses along the longer side.")] = 181,
+    limits: Limits = (0.0, float("inf")),
+    force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
+) -> None:
+    """Draw tilt, deviation, slack cables and feasibility over a plane of the workspace, side by side."""
+    with errors_as_sentences():
+        check_place(output, maps.SUFFIXES, force=force, field="output")
+        robots = [cdpr.load_robot(name) for name in robot]
+        section = grids.plane(plane, at, points, robots)
+        dataset = cdpr.sweep(robots, section, material or None, tension_limits=limits, progress=True)
+        maps.write(maps.draw_elastic_map(dataset), output)
+        Console().print(report.sweep_table(dataset))
+    typer.echo(output)
+
+
+def check(
+    robot: RobotNames,
+    grid: Grid = None,
+    material: MaterialNames = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Picture of where they agree, seen along y.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
+) -> None:
+    """Settle every pose of a grid in MuJoCo and compare each with the solver. Exit status 1 if any disagrees."""
+    with errors_as_sentences():
+        if output is not None:
+            check_place(output, maps.SUFFIXES, force=force, field="output")
+        result = cdpr.check(robot, grid, material or None, progress=True)
+        if output is not None:
+            maps.write(maps.draw_agreement_map(result.across()), output)
+    console = Console()
+    console.print(report.check_table(result))
+    for line in report.check_lines(result):
+        console.print(line, highlight=False)
+    raise typer.Exit(0 if result.agrees else 1)

@@ -1,0 +1,38 @@
+"""How looking for rest ended: one enum for both roads."""
+
+from __future__ import annotations
+
+import enum
+
+NEUTRAL = 1e-9
+"""Eigenvalues smaller than this fraction of the largest are rounding: that direction is neither held nor repelled."""
+
+
+class Status(enum.IntEnum):
+    """How a solve or a settling ended; ``sentence`` says it in words."""
+
+    PENDING = -1
+    CONVERGED = 0
+    ITERATION_LIMIT = 1
+    STALLED = 2
+    NOT_FINITE = 3
+    FALLS = 4
+    DIVERGED = 5
+    MOVING = 6
+
+    @property
+    def sentence(self) -> str:
+        """What the status means."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    Status.PENDING: "not computed yet",
+    Status.CONVERGED: "forces balance at rest",
+    Status.ITERATION_LIMIT: "it did not come to rest within the iterations or time steps that it is given",
+    Status.STALLED: "no step lowers the energy any more, but forces do not balance to tolerance",
+    Status.NOT_FINITE: "the input is not finite",
+    Status.FALLS: "every exit lies below the platform, which falls since cables cannot push",
+    Status.DIVERGED: "MuJoCo found its motion unstable",
+    Status.MOVING: "the platform is on its way, and not at rest",
+}

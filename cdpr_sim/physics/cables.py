@@ -1,0 +1,63 @@
+"""What a cable is in MuJoCo: a spatial tendon whose spring pulls beyond its rest length and never pushes.
+
+The tendon runs from its exit site to its anchor site, with ``stiffness`` EA/l0 and ``springlength="0 l0"``: MuJoCo's
+spring is silent inside that dead band, so
+
+    tau = EA/l0 (l - l0)  for l > l0,  else 0          (paper Eq. 10, 11)
+
+Three things a tendon could have are left out on purpose. ``range`` would add a constraint that stops the cable
+stretching; ``damping`` ignores the dead band, so that a slack cable would push, and it turns off the drawing of a
+slack cable as a hanging chain; ``frictionloss`` would hold the platform away from its equilibrium.
+
+This is the law's second coding: the mathematics has its own in ``statics.cable_law``, and neither reads the other's.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core.cable import Cabling
+from cdpr_sim.physics.numbers import text
+
+
+def add_exits(world: ET.Element, cabling: Cabling) -> None:
+    """The sites ``exit_1``, ... at which cables enter the scene."""
+    for i, position in enumerate(cabling.exits, start=1):
+        ET.SubElement(world, "site", {"name": f"exit_{i}", "class": "exit", "pos": text(position)})
+
+
+def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
+    """The sites ``anchor_1``, ... at which they pull on the platform."""
+    for i, position in enumerate(cabling.anchors, start=1):
+        ET.SubElement(platform, "site", {"name": f"anchor_{i}", "class": "anchor", "pos": text(position)})
+
+
+def add_tendons(root: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray, " cables"]) -> None:
+    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]."""
+    tendons = ET.SubElement(root, "tendon")
+    stiffnesses = springs(cabling.axial_stiffness, rest_lengths)
+    for i, (stiffness, length) in enumerate(zip(stiffnesses, rest_lengths, strict=True), start=1):
+        cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
+        cable.set("stiffness", text(stiffness))
+        cable.set("springlength", text([0, length]))
+        ET.SubElement(cable, "site", site=f"exit_{i}")
+        ET.SubElement(cable, "site", site=f"anchor_{i}")
+
+
+def springs(
+    axial_stiffness: Float[np.ndarray, "*#batch cables"], rest_lengths: Float[np.ndarray, "*#batch cables"]
+) -> Float[np.ndarray, "*batch cables"]:
+    """MuJoCo's ``stiffness`` of each tendon [N/m]: of two cables alike, the shorter is the stiffer."""
+    return axial_stiffness / rest_lengths
+
+
+def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, " cables"]) -> None:
+    """Set a model's cables to ``rest_lengths`` [m], as winches do."""
+    model.tendon_lengthspring[:, 1] = rest_lengths
+    model.tendon_stiffness[:] = springs(cabling.axial_stiffness, rest_lengths)

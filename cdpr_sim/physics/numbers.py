@@ -1,0 +1,12 @@
+"""Numbers as MJCF text that MuJoCo parses back to the very same doubles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+
+def text(values: float | Sequence[float] | np.ndarray) -> str:
+    """``repr`` of each double, whole numbers without ``.0``, zero without a sign."""
+    return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in np.atleast_1d(values))

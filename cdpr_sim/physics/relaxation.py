@@ -1,0 +1,182 @@
+"""Dynamic relaxation: move platforms in MuJoCo until they rest, with damping and time steps that follow what they do.
+
+Otter and Day 1960; Underwood 1983. Only the place of rest matters and not the time that it takes: real mass, inertia
+and cables, from the commanded pose at zero velocity, in a medium whose damping adapts, with time steps that do.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+from mujoco.batch import SimulationError
+
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import Status
+from cdpr_sim.physics.batch import Simulations
+
+RESIDUAL = 1e-9
+"""Largest unbalanced force at rest, as a fraction of the load (the weight, or the external wrench where larger)."""
+
+ROUNDING = 2 * np.finfo(float).eps
+"""A cable's force is known to this fraction of EA at best: the rounding of a length, times EA/l0."""
+
+ACCEPTABLE = 1e-6
+"""Never at rest with more than this fraction of the load unbalanced, whatever the rounding."""
+
+SPEED = 1e-6
+"""Speed at rest, as a fraction of (cable length x swing rate): it would take days to cross the frame."""
+
+STEPS = 30_000
+"""Time steps after which a platform is restless. DemoBot needs a hundred; sliding along stiff cables, thousands."""
+
+CHUNK = 13
+"""Time steps between two looks at the residual; odd, so that a velocity that turns round at every step shows."""
+
+FIRST_STEP, SHORTEST_STEP, LONGEST_STEP = 0.1, 1e-4, 0.3
+"""Time steps as fractions of the slowest swing's 1/omega; with longer ones stiff cables throw light platforms about."""
+
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1.5, 0.5, 20.0
+"""Damping ratio of the slowest swing: overdamped at first, so that the platform sinks into the equilibrium below it
+rather than swinging over into another one."""
+
+BETTER, ALONG, PATIENCE = 0.7, 0.95, 2
+"""A residual below this fraction of the best so far is progress; a cosine above this is a force along the velocity; and
+after this many looks without either, the platform rattles."""
+
+
+class Relaxation:
+    """Each row's motion towards rest, with a time step and a damping of its own.
+
+    While the residual falls the step grows. Where it does not, there are two reasons, told apart by force and velocity:
+
+    - *slow*: the force keeps pointing along a steady velocity, as it does when damping alone holds the platform back.
+      Then the step grows and the damping falls.
+    - *rattling*: the force points elsewhere: in a step that long, cables go slack and taut again. Then the step shrinks
+      and the damping rises.
+    """
+
+    def __init__(self, simulations: Simulations, frames: list[tuple[float, np.ndarray]] | None) -> None:
+        self.simulations, self.frames = simulations, frames
+        robot = simulations.robot
+        self.reach = simulations.band[:, :, 1].max(1)
+        wrenches = np.abs(simulations.wrenches)
+        self.load = np.maximum(
+            robot.weight, np.maximum(wrenches[:, :3].max(1), wrenches[:, 3:].max(1) / simulations.length)
+        )
+        simulations.qvel[:] = 0
+        simulations.batch.forward()
+        # Without gravity or wrench the load is what the cables do to one another, or else a strain of one per mille.
+        idle = self.load == 0
+        self.load[idle] = np.maximum(np.abs(simulations.forces[idle]).max(1), 1e-3 * robot.axial_stiffness.mean())
+        self.swing = np.sqrt(self.load / robot.mass / simulations.band[:, :, 1].mean(1))
+        rounding = ROUNDING * float(robot.axial_stiffness.max())
+        self.target = np.minimum(np.maximum(RESIDUAL * self.load, rounding), ACCEPTABLE * self.load)
+        self.inertia = _inertias(robot)
+        self.root_inertia = np.sqrt(self.inertia)
+        rows = len(simulations.qpos)
+        self.steps = np.zeros(rows, dtype=int)
+        self.status = np.full(rows, Status.ITERATION_LIMIT.value)
+        self.limit = np.full(rows, STEPS)
+        self.live = np.ones(rows, dtype=bool)
+        self.qpos = simulations.qpos.copy()
+        self.velocity = np.zeros_like(simulations.qvel)
+        self.step, self.ratio = np.full(rows, FIRST_STEP), np.full(rows, FIRST_DAMPING)
+        self.best, self.patience = np.full(rows, np.inf), np.zeros(rows, dtype=int)
+        if frames is not None:
+            frames.append((0.0, self.qpos[0].copy()))
+
+    @property
+    def settled(self) -> Bool[np.ndarray, " rows"]:
+        """Which rows have come to rest."""
+        return self.status == Status.CONVERGED
+
+    def nudge(self, rows: Bool[np.ndarray, " rows"], directions: Float[np.ndarray, "rows free"]) -> None:
+        """Set ``rows`` going along the direction in which they are not held, as any breath of air would."""
+        simulations = self.simulations
+        speed = 1e-3 * self.swing * self.reach
+        velocity = directions * (speed * np.where(directions.sum(1) < 0, -1, 1))[:, None]
+        velocity[:, simulations.angular] /= simulations.length
+        if simulations.model.nv == 6:
+            velocity[:, 3:] = np.einsum("nji,nj->ni", simulations.rotations, velocity[:, 3:])
+        simulations.qpos[rows], simulations.qvel[rows] = self.qpos[rows], velocity[rows]
+        self.live |= rows
+        self.status[rows] = Status.ITERATION_LIMIT
+        self.step[rows], self.ratio[rows] = FIRST_STEP, FIRST_DAMPING
+        self.best[rows], self.patience[rows] = np.inf, 0
+        self.limit[rows] = self.steps[rows] + STEPS
+
+    def run(self) -> None:
+        """Move the live rows on until each has come to rest or will not."""
+        simulations = self.simulations
+        while self.live.any():
+            simulations.timestep[:] = self.step / self.swing
+            simulations.damping[:] = 2 * (self.ratio * self.swing)[:, None] * self.inertia / simulations.unit
+            self.qpos[self.live] = simulations.qpos[self.live]
+            self._advance()
+            self._judge()
+            self._adapt()
+
+    def _advance(self) -> None:
+        batch = self.simulations.batch
+        try:
+            if self.frames is None:
+                batch.step(self.live, nstep=CHUNK)
+            else:
+                for _ in range(CHUNK):
+                    batch.step(self.live)
+                    self.frames.append((float(batch.time[0]), self.simulations.qpos[0].copy()))
+        except SimulationError as error:
+            self._end(np.isin(np.arange(len(self.live)), error.ids), Status.DIVERGED, self.qpos)
+        self.steps[self.live] += CHUNK
+        if batch.warning[:, :, 1].any():
+            self._end(self.live & batch.warning[:, :, 1].any(1), Status.DIVERGED, self.qpos)
+
+    def _judge(self) -> None:
+        simulations = self.simulations
+        self.residual = np.abs(simulations.forces).max(1)
+        calm = self.live & (self.residual <= self.target)
+        if calm.any():
+            # These are the forces of one time step ago, and velocity bends them: look again, at rest.
+            speed = np.abs(simulations.qvel)
+            speed[:, simulations.angular] *= simulations.length
+            calm &= speed.max(1) <= SPEED * self.swing * self.reach
+            velocity = simulations.qvel.copy()
+            simulations.qvel[calm] = 0
+            simulations.batch.forward(calm)
+            at_rest = calm & (np.abs(simulations.forces).max(1) <= self.target)
+            simulations.qvel[:] = np.where(at_rest[:, None], 0, velocity)
+            self._end(at_rest, Status.CONVERGED, simulations.qpos)
+        weary = self.live & (self.steps >= self.limit)
+        if weary.any():
+            self._end(weary, Status.ITERATION_LIMIT, simulations.qpos)
+
+    def _end(self, rows: Bool[np.ndarray, " rows"], status: Status, qpos: np.ndarray) -> None:
+        self.live &= ~rows
+        self.qpos[rows] = qpos[rows]
+        self.status[rows] = status
+
+    def _adapt(self) -> None:
+        force, velocity = self.simulations.accelerating / self.root_inertia, self.simulations.qvel * self.root_inertia
+        better = self.residual < BETTER * self.best
+        slow = ~better & _parallel(force, velocity) & _parallel(velocity, self.velocity)
+        self.velocity = velocity
+        going = better | slow
+        self.patience = np.where(going, 0, self.patience + 1)
+        rattling = self.patience >= PATIENCE
+        self.step = np.clip(self.step * np.where(rattling, 0.6, np.where(going, 1.2, 1.0)), SHORTEST_STEP, LONGEST_STEP)
+        self.ratio = np.clip(
+            self.ratio * np.where(rattling, 1.5, np.where(slow, 0.9, 1.0)), LEAST_DAMPING, MOST_DAMPING
+        )
+        self.best = np.where(going | rattling, self.residual, self.best)
+        self.patience[rattling] = 0
+
+
+def _parallel(a: Float[np.ndarray, "rows free"], b: Float[np.ndarray, "rows free"]) -> Bool[np.ndarray, " rows"]:
+    return (a * b).sum(1) > ALONG * np.sqrt((a * a).sum(1) * (b * b).sum(1))
+
+
+def _inertias(robot: Robot) -> Float[np.ndarray, " free"]:
+    """Mass [kg] and moments of inertia about the platform's axes [kg m²], per free direction, for the damping."""
+    offset = robot.center_of_mass
+    about_origin = robot.inertia + robot.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    return np.concatenate([np.full(3, robot.mass), np.diag(about_origin)])[list(robot.free_directions)]

@@ -1,0 +1,116 @@
+"""Results as dictionaries that JSON can hold, in SI units: one function for what each command finds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from cdpr_sim.analysis.compensation import Compensation
+from cdpr_sim.analysis.equilibria import Equilibria, Following
+from cdpr_sim.analysis.identification import Identification
+from cdpr_sim.analysis.modes import Modes
+from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
+from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.crosscheck.compare import Agreement
+from cdpr_sim.physics.release import Release
+from cdpr_sim.report.crosscheck import Outcome, best_point
+
+
+def outcome(found: Outcome) -> dict[str, Any]:
+    """An equilibrium, or the best point of a road that found none and why."""
+    point, result = best_point(found), {"equilibrium": isinstance(found, Equilibrium)}
+    if not isinstance(found, Equilibrium):
+        result["reason"] = found.reason
+    if point is None:
+        return result
+    return result | {
+        "source": point.source,
+        "position": point.position.tolist(),
+        "euler": point.euler.tolist(),
+        "tilt": point.tilt,
+        "tensions": point.tensions.tolist(),
+        "lengths": point.lengths.tolist(),
+        "rest_lengths": point.rest_lengths.tolist(),
+        "slack": point.slack.tolist(),
+        "residual": point.residual,
+        "eigenvalues": point.eigenvalues.tolist(),
+        "stability": point.stability.name.lower(),
+        "iterations": point.iterations,
+    }
+
+
+def crosscheck(problem: Problem, outcomes: Mapping[str, Outcome], agreement: Agreement) -> dict[str, Any]:
+    """What each road came to, by its name, and whether they agree."""
+    return _asked(problem) | {
+        "results": {name: outcome(found) for name, found in outcomes.items()},
+        "agrees": agreement.agrees,
+        "verdict": agreement.verdict.value,
+        "reasons": list(agreement.reasons),
+    }
+
+
+def compensation(
+    problem: Problem, found: Compensation, before: Mapping[str, Equilibrium], after: Mapping[str, Equilibrium]
+) -> dict[str, Any]:
+    """The lengths, and where each road puts the platform with the rigid and with the compensated ones."""
+    return _asked(problem) | {
+        "exact": found.exact,
+        "distance": found.distance,
+        "reasons": list(found.reasons),
+        "rest_lengths": found.rest_lengths.tolist(),
+        "before": {name.lower(): outcome(result) for name, result in before.items()},
+        "after": {name.lower(): outcome(result) for name, result in after.items()},
+    }
+
+
+def sensitivity(answer: Sensitivity, effects: Sequence[Effect], modes: Modes) -> dict[str, Any]:
+    """Effects in order of weight, all derivatives, and the natural frequencies."""
+    return _asked(answer.equilibrium.problem) | {
+        "margin": answer.margin,
+        "effects": [vars(effect) for effect in effects],
+        "pose": {name: matrix.tolist() for name, matrix in answer.pose.items()},
+        "tensions": {name: matrix.tolist() for name, matrix in answer.tensions.items()},
+        "frequencies": modes.frequencies.tolist(),
+        "shapes": modes.shapes.tolist(),
+    }
+
+
+def equilibria(
+    problem: Problem,
+    found: Equilibria,
+    releases: Sequence[Release],
+    followed: Following,
+    reached: int,
+    reached_in_mujoco: int,
+) -> dict[str, Any]:
+    """Each place to rest with its energy and what MuJoCo's platform does there, and which are reached."""
+    return _asked(problem) | {
+        "reached": reached,
+        "reached_in_mujoco": reached_in_mujoco,
+        "jumps": list(followed.jumps),
+        "imbalance": found.imbalance,
+        "equilibria": [
+            outcome(one) | {"energy": float(energy), "stays_in_mujoco": release.stays}
+            for one, energy, release in zip(found, found.energies, releases, strict=True)
+        ],
+    }
+
+
+def identification(found: Identification) -> dict[str, Any]:
+    """Each unknown's value and standard error; what is not known is null, as JSON has no infinity."""
+    errors = [error if math.isfinite(error) else None for error in found.standard_errors.tolist()]
+    unknowns = zip(found.names, found.values.tolist(), errors, found.units, strict=True)
+    return {
+        "robot": found.robot.name,
+        "unknowns": {
+            name: {"value": value, "standard_error": error, "unit": unit} for name, value, error, unit in unknowns
+        },
+        "spread": found.spread,
+        "reasons": list(found.reasons),
+    }
+
+
+def _asked(problem: Problem) -> dict[str, Any]:
+    return {"robot": problem.robot.name, "commanded": problem.pose.translation.tolist()}

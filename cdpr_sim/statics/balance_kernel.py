@@ -1,0 +1,196 @@
+"""How well tensions within limits balance a load, compiled: bounded-variable least squares.
+
+The active-set method of Stark and Parker (1995, "Bounded-variable least squares", Computational Statistics 10).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numba import float64, guvectorize, int64
+
+from cdpr_sim.core.compiling import built_once
+from cdpr_sim.statics import cable_kernel as ck
+from cdpr_sim.statics.cable_kernel import inline
+
+ROUNDING = 1e-12
+"""A slope smaller than this fraction of the load is rounding: that tension is where it should be."""
+
+DEPENDENT = 1e-10
+"""A column shorter than this after projection, as a fraction of itself, depends on the others."""
+
+MOST_CHANGES = 100
+"""Of the active set. Eight cables need five to twelve; where rounding makes the sets cycle, HiGHS decides."""
+
+
+@built_once
+def shortfall_gufunc() -> Callable:
+    """What is left of the load, as a gufunc: inf where the active sets cycle, nan where the input is not finite."""
+    vector, matrix = float64[:], float64[:, :]
+    inputs = (matrix, vector, vector, float64, vector, matrix, int64[:], float64, vector, matrix)
+    return guvectorize(
+        [(*inputs, vector)], "(m,n),(m),(m),(),(c),(k,d),(f),(),(c),(c,c)->()", cache=True
+    )(_shortfall)  # fmt: skip
+
+
+def _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
+    """One element of the gufunc."""
+    m, n = len(lower), len(free)
+    on_free, load, height = np.empty((n, m)), np.empty(n), np.empty(m)
+    w, c = np.empty(6), np.empty(3)
+    given = ck.unpack(cables, np.ones(m))  # how long they are plays no part
+    state, J = ck.new_state(given), np.empty((m, 6))
+    ck.measure(given, position, rotation, state)
+    ck.fill_jacobian(state, scale, J)
+    for i in range(m):
+        if not np.isfinite(state.l[i]) or state.l[i] == 0.0:
+            left[0] = np.nan
+            return
+        for a in range(n):
+            on_free[a, i] = -J[i, free[a]]
+    for a in range(3):
+        c[a] = rotation[a, 0] * com[0] + rotation[a, 1] * com[1] + rotation[a, 2] * com[2]
+    left[0] = 0.0
+    for k in range(len(wrenches)):
+        w[0], w[1], w[2] = wrenches[k, 0], wrenches[k, 1], wrenches[k, 2] - weight
+        w[3] = (wrenches[k, 3] - c[1] * weight) / scale
+        w[4] = (wrenches[k, 4] + c[0] * weight) / scale
+        w[5] = wrenches[k, 5] / scale
+        norm2 = 0.0
+        for a in range(n):
+            norm2 += w[free[a]] ** 2
+        norm = np.sqrt(norm2) if norm2 > 0 else 1.0
+        for a in range(n):
+            load[a] = w[free[a]] / norm
+        for i in range(m):
+            height[i] = (upper[i] - lower[i]) / norm
+            for a in range(n):
+                load[a] += on_free[a, i] * (lower[i] / norm)
+        left[0] = max(left[0], _least_squares(on_free, load, height))
+        if left[0] == np.inf:
+            return
+
+
+@inline
+def _least_squares(W, w, height):
+    """The least ‖W t + w‖ over 0 ≤ t ≤ height: Stark and Parker's active-set method; inf where it does not end."""
+    n, m = W.shape
+    t, target, r = np.zeros(m), np.zeros(m), np.empty(n)
+    state = np.zeros(m, np.int64)  # 0 at its lower limit, 1 at its upper, 2 free
+    blocked = np.zeros(m, np.bool_)
+    Q, U, order = np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64)
+    size = 1.0
+    for a in range(n):
+        size = max(size, abs(w[a]))
+    for _ in range(MOST_CHANGES):
+        norm2 = 0.0
+        for a in range(n):
+            r[a] = w[a]
+            for i in range(m):
+                r[a] += W[a, i] * t[i]
+            norm2 += r[a] ** 2
+        if norm2 <= (ROUNDING * size) ** 2:
+            return np.sqrt(norm2)
+        enter, steepest = -1, ROUNDING * size
+        for i in range(m):
+            if state[i] == 2 or blocked[i] or height[i] == 0.0:
+                continue
+            slope = 0.0
+            for a in range(n):
+                slope -= W[a, i] * r[a]
+            if state[i] == 1:
+                slope = -slope
+            if slope > steepest:
+                enter, steepest = i, slope
+        if enter < 0:
+            return np.sqrt(norm2)
+        came_from = state[enter]
+        state[enter] = 2
+        first = True
+        while True:
+            independent = _solve_free(W, w, height, state, enter if first else -1, Q, U, order, target)
+            backwards = first and (target[enter] <= 0.0 if came_from == 0 else target[enter] >= height[enter])
+            if first and (not independent or backwards):  # rounding made it look as if this tension helped
+                state[enter] = came_from
+                blocked[enter] = True
+                break
+            first = False
+            step, stop = 1.0, -1
+            for i in range(m):
+                if state[i] != 2:
+                    continue
+                limit = 0.0 if target[i] < 0.0 else height[i]
+                if target[i] < 0.0 or target[i] > height[i]:
+                    fraction = (limit - t[i]) / (target[i] - t[i])
+                    if fraction < step or stop < 0:
+                        step, stop = min(fraction, step), i
+            for i in range(m):
+                if state[i] == 2:
+                    t[i] += step * (target[i] - t[i])
+            if stop < 0:
+                blocked[:] = False
+                break
+            state[stop] = 0 if target[stop] < 0.0 else 1
+            t[stop] = 0.0 if state[stop] == 0 else height[stop]
+            for i in range(m):  # others that the same step brought to a limit
+                if state[i] == 2 and (t[i] <= 0.0 and target[i] < 0.0):
+                    state[i], t[i] = 0, 0.0
+                elif state[i] == 2 and (t[i] >= height[i] and target[i] > height[i]):
+                    state[i], t[i] = 1, height[i]
+    return np.inf
+
+
+@inline
+def _solve_free(W, w, height, state, newest, Q, U, order, target):
+    """Least squares over the free tensions, the rest at their limits; False where the newest column is dependent.
+
+    Gram-Schmidt, twice, which is enough for orthogonality to rounding; the newest column comes last.
+    """
+    n, m = W.shape
+    b, q = np.empty(n), np.empty(n)
+    for a in range(n):
+        b[a] = -w[a]
+        for i in range(m):
+            if state[i] == 1:
+                b[a] -= W[a, i] * height[i]
+    columns = 0
+    for turn in range(2):
+        for i in range(m):
+            if state[i] != 2 or (i == newest) != (turn == 1):
+                continue
+            if columns == n:
+                return False
+            before = 0.0
+            for a in range(n):
+                q[a] = W[a, i]
+                before += q[a] ** 2
+            for c in range(columns):
+                U[c, columns] = 0.0
+            for _ in range(2):
+                for c in range(columns):
+                    along = 0.0
+                    for a in range(n):
+                        along += Q[a, c] * q[a]
+                    U[c, columns] += along
+                    for a in range(n):
+                        q[a] -= along * Q[a, c]
+            after = 0.0
+            for a in range(n):
+                after += q[a] ** 2
+            if not after > DEPENDENT**2 * before:
+                return False
+            norm = np.sqrt(after)
+            U[columns, columns] = norm
+            for a in range(n):
+                Q[a, columns] = q[a] / norm
+            order[columns] = i
+            columns += 1
+    for c in range(columns - 1, -1, -1):
+        value = 0.0
+        for a in range(n):
+            value += Q[a, c] * b[a]
+        for later in range(c + 1, columns):
+            value -= U[c, later] * target[order[later]]
+        target[order[c]] = value / U[c, c]
+    return True

@@ -1,0 +1,206 @@
+"""Cables in compiled code: their state at a pose, and what they add to energy, slope and curvature.
+
+Path and law are those of ``core.cable_path`` and ``cable_law``, compiled; the kernels of this folder know no other.
+Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from cdpr_sim.core import cable_path
+from cdpr_sim.core.cable import ANCHOR, EXIT, STIFFNESS
+from cdpr_sim.statics import cable_law
+
+inline = njit(error_model="numpy", forceinline=True)
+"""For small functions that take many arrays: the calls would cost more than the work."""
+
+pasted = njit(error_model="numpy", inline="always")
+"""For a large one with a single caller: compiled there, and not once more on its own."""
+
+outlined = njit(error_model="numpy")
+"""For what is rarely called."""
+
+_path = inline(cable_path.path)
+_energy = inline(cable_law.energy)
+_tangent = inline(cable_law.tangent)
+
+
+class Cables(NamedTuple):
+    """What is given of all cables. A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length."""
+
+    A: np.ndarray
+    B: np.ndarray
+    l0: np.ndarray
+    k: np.ndarray
+
+
+class CableState(NamedTuple):
+    """What is measured at a pose.
+
+    r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: lengths of their
+    free pieces; k, e: the springs k max(e, 0) that touch the law there.
+    """
+
+    r: np.ndarray
+    u: np.ndarray
+    l: np.ndarray  # noqa: E741
+    f: np.ndarray
+    k: np.ndarray
+    e: np.ndarray
+
+
+@inline
+def unpack(table, rest_lengths):
+    """``Cabling.packed`` and rest lengths, as arrays that compiled code reads fast."""
+    m = len(rest_lengths)
+    A, B, l0, k = np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m)
+    for i in range(m):
+        for a in range(3):
+            A[i, a], B[i, a] = table[i, EXIT + a], table[i, ANCHOR + a]
+        l0[i] = rest_lengths[i]
+        k[i] = table[i, STIFFNESS] / l0[i]
+    return Cables(A, B, l0, k)
+
+
+@inline
+def new_state(cables):
+    """Room for a state; of straight cables the whole length is free, and of a linear law the stiffness is constant."""
+    m = len(cables.l0)
+    lengths = np.empty(m)
+    return CableState(np.empty((m, 3)), np.empty((m, 3)), lengths, lengths, cables.k, np.empty(m))
+
+
+@inline
+def measure(cables, p, R, state):
+    """Fill in the cables' state with the platform at p, R (paper Eq. 8, 9)."""
+    A, B, l0 = cables.A, cables.B, cables.l0
+    r, u, l, e = state.r, state.u, state.l, state.e  # noqa: E741
+    for i in range(len(l0)):
+        for a in range(3):
+            r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
+        length, x, y, z, free = _path(A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2])
+        inverse = 1 / free
+        u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
+        l[i] = length
+        _, e[i] = _tangent(length - l0[i], 1.0, cables.k[i])
+
+
+@inline
+def elastic_energy(cables, state, V):
+    """V and what all cables add to it [J]."""
+    for i in range(len(cables.l0)):
+        if state.e[i] > 0:
+            V += _energy(state.l[i] - cables.l0[i], 1.0, cables.k[i])
+    return V
+
+
+@inline
+def fill_jacobian(state, scale, J):
+    """J = ∂l/∂x, (cables, 6): minus the columns of the wrench matrix (Eq. 4)."""
+    r, u = state.r, state.u
+    per_scale = 1 / scale
+    for i in range(len(state.l)):
+        J[i, 0], J[i, 1], J[i, 2] = -u[i, 0], -u[i, 1], -u[i, 2]
+        x, y, z = r[i, 0] * per_scale, r[i, 1] * per_scale, r[i, 2] * per_scale
+        J[i, 3] = z * u[i, 1] - y * u[i, 2]
+        J[i, 4] = x * u[i, 2] - z * u[i, 0]
+        J[i, 5] = y * u[i, 0] - x * u[i, 1]
+
+
+@inline
+def add_curvature(state, i, tau, J, scale, K):
+    """Add tau ∂²l/∂x² of cable i to the lower half of K, (6, 6).
+
+    ∂²l/∂x² = (DᵀD − J Jᵀ)/f + uᵀ∂²d/∂x² with d = A − p − r, D = ∂d/∂x = [−1, [r]×], and
+    uᵀ∂²d/∂φ² = (u·r) 1 − ½ (u rᵀ + r uᵀ), for rotation vectors φ applied on the left.
+    """
+    r, u = state.r, state.u
+    per_scale = 1 / scale
+    q = tau / state.f[i]
+    x, y, z = r[i, 0] * per_scale, r[i, 1] * per_scale, r[i, 2] * per_scale
+    for a in range(6):
+        for b in range(a + 1):
+            K[a, b] -= q * J[i, a] * J[i, b]
+    K[0, 0] += q
+    K[1, 1] += q
+    K[2, 2] += q
+    K[3, 1] -= q * z
+    K[3, 2] += q * y
+    K[4, 0] += q * z
+    K[4, 2] -= q * x
+    K[5, 0] -= q * y
+    K[5, 1] += q * x
+    K[3, 3] += q * (y * y + z * z)
+    K[4, 4] += q * (x * x + z * z)
+    K[5, 5] += q * (x * x + y * y)
+    K[4, 3] -= q * x * y
+    K[5, 3] -= q * x * z
+    K[5, 4] -= q * y * z
+    t = tau / scale
+    _add_dipole(t * u[i, 0], t * u[i, 1], t * u[i, 2], x, y, z, K)
+
+
+@inline
+def add_weight_curvature(weight, com, R, scale, K):
+    """Add the curvature of m g z_com to the lower half of K."""
+    x = (R[0, 0] * com[0] + R[0, 1] * com[1] + R[0, 2] * com[2]) / scale
+    y = (R[1, 0] * com[0] + R[1, 1] * com[1] + R[1, 2] * com[2]) / scale
+    z = (R[2, 0] * com[0] + R[2, 1] * com[1] + R[2, 2] * com[2]) / scale
+    _add_dipole(0.0, 0.0, -weight / scale, x, y, z, K)
+
+
+@inline
+def add_springs(state, J, K):
+    """Add Σ k Jᵀ J of the taut cables to the lower half of K."""
+    for a in range(6):
+        for b in range(a + 1):
+            for i in range(len(state.l)):
+                if state.e[i] > 0:
+                    K[a, b] += state.k[i] * J[i, a] * J[i, b]
+
+
+@inline
+def _add_dipole(fx, fy, fz, x, y, z, K):
+    """Add (f·r) 1 − ½ (f rᵀ + r fᵀ) to the lower half of the rotations' block."""
+    dot = fx * x + fy * y + fz * z
+    K[3, 3] += dot - fx * x
+    K[4, 4] += dot - fy * y
+    K[5, 5] += dot - fz * z
+    K[4, 3] -= 0.5 * (fx * y + fy * x)
+    K[5, 3] -= 0.5 * (fx * z + fz * x)
+    K[5, 4] -= 0.5 * (fy * z + fz * y)
+
+
+# Loops, since Numba compiles whole-array expressions for seconds.
+
+
+@inline
+def copied(vector):
+    """A contiguous copy."""
+    copy = np.empty(len(vector))
+    for i in range(len(vector)):
+        copy[i] = vector[i]
+    return copy
+
+
+@inline
+def mean(vector):
+    """Of all entries."""
+    total = 0.0
+    for i in range(len(vector)):
+        total += vector[i]
+    return total / len(vector)
+
+
+@inline
+def largest(vector):
+    """Largest magnitude; nan where there is one."""
+    most = 0.0
+    for i in range(len(vector)):
+        if abs(vector[i]) > most or vector[i] != vector[i]:
+            most = abs(vector[i])
+    return most
