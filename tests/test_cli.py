@@ -5,7 +5,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.report import settling as report
+from cdpr_sim.report import crosscheck as report
 
 runner = CliRunner()
 
@@ -42,8 +42,8 @@ def test_settle_exits_1_where_the_roads_disagree(monkeypatch):
     stiffer = cdpr.solve(robot.replace(axial_stiffness=10.1e3), (0.17, 0.25, 0.1))
     solve = cdpr.solve
 
-    def wrong(robot, pose, method="newton"):
-        found = solve(robot, pose, method=method)
+    def wrong(problem, method="newton"):
+        found = solve(problem, method=method)
         return found if method != "newton" else type(found)(**(vars(found) | {"pose": stiffer.pose}))
 
     monkeypatch.setattr(cdpr, "solve", wrong)

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.studies.compensation_figures import Line, draw_compensation
+from cdpr_sim.studies.compensation import CompensatedLine
+from cdpr_sim.studies.compensation_figures import draw_compensation
 
 
-def line_of(robot: cdpr.Robot) -> Line:
+def line_of(robot: cdpr.Robot) -> CompensatedLine:
     poses = [(x, 0.25, 0.1) for x in (0.2, 0.3, 0.4)]
     compensations = [cdpr.compensate(robot, pose) for pose in poses]
     before = [cdpr.solve(robot, pose) for pose in poses]
     after = [one.equilibrium for one in compensations]
-    return Line(robot.name, before, after, before, after, compensations)
+    return CompensatedLine(robot.name, before, after, before, after, compensations)
 
 
 def test_the_picture_shows_the_errors_it_was_given(catalogue):

@@ -125,9 +125,9 @@ def test_tensions_are_the_results(name, results):
     """Fig. 7, 8, 10, 11: every cable's line and points, for both materials."""
     figure = gallery.PICTURES[name].draw(results[name])
     for panel, line in enumerate(results[name].lines):
-        for group in line.static.twins:
+        for group in studies.twins(line.static):
             drawn_line = artist(figure, f"static {group[0]}", panel)
-            assert np.array_equal(drawn_line.get_xdata(), line.static.commanded[:, 0])
+            assert np.array_equal(drawn_line.get_xdata(), line.static.problems.positions[:, 0])
             assert np.array_equal(drawn_line.get_ydata(), line.static.tensions[:, group[0]])
             for cable in group:
                 points = artist(figure, f"mujoco {cable}", panel)
@@ -163,7 +163,7 @@ def test_zones_are_shaded_where_cables_are_slack(name, results):
     for ax, line in zip(axes, results[name].lines, strict=True):
         shaded = [p for p in ax.patches if str(p.get_gid()).startswith("zone-")]
         found = {(p.get_x(), round(p.get_x() + p.get_width(), 12), p.get_gid()) for p in shaded}
-        assert found == {(a, round(b, 12), f"zone-{n}-slack") for a, b, n in line.static.zones() if n}
+        assert found == {(a, round(b, 12), f"zone-{n}-slack") for a, b, n in studies.zones(line.static) if n}
         assert len({p.get_facecolor() for p in shaded}) == 2
 
 
@@ -196,9 +196,7 @@ def test_the_papers_line_is_drawn_from_both_roads(results):
     heights = sorted({line.height for line in lines})
     for line in lines:
         column, label = heights.index(line.height), f"{line.robot.name}, {line.robot.material}"
-        for row, values in enumerate(
-            (1e3 * (line.static.positions - line.static.commanded)[:, 2], np.degrees(line.static.rotation_about_y))
-        ):
+        for row, values in enumerate((1e3 * line.static.deviation[:, 2], np.degrees(line.static.euler[:, 1]))):
             ax = figure.axes[row * len(heights) + column]
             drawn_line, points = (
                 next(a for a in ax.lines if a.get_gid() == f"{road} {label}") for road in ("static", "mujoco")
@@ -207,8 +205,8 @@ def test_the_papers_line_is_drawn_from_both_roads(results):
             assert np.array_equal(drawn_line.get_ydata(), values)
             assert distance_from_line(points, drawn_line) < ON_LINE
     parallel = [line.static for line in lines if line.robot.name == "parallel"]
-    tilt = np.degrees(max(np.abs(rests.rotation_about_y).max() for rests in parallel))
-    sag = 1e3 * max((rests.commanded - rests.positions)[:, 2].max() for rests in parallel)
+    tilt = np.degrees(max(np.abs(rests.euler[:, 1]).max() for rests in parallel))
+    sag = 1e3 * max((-rests.deviation[:, 2]).max() for rests in parallel)
     assert f"parallel tilts {tilt:.2g}° and sags {sag:.2g} mm" in figure.get_suptitle()
     reported = [sorted({float(a.get_ydata()[0]) for a in ax.lines if a.get_gid() == "paper"}) for ax in figure.axes]
     assert reported[:2] == [[-1e3 * studies.PAPER_SAG]] * 2 == [[-15.0]] * 2
@@ -234,7 +232,7 @@ def test_closed_forms_are_drawn_against_the_solver(results):
     """Eq. 5, 6: the errors that are drawn are those of the results."""
     forms = results["two-cable-closed-form"]
     figure = two_cable_figures.closed_form(forms)
-    error = np.degrees(forms.short_bar - forms.line.static.rotation_about_y)
+    error = np.degrees(forms.short_bar - forms.line.static.euler[:, 1])
     assert artist(figure, "short-bar error").get_ydata() == pytest.approx(error, abs=1e-12)
     assert distance_from_line(artist(figure, "mujoco"), artist(figure, "static")) < ON_LINE
 

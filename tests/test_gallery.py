@@ -31,9 +31,12 @@ def everything(folder: Path) -> dict[str, bytes]:
 
 def test_each_picture_becomes_an_svg_and_a_png(two_pictures, tmp_path):
     """Both open as what they are, and nothing else is left."""
-    written = list(gallery.write_figures(list(two_pictures), tmp_path / "new" / "folder"))
-    assert [name for name, _ in written] == ["first", "second"]
-    files = everything(tmp_path / "new" / "folder")
+    done: list[float] = []
+    folder = tmp_path / "new" / "folder"
+    written = gallery.write_figures(list(two_pictures), folder, progress=done.append)
+    assert written == {name: [folder / f"{name}.{kind}" for kind in gallery.KINDS] for name in two_pictures}
+    assert done == [0.5, 1.0]
+    files = everything(folder)
     assert set(files) == {"first.svg", "first.png", "second.svg", "second.png"}
     assert ElementTree.fromstring(files["first.svg"]).tag.endswith("svg")
     assert files["first.png"].startswith(b"\x89PNG")
@@ -45,7 +48,7 @@ def test_existing_files_are_replaced_only_when_asked_for(two_pictures, tmp_path)
     with pytest.raises(cdpr.InvalidInput, match=r"second\.png: exists, expected a new place or --force"):
         gallery.write_figures(list(two_pictures), tmp_path)
     assert everything(tmp_path) == {"second.png": b"mine"}
-    list(gallery.write_figures(list(two_pictures), tmp_path, force=True))
+    gallery.write_figures(list(two_pictures), tmp_path, force=True)
     assert (tmp_path / "second.png").read_bytes() != b"mine"
 
 
@@ -74,7 +77,7 @@ def test_a_failure_leaves_what_was_there(failing, two_pictures, tmp_path, monkey
         monkeypatch.setattr(Path, "write_bytes", full)
         error = cdpr.InvalidInput
     with pytest.raises(error):
-        list(gallery.write_figures(["first"], tmp_path, force=True))
+        gallery.write_figures(["first"], tmp_path, force=True)
     assert everything(tmp_path) == {"first.svg": b"mine", "first.png": b"mine"}
 
 

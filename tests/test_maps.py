@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.drawing import maps, pictures, style
+from cdpr_sim.core.files import check_place
+from cdpr_sim.drawing import maps, style
 
 PLANE = {"x": np.linspace(0.1, 0.7, 13), "z": np.linspace(0.05, 0.4, 8)}
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
@@ -110,10 +111,10 @@ def test_levels_are_three_to_six_round_numbers(largest):
 def test_picture_is_written_whole_or_not_at_all(dataset, tmp_path):
     """A picture that exists is not replaced unasked, and survives a failed attempt to replace it."""
     figure = maps.draw_elastic_map(dataset, names=["tilt"])
-    for suffix in pictures.SUFFIXES:
-        pictures.write(figure, tmp_path / f"map{suffix}")
+    for suffix in maps.SUFFIXES:
+        maps.write(figure, tmp_path / f"map{suffix}")
         with pytest.raises(cdpr.InvalidInput, match="exists"):
-            pictures.check_target(tmp_path / f"map{suffix}", force=False)
+            check_place(tmp_path / f"map{suffix}", maps.SUFFIXES, field="output")
     before = (tmp_path / "map.png").read_bytes()
 
     def full(*args, **kwargs):
@@ -121,7 +122,7 @@ def test_picture_is_written_whole_or_not_at_all(dataset, tmp_path):
 
     figure.savefig = full
     with pytest.raises(cdpr.InvalidInput, match="No space left on device"):
-        pictures.write(figure, tmp_path / "map.png")
+        maps.write(figure, tmp_path / "map.png")
     assert (tmp_path / "map.png").read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 3
 
@@ -130,4 +131,4 @@ def test_picture_is_written_whole_or_not_at_all(dataset, tmp_path):
 def test_picture_that_cannot_be_is_refused(tmp_path, name, message):
     """Before anything is computed."""
     with pytest.raises(cdpr.InvalidInput, match=message):
-        pictures.check_target(tmp_path / name, force=False)
+        check_place(tmp_path / name, maps.SUFFIXES, field="output")

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.rests import Rests
 from cdpr_sim.crosscheck.compare import POSITION_TOLERANCE, TENSION_TOLERANCE, Verdict
 from cdpr_sim.statics import two_cable
 from cdpr_sim.studies import lines as studies
@@ -24,7 +26,7 @@ REST_MOMENT_TOLERANCE = 1e-9
 """[N m] What the solver's residual leaves as a moment, 1e-13 measured; held level it is 1e-1."""
 
 
-def rests_with(slack: list[list[bool]]) -> studies.Rests:
+def rests_with(slack: list[list[bool]]) -> Rests:
     """Rests whose cables are slack as given, one row per 0.1 m."""
     pattern = np.array(slack)
     rows, cables = pattern.shape
@@ -35,16 +37,24 @@ def rests_with(slack: list[list[bool]]) -> studies.Rests:
         mass=1.0,
     )
     positions = np.c_[0.1 * np.arange(rows), np.zeros((rows, 2))]
-    lengths = np.ones((rows, cables))
-    return studies.Rests(
-        robot, positions, positions, np.tile(np.eye(3), (rows, 1, 1)), np.where(pattern, 0.0, 1.0), lengths, lengths, ""
+    return Rests(
+        problems=Problems.of(robot, positions),
+        positions=positions,
+        rotations=np.tile(np.eye(3), (rows, 1, 1)),
+        lengths=np.ones((rows, cables)),
+        tensions=np.where(pattern, 0.0, 1.0),
+        residuals=np.zeros(rows),
+        iterations=np.zeros(rows, dtype=int),
+        status=np.zeros(rows, dtype=int),
+        source="",
+        stiffness=np.ones((rows, 6)),
     )
 
 
 def test_zones_are_where_the_number_of_slack_cables_changes():
     """Neighbouring zones share an end, and together they cover the line."""
     rests = rests_with([[True, True], [True, True], [True, False], [False, False], [False, False]])
-    starts, ends, slack = zip(*rests.zones(), strict=True)
+    starts, ends, slack = zip(*studies.zones(rests), strict=True)
     assert starts == pytest.approx((0.0, 0.2, 0.3))
     assert ends == pytest.approx((0.2, 0.3, 0.4))
     assert slack == (2, 1, 0)
@@ -53,10 +63,10 @@ def test_zones_are_where_the_number_of_slack_cables_changes():
 def test_twins_are_cables_that_pull_the_same_everywhere():
     """Equal at one pose is not enough."""
     rests = rests_with([[False, False, True], [True, False, True], [False, False, False]])
-    assert rests.twins == [[0], [1], [2]]
+    assert studies.twins(rests) == [[0], [1], [2]]
     tensions = rests.tensions.copy()
     tensions[:, 1] = tensions[:, 0]
-    assert dataclasses.replace(rests, tensions=tensions).twins == [[0, 1], [2]]
+    assert studies.twins(dataclasses.replace(rests, tensions=tensions)) == [[0, 1], [2]]
 
 
 @pytest.mark.parametrize("robot", ["parallel", "planar-vertical"])
@@ -65,7 +75,7 @@ def test_both_roads_answer_the_same_line(robot):
     line = studies.line(cdpr.load_robot(robot), 0.1, (0.17, 0.63), static_rows=7, settled_rows=7)
     assert np.abs(line.static.positions - line.settled.positions).max() < POSITION_TOLERANCE
     assert np.abs(line.static.tensions - line.settled.tensions).max() < TENSION_TOLERANCE
-    softer = studies.rests_by_mujoco(line.robot.replace(axial_stiffness=9e3), line.static.commanded)
+    softer = studies.rests_by_mujoco(line.robot.replace(axial_stiffness=9e3), line.static.problems.positions)
     assert np.abs(line.static.positions - softer.positions).max() > POSITION_TOLERANCE
 
 
@@ -79,7 +89,7 @@ def test_rests_are_those_of_solve_and_settle():
     ):
         assert np.array_equal(rests.slack[0], one.slack)
         assert rests.positions[0] == pytest.approx(one.position, abs=POSITION_TOLERANCE)
-        assert rests.rotation_about_y[0] == pytest.approx(one.euler[1], abs=1e-9)
+        assert rests.euler[0, 1] == pytest.approx(one.euler[1], abs=1e-9)
         assert rests.tilt[0] == pytest.approx(one.tilt, abs=1e-9)
         assert rests.rest_lengths[0] == pytest.approx(one.rest_lengths, abs=1e-15)
 
@@ -98,17 +108,17 @@ def test_cables_go_slack_as_the_paper_reports(robot, counts):
     """Fig. 7, 8, 10, 11: four, three, two taut cables; none slack; two and four of eight; none slack."""
     width = studies.across_the_width(cdpr.load_robot(robot), static_rows=301, settled_rows=3)
     for line in width.lines:
-        assert {slack for *_, slack in line.static.zones()} == counts
+        assert {slack for *_, slack in studies.zones(line.static)} == counts
 
 
 def test_the_bar_drifts_on_its_manifold():
     """At every stiffness the closed form with the bar's length holds where the bar rests; without it, it does not."""
     study = two_cable_studies.manifold(drifts=5, settled_every=2, columns=5, heights=4)
     for rests in (*study.static, *study.settled):
-        for position, beta in zip(rests.positions, rests.rotation_about_y, strict=True):
+        for position, beta in zip(rests.positions, rests.euler[:, 1], strict=True):
             assert np.abs(two_cable.equilibrium_rotations(study.robot, position) - beta).min() < MANIFOLD_TOLERANCE
     short = [two_cable.short_bar_rotation(study.robot, p) for p in study.static[0].positions]
-    assert np.abs(short - study.static[0].rotation_about_y).max() > 1e6 * MANIFOLD_TOLERANCE
+    assert np.abs(short - study.static[0].euler[:, 1]).max() > 1e6 * MANIFOLD_TOLERANCE
     fall = [rests.positions[1, 2] for rests in study.static]
     assert (np.diff(fall) < 0).all()  # the softer, the lower
 
@@ -116,7 +126,7 @@ def test_the_bar_drifts_on_its_manifold():
 def test_closed_forms_hold_where_the_bar_rests():
     """With the bar's length, everywhere; without it, off by degrees (the paper's Eq. 5 and 6, mended)."""
     study = two_cable_studies.closed_forms(static_rows=11, settled_rows=3)
-    beta = study.line.static.rotation_about_y
+    beta = study.line.static.euler[:, 1]
     assert np.abs(study.closed_form - beta).max() < MANIFOLD_TOLERANCE
     assert np.abs(study.short_bar - beta).max() > np.radians(1)
 
@@ -127,7 +137,7 @@ def test_gravity_passes_through_h_wherever_the_platform_is():
     for x in (0.2, 0.4, 0.55):
         case = balance.equal_pulls(robot, np.array([x, 0, 0.2]))
         assert case.intersection == pytest.approx([x, 0, 0.2 + robot.anchors[0, 2]], abs=1e-12)
-        assert case.unbalanced == pytest.approx(0, abs=MOMENT_TOLERANCE)
+        assert case.net_moment == pytest.approx(0, abs=MOMENT_TOLERANCE)
 
 
 def test_gravity_misses_v_beside_the_middle():
@@ -137,9 +147,9 @@ def test_gravity_misses_v_beside_the_middle():
     half, exit_height, exit_x = 0.0515, (0.486 + 0.450) / 2, 0.04
     below = half * (exit_height - 0.2) / (0.4 - half - exit_x)  # similar triangles: midline, extended past the anchors
     assert middle.intersection == pytest.approx([0.4, 0, 0.2 - below], abs=1e-12)
-    assert middle.unbalanced == pytest.approx(0, abs=MOMENT_TOLERANCE)
+    assert middle.net_moment == pytest.approx(0, abs=MOMENT_TOLERANCE)
     beside = balance.equal_pulls(robot, np.array([0.25, 0, 0.2]))
-    assert beside.unbalanced == pytest.approx(beside.moment, abs=MOMENT_TOLERANCE)
+    assert beside.net_moment == pytest.approx(beside.moment, abs=MOMENT_TOLERANCE)
     assert beside.moment > 0.05  # so that it turns towards positive rotation about y, as it does
 
 
@@ -148,7 +158,7 @@ def test_at_rest_the_lines_of_force_meet_below_the_centre_of_mass(x):
     """With two taut cables as with four: three forces in a plane balance only if their lines meet."""
     case = balance.balance_at_rest(cdpr.load_robot("planar-vertical").replace(material="fishing-0.4mm"), [x, 0.0, 0.2])
     assert case.moment == pytest.approx(0, abs=REST_MOMENT_TOLERANCE)
-    assert case.unbalanced == pytest.approx(0, abs=REST_MOMENT_TOLERANCE)
+    assert case.net_moment == pytest.approx(0, abs=REST_MOMENT_TOLERANCE)
 
 
 def test_convergence_counts_stalled_solvers_as_unsolved():

@@ -133,8 +133,9 @@ def compensate(
     """
     if prefer not in get_args(Prefer):
         raise UnknownName("preference", str(prefer), get_args(Prefer))
-    rigid = Problem.of(robot, pose, external_wrench=external_wrench)  # which refuses a pose above all exits
-    robot, commanded = rigid.robot, rigid.pose
+    asked = Problem.of(robot, pose, external_wrench=external_wrench)
+    robot, commanded = asked.robot, asked.pose
+    rigid = Problem.of(robot, commanded, external_wrench=asked.external_wrench)  # refuses a pose above all exits
     lower, upper = checked_limits(robot, (TAUT * rigid.load, np.inf) if tension_limits is None else tension_limits)
     limits = frozen(np.array([lower, upper]))
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))

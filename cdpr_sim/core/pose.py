@@ -81,6 +81,18 @@ def tilt_of_matrices(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndar
     return np.arctan2(np.hypot(matrices[..., 0, 2], matrices[..., 1, 2]), matrices[..., 2, 2])
 
 
+def poses_of(positions: Float[np.ndarray, "*batch 3"], matrices: Float[np.ndarray, "*batch 3 3"]) -> RigidTransform:
+    """Poses of their positions and rotation matrices; where either is nan, level and with a position of nan."""
+    known = np.asarray(np.isfinite(positions).all(-1) & np.isfinite(matrices).all((-1, -2)))
+    if known.all():
+        return RigidTransform.from_components(positions, Rotation.from_matrix(matrices))
+    frames = np.zeros((*known.shape, 4, 4))
+    frames[..., :3, :3] = np.where(known[..., None, None], matrices, np.eye(3))
+    frames[..., :3, 3] = np.where(known[..., None], positions, np.nan)
+    frames[..., 3, 3] = 1.0
+    return RigidTransform.from_matrix(frames)
+
+
 def moved(pose: RigidTransform, step: Float[np.ndarray, "6"]) -> RigidTransform:
     """``pose`` after a step (translation [m], left-applied rotation vector [rad])."""
     return RigidTransform.from_components(pose.translation + step[:3], Rotation.from_rotvec(step[3:]) * pose.rotation)

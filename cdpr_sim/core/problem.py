@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.checks import as_numbers, checked_array, frozen
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.pose import PoseLike, as_pose
+from cdpr_sim.core.pose import PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
 
 ORTHOGONAL = 1e-6
@@ -255,9 +255,7 @@ class Problems:
             changes["axial_stiffness"] = stiffness
         if mass != robot.mass:
             changes["mass"] = mass
-        pose = RigidTransform.from_components(
-            self._at(self.positions, at, 1), Rotation.from_matrix(self._at(self.rotations, at, 2))
-        )
+        pose = poses_of(self._at(self.positions, at, 1), self._at(self.rotations, at, 2))
         rest, wrench = self._at(self.rest_lengths, at, 1).copy(), self._at(self.external_wrench, at, 1).copy()
         return Problem(robot.replace(**changes) if changes else robot, pose, frozen(rest), frozen(wrench))
 
@@ -275,7 +273,7 @@ class Problems:
     def poses(self) -> RigidTransform:
         """The commanded poses, a stack of (rows,)."""
         rows = (np.broadcast_to(self.positions, (*self.shape, 3)), np.broadcast_to(self.rotations, (*self.shape, 3, 3)))
-        return RigidTransform.from_components(rows[0], Rotation.from_matrix(rows[1]))
+        return poses_of(*rows)
 
     @cached_property
     def load(self) -> Float[np.ndarray, "*#batch"]:

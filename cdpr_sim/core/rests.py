@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled, Stability, stability_of
-from cdpr_sim.core.pose import euler_of_matrices, tilt_of_matrices
+from cdpr_sim.core.pose import euler_of_matrices, poses_of, tilt_of_matrices
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -97,14 +97,13 @@ class Rests:
     def _pose(self, row: int | tuple[int, ...]) -> RigidTransform:
         if "poses" in self.__dict__ and isinstance(row, (int, np.integer)):
             return self.poses[row]
-        return RigidTransform.from_components(self.positions[row], Rotation.from_matrix(self.rotations[row]))
+        return poses_of(self.positions[row], self.rotations[row])
 
     @cached_property
     def poses(self) -> RigidTransform:
         """(...) the poses; where a row has none, its position is nan."""
-        known = np.asarray(np.isfinite(self.rotations).all((-1, -2)))[..., None]
-        matrices = np.where(known[..., None], self.rotations, np.eye(3))
-        return RigidTransform.from_components(np.where(known, self.positions, np.nan), Rotation.from_matrix(matrices))
+        known = self.status != Status.NOT_FINITE
+        return poses_of(np.where(known[..., None], self.positions, np.nan), self.rotations)
 
     @property
     def commanded(self) -> RigidTransform:

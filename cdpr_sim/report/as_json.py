@@ -20,9 +20,10 @@ from cdpr_sim.report.crosscheck import Outcome, best_point
 
 def outcome(found: Outcome) -> dict[str, Any]:
     """An equilibrium, or the best point of a road that found none and why."""
-    point, result = best_point(found), {"equilibrium": isinstance(found, Equilibrium)}
+    result: dict[str, Any] = {"equilibrium": isinstance(found, Equilibrium)}
     if not isinstance(found, Equilibrium):
         result["reason"] = found.reason
+    point = best_point(found)
     if point is None:
         return result
     return result | {
