@@ -101,8 +101,8 @@ class Rests:
 
     @cached_property
     def poses(self) -> RigidTransform:
-        """(...) the poses; where a row has none, its position is nan."""
-        known = self.status != Status.NOT_FINITE
+        """(...) the poses; where a row is no answer, its position is nan."""
+        known = self.converged | (self.status == Status.MOVING)
         return poses_of(np.where(known[..., None], self.positions, np.nan), self.rotations)
 
     @property
