@@ -1,18 +1,48 @@
 """Shapes are checked at run time under test; Hypothesis is deterministic, so that a red run can be repeated."""
 
+import importlib.util
+from pathlib import Path
+
 import hypothesis
 import pytest
 from jaxtyping import install_import_hook
 
-# Behind the doors (Robot, Problem, catalogue, compensation, identification, cli), where what users give is checked, with
-# messages of its own. The kernels stay out too: their functions are compiled by Numba.
-MODULES = [
-    "analysis.modes", "analysis.sensitivity", "analysis.tensions", "core.trajectory",
-    "crosscheck.compare", "drawing.video.render", "drawing.video.scene", "physics.batch", "physics.mjcf",
-    "physics.release", "physics.settle", "statics.derivatives", "statics.forces", "statics.newton", "statics.seecr",
-    "studies.lines", "studies.solvers", "studies.tilt_condition", "studies.two_cable",
-]  # fmt: skip
-install_import_hook([f"cdpr_sim.{module}" for module in MODULES], "typechecker.check")
+DOORS = {
+    "core.cable", "core.checks", "core.limits", "core.pose", "core.problem", "core.robot", "robots.catalogue",
+    "statics.solve", "statics.two_cable", "analysis.compensation", "analysis.workspace.feasibility",
+    "analysis.workspace.grids", "analysis.workspace.sweep", "drawing.video.film",
+}  # fmt: skip
+"""Where what users give is checked, with messages of its own."""
+
+ANY_SEQUENCE = {"drawing.axes", "drawing.video.page"}
+"""Take lists and arrays alike, which beartype does not."""
+
+OF_SELF = {"core.equilibrium"}
+"""Returns Self, which beartype knows in classes that it decorates whole, and not in single methods."""
+
+COMPILED = {
+    "core.cable_path", "statics.cable_law", "statics.cable_kernel", "statics.matrix_kernel", "statics.newton_kernel",
+    "statics.stiffness_kernel", "statics.balance_kernel", "drawing.video.raycast",
+}  # fmt: skip
+"""Whose functions Numba compiles."""
+
+AT_EVERY_TIME_STEP = {"core.path", "physics.cables"}
+"""Called so often that a check would take longer than what they do."""
+
+
+def checked_modules() -> list[str]:
+    """All other modules of the package; found without importing it."""
+    spec = importlib.util.find_spec("cdpr_sim")
+    assert spec is not None
+    assert spec.origin is not None
+    package = Path(spec.origin).parent
+    modules = {".".join(path.relative_to(package).with_suffix("").parts) for path in package.rglob("*.py")}
+    left_out = DOORS | ANY_SEQUENCE | OF_SELF | COMPILED | AT_EVERY_TIME_STEP
+    assert modules >= left_out
+    return [f"cdpr_sim.{module}" for module in sorted(modules - left_out) if not module.endswith("__init__")]
+
+
+install_import_hook(checked_modules(), "typechecker.check")
 
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True, max_examples=100)
 hypothesis.settings.load_profile("default")

@@ -7,8 +7,7 @@ from scipy.spatial.transform import RigidTransform
 import cdpr_sim as cdpr
 from cdpr_sim.core.pose import moved
 from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.statics import forces as statics
-from cdpr_sim.statics import newton
+from cdpr_sim.statics import forces
 
 POSE = (0.2, 0.25, 0.1)
 
@@ -106,8 +105,7 @@ def test_platform_that_turns_freely_agrees_in_all_that_is_held(catalogue):
     assert agreement.rotation_error > 0.01
     assert agreement.position_error < 1e-6
     halfway = halfway_between(static, settled)
-    residual = statics.residual(static.problem, halfway.translation, halfway.rotation.as_matrix())
-    assert residual < 1e-5 * robot.weight
+    assert forces.at(static.problem, halfway.translation, halfway.rotation.as_matrix()).residual < 1e-5 * robot.weight
 
 
 def halfway_between(a, b):
@@ -117,6 +115,16 @@ def halfway_between(a, b):
 def test_different_problems_are_not_compared(catalogue):
     """Answers to two questions can neither agree nor disagree."""
     robot = catalogue["parallel"]
-    static = newton.solve(cdpr.Problem.of(robot, (0.3, 0.25, 0.1)))
-    with pytest.raises(cdpr.InvalidInput, match="two problems"):
-        cdpr.compare(static, cdpr.settle(robot, (0.31, 0.25, 0.1)))
+    static = cdpr.solve(robot, (0.3, 0.25, 0.1))
+    for other in [
+        cdpr.settle(robot, (0.31, 0.25, 0.1)),
+        cdpr.settle(robot, (0.3, 0.25, 0.1), external_wrench=[0, 0, 0.1, 0, 0, 0]),
+        cdpr.settle(robot.replace(mass=0.41), (0.3, 0.25, 0.1)),
+        cdpr.settle(robot.replace(axial_stiffness=1.001e4), (0.3, 0.25, 0.1)),
+        cdpr.settle(robot.replace(center_of_mass=(0, 0, 0.001)), (0.3, 0.25, 0.1)),
+    ]:
+        with pytest.raises(cdpr.InvalidInput, match="two problems"):
+            cdpr.compare(static, other)
+    same = robot.replace(name="the same in another place", workspace=[[0, 0, 0], [1, 1, 1]])
+    from_elsewhere = cdpr.settle(same, (0.32, 0.25, 0.12), static.rest_lengths)
+    assert cdpr.compare(static, from_elsewhere).verdict is Verdict.AGREE

@@ -1,9 +1,27 @@
+"""Machine code is built once, whoever comes first, and is never that of other sources."""
+
+import ast
+import importlib.util
 import multiprocessing
+import re
+import shutil
+import tempfile
 import threading
 import time
 from pathlib import Path
+from types import ModuleType
 
+import pytest
+from numba.core import config
+from numba.core.dispatcher import Dispatcher
+
+import cdpr_sim as cdpr
 from cdpr_sim.core import compiling
+
+PACKAGE = Path(cdpr.__file__).parent
+
+
+# --- once ---------------------------------------------------------------------------------------------------------
 
 
 def test_builder_runs_once_however_many_threads_ask():
@@ -39,15 +57,171 @@ def test_processes_compile_one_after_the_other(tmp_path: Path):
     """Nobody enters while another is inside."""
     log = tmp_path / "log"
     context = multiprocessing.get_context("spawn")
-    processes = [context.Process(target=stay_inside, args=(str(log),)) for _ in range(3)]
+    processes = [context.Process(target=stay_inside, args=(str(log),)) for _ in range(2)]
     for process in processes:
         process.start()
     for process in processes:
         process.join()
-    assert log.read_text().split() == ["in", "out"] * 3
+    assert log.read_text().split() == ["in", "out"] * 2
 
 
 def test_nested_first_uses_do_not_wait_for_themselves():
     """One thing may need another while it is being compiled."""
     with compiling.first_use("test outer"), compiling.first_use("test inner"):
-        pass
+        assert {"test outer", "test inner"}.isdisjoint(compiling._ready)
+    assert {"test outer", "test inner"} <= compiling._ready
+
+
+# --- of these sources ---------------------------------------------------------------------------------------------
+
+
+def imported(path: Path) -> set[Path]:
+    """The files of this package that a file imports, anywhere in it."""
+    tree, found = ast.parse(path.read_text(encoding="utf-8")), set()
+    for node in ast.walk(tree):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names)]
+        for name in names:
+            file = PACKAGE.parent.joinpath(*name.split(".")).with_suffix(".py")
+            found |= {file} if file.is_file() and file.is_relative_to(PACKAGE) else set()
+    return found
+
+
+def test_the_sources_are_all_that_compiled_code_is_made_of():
+    """What is compiled, and all that it imports from this package, however far; and nothing beside it."""
+    uses_numba = re.compile(r"^(import numba|from numba import)", re.MULTILINE)
+    compiled = {path for path in PACKAGE.rglob("*.py") if uses_numba.search(path.read_text(encoding="utf-8"))}
+    kernels = {*(PACKAGE / "statics").glob("*_kernel.py"), PACKAGE / "drawing" / "video" / "raycast.py"}
+    assert compiled <= kernels
+    reached, waiting = set(), list(kernels)
+    while waiting:
+        path = waiting.pop()
+        reached.add(path)
+        waiting += imported(path) - reached
+    assert {path.relative_to(PACKAGE).as_posix() for path in reached} == set(compiling.SOURCES)
+
+
+def compiling_of(package: Path) -> ModuleType:
+    """``core.compiling`` of a copy of the package."""
+    spec = importlib.util.spec_from_file_location("compiling_of_a_copy", package / "core" / "compiling.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_another_constant_in_any_source_is_another_digest(tmp_path):
+    """Numba looks at one file's date; we look at all texts: one constant more or less is other machine code."""
+    package = tmp_path / "cdpr_sim"
+    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    before = compiling_of(package).digest()
+    assert before == compiling.digest()
+    for name in compiling.SOURCES:
+        file, text = package / name, (package / name).read_text(encoding="utf-8")
+        file.write_text(text + "\nONE_MORE = 1\n", encoding="utf-8")
+        assert compiling_of(package).digest() != before, name
+        file.write_text(text, encoding="utf-8")
+    status = package / "core" / "status.py"
+    changed = status.read_text(encoding="utf-8").replace("NEUTRAL = 1e-9", "NEUTRAL = 2e-9")
+    status.write_text(changed, encoding="utf-8")
+    assert compiling_of(package).digest() != before
+    status.write_text(changed.replace("NEUTRAL = 2e-9", "NEUTRAL = 1e-9"), encoding="utf-8")
+    assert compiling_of(package).digest() == before
+
+
+def test_machine_code_lies_in_the_folder_of_its_digest(catalogue):
+    """Of the solver, of the stiffness and of the ray caster; and none where Numba would have put it by itself."""
+    from cdpr_sim.drawing.video import raycast
+
+    assert cdpr.solve_many(catalogue["cogiro"], [(0.4, 0.25, 0.2)]).stable.all()
+    folder = compiling._folder()
+    assert folder.name == compiling.digest()
+    kept = {path.name.split(".")[0] for path in folder.rglob("*.nbi")}
+    assert {"guf-newton_kernel", "guf-stiffness_kernel"} <= kept
+    functions = [one for one in vars(raycast).values() if isinstance(one, Dispatcher)]
+    assert len(functions) > 5
+    for function in functions:
+        assert Path(function._cache.cache_path).is_relative_to(folder), function  # type: ignore[attr-defined]
+
+
+# --- where it is kept ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def places(monkeypatch, tmp_path) -> dict[str, Path]:
+    """A package folder, a home and a folder for temporary files of its own; what Numba is told is not set."""
+    found = {name: tmp_path / name for name in ("given", "package", "home", "temporary")}
+    for place in found.values():
+        place.mkdir()
+    compiling.digest()  # of the true package, and kept
+    monkeypatch.setattr(compiling, "_PACKAGE", found["package"])
+    monkeypatch.setattr(tempfile, "tempdir", str(found["temporary"]))
+    monkeypatch.setenv("HOME", str(found["home"]))
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    return found
+
+
+def block(place: Path) -> None:
+    """Make a folder one that nothing can be written into, whoever tries: root may write where bits forbid it."""
+    place.rmdir()
+    place.write_text("a file where a folder would have to be")
+
+
+def where() -> Path:
+    """The folder that is chosen, anew."""
+    return compiling._folder.__wrapped__()
+
+
+def test_machine_code_is_kept_with_the_package_or_where_numba_is_told_to(places, monkeypatch):
+    """Beside the sources; unless NUMBA_CACHE_DIR says otherwise."""
+    assert where() == places["package"] / "__pycache__" / "compiled" / compiling.digest()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(places["given"]))
+    assert where().is_relative_to(places["given"])
+    assert where().name == compiling.digest()
+
+
+def test_read_only_package_keeps_its_code_at_home_or_with_temporary_files(places, monkeypatch):
+    """Installed by another user: in the cache folder of one's own; without a home, among the temporary files."""
+    block(places["package"])
+    assert where().is_relative_to(places["home"] / ".cache" / "cdpr_sim")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(places["given"]))
+    assert where().is_relative_to(places["given"] / "cdpr_sim")
+    block_all = [places["home"], places["given"]]
+    for place in block_all:
+        shutil.rmtree(place)
+        place.mkdir()
+        block(place)
+    first = where()
+    assert first.parent.parent == places["temporary"]
+    assert first == where()  # found again by the next process
+    shutil.rmtree(first.parent)
+    first.parent.write_text("somebody else's")
+    elsewhere = where()
+    assert elsewhere.parent == places["temporary"]
+    assert list(elsewhere.iterdir()) == []
+
+
+def test_code_of_other_versions_is_cleared_away(places):
+    """A folder for each version of the sources would grow for ever."""
+    old = places["package"] / "__pycache__" / "compiled" / "0123456789abcdef"
+    old.mkdir(parents=True)
+    (old / "newton_kernel.nbi").touch()
+    assert where().is_dir()
+    assert not old.exists()
+
+
+def test_numbas_own_setting_holds_outside(monkeypatch):
+    """Users compile functions of their own: those go where Numba is told, also after ours has failed."""
+    monkeypatch.setitem(vars(config), "CACHE_DIR", "theirs")
+    with compiling.first_use("test setting"):
+        assert vars(config)["CACHE_DIR"] == str(compiling._folder())
+    assert vars(config)["CACHE_DIR"] == "theirs"
+    with pytest.raises(ZeroDivisionError), compiling.first_use("test setting that fails"):
+        1 / 0  # noqa: B018
+    assert vars(config)["CACHE_DIR"] == "theirs"
+    assert "test setting that fails" not in compiling._ready

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from problems import hanging_mass
@@ -6,7 +8,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.equilibria import unstable_directions
 from cdpr_sim.core.equilibrium import Stability
 from cdpr_sim.physics.release import grow_gravity, release
-from cdpr_sim.statics import two_cable
+from cdpr_sim.statics import forces, two_cable
 
 SAME = 1e-6
 """[m] Two equilibria, found twice: solutions scatter by 1e-10, MuJoCo's by 1e-8 where softly held."""
@@ -70,51 +72,46 @@ def rigid_count(robot: cdpr.Robot, rest_lengths: np.ndarray, samples: int = 20_0
     return stable, unstable
 
 
-@pytest.mark.parametrize(
-    "lengths",
-    [
-        [0.5, 0.5],
-        [0.36, 0.44],
-        [0.40, 0.75],
-        [0.3, 1.2],
-        [0.9, 0.9],
-        [0.8, 1.1],
-        [0.36, 0.36],
-    ],
-)
-def test_the_count_on_two_cables_is_that_of_the_closed_form(catalogue, lengths):
+def test_the_count_on_two_cables_is_that_of_the_closed_form(catalogue):
     """Stiff cables, short and long, so long that one goes slack: as many stable and unstable ones as it counts."""
     robot = catalogue["two-cable"].replace(axial_stiffness=STIFF)
-    counted = rigid_count(robot, np.array(lengths))
-    found = cdpr.find_equilibria(robot, lengths, saddles=True, starts=500)
-    assert found.imbalance == 0
-    rigid = [one for one in found if one.tensions.max() < RIGID * STIFF]
-    assert (sum(one.stable for one in rigid), sum(not one.stable for one in rigid)) == counted
-    # What rigid cables do not reach at all, such as a bar turned over on short ones, stretches them by percents.
-    assert all(one.tensions.max() > 100 * RIGID * STIFF for one in found if one not in rigid)
+    counts, torn = set(), 0
+    for lengths in ([0.5, 0.5], [0.36, 0.44], [0.40, 0.75], [0.3, 1.2], [0.9, 0.9], [0.8, 1.1], [0.36, 0.36]):
+        counts.add(counted := rigid_count(robot, np.array(lengths)))
+        found = cdpr.find_equilibria(robot, rest_lengths=lengths, saddles=True, starts=100)
+        assert found.imbalance == 0, lengths
+        rigid = [one for one in found if one.tensions.max() < RIGID * STIFF]
+        assert (sum(one.stable for one in rigid), sum(not one.stable for one in rigid)) == counted, lengths
+        # What rigid cables do not reach at all, such as a bar turned over on short ones, stretches them by percents.
+        stretched = [one for one in found if one not in rigid]
+        assert all(one.tensions.max() > 100 * RIGID * STIFF for one in stretched), lengths
+        torn += len(stretched)
+    assert counts == {(1, 1), (1, 0)}
+    assert torn == 2
 
 
 def test_cogiro_at_home_can_rest_at_seven_places(catalogue):
     """Upright, and six ways turned over: each stable, each its own, mirrored in pairs by the layout's half turn."""
     robot = catalogue["cogiro"]
-    found = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home))
-    assert len(found) >= 6
+    found = cdpr.find_equilibria(robot, robot.home)
+    assert len(found) == 7
     assert all(one.stable for one in found)
     assert (np.diff(found.energies) >= 0).all()
     assert found.energies[1::2] == pytest.approx(found.energies[2::2], abs=1e-9)
     assert tilted_up(found[0]) == pytest.approx(1, abs=1e-9)
     assert all(tilted_up(one) < 0.2 for one in found.found[1:])
     for seed in (1, 2):
-        again = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home), seed=seed)
+        again = cdpr.find_equilibria(robot, robot.home, seed=seed)
         assert len(again) == len(found)
         assert all(found.nearest(one.pose)[1] < SAME for one in again)
 
 
 @pytest.mark.parametrize("name", ["cogiro", "two-cable", "planar-horizontal"])
 def test_mujoco_stays_at_every_stable_one_and_leaves_every_saddle(catalogue, name):
-    """Undamped, displaced by a micrometre along its softest direction and let go."""
+    """Undamped, displaced by a micrometre along its softest direction and let go; as many even as odd ones."""
     robot = catalogue[name].replace(material="fishing-0.4mm")
-    found = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home), saddles=True, starts=1000)
+    found = cdpr.find_equilibria(robot, robot.home, saddles=True, starts=400)
+    assert found.stable
     assert found.unstable
     assert found.imbalance == 0
     for one in found:
@@ -123,6 +120,10 @@ def test_mujoco_stays_at_every_stable_one_and_leaves_every_saddle(catalogue, nam
         assert (went.stays, went.leaves) == (one.stable, not one.stable), (one, went)
     for one in found.stable:
         assert cdpr.settle(robot, one.pose, one.rest_lengths).position == pytest.approx(one.position, abs=SAME)
+    # Negative control of the count: whichever is left out, even and odd no longer balance.
+    for left_out in range(len(found)):
+        fewer = tuple(one for i, one in enumerate(found) if i != left_out)
+        assert abs(replace(found, found=fewer).imbalance) == 1
 
 
 def test_a_pose_that_is_no_equilibrium_does_not_stay(catalogue):
@@ -133,19 +134,10 @@ def test_a_pose_that_is_no_equilibrium_does_not_stay(catalogue):
     assert not release(beside, seconds=1.0).stays
 
 
-def test_fewer_starts_would_be_noticed_by_the_imbalance(catalogue):
-    """Negative control of the count: with one equilibrium left out, even and odd no longer balance."""
-    robot = catalogue["cogiro"].replace(material="fishing-0.4mm")
-    found = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home), saddles=True, starts=1000)
-    assert found.imbalance == 0
-    fewer = cdpr.Equilibria(found.problem, found.found[1:], found.energies[1:], 1, True)
-    assert abs(fewer.imbalance or 0) == 1
-
-
 def test_the_lowest_energy_is_not_where_the_robot_goes(catalogue):
     """With a camera on top (centre of mass 15 mm up), turned over is lower, and both roads reach the upright one."""
     robot = catalogue["cogiro"].replace(center_of_mass=(0, 0, 0.015))
-    found = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home), starts=1000)
+    found = cdpr.find_equilibria(robot, robot.home, starts=1000)
     assert tilted_up(found[0]) < 0
     followed = cdpr.follow_load(robot, robot.home)
     assert followed.jumps == ()
@@ -174,7 +166,7 @@ def test_following_says_where_an_equilibrium_ceases_to_be(catalogue):
     """
     stiff = catalogue["cogiro"]
     rest = stiff.rest_lengths(stiff.home)
-    start = cdpr.find_equilibria(stiff, rest, starts=1000)[3].pose
+    start = cdpr.find_equilibria(stiff, stiff.home, starts=1000)[3].pose
     loads = []
     for softness in (100.0, 50.0):
         robot = stiff.replace(axial_stiffness=softness)
@@ -191,18 +183,45 @@ def test_following_says_where_an_equilibrium_ceases_to_be(catalogue):
 def test_a_mass_on_one_cable_hangs_in_one_family():
     """Its rotations about the cable are one family, and turned over is held by nothing."""
     problem = hanging_mass()
-    found = cdpr.find_equilibria(problem.robot, problem.rest_lengths, saddles=True, starts=200)
+    found = cdpr.find_equilibria(problem, saddles=True, starts=100)
     assert len(found.stable) == 1
     assert found[0].stability is Stability.NEUTRAL
     assert found.imbalance is None
 
 
 def test_indices_count_unstable_directions(catalogue):
-    """0 at rest, and 1 or more elsewhere, as the eigenvalues say."""
+    """0 at rest and 1 at the saddle that a bar turns over by; 2 of a mass balanced on a cable, which falls any way."""
     robot = catalogue["planar-horizontal"]
-    found = cdpr.find_equilibria(robot, robot.rest_lengths(robot.home), saddles=True, starts=300)
-    for one in found:
-        assert (unstable_directions(one) == 0) == one.stable
+    found = cdpr.find_equilibria(robot, robot.home, saddles=True, starts=300)
+    assert [unstable_directions(one) for one in found] == [0, 1]
+    problem = hanging_mass()
+    robot = problem.robot.replace(center_of_mass=(0, 0, 0.2))  # above its anchor
+    top = problem.pose.translation - [0, 0, robot.weight * problem.rest_lengths[0] / robot.axial_stiffness[0]]
+    balanced = forces.equilibrium_at(cdpr.Problem.of(robot, problem.pose), robot.pose(top), iterations=0, source="hand")
+    assert balanced.residual < 1e-9
+    assert unstable_directions(balanced) == 2
+
+
+def test_a_problem_is_asked_like_a_robot_and_a_pose(catalogue):
+    """All three searches take (robot, pose), rest lengths or none, or a problem alone, with the same answer."""
+    robot, pose = catalogue["planar-vertical"], (0.25, 0, 0.1)
+    problem = cdpr.Problem.of(robot, pose)
+    asked = [(robot, pose), (robot, [*pose, 0, 0, 0], problem.rest_lengths), (problem,)]
+    searches = (
+        lambda *ask: cdpr.find_equilibria(*ask, starts=50)[0],
+        lambda *ask: cdpr.follow_load(*ask).reached,
+        lambda *ask: cdpr.grow_gravity(*ask, seconds=1.0),
+    )
+    for search in searches:
+        first, *others = [search(*ask) for ask in asked]
+        for other in others:
+            np.testing.assert_array_equal(other.pose.as_matrix(), first.pose.as_matrix())
+        with pytest.raises(cdpr.InvalidInput, match="pose: found one beside a Problem"):
+            search(problem, pose)
+        with pytest.raises(cdpr.InvalidInput, match="rest_lengths: found one beside a Problem"):
+            search(problem, None, problem.rest_lengths)
+    with pytest.raises(cdpr.InvalidInput, match="pose: found none"):
+        cdpr.find_equilibria(robot)
 
 
 @pytest.mark.parametrize(
@@ -226,4 +245,4 @@ def test_without_a_load_there_is_nothing_to_follow(catalogue):
     with pytest.raises(cdpr.InvalidInput, match="found no load"):
         cdpr.follow_load(robot, robot.home)
     with pytest.raises(cdpr.InvalidInput, match="found no load"):
-        cdpr.find_equilibria(robot, robot.rest_lengths(robot.home))
+        cdpr.find_equilibria(robot, robot.home)

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import chi2
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.identification import UNKNOWNS, _euler, _Model, _wanted
+from cdpr_sim.analysis.identification import UNKNOWNS, _Model, _wanted
 from cdpr_sim.statics import newton
 
 NOISE = 2e-5
@@ -16,11 +16,11 @@ FITTED = 1e-5
 """Relative error of what is fitted to MuJoCo's poses without noise: they are 1e-9 m from
 statics', over a sag of 4e-4 m."""
 
-SEEDS = {True: 100, False: 40}
-"""How many fits, with errors stated and judged from the scatter."""
+FITS = 40
+"""To judge standard errors by."""
 
-COVERED = 0.95
-"""Of many fits this fraction should find the truth within 1.96 standard errors."""
+LIKELY = [0.0005, 0.9995]
+"""Quantiles between which a sum of squares lies in all but one of a thousand cases."""
 
 
 def commanded(rows: int = 12, seed: int = 0) -> np.ndarray:
@@ -32,7 +32,7 @@ def exact_poses(robot: cdpr.Robot, positions: np.ndarray, offsets: np.ndarray | 
     """Six-vectors of statics."""
     rest = np.array([robot.rest_lengths(position) for position in positions]) + offsets
     solved = newton.solve_many(robot, positions, rest_lengths=rest)
-    return np.hstack([solved.positions, _euler(solved.rotations)])
+    return np.hstack([solved.positions, solved.euler])
 
 
 def noisy(robot: cdpr.Robot, poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -46,18 +46,23 @@ def robot() -> cdpr.Robot:
     return cdpr.load_robot("cogiro").replace(material="fishing-0.4mm")
 
 
-def test_derivatives_of_the_residuals_are_exact(robot):
-    """Every unknown, at poses away from the middle and with a tilt, against central differences."""
+@pytest.mark.parametrize("left_out", ["axial_stiffness", "axial_stiffness_each"])
+def test_derivatives_of_the_residuals_are_exact(robot, left_out):
+    """Every unknown, at poses away from the middle and with a tilt, against central differences.
+
+    The two that exclude each other take turns.
+    """
     measurements = cdpr.Measurements.of(commanded(4), np.zeros((4, 6)))
-    unknowns = [one for name in UNKNOWNS if name != "axial_stiffness" for one in _wanted(robot, [name])]
-    unknowns += _wanted(robot, ["axial_stiffness"])[:0]
+    unknowns = _wanted(robot, [name for name in UNKNOWNS if name != left_out])
+    assert len(unknowns) == (1 if left_out == "axial_stiffness_each" else 8) + 8 + 1 + 3
     model, at = _Model(robot, measurements, unknowns), np.zeros(len(unknowns))
     exact = model.slopes(at)
     for k, one in enumerate(unknowns):
         step = np.zeros(len(unknowns))
         step[k] = 1e-4 if one.logarithmic else 1e-6
         differenced = (model.residuals(step) - model.residuals(-step)) / (2 * step[k])
-        assert np.abs(differenced - exact[:, :, k]).max() <= SLOPE * np.abs(exact[:, :, k]).max()
+        assert np.abs(exact[:, :, k]).max() > 0, one.name
+        assert np.abs(differenced - exact[:, :, k]).max() <= SLOPE * np.abs(exact[:, :, k]).max(), one.name
 
 
 def test_stiffness_is_found_from_poses_that_mujoco_made(robot):
@@ -81,35 +86,40 @@ def test_one_stiffness_per_cable_is_found_from_mujocos_poses(robot):
     assert found.values == pytest.approx(true.axial_stiffness, rel=1e-4)
 
 
-@pytest.mark.parametrize("stated", [True, False])
-def test_standard_errors_cover_the_truth_as_often_as_they_say(robot, stated):
-    """Over many seeds, EA and eight rest-length offsets: 95 % within 1.96 standard errors.
+def test_standard_errors_are_as_large_as_the_errors(robot):
+    """Over many noises, EA and eight rest-length offsets: errors over standard errors have squares that sum to chi².
 
-    A binomial count lies between the limits below in all but one of a thousand cases, were the errors right;
-    errors wrong by a third would be found out (negative control).
+    One by one, and all nine together by their correlations; standard errors wrong by a third would be found out. Where
+    no error is stated it is judged from the residuals, and all else is the same.
     """
     rng = np.random.default_rng(7)
     offsets = rng.normal(size=8) * 1e-4
     true = robot.replace(axial_stiffness=800.0)
-    positions = commanded(6)
-    poses = exact_poses(true, positions, offsets)
-    truth = np.array([800.0, *offsets])
-    error = NOISE if stated else None
-    deviations = []
-    for _ in range(SEEDS[stated]):
+    positions, asked = commanded(6), ("axial_stiffness", "rest_length_offsets")
+    poses, truth = exact_poses(true, positions, offsets), np.array([800.0, *offsets])
+    each, together, spreads = np.zeros(9), 0.0, 0.0
+    for fit in range(FITS):
         measurements = cdpr.Measurements.of(positions, noisy(true, poses, rng))
-        found = cdpr.identify(robot, measurements, ("axial_stiffness", "rest_length_offsets"), position_error=error)
-        assert found.reasons == () or not stated
-        deviations.append((found.values - truth) / found.standard_errors)
-    deviations = np.abs(deviations)
-    low, high = binom.ppf([0.0005, 0.9995], SEEDS[stated], COVERED)
-    covered = (deviations < 1.96).sum(0)
-    assert (covered >= low).all()
-    assert (covered <= high).all()
-    # All nine together are a finer count: errors a third too small or too large would show.
-    assert np.mean(deviations < 1.96) == pytest.approx(COVERED, abs=0.03)
-    assert abs(np.mean(deviations < 1.96 / 1.33) - COVERED) > 0.03
-    assert abs(np.mean(deviations < 1.96 * 1.33) - COVERED) > 0.03
+        found = cdpr.identify(robot, measurements, asked, position_error=NOISE)
+        assert found.reasons == ()
+        off = (found.values - truth) / found.standard_errors
+        each += off**2
+        together += off @ np.linalg.solve(found.correlations, off)
+        spreads += (poses.size - 9) * found.spread**2
+        if fit == 0:
+            judged = cdpr.identify(robot, measurements, asked)
+            assert judged.spread == 1
+            assert judged.values == pytest.approx(found.values, rel=1e-5, abs=1e-9)
+            assert judged.standard_errors == pytest.approx(found.spread * found.standard_errors, rel=1e-5)
+    low, high = chi2.ppf(LIKELY, FITS)
+    assert (each >= low).all()
+    assert (each <= high).all()
+    low, high = chi2.ppf(LIKELY, 9 * FITS)
+    assert low <= together <= high
+    assert not low <= together / 1.33**2 <= high
+    assert not low <= together * 1.33**2 <= high
+    low, high = chi2.ppf(LIKELY, (poses.size - 9) * FITS)
+    assert low <= spreads <= high
 
 
 def test_stiffness_and_mass_cannot_be_told_apart_and_it_says_so(robot):
@@ -134,7 +144,7 @@ def test_a_slack_cables_stiffness_is_not_in_the_data(catalogue):
     solved = newton.solve_many(robot, positions, rest_lengths=rest)
     slack = np.flatnonzero((solved.tensions == 0).all(0))
     assert slack.size
-    measured = np.stack([*solved.positions[:, [0, 2]].T, _euler(solved.rotations)[:, 1]], axis=1)
+    measured = np.stack([*solved.positions[:, [0, 2]].T, solved.euler[:, 1]], axis=1)
     measurements = cdpr.Measurements.of(positions, measured, coordinates=("x", "z", "beta"))
     found = cdpr.identify(robot, measurements, ("axial_stiffness_each",), position_error=NOISE)
     for cable in slack:

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import tilt
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
 from cdpr_sim.physics.settle import settle
@@ -174,6 +176,17 @@ def test_the_model_as_delivered_comes_to_the_settled_rest(name):
     assert np.linalg.norm(data.body("platform").xpos - rest.position) < AT_REST
     assert abs(tilt(Rotation.from_matrix(up)) - rest.tilt) < AT_REST
     assert np.linalg.norm(rest.deviation) > 10 * AT_REST  # it had somewhere to go
+
+
+def test_a_problem_is_written_as_it_is():
+    """A ``Problem`` in place of (robot, pose, rest lengths), alone; its rest lengths are the springs'."""
+    robot = load_robot("cogiro")
+    lengths = 1.01 * robot.rest_lengths(commanded(robot))
+    problem = Problem.of(robot, commanded(robot), lengths)
+    assert to_mjcf(problem) == to_mjcf(robot, commanded(robot), lengths)
+    np.testing.assert_array_equal(compiled(to_mjcf(problem)).tendon_lengthspring[:, 1], lengths)
+    with pytest.raises(InvalidInput, match="rest_lengths: found one beside a Problem"):
+        to_mjcf(problem, rest_lengths=lengths)
 
 
 def test_the_text_is_readable():

@@ -21,22 +21,20 @@ def measured_frequency(equilibrium: cdpr.Equilibrium, shape: np.ndarray, frequen
     """Let MuJoCo's undamped platform go, displaced along ``shape``, and read the frequency off its zero crossings."""
     problem = equilibrium.problem
     robot = problem.robot
-    arm = robot.characteristic_length
-    step = shape * AMPLITUDE / np.linalg.norm(shape * np.repeat([1, arm], 3))
+    step = shape * AMPLITUDE / np.linalg.norm(shape * robot.units)
     model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, equilibrium.pose, equilibrium.rest_lengths))
     model.opt.viscosity = 0
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     model.opt.timestep = 1 / (200 * frequency)
     data = mujoco.MjData(model)
     data.qpos[:] = coordinates(robot, moved(equilibrium.pose, step))
-    mass = mass_matrix(robot, equilibrium.rotation)
-    values = []
-    for _ in range(200 * periods):
+    platform, states = data.body("platform"), np.empty((200 * periods, 7))
+    for state in states:
         mujoco.mj_step(model, data)
-        position, quaternion = data.body("platform").xpos, data.body("platform").xquat
-        turn = Rotation.from_quat(quaternion, scalar_first=True) * equilibrium.rotation.inv()
-        values.append(shape @ mass @ np.concatenate([position - equilibrium.position, turn.as_rotvec()]))
-    values = np.array(values)
+        state[:3], state[3:] = platform.xpos, platform.xquat
+    turns = Rotation.from_quat(states[:, 3:], scalar_first=True) * equilibrium.rotation.inv()
+    moves = np.hstack([states[:, :3] - equilibrium.position, turns.as_rotvec()])
+    values = moves @ mass_matrix(robot, equilibrium.rotation) @ shape
     before = np.flatnonzero(np.diff(np.sign(values)))
     crossings = (before + values[before] / (values[before] - values[before + 1])) * model.opt.timestep
     return 0.5 * (len(crossings) - 1) / (crossings[-1] - crossings[0])
@@ -54,26 +52,24 @@ def measured_frequency(equilibrium: cdpr.Equilibrium, shape: np.ndarray, frequen
 def test_mujoco_swings_at_the_natural_frequencies(catalogue, name, pose):
     """Every mode of a robot whose centre of mass is off its origin, in undamped MuJoCo."""
     robot = catalogue[name].replace(material="fishing-0.4mm", center_of_mass=(0.01, 0, -0.02))
-    equilibrium = cdpr.solve(robot, pose)
-    modes = cdpr.natural_modes(equilibrium)
-    assert len(modes.frequencies) == len(robot.free_directions)
+    modes = cdpr.natural_modes(robot, pose)
+    assert len(modes.frequencies) == len(robot.free)
     for frequency, shape in zip(modes.frequencies, modes.shapes, strict=True):
-        assert measured_frequency(equilibrium, shape, frequency) == pytest.approx(frequency, rel=FREQUENCY)
+        assert measured_frequency(modes.equilibrium, shape, frequency) == pytest.approx(frequency, rel=FREQUENCY)
 
 
 def test_a_wrong_mass_matrix_would_show(catalogue):
     """Negative control: leave the centre of mass out of it, and MuJoCo swings at other frequencies."""
     robot = catalogue["cogiro"].replace(material="fishing-0.4mm", center_of_mass=(0.01, 0, -0.02))
-    equilibrium = cdpr.solve(robot, (0.3, 0.25, 0.1))
-    modes = cdpr.natural_modes(equilibrium)
-    centred = cdpr.natural_modes(cdpr.solve(robot.replace(center_of_mass=(0, 0, 0)), (0.3, 0.25, 0.1)))
+    modes = cdpr.natural_modes(robot, (0.3, 0.25, 0.1))
+    centred = cdpr.natural_modes(robot.replace(center_of_mass=(0, 0, 0)), (0.3, 0.25, 0.1))
     assert (np.abs(centred.frequencies / modes.frequencies - 1) > 1e3 * FREQUENCY).any()
 
 
 def test_shapes_have_unit_kinetic_energy_and_diagonalise_the_stiffness(catalogue):
     """½ q̇ᵀ M q̇ = 1 for each shape at 1/s, and no two share energy."""
     robot = catalogue["cogiro"].replace(center_of_mass=(0.01, 0.005, -0.02))
-    modes = cdpr.natural_modes(cdpr.solve(robot, (0.3, 0.2, 0.1)))
+    modes = cdpr.natural_modes(robot, (0.3, 0.2, 0.1))
     energies = 0.5 * modes.shapes @ mass_matrix(robot, modes.equilibrium.rotation) @ modes.shapes.T
     assert energies == pytest.approx(np.eye(6), abs=1e-9)
 
@@ -81,14 +77,33 @@ def test_shapes_have_unit_kinetic_energy_and_diagonalise_the_stiffness(catalogue
 def test_a_mass_on_one_cable_bounces_at_the_spring_frequency():
     """ω² = EA / (l0 m) for the vertical mode, and one direction that nothing holds."""
     problem = hanging_mass()
-    modes = cdpr.natural_modes(cdpr.solve(problem.robot, problem.pose))
-    expected = np.sqrt(problem.stiffnesses[0] / problem.robot.mass) / (2 * np.pi)
+    modes = cdpr.natural_modes(problem)
+    expected = np.sqrt(problem.axial_stiffness[0] / problem.rest_lengths[0] / problem.mass) / (2 * np.pi)
     assert np.abs(modes.frequencies - expected).min() < 1e-9
     assert modes.frequencies[0] < 1e-3
 
 
+def test_modes_are_asked_of_an_equilibrium_a_problem_or_a_robot_and_a_pose(catalogue):
+    """The same answer, and nothing is taken beside what is ready."""
+    robot, pose, wrench = catalogue["cogiro"], (0.3, 0.2, 0.1), [0.1, 0, 0, 0, 0, 0]
+    asked = cdpr.natural_modes(robot, pose, external_wrench=wrench)
+    problem = cdpr.Problem.of(robot, pose, external_wrench=wrench)
+    for ready in (problem, cdpr.solve(problem)):
+        np.testing.assert_array_equal(cdpr.natural_modes(ready).frequencies, asked.frequencies)
+        for beside in ({"pose": pose}, {"rest_lengths": problem.rest_lengths}, {"external_wrench": wrench}):
+            with pytest.raises(cdpr.InvalidInput, match=f"{next(iter(beside))}: found one beside a"):
+                cdpr.natural_modes(ready, **beside)
+
+
+def test_a_platform_does_not_swing_about_a_saddle(catalogue):
+    """It would leave: one sentence."""
+    robot = catalogue["planar-horizontal"]
+    (saddle,) = cdpr.find_equilibria(robot, robot.home, saddles=True, starts=50).unstable
+    with pytest.raises(cdpr.InvalidInput, match="found an unstable one of 'planar-horizontal'"):
+        cdpr.natural_modes(saddle)
+
+
 def test_a_torque_that_keeps_its_direction_is_refused(catalogue):
     """It is not conservative: one sentence."""
-    found = cdpr.solve(catalogue["cogiro"], (0.3, 0.25, 0.1), external_wrench=[0, 0, 0, 0, 0.001, 0])
     with pytest.raises(cdpr.InvalidInput, match="under an external torque"):
-        cdpr.natural_modes(found)
+        cdpr.natural_modes(catalogue["cogiro"], (0.3, 0.25, 0.1), external_wrench=[0, 0, 0, 0, 0.001, 0])

@@ -41,8 +41,8 @@ def test_stalled_least_squares_is_not_an_answer(catalogue):
 def test_every_answer_of_seecr_is_an_equilibrium(catalogue):
     """On the parallel layout either forces balance, or it raises: never a stalled pose as an answer."""
     robot = catalogue["parallel"]
-    stalls = 0
-    for pose in paper_line(robot, 8):
+    stalls = answers = 0
+    for pose in paper_line(robot, 8)[[1, 2, 8, 10]]:  # in its left half, which the right one mirrors
         for method in ("fsolve", "least_squares"):
             try:
                 result = cdpr.solve(robot, pose, method=method)
@@ -52,7 +52,9 @@ def test_every_answer_of_seecr_is_an_equilibrium(catalogue):
                 stalls += 1
             else:
                 assert result.residual <= seecr.RESIDUAL_TOLERANCE * robot.weight
-    assert stalls > 0
+                answers += 1
+    assert stalls > 1
+    assert answers > 1
 
 
 def test_unknown_method_is_refused_with_the_nearest(catalogue):

@@ -1,12 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from problems import hanging_mass, random_problems
 from test_derivatives import changed
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.pose import moved
-from cdpr_sim.statics import derivatives
+from cdpr_sim.statics import derivatives, forces
 
 CUBE = 1e-4
 """Relative error of central differences through the solver: its rounding over the step, and the square of the step; at
@@ -22,8 +24,8 @@ def moved_by(problem: cdpr.Problem, base: cdpr.Equilibrium, name: str, index: in
         cdpr.Problem(problem.robot, base.pose, base.rest_lengths, problem.external_wrench), name, index, step
     )
     aside = np.zeros(6)
-    aside[list(problem.robot.free_directions)] = 1e-4  # or the solver would find the old pose good enough
-    found = cdpr.solve(other.robot, moved(base.pose, aside), other.rest_lengths, external_wrench=other.external_wrench)
+    aside[problem.robot.free] = 1e-4  # or the solver would find the old pose good enough
+    found = cdpr.solve(replace(other, pose=moved(base.pose, aside)))
     shift = found.position - base.position
     return np.concatenate([shift, (found.rotation * base.rotation.inv()).as_rotvec(), found.tensions])
 
@@ -33,7 +35,7 @@ def check_column(problem, base, answer, name: str, index: int, size: float) -> b
     up, down = (moved_by(problem, base, name, index, sign * size) for sign in (1, -1))
     differenced = (up - down) / (2 * size)
     exact = np.concatenate([answer.pose[name][:, index], answer.tensions[name][:, index]])
-    units = np.concatenate([np.ones(3), np.full(3, problem.robot.characteristic_length)])
+    units = problem.robot.units
     motion = np.abs((exact - differenced)[:6] * units).max() / max(np.abs(exact[:6] * units).max(), 1e-9 / size)
     tension = np.abs((exact - differenced)[6:]).max() / max(np.abs(exact[6:]).max(), 1e-7 * problem.load / size)
     return bool(max(motion, tension) <= CUBE)
@@ -44,20 +46,20 @@ def sizes(robot: cdpr.Robot) -> dict[str, float]:
     return {"axial_stiffness": 1e-4 * robot.axial_stiffness.mean(), "mass": 1e-3 * robot.mass, "external_wrench": 1e-4}
 
 
-@pytest.mark.parametrize("name", derivatives.PARAMETERS)
 @pytest.mark.parametrize("robot", ["cogiro", "parallel", "planar-vertical"])
-def test_derivatives_are_those_of_the_solver(catalogue, robot, name):
-    """Every column of the catalogue's robots, off the middle, against solving anew on both sides."""
+def test_derivatives_are_those_of_the_solver(catalogue, robot):
+    """Every column of every parameter, off the middle, against solving anew on both sides."""
     robot = catalogue[robot].replace(material="fishing-0.4mm")
     y = 0.0 if robot.mobility == "planar" else 0.22
-    base = cdpr.solve(robot, (0.25, y, 0.15))
-    answer = cdpr.sensitivity(base)
-    step = sizes(robot).get(name, 1e-5)
+    answer = cdpr.sensitivity(robot, (0.25, y, 0.15))
+    base = answer.equilibrium
     assert answer.margin > KINK
-    for index in range(answer.pose[name].shape[1]):
-        if robot.mobility == "planar" and not in_plane(name, index):
-            continue
-        assert check_column(base.problem, base, answer, name, index, step), (name, index)
+    assert set(answer.pose) == set(answer.tensions) == set(derivatives.PARAMETERS)
+    for name in derivatives.PARAMETERS:
+        for index in range(answer.pose[name].shape[1]):
+            if robot.mobility == "spatial" or in_plane(name, index):
+                step = sizes(robot).get(name, 1e-5)
+                assert check_column(base.problem, base, answer, name, index, step), (name, index)
 
 
 def in_plane(name: str, index: int) -> bool:
@@ -70,31 +72,35 @@ def in_plane(name: str, index: int) -> bool:
 @given(random_problems())
 def test_derivatives_by_rest_length_hold_on_random_robots(problem):
     """Wrench or none, centre of mass off the origin or not."""
-    base = cdpr.solve(problem.robot, problem.pose, external_wrench=problem.external_wrench)
-    scale = np.abs(base.eigenvalues).max()
-    if base.eigenvalues[0] < 1e-4 * scale or np.abs(base.lengths - base.rest_lengths).min() < 10 * KINK:
-        return
+    base = cdpr.solve(problem)
+    assume(base.eigenvalues[0] > 1e-4 * np.abs(base.eigenvalues).max())
+    assume(np.abs(base.lengths - base.rest_lengths).min() > 10 * KINK)
     answer = cdpr.sensitivity(base)
     assert check_column(base.problem, base, answer, "rest_lengths", 0, 1e-6)
 
 
 def test_under_a_torque_the_derivatives_still_hold(catalogue):
-    """A torque that keeps its direction in space makes the slope unsymmetric; the symmetric part alone would be off."""
-    robot = catalogue["planar-horizontal"].replace(axial_stiffness=50.0)
-    wrench = [0, 0, 0, 0, 0.02, 0]
-    base = cdpr.solve(robot, (0.3, 0, 0.15), external_wrench=wrench)
-    answer = cdpr.sensitivity(base)
+    """A torque that keeps its direction in space makes the slope unsymmetric; the symmetric part alone is off."""
+    answer = cdpr.sensitivity(
+        catalogue["cogiro"].replace(axial_stiffness=50.0), (0.3, 0.25, 0.15), external_wrench=[0, 0, 0, 0.01, 0.02, 0]
+    )
+    base, free = answer.equilibrium, answer.equilibrium.problem.robot.free
     assert check_column(base.problem, base, answer, "external_wrench", 4, 1e-5)
+    # Negative control.
+    stiffness = forces.at(base.problem, base.position, base.rotation.as_matrix()).stiffness_matrix
+    symmetric = np.zeros((6, 6))
+    symmetric[free] = np.linalg.inv(stiffness[np.ix_(free, free)])
+    wrong = replace(answer, pose={**answer.pose, "external_wrench": symmetric})
+    assert not check_column(base.problem, base, wrong, "external_wrench", 4, 1e-5)
 
 
 def test_a_hanging_mass_moves_as_its_closed_form_says():
     """z = 3 − 0.1 − l0 (1 + m g / EA): every derivative by hand."""
     problem = hanging_mass()
-    base = cdpr.solve(problem.robot, problem.pose)
+    base = cdpr.solve(problem)
     strain = problem.robot.weight / problem.robot.axial_stiffness[0]
-    R = base.rotation.as_matrix()
-    slope = derivatives.wrench_slope(base.problem, base.position, R)[2, 2]
-    by = derivatives.wrench_by_parameter(base.problem, base.position, R)
+    state = forces.at(problem, base.position, base.rotation.as_matrix())
+    slope, by = derivatives.wrench_slope(state)[2, 2], derivatives.wrench_by_parameter(state)
     assert -by["rest_lengths"][2, 0] / slope == pytest.approx(-(1 + strain))
     assert -by["axial_stiffness"][2, 0] / slope == pytest.approx(1.5 * strain / problem.robot.axial_stiffness[0])
     assert -by["mass"][2, 0] / slope == pytest.approx(-1.5 * problem.robot.gravity / problem.robot.axial_stiffness[0])
@@ -102,8 +108,7 @@ def test_a_hanging_mass_moves_as_its_closed_form_says():
 
 def test_moving_the_whole_frame_moves_the_platform_along(catalogue):
     """The sum over all exits of any axis is a pure translation: an identity that no finite difference blurs."""
-    base = cdpr.solve(catalogue["parallel"], (0.2, 0.22, 0.1))
-    answer = cdpr.sensitivity(base)
+    answer = cdpr.sensitivity(catalogue["parallel"], (0.2, 0.22, 0.1))
     together = answer.pose["exits"].reshape(6, -1, 3).sum(1)
     assert together == pytest.approx(np.vstack([np.eye(3), np.zeros((3, 3))]), abs=1e-7)
     assert answer.tensions["exits"].reshape(8, -1, 3).sum(1) == pytest.approx(np.zeros((8, 3)), abs=1e-4)
@@ -122,15 +127,30 @@ def test_a_platform_that_turns_freely_has_no_derivatives():
     """One sentence instead of infinite numbers."""
     problem = hanging_mass()
     with pytest.raises(cdpr.InvalidInput, match="found a neutral one of 'hanging mass'"):
-        cdpr.sensitivity(cdpr.solve(problem.robot, problem.pose))
+        cdpr.sensitivity(problem)
 
 
 def test_effects_are_the_derivatives_in_units_of_people(catalogue):
     """On ``parallel``, off the middle, a millimetre of cable moves the platform by millimetres and turns it."""
-    answer = cdpr.sensitivity(cdpr.solve(catalogue["parallel"], (0.25, 0.25, 0.1)))
+    answer = cdpr.sensitivity(catalogue["parallel"], (0.25, 0.25, 0.1))
     effects = answer.effects()
     assert len(effects) == 8 + 8 + 24 + 24 + 1 + 3 + 6
     one = next(effect for effect in effects if effect.name == "rest length 1")
     column = answer.pose["rest_lengths"][:, 0]
     assert one.position == pytest.approx(np.linalg.norm(column[:3]))
     assert one.rotation == pytest.approx(np.degrees(np.linalg.norm(column[3:])) * 1e-3)
+
+
+def test_sensitivity_is_asked_of_an_equilibrium_a_problem_or_a_robot_and_a_pose(catalogue):
+    """The same answer, and nothing is taken beside what is ready."""
+    robot, pose, wrench = catalogue["cogiro"], (0.3, 0.2, 0.1), [0.1, 0, 0, 0, 0, 0]
+    asked = cdpr.sensitivity(robot, pose, external_wrench=wrench)
+    problem = cdpr.Problem.of(robot, pose, external_wrench=wrench)
+    for ready in (problem, cdpr.solve(problem)):
+        found = cdpr.sensitivity(ready)
+        for name in derivatives.PARAMETERS:
+            np.testing.assert_array_equal(found.pose[name], asked.pose[name])
+            np.testing.assert_array_equal(found.tensions[name], asked.tensions[name])
+        for beside in ({"pose": pose}, {"rest_lengths": problem.rest_lengths}, {"external_wrench": wrench}):
+            with pytest.raises(cdpr.InvalidInput, match=f"{next(iter(beside))}: found one beside a"):
+                cdpr.sensitivity(ready, **beside)

@@ -4,8 +4,8 @@ from hypothesis import assume, given
 from problems import grid, hanging_mass, random_problems
 
 import cdpr_sim as cdpr
-from cdpr_sim.statics import forces as statics
-from cdpr_sim.statics.stiffness_kernel import modes_gufunc
+from cdpr_sim.statics import forces
+from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 ROUNDING = 1e-11
 """Relative to the largest eigenvalue: 1e-14 measured on DemoBot, 1e-12 where cables are stiff and tensions large."""
@@ -17,12 +17,12 @@ KINK = 1e-12
 """[m] A cable closer to its rest length is taut or slack by rounding alone, and the stiffness jumps there."""
 
 
-def modes(problem, positions, rotations):
+def stiffness(problem, positions, rotations):
+    """(eigenvalues, lowest frequency) by the compiled kernel."""
     robot = problem.robot
-    return modes_gufunc()(
-        robot.exits, robot.anchors, robot.axial_stiffness, problem.rest_lengths, robot.mass, robot.gravity,
-        robot.center_of_mass, robot.inertia, np.array(robot.free_directions), robot.characteristic_length,
-        positions, rotations,
+    return stiffness_gufunc()(
+        robot.cabling.packed, problem.rest_lengths, robot.mass, robot.gravity, robot.center_of_mass, robot.inertia,
+        np.array(robot.free), robot.characteristic_length, positions, rotations,
     )  # fmt: skip
 
 
@@ -39,8 +39,8 @@ def mass_matrix(robot, rotation):
 def test_eigenvalues_are_those_of_the_stiffness_matrix(problem):
     """The compiled assembly and eigenvalue iteration against NumPy and LAPACK, on random robots away from balance."""
     position, rotation = problem.pose.translation - [0, 0, 0.02], problem.pose.rotation.as_matrix()
-    expected = statics.eigenvalues(problem, position, rotation)
-    found, _ = modes(problem, position, rotation)
+    expected = forces.at(problem, position, rotation).eigenvalues
+    found, _ = stiffness(problem, position, rotation)
     np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING * np.abs(expected).max())
 
 
@@ -53,10 +53,10 @@ def test_frequency_is_that_of_the_generalised_eigenproblem(problem):
     equilibrium = cdpr.solve(robot, problem.pose)
     assume(np.abs(equilibrium.lengths - equilibrium.rest_lengths).min() > KINK)
     rotation = equilibrium.rotation.as_matrix()
-    free = np.ix_(robot.free_directions, robot.free_directions)
-    K = statics.stiffness_matrix(problem, equilibrium.position, rotation)[free]
+    free = np.ix_(robot.free, robot.free)
+    K = forces.at(problem, equilibrium.position, rotation).stiffness_matrix[free]
     squares = eigh(K, mass_matrix(robot, rotation)[free], eigvals_only=True)
-    _, frequency = modes(problem, equilibrium.position, rotation)
+    _, frequency = stiffness(problem, equilibrium.position, rotation)
     if squares[0] > 1e-7 * squares[-1]:
         assert frequency == pytest.approx(np.sqrt(squares[0]) / (2 * np.pi), rel=FREQUENCY_ROUNDING)
     else:
@@ -72,7 +72,7 @@ def test_mass_on_a_stiff_cable_swings_like_a_pendulum():
     )  # fmt: skip
     problem = cdpr.Problem.of(robot, (0, 0, 2 - offset - length))
     equilibrium = cdpr.solve(robot, problem.pose)
-    _, frequency = modes(problem, equilibrium.position, equilibrium.rotation.as_matrix())
+    _, frequency = stiffness(problem, equilibrium.position, equilibrium.rotation.as_matrix())
     expected = np.sqrt(robot.gravity / (length + offset)) / (2 * np.pi)
     assert frequency == pytest.approx(expected, rel=1e-6)  # inertia, 1e-7 of m l², and strain, 1e-8, are not quite 0
 
@@ -81,7 +81,7 @@ def test_free_rotation_has_no_frequency():
     """A mass on one cable turns freely about it: 0 Hz, not the square root of a rounding error."""
     problem = hanging_mass()
     equilibrium = cdpr.solve(problem.robot, problem.pose)
-    eigenvalues, frequency = modes(problem, equilibrium.position, equilibrium.rotation.as_matrix())
+    eigenvalues, frequency = stiffness(problem, equilibrium.position, equilibrium.rotation.as_matrix())
     assert abs(eigenvalues[0]) < 1e-9 * eigenvalues[-1]
     assert frequency == 0
 
@@ -93,7 +93,7 @@ def test_saddle_has_no_frequency():
     problem = cdpr.Problem.of(robot, problem.pose)
     stretch = robot.weight * problem.rest_lengths[0] / robot.axial_stiffness[0]
     position = problem.pose.translation - [0, 0, stretch]
-    eigenvalues, frequency = modes(problem, position, np.eye(3))
+    eigenvalues, frequency = stiffness(problem, position, np.eye(3))
     assert eigenvalues[0] < 0
     assert np.isnan(frequency)
 
@@ -104,7 +104,7 @@ def test_poses_without_numbers_give_nan(catalogue):
     problem = cdpr.Problem.of(robot, robot.home)
     positions = np.vstack([grid(robot, 8)[:3], [np.nan, 0, 0]])
     with np.errstate(invalid="ignore"):
-        eigenvalues, frequency = modes(problem, positions, np.eye(3))
+        eigenvalues, frequency = stiffness(problem, positions, np.eye(3))
     assert np.isnan(eigenvalues[3]).all()
     assert np.isnan(frequency[3])
     assert np.isfinite(eigenvalues[:3]).all()

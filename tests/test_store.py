@@ -13,10 +13,13 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace import sweep as sweeping
 
-ASKED = dict(robots=["parallel", "cogiro"], grid=(32, 10, 10), chunk=100, quantities=["tilt", "tensions", "feasible"])
-"""64 chunks: four slabs."""
+ASKED = dict(robots=["parallel", "cogiro"], grid=(8, 10, 10), chunk=100, quantities=["tilt", "tensions", "feasible"])
+"""16 chunks."""
 
-SLAB = stores.TASKS * ASKED["chunk"]
+TASKS = 4
+"""Chunks per slab in these tests: four slabs."""
+
+SLAB = TASKS * ASKED["chunk"]
 """Poses."""
 
 ROUNDING = 1e-14
@@ -29,10 +32,24 @@ def assert_same(found: "xr.Dataset", expected: "xr.Dataset") -> None:
     xr.testing.assert_allclose(found, expected, rtol=ROUNDING, atol=0)
 
 
+@pytest.fixture(autouse=True)
+def small_slabs(monkeypatch):
+    """Four of them."""
+    monkeypatch.setattr(stores, "TASKS", TASKS)
+
+
 @pytest.fixture(scope="module")
 def expected() -> xr.Dataset:
     """The same sweep in memory."""
     return cdpr.sweep(**ASKED)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A finished store."""
+    path = tmp_path_factory.mktemp("finished") / "sweep.zarr"
+    cdpr.sweep(**ASKED, store=path)
+    return path
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".zarr"])
@@ -50,32 +67,38 @@ def test_what_is_stored_is_what_was_swept(expected, tmp_path, suffix):
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
-def test_finished_store_is_read_and_not_computed_again(expected, tmp_path, monkeypatch):
+def test_finished_store_is_read_and_not_computed_again(expected, finished, monkeypatch):
     """The same call a second time costs nothing."""
-    cdpr.sweep(**ASKED, store=tmp_path / "sweep.zarr")
     monkeypatch.setattr(sweeping, "solve_many", None)
-    assert_same(cdpr.sweep(**ASKED, store=tmp_path / "sweep.zarr").compute(), expected)
+    assert_same(cdpr.sweep(**ASKED, store=finished).compute(), expected)
 
-
-LONGER = ASKED | dict(grid=(64, 10, 10))
-"""Eight slabs: the process that is to be killed is still busy when the first is seen to be whole."""
 
 CHILD = f"""
-import sys
+import sys, time
+import xarray as xr
 import cdpr_sim as cdpr
-cdpr.sweep(**{LONGER!r}, store=sys.argv[1])
+from cdpr_sim.analysis.workspace import store
+
+write = xr.Dataset.to_zarr
+
+def slowly(*args, **kwargs):
+    write(*args, **kwargs)
+    time.sleep(0.3)
+
+store.TASKS, xr.Dataset.to_zarr = {TASKS}, slowly
+cdpr.sweep(**{ASKED!r}, store=sys.argv[1])
 """
 
 
-def test_killed_sweep_goes_on_where_it_stopped(tmp_path):
+def test_killed_sweep_goes_on_where_it_stopped(expected, tmp_path):
     """Killed with SIGKILL while it writes: the store reads as unfinished, and the next run keeps what is there."""
-    path, expected = tmp_path / "sweep.zarr", cdpr.sweep(**LONGER)
+    path = tmp_path / "sweep.zarr"
     child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], env=os.environ | {"PYTHONPATH": sys.path[0]})
     done = []
     while len(done) < SLAB:  # until a slab's worth of poses is solved
         assert child.poll() is None, "the sweep ended before it could be killed"
-        time.sleep(0.002)
-        done = _solved_chunks(path)
+        time.sleep(0.02)
+        done = _solved_poses(path)
     child.send_signal(signal.SIGKILL)
     assert child.wait() == -signal.SIGKILL
 
@@ -89,7 +112,7 @@ def test_killed_sweep_goes_on_where_it_stopped(tmp_path):
 
     kept = _modified(path, ~pending)
     assert kept
-    assert_same(cdpr.sweep(**LONGER, store=path).compute(), expected)
+    assert_same(cdpr.sweep(**ASKED, store=path).compute(), expected)
     assert _modified(path, ~pending) == kept
 
 
@@ -137,33 +160,34 @@ def test_full_disk_is_one_sentence_and_nothing_is_lost(expected, tmp_path):
     assert_same(cdpr.sweep(**ASKED, store=path).compute(), expected)
 
 
-@pytest.mark.parametrize(
-    "other",
-    [
-        dict(grid=(32, 10, 9)),
+def test_store_of_another_sweep_is_left_alone(finished):
+    """Any difference that changes a number or its place: refused, before anything is computed or written."""
+    before = _modified(finished)
+    assert len(before) == 16
+    for other in (
+        dict(grid=(8, 10, 9)),
         dict(robots=["cogiro", "parallel"]),
+        dict(robots=["parallel", cdpr.load_robot("cogiro").replace(mass=0.41)]),
         dict(materials=["fishing-0.4mm"]),
         dict(tension_limits=(0, 5)),
         dict(external_wrench=[0, 0, 1.0, 0, 0, 0]),
         dict(orientation=(0, 0, 0.1)),
         dict(quantities=["tilt"]),
         dict(chunk=50),
-    ],
-)
-def test_store_of_another_sweep_is_left_alone(tmp_path_factory, finished, other):
-    """Any difference that changes a number or its place: refused, before anything is computed or written."""
-    before = _modified(finished)
-    with pytest.raises(cdpr.InvalidInput, match="exists and holds something else"):
-        cdpr.sweep(**(ASKED | other), store=finished)
+    ):
+        with pytest.raises(cdpr.InvalidInput, match="exists and holds something else"):
+            cdpr.sweep(**(ASKED | other), store=finished)
     assert _modified(finished) == before
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """A finished store."""
-    path = tmp_path_factory.mktemp("finished") / "sweep.zarr"
-    cdpr.sweep(**ASKED, store=path)
-    return path
+def test_a_robot_is_known_by_its_numbers(tmp_path):
+    """However they were given: in lists or arrays, one stiffness for all or one each."""
+    robot = cdpr.load_robot("two-cable")
+    ask = dict(grid=(2, 1, 1), quantities=["tilt"], store=tmp_path / "sweep.zarr")
+    cdpr.sweep(robot.replace(axial_stiffness=1000.0, frame=robot.frame), **ask)
+    cdpr.sweep(robot.replace(axial_stiffness=[1000.0, 1000.0], exits=robot.exits.tolist(), frame=robot.frame), **ask)
+    with pytest.raises(cdpr.InvalidInput, match="holds something else"):
+        cdpr.sweep(robot.replace(axial_stiffness=[1000.0, 1000.1]), **ask)
 
 
 def test_what_is_no_store_is_left_alone(tmp_path):
@@ -183,16 +207,16 @@ def test_what_is_no_store_is_left_alone(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
 
 
-@pytest.mark.parametrize("name", ["nothing.zarr", "nothing.nc", "mine.nc"])
-def test_open_sweep_says_where_there_is_none(tmp_path, name):
+def test_open_sweep_says_where_there_is_none(tmp_path):
     """One sentence, not a traceback of a library."""
     (tmp_path / "mine.nc").write_text("mine")
-    with pytest.raises(cdpr.InvalidInput, match="found no sweep"):
-        cdpr.open_sweep(tmp_path / name)
+    for name in ("nothing.zarr", "nothing.nc", "mine.nc"):
+        with pytest.raises(cdpr.InvalidInput, match="found no sweep"):
+            cdpr.open_sweep(tmp_path / name)
 
 
-def _solved_chunks(path) -> list:
-    """Chunk files of the status that hold a solved pose: the last thing that is written of a slab."""
+def _solved_poses(path) -> list:
+    """The statuses of the poses that are solved: the last thing that is written of a slab."""
     try:
         status = xr.open_zarr(path, consolidated=False)["status"].values
     except (OSError, KeyError, ValueError):
@@ -209,6 +233,6 @@ def _modified(path, known=None) -> dict:
     if known is None:
         return times
     chunks = known.values.all(axis=(2, 3))
-    whole = chunks.reshape(len(chunks), -1, stores.TASKS).all(axis=2)
-    robots, columns = np.nonzero(np.repeat(whole, stores.TASKS, axis=1))
+    whole = chunks.reshape(len(chunks), -1, TASKS).all(axis=2)
+    robots, columns = np.nonzero(np.repeat(whole, TASKS, axis=1))
     return {name: times[name] for name in {f"{r}.{x}.0.0" for r, x in zip(robots, columns, strict=True)}}

@@ -5,7 +5,7 @@ from scipy.optimize import minimize
 import cdpr_sim as cdpr
 from cdpr_sim.analysis import tensions as distribution
 from cdpr_sim.analysis.compensation import demand_at
-from cdpr_sim.statics import forces as statics
+from cdpr_sim.statics import forces
 
 SAME = 1e-5
 """Relative difference from SLSQP's answer, which stops at 1e-10 of the objective: the root of that in the tensions."""
@@ -61,7 +61,7 @@ def test_stiffness_is_affine_in_the_tensions():
     lengths = robot.rest_lengths((0.4, 0.25, 0.1))
     rest = lengths * robot.axial_stiffness / (robot.axial_stiffness + tensions)
     problem = cdpr.Problem.of(robot, (0.4, 0.25, 0.1), rest)
-    expected = statics.eigenvalues(problem, problem.pose.translation, problem.pose.rotation.as_matrix())[0]
+    expected = forces.at(problem, problem.pose.translation, problem.pose.rotation.as_matrix()).eigenvalues[0]
     assert there.softest(tensions)[0] == pytest.approx(expected, rel=1e-9)
 
 
@@ -70,11 +70,11 @@ def test_where_nothing_balances_the_leftover_proves_it():
     there = demand("parallel", (0.17, 0.25, 0.1))
     assert distribution.smallest(there) is None
     assert distribution.stiffest(there) is None
-    left = distribution.unbalanced(there)
+    left = distribution.leftover(there)
     assert left @ there.load > 0
     assert (there.wrench_matrix.T @ left >= -1e-9 * there.scale).all()
     # Negative control: where tensions balance the load, nothing is left over.
-    assert np.abs(distribution.unbalanced(demand("cogiro", (0.17, 0.25, 0.1)))).max() < 1e-9
+    assert np.abs(distribution.leftover(demand("cogiro", (0.17, 0.25, 0.1)))).max() < 1e-9
 
 
 def test_pretension_without_a_limit_is_refused():

@@ -1,6 +1,6 @@
 """Compensation: how long to cut elastic cables so that they hold the platform where it was told to be.
 
-At the commanded pose, choose tensions within limits that balance the load (``distribution``), and give each cable the
+At the commanded pose, choose tensions within limits that balance the load (``tensions``), and give each cable the
 rest length that its tension stretches to the length it has there,
 
     l0 = l EA / (EA + tau)          from  tau = EA (l − l0)/l0  (paper Eq. 10).
@@ -13,7 +13,7 @@ sqrt(|translation|² + (arm·angle)²), with an arm of the robot's characteristi
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.analysis import tensions as distribution
-from cdpr_sim.analysis.tensions import Demand
+from cdpr_sim.analysis.tensions import Demand, balances, leftover, smallest, stiffest
+from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core.checks import checked_array, frozen
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.errors import InvalidInput, UnknownName
@@ -109,7 +109,7 @@ def compensate(
     pose: PoseLike | None = None,
     *,
     external_wrench: ArrayLike | None = None,
-    tension_limits: ArrayLike | None = None,
+    tension_limits: tuple[ArrayLike, ArrayLike] | np.ndarray | None = None,
     prefer: Prefer = "smallest",
     arm: float | None = None,
 ) -> Compensation:
@@ -119,8 +119,8 @@ def compensate(
         robot: the robot; or a ``Problem`` that is ready, alone, whose rest lengths play no part.
         pose: where the platform should be.
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
-        tension_limits: (lowest, highest) tension [N], numbers or one per cable; default: from 1 % of the load, which
-            keeps every cable taut, upwards.
+        tension_limits: smallest and largest tension [N], each one number or one per cable; default: from 1 % of the
+            load, which keeps every cable taut, upwards.
         prefer: of all tensions that do, the "smallest" (by norm) or those that make the platform "stiffest".
         arm: how much rotation counts where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
             0 [m] asks for the position, and of the rotations that go with it for a small one; default: the robot's
@@ -143,10 +143,10 @@ def compensate(
         raise InvalidInput(f"arm: found {arm:g} m, expected 0 or more")
     demand = demand_at(rigid, commanded, lower, upper)
     floor = HELD * rigid.load / robot.characteristic_length
-    choose = distribution.smallest if prefer == "smallest" else distribution.stiffest
-    tensions = choose(demand, floor)
+    tensions = smallest(demand, floor) if prefer == "smallest" else stiffest(demand, floor)
     if tensions is not None:
-        found = _held(rigid, commanded, tensions)
+        cut = _cut(rigid, commanded, tensions)
+        found = forces.equilibrium_at(cut, commanded, iterations=0, source="compensation")
         if found.stable:
             return Compensation(commanded, found, Reach.EXACT, 0.0, arm, (), limits)
     reasons = _reasons(demand, rigid)
@@ -163,20 +163,17 @@ def demand_at(
     """What tensions must do at ``pose`` under the problem's load; its rest lengths play no part."""
     robot, position, rotation = problem.robot, pose.translation, pose.rotation.as_matrix()
     free, units = robot.free, robot.units
-    cables = forces.geometry(robot, position, rotation)
 
     def stiffness(tensions: Float[np.ndarray, " cables"]) -> Float[np.ndarray, "free free"]:
-        rest = cable_law.rest_length_for(cables.lengths, tensions, robot.axial_stiffness)
-        cut = Problem(robot, pose, rest, problem.external_wrench)
-        matrix = forces.at(cut, position, rotation).stiffness_matrix / np.outer(units, units)
-        return matrix[np.ix_(free, free)]
+        state = forces.at(_cut(problem, pose, tensions), position, rotation)
+        return (state.stiffness_matrix / np.outer(units, units))[np.ix_(free, free)]
 
     # The stiffness matrix is affine in the tensions, all taut: as many values as there are cables, and one, tell it.
     some = np.full(robot.cables, problem.load or 1.0)
     base = stiffness(some)
     stiffening = np.array([(stiffness(some + step) - base) / some[0] for step in np.diag(some)])
     return Demand(
-        wrench_matrix=(cables.wrench_matrix / units[:, None])[free],
+        wrench_matrix=(forces.geometry(robot, position, rotation).wrench_matrix / units[:, None])[free],
         load=(forces.load_wrench(problem, rotation) / units)[free],
         lower=lower,
         upper=upper,
@@ -185,36 +182,34 @@ def demand_at(
     )
 
 
-def _held(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " cables"]) -> Equilibrium:
-    """The equilibrium at ``pose`` with cables cut for ``tensions``."""
+def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " cables"]) -> Problem:
+    """``problem`` with its cables cut so that they have these tensions at ``pose``, which it is asked to start from."""
     robot = problem.robot
     lengths = forces.geometry(robot, pose.translation, pose.rotation.as_matrix()).lengths
     rest = cable_law.rest_length_for(lengths, tensions, robot.axial_stiffness)
-    cut = Problem.of(robot, pose, rest, problem.external_wrench)
-    return forces.equilibrium_at(cut, pose, iterations=0, source="compensation")
+    return Problem(robot, pose, frozen(rest), problem.external_wrench)
 
 
 def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
     """Why no tensions within limits hold the commanded pose, most to the point first."""
     robot = problem.robot
-    if distribution.balances(demand):
+    if balances(demand):
         return ("tensions within limits balance the load there, but none hold it: pushed, the platform would leave",)
-    free = robot.free
-    missing = np.zeros(6)
-    pulling = Demand(**(vars(demand) | {"lower": np.zeros(robot.cables), "upper": np.full(robot.cables, np.inf)}))
-    if distribution.balances(pulling):
-        smallest = distribution.smallest(pulling)
-        least = "" if smallest is None else f" (the smallest: {smallest.min():.3g} to {smallest.max():.3g} N)"
-        return (f"cables that only pull could balance the load there, but not within the limits of tension{least}",)
+    pulling = replace(demand, lower=np.zeros(robot.cables), upper=np.full(robot.cables, np.inf))
+    if balances(pulling):
+        least = smallest(pulling)
+        told = "" if least is None else f" (the smallest: {least.min():.3g} to {least.max():.3g} N)"
+        return (f"cables that only pull could balance the load there, but not within the limits of tension{told}",)
     pushing = np.linalg.lstsq(demand.wrench_matrix, -demand.load, rcond=None)[0]
-    can_push = np.abs(demand.wrench_matrix @ pushing + demand.load).max() <= distribution.BALANCED * demand.scale
-    missing[free] = distribution.unbalanced(pulling)
+    can_push = np.abs(demand.wrench_matrix @ pushing + demand.load).max() <= BALANCED * demand.scale
     why = (
         f"cables would have to push to balance the load there: cable {int(np.argmin(pushing)) + 1} "
         f"with {-pushing.min():.3g} N"
         if can_push
         else "the cables cannot balance the load there, whether they pull or push: their wrenches do not span it"
     )
+    missing = np.zeros(6)
+    missing[robot.free] = leftover(pulling)
     return (
         why,
         "the load can move the platform without any cable getting longer: "
@@ -301,35 +296,33 @@ def _descend(
     turn = (pose.rotation * problem.pose.rotation.inv()).as_rotvec()
     begin = np.concatenate([pose.translation - problem.pose.translation, turn])
 
-    def posed(unknowns: Float[np.ndarray, " unknowns"]) -> tuple[RigidTransform, np.ndarray, Problem]:
-        step = np.zeros(6)
-        step[free] = unknowns[:count] * reach / units[free]
-        pose = moved(problem.pose, step)
-        lengths = forces.geometry(robot, pose.translation, pose.rotation.as_matrix()).lengths
-        tensions = np.maximum(unknowns[count:], 0) * scale
-        rest = cable_law.rest_length_for(lengths, tensions, robot.axial_stiffness)
-        return pose, step, Problem(robot, pose, rest, problem.external_wrench)
+    def step(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "6"]:
+        whole = np.zeros(6)
+        whole[free] = unknowns[:count] * reach / units[free]
+        return whole
+
+    def cut(unknowns: Float[np.ndarray, " unknowns"]) -> Problem:
+        return _cut(problem, moved(problem.pose, step(unknowns)), np.maximum(unknowns[count:], 0) * scale)
+
+    def posed(unknowns: Float[np.ndarray, " unknowns"]) -> forces.State:
+        asked = cut(unknowns)
+        return forces.at(asked, asked.pose.translation, asked.pose.rotation.as_matrix())
 
     def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " free"]:
-        pose, _, cut = posed(unknowns)
-        rotation = pose.rotation.as_matrix()
-        W = forces.geometry(robot, pose.translation, rotation).wrench_matrix
-        net = W @ unknowns[count:] * scale + forces.load_wrench(cut, rotation)
+        state = posed(unknowns)
+        net = state.wrench_matrix @ unknowns[count:] * scale + state.load_wrench
         return (net / units)[free] / scale
 
     def slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "free unknowns"]:
-        pose, step, cut = posed(unknowns)
-        state = forces.at(cut, pose.translation, pose.rotation.as_matrix())
+        state = posed(unknowns)
         geometric = derivatives.wrench_slope_at_fixed_tensions(state)
-        geometric[:, 3:] = geometric[:, 3:] @ _left_jacobian(step[3:])
+        geometric[:, 3:] = geometric[:, 3:] @ _left_jacobian(step(unknowns)[3:])
         by_step = (geometric * reach / units / units[:, None])[np.ix_(free, free)] / scale
         by_tension = (state.wrench_matrix / units[:, None])[free]
         return np.hstack([by_step, by_tension])
 
     def held(unknowns: Float[np.ndarray, " unknowns"]) -> float:
-        pose, _, cut = posed(unknowns)
-        softest = forces.at(cut, pose.translation, pose.rotation.as_matrix()).eigenvalues[0]
-        return float(softest * reach / scale)
+        return float(posed(unknowns).eigenvalues[0] * reach / scale)
 
     constraints = [{"type": "eq", "fun": balance, "jac": slope}]
     if floor is not None:
@@ -347,12 +340,12 @@ def _descend(
     )
     if not np.isfinite(found.x).all() or np.abs(balance(found.x)).max() > 1e-6:
         return None
-    pose, _, cut = posed(found.x)
+    nearest = cut(found.x)
     try:
-        equilibrium = newton.solve(Problem.of(robot, pose, cut.rest_lengths, problem.external_wrench))
+        equilibrium = newton.solve(nearest)
     except NotConverged:
         return None
-    return equilibrium if distance(pose, equilibrium.pose, reach) <= _EQUAL else None
+    return equilibrium if distance(nearest.pose, equilibrium.pose, reach) <= _EQUAL else None
 
 
 def _left_jacobian(rotation_vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

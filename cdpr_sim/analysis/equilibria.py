@@ -268,15 +268,14 @@ def _stiffened_roots(
     The stiffer the cables the narrower the valleys that lead to a saddle: at a strain of a percent they are wide.
     """
     robot = problem.robot
-    found = [_roots(problem, positions, rotations)]
+    straight = _roots(problem, positions, rotations)
     softening = SOFT_STRAIN * float(robot.axial_stiffness.max()) / problem.load
     levels = max(int(np.ceil(np.log(max(softening, 1.0)) / np.log(STIFFENING))), 0)
     for level in range(levels, -1, -1):
         softer = robot.replace(axial_stiffness=robot.axial_stiffness / STIFFENING**level)
         part = Problem(softer, problem.pose, problem.rest_lengths, problem.external_wrench)
         positions, rotations = _roots(part, positions, rotations, 1e-2 if level == levels else 1e-12)
-    found.append((positions, rotations))
-    return np.concatenate([p for p, _ in found]), np.concatenate([r for _, r in found])
+    return np.concatenate([straight[0], positions]), np.concatenate([straight[1], rotations])
 
 
 def _roots(
@@ -307,9 +306,8 @@ def _roots(
         normal = slope.swapaxes(-1, -2) @ slope
         scale = np.trace(normal, axis1=-2, axis2=-1)[:, None, None] / len(free)
         gradient = np.einsum("nij,ni->nj", slope, force[rows])
-        step = -np.linalg.solve(normal + (dampings[rows, None, None] * scale + 1e-300) * eye, gradient[..., None])[
-            ..., 0
-        ]
+        damped = normal + (dampings[rows, None, None] * scale + 1e-300) * eye
+        step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
         length = np.linalg.norm(step, axis=1)
         step *= np.minimum(1.0, 2 * robot.characteristic_length / np.maximum(length, 1e-300))[:, None]
         whole = np.zeros((len(rows), 6))

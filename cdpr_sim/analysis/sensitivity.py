@@ -23,17 +23,6 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import derivatives, forces, newton
 
-PER = {
-    "rest_lengths": "mm",
-    "axial_stiffness": "%",
-    "exits": "mm",
-    "anchors": "mm",
-    "mass": "%",
-    "center_of_mass": "mm",
-    "external_wrench": "N or N mm",
-}
-"""What one unit of change is when effects are compared, per parameter."""
-
 
 @dataclass(frozen=True)
 class Effect:

@@ -21,12 +21,10 @@ from jaxtyping import Float
 from scipy.linalg import null_space
 from scipy.optimize import linprog, lsq_linear, nnls
 
+from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core.errors import InvalidInput
 
 Array = np.ndarray
-
-BALANCED = 1e-9
-"""Largest unbalanced force, as a fraction of the load, that counts as rounding: feasible poses measure 1e-15."""
 
 CUTS = 200
 """Cutting planes before giving up. DemoBot's eight cables need 1 to 3."""
@@ -136,7 +134,7 @@ def stiffest(demand: Demand, floor: float = -np.inf) -> Float[Array, " cables"] 
     return _on_the_balance(demand, best) if best_value >= floor - GAP * abs(floor) else None
 
 
-def unbalanced(demand: Demand) -> Float[Array, " free"]:
+def leftover(demand: Demand) -> Float[Array, " free"]:
     """The smallest wrench that tensions within limits leave over, (free,) [N]; zero where they balance the load.
 
     Where it is not zero it is also a proof (Farkas): the platform moved along it gains work from the load, while no
@@ -151,7 +149,7 @@ def unbalanced(demand: Demand) -> Float[Array, " free"]:
 
 def balances(demand: Demand) -> bool:
     """Whether some tensions within limits balance the load."""
-    return bool(np.abs(unbalanced(demand)).max() <= BALANCED * demand.scale)
+    return bool(np.abs(leftover(demand)).max() <= BALANCED * demand.scale)
 
 
 def _least_norm(demand: Demand, gains: list[Array], least: list[float]) -> Float[Array, " cables"] | None:

@@ -32,6 +32,9 @@ BALANCED = 1e-9
 """Unbalanced force, as a fraction of the load, that still counts as balance. Where forces do balance, what is left
 is rounding, 1e-15; at 1e-9 outside the workspace, a micrometre decides."""
 
+HIGHS_TOLERANCE = 1e-7
+"""By which HiGHS may violate a constraint."""
+
 
 def shortfall(
     robot: Robot,
@@ -100,7 +103,7 @@ def feasible_by_linprog(
     tension_limits: tuple[ArrayLike, ArrayLike] = SLACK_TO_ANYTHING,
     wrenches: ArrayLike | None = None,
 ) -> bool:
-    """The reference for ``feasible``, at one pose: linear programming by HiGHS, to its tolerance of 1e-7.
+    """The reference for ``feasible``, at one pose: linear programming by HiGHS, to its tolerance.
 
     Raises:
         InvalidInput: limits or wrenches that cannot be right.
@@ -108,38 +111,32 @@ def feasible_by_linprog(
     lower, upper = checked_limits(robot, tension_limits)
     rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     return all(
-        _balance_by_linprog(robot, np.asarray(position, dtype=float), rotation, lower, upper, load)
+        _least_by_linprog(robot, np.asarray(position, dtype=float), rotation, lower, upper, load) <= HIGHS_TOLERANCE
         for load in checked_wrenches(robot, wrenches)
     )
 
 
-def _system(
-    robot: Robot, position: Float[Array, "3"], rotation: Float[Array, "3 3"], wrench: Float[Array, "6"]
-) -> tuple[Float[Array, "free cables"], Float[Array, " free"], float]:
-    """W and w_e on the free directions, torques divided by the characteristic length, w_e in units of its size [N]."""
-    W = forces.geometry(robot, position, rotation).wrench_matrix / robot.units[:, None]
-    problem = Problem(robot, robot.pose(robot.home), np.ones(robot.cables), wrench)
-    load = (forces.load_wrench(problem, rotation) / robot.units)[robot.free]
-    size = float(np.linalg.norm(load)) or 1.0
-    return W[robot.free], load / size, size
-
-
-def _balance_by_linprog(robot, position, rotation, lower, upper, wrench) -> bool:
-    from scipy.optimize import linprog
-
-    W, load, size = _system(robot, position, rotation, wrench)
-    bounds = np.column_stack([lower, upper]) / size
-    result = linprog(np.zeros(robot.cables), A_eq=W, b_eq=-load, bounds=bounds, method="highs")
-    return result.status == 0
-
-
-def _least_by_linprog(robot, position, rotation, lower, upper, wrench) -> float:
+def _least_by_linprog(
+    robot: Robot,
+    position: Float[Array, "3"],
+    rotation: Float[Array, "3 3"],
+    lower: Float[Array, " cables"],
+    upper: Float[Array, " cables"],
+    wrench: Float[Array, "6"],
+) -> float:
     """The least largest component of W tau + w_e, over the load: as ``shortfall``, in another norm."""
     from scipy.optimize import linprog
 
-    W, load, size = _system(robot, position, rotation, wrench)
-    rows = len(load)
-    A = np.block([[W, -np.ones((rows, 1))], [-W, -np.ones((rows, 1))]])
+    W = (forces.geometry(robot, position, rotation).wrench_matrix / robot.units[:, None])[robot.free]
+    problem = Problem(robot, robot.pose(robot.home), np.ones(robot.cables), wrench)
+    load = (forces.load_wrench(problem, rotation) / robot.units)[robot.free]
+    size = float(np.linalg.norm(load)) or 1.0
+    over = -np.ones((len(load), 1))
     bounds = np.vstack([np.column_stack([lower, upper]) / size, [0.0, np.inf]])
-    result = linprog(np.append(np.zeros(robot.cables), 1.0), A_ub=A, b_ub=np.append(-load, load), bounds=bounds)
+    result = linprog(
+        np.append(np.zeros(robot.cables), 1.0),
+        A_ub=np.block([[W, over], [-W, over]]),
+        b_ub=np.append(-load, load) / size,
+        bounds=bounds,
+    )
     return float(result.fun) if result.status == 0 else np.nan

@@ -34,24 +34,21 @@ def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndar
     Raises:
         InvalidInput: an empty or absurd grid, or robots of different workspaces where the grid does not say which.
     """
-    given = dict(zip(AXES, _counts(DEFAULT if grid is None else grid), strict=True)) if not _named(grid) else {}
-    if _named(grid):
-        for name in grid:  # type: ignore[union-attr]
+    if isinstance(grid, Mapping):
+        for name in grid:
             if name not in AXES:
                 raise InvalidInput(f"grid: found an axis {name!r}, expected x, y or z")
-        given = {name: _coordinates(name, values) for name, values in grid.items()}  # type: ignore[union-attr]
-    if len(given) < 3 or not _named(grid):
-        workspace = _shared_workspace(robots)
+        given = {name: _coordinates(name, values) for name, values in grid.items()}
+    else:
+        given = dict(zip(AXES, _counts(DEFAULT if grid is None else grid), strict=True))
     axes = {}
     for i, name in enumerate(AXES):
         value = given.get(name, 1)
-        if isinstance(value, np.ndarray):
-            axes[name] = value
-            continue
-        lower, upper = workspace[:, i]  # type: ignore[possibly-undefined]
-        axes[name] = (
-            np.linspace(lower, upper, value) if value > 1 and upper > lower else np.array([(lower + upper) / 2])
-        )
+        if not isinstance(value, np.ndarray):
+            lower, upper = _shared_workspace(robots)[:, i]
+            several = value > 1 and upper > lower
+            value = np.linspace(lower, upper, value) if several else np.array([(lower + upper) / 2])
+        axes[name] = value
     for robot in robots:
         if robot.mobility == "planar" and axes["y"].any():
             raise InvalidInput(f"grid: found y = {axes['y'][-1]:g} m, but {robot.name!r} is planar: expected y = 0")
@@ -94,12 +91,8 @@ def plane(name: str, at: float | None, points: int, robots: Sequence[Robot]) -> 
     return as_grid(axes, robots)  # type: ignore[return-value]
 
 
-def _named(grid: GridLike | None) -> bool:
-    return isinstance(grid, Mapping)
-
-
-def _counts(grid: GridLike) -> list[int]:
-    counts = checked_array("grid", grid, (3,))  # type: ignore[arg-type]
+def _counts(grid: Sequence[int]) -> list[int]:
+    counts = checked_array("grid", grid, (3,))
     if not ((counts >= 1) & (counts == np.round(counts))).all():
         found = ", ".join(f"{count:g}" for count in counts)
         raise InvalidInput(f"grid: found ({found}), expected three whole numbers of at least 1, or coordinates by name")

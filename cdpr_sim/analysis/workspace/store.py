@@ -197,7 +197,7 @@ def _digest(identity: Sequence[Any]) -> str:
             for item in value:
                 add(item)
         elif hasattr(value, "__dataclass_fields__"):
-            add({name: getattr(value, name) for name in value.__dataclass_fields__})
+            add({name: getattr(value, name) for name in value.__dataclass_fields__ if not name.startswith("_")})
         else:
             state.update(repr(value).encode())
 

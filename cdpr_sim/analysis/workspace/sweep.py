@@ -280,35 +280,29 @@ def _solve_block(
     rests = solve_many(
         robot, commanded, rotations=rotation, axial_stiffness=np.atleast_2d(stiffness), external_wrench=wrench
     )
-    lost = ~rests.converged
-    wanted: dict[str, Any] = {
-        "status": rests.status.astype(np.int8),
-        "iterations": rests.iterations.astype(np.int16),
+    found = rests.converged
+    eigenvalues, frequency = stiffness_of(rests) if _MODES & set(names) else (None, None)
+    bits = 1 << np.arange(robot.cables, dtype=np.int64)
+    read = {
+        "position": lambda: rests.positions,
+        "rotation_vector": lambda: _rotation_vectors(rests.rotations, found),
+        "deviation": lambda: rests.deviation,
+        "distance": lambda: np.linalg.norm(rests.deviation, axis=-1),
+        "tilt": lambda: rests.tilt,
+        "tensions": lambda: rests.tensions,
+        "slack_count": lambda: rests.slack.sum(-1),
+        "slack_set": lambda: np.where(found, rests.slack @ bits, -1),
+        "eigenvalues": lambda: eigenvalues,
+        "frequency": lambda: frequency,
+        "residual": lambda: rests.residuals,
+        "iterations": lambda: rests.iterations,
+        "status": lambda: rests.status,
     }
-    if "position" in names:
-        wanted["position"] = rests.positions
-    if "rotation_vector" in names:
-        wanted["rotation_vector"] = _rotation_vectors(rests.rotations, ~lost)
-    if {"deviation", "distance"} & set(names):
-        wanted["deviation"] = rests.deviation
-        wanted["distance"] = np.linalg.norm(wanted["deviation"], axis=-1)
-    if "tilt" in names:
-        wanted["tilt"] = rests.tilt
-    if "tensions" in names:
-        wanted["tensions"] = rests.tensions
-    if {"slack_count", "slack_set"} & set(names):
-        wanted["slack_count"] = rests.slack.sum(-1, dtype=float)
-        bits = rests.slack @ (1 << np.arange(robot.cables, dtype=np.int64))
-        wanted["slack_set"] = np.where(lost, -1, bits)
-    if _MODES & set(names):
-        wanted["eigenvalues"], wanted["frequency"] = stiffness_of(rests)
-    wanted["residual"] = rests.residuals
     results = []
     for name in names:
-        values = wanted[name]
-        if QUANTITIES[name].dtype is float and lost.any():
-            values = np.array(values)
-            values[lost] = np.nan
+        values = np.array(read[name](), dtype=QUANTITIES[name].dtype)
+        if QUANTITIES[name].dtype is float:
+            values[~found] = np.nan
         results.append(values)
     return tuple(results) if len(results) > 1 else results[0]
 
