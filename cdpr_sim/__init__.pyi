@@ -61,3 +61,5 @@ from .statics.solve import solve as solve
 from .studies.gallery import PICTURES as PICTURES
 from .studies.gallery import list_figures as list_figures
 from .studies.gallery import write_figures as write_figures
+
+__version__: str

@@ -11,9 +11,13 @@ from rich.console import Console
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of, robot_of
-from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_json
+from cdpr_sim.cli.terminal import DISAGREE, busy, errors_as_sentences, print_json
+from cdpr_sim.core import memory
 from cdpr_sim.report import analysis as report
 from cdpr_sim.report import as_json as json_of
+
+BYTES_PER_START = 2000
+"""That looking for equilibria takes, measured at 100,000 starts and rounded up."""
 
 
 def compensate(
@@ -50,7 +54,7 @@ def compensate(
         console.print(report.compensation_table(found, before, after))
         console.print(report.compensation_lengths(found), highlight=False)
         console.print(report.compensation_verdict(found), highlight=False)
-    raise typer.Exit(0 if found.exact else 1)
+    raise typer.Exit(0 if found.exact else DISAGREE)
 
 
 def sensitivity(
@@ -86,6 +90,9 @@ def equilibria(
     """All places to rest on the cable lengths of the commanded pose, and which of them the robot reaches."""
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
+        if starts < 1:
+            raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
+        memory.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
         with busy("Looking for equilibria (the first run on a machine compiles for half a minute)"):
             found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
             followed = cdpr.follow_load(problem)
@@ -100,7 +107,7 @@ def equilibria(
         same = "MuJoCo comes to the same" if by_mujoco == reached else f"MuJoCo comes to {by_mujoco + 1} instead"
         console.print(f"Followed while gravity grows, the platform comes to {reached + 1}; {same}.", highlight=False)
         console.print(report.equilibria_note(found), highlight=False)
-    raise typer.Exit(0 if by_mujoco == reached else 1)
+    raise typer.Exit(0 if by_mujoco == reached else DISAGREE)
 
 
 def identify(
@@ -141,4 +148,4 @@ def identify(
         console = Console()
         console.print(report.identification_table(found))
         console.print(report.identification_note(found), highlight=False)
-    raise typer.Exit(1 if found.reasons else 0)
+    raise typer.Exit(DISAGREE if found.reasons else 0)

@@ -9,7 +9,7 @@ from rich.console import Console
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of
-from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_json
+from cdpr_sim.cli.terminal import DISAGREE, busy, errors_as_sentences, print_json
 from cdpr_sim.report import as_json as json_of
 from cdpr_sim.report import crosscheck as report
 
@@ -41,9 +41,9 @@ def settle(robot: RobotName, pose: Pose = None, material: MaterialName = None, a
         console.print(report.settle_table(problem, outcomes))
         for outcome in outcomes.values():
             if isinstance(outcome, cdpr.NotConverged):
-                console.print(f"[dim]{outcome.reason}[/]", highlight=False)
+                console.print(outcome.reason, style="dim", markup=False, highlight=False)
         console.print(report.verdict(agreement), highlight=False)
-    raise typer.Exit(0 if agreement.agrees else 1)
+    raise typer.Exit(0 if agreement.agrees else DISAGREE)
 
 
 def solve(

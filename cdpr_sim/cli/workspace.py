@@ -11,10 +11,13 @@ from rich.console import Console
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.cli.options import Grid, Limits, MaterialNames, RobotNames
-from cdpr_sim.cli.terminal import errors_as_sentences
+from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences
 from cdpr_sim.core.files import check_place
 from cdpr_sim.drawing import maps
 from cdpr_sim.report import workspace as report
+
+MOST_POINTS = 2000
+"""Poses along the longer side of a map."""
 
 
 def sweep(
@@ -51,6 +54,11 @@ def draw_map(
     with errors_as_sentences():
         check_place(output, maps.SUFFIXES, force=force, field="output")
         robots = [cdpr.load_robot(name) for name in robot]
+        if points > MOST_POINTS:
+            raise cdpr.InvalidInput(
+                f"points: found {points}, expected at most {MOST_POINTS}, more than a map has pixels; a .nc or .zarr "
+                "store of `cdpr-sim sweep` holds more"
+            )
         section = grids.plane(plane, at, points, robots)
         dataset = cdpr.sweep(robots, section, material or None, tension_limits=limits, progress=True)
         maps.write(maps.draw_elastic_map(dataset), output)
@@ -78,4 +86,4 @@ def check(
     console.print(report.check_table(result))
     for line in report.check_lines(result):
         console.print(line, highlight=False)
-    raise typer.Exit(0 if result.agrees else 1)
+    raise typer.Exit(0 if result.agrees else DISAGREE)

@@ -19,7 +19,7 @@ LONGEST_QUOTE = 150
 
 
 class _Short(reprlib.Repr):
-    """A few entries of what is long, an array by its shape, a huge number, which Python may not print, by its digits."""
+    """A few entries of what is long, an array by its shape, a huge number, which Python may refuse, by its digits."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from cdpr_sim.core.errors import InvalidInput, StoreError
 
-OUTSIDE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG}
-"""What befalls a place that was well chosen: a full disk, a quota, a broken device, a limit on files."""
+OUTSIDE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG, errno.EPIPE}
+"""What befalls a place that was well chosen: a full disk, a quota, a broken device, an encoder that was killed."""
 
 
 def read_text(path: Path, most: int) -> str:
