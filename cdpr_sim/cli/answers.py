@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of, robot_of
-from cdpr_sim.cli.terminal import DISAGREE, busy, errors_as_sentences, print_json
+from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
 from cdpr_sim.core import memory
 from cdpr_sim.report import analysis as report
 from cdpr_sim.report import as_json as json_of
@@ -50,7 +49,7 @@ def compensate(
     if as_json:
         print_json(json_of.compensation(problem, found, before, after))
     else:
-        console = Console()
+        console = Output()
         console.print(report.compensation_table(found, before, after))
         console.print(report.compensation_lengths(found), highlight=False)
         console.print(report.compensation_verdict(found), highlight=False)
@@ -73,7 +72,7 @@ def sensitivity(
     if as_json:
         print_json(json_of.sensitivity(answer, effects, modes))
     else:
-        console = Console()
+        console = Output()
         console.print(report.sensitivity_table(answer, effects[:rows]))
         console.print(report.sensitivity_note(answer), highlight=False)
         console.print(report.modes_table(modes))
@@ -102,7 +101,7 @@ def equilibria(
     if as_json:
         print_json(json_of.equilibria(problem, found, releases, followed, reached, by_mujoco))
     else:
-        console = Console()
+        console = Output()
         console.print(report.equilibria_table(found, releases, reached))
         same = "MuJoCo comes to the same" if by_mujoco == reached else f"MuJoCo comes to {by_mujoco + 1} instead"
         console.print(f"Followed while gravity grows, the platform comes to {reached + 1}; {same}.", highlight=False)
@@ -145,7 +144,7 @@ def identify(
     if as_json:
         print_json(json_of.identification(found))
     else:
-        console = Console()
+        console = Output()
         console.print(report.identification_table(found))
         console.print(report.identification_note(found), highlight=False)
     raise typer.Exit(DISAGREE if found.reasons else 0)

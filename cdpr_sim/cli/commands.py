@@ -40,4 +40,3 @@ class Command(TyperCommand):
         del limit
         first = (self.help or "").strip().partition("\n\n")[0].partition(". ")[0]
         return self.short_help or f"{' '.join(first.split()).rstrip('.')}."
-

@@ -8,11 +8,10 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import robot_of
-from cdpr_sim.cli.terminal import busy, errors_as_sentences, progress_bars, tidy_when_terminated
+from cdpr_sim.cli.terminal import Output, busy, errors_as_sentences, progress_bars, tidy_when_terminated
 from cdpr_sim.core.files import check_place
 from cdpr_sim.drawing.video import film
 from cdpr_sim.report.tables import new_table
@@ -37,7 +36,7 @@ def figures(
         table.add_column("what it shows")
         for one, picture in cdpr.PICTURES.items():
             table.add_row(one, picture.paper, picture.shows)
-        Console().print(table)
+        Output().print(table)
         return
     with errors_as_sentences():
         wanted = name or cdpr.list_figures()

@@ -6,18 +6,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import MaterialName, Pose, problem_of
-from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences
+from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
 from cdpr_sim.physics.model_files import model_files, stale_models, write_models
 from cdpr_sim.report.tables import new_table
 
 
 def robots() -> None:
     """List the robots of the catalogue and the materials of cables."""
-    console = Console()
+    console = Output()
     table = new_table("Robots", "robot", "mobility", "cables", "mass", words=2)
     table.add_column("what")
     for name in cdpr.list_robots():

@@ -19,6 +19,15 @@ from rich.status import Status
 
 import cdpr_sim as cdpr
 
+
+class Output(Console):
+    """Standard output; a pipe that nobody reads is an error, for ``outside_world`` to make an exit status of."""
+
+    def on_broken_pipe(self) -> None:
+        """Called where the error is at hand; rich would end with the status that means that the roads disagree."""
+        raise
+
+
 DISAGREE, MISTAKE, OUTSIDE, INTERRUPTED = 1, 2, 3, 128 + signal.SIGINT
 """Exit statuses: another answer than hoped for, input that cannot be right, a failure of the world outside, Ctrl-C."""
 

@@ -6,7 +6,7 @@ import errno
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from cdpr_sim.core.errors import InvalidInput, StoreError
@@ -75,9 +75,8 @@ def refuse_unwritable(path: Path) -> None:
     try:
         with tempfile.TemporaryFile(dir=path.parent):
             pass
-        os.lstat(path)
-    except FileNotFoundError:
-        pass
+        with suppress(FileNotFoundError):
+            os.lstat(path)  # its name may be too long
     except OSError as error:
         raise _unwritable(path, error) from None
 

@@ -55,7 +55,7 @@ def compensation_table(
 
 def _small(error: float) -> str:
     """With the six decimals of its neighbours; what they would show as nothing, by its size."""
-    return f"{error:.6f}" if error >= 1e-5 else f"{error:.2e}"
+    return f"{error:.6f}" if error >= 1e-5 or error == 0 else f"{error:.2e}"
 
 
 def compensation_lengths(compensation: Compensation) -> str:

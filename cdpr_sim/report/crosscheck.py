@@ -63,12 +63,11 @@ def settle_table(problem: Problem, outcomes: Mapping[str, Outcome]) -> Table:
 
 def line_table(title: str, settled: Rests, agreements: Sequence[Agreement]) -> Table:
     """One row per commanded pose: where the platform ends up, and how far the two roads are apart."""
-    table = new_table(title, words=0)
-    for column in (
-        "commanded x [mm]", "x [mm]", "sag [mm]", "tilt [°]", "about y [°]", "taut cables", "roads apart [nm]",
-        "verdict",
-    ):  # fmt: skip
-        table.add_column(escape(column), justify="right")
+    table = new_table(
+        title,
+        "commanded\nx [mm]", "x\n[mm]", "sag\n[mm]", "tilt\n[°]", "about y\n[°]", "taut\ncables",
+        "roads apart\n[nm]", "verdict", words=0, dense=True,
+    )  # fmt: skip
     for end, agreement in zip(settled, agreements, strict=True):
         table.add_row(
             f"{1e3 * end.problem.pose.translation[0]:.2f}",
