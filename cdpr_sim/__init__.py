@@ -6,4 +6,16 @@ and where they live is in ``__init__.pyi``.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_attribute, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    """A public name, or the version that is installed."""
+    if name == "__version__":
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("cdpr-sim")
+        except PackageNotFoundError:  # run from its sources
+            return "unknown"
+    return _attribute(name)

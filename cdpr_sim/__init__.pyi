@@ -23,6 +23,7 @@ from .core.equilibrium import NotConverged as NotConverged
 from .core.equilibrium import NotSettled as NotSettled
 from .core.equilibrium import Stability as Stability
 from .core.errors import CdprError as CdprError
+from .core.errors import ImplausibleRobot as ImplausibleRobot
 from .core.errors import InvalidInput as InvalidInput
 from .core.errors import RobotFileError as RobotFileError
 from .core.errors import StoreError as StoreError
@@ -60,3 +61,5 @@ from .statics.solve import solve as solve
 from .studies.gallery import PICTURES as PICTURES
 from .studies.gallery import list_figures as list_figures
 from .studies.gallery import write_figures as write_figures
+
+__version__: str

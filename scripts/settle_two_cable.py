@@ -5,10 +5,10 @@ Run it: python scripts/settle_two_cable.py
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 import cdpr_sim as cdpr
 from cdpr_sim.report.crosscheck import line_table
+from cdpr_sim.report.tables import new_table
 from cdpr_sim.statics import two_cable
 from cdpr_sim.studies.lines import checked_lines
 
@@ -29,9 +29,8 @@ def main() -> None:
         console.print(line_table(f"{ROBOT}, {material}, z = {z} m", line.settled, line.agreements))
 
     robot = cdpr.load_robot(ROBOT)
-    table = Table(
-        "commanded x", "MuJoCo", "closed form", "short bar (paper, mended)", title="Rotation about y at z = 0.1 m"
-    )
+    headings = "commanded x", "MuJoCo", "closed form", "short bar (paper, mended)"
+    table = new_table("Rotation about y at z = 0.1 m", *headings, words=0)
     furthest = 0.0
     for end in lines[MATERIALS[0], HEIGHTS[0]].settled:
         closed = two_cable.equilibrium_rotations(robot, end.position)
@@ -39,7 +38,7 @@ def main() -> None:
         furthest = max(furthest, abs(nearest - end.euler[1]))
         short = two_cable.short_bar_rotation(robot, end.position)
         table.add_row(
-            f"{1e3 * end.problem.pose.translation[0]:.0f} mm",
+            f"{1e3 * end.problem.pose.translation[0]:.2f} mm",
             *(f"{np.degrees(angle):.3f}°" for angle in (end.euler[1], nearest, short)),
         )
     console.print(table)

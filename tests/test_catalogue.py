@@ -129,12 +129,12 @@ def test_robot_of_ones_own_is_read_from_a_file(tmp_path):
         (("mass = 1.5", "mas = 1.5"), "platform.mas: unknown key, did you mean 'mass'"),
         (("mass = 1.5", "mass = nan"), "platform.mass: found nan"),
         (("mass = 1.5", "mass = -1.5"), "mass: found -1.5 kg, expected more than 0"),
-        (("exit = [0, 0, 1]", "exit = [0, 0]"), "cables.0.exit.2: missing"),
-        (("exit = [0, 0, 1]\n", ""), "cables.0.exit: missing"),
+        (("exit = [0, 0, 1]", "exit = [0, 0]"), "cable 1: exit.z: missing"),
+        (("exit = [0, 0, 1]\n", ""), "cable 1: exit: missing"),
         (("name =", "name"), "is not TOML"),
-        (("axial_stiffness = 2000.0", ""), "cables.0: found neither material nor axial_stiffness"),
+        (("axial_stiffness = 2000.0", ""), "cable 1: found neither material nor axial_stiffness"),
         (("fishing-0.4mm", "fishing"), "unknown material 'fishing': did you mean fishing-0.4mm"),
-        (("exit = [0, 0, 1]", "exit = [0, 0, 1]\ncolour = 1"), "cables.0.colour: unknown key"),
+        (("exit = [0, 0, 1]", "exit = [0, 0, 1]\ncolour = 1"), "cable 1: colour: unknown key"),
     ],
 )
 def test_wrong_file_is_refused_with_the_path_inside_it(tmp_path, change, words):

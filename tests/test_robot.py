@@ -31,7 +31,7 @@ def robot(**changes) -> cdpr.Robot:
         (dict(inertia=[[1, 2, 0], [0, 1, 0], [0, 0, 1]]), "inertia: found an unsymmetric matrix"),
         (dict(platform_size=(1, 0, 1)), "platform_size: .*three positive edges"),
         (dict(mobility="flat"), "unknown mobility 'flat': .*planar, spatial"),
-        (dict(mobility="planar"), r"exits\[2\]: found y = 1 m, expected 0: a planar robot"),
+        (dict(mobility="planar"), r"exits of cable 3: found y = 1 m, expected 0: a planar robot"),
         (dict(anchors=np.zeros((3, 3))), "platform_size: not given"),
     ],
 )
@@ -138,7 +138,7 @@ def test_replace_names_what_it_does_not_know(changes, words):
         ((0, 0), r"pose: found an array of shape \(2,\)"),
         ((0, 0, np.nan), "pose: .*finite"),
         ("up", "pose: found 'up'"),
-        ((-0.9, 0, 1), r"exits\[0\] lies on its anchor"),
+        ((-0.9, 0, 1), r"exit of cable 1 lies on its anchor"),
     ],
 )
 def test_bad_pose_is_refused(pose, words):

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -355,7 +356,7 @@ def test_an_encoder_that_fails_is_one_sentence(tmp_path, parallel, monkeypatch):
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups to send an interrupt to")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_an_interrupted_command_leaves_nothing(tmp_path, tmp_path_factory, name):
-    """Ctrl-C in a terminal reaches Python and ffmpeg alike: no file, no temporary one, no traceback."""
+    """Ctrl-C in a terminal reaches Python and ffmpeg alike: no file, no temporary one, no traceback, status 128 + 2."""
     compiled = ["video", "cogiro", "--drive-seconds", "1", "--seconds", "0.1", "--size", "320", "240"]
     whole = CliRunner().invoke(app, [*compiled, "-o", str(tmp_path_factory.mktemp("compiled") / "v.mp4")])
     assert whole.exit_code == 0  # all is compiled now, so that it is drawing that is interrupted
@@ -363,15 +364,26 @@ def test_an_interrupted_command_leaves_nothing(tmp_path, tmp_path_factory, name)
     command = [sys.executable, "-c", "from cdpr_sim.cli import main; main()", *words]
     environment = os.environ | {"PYTHONPATH": str(Path(cdpr.__file__).parents[1])}
     process = subprocess.Popen(
-        command, cwd=tmp_path, env=environment, start_new_session=True, stderr=subprocess.PIPE, text=True
+        command,
+        cwd=tmp_path,
+        env=environment,
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored where a shell runs us with &
     )
-    deadline = time.monotonic() + 60
-    while not any(file.stat().st_size > 0 for file in tmp_path.iterdir()) and time.monotonic() < deadline:
-        assert process.poll() is None, process.stderr.read()
-        time.sleep(0.05)
-    os.killpg(process.pid, getattr(signal, name))
-    error = process.communicate(timeout=60)[1]
-    assert process.returncode != 0
+    try:
+        deadline = time.monotonic() + 60
+        while not any(file.stat().st_size > 0 for file in tmp_path.iterdir()) and time.monotonic() < deadline:
+            assert process.poll() is None, process.stderr.read()
+            time.sleep(0.05)
+        os.killpg(process.pid, getattr(signal, name))
+        error = process.communicate(timeout=60)[1]
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+    assert process.returncode == 128 + getattr(signal, name)
     assert not list(tmp_path.iterdir())
     assert "Traceback" not in error
 

@@ -21,12 +21,16 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.files import read_text
 from cdpr_sim.core.robot import Robot
 
 COORDINATES = ("x", "y", "z", "alpha", "beta", "gamma")
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180, "°": np.pi / 180, "mrad": 1e-3}
+
+LARGEST_FILE = 50_000_000
+"""Bytes: half a million rows."""
 
 _HEADER = re.compile(r"^(?P<name>[a-z_0-9]+)\s*(\[(?P<unit>[^\]]+)\])?$")
 _REST_LENGTH = re.compile(r"^rest_length_(\d+)$")
@@ -127,7 +131,7 @@ def read_measurements(path: str | Path) -> Measurements:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, LARGEST_FILE)
     except FileNotFoundError:
         raise InvalidInput(f"{path}: no such file, expected measurements as CSV") from None
     except (OSError, UnicodeDecodeError) as error:

@@ -7,13 +7,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of, robot_of
-from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_json
+from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
+from cdpr_sim.core import memory
 from cdpr_sim.report import analysis as report
 from cdpr_sim.report import as_json as json_of
+
+BYTES_PER_START = 2000
+"""That looking for equilibria takes, measured at 100,000 starts and rounded up."""
 
 
 def compensate(
@@ -46,11 +49,11 @@ def compensate(
     if as_json:
         print_json(json_of.compensation(problem, found, before, after))
     else:
-        console = Console()
+        console = Output()
         console.print(report.compensation_table(found, before, after))
         console.print(report.compensation_lengths(found), highlight=False)
         console.print(report.compensation_verdict(found), highlight=False)
-    raise typer.Exit(0 if found.exact else 1)
+    raise typer.Exit(0 if found.exact else DISAGREE)
 
 
 def sensitivity(
@@ -69,7 +72,7 @@ def sensitivity(
     if as_json:
         print_json(json_of.sensitivity(answer, effects, modes))
     else:
-        console = Console()
+        console = Output()
         console.print(report.sensitivity_table(answer, effects[:rows]))
         console.print(report.sensitivity_note(answer), highlight=False)
         console.print(report.modes_table(modes))
@@ -86,6 +89,9 @@ def equilibria(
     """All places to rest on the cable lengths of the commanded pose, and which of them the robot reaches."""
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
+        if starts < 1:
+            raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
+        memory.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
         with busy("Looking for equilibria (the first run on a machine compiles for half a minute)"):
             found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
             followed = cdpr.follow_load(problem)
@@ -95,12 +101,12 @@ def equilibria(
     if as_json:
         print_json(json_of.equilibria(problem, found, releases, followed, reached, by_mujoco))
     else:
-        console = Console()
+        console = Output()
         console.print(report.equilibria_table(found, releases, reached))
         same = "MuJoCo comes to the same" if by_mujoco == reached else f"MuJoCo comes to {by_mujoco + 1} instead"
         console.print(f"Followed while gravity grows, the platform comes to {reached + 1}; {same}.", highlight=False)
         console.print(report.equilibria_note(found), highlight=False)
-    raise typer.Exit(0 if by_mujoco == reached else 1)
+    raise typer.Exit(0 if by_mujoco == reached else DISAGREE)
 
 
 def identify(
@@ -138,7 +144,7 @@ def identify(
     if as_json:
         print_json(json_of.identification(found))
     else:
-        console = Console()
+        console = Output()
         console.print(report.identification_table(found))
         console.print(report.identification_note(found), highlight=False)
-    raise typer.Exit(1 if found.reasons else 0)
+    raise typer.Exit(DISAGREE if found.reasons else 0)

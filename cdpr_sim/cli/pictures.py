@@ -8,15 +8,13 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich import box
-from rich.console import Console
-from rich.table import Table
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import robot_of
-from cdpr_sim.cli.terminal import busy, errors_as_sentences, progress_bars, tidy_when_terminated
+from cdpr_sim.cli.terminal import Output, busy, errors_as_sentences, progress_bars, tidy_when_terminated
 from cdpr_sim.core.files import check_place
 from cdpr_sim.drawing.video import film
+from cdpr_sim.report.tables import new_table
 
 COMPENSATED_WAYPOINTS = 61
 """Along a line that is filmed with compensated lengths; in between, their corrections change evenly."""
@@ -34,10 +32,11 @@ def figures(
     from cdpr_sim.studies.gallery import paths_of
 
     if names:
-        table = Table("figure", "paper", "what it shows", box=box.SIMPLE_HEAD)
+        table = new_table("", "figure", "paper", words=2)
+        table.add_column("what it shows")
         for one, picture in cdpr.PICTURES.items():
             table.add_row(one, picture.paper, picture.shows)
-        Console().print(table)
+        Output().print(table)
         return
     with errors_as_sentences():
         wanted = name or cdpr.list_figures()
@@ -82,11 +81,11 @@ def video(
     with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar:
         check_place(output, film.SUFFIXES, force=force)
         states = film.check_settings(seconds, fps, size, exaggerate, renderer)
+        wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
+        film.check_count(len(wanted))
+        machines = [robot_of(name, cables) for name, cables, _ in wanted]
         trajectories = []
-        for name, cables, cut in itertools.product(
-            robots, material or [None], (False, True) if compensate else (False,)
-        ):
-            robot = robot_of(name, cables)
+        for robot, (_, _, cut) in zip(machines, wanted, strict=True):
             waypoints, lengths = _line(robot, path, y, z)[: 1 if drop else None], None
             if cut:
                 waypoints = np.linspace(waypoints[0], waypoints[-1], 1 if drop else COMPENSATED_WAYPOINTS)

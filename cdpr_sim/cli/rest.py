@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of
-from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_json
+from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
 from cdpr_sim.report import as_json as json_of
 from cdpr_sim.report import crosscheck as report
 
@@ -37,13 +36,13 @@ def settle(robot: RobotName, pose: Pose = None, material: MaterialName = None, a
         by_method = {METHODS.get(name, "mujoco"): outcome for name, outcome in outcomes.items()}
         print_json(json_of.crosscheck(problem, by_method, agreement))
     else:
-        console = Console()
+        console = Output()
         console.print(report.settle_table(problem, outcomes))
         for outcome in outcomes.values():
             if isinstance(outcome, cdpr.NotConverged):
-                console.print(f"[dim]{outcome.reason}[/]", highlight=False)
+                console.print(outcome.reason, style="dim", markup=False, highlight=False)
         console.print(report.verdict(agreement), highlight=False)
-    raise typer.Exit(0 if agreement.agrees else 1)
+    raise typer.Exit(0 if agreement.agrees else DISAGREE)
 
 
 def solve(
@@ -61,7 +60,7 @@ def solve(
     if as_json:
         print_json(json_of.outcome(result))
     else:
-        Console().print(report.settle_table(problem, {result.source: result}))
+        Output().print(report.settle_table(problem, {result.source: result}))
 
 
 def _outcome(problem: cdpr.Problem, method: str) -> report.Outcome:

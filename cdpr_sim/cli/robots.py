@@ -6,27 +6,25 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich import box
-from rich.console import Console
-from rich.table import Table
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import MaterialName, Pose, problem_of
-from cdpr_sim.cli.terminal import errors_as_sentences
+from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
 from cdpr_sim.physics.model_files import model_files, stale_models, write_models
+from cdpr_sim.report.tables import new_table
 
 
 def robots() -> None:
     """List the robots of the catalogue and the materials of cables."""
-    console = Console()
-    table = Table(
-        "robot", "mobility", "cables", "mass", "what", title="Robots", title_justify="left", box=box.SIMPLE_HEAD
-    )
+    console = Output()
+    table = new_table("Robots", "robot", "mobility", "cables", "mass", words=2)
+    table.add_column("what")
     for name in cdpr.list_robots():
         robot = cdpr.load_robot(name)
         table.add_row(name, robot.mobility, str(robot.cables), f"{robot.mass:g} kg", robot.description)
     console.print(table)
-    table = Table("material", "EA", "source", title="Cables", title_justify="left", box=box.SIMPLE_HEAD)
+    table = new_table("Cables", "material", "EA")
+    table.add_column("source")
     for material in cdpr.MATERIALS.values():
         table.add_row(material.name, f"{material.axial_stiffness:g} N", material.source)
     console.print(table)
@@ -55,4 +53,4 @@ def models(
                 typer.echo(f"{folder}: {', '.join(files)}")
     for path in stale:
         typer.echo(f"{path}: stale, expected what `cdpr-sim models --force` writes", err=True)
-    raise typer.Exit(1 if stale else 0)
+    raise typer.Exit(DISAGREE if stale else 0)

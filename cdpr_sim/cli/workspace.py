@@ -6,15 +6,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.cli.options import Grid, Limits, MaterialNames, RobotNames
-from cdpr_sim.cli.terminal import errors_as_sentences
+from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
 from cdpr_sim.core.files import check_place
 from cdpr_sim.drawing import maps
 from cdpr_sim.report import workspace as report
+
+MOST_POINTS = 2000
+"""Poses along the longer side of a map."""
 
 
 def sweep(
@@ -32,7 +34,7 @@ def sweep(
     """Solve for the static equilibrium over whole workspaces: tilt, deviation, slack cables, feasibility."""
     with errors_as_sentences():
         dataset = cdpr.sweep(robot, grid, material or None, tension_limits=limits, store=output, progress=True)
-        Console().print(report.sweep_table(dataset))
+        Output().print(report.sweep_table(dataset))
 
 
 def draw_map(
@@ -51,10 +53,15 @@ def draw_map(
     with errors_as_sentences():
         check_place(output, maps.SUFFIXES, force=force, field="output")
         robots = [cdpr.load_robot(name) for name in robot]
+        if points > MOST_POINTS:
+            raise cdpr.InvalidInput(
+                f"points: found {points}, expected at most {MOST_POINTS}, more than a map has pixels; a .nc or .zarr "
+                "store of `cdpr-sim sweep` holds more"
+            )
         section = grids.plane(plane, at, points, robots)
         dataset = cdpr.sweep(robots, section, material or None, tension_limits=limits, progress=True)
         maps.write(maps.draw_elastic_map(dataset), output)
-        Console().print(report.sweep_table(dataset))
+        Output().print(report.sweep_table(dataset))
     typer.echo(output)
 
 
@@ -74,8 +81,8 @@ def check(
         result = cdpr.check(robot, grid, material or None, progress=True)
         if output is not None:
             maps.write(maps.draw_agreement_map(result.across()), output)
-    console = Console()
+    console = Output()
     console.print(report.check_table(result))
     for line in report.check_lines(result):
         console.print(line, highlight=False)
-    raise typer.Exit(0 if result.agrees else 1)
+    raise typer.Exit(0 if result.agrees else DISAGREE)

@@ -13,11 +13,21 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array, frozen
+from cdpr_sim.core.checks import checked_array, frozen, in_range
 from cdpr_sim.core.errors import InvalidInput
 
 EXIT, ANCHOR, STIFFNESS, COLUMNS = 0, 3, 6, 7
 """Of ``Cabling.packed``: where the exit's and the anchor's coordinates begin, the axial stiffness, and their number."""
+
+
+MOST_CABLES = 1000
+"""Of one robot; real ones have up to some dozens."""
+
+MOST_LENGTH = 1e6
+"""[m] The largest coordinate that is taken: beyond, double precision does not resolve what stretches."""
+
+STIFFNESS_RANGE = (1e-6, 1e15)
+"""[N] Axial stiffnesses that are taken: from spider silk to steel ropes of a metre, and far beyond."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -42,13 +52,19 @@ class Cabling:
         cables = len(exits)
         if cables < 1:
             raise InvalidInput("exits: found no cable, expected at least one row (x, y, z)")
+        if cables > MOST_CABLES:
+            raise InvalidInput(f"exits: found {cables} cables, expected at most {MOST_CABLES}")
+        anchors = checked_array("anchors", anchors, (cables, 3))
+        in_range("exits", exits, -MOST_LENGTH, MOST_LENGTH, "m")
+        in_range("anchors", anchors, -MOST_LENGTH, MOST_LENGTH, "m")
         stiffness = checked_array("axial_stiffness", axial_stiffness, None)
         if stiffness.ndim:
             stiffness = checked_array("axial_stiffness", stiffness, (cables,))
         if not (stiffness > 0).all():
             raise InvalidInput(f"axial_stiffness: found {stiffness.min():g} N, expected more than 0")
+        in_range("axial_stiffness", stiffness, *STIFFNESS_RANGE, "N")
         object.__setattr__(self, "exits", frozen(exits))
-        object.__setattr__(self, "anchors", frozen(checked_array("anchors", anchors, (cables, 3))))
+        object.__setattr__(self, "anchors", frozen(anchors))
         object.__setattr__(self, "axial_stiffness", frozen(np.broadcast_to(stiffness, (cables,)).copy()))
 
     def __len__(self) -> int:

@@ -2,11 +2,103 @@
 
 from __future__ import annotations
 
+import reprlib
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.errors import InvalidInput
+
+LONGEST_NAME = 100
+"""Characters of a name: it heads tables, and names folders."""
+
+LONGEST_QUOTE = 150
+"""Characters of a value that a message quotes."""
+
+
+class _Short(reprlib.Repr):
+    """A few entries of what is long, an array by its shape, a huge number, which Python may refuse, by its digits."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxstring = self.maxother = self.maxlong = 60
+
+    def repr_ndarray(self, array: np.ndarray, level: int) -> str:
+        return repr(array.tolist()) if array.size <= self.maxlist else f"an array of shape {array.shape}"
+
+    def repr_int(self, number: int, level: int) -> str:
+        digits = int(number.bit_length() * 0.30103) + 1
+        return repr(number) if digits <= self.maxlong else f"a number of {digits} digits"
+
+
+def shown(value: Any) -> str:
+    """``value`` as a message quotes it: never more than a line, however large it is."""
+    text = " ".join(_Short().repr(value).split())
+    return text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}..."
+
+
+def checked_name(field: str, value: Any) -> str:
+    """A name that tables can print and folders can carry.
+
+    Raises:
+        InvalidInput: no text, nothing to be seen, too long, not printable, or one that leads to another folder.
+    """
+    name = checked_label(field, value)
+    if set(name) & {"/", "\\"} or name in {".", ".."}:
+        raise InvalidInput(
+            f"{field}: found {shown(name)}, expected a name without / and \\, as folders are named after it"
+        )
+    return name
+
+
+def checked_label(field: str, value: Any) -> str:
+    """A short text that tables can print.
+
+    Raises:
+        InvalidInput: no text, nothing to be seen, too long, or not printable.
+    """
+    if not isinstance(value, str) or not value.strip():
+        raise InvalidInput(f"{field}: found {shown(value)}, expected text")
+    if len(value) > LONGEST_NAME:
+        raise InvalidInput(f"{field}: found {len(value)} characters, expected at most {LONGEST_NAME}")
+    if not value.isprintable():
+        raise InvalidInput(f"{field}: found {shown(value)}, expected printable characters alone")
+    return value
+
+
+def checked_text(field: str, value: Any) -> str:
+    """A text of any length, perhaps of several lines.
+
+    Raises:
+        InvalidInput: no text, or characters that cannot be printed.
+    """
+    if not isinstance(value, str) or not all(one.isprintable() or one in "\n\t\N{NO-BREAK SPACE}" for one in value):
+        raise InvalidInput(f"{field}: found {shown(value)}, expected printable text")
+    return value
+
+
+def in_range(field: str, value: Float[np.ndarray, "..."] | float, least: float, most: float, unit: str) -> None:
+    """Refuse what no robot can be, and what numbers of 16 digits cannot compute with.
+
+    Args:
+        field: what it is.
+        value: a number, or an array with a row for each cable.
+        least: the smallest that is taken.
+        most: the largest.
+        unit: of all three.
+
+    Raises:
+        InvalidInput: a number beyond ``least`` or ``most``.
+    """
+    numbers = np.asarray(value)
+    beyond = ~((numbers >= least) & (numbers <= most))
+    if beyond.any():
+        where = f" in cable {int(np.argwhere(beyond)[0, 0]) + 1}" if numbers.ndim else ""
+        raise InvalidInput(
+            f"{field}: found {numbers[beyond].flat[0]:g} {unit}{where}, expected {least:g} to {most:g} {unit}"
+        )
 
 
 def checked_array(field: str, value: ArrayLike, shape: tuple[int | None, ...] | None) -> Float[np.ndarray, "..."]:
@@ -35,8 +127,8 @@ def as_numbers(field: str, value: ArrayLike) -> Float[np.ndarray, "..."]:
     """
     try:
         return np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"{field}: found {value!r}, expected numbers") from None
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        raise InvalidInput(f"{field}: found {shown(value)}, expected numbers") from None
 
 
 def positive(field: str, value: ArrayLike, unit: str) -> float:

@@ -1,14 +1,35 @@
-"""Files that are there whole or not at all, and never over others unless asked."""
+"""Files that appear whole or not at all, and never over others unless asked; and files read if not too large."""
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.errors import InvalidInput, StoreError
+
+OUTSIDE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG, errno.EPIPE}
+"""What befalls a place that was well chosen: a full disk, a quota, a broken device, an encoder that was killed."""
+
+
+def read_text(path: Path, most: int) -> str:
+    """A text file of at most ``most`` bytes, in UTF-8 with or without a byte order mark.
+
+    Raises:
+        OSError: no such file, or one that cannot be read.
+        UnicodeDecodeError: not UTF-8.
+        InvalidInput: no file, or one that is too large: a device, a picture, a mistake.
+    """
+    if path.exists() and not (path.is_file() or path.is_fifo()) and not path.is_dir():
+        raise InvalidInput(f"{path}: found a device, expected a file")
+    with open(path, "rb") as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise InvalidInput(f"{path}: found more than {most / 1e6:g} MB, expected a file of text")
+    return content.decode("utf-8-sig")
 
 
 def check_place(path: str | Path, suffixes: Sequence[str], *, force: bool = False, field: str = "") -> Path:
@@ -32,14 +53,32 @@ def check_place(path: str | Path, suffixes: Sequence[str], *, force: bool = Fals
         raise InvalidInput(f"{path}: {found}, expected {expected}")
     if path.is_dir():
         raise InvalidInput(f"{path}: found a folder, expected a file")
+    if path.exists() and not path.is_file():
+        raise InvalidInput(f"{path}: found a pipe or a device, expected a file or a new name")
     if field and path.exists() and not force:
         raise InvalidInput(f"{field}: {path} exists; expected a new name, or --force to replace it")
     refuse_existing([path], force=force)
     if not path.parent.is_dir():
         raise InvalidInput(f"{field or path}: found no folder {str(path.parent)!r}, expected one that exists")
+    refuse_unwritable(path)
+    return path
+
+
+def refuse_unwritable(path: Path) -> None:
+    """See that a file can be put where ``path`` is to be; to be asked before work begins.
+
+    Raises:
+        InvalidInput: it cannot.
+    """
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise InvalidInput(f"{path}: cannot be written: the folder {str(path.parent)!r} is read-only")
-    return path
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+        with suppress(FileNotFoundError):
+            os.lstat(path)  # its name may be too long
+    except OSError as error:
+        raise _unwritable(path, error) from None
 
 
 def refuse_existing(paths: Iterable[Path], *, force: bool = False) -> None:
@@ -73,6 +112,7 @@ def appearing(*paths: Path) -> Iterator[list[Path]]:
 
     Raises:
         InvalidInput: a place that cannot be written; what was there is still there.
+        StoreError: a full disk or the like; likewise.
     """
     temporaries: list[Path] = []
     path = Path()
@@ -97,11 +137,13 @@ def write_whole(contents: Mapping[Path, bytes]) -> None:
 
     Raises:
         InvalidInput: a place that cannot be written; what was there is still there.
+        StoreError: a full disk or the like; likewise.
     """
     with appearing(*contents) as temporaries:
         for content, temporary in zip(contents.values(), temporaries, strict=True):
             temporary.write_bytes(content)
 
 
-def _unwritable(path: Path, error: OSError) -> InvalidInput:
-    return InvalidInput(f"{path}: cannot be written: {error.strerror or error}")
+def _unwritable(path: Path, error: OSError) -> InvalidInput | StoreError:
+    kind = StoreError if error.errno in OUTSIDE else InvalidInput
+    return kind(f"{path}: cannot be written: {error.strerror or error}")

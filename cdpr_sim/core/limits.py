@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.checks import checked_array, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import refuse_wrench_out_of_plane
 from cdpr_sim.core.robot import Robot
@@ -31,8 +31,8 @@ def checked_limits(
         )
     except (TypeError, ValueError):
         raise InvalidInput(
-            f"tension_limits: found {tension_limits!r}, expected (smallest, largest) [N], each one number or one for "
-            f"each of the {robot.cables} cables of {robot.name!r}"
+            f"tension_limits: found {shown(tension_limits)}, expected (smallest, largest) [N], each one number or "
+            f"one for each of the {robot.cables} cables of {robot.name!r}"
         ) from None
     if not (np.isfinite(lower).all() and (lower >= 0).all()):
         raise InvalidInput(

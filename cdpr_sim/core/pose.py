@@ -15,6 +15,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import InvalidInput
 
 PoseLike: TypeAlias = ArrayLike | Sequence[float] | RigidTransform
@@ -35,8 +36,8 @@ def as_pose(pose: PoseLike) -> RigidTransform:
         return pose
     try:
         vector = np.asarray(pose, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"pose: found {pose!r}, expected 3 or 6 numbers or a RigidTransform") from None
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidInput(f"pose: found {shown(pose)}, expected 3 or 6 numbers or a RigidTransform") from None
     if vector.shape not in {(3,), (6,)}:
         raise InvalidInput(
             f"pose: found an array of shape {vector.shape}, expected (x, y, z) or (x, y, z, alpha, beta, gamma)"

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.checks import as_numbers, checked_array, frozen
+from cdpr_sim.core.checks import as_numbers, checked_array, frozen, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
@@ -60,7 +60,7 @@ class Problem:
                     raise InvalidInput(f"{name}: found one beside a Problem, expected it in the Problem alone")
             return robot
         if not isinstance(robot, Robot):
-            raise InvalidInput(f"robot: found {robot!r}, expected a Robot or a Problem")
+            raise InvalidInput(f"robot: found {shown(robot)}, expected a Robot or a Problem")
         if pose is None:
             raise InvalidInput("pose: found none, expected (x, y, z), a six-vector or a RigidTransform")
         transform = robot.pose(pose)
@@ -294,9 +294,9 @@ def positions_and_rotations(
     if not isinstance(poses, RigidTransform):
         try:
             vectors = np.array(poses, dtype=float)
-        except (TypeError, ValueError):  # a list with transforms, or of vectors that differ in length
+        except (TypeError, ValueError, OverflowError):  # a list with transforms, or of vectors that differ in length
             if not isinstance(poses, (list, tuple)):
-                raise InvalidInput(f"poses: found {poses!r}, expected numbers or transforms") from None
+                raise InvalidInput(f"poses: found {shown(poses)}, expected numbers or transforms") from None
             poses = RigidTransform.concatenate([as_pose(pose) for pose in poses])
     if isinstance(poses, RigidTransform):
         at, turned = poses.translation, poses.rotation.as_matrix()

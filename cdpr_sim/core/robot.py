@@ -14,10 +14,20 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.cable import Cabling
-from cdpr_sim.core.checks import checked_array, frozen, positive
+from cdpr_sim.core.cable import MOST_LENGTH, Cabling
+from cdpr_sim.core.checks import (
+    checked_array,
+    checked_label,
+    checked_name,
+    checked_text,
+    frozen,
+    in_range,
+    positive,
+    shown,
+)
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.materials import load_material
+from cdpr_sim.core.plausibility import doubts, warn
 from cdpr_sim.core.pose import PoseLike, as_pose
 
 Mobility = Literal["spatial", "planar"]
@@ -30,6 +40,18 @@ STANDARD_GRAVITY = 9.81
 
 IN_PLANE = 1e-9
 """How far [m, or sine of an angle] out of the x-z plane still counts as rounding."""
+
+MASS_RANGE = (1e-6, 1e12)
+"""[kg] From a milligram: MuJoCo takes no mass and no inertia below 1e-15 in SI units."""
+
+INERTIA_RANGE = (1e-14, 1e24)
+"""[kg m²] Principal moments that are taken."""
+
+LEAST_LENGTH = 1e-9
+"""[m] The shortest edge of a platform; and how far from its origin one anchor has to be, unless all lie there."""
+
+MOST_GRAVITY = 1e6
+"""[m/s²]"""
 
 
 @dataclass(init=False, frozen=True, eq=False, repr=False)
@@ -96,18 +118,29 @@ class Robot:
     ) -> None:
         given = {name: value for name, value in locals().items() if name != "self"}
         cabling = Cabling(exits, anchors, axial_stiffness)
+        name = checked_name("name", name)
+        if material is not None:
+            checked_label("material", material)
+        checked_text("description", description)
+        checked_text("source", source)
         if mobility not in get_args(Mobility):
-            raise UnknownName("mobility", str(mobility), get_args(Mobility))
+            raise UnknownName("mobility", shown(mobility).strip("'"), get_args(Mobility))
         center_of_mass = checked_array("center_of_mass", center_of_mass, (3,))
+        _refuse_far("center_of_mass", center_of_mass)
         mass = positive("mass", mass, "kg")
+        in_range("mass", mass, *MASS_RANGE, "kg")
         gravity = float(checked_array("gravity", gravity, ()))
         if gravity < 0:
             raise InvalidInput(f"gravity: found {gravity:g} m/s², expected 0 or more (it acts downwards)")
+        in_range("gravity", gravity, 0, MOST_GRAVITY, "m/s²")
         if platform_size is None:
             platform_size = _box_around(cabling.anchors)
         platform_size = checked_array("platform_size", platform_size, (3,))
         if not (platform_size > 0).all():
             raise InvalidInput(f"platform_size: found {platform_size.tolist()} m, expected three positive edges")
+        _refuse_far("platform_size", platform_size)
+        if platform_size.min() < LEAST_LENGTH:
+            raise InvalidInput(f"platform_size: found {platform_size.min():g} m, expected at least {LEAST_LENGTH:g} m")
         inertia = _checked_inertia(_box_inertia(mass, platform_size) if inertia is None else inertia)
         if frame is None:
             lower, upper = cabling.exits.min(0), cabling.exits.max(0)
@@ -127,7 +160,7 @@ class Robot:
             inertia=frozen(inertia),
             mobility=mobility,
             gravity=gravity,
-            name=str(name),
+            name=name,
             platform_size=frozen(platform_size),
             frame=frozen(frame),
             workspace=frozen(workspace),
@@ -138,6 +171,14 @@ class Robot:
         )
         for name, value in values.items():
             object.__setattr__(self, name, value)
+        if 0 < np.abs(cabling.anchors).max() < LEAST_LENGTH:
+            raise InvalidInput(
+                f"anchors: found all within {np.abs(cabling.anchors).max():g} m of the platform's origin, expected "
+                f"all there, or at least one {LEAST_LENGTH:g} m from it"
+            )
+        if not hasattr(self, "_copied"):
+            for sentence in self.doubts:
+                warn(sentence)
 
     @property
     def exits(self) -> Float[np.ndarray, "cables 3"]:
@@ -194,6 +235,14 @@ class Robot:
         """The middle of the workspace, (3,) [m]: where a robot is commanded to if nobody says where."""
         return np.round(self.workspace.mean(0), 12)  # 0.4, not 0.39999999999999997
 
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """What makes it unlikely that this is the robot that was meant, a sentence each; none is an error."""
+        return tuple(
+            f"{self.name}: {sentence}"
+            for sentence in doubts(self.cabling, self.mass, self.weight, self.platform_size, self.frame, self.workspace)
+        )
+
     def pose(self, pose: PoseLike) -> RigidTransform:
         """``pose`` as a ``RigidTransform``, checked to be one this robot can take.
 
@@ -220,7 +269,9 @@ class Robot:
         lengths = cable_path.lengths(self.cabling, frame[:3, 3], frame[:3, :3])
         if not lengths.min() > 0:
             cable = int(np.argmin(lengths))
-            raise InvalidInput(f"pose: exits[{cable}] lies on its anchor there, expected a cable longer than 0")
+            raise InvalidInput(
+                f"pose: the exit of cable {cable + 1} lies on its anchor there, expected a cable longer than 0"
+            )
         return lengths
 
     def replace(self, **changes) -> Robot:
@@ -239,7 +290,7 @@ class Robot:
             changes["axial_stiffness"] = load_material(changes["material"]).axial_stiffness
         elif "axial_stiffness" in changes:
             changes.setdefault("material", None)
-        return Robot(**(self._given | changes))
+        return _robot_of(self._given | changes)
 
     def __reduce__(self) -> tuple:
         """Copies and pickles are made anew from what was given, so that their arrays are read-only as well."""
@@ -254,7 +305,11 @@ FIELDS = tuple(inspect.signature(Robot).parameters)
 
 
 def _robot_of(given: dict[str, Any]) -> Robot:
-    return Robot(**given)
+    """A copy, perhaps changed: what is odd about the robot has been said."""
+    robot = object.__new__(Robot)
+    object.__setattr__(robot, "_copied", True)
+    Robot.__init__(robot, **given)
+    return robot
 
 
 def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"]) -> None:
@@ -262,14 +317,21 @@ def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"
     for field_name, rows in points.items():
         row = int(np.argmax(np.abs(rows[:, 1])))
         if abs(rows[row, 1]) > IN_PLANE:
-            where = field_name if field_name == "center_of_mass" else f"{field_name}[{row}]"
+            where = field_name if field_name == "center_of_mass" else f"{field_name} of cable {row + 1}"
             raise InvalidInput(
                 f"{where}: found y = {rows[row, 1]:g} m, expected 0: a planar robot lives in the x-z plane"
             )
 
 
+def _refuse_far(field: str, lengths: Float[np.ndarray, "..."]) -> None:
+    most = float(np.abs(lengths).max())
+    if most > MOST_LENGTH:
+        raise InvalidInput(f"{field}: found {most:g} m, expected at most {MOST_LENGTH:g} m")
+
+
 def _corners(field: str, value: ArrayLike) -> Float[np.ndarray, "2 3"]:
     corners = checked_array(field, value, (2, 3))
+    _refuse_far(field, corners)
     return np.array([corners.min(0), corners.max(0)])
 
 
@@ -289,6 +351,10 @@ def _box_inertia(mass: float, size: Float[np.ndarray, "3"]) -> Float[np.ndarray,
 
 def _checked_inertia(value: ArrayLike) -> Float[np.ndarray, "3 3"]:
     inertia = checked_array("inertia", value, None)
+    if np.abs(inertia).max(initial=0) > INERTIA_RANGE[1]:
+        raise InvalidInput(
+            f"inertia: found {np.abs(inertia).max():g} kg m², expected at most {INERTIA_RANGE[1]:g} kg m²"
+        )
     if inertia.shape == (3,):
         inertia = np.diag(inertia)
     inertia = checked_array("inertia", inertia, (3, 3))
@@ -301,4 +367,8 @@ def _checked_inertia(value: ArrayLike) -> Float[np.ndarray, "3 3"]:
             f"inertia: found principal moments {np.array2string(moments, precision=3)} kg m², expected all positive "
             "and none larger than the sum of the other two"
         )
+    least, most = INERTIA_RANGE
+    if moments[0] < least or moments[2] > most:
+        wrong = moments[0] if moments[0] < least else moments[2]
+        raise InvalidInput(f"inertia: found a moment of {wrong:g} kg m², expected {least:g} to {most:g} kg m²")
     return inertia

@@ -17,6 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
+from cdpr_sim.core import memory
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.rests import Rests
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
 
 ROWS = 2500
 """Poses that settle side by side: enough for all cores, few enough for a progress bar that moves."""
+
+BYTES_PER_POSITION, BYTES_PER_POSE = 150, 150
+"""Of memory: for the grid, and for what is found at each of its poses by each robot with each material."""
 
 OUTCOMES = ("refused", *(verdict.name.lower() for verdict in Verdict), "unsettled", "unsolved")
 """What checking a pose comes to, the worse the later: both roads refuse it, since every exit lies below the platform; a
@@ -117,6 +121,12 @@ def check(
     axes = grids.as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)
+    poses = float(np.prod([len(values) for values in axes.values()]))
+    memory.refuse_beyond(
+        f"grid: a check of {len(group) * len(labels) * poses:,.0f} poses",
+        poses * (BYTES_PER_POSITION + BYTES_PER_POSE * len(group) * len(labels)),
+        "fewer poses",
+    )
     positions = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
     shape = positions.shape[:-1]
     rows = positions.reshape(-1, 3)

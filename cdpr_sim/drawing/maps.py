@@ -223,7 +223,7 @@ def _head(figure: Figure, layout: _Layout, columns: Sequence[tuple[str, str]]) -
 
 def _write(figure: Figure, x: float, y: float, text: str, larger: int, **how: Any) -> None:
     how = {"ha": "center", "va": "bottom", "color": style.MAP_INK} | how
-    figure.text(x, y, text, fontsize=style.MAP_FONT + larger, **how)
+    figure.text(x, y, text, fontsize=style.MAP_FONT + larger, parse_math=False, **how)
 
 
 def _draw_smooth(row: _Row, factor: float, cmap: str) -> None:

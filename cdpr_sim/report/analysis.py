@@ -35,14 +35,14 @@ def compensation_table(
     results = {f"before\n{name}": found for name, found in before.items()}
     results |= {f"after\n{name}": found for name, found in after.items()}
     title = f"{robot.name}, {cables_in_words(robot, 'N')},\ncommanded to ({x:g}, {y:g}, {z:g}) mm"
-    table = new_table(title, "", *results, dense=True)
+    table = new_table(title, "", *results, dense=True, roads=True)
     shifts = [1e3 * (found.position - commanded.translation) for found in results.values()]
     turns = [np.degrees((found.rotation * commanded.rotation.inv()).magnitude()) for found in results.values()]
     for axis, name in enumerate("xyz"):
         table.add_row(escape(f"error {name} [mm]"), *(f"{shift[axis]:.6f}" for shift in shifts))
-    table.add_row(escape("error of position [mm]"), *(f"{np.linalg.norm(shift):.2e}" for shift in shifts), style="bold")
-    table.add_row("error of rotation [°]", *(f"{turn:.2e}" for turn in turns), style="bold")
-    table.add_row("tilt [°]", *(f"{np.degrees(found.tilt):.6f}" for found in results.values()))
+    table.add_row(escape("error of position [mm]"), *(_small(np.linalg.norm(shift)) for shift in shifts), style="bold")
+    table.add_row(escape("error of rotation [°]"), *(_small(turn) for turn in turns), style="bold")
+    table.add_row(escape("tilt [°]"), *(f"{np.degrees(found.tilt):.6f}" for found in results.values()))
     table.add_section()
     for cable in range(robot.cables):
         shown = (SLACK if found.slack[cable] else f"{found.tensions[cable]:.3f}" for found in results.values())
@@ -51,6 +51,11 @@ def compensation_table(
     table.add_row(escape("softest [N/m]"), *(f"{found.eigenvalues[0]:.3g}" for found in results.values()))
     table.add_row("equilibrium", *(found.stability.name.lower() for found in results.values()))
     return table
+
+
+def _small(error: float) -> str:
+    """With the six decimals of its neighbours; what they would show as nothing, by its size."""
+    return f"{error:.6f}" if error >= 1e-5 or error == 0 else f"{error:.2e}"
 
 
 def compensation_lengths(compensation: Compensation) -> str:
@@ -67,7 +72,7 @@ def compensation_verdict(compensation: Compensation) -> str:
     if not compensation.exact:
         arm = f"a rotation counts as the way of a point {1e3 * compensation.arm:.0f} mm from the platform's origin"
         head += f": {1e3 * compensation.distance:.3f} mm away ({arm if compensation.arm else 'in position alone'})"
-    return "\n".join([head + ".", *(f"  - {reason}" for reason in compensation.reasons)])
+    return "\n".join([head + ".", *(f"  - {escape(reason)}" for reason in compensation.reasons)])
 
 
 def sensitivity_table(answer: Sensitivity, effects: Sequence[Effect]) -> Table:
@@ -79,7 +84,7 @@ def sensitivity_table(answer: Sensitivity, effects: Sequence[Effect]) -> Table:
     table = new_table(title, "", "per", "mm", "°", "N", dense=True)
     for effect in effects:
         table.add_row(
-            effect.name,
+            escape(effect.name),
             f"1 {effect.per}",
             f"{effect.position:.4g}",
             f"{effect.rotation:.4g}",
@@ -154,7 +159,7 @@ def identification_table(found: Identification) -> Table:
     for name, unit, value, error in zip(found.names, found.units, found.values, found.standard_errors, strict=True):
         size, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
         known = "undetermined" if np.isinf(error) else f"{size * error:.2g}"
-        table.add_row(name.replace("_", " "), f"{size * value:.6g}", known, shown)
+        table.add_row(escape(name.replace("_", " ")), f"{size * value:.6g}", known, shown)
     return table
 
 
@@ -168,4 +173,4 @@ def identification_note(found: Identification) -> str:
     if turned.size:
         parts.append(f"{np.degrees(np.sqrt(np.mean(turned**2))):.3g}°")
     head = f"Residuals: {' and '.join(parts)} (root mean square)."
-    return "\n".join([head, *(f"[yellow]-[/] {reason}" for reason in found.reasons)])
+    return "\n".join([head, *(f"[yellow]-[/] {escape(reason)}" for reason in found.reasons)])

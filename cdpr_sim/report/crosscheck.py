@@ -31,11 +31,11 @@ def settle_table(problem: Problem, outcomes: Mapping[str, Outcome]) -> Table:
     """One column per road beside the commanded pose; a road that failed shows its best point, marked as such."""
     robot = problem.robot
     title = f"{robot.name}, {cables_in_words(robot, 'N')}, platform of {robot.mass:g} kg"
-    table = new_table(title, "", "commanded")
+    table = new_table(title, "", "commanded", roads=True)
     points = {name: best_point(outcome) for name, outcome in outcomes.items()}
     for name, outcome in outcomes.items():
         found = isinstance(outcome, Equilibrium)
-        table.add_column(name, justify="right", no_wrap=True, style="" if found else "dim")
+        table.add_column(escape(name), justify="right", no_wrap=True, style="" if found else "dim")
 
     def row(label: str, commanded: str, show: Callable[[Equilibrium], str]) -> None:
         shown = ("" if point is None else show(point) for point in points.values())
@@ -63,15 +63,14 @@ def settle_table(problem: Problem, outcomes: Mapping[str, Outcome]) -> Table:
 
 def line_table(title: str, settled: Rests, agreements: Sequence[Agreement]) -> Table:
     """One row per commanded pose: where the platform ends up, and how far the two roads are apart."""
-    table = new_table(title, words=0)
-    for column in (
-        "commanded x [mm]", "x [mm]", "sag [mm]", "tilt [°]", "about y [°]", "taut cables", "roads apart [nm]",
-        "verdict",
-    ):  # fmt: skip
-        table.add_column(escape(column), justify="right")
+    table = new_table(
+        title,
+        "commanded\nx [mm]", "x\n[mm]", "sag\n[mm]", "tilt\n[°]", "about y\n[°]", "taut\ncables",
+        "roads apart\n[nm]", "verdict", words=0, dense=True,
+    )  # fmt: skip
     for end, agreement in zip(settled, agreements, strict=True):
         table.add_row(
-            f"{1e3 * end.problem.pose.translation[0]:.0f}",
+            f"{1e3 * end.problem.pose.translation[0]:.2f}",
             f"{1e3 * end.position[0]:.2f}",
             f"{-1e3 * end.deviation[2]:.3f}",
             f"{np.degrees(end.tilt):.3f}",
@@ -93,4 +92,4 @@ def verdict(agreement: Agreement) -> str:
         f"tensions within {agreement.tension_error:.1e} N, "
         f"{'the same' if agreement.same_slack else 'other'} cables slack."
     )
-    return "\n".join([head, *(f"  - {reason}" for reason in agreement.reasons)])
+    return "\n".join([head, *(f"  - {escape(reason)}" for reason in agreement.reasons)])

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from cdpr_sim.core.status import Status
@@ -46,8 +47,8 @@ def sweep_table(dataset: xr.Dataset) -> Table:
     )  # fmt: skip
     for robot, material, one in _variants(dataset.assign(solved=solved)):
         table.add_row(
-            robot,
-            material,
+            escape(robot),
+            escape(material),
             f"{100 * float(one['solved'].mean()):.3g}",
             *(f"{np.degrees(value):.2f}" for value in _median_and_worst(one["tilt"])),
             *(f"{1e3 * value:.2f}" for value in _median_and_worst(one["distance"])),
@@ -74,7 +75,7 @@ def check_table(check: Check) -> Table:
             f"[red]{count}[/]" if count and not word.startswith("agree") and word != "refused" else str(count)
             for word, count in zip(words, counts, strict=True)
         ]
-        table.add_row(robot, material, *cells, *(f"{value:.0e}" for value in largest))
+        table.add_row(escape(robot), escape(material), *cells, *(f"{value:.0e}" for value in largest))
     return table
 
 
@@ -89,7 +90,8 @@ def check_lines(check: Check) -> Iterator[str]:
         x, y, z = finding.position
         cables = f", {finding.material}" if finding.material else ""
         why = f": {'; '.join(finding.reasons)}" if finding.reasons else ""
-        yield f"  {finding.robot}{cables} at ({x:g}, {y:g}, {z:g}) m: {finding.outcome.replace('_', ' ')}{why}"
+        where = f"{finding.robot}{cables} at ({x:g}, {y:g}, {z:g}) m"
+        yield escape(f"  {where}: {finding.outcome.replace('_', ' ')}{why}")
     if len(check.findings) > MOST_FINDINGS:
         yield f"  and {len(check.findings) - MOST_FINDINGS:,} more"
 

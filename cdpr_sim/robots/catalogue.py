@@ -7,16 +7,25 @@ import tomllib
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Strict, ValidationError
 
-from cdpr_sim.core.errors import CdprError, RobotFileError, UnknownName
+from cdpr_sim.core.cable import MOST_CABLES
+from cdpr_sim.core.checks import shown
+from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileError, UnknownName
+from cdpr_sim.core.files import read_text
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
 Vector = tuple[Number, Number, Number]
+
+LARGEST_FILE = 1_000_000
+"""Bytes; a thousand cables, with a line of remarks each, take a tenth of it."""
+
+METRES = {"m": 1.0, "mm": 1000.0}
+"""How many of each unit make a metre."""
 
 
 class _Table(BaseModel):
@@ -49,11 +58,15 @@ class BoxTable(_Table):
 
 
 class RobotTable(_Table):
-    """A whole robot file. ``material`` or ``axial_stiffness`` [N] hold for every cable that has none of its own."""
+    """A whole robot file. ``material`` or ``axial_stiffness`` [N] hold for every cable that has none of its own.
+
+    ``units`` are those of exits, anchors, size, centre of mass, frame and workspace; all else is in kg, N and kg m².
+    """
 
     name: str
     description: str = ""
     source: str = ""
+    units: Literal["m", "mm"] = "m"
     mobility: Mobility = "spatial"
     gravity: Number = STANDARD_GRAVITY
     material: str | None = None
@@ -66,32 +79,38 @@ class RobotTable(_Table):
     def robot(self) -> Robot:
         """The robot of this file."""
         return Robot(
-            exits=[cable.exit for cable in self.cables],
-            anchors=[cable.anchor for cable in self.cables],
+            exits=[self._metres(cable.exit) for cable in self.cables],
+            anchors=[self._metres(cable.anchor) for cable in self.cables],
             axial_stiffness=[self._stiffness(i, cable) for i, cable in enumerate(self.cables)],
             mass=self.platform.mass,
-            center_of_mass=self.platform.center_of_mass,
+            center_of_mass=self._metres(self.platform.center_of_mass),
             inertia=self.platform.inertia,
             mobility=self.mobility,
             gravity=self.gravity,
             name=self.name,
-            platform_size=self.platform.size,
-            frame=self.frame and (self.frame.lower, self.frame.upper),
-            workspace=self.workspace and (self.workspace.lower, self.workspace.upper),
+            platform_size=self.platform.size and self._metres(self.platform.size),
+            frame=self.frame and (self._metres(self.frame.lower), self._metres(self.frame.upper)),
+            workspace=self.workspace and (self._metres(self.workspace.lower), self._metres(self.workspace.upper)),
             material=self._common_material(),
             description=self.description,
             source=self.source,
         )
 
+    def _metres(self, lengths: Vector) -> Vector:
+        x, y, z = (length / METRES[self.units] for length in lengths)
+        return x, y, z
+
     def _stiffness(self, index: int, cable: CableTable) -> float:
-        for where, table in ((f"cables.{index}", cable), ("the robot", self)):
+        for where, table in ((f"cable {index + 1}", cable), ("the robot", self)):
             if table.material is not None and table.axial_stiffness is not None:
                 raise RobotFileError(f"{where}: found both material and axial_stiffness, expected one of them")
             if table.axial_stiffness is not None:
                 return table.axial_stiffness
             if table.material is not None:
                 return load_material(table.material).axial_stiffness
-        raise RobotFileError(f"cables.{index}: found neither material nor axial_stiffness, here or for the whole robot")
+        raise RobotFileError(
+            f"cable {index + 1}: found neither material nor axial_stiffness, here or for the whole robot"
+        )
 
     def _common_material(self) -> str | None:
         own = {cable.material for cable in self.cables if cable.material or cable.axial_stiffness is not None}
@@ -123,14 +142,10 @@ def _folder() -> Traversable:
 
 
 def _read(file: Traversable | Path, label: str) -> Robot:
-    try:
-        document = tomllib.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise RobotFileError(f"{label}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise RobotFileError(f"{label}: cannot be read: {error}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise RobotFileError(f"{label}: is not TOML: {error}") from None
+    document = _parsed(file, label)
+    cables = document.get("cables")
+    if isinstance(cables, list) and len(cables) > MOST_CABLES:
+        raise RobotFileError(f"{label}: cables: found {len(cables)}, expected at most {MOST_CABLES}")
     try:
         return RobotTable.model_validate(document).robot()
     except ValidationError as error:
@@ -139,16 +154,45 @@ def _read(file: Traversable | Path, label: str) -> Robot:
         raise RobotFileError(f"{label}: {error}") from None
 
 
+def _parsed(file: Traversable | Path, label: str) -> dict[str, Any]:
+    try:
+        text = read_text(file, LARGEST_FILE) if isinstance(file, Path) else file.read_text(encoding="utf-8")
+        return tomllib.loads(text)
+    except InvalidInput as error:
+        raise RobotFileError(str(error)) from None
+    except FileNotFoundError:
+        raise RobotFileError(f"{label}: no such file") from None
+    except tomllib.TOMLDecodeError as error:
+        raise RobotFileError(f"{label}: is not TOML: {error}") from None
+    except RecursionError:
+        raise RobotFileError(f"{label}: found brackets nested too deeply, expected a robot") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise RobotFileError(f"{label}: cannot be read: {error}") from None
+    except ValueError:  # Python's limit of digits
+        raise RobotFileError(f"{label}: found a whole number of thousands of digits, expected a robot") from None
+
+
 def _sentence(error: ValidationError) -> str:
     """The first thing that is wrong: where in the file, what was found, what is expected."""
     first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")  # a typo explains what is missing
-    where = ".".join(str(part) for part in first["loc"])
+    where = _place(first["loc"])
     if first["type"] == "extra_forbidden":
         near = difflib.get_close_matches(str(first["loc"][-1]), _known_keys(first["loc"][:-1]), n=1)
         return f"{where}: unknown key" + (f", did you mean {near[0]!r}?" if near else "")
     if first["type"] == "missing":
         return f"{where}: missing"
-    return f"{where}: found {first['input']!r}: {first['msg']}"
+    return f"{where}: found {shown(first['input'])}: {first['msg']}"
+
+
+def _place(path: tuple[int | str, ...]) -> str:
+    """Where in the file: keys, cables counted from 1 as in tables, and coordinates by letter."""
+    head = ""
+    if path[0] == "cables" and len(path) > 1:
+        head, path = f"cable {int(path[1]) + 1}", path[2:]
+    keys = ("xyz"[key] if isinstance(key, int) and key < 3 else str(key) for key in path)
+    return ": ".join(
+        filter(None, [head, ".".join(key if len(key) <= LONGEST else f"{key[:LONGEST]}..." for key in keys)])
+    )
 
 
 def _known_keys(path: tuple[int | str, ...]) -> list[str]:

@@ -3,21 +3,28 @@
 A Zarr store is its own record of progress. It is made whole at once, with every ``status`` *pending*; then one slab
 after the other is computed and written, its status last. So whatever is killed, and whenever: what reads as solved is
 there in full, what is missing reads as pending, and the next run fills in the slabs that have a pending pose.
+
+Every chunk is a file, also one that is zero all over, and carries a checksum: a chunk that is lost or corrupt later is
+noticed, and never read as zeros. One process at a time writes to a store, held by a lock beside it.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import shutil
+import socket
+import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cdpr_sim.core.errors import InvalidInput, StoreError
+from cdpr_sim.core.files import refuse_unwritable
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.status import Status
 
@@ -38,7 +45,8 @@ def checked_path(store: str | Path) -> Path:
     """``store`` as a path that can be written.
 
     Raises:
-        InvalidInput: neither .zarr nor .nc, no such folder, or a NetCDF file that is there already.
+        InvalidInput: neither .zarr nor .nc, no such folder, one that cannot be written to, or a NetCDF file that is
+            there already.
     """
     path = Path(store)
     if path.suffix not in {".zarr", ".nc"}:
@@ -47,6 +55,7 @@ def checked_path(store: str | Path) -> Path:
         raise InvalidInput(f"store: found no folder {str(path.parent)!r} for {path.name!r}, expected one that exists")
     if path.suffix == ".nc" and path.exists():
         raise InvalidInput(f"store: {path} exists; expected a new name, since a finished file is never replaced")
+    refuse_unwritable(path)
     return path
 
 
@@ -55,6 +64,7 @@ def open_sweep(store: str | Path) -> xr.Dataset:
 
     Raises:
         InvalidInput: no sweep is there, or it is unfinished.
+        StoreError: a chunk of it is lost or corrupt: here, or when it is read.
     """
     import xarray as xr
 
@@ -62,6 +72,8 @@ def open_sweep(store: str | Path) -> xr.Dataset:
     try:
         dataset = xr.open_dataset(path, chunks={}) if path.suffix == ".nc" else _open_zarr(path)
         missing = int((dataset["status"] == PENDING).sum())
+    except StoreError:
+        raise
     except (OSError, ValueError, KeyError):
         raise InvalidInput(f"store: found no sweep in {path}") from None
     if missing:
@@ -69,6 +81,8 @@ def open_sweep(store: str | Path) -> xr.Dataset:
             f"store: {path} is unfinished: {missing} of {dataset['status'].size} poses are pending; "
             "expected the sweep to be run again, which goes on where it stopped"
         )
+    if path.suffix != ".nc":
+        _refuse_losses(dataset, path)
     return dataset
 
 
@@ -93,10 +107,10 @@ def written(dataset: xr.Dataset, path: Path, identity: Sequence[Any], *, progres
 
     Raises:
         InvalidInput: the store holds something else.
-        StoreError: it cannot be written, as on a full disk; what is in it stays.
+        StoreError: it cannot be written, as on a full disk, or another process writes to it; what is in it stays.
     """
     dataset.attrs["identity"] = _digest(identity)
-    with _as_sentence(path):
+    with _as_sentence(path), _held(path):
         if path.suffix == ".nc":
             _write_netcdf(computed(dataset, progress=progress), path)
         else:
@@ -107,16 +121,20 @@ def written(dataset: xr.Dataset, path: Path, identity: Sequence[Any], *, progres
                     f"store: {path} exists and holds something else; expected a new name, or the very sweep that was "
                     "begun there"
                 )
+            _mend_coordinates(dataset, path)
             _fill(dataset, path, progress=progress)
     return open_sweep(path)
 
 
 def _write_netcdf(dataset: xr.Dataset, path: Path) -> None:
     """Under another name until it is whole; HDF5 writes into memory, since a full disk would crash it."""
-    part = path.with_name(f".{path.name}.part")
     content = dataset.to_netcdf(engine="h5netcdf")
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+    os.close(handle)
+    part = Path(name)
     try:
         part.write_bytes(content)
+        part.chmod(0o644)
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
@@ -124,34 +142,135 @@ def _write_netcdf(dataset: xr.Dataset, path: Path) -> None:
 
 def _create(dataset: xr.Dataset, path: Path) -> None:
     """The store with coordinates and every status pending, under another name until it is whole."""
-    part = path.with_name(f".{path.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
+    for left in path.parent.glob(f".{path.name}-*.part"):
+        if _identity_of(left) is not None:  # ours, of a process that was killed
+            shutil.rmtree(left, ignore_errors=True)
+    part = Path(tempfile.mkdtemp(prefix=f".{path.name}-", suffix=".part", dir=path.parent))
     try:
-        dataset.to_zarr(part, compute=False, consolidated=False, zarr_format=2)
+        dataset.to_zarr(
+            part, mode="w", compute=False, consolidated=False, zarr_format=2, write_empty_chunks=True,
+            encoding={str(name): {"compressors": _compressor()} for name in dataset.variables},
+        )  # fmt: skip
         status = dataset["status"]
         pending = status.drop_vars(list(status.coords)).to_dataset()
         pending["status"] = status.dims, np.full(status.shape, PENDING, status.dtype)
         everywhere = {str(name): slice(None) for name in status.dims}
-        pending.to_zarr(part, region=everywhere, consolidated=False, zarr_format=2)
+        _write_region(pending, part, everywhere)
+        os.chmod(part, 0o755)
         os.rename(part, path)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
+def _mend_coordinates(dataset: xr.Dataset, path: Path) -> None:
+    """Those that are lost or corrupt: they are written with the store, and not slab by slab."""
+    try:
+        _open_zarr(path).coords.to_dataset().load()
+    except StoreError:
+        dataset[list(dataset.coords)].to_zarr(
+            path, mode="a", consolidated=False, zarr_format=2, write_empty_chunks=True
+        )
+
+
 def _fill(dataset: xr.Dataset, path: Path, *, progress: bool) -> None:
-    on_disk = _open_zarr(path)["status"]
+    on_disk = _open_zarr(path)
+    lost = _losses(on_disk, path)
     slabs = list(_slabs(dataset))
     with bar(f"sweep into {path.name}", len(slabs), show=progress) as advance:
         for slab in slabs:
-            if (on_disk.isel(slab) == PENDING).any():
+            if _is_pending(on_disk, slab, lost):
                 _write_slab(dataset.isel(slab), path, slab)
             advance(1)
+
+
+def _is_pending(on_disk: xr.Dataset, slab: dict[str, slice], lost: list[tuple[str, tuple[int, ...]]]) -> bool:
+    """Whether something of it is yet to be computed, or to be computed again."""
+    for name, chunk in lost:
+        sizes = dict(zip(map(str, on_disk[name].dims), on_disk[name].encoding["chunks"], strict=True))
+        first = {dim: number * sizes[dim] for dim, number in zip(sizes, chunk, strict=True)}
+        if all(part.start <= first[dim] < part.stop for dim, part in slab.items() if dim in first):
+            return True
+    try:
+        return bool((on_disk["status"].isel(slab) == PENDING).any())
+    except StoreError:  # a corrupt status
+        return True
 
 
 def _write_slab(piece: xr.Dataset, path: Path, slab: dict[str, slice]) -> None:
     piece = piece.drop_vars(list(piece.coords)).persist()
     for names in ([name for name in piece.data_vars if name != "status"], ["status"]):
-        piece[names].to_zarr(path, region=slab, consolidated=False, zarr_format=2)
+        _write_region(piece[names], path, slab)
+
+
+def _write_region(piece: xr.Dataset, path: Path, slab: dict[str, slice]) -> None:
+    piece.to_zarr(path, region=slab, consolidated=False, zarr_format=2, write_empty_chunks=True)
+
+
+def _compressor() -> Any:
+    """Zstandard, which adds a checksum to each chunk."""
+    from numcodecs import Zstd
+
+    return Zstd(level=1, checksum=True)
+
+
+@contextmanager
+def _held(path: Path) -> Iterator[None]:
+    """The store is ours to write to: others wait, or go away.
+
+    Raises:
+        StoreError: another process has it.
+    """
+    from filelock import FileLock, Timeout
+
+    file = path.with_name(f".{path.name}.lock")
+    holder = _holder(file)
+    lock = FileLock(file, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise StoreError(f"store: {path} is being written to by {holder}; expected to be asked later") from None
+    except NotImplementedError:  # a file system without locks: as good as none
+        yield
+        return
+    try:
+        file.write_text(f"process {os.getpid()} on {socket.gethostname()}", encoding="utf-8")
+        yield
+    finally:
+        with suppress(OSError):
+            file.unlink()
+        lock.release()
+
+
+def _holder(file: Path) -> str:
+    """Who wrote the lock, if it can be read."""
+    try:
+        return file.read_text(encoding="utf-8") or "another process"
+    except (OSError, UnicodeDecodeError):
+        return "another process"
+
+
+def _losses(dataset: xr.Dataset, path: Path) -> list[tuple[str, tuple[int, ...]]]:
+    """Variables and chunks whose files are not there: all of them are written, also those that are zero."""
+    lost = []
+    for name, variable in dataset.variables.items():
+        there = set(os.listdir(path / str(name)))
+        chunks = variable.encoding["chunks"]
+        counts = [-(-size // chunk) for size, chunk in zip(variable.shape, chunks, strict=True)]
+        for chunk in np.ndindex(*counts):
+            if (".".join(map(str, chunk)) or "0") not in there:
+                lost.append((str(name), chunk))
+    return lost
+
+
+def _refuse_losses(dataset: xr.Dataset, path: Path) -> None:
+    lost = _losses(dataset, path)
+    if lost:
+        name, chunk = lost[0]
+        more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+        raise StoreError(
+            f"store: {path} has lost slab {'.'.join(map(str, chunk))} of {name!r}{more}; expected the sweep to be run "
+            "again, which computes anew what is lost"
+        )
 
 
 def _slabs(dataset: xr.Dataset) -> Iterator[dict[str, slice]]:
@@ -172,13 +291,16 @@ def _slabs(dataset: xr.Dataset) -> Iterator[dict[str, slice]]:
 def _open_zarr(path: Path) -> xr.Dataset:
     import xarray as xr
 
-    return xr.open_zarr(path, consolidated=False)
+    from cdpr_sim.analysis.workspace.sound_store import SoundStore
+
+    return xr.open_zarr(SoundStore(path, read_only=True), consolidated=False)
 
 
 def _identity_of(path: Path) -> str | None:
     try:
-        return _open_zarr(path).attrs.get("identity")
-    except (OSError, ValueError, KeyError):
+        found = json.loads((path / ".zattrs").read_text(encoding="utf-8"))
+        return found.get("identity") if isinstance(found, dict) else None
+    except (OSError, ValueError):
         return None
 
 
@@ -209,6 +331,8 @@ def _digest(identity: Sequence[Any]) -> str:
 def _as_sentence(path: Path) -> Iterator[None]:
     try:
         yield
+    except StoreError:
+        raise
     except OSError as error:
         kept = "; what is written stays, and the same sweep goes on from there" if path.suffix == ".zarr" else ""
         raise StoreError(f"store: {path} cannot be written: {error.strerror or error}{kept}") from error

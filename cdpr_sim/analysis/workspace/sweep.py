@@ -6,6 +6,8 @@ out of core, or on whatever cluster a ``dask.distributed.Client`` is connected t
 
 from __future__ import annotations
 
+import math
+import shutil
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +21,8 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid
-from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core import memory
+from cdpr_sim.core.checks import checked_array, checked_label
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.limits import SLACK_TO_ANYTHING, checked_limits, checked_wrenches
 from cdpr_sim.core.materials import load_material
@@ -36,6 +39,15 @@ CHUNK = 32_768
 
 TASKS, LEAST_CHUNK = 8, 2_500
 """A small sweep is split as well, into so many tasks, unless they would have fewer poses than that."""
+
+MOST_BITS = 63
+"""Cables that ``slack_set`` can tell apart."""
+
+MEMORY_COPIES = 2
+"""Of a result that is computed in memory: the chunks, and the whole that they are put together to."""
+
+COMPRESSION = 3
+"""At most, of a store: numbers with noise in their last digits do not get smaller than a third."""
 
 STATUSES = {int(status): status.name.lower() for status in Status if status <= Status.FALLS}
 """What ``status`` says, in the words of its CF flags."""
@@ -122,6 +134,12 @@ def sweep(
     axes = as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)
     names = _checked_quantities(quantities)
+    most = max(group, key=lambda robot: robot.cables)
+    if "slack_set" in names and most.cables > MOST_BITS:
+        raise InvalidInput(
+            f"quantities: slack_set has bits for {MOST_BITS} cables at most, and {most.name!r} has {most.cables}; "
+            "expected quantities without it"
+        )
     rotation = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,))).as_matrix()
     wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
     for robot in group:
@@ -139,6 +157,11 @@ def sweep(
     points = _coordinates(axes, blocks)
 
     held = dict(rotation=rotation, tension_limits=tension_limits)
+    if compute or store is not None:
+        poses = (
+            len(group) * (1 if materials is None else len(materials)) * float(np.prod([len(a) for a in axes.values()]))
+        )
+        _refuse_what_cannot_fit(poses, most.cables, names, store)
     parts = []
     for robot in group:
         stiffness = _labelled(stiffnesses[robot.name], materials)
@@ -154,6 +177,24 @@ def sweep(
         identity = [group, axes, stiffnesses, rotation, wrench, tension_limits, wrenches, names, blocks]
         return stores.written(result, store, identity, progress=progress)
     return stores.computed(result, progress=progress) if compute and chunk is not None else result
+
+
+def _refuse_what_cannot_fit(poses: int, cables: int, names: Sequence[str], store: Path | None) -> None:
+    """A grid whose result is too large for memory, or for the disk that a store is on."""
+    sizes = {"axis": 3, "cable": cables, "mode": 6}
+    kinds = [QUANTITIES[name] for name in names if name in QUANTITIES]
+    each = sum(np.dtype(kind.dtype).itemsize * math.prod(sizes[dim] for dim in kind.dims) for kind in kinds) + 2
+    what = f"grid: a sweep of {poses:,.0f} poses"
+    if store is None or store.suffix == ".nc":
+        copies = MEMORY_COPIES if store is None else MEMORY_COPIES + 1
+        memory.refuse_beyond(what, copies * poses * each, "fewer poses, fewer quantities, or a .zarr store")
+    else:
+        free = shutil.disk_usage(store.parent).free
+        if poses * each > COMPRESSION * free:
+            raise InvalidInput(
+                f"{what} would take about {memory.in_words(poses * each)} before compression, and "
+                f"{memory.in_words(free)} are free in {store.parent}; expected fewer poses, or fewer quantities"
+            )
 
 
 def as_robots(robots: str | Robot | Sequence[str | Robot]) -> list[Robot]:
@@ -187,6 +228,9 @@ def axial_stiffnesses(
     """
     if materials is None:
         return {robot.name: robot.axial_stiffness.copy() for robot in robots}
+    for name in materials:
+        if not isinstance(materials, str):
+            checked_label("materials", name)
     if isinstance(materials, str):
         raise InvalidInput(f"materials: found the text {materials!r}, expected a list of names")
     if len(materials) == 0 or len(set(materials)) < len(materials):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import get_args
 
@@ -10,7 +12,7 @@ import numpy as np
 from jaxtyping import UInt8
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.errors import InvalidInput, StoreError, UnknownName
 from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.core.words import stiffness_in_words
@@ -68,16 +70,18 @@ def write_video(
     Raises:
         InvalidInput: a path that cannot be written, a file that is there, an unknown suffix, a size, duration or number
             of frames that cannot be right.
+        StoreError: a full disk, or an encoder that was killed.
     """
     path = check_place(path, SUFFIXES, force=force)
     film = _Film(trajectories, static, seconds, fps, size, exaggeration, renderer)
     with film, appearing(path) as (temporary,):
         try:
-            with _writer(temporary, film) as video:
+            with _Encoder(_writer(temporary, film)) as video:
                 for frame in film.frames(progress):
                     video.add_image(frame)
         except RuntimeError as error:  # mediapy's, which quotes ffmpeg
-            raise InvalidInput(f"{path}: cannot be written: {str(error).strip().splitlines()[-1]}") from error
+            kind = StoreError if "No space left" in str(error) else InvalidInput
+            raise kind(f"{path}: cannot be written: {str(error).strip().splitlines()[-1]}") from error
     return path
 
 
@@ -145,8 +149,7 @@ class _Film:
         statics = statics * len(several) if statics == [None] else statics
         self.count = check_settings(seconds, fps, size, exaggeration, renderer)
         self.fps, self.size = fps, (int(size[0]), int(size[1]))
-        if not 1 <= len(several) <= MOST_ROBOTS:
-            raise InvalidInput(f"trajectories: found {len(several)}, expected 1 to {MOST_ROBOTS} side by side")
+        check_count(len(several))
         if len(statics) != len(several):
             raise InvalidInput(f"static: found {len(statics)} stacks of poses, expected {len(several)}, one each")
         for trajectory, poses in zip(several, statics, strict=True):
@@ -214,6 +217,16 @@ def _state_at(trajectory: Trajectory, fraction: float) -> int:
     return after if times[after] - instant <= instant - times[after - 1] else after - 1
 
 
+def check_count(robots: int) -> None:
+    """See that so many fit side by side.
+
+    Raises:
+        InvalidInput: none, or too many.
+    """
+    if not 1 <= robots <= MOST_ROBOTS:
+        raise InvalidInput(f"trajectories: found {robots}, expected 1 to {MOST_ROBOTS} side by side")
+
+
 def check_settings(seconds: float, fps: float, size: tuple[int, int], exaggeration: float, renderer: str) -> int:
     """The number of frames of a video with these settings.
 
@@ -270,6 +283,36 @@ def _writer(path: Path, film: _Film):
         return mediapy.VideoWriter(path, (height, width), fps=film.fps, codec="gif", ffmpeg_args=["-vf", palette])
     options = ["-preset", "veryfast", "-movflags", "+faststart"]
     return mediapy.VideoWriter(path, (height, width), fps=film.fps, crf=QUALITY, ffmpeg_args=options)
+
+
+class _Encoder:
+    """mediapy's writer, whose ffmpeg is started where interrupts do not reach it."""
+
+    def __init__(self, writer) -> None:
+        self.writer = writer
+
+    def __enter__(self):
+        with _interrupts_held():
+            return self.writer.__enter__()
+
+    def __exit__(self, *error: object) -> None:
+        self.writer.__exit__(*error)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """A process that is started within is not reached by Ctrl-C, which a terminal sends to all: it is we who end it.
+
+    An interrupt that comes meanwhile is not lost: it waits until the block ends.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _mediapy():

@@ -1,0 +1,72 @@
+"""Robots that can be computed and are hardly meant: millimetres for metres, a rope of rubber, a platform of air."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.errors import ImplausibleRobot
+
+MOST_STRAIN = 0.05
+"""Of cables under the weight alone; ropes of steel and of polymers break at 2 to 5 %, nylon at 20 %."""
+
+LARGEST_FRAME = 1000.0
+"""[m] The largest robot on cables, the FAST telescope, is 600 m across."""
+
+LIGHTEST = 0.01
+"""[kg/m³] A hundredth of air's density; with lengths in millimetres a platform has a billionth of its own."""
+
+_PACKAGE = str(Path(__file__).parents[1])
+
+
+def doubts(
+    cabling: Cabling,
+    mass: float,
+    weight: float,
+    platform_size: Float[np.ndarray, "3"],
+    frame: Float[np.ndarray, "2 3"],
+    workspace: Float[np.ndarray, "2 3"],
+) -> Iterator[str]:
+    """A sentence for each thing that is unlikely: what was found, and what is expected of most robots."""
+    diagonal = float(np.linalg.norm(frame[1] - frame[0]))
+    platform = float(np.linalg.norm(platform_size))
+    density = mass / float(np.prod(platform_size))
+    if diagonal > LARGEST_FRAME:
+        yield f"found a frame of {diagonal:.4g} m across; are its lengths in millimetres?"
+    elif density < LIGHTEST:
+        yield f"found {mass:g} kg in a platform of {_box(platform_size)} m; are its lengths in millimetres?"
+    if platform > diagonal > 0:
+        yield f"found a platform of {_box(platform_size)} m in a frame of {_box(frame[1] - frame[0])} m"
+    beyond = np.linalg.norm(np.maximum(np.abs(cabling.anchors) - platform_size / 2, 0), axis=1)
+    if beyond.max() > platform:
+        cable = int(np.argmax(beyond))
+        yield (
+            f"found the anchor of cable {cable + 1} {beyond[cable]:.3g} m outside the platform's box of "
+            f"{_box(platform_size)} m; are its units the same?"
+        )
+    middle, margin = workspace.mean(0), 1e-6 * diagonal
+    if ((middle < frame[0] - margin) | (middle > frame[1] + margin)).any():
+        yield f"found a workspace around ({', '.join(f'{x:.4g}' for x in middle)}) m, outside the frame"
+    strain = weight / float(cabling.axial_stiffness.sum())
+    if strain > MOST_STRAIN:
+        yield f"found cables that stretch by {strain:.0%} or more under a weight of {weight:.4g} N"
+    if len(cabling) > 1 and not np.ptp(cabling.anchors, axis=0).any():
+        yield "found all anchors in one point, about which the platform swings freely"
+
+
+def warn(sentence: str) -> None:
+    """An ``ImplausibleRobot``, told of the line outside this package that made the robot."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(sentence, ImplausibleRobot, stacklevel=level)
+
+
+def _box(size: Float[np.ndarray, "3"]) -> str:
+    return " × ".join(f"{edge:.4g}" for edge in size)

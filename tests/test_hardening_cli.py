@@ -1,0 +1,366 @@
+"""The command line where the world outside fails: pipes, disks, letters, interrupts, narrow terminals, odd names."""
+
+import io
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli import COMMANDS, app, terminal, workspace
+from cdpr_sim.drawing.video import film
+from cdpr_sim.report import tables
+from cdpr_sim.report.analysis import compensation_table
+from cdpr_sim.report.crosscheck import line_table
+
+COMMAND = [sys.executable, "-c", "from cdpr_sim.cli import main; main()"]
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(cdpr.__file__).parents[1]), "COLUMNS": "80"}
+
+
+def run(*words: str, columns: int = 80):
+    return CliRunner().invoke(app, list(words), env={"COLUMNS": str(columns)})
+
+
+def process(*words: str, **how):
+    """The command in a process of its own, which ends with the test."""
+    how = {"env": ENVIRONMENT, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "timeout": 120} | how
+    return subprocess.run([*COMMAND, *words], **how, text=True)
+
+
+def printed(table, columns: int) -> str:
+    """The table as a terminal shows it."""
+    console = Console(width=columns, file=io.StringIO())
+    console.print(table)
+    return console.file.getvalue()
+
+
+def one_sentence(result, words: str) -> None:
+    """On standard error, in a line, without a traceback."""
+    assert words in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert "Traceback" not in result.stderr
+
+
+# ------------------------------------------------------------------------------------------------------ EXIT STATUSES
+
+
+@pytest.mark.parametrize("words", [["robots"], ["--help"], ["solve", "cogiro", "--json"]])
+def test_a_full_output_is_one_sentence_and_a_status_of_its_own(words):
+    """1 would mean that the roads disagree."""
+    with open("/dev/full", "w") as full:
+        result = process(*words, stdout=full)
+    assert result.returncode == terminal.OUTSIDE
+    one_sentence(result, "cdpr-sim: No space left on device")
+
+
+def test_a_pipe_that_nobody_reads_is_no_error_message():
+    """``cdpr-sim robots | head -1``: silence, and a status that is not 1."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        result = process("robots", stdout=writing)
+    finally:
+        os.close(writing)
+    assert (result.returncode, result.stderr) == (terminal.OUTSIDE, "")
+
+
+@pytest.mark.parametrize("words", [["robots"], ["settle", "cogiro"], ["figures", "--list"], ["sensitivity", "cogiro"]])
+def test_letters_that_cannot_be_shown_are_question_marks(words):
+    """Forced ASCII: the same tables, in plain lines."""
+    result = process(*words, env=ENVIRONMENT | {"PYTHONIOENCODING": "ascii"})
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.isascii()
+    assert result.stdout.count("\n") > 5
+
+
+def test_no_memory_is_one_sentence(monkeypatch):
+    """Nobody's mistake."""
+
+    def exhausted(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr(cdpr, "solve", exhausted)
+    result = run("solve", "cogiro")
+    assert result.exit_code == terminal.OUTSIDE
+    one_sentence(result, "out of memory")
+
+
+def test_a_full_disk_is_not_a_wrong_place(tmp_path):
+    """Files may not grow beyond 4 kB: status 3, and nothing is left; a folder that is none is status 2."""
+    script = f"ulimit -f 4; exec '{sys.executable}' -c '{COMMAND[2]}' figures tilt-condition -o '{tmp_path}'"
+    environment = ENVIRONMENT | {"NUMBA_CACHE_DIR": ""}
+    result = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True, timeout=120)
+    assert result.returncode == terminal.OUTSIDE, result.stderr
+    assert "cannot be written: File too large" in result.stderr
+    assert not list(tmp_path.iterdir())
+    assert run("figures", "tilt-condition", "-o", "/dev/null/in").exit_code == terminal.MISTAKE
+
+
+def test_interrupt_is_130_wherever_it_comes(monkeypatch):
+    """While working, while printing, in every command that works."""
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cdpr, "solve", interrupted)
+    assert run("solve", "cogiro").exit_code == 130
+    monkeypatch.undo()
+    monkeypatch.setattr(terminal.Output, "print", interrupted)
+    assert run("solve", "cogiro").exit_code == 130
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups to send an interrupt to")
+def test_an_interrupt_is_130_even_where_a_shell_runs_the_tests_in_the_background():
+    """``&`` has children ignore SIGINT: the test restores it, and cleans up whatever happens."""
+    run("solve", "cogiro")  # compiles
+    running = subprocess.Popen(
+        [*COMMAND, "equilibria", "cogiro", "--starts", "300000"],
+        env=ENVIRONMENT,
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    try:
+        time.sleep(8)
+        assert running.poll() is None
+        os.killpg(running.pid, signal.SIGINT)
+        _, error = running.communicate(timeout=60)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(running.pid, signal.SIGKILL)
+        running.communicate()
+    assert running.returncode == 130
+    assert "Traceback" not in error
+
+
+def test_help_says_what_each_exit_status_means():
+    """And cuts no sentence."""
+    text = " ".join(run("--help").stdout.split())
+    assert "Exit status: 0 if all is well; 1 if" in text
+    for status in ("2 for input", "3 for what lies outside", "130 if interrupted"):
+        assert status in text
+    assert "..." not in text.replace("[ARGS]...", "")
+    for name in COMMANDS:
+        assert re.search(rf" {name} +[A-Z][^.]*", text), name
+
+
+def test_version_is_the_packages_own():
+    """``cdpr-sim --version`` and ``cdpr_sim.__version__``."""
+    assert run("--version").stdout == f"cdpr-sim {cdpr.__version__}\n"
+    assert re.fullmatch(r"\d+\.\d+\.\d+.*|unknown", cdpr.__version__)
+
+
+# ------------------------------------------------------------------------------------------------------------- TABLES
+
+
+@pytest.mark.parametrize("columns", [20, 40, 59])
+def test_a_narrow_terminal_gets_one_road_below_the_other(columns):
+    """Every number whole, none cut to ``4…``."""
+    wide, narrow = run("settle", "parallel", columns=100), run("settle", "parallel", columns=columns)
+    assert "…" not in narrow.stdout
+    assert set(re.findall(r"\d+\.\d{3,4}\b", wide.stdout)) == set(re.findall(r"\d+\.\d{3,4}\b", narrow.stdout))
+    assert all(len(line) <= columns for line in narrow.stdout.splitlines())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["sweep", "cogiro", "parallel", "--grid", "2", "1", "1"],
+        ["check", "cogiro", "--grid", "2", "1", "1"],
+        ["compensate", "cogiro"],
+        ["sensitivity", "cogiro"],
+        ["robots"],
+        ["figures", "--list"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_no_table_cuts_anything_at_40_columns(words):
+    """Whatever it holds, row below row."""
+    result = run(*words, columns=40)
+    assert result.exit_code in (0, 1)
+    assert "…" not in result.stdout
+    assert max(map(len, result.stdout.splitlines())) <= 40
+
+
+def test_what_a_name_says_is_no_markup():
+    """``crane [v2]`` is printed as it is called, in tables and below them, and ``[/]`` breaks nothing."""
+    table = tables.new_table("of [v2]", "a [v3]", "b")
+    table.add_row("x", "1")
+    text = printed(table, 60)
+    assert "of [v2]" in text
+    assert "a [v3]" in text
+
+
+@pytest.fixture
+def crane(tmp_path, catalogue) -> str:
+    """A robot file whose robot is called as if it were markup."""
+    robot, path = catalogue["parallel"], tmp_path / "crane.toml"
+    cables = "".join(
+        f"[[cables]]\nexit = {exit.tolist()}\nanchor = {anchor.tolist()}\n"
+        for exit, anchor in zip(robot.exits, robot.anchors, strict=True)
+    )
+    path.write_text(
+        'name = "crane [v2] [bold] $x"\naxial_stiffness = 1e4\n'
+        f"[platform]\nmass = 0.4\nsize = [0.1, 0.04, 0.03]\n{cables}"
+    )
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["settle"],
+        ["solve"],
+        ["compensate"],
+        ["sensitivity"],
+        ["equilibria", "--starts", "50"],
+        ["sweep", "--grid", "2", "1", "1"],
+        ["check", "--grid", "2", "1", "1"],
+        ["map", "--points", "5", "-o", "map.png"],
+        ["models", "-o", "models"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_commands_print_a_name_as_it_is(crane, tmp_path, monkeypatch, words):
+    """The whole name, brackets and all."""
+    monkeypatch.chdir(tmp_path)
+    result = run(words[0], crane, *words[1:], columns=160)
+    assert result.exit_code in (0, 1), result.output
+    assert "crane [v2] [bold] $x" in result.stdout
+
+
+def test_models_stays_in_its_folder(tmp_path, crane):
+    """A name cannot lead out of it."""
+    path = Path(crane)
+    path.write_text(path.read_text().replace("crane [v2] [bold] $x", "../../x"))
+    result = run("models", crane, "-o", str(tmp_path / "out" / "deeper"))
+    assert result.exit_code == 2
+    one_sentence(result, "name: found '../../x', expected a name without / and \\")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["crane.toml"]
+
+
+def test_line_tables_keep_their_digits_and_headings():
+    """227.5 mm printed as 228 beside 227.50 reads as half a millimetre of deviation."""
+    robot = cdpr.load_robot("cogiro")
+    settled = cdpr.settle_many(robot, [(0.2275, 0.25, 0.1), (0.6300, 0.25, 0.1)])
+    agreements = [cdpr.compare(cdpr.solve(one.problem), one) for one in settled]
+    text = printed(line_table("cogiro, vectran-0.7mm, z = 0.1 m", settled, agreements), 80)
+    assert re.search(r"\b227\.50\b +227\.5\d\b", text)
+    heading = text.partition("──")[0]
+    for words in ("commanded", "sag", "about y", "taut", "cables", "apart", "verdict"):
+        assert words in heading
+    assert "…" not in text
+
+
+def test_large_errors_are_written_like_their_neighbours():
+    """37.3 mm is no 3.73e+01; what six decimals would show as nothing keeps its size."""
+    robot = cdpr.load_robot("parallel")
+    found = cdpr.compensate(robot, (0.45, 0.25, 0.1))
+    table = compensation_table(found, {"Newton": cdpr.solve(robot, (0.2, 0.25, 0.1))}, {"Newton": found.equilibrium})
+    row = list(table.columns[0].cells).index(r"error of position \[mm]")
+    before, after = (list(column.cells)[row] for column in table.columns[1:])
+    assert re.fullmatch(r"\d+\.\d{6}", before)
+    assert re.fullmatch(r"\d+\.\d{6}|\d\.\d\de-\d\d", after)
+
+
+# ----------------------------------------------------------------------------------------------------------- MISTAKES
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["sweep", "parallel", "--grid", "2000", "2000", "2000"],
+            r"of 8,000,000,000 poses would take about .* TB",
+        ),
+        (["sweep", "parallel", "--grid", "2000", "2000", "2000", "-o", "x.nc"], r"expected .* or a \.zarr store"),
+        (["map", "parallel", "--points", "60000"], "points: found 60000, expected at most 2000"),
+        (
+            ["check", "parallel", "--grid", "100000", "1000", "50"],
+            "of 5,000,000,000 poses would take about .* TB",
+        ),
+        (
+            ["equilibria", "parallel", "--starts", "2000000000"],
+            "2000000000 would take about .* expected fewer",
+        ),
+        (["equilibria", "parallel", "--starts", "0"], "starts: found 0, expected at least 1"),
+        (["identify", "parallel", "/dev/zero"], "/dev/zero: found a device, expected a file"),
+        (["identify", "parallel", "endless.csv"], "endless.csv: found more than 50 MB, expected a file of text"),
+        (["video", *["cogiro"] * 7], "trajectories: found 7, expected 1 to 6 side by side"),
+        (["video", *["cogiro"] * 4, "--compensate"], "trajectories: found 8, expected 1 to 6 side by side"),
+        (["map", "parallel", "--force", "-o", "pipe.png"], "pipe.png: found a pipe or a device, expected a file"),
+        (["video", "parallel", "--force", "-o", "pipe.mp4"], "pipe.mp4: found a pipe or a device, expected a file"),
+    ],
+    ids=lambda one: one if isinstance(one, str) else " ".join(one[:4]),
+)
+def test_what_cannot_be_is_refused_before_any_work(tmp_path, monkeypatch, words, message):
+    """With the estimate and what to do, in less time than the work takes to begin."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("pipe.png", "pipe.mp4"):
+        os.mkfifo(name)
+    with open("endless.csv", "wb") as file:
+        file.truncate(60_000_000)
+    for name in ("solve_many", "settle_many", "drive", "find_equilibria"):
+        monkeypatch.setattr(cdpr, name, None)
+    began = time.perf_counter()
+    result = run(*words)
+    assert time.perf_counter() - began < 2.0
+    assert result.exit_code == 2, result.output
+    assert re.search(message, result.stderr)
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["endless.csv", "pipe.mp4", "pipe.png"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="folders are locked in another way")
+@pytest.mark.parametrize(
+    "words",
+    [["map", "parallel", "-o"], ["check", "parallel", "-o"], ["sweep", "parallel", "-o"], ["video", "parallel", "-o"]],
+    ids=lambda words: words[0],
+)
+def test_a_place_that_cannot_be_written_is_found_before_the_work(tmp_path, monkeypatch, words):
+    """Root may write anywhere but where nothing can be written: /proc."""
+    name = {"sweep": "x.zarr", "video": "x.mp4"}.get(words[0], "x.png")
+    monkeypatch.setattr(cdpr, "check", None)
+    monkeypatch.setattr(cdpr, "drive", None)
+    monkeypatch.setattr("cdpr_sim.analysis.workspace.sweep.solve_many", None)
+    result = run(*words, f"/proc/{name}")
+    assert result.exit_code == 2, result.output
+    one_sentence(result, "cannot be written")
+
+
+@pytest.mark.parametrize("words", [["0.17,0.25,0.1"], ["0.17, 0.25, 0.1"], ["0.17", "0.25", "0.1"]])
+def test_a_pose_may_be_written_with_commas(words):
+    """The same pose."""
+    result = run("solve", "parallel", "--json", "--pose", *words)
+    assert result.exit_code == 0, result.output
+    assert run("solve", "parallel", "--json", "--pose", "0.17", "0.25", "0.1").stdout == result.stdout
+
+
+def test_an_implausible_robot_is_one_line_beside_the_answer(crane):
+    """Not an error: the status and the table are as ever."""
+    path = Path(crane)
+    path.write_text(path.read_text().replace("1e4", "1.0"))
+    result = run("solve", crane)
+    assert result.exit_code in (0, 2)
+    warned = [line for line in result.stderr.splitlines() if "warning" in line]
+    assert len(warned) == 1
+    assert warned[0].startswith("cdpr-sim: warning: crane [v2] [bold] $x: found cables that stretch by 49% or more")
+    assert not run("solve", "parallel").stderr.strip()
+
+
+def test_limits_are_those_of_the_film_and_the_map():
+    """What the messages above say."""
+    assert film.MOST_ROBOTS == 6
+    assert workspace.MOST_POINTS == 2000
+    assert np.isfinite(terminal.OUTSIDE)
