@@ -52,7 +52,9 @@ def draw_map(
         check_place(output, maps.SUFFIXES, force=force, field="output")
         robots = [cdpr.load_robot(name) for name in robot]
         section = grids.plane(plane, at, points, robots)
-        dataset = cdpr.sweep(robots, section, material or None, tension_limits=limits, progress=True)
+        dataset = cdpr.sweep(
+            robots, section, material or None, tension_limits=limits, quantities=maps.QUANTITIES, progress=True
+        )
         maps.write(maps.draw_elastic_map(dataset), output)
         Console().print(report.sweep_table(dataset))
     typer.echo(output)
