@@ -14,7 +14,8 @@ from problems import grid, paper_line, random_problems
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.check import compare_many
 from cdpr_sim.crosscheck.compare import CROSS_TOLERANCE, POSITION_TOLERANCE, TENSION_TOLERANCE, Verdict
-from cdpr_sim.statics import newton
+from cdpr_sim.physics.settle import residual_of
+from cdpr_sim.statics import forces, newton
 
 ROBOTS = ["cogiro", "parallel", "planar-horizontal", "planar-vertical", "two-cable"]
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
@@ -22,6 +23,10 @@ MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
 MOST_FREE = 0.08
 """Largest fraction of poses at which a platform may turn freely about two diagonal cables: only on ``parallel``, where
 5 % do (70 of 1,440 poses with Vectran); see test_newton."""
+
+
+DIFFERENCED = 1e-5
+"""Relative. MuJoCo's forces are differenced over 3e-6 cable lengths, whose truncation is the square of that."""
 
 
 def verdicts_of(solved: cdpr.Rests, settled: cdpr.Rests) -> list[Verdict]:
@@ -54,6 +59,27 @@ def test_roads_agree_along_the_papers_line(catalogue, name, material):
     for static, settled in zip(*roads(robot, paper_line(robot)), strict=True):
         agreement = cdpr.compare(static, settled)
         assert agreement.verdict is Verdict.AGREE, agreement.reasons
+        stiffest = static.eigenvalues[-1]
+        np.testing.assert_allclose(settled.eigenvalues, static.eigenvalues, rtol=DIFFERENCED, atol=1e-9 * stiffest)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_roads_find_the_same_imbalance_away_from_equilibrium(catalogue, name):
+    """Held at poses that are no equilibria, under a wrench: the same unbalanced force, torques over the same length."""
+    robot = catalogue[name].replace(center_of_mass=(0.01, 0, -0.005), material="fishing-0.4mm")
+    rng = np.random.default_rng(0)
+    free = np.isin(np.arange(6), robot.free)
+    lengths = 0.99 * robot.rest_lengths(robot.home)
+    torques_decide = 0
+    for _ in range(20):
+        wrench = rng.normal(size=6) * [1, 1, 1, 0.5, 0.5, 0.5] * free
+        problem = cdpr.Problem.of(robot, robot.home, lengths, wrench)
+        at = robot.pose(np.append(robot.home, [0, 0, 0]) + rng.normal(size=6) * np.repeat([0.01, 0.1], 3) * free)
+        state = forces.at(problem, at.translation, at.rotation.as_matrix())
+        assert residual_of(problem, at) == pytest.approx(state.residual, rel=1e-9)
+        net = np.abs(state.net_wrench)[robot.free]
+        torques_decide += state.residual > net[np.array(robot.free) < 3].max()
+    assert 0 < torques_decide < 20
 
 
 @pytest.mark.parametrize("material", MATERIALS)

@@ -43,6 +43,7 @@ def results() -> dict:
         "two-cable-manifold": two_cable_studies.manifold(drifts=5, settled_every=2, columns=13, heights=9),
         "two-cable-poses": forms,
         "two-cable-closed-form": forms,
+        "layouts": studies.homes(),
         "tilt-condition": balance.moment_balances(),
         "paper-line": studies.paper_lines(static_rows=301, settled_rows=5),
         "convergence": solver_studies.convergence(axial_stiffness=[1e2, 1e4], poses=3),

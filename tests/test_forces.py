@@ -151,6 +151,20 @@ def test_hanging_mass_stretches_by_its_weight():
     assert forces.at(problem, *lower).residual == pytest.approx(0.01 * problem.robot.weight)
 
 
+def test_residual_is_the_largest_force_with_torques_over_the_characteristic_length():
+    """0.3 N and 0.02 N m left over on anchors 0.05 m from the origin: 0.4 N; and what the plane carries counts not."""
+    anchors = [[-0.05, 0, 0], [0.05, 0, 0]]
+    exits = [[-0.05, 0, 1], [0.05, 0, 1]]
+    weightless = cdpr.Robot(exits, anchors, 1e3, 1.0, gravity=0.0)
+    wrench = [0.3, 0, 0, 0, 0, 0.02]
+    problem = cdpr.Problem.of(weightless, (0, 0, 0), external_wrench=wrench)
+    assert weightless.characteristic_length == pytest.approx(0.05)
+    at = problem.pose.translation, problem.pose.rotation.as_matrix()
+    assert forces.at(problem, *at).residual == pytest.approx(0.4)
+    planar = cdpr.Problem(weightless.replace(mobility="planar"), problem.pose, problem.rest_lengths, np.array(wrench))
+    assert forces.at(planar, *at).residual == pytest.approx(0.3)
+
+
 # --- many at once ---------------------------------------------------------------------------------------------------
 
 QUANTITIES = (

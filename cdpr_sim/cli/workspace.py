@@ -59,7 +59,9 @@ def draw_map(
                 "store of `cdpr-sim sweep` holds more"
             )
         section = grids.plane(plane, at, points, robots)
-        dataset = cdpr.sweep(robots, section, material or None, tension_limits=limits, progress=True)
+        dataset = cdpr.sweep(
+            robots, section, material or None, tension_limits=limits, quantities=maps.QUANTITIES, progress=True
+        )
         maps.write(maps.draw_elastic_map(dataset), output)
         Output().print(report.sweep_table(dataset))
     typer.echo(output)

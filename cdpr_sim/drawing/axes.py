@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
@@ -78,8 +79,8 @@ def draw_platform(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.nda
 
 
 def draw_commanded(ax: Axes, robot: Robot, position: np.ndarray) -> Polygon:
-    """Where the platform was commanded to be: an outline."""
-    looks = {"fc": "none", "ec": style.COMMANDED, "lw": style.THIN, "ls": style.COMMANDED_DASH, "zorder": 3.5}
+    """Where the platform was commanded to be: an outline, over the platform, which may well hang just there."""
+    looks = {"fc": "none", "ec": style.COMMANDED, "lw": style.THIN, "ls": style.COMMANDED_DASH, "zorder": 4.5}
     return draw_platform(ax, robot, position, np.eye(3), **looks)
 
 
@@ -168,7 +169,10 @@ def draw_space(ax: Axes3D, robot: Robot) -> None:
     ax.set_box_aspect(tuple(upper - lower), zoom=1.0)
     ax.set_proj_type("persp", focal_length=0.6)
     ax.view_init(elev=14, azim=-72)
-    ax.set_yticks([0, 0.25, 0.5])
+    # Each axis leaves out the number at the corner that it shares with the next.
+    ax.xaxis.set_major_locator(MaxNLocator(8, prune="upper"))
+    ax.set_yticks(np.linspace(lower[1], upper[1], 3)[1:])
+    ax.zaxis.set_major_locator(MaxNLocator(5, prune="lower"))
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.pane.fill = False
         axis.pane.set_edgecolor("white")
@@ -184,12 +188,7 @@ def draw_pose_in_space(ax: Axes3D, rests: Rests, row: int) -> None:
     ax.add_collection3d(
         Line3DCollection([ghost[list(edge)] for edge in EDGES], colors=style.COMMANDED, lw=0.7, ls=style.COMMANDED_DASH)
     )
-    corners = position + box @ rotation.T
-    ax.add_collection3d(
-        Poly3DCollection(
-            [corners[list(face)] for face in FACES], fc=style.PLATFORM, ec=style.INK, lw=0.6, shade=False, zorder=4
-        )
-    )
+    draw_platform_in_space(ax, robot, position, rotation)
     anchors = position + robot.anchors @ rotation.T
     for cable in range(robot.cables):
         if rests.slack[row, cable]:
@@ -197,6 +196,17 @@ def draw_pose_in_space(ax: Axes3D, rests: Rests, row: int) -> None:
             ax.plot(*curve.T, color=style.SLACK_CABLE, lw=1.2, ls=style.SLACK_DASH)
         else:
             ax.plot(*np.stack([robot.exits[cable], anchors[cable]]).T, color=style.INK, lw=0.6)
+
+
+def draw_platform_in_space(ax: Axes3D, robot: Robot, position: np.ndarray, rotation: np.ndarray) -> None:
+    """The platform in space."""
+    half = robot.platform_size / 2
+    corners = position + _corners(-half, half) @ rotation.T
+    ax.add_collection3d(
+        Poly3DCollection(
+            [corners[list(face)] for face in FACES], fc=style.PLATFORM, ec=style.INK, lw=0.6, shade=False, zorder=4
+        )
+    )
 
 
 def _corners(lower: np.ndarray, upper: np.ndarray) -> Float[np.ndarray, "8 3"]:

@@ -6,7 +6,8 @@ seen with the frame around it, the exits of the cables, and a dashed border arou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,14 +17,19 @@ import numpy as np
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing
 from cdpr_sim.drawing import style
+from cdpr_sim.drawing.numbers import per_cent, plain, power_of_ten
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
 SUFFIXES = (".png", ".svg", ".pdf")
 """Of the files that a map can be written to."""
+
+QUANTITIES = ("tilt", "distance", "slack_count", "feasible", "tension_margin")
+"""Of ``sweep``, that an elastic map shows; the last gives the border of the feasible workspace between the poses."""
 
 MOST_CABLES = len(style.MAP_SLACK) - 1
 """Slack cables told apart by colour; more look alike."""
@@ -35,7 +41,7 @@ LEAST = 1e-3
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where things go on the page, in inches."""
+    """Where things go on the page, in inches. A single column would be a strip: its rows go side by side, in blocks."""
 
     rows: int
     columns: int
@@ -43,37 +49,50 @@ class _Layout:
     left: float = 1.0
     right: float = 0.85
     top: float = 0.8
-    bottom: float = 0.6
-    gap: float = 0.14
+    bottom: float = 0.85
+    gap: tuple[float, float] = (0.3, 0.14)
     bar: float = 0.11
 
     @property
+    def blocks(self) -> int:
+        """Rows side by side."""
+        return 2 if self.columns == 1 and self.rows > 1 else 1
+
+    @property
     def size(self) -> tuple[float, float]:
-        width, height = self.panel
-        return (
-            self.left + self.columns * (width + self.gap) + self.right,
-            self.top + self.rows * (height + self.gap) + self.bottom,
-        )
+        high = -(-self.rows // self.blocks)
+        return self.blocks * self._block, self.top + high * (self.panel[1] + self.gap[1]) + self.bottom
+
+    @property
+    def _block(self) -> float:
+        return self.left + self.columns * (self.panel[0] + self.gap[0]) + self.right
+
+    def lowest(self, row: int) -> bool:
+        """Whether nothing is below this row."""
+        return row + self.blocks >= self.rows
 
     def box(self, row: int, column: int) -> tuple[float, float, float, float]:
         """The panel's place on the page, as matplotlib wants it; one column too far: the colour bar's."""
         (width, height), (page_width, page_height) = self.panel, self.size
-        x = self.left + column * (width + self.gap)
-        y = page_height - self.top - row * (height + self.gap) - height
+        down, block = divmod(row, self.blocks)
+        x = block * self._block + self.left + column * (width + self.gap[0])
+        y = page_height - self.top - down * (height + self.gap[1]) - height
         wide = width if column < self.columns else self.bar
+        x -= 0.0 if column < self.columns else self.gap[0] / 2
         return x / page_width, y / page_height, wide / page_width, height / page_height
 
 
 @dataclass(frozen=True)
 class _Row:
-    """One quantity over all columns: where it is drawn, and its values, (vertical, horizontal) each."""
+    """One quantity over the columns that show it: where, its values (vertical, horizontal) each, and the margins."""
 
     figure: Figure
     axes: Sequence[Axes]
     bar: Axes
     panels: Sequence[xr.DataArray]
+    margins: Sequence[xr.DataArray | None]
 
-    def each(self) -> Any:
+    def each(self) -> Iterator[tuple[Axes, np.ndarray, np.ndarray, np.ndarray]]:
         """(axes, x, y, values) of each panel."""
         for ax, panel in zip(self.axes, self.panels, strict=True):
             vertical, horizontal = panel.dims
@@ -86,7 +105,8 @@ def draw_elastic_map(
     """Tilt, deviation, slack cables and feasibility over a plane of the workspace, on shared scales.
 
     Args:
-        dataset: of ``sweep``, with a single coordinate along one of x, y and z.
+        dataset: of ``sweep``, with a single coordinate along one of x, y and z. With ``tension_margin`` in it, the
+            border of the feasible workspace is drawn where that is zero, between the poses; without, around them.
         names: the variables to draw, a row each.
 
     Raises:
@@ -133,28 +153,88 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
     layout = _Layout(len(rows), len(columns), (width, width * (high[j] - low[j]) / (high[i] - low[i])))
     figure = Figure(figsize=layout.size, facecolor=style.MAP_BACKGROUND)
     FigureCanvasAgg(figure)
+    shown = {name: [c for c, _ in enumerate(columns) if _differs(flat[name], columns, c)] for name in rows}
     for r, (name, draw) in enumerate(rows.items()):
         axes = []
-        for c, (_, choice) in enumerate(columns):
+        for c in shown[name]:
             ax = figure.add_axes(layout.box(r, c), label="panel")
             ax.set_xlim(low[i], high[i])
             ax.set_ylim(low[j], high[j])
-            _furnish(ax, flat.sel(choice), (horizontal, vertical), r == len(rows) - 1, c == 0)
+            below = [later for later in list(rows)[r + 1 :] if c in shown[later]]
+            last = layout.lowest(r) or (layout.blocks == 1 and not below)
+            _furnish(ax, flat.sel(columns[c][1]), (horizontal, vertical), last, c == 0)
             axes.append(ax)
-        panels = [flat[name].sel({k: v for k, v in choice.items() if k in flat[name].dims}) for _, choice in columns]
+        panels = [_panel(flat[name], columns[c][1]) for c in shown[name]]
+        margins = [_panel(flat[_border(flat)], columns[c][1]) if _border(flat) else None for c in shown[name]]
         bar = figure.add_axes(layout.box(r, len(columns)), label="bar")
-        title = draw(_Row(figure, axes, bar, panels))
-        if name != "feasible" and "feasible" in flat:
-            for ax, (_, choice) in zip(axes, columns, strict=True):
-                _outline_feasible(ax, flat["feasible"].sel({k: v for k, v in choice.items() if k != "material"}))
+        title = draw(_Row(figure, axes, bar, panels, margins))
+        if name != "feasible":
+            for ax, margin in zip(axes, margins, strict=True):
+                if margin is not None:
+                    _outline_feasible(ax, margin, linestyles="dashed")
         x, y, _, height = layout.box(r, 0)
-        _write(figure, x * 0.22, y + height / 2, title, 2, rotation=90, va="center", weight="bold")
+        _write(figure, x - 0.78 / layout.size[0], y + height / 2, title, 2, rotation=90, va="center", weight="bold")
+        for c in set(range(len(columns))) - set(shown[name]):
+            x, y, wide, height = layout.box(r, c)
+            same = "rigid cables:\nthe same for every material"
+            _write(figure, x + wide / 2, y + height / 3, same, -0.5, va="center", color=style.MAP_MUTED)
     _head(figure, layout, [names for names, _ in columns])
-    where = dataset[normal].attrs.get("section", f"{normal} = {float(dataset[normal][0]):.4g} m")
-    if "feasible" in flat and set(rows) != {"feasible"}:
-        where += "   dashed: border of the static feasible workspace"
-    _write(figure, layout.box(0, 0)[0], 0.08 / layout.size[1], where, 0, ha="left", color=style.MAP_FAINT)
+    border = ""
+    if _border(flat) and set(rows) != {"feasible"}:
+        border = "Dashed: border of the static feasible workspace."
+        if _border(flat) == "tension_margin" and any(_thin(_panel(flat["tension_margin"], one)) for _, one in columns):
+            border = "Green: static feasible workspace, which for an under-actuated robot is a line."
+    _say_where(figure, layout, dataset, (normal, horizontal, vertical), border)
+    _thin_ticks(figure)
     return figure
+
+
+def _differs(values: xr.DataArray, columns: Sequence[tuple[tuple[str, str], dict[str, str]]], column: int) -> bool:
+    """Whether a column shows anything that the one before it does not: what rigid cables hold knows no material."""
+    robots = [names[0] for names, _ in columns]
+    return "material" in values.dims or robots.index(robots[column]) == column
+
+
+def _panel(values: xr.DataArray, choice: dict[str, str]) -> xr.DataArray:
+    return values.sel({k: v for k, v in choice.items() if k in values.dims})
+
+
+def _border(flat: xr.Dataset) -> str:
+    """The variable whose zero, or else whose step, is the border of the feasible workspace."""
+    return next((name for name in ("tension_margin", "feasible") if name in flat), "")
+
+
+def _say_where(figure: Figure, layout: _Layout, dataset: xr.Dataset, axes: tuple[str, str, str], border: str) -> None:
+    """Which poses the numbers belong to, at the foot of the page."""
+    normal, *plane = axes
+    sizes = " × ".join(str(dataset.sizes[name]) for name in plane)
+    reach = ", ".join(f"{name} = {float(dataset[name][0]):.4g} to {float(dataset[name][-1]):.4g} m" for name in plane)
+    section = dataset[normal].attrs.get("section", f"{normal} = {float(dataset[normal][0]):.4g} m")
+    words = f"All numbers are of these {sizes} commanded poses: {reach}, {section}. {border}"
+    left = 0.3
+    words = textwrap.fill(words, int((layout.size[0] - 2 * left) * style.MAP_LETTERS))
+    _write(figure, left / layout.size[0], 0.06 / layout.size[1], words, -0.5, ha="left", color=style.MAP_MUTED)
+
+
+def _thin_ticks(figure: Figure) -> None:
+    """Drop the numbers of an axis that would touch those of its neighbour, or one another."""
+    figure.draw_without_rendering()
+    for name in ("xaxis", "yaxis"):
+        kept: list[Any] = []
+        for ax in figure.axes:
+            if ax.get_label() != "panel":
+                continue
+            axis = getattr(ax, name)
+            low, high = axis.get_view_interval()
+            for tick in axis.get_major_ticks():
+                label: Text = tick.label1
+                if not (label.get_visible() and label.get_text() and low <= tick.get_loc() <= high):
+                    continue
+                box = label.get_window_extent().padded(0.03 * figure.dpi)
+                if any(box.overlaps(other) for other in kept):
+                    label.set_visible(False)
+                else:
+                    kept.append(box)
 
 
 def _plane(dataset: xr.Dataset) -> tuple[str, str, str]:
@@ -215,9 +295,13 @@ def _head(figure: Figure, layout: _Layout, columns: Sequence[tuple[str, str]]) -
     above = 0.32 if any(material for _, material in columns) else 0.1
     for c, (robot, material) in enumerate(columns):
         x, y, width, height = layout.box(0, c)
-        _write(figure, x + width / 2, y + height + 0.07 / layout.size[1], material, 1)
+        cables = "its own cables" if material == "own" else material
+        for block in range(layout.blocks):
+            x = layout.box(block, c)[0]
+            _write(figure, x + width / 2, y + height + 0.07 / layout.size[1], cables, 1)
+        x = layout.box(0, c)[0]
         if robots.index(robot) == c:
-            end = layout.box(0, c + robots.count(robot) - 1)[0] + width
+            end = layout.box(layout.blocks - 1, c + robots.count(robot) - 1)[0] + width
             _write(figure, (x + end) / 2, y + height + above / layout.size[1], robot, 4, weight="bold")
 
 
@@ -226,7 +310,7 @@ def _write(figure: Figure, x: float, y: float, text: str, larger: int, **how: An
     figure.text(x, y, text, fontsize=style.MAP_FONT + larger, parse_math=False, **how)
 
 
-def _draw_smooth(row: _Row, factor: float, cmap: str) -> None:
+def _draw_smooth(row: _Row, factor: float, unit: str, cmap: str) -> None:
     """A quantity that varies smoothly: colours on a shared scale, and contours with their values."""
     from matplotlib.colors import ListedColormap, Normalize
 
@@ -243,22 +327,51 @@ def _draw_smooth(row: _Row, factor: float, cmap: str) -> None:
         image = ax.pcolormesh(x, y, values, cmap=cmap, norm=Normalize(0, largest), shading="nearest", rasterized=True)
         if finite.any():
             most = float(values[finite].max())
-            _note(ax, f"at most {most:.2g}" if most >= LEAST else f"less than {LEAST:g}")
+            _note(ax, f"at most {plain(most)}{unit}" if most >= LEAST else f"less than {LEAST:g}{unit}")
         inside = [level for level in levels if finite.any() and values[finite].min() < level < values[finite].max()]
         if inside and min(values.shape) > 1:
             inks = [style.MAP_BACKGROUND if level > 0.45 * largest else style.MAP_INK for level in inside]
             lines = ax.contour(x, y, values, levels=inside, colors=inks, linewidths=0.6)
-            ax.clabel(lines, fmt=lambda level: f"{level:g}", fontsize=style.MAP_FONT - 1.5, inline_spacing=2)
+            size = style.MAP_FONT - 1.5
+            places = _label_places(ax, lines, [f"{level:g}" for level in inside], size, (x[[0, -1]], y[[0, -1]]))
+            ax.clabel(lines, fmt=lambda level: f"{level:g}", fontsize=size, inline_spacing=2, manual=places)
     _bar(row, image, ticks=[0, *levels])
 
 
+def _label_places(
+    ax: Axes, lines: Any, words: Sequence[str], size: float, colored: tuple[np.ndarray, np.ndarray]
+) -> list[tuple[float, float]]:
+    """Where each contour has room for its label: whole within what is coloured, and clear of other labels."""
+    figure = ax.figure
+    point = figure.dpi / 72  # type: ignore[union-attr]
+    corners = ax.transData.transform(np.transpose(colored))
+    taken: list[tuple[np.ndarray, float]] = []
+    places = []
+    for segments, word in zip(lines.allsegs, words, strict=True):
+        reach = point * size * np.hypot(0.32 * len(word) + 0.2, 0.5)  # half a label's diagonal
+        for segment in segments:
+            path = ax.transData.transform(segment)
+            along = np.append(0.0, np.hypot(*np.diff(path, axis=0).T).cumsum())
+            if along[-1] < 4 * reach:
+                continue
+            inside = ((path - reach > corners[0]) & (path + reach < corners[1])).all(1)
+            clear = [all(np.hypot(*(at - other)) > reach + far for other, far in taken) for at in path]
+            free = np.flatnonzero(inside & clear)
+            if not len(free):
+                continue
+            middle = free[np.argmin(np.abs(along[free] - along[-1] / 2))]
+            taken.append((path[middle], reach))
+            places.append(tuple(segment[middle]))
+    return places
+
+
 def _draw_tilt(row: _Row) -> str:
-    _draw_smooth(row, 180 / np.pi, style.MAP_TILT)
+    _draw_smooth(row, 180 / np.pi, "°", style.MAP_TILT)
     return "tilt [°]"
 
 
 def _draw_distance(row: _Row) -> str:
-    _draw_smooth(row, 1e3, style.MAP_DISTANCE)
+    _draw_smooth(row, 1e3, " mm", style.MAP_DISTANCE)
     return "deviation [mm]"
 
 
@@ -271,9 +384,18 @@ def _draw_slack(row: _Row) -> str:
 
 def _draw_feasible(row: _Row) -> str:
     masks = [values.astype(float) for _, _, _, values in row.each()]
-    _draw_discrete(row, masks, [style.MAP_INFEASIBLE, style.MAP_FEASIBLE], ["no", "yes"])
-    for ax, mask in zip(row.axes, masks, strict=True):
-        _note(ax, f"{100 * mask.mean():.0f} %")
+    smooth = [margin is not None and margin.dtype != bool and min(margin.shape) > 1 for margin in row.margins]
+    colors = [style.MAP_INFEASIBLE, style.MAP_FEASIBLE]
+    _draw_discrete(row, [0 * m if s else m for m, s in zip(masks, smooth, strict=True)], colors, ["no", "yes"])
+    for (ax, x, y, values), margin, between in zip(row.each(), row.margins, smooth, strict=True):
+        share = per_cent(float(values.mean())) + " of the poses"
+        if between and margin is not None:
+            if _thin(margin):
+                share = "only on the line" if values.any() else "none of the poses"
+            elif values.any():
+                ax.contourf(x, y, _finite(margin), levels=[0, np.inf], colors=[style.MAP_FEASIBLE])
+            _outline_feasible(ax, margin, linestyles="solid")
+        _note(ax, share)
     return "feasible"
 
 
@@ -307,7 +429,7 @@ def _draw_error(row: _Row) -> str:
         scale = LogNorm(low, max(high, 10 * low))
         image = ax.pcolormesh(x, y, error, cmap=style.MAP_DISTANCE, norm=scale, shading="nearest", rasterized=True)
         if error.count():
-            _note(ax, f"at most {error.max():.0e}")
+            _note(ax, f"at most {power_of_ten(float(error.max()))} mm")
     _bar(row, image)
     return "apart by [mm]"
 
@@ -326,13 +448,38 @@ def _draw_discrete(row: _Row, codes: Sequence[np.ndarray], colors: Sequence[str]
     _bar(row, image, ticks=list(range(len(colors))), labels=labels)
 
 
-def _outline_feasible(ax: Axes, mask: xr.DataArray) -> None:
-    """A dashed border; none where all or nothing is feasible."""
-    vertical, horizontal = mask.dims
-    values = mask.values.astype(float)
-    if values.min() < values.max() and min(values.shape) > 1:
-        x, y = mask[horizontal].values, mask[vertical].values
-        ax.contour(x, y, values, levels=[0.5], colors=style.MAP_BORDER, linewidths=1.1, linestyles="dashed")
+def _outline_feasible(ax: Axes, margin: xr.DataArray, **looks: Any) -> None:
+    """The border where the margin is zero, or a mask steps; none where all or nothing is feasible.
+
+    An under-actuated robot's feasible poses have no area: they are drawn as the line that they are.
+    """
+    vertical, horizontal = margin.dims
+    x, y = margin[horizontal].values, margin[vertical].values
+    if margin.dtype == bool:
+        values, level = margin.values.astype(float), 0.5
+    else:
+        values, level = _finite(margin), 0.0
+    held = values > level
+    if held.all() or not held.any() or min(held.shape) < 2:
+        return
+    if margin.dtype != bool and _thin(margin):
+        for where, (dy, dx) in ((held[1:] & held[:-1], (1, 0)), (held[:, 1:] & held[:, :-1], (0, 1))):
+            rows, columns = np.nonzero(where)
+            ends = [x[columns], x[columns + dx]], [y[rows], y[rows + dy]]
+            ax.plot(*ends, color=style.MAP_BORDER, linewidth=1.6, solid_capstyle="butt")
+        return
+    ax.contour(x, y, values, levels=[level], colors=style.MAP_BORDER, linewidths=1.1, **looks)
+
+
+def _thin(margin: xr.DataArray) -> bool:
+    """Whether no tensions at all balance the load beside what is feasible, so that it has no area."""
+    outside = margin.values[~(margin.values >= 0)]
+    return bool(outside.size) and bool(np.isneginf(outside).all())
+
+
+def _finite(margin: xr.DataArray) -> np.ndarray:
+    """With a far number in place of minus infinity, so that a line between the two is at the finite end."""
+    return np.where(np.isneginf(margin.values), -1e9, margin.values)
 
 
 def _bar(row: _Row, image: Any, *, ticks: list | None = None, labels: Sequence[str] = ()) -> None:

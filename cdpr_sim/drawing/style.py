@@ -116,6 +116,9 @@ MAP_OUTCOMES = {
 MAP_FONT = 8
 """Size of ticks and contour labels [pt]; titles are larger by up to 3."""
 
+MAP_LETTERS = 15.5
+"""How many letters of the line at the foot fit into an inch."""
+
 # ------------------------------------------------------------------------------------------------------------ VIDEO
 Color = tuple[float, float, float]
 """sRGB, 0 to 1."""
@@ -146,6 +149,9 @@ SHADOW_ALPHA = 0.09
 CABLE_RADIUS = 0.0022
 SLACK_COLOR: Color = (0.90, 0.24, 0.05)
 """A slack cable: vermilion, which no tension has, nor is it mistaken for one in any common colour blindness."""
+
+SLACK_SHINE = 6.0
+"""How much more of a slack cable's colour is its own light than the lamps': one of them gives a seventh."""
 
 TENSION_MAP = "viridis"
 """Perceptually uniform; only its darker part is used, which stands out from the pale floor."""

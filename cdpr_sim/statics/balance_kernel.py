@@ -23,6 +23,16 @@ DEPENDENT = 1e-10
 MOST_CHANGES = 100
 """Of the active set. Eight cables need five to twelve; where rounding makes the sets cycle, HiGHS decides."""
 
+BALANCED = 1e-9
+"""Unbalanced force, as a fraction of the load, that still counts as balance. Where forces do balance, what is left
+is rounding, 1e-15; at 1e-9 outside the workspace, a micrometre decides."""
+
+MOST_CUTS = 60
+"""Directions in which the cables are found to pull too little; catalogue robots need two to eight."""
+
+MOST_GIVEN = 1e3
+"""Loads. Limits that would have to give way by more than this give way for nothing: no tensions balance the load."""
+
 
 @built_once
 def shortfall_gufunc() -> Callable:
@@ -34,49 +44,132 @@ def shortfall_gufunc() -> Callable:
     )(_shortfall)  # fmt: skip
 
 
+@built_once
+def margin_gufunc() -> Callable:
+    """How far tensions can keep from their limits [N], as a gufunc: nan as above, and where the active sets cycle."""
+    vector, matrix = float64[:], float64[:, :]
+    inputs = (matrix, vector, vector, float64, vector, matrix, int64[:], float64, vector, matrix)
+    return guvectorize(
+        [(*inputs, vector)], "(m,n),(m),(m),(),(c),(k,d),(f),(),(c),(c,c)->()", cache=True
+    )(_margin)  # fmt: skip
+
+
 def _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
     """One element of the gufunc."""
     m, n = len(lower), len(free)
-    on_free, load, height = np.empty((n, m)), np.empty(n), np.empty(m)
-    w, c = np.empty(6), np.empty(3)
+    on_free, load, height, r = np.empty((n, m)), np.empty(n), np.empty(m), np.empty(n)
+    if not _fill_pulls(cables, free, scale, position, rotation, on_free):
+        left[0] = np.nan
+        return
+    left[0] = 0.0
+    for k in range(len(wrenches)):
+        norm = _fill_load(wrenches[k], weight, com, rotation, free, scale, load)
+        for i in range(m):
+            height[i] = (upper[i] - lower[i]) / norm
+            for a in range(n):
+                load[a] += on_free[a, i] * (lower[i] / norm)
+        left[0] = max(left[0], _least_squares(on_free, load, height, r))
+        if left[0] == np.inf:
+            return
+
+
+def _margin(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
+    """One element of the gufunc: cutting planes, from above.
+
+    Where tensions at least t from their limits do not balance the load, the least squares' residual r is a direction in
+    which they pull too little. How much they can pull along r is linear in t: the t at which it suffices is the next.
+    There are finitely many such directions, and every step leaves one behind.
+    """
+    m, n = len(lower), len(free)
+    on_free, load, shifted = np.empty((n, m)), np.empty(n), np.empty(n)
+    height, r = np.empty(m), np.empty(n)
+    if not _fill_pulls(cables, free, scale, position, rotation, on_free):
+        margin[0] = np.nan
+        return
+    margin[0] = np.inf
+    for k in range(len(wrenches)):
+        norm = _fill_load(wrenches[k], weight, com, rotation, free, scale, load)
+        t = 1.0
+        for i in range(m):
+            t = min(t, (upper[i] - lower[i]) / (2 * norm))
+        for _ in range(MOST_CUTS):
+            for a in range(n):
+                shifted[a] = load[a]
+            for i in range(m):
+                height[i] = max(0.0, (upper[i] - lower[i]) / norm - 2 * t)
+                for a in range(n):
+                    shifted[a] += on_free[a, i] * (lower[i] / norm + t)
+            left = _least_squares(on_free, shifted, height, r)
+            if left == np.inf:
+                margin[0] = np.nan
+                return
+            if left <= BALANCED:
+                break
+            needed, pull, size = 0.0, 0.0, 0.0
+            for a in range(n):
+                needed += r[a] * load[a]
+                size += r[a] ** 2
+            for i in range(m):
+                along = 0.0
+                for a in range(n):
+                    along += r[a] * on_free[a, i]
+                if along <= 0.0 and upper[i] == np.inf:
+                    continue  # rounding: without an upper limit it would pull along r as hard as it takes
+                pull += abs(along)
+                needed += along * (lower[i] if along > 0.0 else upper[i]) / norm
+            if not needed < MOST_GIVEN * pull:
+                t = -np.inf
+                break
+            following = -needed / pull
+            if not following < t:
+                break
+            t = following
+        margin[0] = min(margin[0], t * norm)
+
+
+@inline
+def _fill_pulls(cables, free, scale, position, rotation, on_free):
+    """What each cable does to the free directions per newton, into (free, cables); False where that is not finite."""
+    m, n = on_free.shape[1], len(free)
     given = ck.unpack(cables, np.ones(m))  # how long they are plays no part
     state, J = ck.new_state(given), np.empty((m, 6))
     ck.measure(given, position, rotation, state)
     ck.fill_jacobian(state, scale, J)
     for i in range(m):
         if not np.isfinite(state.l[i]) or state.l[i] == 0.0:
-            left[0] = np.nan
-            return
+            return False
         for a in range(n):
             on_free[a, i] = -J[i, free[a]]
-    for a in range(3):
-        c[a] = rotation[a, 0] * com[0] + rotation[a, 1] * com[1] + rotation[a, 2] * com[2]
-    left[0] = 0.0
-    for k in range(len(wrenches)):
-        w[0], w[1], w[2] = wrenches[k, 0], wrenches[k, 1], wrenches[k, 2] - weight
-        w[3] = (wrenches[k, 3] - c[1] * weight) / scale
-        w[4] = (wrenches[k, 4] + c[0] * weight) / scale
-        w[5] = wrenches[k, 5] / scale
-        norm2 = 0.0
-        for a in range(n):
-            norm2 += w[free[a]] ** 2
-        norm = np.sqrt(norm2) if norm2 > 0 else 1.0
-        for a in range(n):
-            load[a] = w[free[a]] / norm
-        for i in range(m):
-            height[i] = (upper[i] - lower[i]) / norm
-            for a in range(n):
-                load[a] += on_free[a, i] * (lower[i] / norm)
-        left[0] = max(left[0], _least_squares(on_free, load, height))
-        if left[0] == np.inf:
-            return
+    return True
 
 
 @inline
-def _least_squares(W, w, height):
-    """The least ‖W t + w‖ over 0 ≤ t ≤ height: Stark and Parker's active-set method; inf where it does not end."""
+def _fill_load(wrench, weight, com, rotation, free, scale, load):
+    """The weight and an external wrench on the free directions, as fractions of their size [N]; that size."""
+    n, w, c = len(free), np.empty(6), np.empty(3)
+    for a in range(3):
+        c[a] = rotation[a, 0] * com[0] + rotation[a, 1] * com[1] + rotation[a, 2] * com[2]
+    w[0], w[1], w[2] = wrench[0], wrench[1], wrench[2] - weight
+    w[3] = (wrench[3] - c[1] * weight) / scale
+    w[4] = (wrench[4] + c[0] * weight) / scale
+    w[5] = wrench[5] / scale
+    norm2 = 0.0
+    for a in range(n):
+        norm2 += w[free[a]] ** 2
+    norm = np.sqrt(norm2) if norm2 > 0 else 1.0
+    for a in range(n):
+        load[a] = w[free[a]] / norm
+    return norm
+
+
+@inline
+def _least_squares(W, w, height, r):
+    """The least ‖W t + w‖ over 0 ≤ t ≤ height: Stark and Parker's active-set method; inf where it does not end.
+
+    What is left, W t + w, goes into ``r``.
+    """
     n, m = W.shape
-    t, target, r = np.zeros(m), np.zeros(m), np.empty(n)
+    t, target = np.zeros(m), np.zeros(m)
     state = np.zeros(m, np.int64)  # 0 at its lower limit, 1 at its upper, 2 free
     blocked = np.zeros(m, np.bool_)
     Q, U, order = np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64)

@@ -68,6 +68,12 @@ PICTURES: dict[str, Picture] = {
         two_cable.closed_forms,
         two_cable_figures.closed_form,
     ),
+    "layouts": Picture(
+        "Fig. 6",
+        "the four layouts: standing and lying parallelograms in a plane, standing ones and crossed cables in space",
+        lines.homes,
+        lines_figures.layouts,
+    ),
     "planar-vertical": Picture(
         "Fig. 7",
         "vertical parallelograms in a plane: poses, tensions, and the zones of one and two slack cables",

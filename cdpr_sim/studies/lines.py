@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.analysis.workspace.feasibility import feasible
-from cdpr_sim.core.materials import MATERIALS
+from cdpr_sim.analysis.workspace.feasibility import tension_margin
+from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.compare import Agreement, compare
@@ -58,6 +58,18 @@ def rests_by_mujoco(robot: Robot, commanded: ArrayLike) -> Rests:
         NotSettled: some row did not come to rest.
     """
     return _all_at_rest(settle_many(robot, commanded))
+
+
+def homes(
+    layouts: Sequence[str] = ("planar-vertical", "planar-horizontal", "parallel", "cogiro"),
+) -> tuple[Rests, ...]:
+    """Each layout at rest in the middle of its workspace, by the static road (Fig. 6 shows them).
+
+    Raises:
+        NotConverged: some layout has no answer.
+    """
+    robots = [load_robot(name) for name in layouts]
+    return tuple(rests_by_statics(robot, robot.home[None]) for robot in robots)
 
 
 def twins(rests: Rests) -> list[list[int]]:
@@ -126,7 +138,7 @@ class Width:
     """One robot across its workspace: poses to draw, and tensions along the width for each material.
 
     Attributes:
-        poses: a few poses at a few heights, by the static road, with the first material.
+        poses: a few poses at a few heights, by the static road, with the softest material, which shows most.
         lines: one per material, all at the same height.
         workspace: outline of the static feasible workspace in the plane of the poses, (points, 3) [m]: from the first
             to the last feasible x at each height; none where no height has any.
@@ -163,7 +175,7 @@ def line(
 def across_the_width(
     robot: Robot,
     *,
-    materials: Sequence[str] = ("fishing-0.4mm", "vectran-0.7mm"),
+    materials: Sequence[str] = PAPER_MATERIALS,
     height: float = PAPER_HEIGHTS[0],
     pose_heights: Sequence[float] = (0.28, 0.1),
     columns: int = 5,
@@ -179,8 +191,9 @@ def across_the_width(
     robots = [robot.replace(material=name) for name in materials]
     ends = (float(robot.workspace[0, 0]), float(robot.workspace[1, 0]))
     poses = np.concatenate([along_x(robot, z, ends, columns) for z in pose_heights])
+    softest = min(robots, key=lambda one: one.axial_stiffness.min())
     return Width(
-        poses=rests_by_statics(robots[0], poses),
+        poses=rests_by_statics(softest, poses),
         lines=tuple(line(one, height, ends, static_rows=static_rows, settled_rows=settled_rows) for one in robots),
         workspace=feasible_outline(robot),
     )
@@ -190,20 +203,32 @@ def feasible_outline(robot: Robot, columns: int = 601, rows: int = 71) -> Float[
     """Outline of the static feasible workspace in the x-z plane midway in y, up on the left and down on the right [m].
 
     The poses of the robot's workspace at which rigid cables hold the level platform (the paper's Fig. 10 and 11 have it
-    from ARACHNIS); it does not depend on the cables' stiffness.
+    from ARACHNIS); it does not depend on the cables' stiffness. It passes where the tension margin is zero.
     """
     (x0, _, z0), (x1, _, z1) = robot.workspace
     x, z = np.linspace(x0, x1, columns), np.linspace(z0, z1, rows)
     grid = np.stack(np.broadcast_arrays(x, robot.home[1], z[:, None]), axis=-1)
-    held = feasible(robot, grid)
-    edges = [(row, np.flatnonzero(held[row])[[0, -1]]) for row in range(rows) if held[row].any()]
-    left, right = ([grid[row, ends[side]] for row, ends in edges] for side in (0, 1))
+    margins = tension_margin(robot, grid)
+    left, right = [], []
+    for positions, margin in zip(grid, margins, strict=True):
+        held = np.flatnonzero(margin >= 0).tolist()
+        if held:
+            left.append(_crossing(positions, margin, held[0], held[0] - 1))
+            right.append(_crossing(positions, margin, held[-1], held[-1] + 1))
     return np.array(left + right[::-1]).reshape(-1, 3)
+
+
+def _crossing(positions: np.ndarray, margin: np.ndarray, inside: int, outside: int) -> np.ndarray:
+    """Where the margin is zero between two neighbours; the first of them where the second is not there."""
+    if not 0 <= outside < len(positions):
+        return positions[inside]
+    share = margin[inside] / (margin[inside] - margin[outside])
+    return positions[inside] + share * (positions[outside] - positions[inside])
 
 
 def paper_lines(
     layouts: Sequence[str] = ("parallel", "cogiro"),
-    materials: Sequence[str] = tuple(MATERIALS),
+    materials: Sequence[str] = PAPER_MATERIALS,
     heights: Sequence[float] = PAPER_HEIGHTS,
     *,
     static_rows: int = 601,
@@ -231,7 +256,7 @@ def paper_lines(
 
 def checked_lines(
     layout: str,
-    materials: Sequence[str] = tuple(MATERIALS),
+    materials: Sequence[str] = PAPER_MATERIALS,
     heights: Sequence[float] = PAPER_HEIGHTS,
     *,
     ends: tuple[float, float] = PAPER_LINE,

@@ -13,8 +13,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.words import cables_in_words, newtons
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
@@ -33,6 +35,57 @@ NO_TILT = 1e-3
 """[°] Less than this is called none in a title."""
 
 ROADS = "Lines: static solver (Newton). Hollow points: MuJoCo, settled."
+
+
+@styled
+def layouts(homes: Sequence[Rests]) -> Figure:
+    """Fig. 6: the four layouts, each at rest in the middle, with its cables' numbers."""
+    figure = canvas(
+        10.8,
+        8.4,
+        "Four layouts: cables in parallelograms, standing or lying, and crossed",
+        "Each platform at rest where it was commanded, in the middle of its workspace. Numbers: the cables, as in the "
+        "other figures; blue to the left, red to the right. (Paper, Fig. 6)",
+    )
+    grid = figure.add_gridspec(2, 2)
+    for place, rests, letter in zip(grid, homes, "abcd", strict=True):
+        robot, home = rests.robot, ", ".join(f"{value:.3g}" for value in rests.problems.positions[0])
+        in_space = robot.mobility == "spatial"
+        ax = figure.add_subplot(place, projection="3d" if in_space else None)
+        (drawing.draw_space if in_space else drawing.draw_front)(ax, robot)
+        shown = [0, 1, 2] if in_space else [0, 2]
+        anchors = rests.positions[0] + robot.anchors @ rests.rotations[0].T
+        names = _beside_exits(robot)
+        for number, (start, end, name) in enumerate(zip(robot.exits, anchors, names, strict=True), start=1):
+            color = style.LEFT if start[0] < robot.frame[:, 0].mean() else style.RIGHT
+            ax.plot(*np.stack([start, end])[:, shown].T, color=color, lw=style.THIN, zorder=3)
+            ax.text(*name[shown], str(number), color=color, fontsize=8, ha="center", va="center")
+        draw = drawing.draw_platform_in_space if in_space else drawing.draw_platform
+        draw(ax, robot, rests.positions[0], rests.rotations[0])
+        ax.set_title(f"({letter}) {robot.name}, {robot.cables} cables, at ({home}) m", loc="left")
+    figure.axes[0].legend(
+        handles=[
+            Line2D([], [], color=style.LEFT, lw=style.THIN, label="cable to the left"),
+            Line2D([], [], color=style.RIGHT, lw=style.THIN, label="cable to the right"),
+            Line2D([], [], ls="none", marker="o", ms=3.5, color=style.INK, label="exit"),
+            Patch(fc=style.PLATFORM, ec=style.INK, lw=style.HAIR, label="platform"),
+        ],
+        loc="lower left",
+        bbox_to_anchor=(0.05, 0.05),
+    )
+    return figure
+
+
+def _beside_exits(robot: Robot) -> np.ndarray:
+    """Where cables' numbers go, (cables, 3) [m]: away from the other exit of a pair; in a plane, from the middle."""
+    size = 0.028 * np.linalg.norm(np.ptp(robot.frame, axis=0))
+    if robot.mobility == "planar":
+        outwards = np.sign(robot.exits[:, 0] - robot.frame[:, 0].mean())
+        return robot.exits + size * outwards[:, None] * np.array([1.0, 0.0, 0.0])
+    pairs = robot.exits.reshape(-1, 2, 3)
+    apart = (pairs - pairs.mean(1, keepdims=True)).reshape(-1, 3)
+    apart /= np.linalg.norm(apart, axis=1, keepdims=True)
+    return robot.exits + size * (1.2 * apart + np.where(apart[:, 2:] == 0, [0, 0, 0.8], 0))
 
 
 @styled
@@ -120,6 +173,8 @@ def tilt_condition(balances: Sequence[MomentBalance]) -> Figure:
             Line2D([], [], ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, label="slack cable"),
         ],
         loc="lower right",
+        bbox_to_anchor=(0.955, 0),
+        borderaxespad=0,
     )
     return figure
 
@@ -144,10 +199,10 @@ def paper_line(lines: Sequence[Line]) -> Figure:
         10.5,
         6.6,
         f"Along the paper's line: {', '.join(extremes)}",
-        f"DemoBot commanded level from x = {start[0]:g} to {end[0]:g} m (grey band) at y = {start[1]:g} m. {ROADS} "
-        f"{count} points. EA is assumed ({stiffness}), as the paper gives none. Black bars: what the paper reports of "
-        "the parallel layout at both ends, read from its text (“approximately 20°”, “about 15 mm”; we take it as "
-        "downwards) and not from its data. (Paper, Fig. 12)",
+        f"DemoBot commanded level from x = {start[0]:g} to {end[0]:g} m (grey band) at y = {start[1]:g} m; the title "
+        f"has the largest of these lines. {ROADS} {count} points. EA is assumed ({stiffness}), as the paper gives none."
+        " Black bars: what the paper reports of the parallel layout at both ends, read from its text (“approximately "
+        "20°”, “about 15 mm”; we take it as downwards) and not from its data. (Paper, Fig. 12)",
     )
     axes = figure.subplots(2, len(heights), sharex=True, sharey="row", squeeze=False)
     for line in lines:
@@ -194,13 +249,20 @@ def _width(
 ) -> tuple[Figure, list, list[Axes]]:
     """A canvas with ``rows`` axes on the left, for poses, and one per material on the right."""
     robot, one = width.poses.robot, width.lines[0]
+    commanded = np.concatenate(
+        [width.poses.problems.positions, *(line.static.problems.positions for line in width.lines)]
+    )
+    heights = " and ".join(f"{height:g}" for height in np.unique(commanded[:, 2]))
+    drawn = f"x = {commanded[:, 0].min():g} to {commanded[:, 0].max():g} m, z = {heights} m"
+    if robot.mobility == "spatial":
+        drawn += f", y = {commanded[0, 1]:g} m"
     figure = canvas(
         11.5,
         7.2 if rows > 1 else 6.2,
         title,
         f"{robot.description}, {robot.mass:g} kg, commanded level. Left: {len(width.poses)} poses with "
-        f"{cables_in_words(robot)}. Right: tensions along z = {one.height:g} m, for each material (assumed EA). {ROADS}"
-        + PAPER_FIGURES.get(robot.name, ""),
+        f"{cables_in_words(robot)}. Right: tensions along z = {one.height:g} m, for each material (assumed EA). "
+        f"The title's numbers are of what is drawn here: {drawn}. {ROADS}" + PAPER_FIGURES.get(robot.name, ""),
     )
     columns = figure.add_gridspec(1, 2, width_ratios=(0.92, 1))
     left, right = columns[0].subgridspec(rows, 1), columns[1].subgridspec(len(width.lines), 1)
@@ -266,7 +328,7 @@ def _balance(ax: Axes, balance: MomentBalance, letter: str) -> None:
     ax.annotate(
         "they meet" if balance.at_rest else balance.point,
         (meeting[0], meeting[2]),
-        (-38, -3) if balance.point == "H" else (-13, -4),  # H lies on the platform: its name goes beside it
+        (-9, -11) if balance.point == "H" else (-13, -4),  # H lies on the platform's edge: its name goes onto it
         textcoords="offset points",
         ha="right",
         fontweight="bold",

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.equilibrium import NotConverged, Stability
-from cdpr_sim.core.materials import MATERIALS
+from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.compare import Verdict, compare
 from cdpr_sim.physics.settle import settle_many
@@ -119,7 +119,7 @@ class Differences:
 
 
 def differences(
-    robots: Sequence[str] = (), materials: Sequence[str] = tuple(MATERIALS), *, poses: int = 100, seed: int = 2
+    robots: Sequence[str] = (), materials: Sequence[str] = PAPER_MATERIALS, *, poses: int = 100, seed: int = 2
 ) -> tuple[Differences, ...]:
     """Both roads from ``poses`` random level poses per robot (default: the catalogue) and material.
 

@@ -15,6 +15,7 @@ from cdpr_sim.core.words import cables_in_words, newtons
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, points, styled
+from cdpr_sim.drawing.numbers import power_of_ten
 from cdpr_sim.studies.two_cable import ClosedForms, Manifold
 
 
@@ -165,7 +166,7 @@ def closed_form(forms: ClosedForms) -> Figure:
     bottom.plot(x, closed - beta, color=style.SKY, lw=4, label="closed form", gid="closed-form error")
     bottom.plot(x, short - beta, color=style.VERMILLION, ls=style.DASHES[1], label="short bar", gid="short-bar error")
     bottom.annotate(
-        f"closed form: within {_power(np.abs(closed - beta).max())}°",
+        f"closed form: within {power_of_ten(np.abs(closed - beta).max())}°",
         (x[len(x) // 3], 0),
         xytext=(0, 7),
         textcoords="offset points",
@@ -174,7 +175,3 @@ def closed_form(forms: ClosedForms) -> Figure:
     bottom.set(xlabel="x where the bar rests [m]", ylabel="minus static solver [°]")
     bottom.legend(loc="lower right")
     return figure
-
-
-def _power(value: float) -> str:
-    return f"1e{int(np.ceil(np.log10(value))):d}" if value > 0 else "0"

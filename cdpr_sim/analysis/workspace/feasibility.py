@@ -24,13 +24,9 @@ from cdpr_sim.core.limits import SLACK_TO_ANYTHING, checked_limits, checked_wren
 from cdpr_sim.core.problem import Problem, positions_and_rotations
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
-from cdpr_sim.statics.balance_kernel import shortfall_gufunc
+from cdpr_sim.statics.balance_kernel import BALANCED, margin_gufunc, shortfall_gufunc
 
 Array = np.ndarray
-
-BALANCED = 1e-9
-"""Unbalanced force, as a fraction of the load, that still counts as balance. Where forces do balance, what is left
-is rounding, 1e-15; at 1e-9 outside the workspace, a micrometre decides."""
 
 HIGHS_TOLERANCE = 1e-7
 """By which HiGHS may violate a constraint."""
@@ -93,6 +89,47 @@ def feasible(
     """
     left = shortfall(robot, positions, rotations=rotations, tension_limits=tension_limits, wrenches=wrenches)
     return left <= BALANCED
+
+
+def tension_margin(
+    robot: Robot,
+    positions: ArrayLike,
+    *,
+    rotations: ArrayLike | None = None,
+    tension_limits: tuple[ArrayLike, ArrayLike] = SLACK_TO_ANYTHING,
+    wrenches: ArrayLike | None = None,
+) -> Float[Array, "*batch"]:
+    """By how much all tensions can keep from their limits at once, and still hold the platform there [N].
+
+        max t   such that   W tau + w_e = 0,   tau_min + t ≤ tau ≤ tau_max − t
+
+    It is positive within the feasible workspace, zero on its border, and negative outside, where it says by how much
+    every limit would have to give way; where W has full rank it is continuous, and so the border can be interpolated.
+
+    Args:
+        robot: the robot.
+        positions: (..., 3) [m].
+        rotations: (..., 3, 3); default: level.
+        tension_limits: as ``shortfall`` has them.
+        wrenches: as ``shortfall`` has them; the worst one counts.
+
+    Returns:
+        No more than the load, which is as far from the border as need be; -inf where no tensions at all, not even
+        pushing ones, balance the load (under-actuated robots). Nan as in ``shortfall``.
+
+    Raises:
+        InvalidInput: limits or wrenches that cannot be right.
+    """
+    lower, upper = checked_limits(robot, tension_limits)
+    loads = checked_wrenches(robot, wrenches)
+    at, turned = positions_and_rotations(robot, positions, rotations)
+    with np.errstate(all="ignore"):
+        return np.asarray(
+            margin_gufunc()(
+                robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
+                robot.characteristic_length, at, turned,
+            )
+        )  # fmt: skip
 
 
 def feasible_by_linprog(

@@ -85,6 +85,12 @@ _FEASIBLE = {
     "wrench_feasible": "rigid cables can hold the platform as commanded against every one of the wrenches",
 }
 
+_MARGIN = {
+    "units": "N",
+    "long_name": "by how much rigid cables' tensions can keep from their limits, as commanded; negative outside",
+}
+"""Of ``tension_margin``, which is computed only where it is asked for: it takes as long as an equilibrium."""
+
 _MODES = {"eigenvalues", "frequency"}
 
 
@@ -113,7 +119,8 @@ def sweep(
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity, (6,).
         tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
-        quantities: names of ``QUANTITIES`` and "feasible"; default: all. The status is always there.
+        quantities: names of ``QUANTITIES`` and "feasible", which are the default; or "tension_margin", which is zero on
+            the border of what is feasible, between the poses of the grid. The status is always there.
         chunk: poses per Dask task at most; None: one call of NumPy, on one core, without Dask.
         compute: False for a Dataset of Dask arrays that are yet to be computed, for tools and clusters of your own.
         store: a new .nc file, or a .zarr folder, into which a sweep that was interrupted goes on where it stopped; the
@@ -168,6 +175,8 @@ def sweep(
         part = _equilibria(robot, points, stiffness, rotation, wrench, names)
         if "feasible" in names:
             part["feasible"] = _feasible(robot, points, wrenches=wrench, **held)
+        if "tension_margin" in names:
+            part["tension_margin"] = _tension_margin(robot, points, wrenches=wrench, **held)
         if wrenches is not None:
             part["wrench_feasible"] = _feasible(robot, points, wrenches=np.atleast_2d(wrenches) + wrench, **held)
         parts.append(_with_geometry(part, robot))
@@ -253,9 +262,9 @@ def _labelled(stiffness: np.ndarray, materials: Sequence[str] | Mapping[str, flo
 
 
 def _checked_quantities(quantities: Sequence[str] | None) -> list[str]:
-    known = [*QUANTITIES, "feasible"]
     if quantities is None:
-        return known
+        return [*QUANTITIES, "feasible"]
+    known = [*QUANTITIES, "feasible", "tension_margin"]
     for name in quantities:
         if name not in known:
             raise UnknownName("quantity", str(name), known)
@@ -379,6 +388,19 @@ def _feasible(robot: Robot, points: Sequence[xr.DataArray], **conditions: Any) -
 def _feasible_block(x, y, z, *, robot, rotation, tension_limits, wrenches) -> np.ndarray:
     commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
     return feasibility.feasible(robot, commanded, rotations=rotation, tension_limits=tension_limits, wrenches=wrenches)
+
+
+def _tension_margin(robot: Robot, points: Sequence[xr.DataArray], **conditions: Any) -> xr.DataArray:
+    margin = _apply_ufunc(_tension_margin_block, *points, kwargs=dict(robot=robot, **conditions), output_dtypes=[float])
+    margin.attrs = _MARGIN
+    return margin
+
+
+def _tension_margin_block(x, y, z, *, robot, rotation, tension_limits, wrenches) -> np.ndarray:
+    commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+    return feasibility.tension_margin(
+        robot, commanded, rotations=rotation, tension_limits=tension_limits, wrenches=wrenches
+    )
 
 
 def _with_geometry(dataset: xr.Dataset, robot: Robot) -> xr.Dataset:

@@ -2,8 +2,8 @@
 
 MuJoCo reduces a simulation's state to a list of a few hundred simple geoms (``mjv_updateScene``), for which it needs no
 OpenGL. For each geom the rows and columns of the picture that its bounding box covers are found first; only there are
-rays cast. Light is MuJoCo's, ambient and diffuse, of directional lights and the headlight; no shadows, no mirror
-images, no highlights, and no texture but the floor's checkers.
+rays cast. Light is MuJoCo's: what shapes emit, and the ambient and diffuse light of directional lights and the
+headlight; no shadows, no mirror images, no highlights, and no texture but the floor's checkers.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -108,12 +108,13 @@ def _camera(scene: mujoco.MjvScene, columns: int, rows: int) -> Float[np.ndarray
 
 
 def _geoms(scene: mujoco.MjvScene) -> tuple[np.ndarray, np.ndarray]:
-    """Kinds (geoms,), and (geoms, 19) of position, matrix, size, colour; opaque first, then from far to near."""
+    """Kinds (geoms,), and (geoms, 20) of position, matrix, size, colour, own light; opaque first, then far to near."""
     known = [geom for geom in scene.geoms[: scene.ngeom] if geom.type in SHAPES.values()]
     forward, position = np.array(scene.camera[0].forward), np.array(scene.camera[0].pos)
-    floats = np.empty((len(known), 19))
+    floats = np.empty((len(known), 20))
     for row, geom in zip(floats, known, strict=True):
         row[0:3], row[3:12], row[12:15], row[15:19] = geom.pos, geom.mat.ravel(), geom.size, geom.rgba
+        row[19] = geom.emission
     kinds = np.array([geom.type for geom in known], np.int32)
     clear = floats[:, 18] < 1
     order = np.lexsort((-(floats[:, :3] - position) @ forward, clear))
@@ -384,7 +385,7 @@ def _draw_rows(first, last, kinds, floats, ranges, camera, lights, floor, sky, s
                 px = camera[0, 0] + t * (u * camera[1, 0] + v * camera[2, 0] + camera[3, 0])
                 py = camera[0, 1] + t * (u * camera[1, 1] + v * camera[2, 1] + camera[3, 1])
                 pz = camera[0, 2] + t * (u * camera[1, 2] + v * camera[2, 2] + camera[3, 2])
-                red, green, blue = 0.0, 0.0, 0.0
+                red, green, blue = shape[19], shape[19], shape[19]
                 for k in range(len(lights)):
                     lx, ly, lz = -lights[k, 4], -lights[k, 5], -lights[k, 6]
                     if lights[k, 0] == 0:

@@ -72,6 +72,7 @@ class Stage:
         self._set_lengths(step)
         camera, everything = self.whole(1.5), mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(self.model, self.data, self._options, None, camera, everything, self.scene)
+        self._light_slack(step)
         self._draw_paths(step)
         self._draw_commanded(step)
         if self.static is not None and np.isfinite(self.static[step].translation).all():
@@ -118,6 +119,13 @@ class Stage:
         spare = np.maximum(trajectory.rest_lengths[step] - trajectory.lengths[step], 0)
         spare *= np.where(trajectory.slack[step], self.exaggeration, 0)
         self.model.tendon_lengthspring[:, 1] = np.where(spare > 0, distance + spare, 0)
+
+    def _light_slack(self, step: int) -> None:
+        """Slack cables shine by themselves, so that in shade as well they have the legend's colour."""
+        for geom in self.scene.geoms[: self.scene.ngeom]:
+            if geom.objtype == mujoco.mjtObj.mjOBJ_TENDON and self.trajectory.slack[step, geom.objid]:
+                geom.emission = style.SLACK_SHINE
+                geom.rgba[:3] = np.array(style.SLACK_COLOR) / (1 + style.SLACK_SHINE)
 
     def _draw_paths(self, step: int) -> None:
         every = max(1, len(self.trajectory) // PIECES)

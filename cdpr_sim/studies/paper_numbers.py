@@ -1,0 +1,138 @@
+"""The paper's numbers beside ours: how SEECR performs (section III F), and sag along its line (section IV)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
+from cdpr_sim.core.materials import PAPER_MATERIALS
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.settle import settle
+from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.statics import solve as solvers
+from cdpr_sim.statics.newton import solve_many
+from cdpr_sim.statics.solve import Method
+from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, along_x
+
+PAPER_ITERATIONS, PAPER_SECONDS = (14, 286), (2e-3, 61e-3)
+"""Of SEECR in its best and its worst case, on an i7-10850H; "less iterations were needed at the center"."""
+
+TRACKER_ACCURACY = 0.065e-3
+"""[m] Volumetric, of the C-track that measured DemoBot (section IV)."""
+
+MIDDLE = 0.1
+"""[m] Poses that close to the middle of the line count as its middle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """One solver on one layout, along the paper's lines.
+
+    Attributes:
+        layout: name of the robot.
+        method: the solver.
+        x: commanded, (poses,) [m]; every line's poses one after the other.
+        iterations: (poses,) evaluations as SciPy counts them, or Newton's steps.
+        seconds: (poses,), solved or not [s].
+        solved: (poses,) whether forces balance where it stopped.
+    """
+
+    layout: str
+    method: Method
+    x: Float[np.ndarray, " poses"]
+    iterations: Int[np.ndarray, " poses"]
+    seconds: Float[np.ndarray, " poses"]
+    solved: Bool[np.ndarray, " poses"]
+
+    @property
+    def middle(self) -> Bool[np.ndarray, " poses"]:
+        """Which of the poses are near the middle of the line."""
+        return np.abs(self.x - np.mean(PAPER_LINE)) <= MIDDLE
+
+
+def performance(
+    layouts: Sequence[str] = ("cogiro", "parallel"),
+    materials: Sequence[str] = PAPER_MATERIALS,
+    heights: Sequence[float] = PAPER_HEIGHTS,
+    *,
+    rows: int = 24,
+    methods: Sequence[Method] = get_args(Method),
+) -> tuple[Performance, ...]:
+    """Every solver at every pose of the paper's lines, one pose at a time; for each layout and method."""
+    results = []
+    for layout in layouts:
+        robots = [load_robot(layout).replace(material=material) for material in materials]
+        asked = [
+            (robot, position)
+            for robot in robots
+            for height in heights
+            for position in along_x(robot, height, PAPER_LINE, rows)
+        ]
+        solve_many(robots[0], asked[0][1])  # compile before the clock starts
+        for method in methods:
+            runs = [_timed(robot, position, method) for robot, position in asked]
+            iterations, seconds, solved = (np.array(column) for column in zip(*runs, strict=True))
+            x = np.array([position[0] for _, position in asked])
+            results.append(Performance(layout, method, x, iterations, seconds, solved))
+    return tuple(results)
+
+
+def _timed(robot: Robot, position: np.ndarray, method: Method) -> tuple[int, float, bool]:
+    start = time.perf_counter()
+    try:
+        found, solved = solvers.solve(robot, position, method=method), True
+    except NotConverged as error:
+        found, solved = error.equilibrium, False
+    return (found.iterations if found is not None else 0), time.perf_counter() - start, solved
+
+
+@dataclass(frozen=True, eq=False)
+class Sag:
+    """How low a layout hangs along the paper's line, by both roads.
+
+    Attributes:
+        robot: the layout with its cables.
+        height: commanded z [m].
+        x: commanded, (poses,) [m].
+        static: by the static solver, one per pose.
+        settled: by MuJoCo, likewise.
+    """
+
+    robot: Robot
+    height: float
+    x: Float[np.ndarray, " poses"]
+    static: tuple[Equilibrium, ...]
+    settled: tuple[Equilibrium, ...]
+
+    @property
+    def by_statics(self) -> Float[np.ndarray, " poses"]:
+        """How far below the commanded z the platform rests [m]."""
+        return np.array([-one.deviation[2] for one in self.static])
+
+    @property
+    def by_mujoco(self) -> Float[np.ndarray, " poses"]:
+        """The same, settled [m]."""
+        return np.array([-one.deviation[2] for one in self.settled])
+
+
+def sag(robot: Robot, height: float, *, rows: int = 2) -> Sag:
+    """Sag at ``rows`` poses of the paper's line, its two ends at least.
+
+    Raises:
+        NotConverged: the static solver found no rest somewhere.
+        NotSettled: MuJoCo's platform did not come to rest somewhere.
+    """
+    poses = along_x(robot, height, PAPER_LINE, rows)
+    return Sag(
+        robot,
+        height,
+        poses[:, 0],
+        tuple(solvers.solve(robot, pose) for pose in poses),
+        tuple(settle(robot, pose) for pose in poses),
+    )

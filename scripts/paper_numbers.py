@@ -1,0 +1,100 @@
+"""The paper's numbers beside ours: its solver's performance, what its tracker could see, and a nylon line's sag.
+
+Run it: python scripts/paper_numbers.py
+"""
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+import cdpr_sim as cdpr
+from cdpr_sim.core.materials import NYLON_FIBRES, NYLON_MODULUS, line_stiffness
+from cdpr_sim.studies import paper_numbers as study
+from cdpr_sim.studies.lines import PAPER_HEIGHTS
+
+DIAMETER = 0.4e-3  # [m] of the fishing line
+ROWS = 24  # poses along a line
+
+console = Console(width=110)
+
+
+def main() -> None:
+    performance()
+    tracker()
+    nylon()
+
+
+def performance() -> None:
+    """Iterations and time of each solver along the paper's line."""
+    (fewest, most), (fast, slow) = study.PAPER_ITERATIONS, (1e3 * seconds for seconds in study.PAPER_SECONDS)
+    results = study.performance(rows=ROWS)
+    rows = table(
+        f"Along the paper's line: {len(results[0].x)} poses per row, two materials, two heights, one pose at a time",
+        "robot", "solver", "solved", "iterations", "in the\nmiddle", "else-\nwhere",
+        "ms", "in the\nmiddle", "else-\nwhere",
+    )  # fmt: skip
+    for one in results:
+        iterations, milliseconds = one.iterations[one.solved], 1e3 * one.seconds[one.solved]
+        middle = one.middle[one.solved]
+        rows.add_row(
+            one.layout,
+            one.method,
+            f"{one.solved.sum()} of {len(one.solved)}",
+            f"{iterations.min()} to {iterations.max()}",
+            *(f"{np.median(iterations[where]):.0f}" for where in (middle, ~middle)),
+            f"{milliseconds.min():.1f} to {milliseconds.max():.0f}",
+            *(f"{np.median(milliseconds[where]):.1f}" for where in (middle, ~middle)),
+        )
+    console.print(rows)
+    console.print(
+        f"The paper: {fewest} to {most} iterations, {fast:g} to {slow:g} ms, fewest in the middle. Here: of the poses "
+        f"solved; in the middle, within {1e3 * study.MIDDLE:g} mm of it, and elsewhere, medians. Iterations are "
+        "evaluations as SciPy counts them (for least_squares without those for its Jacobian), or Newton's steps.\n",
+        highlight=False,
+    )
+
+
+def tracker() -> None:
+    """Cogiro with Vectran, the stiffest and levellest."""
+    robot = cdpr.load_robot("cogiro").replace(material="vectran-0.7mm")
+    sags = np.concatenate([study.sag(robot, height, rows=ROWS).by_mujoco for height in PAPER_HEIGHTS])
+    console.print(
+        f"cogiro with Vectran sags by {1e3 * sags.min():.3f} to {1e3 * sags.max():.3f} mm along the line, "
+        f"{1e3 * np.median(sags):.3f} mm in the median; the paper's tracker is accurate to "
+        f"{1e3 * study.TRACKER_ACCURACY:g} mm.\n",
+        highlight=False,
+    )
+
+
+def nylon() -> None:
+    """How low parallel hangs at the ends of the line, with the materials and with nylon from soft to stiff."""
+    rows = table(
+        "parallel at the ends of the paper's line (the paper: about 15 mm)",
+        "cable", "EA [N]", *(f"sag [mm] in MuJoCo\nat z = {z:g} m" for z in PAPER_HEIGHTS), "roads apart\n[mm]",
+    )  # fmt: skip
+    cables = [(name, material.axial_stiffness) for name, material in cdpr.MATERIALS.items()]
+    low, high = NYLON_FIBRES
+    for modulus in (low, NYLON_MODULUS, high):
+        cables.append((f"nylon of {modulus / 1e9:.1f} GPa, {1e3 * DIAMETER:g} mm", line_stiffness(modulus, DIAMETER)))
+    for name, stiffness in cables:
+        robot = cdpr.load_robot("parallel").replace(axial_stiffness=stiffness)
+        ends = [study.sag(robot, height) for height in PAPER_HEIGHTS]
+        apart = max(np.abs(end.by_mujoco - end.by_statics).max() for end in ends)
+        rows.add_row(
+            name, f"{stiffness:.0f}", *(f"{1e3 * end.by_mujoco.mean():.1f}" for end in ends), f"{1e3 * apart:.0e}"
+        )
+    console.print(rows)
+
+
+def table(title: str, *columns: str) -> Table:
+    """An empty table."""
+    made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        made.add_column(escape(column), justify="right", no_wrap=True)
+    return made
+
+
+if __name__ == "__main__":
+    main()

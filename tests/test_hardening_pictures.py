@@ -1,0 +1,327 @@
+"""What a stranger would trip over in pictures: numbers, labels that collide, stepped borders, wrong colours."""
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import same_color
+from mpl_toolkits.mplot3d import proj3d
+from scipy.optimize import linprog
+
+import cdpr_sim as cdpr
+from cdpr_sim.analysis.workspace import feasibility
+from cdpr_sim.drawing import maps, style
+from cdpr_sim.drawing.numbers import per_cent, plain, power_of_ten
+from cdpr_sim.drawing.video import film
+from cdpr_sim.studies import lines, lines_figures, tilt_condition
+
+PLANE = {"x": np.linspace(0.1, 0.7, 61), "z": np.linspace(0.05, 0.4, 36)}
+MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
+
+SAME_MARGIN = 1e-9
+"""[N] Between the compiled margin and HiGHS's: 5e-11 measured."""
+
+BORDER = 1e-3
+"""[m] How far the drawn border may be off, on cells of 10 mm: 0.1 mm measured; around the cells it is 5 mm off."""
+
+
+@pytest.fixture(scope="module")
+def both():
+    """Two layouts and two materials."""
+    return cdpr.sweep(["parallel", "cogiro"], PLANE, MATERIALS, quantities=maps.QUANTITIES)
+
+
+@pytest.fixture(scope="module")
+def single():
+    """One robot."""
+    return cdpr.sweep("cogiro", PLANE, quantities=maps.QUANTITIES)
+
+
+@pytest.fixture(scope="module")
+def under_actuated():
+    """A bar that only a line of poses can hold level, on coarse cells."""
+    return cdpr.sweep("two-cable", {"x": np.linspace(0.1, 0.7, 25), "z": PLANE["z"]}, quantities=maps.QUANTITIES)
+
+
+@pytest.fixture(scope="module")
+def widths():
+    """Small results for the figures of poses and tensions."""
+    return {
+        name: lines.across_the_width(cdpr.load_robot(name), static_rows=61, settled_rows=5)
+        for name in ("planar-horizontal", "cogiro", "parallel")
+    }
+
+
+def panels(figure):
+    return [ax for ax in figure.axes if ax.get_label() == "panel"]
+
+
+def words(figure):
+    """All that is written on the page and in its panels."""
+    return [text.get_text() for text in (*figure.texts, *(t for ax in figure.axes for t in ax.texts))]
+
+
+def tick_boxes(ax, names, renderer):
+    """Where the numbers of these axes stand on the page, those within the limits."""
+    boxes = []
+    for axis in (getattr(ax, f"{name}axis") for name in names):
+        low, high = sorted(axis.get_view_interval())
+        for tick in axis.get_major_ticks():
+            if low <= tick.get_loc() <= high and tick.label1.get_visible() and tick.label1.get_text():
+                boxes.append(tick.label1.get_window_extent(renderer))
+    return boxes
+
+
+def drawn(figure):
+    """The figure's renderer, with everything in its place."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return canvas.get_renderer()
+
+
+def on_page(ax, text):
+    """Where a word stands, in pixels; in space, as seen."""
+    if hasattr(text, "get_position_3d"):
+        x, y, _ = proj3d.proj_transform(*text.get_position_3d(), ax.get_proj())
+        return ax.transData.transform([x, y])
+    return ax.transData.transform(text.get_position())
+
+
+# Numbers
+
+
+def test_numbers_are_written_as_people_read_them():
+    """No exponents, and neither all nor nothing is claimed of a part."""
+    assert [plain(value) for value in (0.0619, 3.81, 41.17, 170, 12345.6)] == ["0.062", "3.8", "41", "170", "12,346"]
+    assert [power_of_ten(value) for value in (8e-8, 1e-7, 3.0)] == ["10⁻⁷", "10⁻⁷", "10¹"]
+    assert [per_cent(share) for share in (0, 1e-6, 0.005, 0.424, 0.9992, 1)] == [
+        "0 %", "0.1 %", "0.5 %", "42 %", "99.9 %", "100 %",
+    ]  # fmt: skip
+
+
+def test_notes_on_maps_have_units_and_no_exponents(both):
+    """At most 640 mm, not "at most 6.4e+02"."""
+    large = both.assign(distance=10 * both["distance"], tilt=4 * both["tilt"])
+    written = words(maps.draw_elastic_map(large))
+    assert not [text for text in written if re.search(r"\de[+-]?\d", text)]
+    notes = [text for text in written if text.startswith("at most")]
+    assert len(notes) == 8
+    assert all(re.fullmatch(r"at most [\d.,]+(°| mm)", note) for note in notes)
+    assert any(float(note.split()[2].rstrip("°")) > 100 for note in notes)
+
+
+def test_notes_on_agreement_maps_have_units_and_no_exponents():
+    """At most 10⁻⁷ mm."""
+    written = words(maps.draw_agreement_map(cdpr.check("cogiro", (4, 2, 3)).across()))
+    assert [text for text in written if re.fullmatch(r"at most 10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+ mm", text)]
+
+
+def test_maps_say_which_poses_their_numbers_are_of(both):
+    """The plane, its extent and how many: the same robot's tilt is another on another grid."""
+    foot = " ".join(next(text for text in words(maps.draw_elastic_map(both)) if text.startswith("All numbers")).split())
+    assert "61 × 36 commanded poses: x = 0.1 to 0.7 m, z = 0.05 to 0.4 m, y = 0.25 m" in foot
+
+
+# Room
+
+
+def test_tick_labels_of_neighbouring_panels_do_not_collide(both):
+    """Neither those of one axis nor those of its neighbours."""
+    figure = maps.draw_elastic_map(both)
+    renderer = drawn(figure)
+    boxes = [box for ax in panels(figure) for box in tick_boxes(ax, "xy", renderer)]
+    assert len(boxes) > 20
+    assert not [1 for a, b in itertools.combinations(boxes, 2) if a.overlaps(b)]
+
+
+@pytest.mark.parametrize("dataset", ["both", "single", "under_actuated"])
+def test_contour_labels_are_whole(dataset, request):
+    """Within what is coloured, and clear of one another."""
+    figure = maps.draw_elastic_map(request.getfixturevalue(dataset), names=["tilt", "distance"])
+    renderer, labels = drawn(figure), 0
+    for ax in panels(figure):
+        (x0, y0), (x1, y1) = ax.transData.transform([(0.1, 0.05), (0.7, 0.4)])
+        boxes = [t.get_window_extent(renderer) for c in ax.collections for t in getattr(c, "labelTexts", [])]
+        labels += len(boxes)
+        for box in boxes:
+            assert x0 <= box.x0
+            assert box.x1 <= x1
+            assert y0 <= box.y0
+            assert box.y1 <= y1
+        assert not [1 for a, b in itertools.combinations(boxes, 2) if a.overlaps(b)]
+    assert labels > 3
+
+
+def test_one_robot_is_no_strip(single):
+    """Its four panels go two by two, each quantity with its bar."""
+    figure = maps.draw_elastic_map(single)
+    width, height = figure.get_size_inches()
+    assert 1 < width / height < 2.5
+    boxes = [ax.get_position() for ax in figure.axes]
+    assert not [1 for a, b in itertools.combinations(boxes, 2) if a.overlaps(b)]
+
+
+# The border of the feasible workspace
+
+
+@pytest.mark.parametrize("name", ["parallel", "cogiro", "planar-vertical", "two-cable"])
+@pytest.mark.parametrize("limits", [(0, np.inf), (0.1, 3.0)])
+def test_margin_is_what_linear_programming_finds(name, limits):
+    """The largest t with tau_min + t <= tau <= tau_max - t in balance; its sign is feasibility."""
+    robot = cdpr.load_robot(name)
+    positions = np.random.default_rng(3).uniform(*robot.workspace, (40, 3))
+    found = feasibility.tension_margin(robot, positions, tension_limits=limits)
+    assert ((found >= -SAME_MARGIN) == cdpr.feasible(robot, positions, tension_limits=limits)).all()
+    for position, margin in zip(positions, found, strict=True):
+        W, load, size = feasibility._system(robot, position, np.eye(3), np.zeros(6))
+        m, upper = robot.cables, np.full(robot.cables, limits[1])
+        A = np.vstack([np.column_stack([-np.eye(m), np.ones(m)]), np.column_stack([np.eye(m), np.ones(m)])])
+        b = np.concatenate([np.full(m, -limits[0]), np.minimum(upper, 1e6)])
+        held = linprog(
+            np.append(np.zeros(m), -1.0), A_ub=A, b_ub=b, A_eq=np.column_stack([W, np.zeros(len(W))]),
+            b_eq=-load * size, bounds=[(None, None)] * m + [(None, size)],
+        )  # fmt: skip
+        assert margin == (pytest.approx(held.x[-1], abs=SAME_MARGIN) if held.status == 0 else -np.inf)
+
+
+def test_margin_is_swept_where_it_is_asked_for(both, single):
+    """And nowhere else: it takes as long as an equilibrium."""
+    assert both["tension_margin"].dims == ("robot", "x", "y", "z")
+    assert both["tension_margin"].attrs["units"] == "N"
+    assert ((both["tension_margin"] >= 0) == both["feasible"]).all()
+    assert "tension_margin" not in cdpr.sweep("cogiro", (2, 1, 2))
+
+
+def border(ax):
+    """Vertices of the green contour."""
+    for collection in ax.collections:
+        if any(same_color(color, style.MAP_BORDER) for color in collection.get_edgecolor()):
+            return np.concatenate([path.vertices for path in collection.get_paths()])
+    return np.empty((0, 2))
+
+
+def test_border_passes_between_the_poses(both):
+    """Where linear programming has it, and not around the cells."""
+    figure = maps.draw_elastic_map(both)
+    robot = cdpr.load_robot("parallel")
+    for ax in (panels(figure)[0], panels(figure)[12]):
+        vertices = border(ax)
+        assert len(vertices) > 40
+        for x, z in vertices[:: len(vertices) // 20]:
+            inwards = BORDER if x < 0.4 else -BORDER
+            assert feasibility.feasible_by_linprog(robot, [x + inwards, 0.25, z])
+            assert not feasibility.feasible_by_linprog(robot, [x - inwards, 0.25, z])
+
+
+def test_feasible_poses_are_drawn_once_per_robot(both):
+    """What rigid cables hold knows no material; beside the panel it says so."""
+    figure = maps.draw_elastic_map(both)
+    assert len(panels(figure)) == 3 * 4 + 2
+    assert sum("the same for every material" in text for text in words(figure)) == 2
+
+
+def test_a_feasible_line_is_drawn_as_a_line(under_actuated):
+    """One of no area, and nothing is said of its share."""
+    figure = maps.draw_elastic_map(under_actuated)
+    ax = panels(figure)[3]
+    for mesh in (one for one in ax.collections if isinstance(one, QuadMesh)):
+        assert not np.asarray(mesh.get_array()).any()
+    segments = [line for line in ax.lines if same_color(line.get_color(), style.MAP_BORDER)]
+    assert segments
+    assert all(np.allclose(line.get_xdata(), 0.4) for line in segments)
+    assert "only on the line" in words(figure)
+
+
+# Figures
+
+
+def test_names_of_meeting_points_stand_beside_them():
+    """H and V within 50 mm of their points on the drawing."""
+    figure = lines_figures.tilt_condition(tilt_condition.moment_balances())
+    renderer = drawn(figure)
+    for ax in figure.axes:
+        point = next(a for a in ax.lines if a.get_gid() == "meeting point").get_xydata()[0]
+        name = next(text for text in ax.texts if text.get_text() in ("H", "V", "they meet"))
+        box = name.get_window_extent(renderer).transformed(ax.transData.inverted())
+        apart = np.maximum([box.x0 - point[0], box.y0 - point[1]], [point[0] - box.x1, point[1] - box.y1]).max()
+        assert apart < 0.05
+
+
+def test_legend_of_the_tilt_condition_is_clear_of_the_frame():
+    """It used to end on the line."""
+    figure = lines_figures.tilt_condition(tilt_condition.moment_balances())
+    renderer, ax = drawn(figure), figure.axes[3]
+    right = ax.get_legend().get_window_extent(renderer).transformed(ax.transData.inverted()).x1
+    assert right < 0.79
+
+
+@pytest.mark.parametrize("name", ["cogiro", "parallel"])
+def test_numbers_of_axes_in_space_do_not_collide(name, widths):
+    """Where two axes share a corner."""
+    figure = lines_figures.spatial(widths[name])
+    renderer = drawn(figure)
+    boxes = tick_boxes(figure.axes[0], "xyz", renderer)
+    assert len(boxes) > 10
+    assert not [1 for a, b in itertools.combinations(boxes, 2) if a.overlaps(b)]
+
+
+def test_vectran_comes_first_as_everywhere_and_poses_show_the_softer_line(widths):
+    """In Fig. 7, 8, 10 and 11."""
+    for width in widths.values():
+        assert [line.robot.material for line in width.lines] == MATERIALS
+        assert width.poses.robot.material == "fishing-0.4mm"
+
+
+def test_commanded_pose_shows_where_the_platform_hangs_just_there(widths):
+    """Over the platform, not under it."""
+    ax = lines_figures.planar(widths["planar-horizontal"]).axes[0]
+    outlines = [patch for patch in ax.patches if same_color(patch.get_edgecolor(), style.COMMANDED)]
+    platforms = [patch for patch in ax.patches if same_color(patch.get_facecolor(), style.PLATFORM)]
+    assert outlines
+    assert min(patch.get_zorder() for patch in outlines) > max(patch.get_zorder() for patch in platforms)
+
+
+def test_captions_say_what_the_titles_numbers_are_of(widths):
+    """The tilt of cogiro is another along this line than over its whole workspace."""
+    caption = " ".join(lines_figures.spatial(widths["cogiro"]).get_supxlabel().split())
+    assert "numbers are of what is drawn here: x = 0.1 to 0.7 m, z = 0.1 and 0.28 m, y = 0.25 m" in caption
+
+
+def test_outline_of_the_feasible_workspace_passes_between_its_grids_columns():
+    """On columns 20 mm apart it is within a millimetre of where linear programming has it."""
+    robot = cdpr.load_robot("parallel")
+    for x, y, z in lines.feasible_outline(robot, columns=31, rows=5):
+        inwards = BORDER if x < 0.4 else -BORDER
+        assert feasibility.feasible_by_linprog(robot, [x + inwards, y, z])
+        assert not feasibility.feasible_by_linprog(robot, [x - inwards, y, z])
+
+
+def test_the_four_layouts_are_drawn():
+    """Fig. 6: every cable of each, numbered, from its exit to its anchor."""
+    figure = cdpr.PICTURES["layouts"].figure()
+    robots = [cdpr.load_robot(name) for name in ("planar-vertical", "planar-horizontal", "parallel", "cogiro")]
+    drawn(figure)
+    for ax, robot in zip(figure.axes, robots, strict=True):
+        assert robot.name in ax.get_title(loc="left")
+        assert [text.get_text() for text in ax.texts] == [str(i + 1) for i in range(robot.cables)]
+        places = np.array([on_page(ax, text) for text in ax.texts])
+        height = ax.texts[0].get_fontsize() * figure.dpi / 72
+        assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(places, 2)) > height
+        cables = [line for line in ax.lines if line.get_color() in (style.LEFT, style.RIGHT)]
+        assert len(cables) == robot.cables
+
+
+# Videos
+
+
+def test_slack_cables_have_the_legends_colour_in_shade_as_well():
+    """On their dark side too: every vermilion pixel is the legend's or mixed with its neighbours."""
+    trajectory = cdpr.drive(cdpr.load_robot("parallel"), [(0.17, 0.25, 0.1), (0.2, 0.25, 0.1)], states=2)
+    frame = next(film.frames(trajectory, seconds=2, fps=1, size=(960, 720), renderer="raycast")).astype(float) / 255
+    red, green, blue = np.moveaxis(frame, -1, 0)
+    slack = (red > 2.5 * green) & (red > 4 * blue)
+    assert slack.sum() > 500
+    assert np.quantile(red[slack], 0.02) > 0.8 * style.SLACK_COLOR[0]
