@@ -89,21 +89,21 @@ def test_one_stiffness_per_cable_is_found_from_mujocos_poses(robot):
 def test_standard_errors_are_as_large_as_the_errors(robot):
     """Over many noises, EA and eight rest-length offsets: errors over standard errors have squares that sum to chi².
 
-    One by one, and all nine together by their correlations; standard errors wrong by a third would be found out. Where
-    no error is stated it is judged from the residuals, and all else is the same.
+    One by one, and all nine together by their correlations, which are those of the errors; standard errors wrong by a
+    third would be found out. Where no error is stated it is judged from the residuals, and all else is the same.
     """
     rng = np.random.default_rng(7)
     offsets = rng.normal(size=8) * 1e-4
     true = robot.replace(axial_stiffness=800.0)
     positions, asked = commanded(6), ("axial_stiffness", "rest_length_offsets")
     poses, truth = exact_poses(true, positions, offsets), np.array([800.0, *offsets])
-    each, together, spreads = np.zeros(9), 0.0, 0.0
+    products, together, spreads = np.zeros((9, 9)), 0.0, 0.0
     for fit in range(FITS):
         measurements = cdpr.Measurements.of(positions, noisy(true, poses, rng))
         found = cdpr.identify(robot, measurements, asked, position_error=NOISE)
         assert found.reasons == ()
         off = (found.values - truth) / found.standard_errors
-        each += off**2
+        products += np.outer(off, off)
         together += off @ np.linalg.solve(found.correlations, off)
         spreads += (poses.size - 9) * found.spread**2
         if fit == 0:
@@ -112,8 +112,11 @@ def test_standard_errors_are_as_large_as_the_errors(robot):
             assert judged.values == pytest.approx(found.values, rel=1e-5, abs=1e-9)
             assert judged.standard_errors == pytest.approx(found.spread * found.standard_errors, rel=1e-5)
     low, high = chi2.ppf(LIKELY, FITS)
-    assert (each >= low).all()
-    assert (each <= high).all()
+    assert (np.diag(products) >= low).all()
+    assert (np.diag(products) <= high).all()
+    scatter = np.sqrt((1 + found.correlations**2) / FITS)  # of the mean product of two correlated normal numbers
+    assert (np.abs(products / FITS - found.correlations) < 3.5 * scatter).all()
+    assert (np.abs(products / FITS - np.eye(9)) > 3.5 / np.sqrt(FITS)).any()  # were they not correlated
     low, high = chi2.ppf(LIKELY, 9 * FITS)
     assert low <= together <= high
     assert not low <= together / 1.33**2 <= high

@@ -53,6 +53,28 @@ def test_stiffest_tensions_beat_every_other():
     assert tried > 50
 
 
+def test_smallest_tensions_may_have_to_hold_the_platform():
+    """Asked for a stiffness that the smallest lack: just that, and no random tensions that have it are smaller."""
+    there = demand("cogiro", (0.25, 0.2, 0.15), 0.04, 5.0)
+    least, best = distribution.smallest(there), distribution.stiffest(there)
+    assert least is not None
+    assert best is not None
+    floor = 0.5 * (there.softest(least)[0] + there.softest(best)[0])
+    found = distribution.smallest(there, floor)
+    assert found is not None
+    assert there.softest(found)[0] == pytest.approx(floor, rel=10 * distribution.GAP)
+    assert np.abs(there.wrench_matrix @ found + there.load).max() < 1e-9 * there.scale
+    rng, tried = np.random.default_rng(0), 0
+    null = np.linalg.svd(there.wrench_matrix)[2][6:]
+    for _ in range(2000):
+        other = found + rng.normal(size=2) @ null * 0.3
+        if (other >= 0.04).all() and (other <= 5).all() and there.softest(other)[0] >= floor:
+            tried += 1
+            assert np.linalg.norm(other) >= np.linalg.norm(found) * (1 - 2 * distribution.GAP)
+    assert tried > 50
+    assert distribution.smallest(there, 1.001 * there.softest(best)[0]) is None
+
+
 def test_stiffness_is_affine_in_the_tensions():
     """What the cutting planes rest on: read off at tensions other than those it was built from."""
     there = demand("parallel", (0.4, 0.25, 0.1))
