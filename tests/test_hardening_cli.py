@@ -32,7 +32,7 @@ def run(*words: str, columns: int = 80):
 
 def process(*words: str, **how):
     """The command in a process of its own, which ends with the test."""
-    how = {"env": ENVIRONMENT, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "timeout": 120} | how
+    how = {"env": ENVIRONMENT, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "timeout": 600} | how
     return subprocess.run([*COMMAND, *words], **how, text=True)
 
 
@@ -98,7 +98,7 @@ def test_a_full_disk_is_not_a_wrong_place(tmp_path):
     """Files may not grow beyond 4 kB: status 3, and nothing is left; a folder that is none is status 2."""
     script = f"ulimit -f 4; exec '{sys.executable}' -c '{COMMAND[2]}' figures tilt-condition -o '{tmp_path}'"
     environment = ENVIRONMENT | {"NUMBA_CACHE_DIR": ""}
-    result = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True, timeout=120)
+    result = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True, timeout=600)
     assert result.returncode == terminal.OUTSIDE, result.stderr
     assert "cannot be written: File too large" in result.stderr
     assert not list(tmp_path.iterdir())

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import logging
 import os
 import shutil
 import tempfile
@@ -21,8 +22,11 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TypeVar
 
+import numba
 from filelock import FileLock
 from numba.core import config
+
+from cdpr_sim.core.errors import StoreError
 
 Built = TypeVar("Built")
 
@@ -36,6 +40,7 @@ SOURCES = (
 _PACKAGE = Path(__file__).parents[1]
 _threads = threading.RLock()
 _ready: set[str] = set()
+_inherited: list[object] = []
 
 
 @contextmanager
@@ -64,6 +69,16 @@ def built_once(build: Callable[[], Built]) -> Callable[[], Built]:
     return get
 
 
+def jit(**options: bool) -> Callable:
+    """``numba.njit`` whose machine code is kept where that of the kernels is."""
+
+    def decorate(function: Callable) -> Callable:
+        with _cache():
+            return numba.njit(cache=True, **options)(function)
+
+    return decorate
+
+
 @functools.cache
 def digest() -> str:
     """Of all that is compiled: another for every change of the sources."""
@@ -86,13 +101,18 @@ def _cache() -> Iterator[None]:
 
 @functools.cache
 def _folder() -> Path:
-    """The first of these places that can be written, with a folder for this version; those of others are cleared."""
+    """The first of these places that can be written, with a folder for this version; those of others are cleared.
+
+    Raises:
+        StoreError: there is none.
+    """
     mine = hashlib.sha256(str(_PACKAGE).encode()).hexdigest()[:16]
     given = os.environ.get("NUMBA_CACHE_DIR")
-    home = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     places = [Path(given) / "cdpr_sim" / mine] if given else []
-    places += [_PACKAGE / "__pycache__" / "compiled", Path(home).expanduser() / "cdpr_sim" / mine]
-    places.append(Path(tempfile.gettempdir()) / f"cdpr_sim-{mine}-{os.getuid() if hasattr(os, 'getuid') else ''}")
+    home = Path(os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache"))
+    places.append(_PACKAGE / "__pycache__" / "compiled")
+    if home.is_absolute():  # not where nobody knows whose home it would be
+        places.append(home / "cdpr_sim" / mine)
     for place in places:
         folder = place / digest()
         try:
@@ -105,16 +125,63 @@ def _folder() -> Path:
             if stale != folder:
                 shutil.rmtree(stale, ignore_errors=True)
         return folder
-    return Path(tempfile.mkdtemp(prefix="cdpr_sim-"))
+    return _temporary_folder(places, mine)
+
+
+def _temporary_folder(places: list[Path], mine: str) -> Path:
+    """A folder of this user's alone, since code is loaded from it; said when it is new, and all is compiled anew."""
+    try:
+        place = Path(tempfile.gettempdir()) / f"cdpr_sim-{mine}-{_user()}"
+        place.mkdir(mode=0o700, exist_ok=True)
+        if not _is_ours_alone(place):
+            place = Path(tempfile.mkdtemp(prefix="cdpr_sim-"))
+        folder = place / digest()
+        new = not folder.exists()
+        folder.mkdir(exist_ok=True)
+    except OSError:
+        raise StoreError(
+            f"found no folder for compiled code that can be written to (not {', '.join(map(str, places))} either); "
+            "expected NUMBA_CACHE_DIR to name one"
+        ) from None
+    if new:
+        logging.getLogger("cdpr_sim").warning(
+            "cdpr_sim: compiled code is kept in %s: no lasting folder can be written; set NUMBA_CACHE_DIR", place
+        )
+    return folder
+
+
+def _is_ours_alone(place: Path) -> bool:
+    found = place.lstat()
+    return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o022)
+
+
+def _user() -> str:
+    return str(os.getuid()) if hasattr(os, "getuid") else ""
 
 
 @functools.cache
 def _process_lock() -> AbstractContextManager:
     """Reentrant; one per installation and user, since another user's file could not be locked."""
-    home = f"{_PACKAGE}|{Path.home()}"
-    path = Path(tempfile.gettempdir()) / f"cdpr_sim-{hashlib.sha256(home.encode()).hexdigest()[:16]}.lock"
+    home = f"{_PACKAGE}|{os.path.expanduser('~')}|{_user()}"
     try:
+        path = Path(tempfile.gettempdir()) / f"cdpr_sim-{hashlib.sha256(home.encode()).hexdigest()[:16]}.lock"
         path.touch()
     except OSError:
         return nullcontext()  # nowhere to put a lock: as good as Numba alone
     return FileLock(path, thread_local=False)
+
+
+def _begin_anew() -> None:
+    """In a child that was forked: locks of the parent's are not the child's, to hold or to release.
+
+    The parent's lock is kept, unused: collected as garbage it would unlock the file that both have open.
+    """
+    global _threads
+    if _process_lock.cache_info().currsize:
+        _inherited.append(_process_lock())
+        _process_lock.cache_clear()
+    _threads = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)

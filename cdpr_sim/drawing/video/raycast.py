@@ -15,11 +15,10 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
-import numba
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from cdpr_sim.core.compiling import first_use
+from cdpr_sim.core import compiling
 from cdpr_sim.drawing import style
 
 SHAPES = {
@@ -32,7 +31,7 @@ DIRECTIONAL = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL.value
 BAND = 16
 """Rows that a thread draws at a time."""
 
-jit = numba.njit(cache=True, nogil=True, fastmath=True)
+jit = compiling.jit(nogil=True, fastmath=True)
 
 
 class RayCaster:
@@ -51,7 +50,7 @@ class RayCaster:
         One ray per pixel finds what is where; pixels at whose edge something else begins are cast again, finely. A
         shape that MuJoCo draws and this does not (a mesh, an arrow, text) is left out.
         """
-        with first_use(__name__):
+        with compiling.first_use(__name__):
             return self._draw(scene, width, height)
 
     def _draw(self, scene: mujoco.MjvScene, width: int, height: int) -> UInt8[np.ndarray, "height width 3"]:

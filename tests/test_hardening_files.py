@@ -1,0 +1,71 @@
+"""What lies beside the code: licence, citation, changes, how to contribute; and what an installed package brings."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import cdpr_sim as cdpr
+
+ROOT = Path(cdpr.__file__).parents[1]
+VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+
+pytestmark = pytest.mark.skipif(not (ROOT / "pyproject.toml").exists(), reason="these files lie beside the sources")
+
+
+def test_the_licence_is_mit_and_the_package_says_so():
+    """By name in the metadata as well."""
+    text = (ROOT / "LICENSE").read_text()
+    assert text.startswith("MIT License\n")
+    assert "the cdpr_sim authors" in text
+    assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["license"] == "MIT"
+
+
+def test_the_package_brings_its_types():
+    """``py.typed`` beside ``__init__.pyi``, as type checkers ask for."""
+    assert (ROOT / "cdpr_sim" / "py.typed").exists()
+
+
+def test_the_version_is_that_of_the_metadata_and_costs_no_import():
+    """Asked for, nothing heavy is loaded."""
+    program = "import sys, cdpr_sim; print(cdpr_sim.__version__, 'numpy' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    version, heavy = told.stdout.split()
+    assert heavy == "False"
+    assert version in (VERSION, "unknown")
+    assert cdpr.__version__ == version
+
+
+def test_the_citation_names_the_version_and_the_paper():
+    """What people need to cite both."""
+    text = (ROOT / "CITATION.cff").read_text()
+    assert text.startswith("cff-version: 1.2.0\n")
+    assert f"\nversion: {VERSION}\n" in text
+    assert "Towards Solving Cable-Driven Parallel Robot Inaccuracy due to Cable Elasticity" in text
+    assert "ICRA 2024" in text
+    for key in ("message", "title", "authors", "type", "license"):
+        assert re.search(rf"^{key}:", text, re.MULTILINE), key
+
+
+def test_the_changelog_has_the_version():
+    """And what is to come."""
+    headings = re.findall(r"^## (.+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert headings[0] == "Unreleased"
+    assert VERSION in headings
+
+
+def test_what_contributors_are_sent_to_is_there():
+    """Every path of "to change X, touch Y", and every folder of the package is somebody's."""
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    assert "To change X, touch Y" in text
+    places = set(re.findall(r"`((?:cdpr_sim|tests|\.ci)/[^`]*|pyproject\.toml)`", text))
+    for place in places:
+        assert (ROOT / place).exists(), place
+    for folder in (ROOT / "cdpr_sim").iterdir():
+        if (folder / "__init__.py").exists():
+            assert any(place.startswith(f"cdpr_sim/{folder.name}/") for place in places), folder.name
+    for link in re.findall(r"\]\(([^)#:]+)\)", text):
+        assert (ROOT / link).exists(), link
