@@ -19,6 +19,7 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
@@ -177,6 +178,12 @@ def draw_space(ax: Axes3D, robot: Robot) -> None:
         axis.pane.fill = False
         axis.pane.set_edgecolor("white")
     ax.grid(visible=False)
+
+
+def seen(ax: Axes3D, point: np.ndarray) -> tuple[float, float]:
+    """Where a point in space is on the paper, in the axes' own flat coordinates."""
+    x, y, _ = proj_transform(*point, ax.get_proj())
+    return float(x), float(y)
 
 
 def draw_pose_in_space(ax: Axes3D, rests: Rests, row: int) -> None:

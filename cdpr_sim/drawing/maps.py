@@ -230,7 +230,7 @@ def _thin_ticks(figure: Figure) -> None:
                 label: Text = tick.label1
                 if not (label.get_visible() and label.get_text() and low <= tick.get_loc() <= high):
                     continue
-                box = label.get_window_extent().padded(0.03 * figure.dpi)
+                box = label.get_window_extent().padded(0.05 * figure.dpi)
                 if any(box.overlaps(other) for other in kept):
                     label.set_visible(False)
                 else:

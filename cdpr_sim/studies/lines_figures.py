@@ -59,7 +59,10 @@ def layouts(homes: Sequence[Rests]) -> Figure:
         for number, (start, end, name) in enumerate(zip(robot.exits, anchors, names, strict=True), start=1):
             color = style.LEFT if start[0] < robot.frame[:, 0].mean() else style.RIGHT
             ax.plot(*np.stack([start, end])[:, shown].T, color=color, lw=style.THIN, zorder=3)
-            ax.text(*name[shown], str(number), color=color, fontsize=8, ha="center", va="center")
+            at = drawing.seen(ax, name) if in_space else name[shown]
+            (ax.text2D if in_space else ax.text)(
+                *at, str(number), color=color, fontsize=8, ha="center", va="center", transform=ax.transData
+            )
         draw = drawing.draw_platform_in_space if in_space else drawing.draw_platform
         draw(ax, robot, rests.positions[0], rests.rotations[0])
         ax.set_title(f"({letter}) {robot.name}, {robot.cables} cables, at ({home}) m", loc="left")
