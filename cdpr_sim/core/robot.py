@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.cable import DOWN, Cabling
 from cdpr_sim.core.checks import checked_array, frozen, positive
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.materials import load_material
@@ -41,6 +41,10 @@ class Robot:
         anchors: anchor points B_i in the platform frame, (cables, 3) [m].
         axial_stiffness: EA [N], one number or one per cable.
         mass: of the platform [kg].
+        linear_density: of the cables [kg/m], one number or one per cable; 0 is a massless cable.
+        pulley_radius: of the swivelling wheels at the exits [m], one number or one per cable; 0 is a point.
+        pulley_axis: the direction in which the cable arrives at its wheel, (3,) or (cables, 3).
+        stiffening: (a2, a3) of tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable.
         center_of_mass: in the platform frame, (3,) [m].
         inertia: about the centre of mass in the platform frame [kg m²], (3, 3) or its diagonal (3,);
             default: a uniform box of ``platform_size`` centred there.
@@ -82,6 +86,10 @@ class Robot:
         axial_stiffness: ArrayLike,
         mass: float,
         *,
+        linear_density: ArrayLike = 0.0,
+        pulley_radius: ArrayLike = 0.0,
+        pulley_axis: ArrayLike = DOWN,
+        stiffening: ArrayLike = (0.0, 0.0),
         center_of_mass: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike | None = None,
         mobility: Mobility = "spatial",
@@ -95,7 +103,7 @@ class Robot:
         source: str = "",
     ) -> None:
         given = {name: value for name, value in locals().items() if name != "self"}
-        cabling = Cabling(exits, anchors, axial_stiffness)
+        cabling = Cabling(exits, anchors, axial_stiffness, linear_density, pulley_radius, pulley_axis, stiffening)
         if mobility not in get_args(Mobility):
             raise UnknownName("mobility", str(mobility), get_args(Mobility))
         center_of_mass = checked_array("center_of_mass", center_of_mass, (3,))
@@ -259,6 +267,8 @@ def _robot_of(given: dict[str, Any]) -> Robot:
 
 def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"]) -> None:
     points = {"exits": cabling.exits, "anchors": cabling.anchors, "center_of_mass": center_of_mass[None]}
+    if cabling.pulleys.any():
+        points["pulley_axis"] = cabling.pulley_axis
     for field_name, rows in points.items():
         row = int(np.argmax(np.abs(rows[:, 1])))
         if abs(rows[row, 1]) > IN_PLANE:

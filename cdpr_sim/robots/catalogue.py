@@ -11,11 +11,13 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Strict, ValidationError
 
+from cdpr_sim.core.cable import DOWN
 from cdpr_sim.core.errors import CdprError, RobotFileError, UnknownName
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
+Pair = tuple[Number, Number]
 Vector = tuple[Number, Number, Number]
 
 
@@ -32,13 +34,23 @@ class PlatformTable(_Table):
     inertia: Vector | tuple[Vector, Vector, Vector] | None = None
 
 
+class PulleyTable(_Table):
+    """``pulley``: radius of the wheel [m], and the direction in which the cable arrives at it."""
+
+    radius: Number
+    axis: Vector = DOWN
+
+
 class CableTable(_Table):
-    """One cable: exit A_i in the base frame, anchor B_i in the platform frame [m], and perhaps its own cable type."""
+    """One cable: exit A_i in the base frame, anchor B_i in the platform frame [m], and what is its own."""
 
     exit: Vector
     anchor: Vector
     material: str | None = None
     axial_stiffness: Number | None = None
+    linear_density: Number | None = None
+    stiffening: Pair | None = None
+    pulley: PulleyTable | None = None
 
 
 class BoxTable(_Table):
@@ -49,7 +61,10 @@ class BoxTable(_Table):
 
 
 class RobotTable(_Table):
-    """A whole robot file. ``material`` or ``axial_stiffness`` [N] hold for every cable that has none of its own."""
+    """A whole robot file. What it says of cables holds for every one that says nothing of its own.
+
+    ``material`` or ``axial_stiffness`` [N], ``linear_density`` [kg/m], ``stiffening`` (a2, a3), ``pulley``.
+    """
 
     name: str
     description: str = ""
@@ -58,6 +73,9 @@ class RobotTable(_Table):
     gravity: Number = STANDARD_GRAVITY
     material: str | None = None
     axial_stiffness: Number | None = None
+    linear_density: Number = 0.0
+    stiffening: Pair = (0.0, 0.0)
+    pulley: PulleyTable = PulleyTable(radius=0.0)
     platform: PlatformTable
     frame: BoxTable | None = None
     workspace: BoxTable | None = None
@@ -70,6 +88,10 @@ class RobotTable(_Table):
             anchors=[cable.anchor for cable in self.cables],
             axial_stiffness=[self._stiffness(i, cable) for i, cable in enumerate(self.cables)],
             mass=self.platform.mass,
+            linear_density=[_own(cable.linear_density, self.linear_density) for cable in self.cables],
+            stiffening=[_own(cable.stiffening, self.stiffening) for cable in self.cables],
+            pulley_radius=[_own(cable.pulley, self.pulley).radius for cable in self.cables],
+            pulley_axis=[_own(cable.pulley, self.pulley).axis for cable in self.cables],
             center_of_mass=self.platform.center_of_mass,
             inertia=self.platform.inertia,
             mobility=self.mobility,
@@ -96,6 +118,10 @@ class RobotTable(_Table):
     def _common_material(self) -> str | None:
         own = {cable.material for cable in self.cables if cable.material or cable.axial_stiffness is not None}
         return self.material if not own else None
+
+
+def _own(own, common):
+    return common if own is None else own
 
 
 def list_robots() -> tuple[str, ...]:
@@ -152,5 +178,12 @@ def _sentence(error: ValidationError) -> str:
 
 
 def _known_keys(path: tuple[int | str, ...]) -> list[str]:
-    tables = {"platform": PlatformTable, "cables": CableTable, "frame": BoxTable, "workspace": BoxTable}
-    return list((tables[str(path[0])] if path else RobotTable).model_fields)
+    tables = {
+        "platform": PlatformTable,
+        "cables": CableTable,
+        "pulley": PulleyTable,
+        "frame": BoxTable,
+        "workspace": BoxTable,
+    }
+    names = [part for part in path if isinstance(part, str)]
+    return list((tables[names[-1]] if names else RobotTable).model_fields)
