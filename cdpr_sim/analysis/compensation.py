@@ -31,7 +31,7 @@ from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.statics import cable_law, derivatives, forces, newton
+from cdpr_sim.statics import derivatives, forces, newton
 
 Prefer = Literal["smallest", "stiffest"]
 
@@ -165,7 +165,7 @@ def demand_at(
     cables = forces.geometry(robot, position, rotation)
 
     def stiffness(tensions: Float[np.ndarray, " cables"]) -> Float[np.ndarray, "free free"]:
-        rest = cable_law.rest_length_for(cables.lengths, tensions, robot.axial_stiffness)
+        rest = forces.rest_lengths_for(robot, cables.lengths, tensions)
         cut = Problem(robot, pose, rest, problem.external_wrench)
         matrix = forces.at(cut, position, rotation).stiffness_matrix / np.outer(units, units)
         return matrix[np.ix_(free, free)]
@@ -188,7 +188,7 @@ def _held(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " 
     """The equilibrium at ``pose`` with cables cut for ``tensions``."""
     robot = problem.robot
     lengths = forces.geometry(robot, pose.translation, pose.rotation.as_matrix()).lengths
-    rest = cable_law.rest_length_for(lengths, tensions, robot.axial_stiffness)
+    rest = forces.rest_lengths_for(robot, lengths, tensions)
     cut = Problem.of(robot, pose, rest, problem.external_wrench)
     return forces.equilibrium_at(cut, pose, iterations=0, source="compensation")
 
@@ -306,7 +306,7 @@ def _descend(
         pose = moved(problem.pose, step)
         lengths = forces.geometry(robot, pose.translation, pose.rotation.as_matrix()).lengths
         tensions = np.maximum(unknowns[count:], 0) * scale
-        rest = cable_law.rest_length_for(lengths, tensions, robot.axial_stiffness)
+        rest = forces.rest_lengths_for(robot, lengths, tensions)
         return pose, step, Problem(robot, pose, rest, problem.external_wrench)
 
     def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " free"]:

@@ -118,6 +118,11 @@ class Cabling:
         return not self.stiffening.any()
 
     @cached_property
+    def bent(self) -> bool:
+        """Whether some cable runs over a pulley or stiffens: compiled code has a type of its own for such cables."""
+        return bool(self.pulleys.any()) or not self.linear
+
+    @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:
         """All of it as one table, a row per cable, for compiled code."""
         return frozen(
@@ -149,7 +154,7 @@ class Cabling:
         )
 
 
-def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int) -> Float[np.ndarray, "cables *core"]:
+def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int) -> Float[np.ndarray, "..."]:
     """A row for each cable, of one for all or of one each."""
     array = checked_array(field, value, None)
     if array.shape != core:

@@ -226,6 +226,13 @@ class Robot:
         """
         frame = self.pose(pose).as_matrix()
         lengths = cable_path.lengths(self.cabling, frame[:3, 3], frame[:3, :3])
+        lost = np.isnan(lengths)
+        if lost.any():
+            cable = int(np.argmax(lost))
+            raise InvalidInput(
+                f"pose: found the anchor of cable {cable + 1} inside its pulley's wheel or under its footprint, expected "
+                f"it further than the radius, {self.cabling.pulley_radius[cable]:g} m, from the pulley's axis"
+            )
         if not lengths.min() > 0:
             cable = int(np.argmin(lengths))
             raise InvalidInput(f"pose: exits[{cable}] lies on its anchor there, expected a cable longer than 0")

@@ -12,7 +12,7 @@ from numba import float64, guvectorize, int64
 
 from cdpr_sim.core.compiling import built_once
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import inline
+from cdpr_sim.statics.cable_kernel import inline, pasted
 
 ROUNDING = 1e-12
 """A slope smaller than this fraction of the load is rounding: that tension is where it should be."""
@@ -24,24 +24,49 @@ MOST_CHANGES = 100
 """Of the active set. Eight cables need five to twelve; where rounding makes the sets cycle, HiGHS decides."""
 
 
-@built_once
-def shortfall_gufunc() -> Callable:
+def shortfall_gufunc(*, bent: bool = False) -> Callable:
     """What is left of the load, as a gufunc: inf where the active sets cycle, nan where the input is not finite."""
+    return _bent_gufunc() if bent else _plain_gufunc()
+
+
+@built_once
+def _plain_gufunc() -> Callable:
+    return _gufunc(_plain_shortfall)
+
+
+@built_once
+def _bent_gufunc() -> Callable:
+    return _gufunc(_bent_shortfall)
+
+
+def _gufunc(shortfall: Callable) -> Callable:
     vector, matrix = float64[:], float64[:, :]
     inputs = (matrix, vector, vector, float64, vector, matrix, int64[:], float64, vector, matrix)
     return guvectorize(
         [(*inputs, vector)], "(m,n),(m),(m),(),(c),(k,d),(f),(),(c),(c,c)->()", cache=True
-    )(_shortfall)  # fmt: skip
+    )(shortfall)  # fmt: skip
 
 
+def _plain_shortfall(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
+    """One element of the gufunc; how long the cables are plays no part."""
+    cables = ck.unpack(table, np.ones(len(lower)))
+    _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left)
+
+
+def _bent_shortfall(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
+    """The same of bent cables."""
+    cables = ck.unpack_bent(table, np.ones(len(lower)))
+    _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left)
+
+
+@pasted
 def _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
-    """One element of the gufunc."""
+    """What is left of the worst load."""
     m, n = len(lower), len(free)
     on_free, load, height = np.empty((n, m)), np.empty(n), np.empty(m)
     w, c = np.empty(6), np.empty(3)
-    given = ck.unpack(cables, np.ones(m))  # how long they are plays no part
-    state, J = ck.new_state(given), np.empty((m, 6))
-    ck.measure(given, position, rotation, state)
+    state, J = ck.new_state(cables), np.empty((m, 6))
+    ck.measure(cables, position, rotation, state)
     ck.fill_jacobian(state, scale, J)
     for i in range(m):
         if not np.isfinite(state.l[i]) or state.l[i] == 0.0:

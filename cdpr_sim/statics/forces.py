@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.cable_path import path
+from cdpr_sim.core.cable_path import path, pulley_path
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
@@ -37,6 +37,9 @@ class Geometry:
         directions: unit vectors along which the cables pull on the anchors, (..., cables, 3).
         lengths: of the cables, (..., cables) [m] (Eq. 2, 9).
         free_lengths: of their free pieces, which are rods whose far ends stay put, to first order, (..., cables) [m].
+        across: unit vectors across the wheels that cables run over, (..., cables, 3); zero without one.
+        bends: how much more slowly directions turn that way, (..., cables) [1/m]; 0 without a wheel.
+        wraps: angles [rad] by which cables are wrapped round their wheels, (..., cables); 0 without one.
     """
 
     robot: Robot
@@ -44,6 +47,9 @@ class Geometry:
     directions: Float[Array, "*batch cables 3"]
     lengths: Float[Array, "*batch cables"]
     free_lengths: Float[Array, "*batch cables"]
+    across: Float[Array, "*batch cables 3"]
+    bends: Float[Array, "*batch cables"]
+    wraps: Float[Array, "*batch cables"]
 
     @cached_property
     def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
@@ -53,9 +59,12 @@ class Geometry:
 
     @cached_property
     def curvatures(self) -> Float[Array, "*batch cables 3 3"]:
-        """∂²l/∂b² of each cable by its anchor's place, base frame [1/m]: (1 − u uᵀ)/(free length) of a straight one."""
-        u = self.directions
-        return (np.eye(3) - u[..., :, None] * u[..., None, :]) / self.free_lengths[..., None, None]
+        """∂²l/∂b² of each cable by its anchor's place, base frame [1/m]: (1 − u uᵀ)/(free length) + bend b bᵀ."""
+        u, b = self.directions, self.across
+        straight = (np.eye(3) - u[..., :, None] * u[..., None, :]) / self.free_lengths[..., None, None]
+        if not self.robot.cabling.pulleys.any():
+            return straight
+        return straight + self.bends[..., None, None] * b[..., :, None] * b[..., None, :]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +122,9 @@ class State:
         problem, robot = self.problem, self.problem.robot
         stretch = self.lengths - problem.rest_lengths
         height = self.position[..., 2] + np.einsum("...j,j->...", self.rotation[..., 2, :], robot.center_of_mass)
-        elastic = cable_law.energy(stretch, problem.rest_lengths, problem.axial_stiffness).sum(-1)
+        elastic = cable_law.energy(
+            stretch, problem.rest_lengths, problem.axial_stiffness, *robot.cabling.stiffening.T
+        ).sum(-1)
         work = np.einsum("...i,...i->...", self.position, problem.external_wrench[..., :3])
         return elastic + problem.mass * robot.gravity * height - work
 
@@ -151,8 +162,20 @@ def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[
     """Where the cables of ``robot`` run with the platform at a pose, or many."""
     arms = np.einsum("...ij,cj->...ci", rotation, robot.anchors)
     x, y, z = np.moveaxis(robot.exits - np.asarray(position)[..., None, :] - arms, -1, 0)
-    length, x, y, z, free = path(x, y, z)
-    return Geometry(robot, arms, np.stack([x, y, z], axis=-1) / free[..., None], length, free)
+    apart = (x, y, z)
+    length, x, y, z, free = path(*apart)
+    across, bends, wraps = np.zeros((*length.shape, 3)), np.zeros(length.shape), np.zeros(length.shape)
+    vectors = np.stack([x, y, z], axis=-1)
+    over = robot.cabling.pulleys
+    if over.any():
+        axes, radii = robot.cabling.pulley_axis[over].T, robot.cabling.pulley_radius[over]
+        free = free.copy()
+        with np.errstate(invalid="ignore"):
+            length[..., over], *vector, free[..., over], ax, ay, az, bends[..., over], wraps[..., over] = pulley_path(
+                *(coordinate[..., over] for coordinate in apart), *axes, radii
+            )
+        vectors[..., over, :], across[..., over, :] = np.stack(vector, axis=-1), np.stack([ax, ay, az], axis=-1)
+    return Geometry(robot, arms, vectors / free[..., None], length, free, across, bends, wraps)
 
 
 def at(
@@ -162,8 +185,9 @@ def at(
     cables = geometry(problem.robot, position, rotation)
     rest, stiffness = problem.rest_lengths, problem.axial_stiffness
     stretch = cables.lengths - rest
-    tau = cable_law.tension(stretch, rest, stiffness)
-    k, _ = cable_law.tangent(stretch, rest, stiffness)
+    law = rest, stiffness, *problem.robot.cabling.stiffening.T
+    tau = cable_law.tension(stretch, *law)
+    k, _ = cable_law.tangent(stretch, *law)
     return State(problem, np.asarray(position), rotation, cables, tau, k * (tau > 0))
 
 
@@ -172,6 +196,13 @@ def load_wrench(problem: Problem | Problems, rotation: Float[Array, "*#batch 3 3
     arm = rotation @ problem.robot.center_of_mass
     weight = _weight(problem, arm)
     return np.concatenate([weight, np.cross(arm, weight)], axis=-1) + problem.external_wrench
+
+
+def rest_lengths_for(
+    robot: Robot, lengths: Float[Array, "*batch cables"], tensions: Float[Array, "*batch cables"]
+) -> Float[Array, "*batch cables"]:
+    """How long to cut cables so that they have these lengths under these tensions [m]."""
+    return cable_law.rest_length_for(lengths, tensions, robot.axial_stiffness, *robot.cabling.stiffening.T)
 
 
 def equilibrium_at(problem: Problem, pose: RigidTransform, *, iterations: int, source: str) -> Equilibrium:

@@ -27,6 +27,7 @@ def solve(problem: Problem) -> Equilibrium:
     """
     robot = problem.robot
     position, rotation, _, _, iterations, status = _solve(
+        robot,
         robot.cabling.packed,
         problem.rest_lengths,
         robot.weight,
@@ -101,6 +102,7 @@ def solve_many(
     robot, cabling = problems.robot, problems.robot.cabling
     own = problems.axial_stiffness is robot.axial_stiffness
     positions, rotations_, lengths, residuals, iterations, status = _solve(
+        robot,
         cabling.packed if own else cabling.packed_with(problems.axial_stiffness),
         problems.rest_lengths,
         problems.mass * robot.gravity,
@@ -118,7 +120,12 @@ def solve_many(
         positions=positions,
         rotations=rotations_,
         lengths=lengths,
-        tensions=cable_law.tension(lengths - problems.rest_lengths, problems.rest_lengths, problems.axial_stiffness),
+        tensions=cable_law.tension(
+            lengths - problems.rest_lengths,
+            problems.rest_lengths,
+            problems.axial_stiffness,
+            *cabling.stiffening.T,
+        ),
         residuals=residuals,
         iterations=iterations,
         status=status,
@@ -131,7 +138,7 @@ def stiffness_of(rests: Rests) -> tuple[Float[np.ndarray, "*batch free"], Float[
     """Eigenvalues of the stiffness matrix, ascending [N/m], and the lowest natural frequency [Hz], row by row."""
     problems, robot = rests.problems, rests.robot
     with np.errstate(all="ignore"):
-        return stiffness_gufunc()(
+        return stiffness_gufunc(bent=robot.cabling.bent)(
             robot.cabling.packed_with(problems.axial_stiffness), problems.rest_lengths, problems.mass, robot.gravity,
             robot.center_of_mass, robot.inertia, np.array(robot.free), robot.characteristic_length, rests.positions,
             rests.rotations,
@@ -143,10 +150,10 @@ def solve_trajectory(trajectory: Trajectory) -> Rests:
     return solve_many(trajectory.problems)
 
 
-def _solve(*arguments: ArrayLike) -> list[np.ndarray]:
+def _solve(robot: Robot, *arguments: ArrayLike) -> list[np.ndarray]:
     """The compiled solver; that its input is not finite is said by a status, not by a warning of NumPy's."""
     with np.errstate(all="ignore"):
-        return [np.asarray(result) for result in equilibrium_gufunc()(*arguments)]
+        return [np.asarray(result) for result in equilibrium_gufunc(bent=robot.cabling.bent)(*arguments)]
 
 
 def _free(robot: Robot) -> Float[np.ndarray, "6"]:

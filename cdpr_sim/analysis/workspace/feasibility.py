@@ -63,7 +63,7 @@ def shortfall(
     at, turned = positions_and_rotations(robot, positions, rotations)
     with np.errstate(all="ignore"):
         left = np.asarray(
-            shortfall_gufunc()(
+            shortfall_gufunc(bent=robot.cabling.bent)(
                 robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
                 robot.characteristic_length, at, turned,
             )
