@@ -196,6 +196,8 @@ def _settled(
             relaxation.nudge(saddle, reading.softest)
             relaxation.run()
             reading = simulations.read(relaxation.qpos)
+    # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
+    relaxation.status[reading.off_wheel] = Status.DIVERGED
     rests = Rests(
         problems=problems,
         positions=np.array(reading.poses.translation),
