@@ -135,6 +135,7 @@ def compensate(
         raise UnknownName("preference", str(prefer), get_args(Prefer))
     rigid = Problem.of(robot, pose, external_wrench=external_wrench)  # which refuses a pose above all exits
     robot, commanded = rigid.robot, rigid.pose
+    robot.cabling.refuse_weight("compensate")
     lower, upper = checked_limits(robot, (TAUT * rigid.load, np.inf) if tension_limits is None else tension_limits)
     limits = frozen(np.array([lower, upper]))
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))

@@ -122,6 +122,18 @@ class Cabling:
         """Whether some cable runs over a pulley or stiffens: compiled code has a type of its own for such cables."""
         return bool(self.pulleys.any()) or not self.linear
 
+    def refuse_weight(self, what: str) -> None:
+        """Where weight is not taken into account.
+
+        Raises:
+            InvalidInput: some cable weighs something.
+        """
+        if not self.massless:
+            raise InvalidInput(
+                f"{what}: found cables of {self.linear_density.max():g} kg/m, expected massless ones: it does not take "
+                "their weight into account"
+            )
+
     @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:
         """All of it as one table, a row per cable, for compiled code."""

@@ -188,6 +188,11 @@ class Robot:
         return self.mass * self.gravity
 
     @cached_property
+    def cable_weights(self) -> Float[np.ndarray, " cables"]:
+        """Weight of the cables per length, (cables,) [N/m]."""
+        return frozen(self.cabling.linear_density * self.gravity)
+
+    @cached_property
     def characteristic_length(self) -> float:
         """A length of the platform [m] that makes rotations comparable with translations.
 
@@ -230,8 +235,8 @@ class Robot:
         if lost.any():
             cable = int(np.argmax(lost))
             raise InvalidInput(
-                f"pose: found the anchor of cable {cable + 1} inside its pulley's wheel or under its footprint, expected "
-                f"it further than the radius, {self.cabling.pulley_radius[cable]:g} m, from the pulley's axis"
+                f"pose: found the anchor of cable {cable + 1} inside its pulley's wheel or under its footprint, "
+                f"expected it further than the radius, {self.cabling.pulley_radius[cable]:g} m, from the pulley's axis"
             )
         if not lengths.min() > 0:
             cable = int(np.argmin(lengths))

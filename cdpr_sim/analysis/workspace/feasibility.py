@@ -58,6 +58,7 @@ def shortfall(
     Raises:
         InvalidInput: limits or wrenches that cannot be right.
     """
+    robot.cabling.refuse_weight("feasible")
     lower, upper = checked_limits(robot, tension_limits)
     loads = checked_wrenches(robot, wrenches)
     at, turned = positions_and_rotations(robot, positions, rotations)
