@@ -44,10 +44,8 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
     rho = np.sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / rho, ny / rho, nz / rho
     square = (rho - radius) * (rho - radius) + h * h - radius * radius
-    s = np.sqrt(np.where((square > 0) & (rho >= radius), square, np.nan))
-    phi = np.arctan2(rho - radius, h)
-    phi = np.where(phi < -0.5 * np.pi, phi + 2 * np.pi, phi)
-    theta = phi + np.arctan2(radius, s)
+    s = np.sqrt(square) + 0.0 * np.sqrt(rho - radius)
+    theta = np.arctan2(rho - radius, h) + np.arctan2(radius, s)
     sine, cosine = np.sin(theta), np.cos(theta)
     along = (-(sine * nx + cosine * ex), -(sine * ny + cosine * ey), -(sine * nz + cosine * ez))
     across = (ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.extending import overload
+from numba.extending import overload, register_jitable
 
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.cable import ANCHOR, AXIS, EXIT, RADIUS, STIFFENING, STIFFNESS
@@ -29,6 +29,7 @@ outlined = njit(error_model="numpy")
 
 _path = inline(cable_path.path)
 _pulley_path = outlined(cable_path.pulley_path)
+register_jitable(cable_law.stiffened)  # which the law calls
 _energy = inline(cable_law.energy)
 _tangent = inline(cable_law.tangent)
 
@@ -60,14 +61,15 @@ class CableState(NamedTuple):
 class BentCables(NamedTuple):
     """What is given of cables that may run over pulleys and stiffen.
 
-    A, B: exits, anchors; l0: rest lengths; k, a2, a3: axial stiffness and coefficients per metre of rest length;
-    radius, axis: of pulleys.
+    A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length; EA, a2, a3: that of the law; radius,
+    axis: of pulleys.
     """
 
     A: np.ndarray
     B: np.ndarray
     l0: np.ndarray
     k: np.ndarray
+    EA: np.ndarray
     a2: np.ndarray
     a3: np.ndarray
     radius: np.ndarray
@@ -109,16 +111,16 @@ def unpack_bent(table, rest_lengths):
     """The same of bent cables."""
     m = len(rest_lengths)
     A, B, l0, k = np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m)
-    a2, a3, radius, axis = np.empty(m), np.empty(m), np.empty(m), np.empty((m, 3))
+    EA, a2, a3, radius, axis = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty((m, 3))
     for i in range(m):
         for a in range(3):
             A[i, a], B[i, a], axis[i, a] = table[i, EXIT + a], table[i, ANCHOR + a], table[i, AXIS + a]
         l0[i] = rest_lengths[i]
         k[i] = table[i, STIFFNESS] / l0[i]
-        a2[i] = table[i, STIFFENING] / l0[i]
-        a3[i] = table[i, STIFFENING + 1] / l0[i] ** 2
+        EA[i] = table[i, STIFFNESS]
+        a2[i], a3[i] = table[i, STIFFENING], table[i, STIFFENING + 1]
         radius[i] = table[i, RADIUS]
-    return BentCables(A, B, l0, k, a2, a3, radius, axis)
+    return BentCables(A, B, l0, k, EA, a2, a3, radius, axis)
 
 
 def _new_plain_state(cables):
@@ -168,7 +170,7 @@ def _measure_bent(cables, p, R, state):
         inverse = 1 / free
         u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
         l[i] = length
-        state.k[i], e[i] = _tangent(length - l0[i], 1.0, cables.k[i], cables.a2[i], cables.a3[i])
+        state.k[i], e[i] = _tangent(length - l0[i], l0[i], cables.EA[i], cables.a2[i], cables.a3[i])
         state.f[i] = free
 
 
@@ -182,7 +184,8 @@ def _plain_energy(cables, state, V):
 def _bent_energy(cables, state, V):
     for i in range(len(cables.l0)):
         if state.e[i] > 0:
-            V += _energy(state.l[i] - cables.l0[i], 1.0, cables.k[i], cables.a2[i], cables.a3[i])
+            stretch = state.l[i] - cables.l0[i]
+            V += _energy(stretch, cables.l0[i], cables.EA[i], cables.a2[i], cables.a3[i])
     return V
 
 

@@ -5,14 +5,15 @@ stretch s = l − l0,
 
     tau = EA (eps + a2 eps² + a3 eps³)   for s > 0,   else 0.
 
-The functions work on arrays and, compiled, on numbers alike. Compiled code measures per metre of cable: a cable of rest
-length l0, axial stiffness EA and coefficients a2, a3 is one of rest length 1 with EA/l0, a2/l0 and a3/l0², and the same
-stretch.
+Beyond a strain of 20 %, which no rope survives and up to which every law has to rise, it goes on straight: a polynomial
+that falls there would let a search for rest run away. The functions work on arrays and, compiled, on numbers alike.
 """
 
 from __future__ import annotations
 
 import numpy as np
+
+from cdpr_sim.core.cable import MOST_STRAIN as M
 
 STRAIN_STEPS = 30
 """Newton steps to the strain of a given tension; a handful do."""
@@ -21,15 +22,17 @@ STRAIN_STEPS = 30
 def tension(stretch, rest_length, axial_stiffness, a2, a3):
     """tau [N]: a cable pulls and never pushes (Eq. 10, 11)."""
     pulled = np.maximum(stretch, 0.0)
-    strain = pulled / rest_length
-    return axial_stiffness * pulled / rest_length * (1.0 + strain * (a2 + strain * a3))
+    return axial_stiffness * pulled / rest_length + axial_stiffness * stiffened(pulled / rest_length, a2, a3)
 
 
 def energy(stretch, rest_length, axial_stiffness, a2, a3):
     """∫ tau ds [J]."""
     pulled = np.maximum(stretch, 0.0)
-    strain = pulled / rest_length
-    return 0.5 * (axial_stiffness / rest_length * pulled**2) * (1.0 + strain * (a2 / 1.5 + strain * (0.5 * a3)))
+    curved = np.minimum(pulled / rest_length, M)
+    over = pulled / rest_length - curved
+    more = curved * curved * (curved * (a2 / 3.0 + curved * (0.25 * a3)) + over * (a2 + curved * a3))
+    more = more + 0.5 * over * over * (curved * (2.0 * a2 + curved * (3.0 * a3)))
+    return 0.5 * (axial_stiffness / rest_length * (pulled * pulled)) + axial_stiffness * rest_length * more
 
 
 def tangent(stretch, rest_length, axial_stiffness, a2, a3):
@@ -38,14 +41,21 @@ def tangent(stretch, rest_length, axial_stiffness, a2, a3):
     Of a slack cable, the spring that it becomes when it is stretched.
     """
     strain = np.maximum(stretch, 0.0) / rest_length
-    slope = 1.0 + strain * (2.0 * a2 + strain * (3.0 * a3))
-    return axial_stiffness / rest_length * slope, stretch * (1.0 + strain * (a2 + strain * a3)) / slope
+    curved = np.minimum(strain, M)
+    slope = 1.0 + curved * (2.0 * a2 + curved * (3.0 * a3))
+    return axial_stiffness / rest_length * slope, (stretch + rest_length * stiffened(strain, a2, a3)) / slope
+
+
+def stiffened(strain, a2, a3):
+    """tau/EA − eps, for eps of zero or more."""
+    curved = np.minimum(strain, M)
+    return curved * curved * (a2 + curved * a3) + (strain - curved) * (curved * (2.0 * a2 + curved * (3.0 * a3)))
 
 
 def per_axial_stiffness(stretch, rest_length, a2, a3):
     """∂tau/∂EA of a taut cable."""
     strain = stretch / rest_length
-    return strain * (1.0 + strain * (a2 + strain * a3))
+    return strain + stiffened(strain, a2, a3)
 
 
 def rest_length_for(length, tension, axial_stiffness, a2, a3):
@@ -55,7 +65,6 @@ def rest_length_for(length, tension, axial_stiffness, a2, a3):
     pull = tension / axial_stiffness
     strain = pull
     for _ in range(STRAIN_STEPS):
-        excess = strain * (1.0 + strain * (a2 + strain * a3)) - pull
-        step = excess / (1.0 + strain * (2.0 * a2 + strain * (3.0 * a3)))
-        strain = strain - step
+        slope, _ = tangent(strain, 1.0, 1.0, a2, a3)
+        strain = strain - (tension(strain, 1.0, 1.0, a2, a3) - pull) / slope
     return length / (1.0 + strain)
