@@ -58,11 +58,11 @@ def per_axial_stiffness(stretch, rest_length, a2, a3):
     return strain + stiffened(strain, a2, a3)
 
 
-def rest_length_for(length, tension, axial_stiffness, a2, a3):
-    """l0 = l/(1 + eps): what a cable of length l under tension tau measures when nothing pulls (Eq. 10)."""
+def rest_length_for(length, pull, axial_stiffness, a2, a3):
+    """l0 = l/(1 + eps): what a cable of length l under the tension ``pull`` measures when nothing pulls (Eq. 10)."""
     if not (np.any(a2) or np.any(a3)):
-        return length * axial_stiffness / (axial_stiffness + tension)
-    pull = tension / axial_stiffness
+        return length * axial_stiffness / (axial_stiffness + pull)
+    pull = pull / axial_stiffness
     strain = pull
     for _ in range(STRAIN_STEPS):
         slope, _ = tangent(strain, 1.0, 1.0, a2, a3)
