@@ -47,6 +47,9 @@ from cdpr_sim.statics.newton_kernel import (
 LARGEST_RESIDUAL = 5e-7
 """Of heavy loads, the unbalanced force that is let pass [N]: ``FORCE_TOLERANCE`` of 250 N."""
 
+POLISHED = 0.01
+"""With a larger part of the unbalanced force that is let pass, one more step is worth its price."""
+
 _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT)
 _STALLED, _NOT_FINITE = int(Status.STALLED), int(Status.NOT_FINITE)
 
@@ -154,13 +157,23 @@ def _descend(case, here):
     least_shift = 1e-6 * load / ck.mean(case.l0)
     if not np.isfinite(V + enough):
         return here, np.nan, 0, _NOT_FINITE
-    shift = 0.0
+    shift, residual = 0.0, np.inf
     for iteration in range(MAX_ITERATIONS):
         residual = _slope(case, here, g)
         _curvature(case, here, K)
         if residual <= enough:
             _copy(K, 0.0, L)
-            if factorise(L, 6) or not _leave_saddle(case, here, K, V, trial):
+            if factorise(L, 6):
+                if residual > POLISHED * enough:
+                    for a in range(6):
+                        rhs[a] = -g[a]
+                    substitute(L, rhs, x)
+                    _measure_at(case, here, x, trial)
+                    residual_there = _slope(case, trial, g)
+                    if residual_there < residual:
+                        return trial, residual_there, iteration + 1, _CONVERGED
+                return here, residual, iteration, _CONVERGED
+            if not _leave_saddle(case, here, K, V, trial):
                 return here, residual, iteration, _CONVERGED
             here, trial = trial, here
             V, shift = _measure(case, here), 0.0
