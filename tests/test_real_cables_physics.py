@@ -6,14 +6,19 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.equilibrium import NotSettled
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import Status
+from cdpr_sim.physics.chains import SEGMENTS
 from cdpr_sim.physics.drive import drive
+from cdpr_sim.physics.heavy import Hanging, HangingRelaxation
 from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
 from cdpr_sim.physics.release import grow_gravity, release
-from cdpr_sim.physics.settle import residual_of, settle, settle_many
+from cdpr_sim.physics.settle import residual_of, settle, settle_many, settle_trajectory
 from cdpr_sim.robots.catalogue import load_robot
 
 ROUNDING = 1e-14
@@ -285,6 +290,174 @@ def test_a_cable_that_comes_off_its_wheel_is_no_equilibrium():
         settle(robot, [0.3, 0, 1], [3.0, 1.0])
 
 
+# --- weight --------------------------------------------------------------------------------------------------------
+
+
+def heavy(name: str, linear_density: float = 5e-4, **changes) -> Robot:
+    return load_robot(name).replace(linear_density=linear_density, **changes)
+
+
+def crane() -> Robot:
+    """As large as CoGiRo: a frame of 15 m, 4 mm steel cables of 0.064 kg/m, a platform of 90 kg."""
+    small = load_robot("cogiro")
+    return Robot(18.75 * small.exits, 18.75 * small.anchors, 1e6, 90.0, linear_density=0.064, name="crane")
+
+
+def test_a_chain_weighs_what_the_cable_does():
+    """Masses between the segments, and the one at the anchor, are the cable's but for the piece at the exit."""
+    robot = heavy("cogiro", linear_density=np.linspace(1e-4, 8e-4, 8))
+    rest = robot.rest_lengths(robot.home)
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, robot.home))
+    first = (1 + np.polynomial.legendre.leggauss(SEGMENTS)[0][0]) / 2
+    for i in range(1, 9):
+        masses = [model.body(f"node_{i}_{k}").mass[0] for k in range(1, SEGMENTS)] + [model.body(f"end_{i}").mass[0]]
+        assert_allclose(sum(masses), robot.cabling.linear_density[i - 1] * rest[i - 1] * (1 - first), rtol=1e-14)
+        lengths = [model.tendon_lengthspring[model.tendon(f"cable_{i}_{k}").id, 1] for k in range(1, SEGMENTS + 1)]
+        assert_allclose(sum(lengths), rest[i - 1], rtol=1e-14)
+
+
+def test_a_plumb_heavy_cable_stretches_by_its_load_and_half_its_weight():
+    """EA (l/l0 - 1) = (M + rho l0/2) g, exact for a straight quadrature; tension M g at the platform's end."""
+    robot = Robot(
+        [[0, 0, 3]], [[0, 0, 0]], 2000.0, 1.5, linear_density=0.2, platform_size=(0.1, 0.1, 0.1), name="plumb"
+    )
+    rest = settle(robot, [0, 0, 1], [2.0])
+    assert_allclose(rest.tensions, robot.weight, rtol=AT_REST)
+    assert_allclose(rest.lengths, 2 * (1 + (1.5 + 0.2 * 2 / 2) * robot.gravity / 2000), rtol=1e-9)
+    assert_allclose(rest.eigenvalues[-1], 1000, rtol=1e-5)
+
+
+def test_a_bar_on_two_slanting_heavy_cables_hangs_as_the_catenary_says():
+    """A planar point mass between two like exits: H and sag of the elastic catenary (Irvine 1981), solved here anew."""
+    density, stiffness, mass, half, length = 0.3, 5e4, 2.0, 1.5, 1.8
+    robot = Robot(
+        [[-half, 0, 2], [half, 0, 2]], [[0, 0, 0]] * 2, stiffness, mass, linear_density=density, mobility="planar",
+        platform_size=(0.1, 0.1, 0.1), name="washing line",
+    )  # fmt: skip
+    rest = settle(robot, [0, 0, 1], [length, length])
+    weight, at_anchor = density * robot.gravity, mass * robot.gravity / 2
+
+    def across(horizontal: float) -> float:
+        s = np.arcsinh(np.array([at_anchor, at_anchor + weight * length]) / horizontal)
+        return horizontal * length / stiffness + horizontal / weight * (s[1] - s[0]) - half
+
+    horizontal = brentq(across, 1e-3, 1e3, xtol=1e-14)
+    ends = np.hypot(horizontal, [at_anchor, at_anchor + weight * length])
+    drop = (ends[1] - ends[0]) / weight + length / stiffness * (at_anchor + weight * length / 2)
+    assert_allclose(rest.position, [0, 0, 2 - drop], atol=1e-8)
+    assert_allclose(rest.tensions, ends[0], rtol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["cogiro", "parallel", "planar-vertical", "planar-horizontal", "two-cable"])
+@pytest.mark.parametrize("axial_stiffness", [1e3, 1e4])
+def test_robots_settle_on_heavy_cables(name, axial_stiffness):
+    """In balance, stable, with every cable's tension more than none; held there, MuJoCo finds the same balance."""
+    robot = heavy(name, axial_stiffness=axial_stiffness)
+    for pose in np.random.default_rng(1).uniform(*robot.workspace, (3, 3)):
+        rest = settle(robot, pose)
+        assert rest.residual < 1e-8 * robot.weight
+        assert rest.stable
+        assert (rest.tensions > 0).all()
+        assert residual_of(rest.problem, rest.pose) < 1e-7 * robot.weight
+        lifted = RigidTransform.from_translation([0, 0, 1e-3]) * rest.pose
+        assert residual_of(rest.problem, lifted) > 1e-4 * robot.weight
+
+
+@pytest.mark.parametrize("robot", [heavy("cogiro"), heavy("parallel"), crane()], ids=lambda robot: robot.name)
+def test_the_model_as_delivered_comes_to_the_settled_rest_with_heavy_cables(robot):
+    """Just stepped, with its own integrator and damping, it ends where ``settle`` does."""
+    pose = robot.home - 0.1 * np.ptp(robot.workspace, axis=0)
+    rest = settle(robot, pose)
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, nstep=3000)
+    assert not any(warning.number for warning in data.warning)
+    assert np.linalg.norm(data.body("platform").xpos - rest.position) < 1e-7
+    assert np.linalg.norm(rest.deviation) > 1e-5
+
+
+def test_stiffness_of_heavy_cables_is_how_the_held_platforms_force_changes():
+    """Eigenvalues of the planar robot, against forces of a platform that is held a little aside, its chains at rest."""
+    robot = heavy("two-cable", linear_density=5e-3, axial_stiffness=1e3)
+    rest = settle(robot, robot.home)
+    step = 2e-5
+
+    def forces(move: np.ndarray) -> np.ndarray:
+        turn = Rotation.from_rotvec([0, move[2] / robot.characteristic_length, 0]) * rest.rotation
+        at = RigidTransform.from_components(rest.position + np.array([move[0], 0, move[1]]), turn)
+        held = Hanging(robot, rest.rest_lengths, robot.axial_stiffness, np.zeros(6), at)
+        held.hold()
+        relaxation = HangingRelaxation(held)
+        relaxation.run()
+        assert relaxation.status is Status.CONVERGED
+        return held.forces()[0]
+
+    columns = [(forces(-step * one) - forces(step * one)) / (2 * step) for one in np.eye(3)]
+    stiffness = np.array(columns)
+    assert_allclose(rest.eigenvalues, np.linalg.eigvalsh((stiffness + stiffness.T) / 2), rtol=1e-4)
+
+
+def test_heavy_and_massless_cables_pulleys_laws_and_a_wrench_on_one_robot():
+    """Each cable has its own kind; the platform is in balance, and a light chain pulls nearly as a massless cable."""
+    kinds = {"pulley_radius": np.zeros(8), "stiffening": np.zeros((8, 2))}
+    kinds["pulley_radius"][[1, 4]] = 0.01
+    kinds["stiffening"][[1, 5]] = (3.0, 2.0)
+    density = np.zeros(8)
+    density[[0, 3]] = 1e-7
+    light, pose = load_robot("cogiro").replace(**kinds), [0.45, 0.27, 0.2]
+    wrench = [0.3, 0.1, 0.0, 0.0, 0.005, 0.0]
+    plain = settle(light, pose, external_wrench=wrench)
+    rest = settle(light.replace(linear_density=density), pose, external_wrench=wrench)
+    assert rest.residual < 1e-8 * light.weight
+    assert_allclose(rest.position, plain.position, atol=1e-8)
+    assert_allclose(rest.tensions, plain.tensions, rtol=1e-4)
+    assert_allclose(rest.lengths, plain.lengths, atol=1e-7)
+    assert_allclose(rest.eigenvalues, plain.eigenvalues, rtol=1e-3)
+
+
+def test_many_heavy_robots_settle_as_one_by_one_and_a_motion_ends_where_it_settles():
+    """Rows bring their own stiffnesses; the last state of a motion is the rest, looked at as it is."""
+    robot, poses = heavy("parallel"), [[0.3, 0.2, 0.2], [0.5, 0.3, 0.15]]
+    many = settle_many(robot, poses, axial_stiffness=[[1e3], [1e4]])
+    for row, stiffness in enumerate((1e3, 1e4)):
+        alone = settle(robot.replace(axial_stiffness=stiffness), poses[row])
+        assert_allclose(many[row].position, alone.position, atol=1e-9)
+    rest, motion = settle_trajectory(robot, poses[0])
+    assert_allclose(motion.positions[-1], rest.position, atol=1e-9)
+    assert_allclose(motion.tensions[-1], rest.tensions, atol=1e-5)
+    assert (np.diff(motion.times) > 0).all()
+
+
+def test_without_gravity_cables_weigh_nothing():
+    """The rest is that of massless cables, to the last bit."""
+    robot = load_robot("cogiro").replace(gravity=0.0)
+    wrench = [0, 0, -3.0, 0, 0, 0]
+    plain = settle(robot, robot.home, external_wrench=wrench)
+    rest = settle(robot.replace(linear_density=1.0), robot.home, external_wrench=wrench)
+    assert_array_equal(rest.position, plain.position)
+    assert_array_equal(rest.tensions, plain.tensions)
+
+
+def test_what_takes_no_account_of_weight_says_so():
+    """Driving, releasing and growing gravity refuse heavy cables in one sentence."""
+    robot = heavy("planar-vertical")
+    rest = settle(robot, robot.home)
+    for refused in (
+        lambda: drive(robot, [robot.home]),
+        lambda: release(rest),
+        lambda: grow_gravity(robot, robot.home),
+    ):
+        with pytest.raises(InvalidInput, match=r"^linear_density: found 0\.0005 kg/m, expected massless cables"):
+            refused()
+
+
+def test_a_cable_that_is_too_light_for_mujoco_is_refused():
+    """In one sentence that names it."""
+    with pytest.raises(InvalidInput, match=r"linear_density: found 1e-15 kg/m in cable 1"):
+        settle(heavy("two-cable", linear_density=1e-15), load_robot("two-cable").home)
+
+
 # --- negative controls ---------------------------------------------------------------------------------------------
 
 
@@ -331,3 +504,19 @@ def test_a_wheel_that_does_not_face_its_anchor_is_out_of_balance():
         assert data.qfrc_spring[6] * turn < 0
         assert abs(data.qfrc_spring[6]) > 1e-3 * 0.015 * rest.tensions[0]
         data.qpos[7] -= turn
+
+
+def test_one_percent_more_of_a_weight_shows():
+    """In MuJoCo's model of the crane alone: it comes to rest elsewhere, and out of balance where it rested."""
+    robot = crane()
+    pose = robot.home + np.array([1.0, 0.5, -1.0])
+    rest = settle(robot, pose)
+    text = to_mjcf(robot, pose)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert residual_of(rest.problem, rest.pose, model=model) < 1e-7 * robot.weight
+    for i in range(1, 9):
+        for name in [f"end_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS))]:
+            model.body(name).mass *= 1.01
+    moved = settle(robot, pose, model=model)
+    assert np.linalg.norm(moved.position - rest.position) > MOVED
+    assert residual_of(rest.problem, rest.pose, model=model) > 1e-5 * robot.weight

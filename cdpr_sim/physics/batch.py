@@ -268,6 +268,16 @@ class Simulations:
         return eigenvalues, directions
 
 
+def refuse_own_masses(problems: Problems) -> None:
+    """One model has one mass.
+
+    Raises:
+        InvalidInput: another mass than the robot's.
+    """
+    if (problems.mass != problems.robot.mass).any():
+        raise InvalidInput("mass: found one per problem, expected the robot's own: MuJoCo has one model for all rows")
+
+
 _idle: dict[Robot, Simulations] = {}
 """Simulations of one row between two uses: building one takes as long as a settling."""
 
@@ -288,8 +298,7 @@ def simulations_of(problems: Problems, model: mujoco.MjModel | None = None, thre
         InvalidInput: masses of their own, which one model cannot have.
     """
     robot, rows = problems.robot, len(problems)
-    if (problems.mass != robot.mass).any():
-        raise InvalidInput("mass: found one per problem, expected the robot's own: MuJoCo has one model for all rows")
+    refuse_own_masses(problems)
     reusable = model is None and rows == 1
     found = _idle.pop(robot, None) if reusable else None  # taken out, so that no other thread can have it
     with quiet():

@@ -26,7 +26,8 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core.cable import Cabling
-from cdpr_sim.physics import pulleys
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics import chains, pulleys
 from cdpr_sim.physics.numbers import text
 
 
@@ -42,17 +43,22 @@ def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
         ET.SubElement(platform, "site", {"name": f"anchor_{i}", "class": "anchor", "pos": text(position)})
 
 
-def add_tendons(root: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray, " cables"]) -> None:
-    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]."""
-    tendons = ET.SubElement(root, "tendon")
+def add_tendons(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float) -> None:
+    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]; a heavy cable has several, for this time step."""
+    tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
     stiffnesses = springs(cabling.axial_stiffness, rest_lengths)
     further = polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
     lengths = rest_lengths + pulleys.entries(cabling)
     for i, (stiffness, length) in enumerate(zip(stiffnesses, lengths, strict=True), start=1):
+        if cabling.linear_density[i - 1] > 0:
+            chains.add_segments(tendons, robot, i - 1, rest_lengths[i - 1], step)
+            continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
         stiffens = cabling.stiffening[i - 1].any()
         cable.set("stiffness", text([stiffness, *further[i - 1]] if stiffens else stiffness))
         cable.set("springlength", text([0, length]))
+        if not cabling.massless:
+            cable.set("damping", text(step * stiffness))  # this integrator does not know springs
         if cabling.pulleys[i - 1]:
             pulleys.add_way(cable, i)
         else:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-from cdpr_sim.physics import cables, pulleys
+from cdpr_sim.physics import cables, chains, pulleys
 from cdpr_sim.physics.numbers import text
 
 TIMESTEP = 0.002
@@ -37,7 +37,8 @@ def to_mjcf(robot: Robot | Problem, pose: PoseLike | None = None, rest_lengths: 
     Names: body ``platform``; sites ``exit_1`` and ``anchor_1``; tendon ``cable_1`` and its sensor ``length_1``, counted
     from 1 as in the paper; keyframe ``commanded``. A spatial platform has the free joint ``platform``, a planar one
     the joints ``x``, ``z`` and ``beta`` (positive about +y), whose coordinates are the base frame's. They come first in
-    ``qpos``; a cable over a pulley has a body ``pulley_1`` and, in space, its joint ``swivel_1``.
+    ``qpos``; a cable over a pulley has a body ``pulley_1`` and, in space, its joint ``swivel_1``. A heavy cable is
+    a chain of tendons ``cable_1_1``, ... with masses ``node_1_1``, ... between them; ``length_1`` is its chord.
 
     The air is made viscous enough to calm the platform's slowest swing without overshoot: that changes how it comes to
     rest, and not where.
@@ -58,22 +59,26 @@ def to_mjcf(robot: Robot | Problem, pose: PoseLike | None = None, rest_lengths: 
         root,
         "option",
         timestep=text(TIMESTEP),
-        integrator="discrete",
+        integrator="discrete" if robot.cabling.massless else "implicitfast",
         gravity=text([0, 0, -robot.gravity]),
         viscosity=text(_viscosity(problem)),
     )
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
     cables.add_exits(world, robot.cabling)
-    world.append(_platform(robot, problem.pose))
+    platform = _platform(robot, problem.pose)
+    world.append(platform)
+    nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
+    chains.add_far(world, robot.cabling, problem.rest_lengths)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
-    cables.add_tendons(root, robot.cabling, problem.rest_lengths)
+    cables.add_tendons(root, robot, problem.rest_lengths, TIMESTEP)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
-        ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"cable_{i}")
+        tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
+        ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
     keyframes = ET.SubElement(root, "keyframe")
     swivels = robot.cabling.pulleys & (robot.mobility == "spatial")
-    start = np.concatenate([coordinates(robot, problem.pose), pulleys.angles_at(robot, problem.pose)[swivels]])
+    start = np.concatenate([coordinates(robot, problem.pose), nodes, pulleys.angles_at(robot, problem.pose)[swivels]])
     ET.SubElement(keyframes, "key", name="commanded", qpos=text(start))
     return _document(root)
 
@@ -121,9 +126,14 @@ def coordinates(robot: Robot, pose: RigidTransform) -> np.ndarray:
 
 
 def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
-    """Put a single simulation's platform at ``pose``, and what follows it: its wheels."""
+    """Put one simulation's platform at ``pose`` and what follows it: wheels, and chains as well as one can guess."""
     start = coordinates(robot, pose)
     data.qpos[: len(start)] = start
+    if not robot.cabling.massless:
+        found = chains.Chains.of(model, robot.cabling)
+        lengths = np.zeros(robot.cables)
+        lengths[found.cables] = model.tendon_lengthspring[found.segments, 1].sum(1)
+        data.qpos[found.coordinates] = chains.extents(robot, pose, lengths)
     pulleys.toward_anchors(model, data, robot)
 
 
@@ -150,7 +160,7 @@ def _defaults(robot: Robot) -> ET.Element:
         ET.SubElement(site, "site", size=text(round(size * scale, 6)), rgba=text(color), group="2")
     cable = ET.SubElement(defaults, "default", {"class": "cable"})
     ET.SubElement(cable, "tendon", width=text(round(0.0016 * scale, 6)), rgba=text(CABLE_COLOR))
-    if robot.cabling.pulleys.any():
+    if robot.cabling.pulleys.any() or not robot.cabling.massless:
         pulleys.add_defaults(defaults)
     return defaults
 

@@ -29,6 +29,10 @@ SPEED = 1e-6
 STEPS = 30_000
 """Time steps after which a platform is restless. DemoBot needs a hundred; sliding along stiff cables, thousands."""
 
+NUDGES = 3
+"""How often a platform that is balanced on a saddle is pushed off it. One that comes back each time is at rest after
+all: under an external torque, which is not conservative, the symmetric part of the stiffness does not decide."""
+
 CHUNK = 13
 """Time steps between two looks at the residual; odd, so that a velocity that turns round at every step shows."""
 
