@@ -31,7 +31,7 @@ from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.statics import cable_law, derivatives, forces, newton
+from cdpr_sim.statics import derivatives, forces, newton
 
 Prefer = Literal["smallest", "stiffest"]
 
@@ -135,6 +135,7 @@ def compensate(
         raise UnknownName("preference", str(prefer), get_args(Prefer))
     asked = Problem.of(robot, pose, external_wrench=external_wrench)
     robot, commanded = asked.robot, asked.pose
+    robot.cabling.refuse_weight("compensate")
     rigid = Problem.of(robot, commanded, external_wrench=asked.external_wrench)  # refuses a pose above all exits
     lower, upper = checked_limits(robot, (TAUT * rigid.load, np.inf) if tension_limits is None else tension_limits)
     limits = frozen(np.array([lower, upper]))
@@ -186,7 +187,7 @@ def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " c
     """``problem`` with its cables cut so that they have these tensions at ``pose``, which it is asked to start from."""
     robot = problem.robot
     lengths = forces.geometry(robot, pose.translation, pose.rotation.as_matrix()).lengths
-    rest = cable_law.rest_length_for(lengths, tensions, robot.axial_stiffness)
+    rest = forces.rest_lengths_for(robot, lengths, tensions)
     return Problem(robot, pose, frozen(rest), problem.external_wrench)
 
 

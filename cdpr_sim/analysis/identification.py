@@ -122,6 +122,7 @@ def identify(
         UnknownName: no such unknown.
         NotConverged: no equilibrium at some commanded pose for any stiffness near the best.
     """
+    robot.cabling.refuse_weight("identify")
     measurements.check_robot(robot)
     wanted = _wanted(robot, unknowns)
     known = measurements.known

@@ -67,6 +67,7 @@ def natural_modes(
             "equilibrium: found one under an external torque, expected none: such a torque is not conservative, and a "
             "platform need not swing about it"
         )
+    problem.robot.cabling.refuse_weight("natural_modes")
     free = problem.robot.free
     stiffness = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix()).stiffness_matrix
     mass = mass_matrix(problem.robot, equilibrium.rotation)

@@ -30,7 +30,7 @@ class Effect:
 
     Attributes:
         name: of the number, as "exit 3 z".
-        parameter: one of ``derivatives.PARAMETERS``.
+        parameter: one of ``derivatives.parameters``.
         index: within that parameter, flattened.
         per: the unit of change: "mm", "%", "N" or "N mm".
         position: distance that the platform moves, per unit of change [mm].
@@ -49,7 +49,7 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """First derivatives of an equilibrium, by the name of what it depends on (``derivatives.PARAMETERS``).
+    """First derivatives of an equilibrium, by the name of what it depends on (``derivatives.parameters``).
 
     Exits and anchors are flattened: x, y, z of cable 1, of cable 2, and so on.
 
@@ -82,7 +82,7 @@ class Sensitivity:
         """
         robot = self.equilibrium.problem.robot
         found = []
-        for parameter in derivatives.PARAMETERS:
+        for parameter in self.pose:
             for index in range(self.pose[parameter].shape[1]):
                 per, size = _unit(parameter, index, self.equilibrium)
                 step = self.pose[parameter][:, index] * size
@@ -127,6 +127,7 @@ def sensitivity(
             f"equilibrium: found a neutral one of {problem.robot.name!r}, expected one held in every direction: "
             "the slightest change moves the platform without limit"
         )
+    problem.robot.cabling.refuse_weight("sensitivity")
     free = problem.robot.free
     state = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix())
     slope = derivatives.wrench_slope(state)[np.ix_(free, free)]
@@ -134,7 +135,7 @@ def sensitivity(
     tension_by = derivatives.tension_by_parameter(state)
     by_pose = derivatives.tension_by_pose(state)
     poses, tensions = {}, {}
-    for name in derivatives.PARAMETERS:
+    for name in derivatives.parameters(problem.robot):
         step = np.zeros_like(by_parameter[name])
         step[free] = -np.linalg.solve(slope, by_parameter[name][free])
         poses[name] = step
@@ -158,6 +159,8 @@ def _unit(parameter: str, index: int, equilibrium: Equilibrium) -> tuple[str, fl
 def _name(parameter: str, index: int) -> str:
     if parameter in ("exits", "anchors"):
         return f"{parameter[:-1]} {index // 3 + 1} {'xyz'[index % 3]}"
+    if parameter == "pulley_radius":
+        return f"pulley radius {index + 1}"
     if parameter == "rest_lengths":
         return f"rest length {index + 1}"
     if parameter == "axial_stiffness":

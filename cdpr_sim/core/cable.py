@@ -1,6 +1,7 @@
-"""What cables are: where they begin and end, and how stiff they are. Data; what a cable does is each road's own matter.
+"""What cables are: where they run, how stiff and how heavy they are. Data; what a cable does is each road's own matter.
 
-The mathematics says it in ``statics.cable_law`` and ``core.cable_path``, MuJoCo's side in ``physics.cables``.
+The mathematics says it in ``core.cable_path``, ``statics.cable_law`` and ``statics.catenary``, MuJoCo's side in
+``physics.cables``, ``physics.pulleys`` and ``physics.chains``.
 """
 
 from __future__ import annotations
@@ -10,14 +11,21 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import checked_array, frozen, in_range
 from cdpr_sim.core.errors import InvalidInput
 
-EXIT, ANCHOR, STIFFNESS, COLUMNS = 0, 3, 6, 7
-"""Of ``Cabling.packed``: where the exit's and the anchor's coordinates begin, the axial stiffness, and their number."""
+EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, COLUMNS = 0, 3, 6, 7, 9, 10, 13
+"""Of ``Cabling.packed``: where coordinates of exit and anchor begin, axial stiffness, its coefficients of stiffening,
+the pulley's radius and axis; and how many columns there are."""
+
+DOWN = (0.0, 0.0, -1.0)
+"""A pulley's axis unless one is given: the cable arrives downwards, along a mast."""
+
+MOST_STRAIN = 0.2
+"""Up to which a law has to rise."""
 
 
 MOST_CABLES = 1000
@@ -35,9 +43,15 @@ class Cabling:
     """The cables of one robot; arrays are read-only.
 
     Args:
-        exits: exit points A_i in the base frame, (cables, 3) [m].
+        exits: exit points A_i in the base frame, (cables, 3) [m]; of a cable over a pulley, where it touches the wheel
+            first.
         anchors: anchor points B_i in the platform frame, (cables, 3) [m].
         axial_stiffness: EA [N], one number or one per cable.
+        linear_density: mass per length [kg/m], one number or one per cable; 0 is a massless cable.
+        pulley_radius: of the swivelling wheel at the exit [m], one number or one per cable; 0 is a point.
+        pulley_axis: the direction in which the cable arrives at the wheel and about which it swivels, (3,) or
+            (cables, 3); made a unit vector.
+        stiffening: (a2, a3) of tau = EA (eps + a2 eps² + a3 eps³) for a strain eps > 0, one pair or one per cable.
 
     Raises:
         InvalidInput: a field that cannot be right; the message names it.
@@ -46,34 +60,110 @@ class Cabling:
     exits: Float[np.ndarray, "cables 3"]
     anchors: Float[np.ndarray, "cables 3"]
     axial_stiffness: Float[np.ndarray, " cables"]
+    linear_density: Float[np.ndarray, " cables"]
+    pulley_radius: Float[np.ndarray, " cables"]
+    pulley_axis: Float[np.ndarray, "cables 3"]
+    stiffening: Float[np.ndarray, "cables 2"]
 
-    def __init__(self, exits: ArrayLike, anchors: ArrayLike, axial_stiffness: ArrayLike) -> None:
+    def __init__(
+        self,
+        exits: ArrayLike,
+        anchors: ArrayLike,
+        axial_stiffness: ArrayLike,
+        linear_density: ArrayLike = 0.0,
+        pulley_radius: ArrayLike = 0.0,
+        pulley_axis: ArrayLike = DOWN,
+        stiffening: ArrayLike = (0.0, 0.0),
+    ) -> None:
         exits = checked_array("exits", exits, (None, 3))
         cables = len(exits)
         if cables < 1:
             raise InvalidInput("exits: found no cable, expected at least one row (x, y, z)")
         if cables > MOST_CABLES:
             raise InvalidInput(f"exits: found {cables} cables, expected at most {MOST_CABLES}")
-        anchors = checked_array("anchors", anchors, (cables, 3))
+        values = {
+            "exits": exits,
+            "anchors": checked_array("anchors", anchors, (cables, 3)),
+            "axial_stiffness": _per_cable("axial_stiffness", axial_stiffness, (), cables),
+            "linear_density": _per_cable("linear_density", linear_density, (), cables),
+            "pulley_radius": _per_cable("pulley_radius", pulley_radius, (), cables),
+            "pulley_axis": _unit(_per_cable("pulley_axis", pulley_axis, (3,), cables)),
+            "stiffening": _per_cable("stiffening", stiffening, (2,), cables),
+        }
         in_range("exits", exits, -MOST_LENGTH, MOST_LENGTH, "m")
-        in_range("anchors", anchors, -MOST_LENGTH, MOST_LENGTH, "m")
-        stiffness = checked_array("axial_stiffness", axial_stiffness, None)
-        if stiffness.ndim:
-            stiffness = checked_array("axial_stiffness", stiffness, (cables,))
-        if not (stiffness > 0).all():
-            raise InvalidInput(f"axial_stiffness: found {stiffness.min():g} N, expected more than 0")
-        in_range("axial_stiffness", stiffness, *STIFFNESS_RANGE, "N")
-        object.__setattr__(self, "exits", frozen(exits))
-        object.__setattr__(self, "anchors", frozen(anchors))
-        object.__setattr__(self, "axial_stiffness", frozen(np.broadcast_to(stiffness, (cables,)).copy()))
+        in_range("anchors", values["anchors"], -MOST_LENGTH, MOST_LENGTH, "m")
+        if not (values["axial_stiffness"] > 0).all():
+            least = values["axial_stiffness"].min()
+            raise InvalidInput(f"axial_stiffness: found {least:g} N, expected more than 0")
+        in_range("axial_stiffness", values["axial_stiffness"], *STIFFNESS_RANGE, "N")
+        for name, unit in (("linear_density", "kg/m"), ("pulley_radius", "m")):
+            cable = int(np.argmin(values[name]))
+            if values[name][cable] < 0:
+                raise InvalidInput(
+                    f"{name}: found {values[name][cable]:g} {unit} in cable {cable + 1}, expected 0 or more"
+                )
+        for name, value in values.items():
+            object.__setattr__(self, name, frozen(value))
+        _refuse_falling_law(self.stiffening)
+        both = (self.linear_density > 0) & ((self.pulley_radius > 0) | self.stiffening.any(-1))
+        if both.any():
+            cable = int(np.argmax(both))
+            other = "a pulley" if self.pulley_radius[cable] > 0 else "a stiffening law"
+            raise InvalidInput(
+                f"linear_density: found {self.linear_density[cable]:g} kg/m and {other} in cable {cable + 1}, expected "
+                "one of the two: weight is taken into account for straight cables with a linear law alone"
+            )
 
     def __len__(self) -> int:
         return len(self.exits)
 
     @cached_property
+    def massless(self) -> bool:
+        """Whether no cable has weight."""
+        return not self.linear_density.any()
+
+    @cached_property
+    def pulleys(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables run over a pulley, (cables,)."""
+        return self.pulley_radius > 0
+
+    @cached_property
+    def linear(self) -> bool:
+        """Whether every cable's tension is proportional to its strain."""
+        return not self.stiffening.any()
+
+    @cached_property
+    def bent(self) -> bool:
+        """Whether some cable runs over a pulley or stiffens: compiled code has a type of its own for such cables."""
+        return bool(self.pulleys.any()) or not self.linear
+
+    def refuse_weight(self, what: str) -> None:
+        """Where weight is not taken into account.
+
+        Raises:
+            InvalidInput: some cable weighs something.
+        """
+        if not self.massless:
+            raise InvalidInput(
+                f"{what}: found cables of {self.linear_density.max():g} kg/m, expected massless ones: it does not take "
+                "their weight into account"
+            )
+
+    @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:
         """All of it as one table, a row per cable, for compiled code."""
-        return frozen(np.column_stack([self.exits, self.anchors, self.axial_stiffness]))
+        return frozen(
+            np.column_stack(
+                [
+                    self.exits,
+                    self.anchors,
+                    self.axial_stiffness,
+                    self.stiffening,
+                    self.pulley_radius,
+                    self.pulley_axis,
+                ]
+            )
+        )
 
     def packed_with(
         self, axial_stiffness: Float[np.ndarray, "*batch cables"]
@@ -88,4 +178,34 @@ class Cabling:
         """Whether both are the very same numbers."""
         return all(
             np.array_equal(getattr(self, field.name), getattr(other, field.name)) for field in dataclasses.fields(self)
+        )
+
+
+def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int) -> Float[np.ndarray, "..."]:
+    """A row for each cable, of one for all or of one each."""
+    array = checked_array(field, value, None)
+    if array.shape != core:
+        array = checked_array(field, array, (cables, *core))
+    return np.broadcast_to(array, (cables, *core)).copy()
+
+
+def _unit(axes: Float[np.ndarray, "cables 3"]) -> Float[np.ndarray, "cables 3"]:
+    lengths = np.linalg.norm(axes, axis=1)
+    if not lengths.min() > 0:
+        cable = int(np.argmin(lengths))
+        raise InvalidInput(f"pulley_axis: found an axis of length zero in cable {cable + 1}, expected a direction")
+    return axes / lengths[:, None]
+
+
+def _refuse_falling_law(stiffening: Float[np.ndarray, "cables 2"]) -> None:
+    """1 + 2 a2 eps + 3 a3 eps² > 0 on [0, MOST_STRAIN]: at its ends, and at its vertex where that lies within."""
+    a2, a3 = stiffening.T
+    vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
+    slopes = [1 + 2 * a2 * strain + 3 * a3 * strain**2 for strain in (np.full_like(a2, MOST_STRAIN), vertex)]
+    least = np.minimum(*slopes)
+    if not least.min() > 0:
+        cable = int(np.argmin(least))
+        raise InvalidInput(
+            f"stiffening: found ({a2[cable]:g}, {a3[cable]:g}) in cable {cable + 1}, with which tension falls before a "
+            f"strain of {MOST_STRAIN:.0%}, expected a law that rises"
         )

@@ -25,6 +25,44 @@ def path(x, y, z):
     return length, x, y, z, length
 
 
+def pulley_path(x, y, z, ex, ey, ez, radius):
+    """The same over a swivelling wheel, and more: (length, free piece, its length, across, its bend, wrap).
+
+    The cable arrives along the unit vector e, touches the wheel at the exit, and leaves it on the tangent to the
+    anchor; the wheel turns about e so that its plane contains the anchor (Pott 2012, "Influence of pulley kinematics on
+    cable-driven parallel robots", doi:10.1007/978-94-007-4620-6_25). With the anchor at height h along e and at the
+    distance rho from that axis, the free piece s and the wrap angle theta are
+
+        s² = (rho − r)² + h² − r²,   theta = atan2(rho − r, h) + atan2(r, s),   l = r theta + s.
+
+    In the wheel's plane the cable turns as at the end of a rod of length s. Across it, along the unit vector
+    ``across``, it turns about the axis e, by ``bend`` [1/m] more slowly: sin(theta)/rho − 1/s. Nan where the anchor
+    lies inside the wheel, or under its footprint (rho < r), where the cable would leave it.
+    """
+    h = -(x * ex + y * ey + z * ez)
+    nx, ny, nz = -x - h * ex, -y - h * ey, -z - h * ez
+    rho = np.sqrt(nx * nx + ny * ny + nz * nz)
+    nx, ny, nz = nx / rho, ny / rho, nz / rho
+    square = (rho - radius) * (rho - radius) + h * h - radius * radius
+    s = np.sqrt(square) + 0.0 * np.sqrt(rho - radius)
+    theta = np.arctan2(rho - radius, h) + np.arctan2(radius, s)
+    sine, cosine = np.sin(theta), np.cos(theta)
+    along = (-(sine * nx + cosine * ex), -(sine * ny + cosine * ey), -(sine * nz + cosine * ez))
+    across = (ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx)
+    return (
+        radius * theta + s,
+        along[0] * s,
+        along[1] * s,
+        along[2] * s,
+        s,
+        across[0],
+        across[1],
+        across[2],
+        sine / rho - 1 / s,
+        theta,
+    )
+
+
 def lengths(
     cabling: Cabling, positions: Float[np.ndarray, "*#batch 3"], rotations: Float[np.ndarray, "*#batch 3 3"]
 ) -> Float[np.ndarray, "*batch cables"]:
@@ -36,4 +74,9 @@ def lengths(
         # In the order in which SciPy's RigidTransform.apply adds: to the last bit the same, of one pose or of many.
         anchors = (turn[..., 1, :] * b + at) + (turn[..., 0, :] * a + turn[..., 2, :] * c)
         apart.append(exits - anchors)
-    return path(*apart)[0]
+    found = path(*apart)[0]
+    if cabling.pulleys.any():
+        over, axes = cabling.pulleys, cabling.pulley_axis[cabling.pulleys].T
+        with np.errstate(invalid="ignore"):
+            found[..., over] = pulley_path(*(x[..., over] for x in apart), *axes, cabling.pulley_radius[over])[0]
+    return found

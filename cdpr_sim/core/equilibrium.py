@@ -88,8 +88,10 @@ class Equilibrium:
 
     @property
     def slack(self) -> Bool[np.ndarray, " cables"]:
-        """Which cables carry no tension, (cables,)."""
-        return self.tensions <= 0
+        """Which cables are not stretched, (cables,): they carry no tension, but for their own weight."""
+        if self.problem.robot.cabling.massless:
+            return self.tensions <= 0
+        return self.lengths <= self.rest_lengths
 
     @property
     def stability(self) -> Stability:

@@ -137,8 +137,10 @@ class Rests:
 
     @property
     def slack(self) -> Bool[np.ndarray, "*batch cables"]:
-        """(..., cables) which cables carry no tension."""
-        return self.tensions <= 0
+        """(..., cables) which cables are not stretched: they carry no tension, but for their own weight."""
+        if self.robot.cabling.massless:
+            return self.tensions <= 0
+        return self.lengths <= self.rest_lengths
 
     @cached_property
     def eigenvalues(self) -> Float[np.ndarray, "*batch free"]:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.cable import MOST_LENGTH, Cabling
+from cdpr_sim.core.cable import DOWN, MOST_LENGTH, Cabling
 from cdpr_sim.core.checks import (
     checked_array,
     checked_label,
@@ -63,6 +63,10 @@ class Robot:
         anchors: anchor points B_i in the platform frame, (cables, 3) [m].
         axial_stiffness: EA [N], one number or one per cable.
         mass: of the platform [kg].
+        linear_density: of the cables [kg/m], one number or one per cable; 0 is a massless cable.
+        pulley_radius: of the swivelling wheels at the exits [m], one number or one per cable; 0 is a point.
+        pulley_axis: the direction in which the cable arrives at its wheel, (3,) or (cables, 3).
+        stiffening: (a2, a3) of tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable.
         center_of_mass: in the platform frame, (3,) [m].
         inertia: about the centre of mass in the platform frame [kg m²], (3, 3) or its diagonal (3,);
             default: a uniform box of ``platform_size`` centred there.
@@ -104,6 +108,10 @@ class Robot:
         axial_stiffness: ArrayLike,
         mass: float,
         *,
+        linear_density: ArrayLike = 0.0,
+        pulley_radius: ArrayLike = 0.0,
+        pulley_axis: ArrayLike = DOWN,
+        stiffening: ArrayLike = (0.0, 0.0),
         center_of_mass: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike | None = None,
         mobility: Mobility = "spatial",
@@ -117,7 +125,7 @@ class Robot:
         source: str = "",
     ) -> None:
         given = {name: value for name, value in locals().items() if name != "self"}
-        cabling = Cabling(exits, anchors, axial_stiffness)
+        cabling = Cabling(exits, anchors, axial_stiffness, linear_density, pulley_radius, pulley_axis, stiffening)
         name = checked_name("name", name)
         if material is not None:
             checked_label("material", material)
@@ -221,6 +229,11 @@ class Robot:
         return self.mass * self.gravity
 
     @cached_property
+    def cable_weights(self) -> Float[np.ndarray, " cables"]:
+        """Weight of the cables per length, (cables,) [N/m]."""
+        return frozen(self.cabling.linear_density * self.gravity)
+
+    @cached_property
     def characteristic_length(self) -> float:
         """A length of the platform [m] that makes rotations comparable with translations.
 
@@ -267,6 +280,13 @@ class Robot:
         """
         frame = self.pose(pose).as_matrix()
         lengths = cable_path.lengths(self.cabling, frame[:3, 3], frame[:3, :3])
+        lost = np.isnan(lengths)
+        if lost.any():
+            cable = int(np.argmax(lost))
+            raise InvalidInput(
+                f"pose: found the anchor of cable {cable + 1} inside its pulley's wheel or under its footprint, "
+                f"expected it further than the radius, {self.cabling.pulley_radius[cable]:g} m, from the pulley's axis"
+            )
         if not lengths.min() > 0:
             cable = int(np.argmin(lengths))
             raise InvalidInput(
@@ -314,6 +334,8 @@ def _robot_of(given: dict[str, Any]) -> Robot:
 
 def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"]) -> None:
     points = {"exits": cabling.exits, "anchors": cabling.anchors, "center_of_mass": center_of_mass[None]}
+    if cabling.pulleys.any():
+        points["pulley_axis"] = cabling.pulley_axis
     for field_name, rows in points.items():
         row = int(np.argmax(np.abs(rows[:, 1])))
         if abs(rows[row, 1]) > IN_PLANE:

@@ -23,7 +23,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import cables
+from cdpr_sim.physics import cables, pulleys
 from cdpr_sim.physics.mjcf import coordinates, to_mjcf
 
 MASS_IN_UNITS = 2.0**30
@@ -37,6 +37,11 @@ ARENA = 2**17
 DIFFERENCE = 3e-6
 """Displacement for differencing forces, as a fraction of the mean cable length: near the cube root of rounding, where
 truncation (its square) and rounding (over it) meet."""
+
+
+HELD = 1e6
+"""Inertia of a wheel about its axis, as a multiple of the platform's: between two looks at it MuJoCo does not turn it.
+Only at the end it must not want to: what turns a wheel belongs to the residual."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,7 @@ class Reading(Observation):
     residuals: Float[np.ndarray, " rows"]
     eigenvalues: Float[np.ndarray, "rows free"]
     softest: Float[np.ndarray, "rows free"]
+    off_wheel: Bool[np.ndarray, " rows"]
 
 
 class Simulations:
@@ -65,7 +71,10 @@ class Simulations:
         self.length = robot.characteristic_length
         self.unit = unit_of(robot)
         self.batch = Batch(model, rows, threads)
+        self.free, self.swivels = len(robot.free), pulleys.Swivels.of(model, robot.cabling)
         self.band, self.springs = self.batch.expand("tendon_lengthspring"), self.batch.expand("tendon_stiffness")
+        self.polynomials = self.batch.expand("tendon_stiffnesspoly")
+        self.entries = pulleys.entries(robot.cabling)
         self.timestep = self.batch.expand("opt.timestep").reshape(rows)
         self.damping = self.batch.expand("dof_damping")
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
@@ -74,6 +83,9 @@ class Simulations:
         self._lengths = self.batch.bind("ten_length")
         self._xpos, self._xquat, self._xmat = (self.batch.bind(name) for name in ("xpos", "xquat", "xmat"))
         self._loads = self.batch.bind("xfrc_applied")
+        if len(self.swivels):
+            self._anchors, self._quaternions = self.batch.bind("site_xpos"), self.batch.expand("body_quat")
+            self._points = self.batch.bind("ten_wrapnum")
         self._platform, self._origin = (
             mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in ("platform", "origin")
         )
@@ -88,17 +100,60 @@ class Simulations:
                 raise InvalidInput("model: found no body 'origin' in the platform, expected one to apply the wrench to")
             self._loads[:, self._origin] = self.wrenches / self.unit
         if not own_springs:
-            self.band[:, :, 1] = problems.rest_lengths
-            self.springs[:] = cables.springs(problems.axial_stiffness, problems.rest_lengths) / self.unit
+            stiffness, rest = problems.axial_stiffness, problems.rest_lengths
+            self.band[:, :, 1] = rest + self.entries
+            self.springs[:] = cables.springs(stiffness, rest) / self.unit
+            if not self.robot.cabling.linear:
+                self.polynomials[:] = cables.polynomials(stiffness, self.robot.cabling.stiffening, rest) / self.unit
 
     def place(self, poses: RigidTransform) -> None:
-        """Put each row's platform at its pose."""
-        self.qpos[:] = [coordinates(self.robot, pose) for pose in poses]
+        """Put each row's platform at its pose, with the wheels turned towards it."""
+        starts = np.array([coordinates(self.robot, pose) for pose in poses])
+        self.qpos[:, : starts.shape[1]] = starts
+        self.turn_wheels()
+
+    def turn_wheels(self, rows: Bool[np.ndarray, " rows"] | None = None) -> None:
+        """Turn each wheel towards its anchor, as a taut cable does and as nothing does with a slack one."""
+        if not len(self.swivels):
+            return
+        rows = np.ones(len(self.qpos), dtype=bool) if rows is None else rows
+        self.batch.forward(rows, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+        turns = self.swivels.turns(self._xpos, self._xmat, self._anchors)[rows]
+        if self.robot.mobility == "spatial":
+            self.qpos[np.ix_(rows, self.swivels.coordinates)] += turns
+            self.qvel[np.ix_(rows, self.swivels.dofs)] = 0
+        else:
+            wheels = np.ix_(rows, self.swivels.bodies)
+            self._quaternions[wheels] = pulleys.flipped(self._quaternions[wheels], turns)
+
+    @property
+    def off_wheel(self) -> Bool[np.ndarray, " rows"]:
+        """Whether a tendon misses its wheel, as of MuJoCo's last call."""
+        if not len(self.swivels):
+            return np.zeros(len(self.qpos), dtype=bool)
+        return self._points[:, self.swivels.cables].min(1) < pulleys.POINTS
+
+    @property
+    def rest_lengths(self) -> Float[np.ndarray, "rows cables"]:
+        """Unstretched cable lengths l0 [m]."""
+        return self.band[:, :, 1] - self.entries
 
     @property
     def accelerating(self) -> Float[np.ndarray, "rows free"]:
-        """Net generalised force without the damping, as of MuJoCo's last call, in the joints' coordinates [N, N m]."""
-        return (self._smooth - self._damper) * self.unit
+        """Net generalised force on the platform without the damping, as of MuJoCo's last call [N, N m].
+
+        In its joints' coordinates.
+        """
+        return (self._smooth[:, : self.free] - self._damper[:, : self.free]) * self.unit
+
+    @property
+    def unbalanced(self) -> Float[np.ndarray, " rows"]:
+        """The largest component of ``forces``, and of what turns a wheel, over its radius [N]."""
+        largest = np.abs(self.forces).max(1)
+        if len(self.swivels.dofs):
+            turning = np.abs(self._smooth - self._damper)[:, self.swivels.dofs] * self.unit / self.swivels.radii
+            largest = np.maximum(largest, turning.max(1))
+        return largest
 
     @property
     def forces(self) -> Float[np.ndarray, "rows free"]:
@@ -130,24 +185,25 @@ class Simulations:
     def residuals(self) -> Float[np.ndarray, " rows"]:
         """The largest unbalanced force at the present poses and zero velocity, (rows,) [N]."""
         self.qvel[:] = 0
+        self.turn_wheels()
         self.batch.forward()
-        return np.abs(self.forces).max(1)
+        return self.unbalanced
 
     def read(self, qpos: Float[np.ndarray, "rows coordinates"]) -> Reading:
         """Each row's state at ``qpos`` and zero velocity."""
         self.qpos[:] = qpos
         residuals = self.residuals()
-        seen = self._observed()
-        return Reading(seen.poses, seen.lengths, seen.tensions, residuals, *self._stiffness())
+        seen, off_wheel = self._observed(), self.off_wheel
+        return Reading(seen.poses, seen.lengths, seen.tensions, residuals, *self._stiffness(), off_wheel)
 
     def observe(self, qpos: Float[np.ndarray, "rows coordinates"]) -> Observation:
         """Each row's pose and cables at ``qpos``: ``read`` without the balance, for motions of many states."""
-        self.qpos[:] = qpos
-        self.residuals()
+        self.qpos[:], self.qvel[:] = qpos, 0
+        self.batch.forward()
         return self._observed()
 
     def _observed(self) -> Observation:
-        lengths = self._lengths.copy()
+        lengths = self._lengths - self.entries
         poses = RigidTransform.from_components(
             self._xpos[:, self._platform], Rotation.from_quat(self._xquat[:, self._platform], scalar_first=True)
         )
@@ -158,55 +214,68 @@ class Simulations:
 
         qfrc_spring = -J' tau, hence tau = -(J . qfrc_spring) / (J . J): negative, were a cable to push.
         """
-        all_springs = self.springs.copy()
+        all_springs, all_polynomials = self.springs.copy(), self.polynomials.copy()
         tensions = np.empty_like(all_springs)
         for cable in range(self.robot.cables):
-            self.springs[:] = 0
-            self.springs[:, cable] = all_springs[:, cable]
+            self.springs[:] = self.polynomials[:] = 0
+            self.springs[:, cable], self.polynomials[:, cable] = all_springs[:, cable], all_polynomials[:, cable]
             self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
             first, entries = self.model.ten_J_rowadr[cable], self.model.ten_J_rownnz[cable]
             row = self._jacobian[:, first : first + entries]
             force = self._spring[:, self.model.ten_J_colind[first : first + entries]]
             # The two are parallel. Where J vanishes, at an anchor on its exit, so does the spring's force.
             tensions[:, cable] = -(row * force).sum(1) / np.maximum((row * row).sum(1), np.finfo(float).tiny)
-        self.springs[:] = all_springs
+        self.springs[:], self.polynomials[:] = all_springs, all_polynomials
         return tensions * self.unit + 0.0  # no negative zero
 
     def _stiffness(self) -> tuple[Float[np.ndarray, "rows free"], Float[np.ndarray, "rows free"]]:
         """Eigenvalues [N/m], ascending, of how MuJoCo's force gives way at the present poses; the softest direction.
 
         Central differences on the cables that are taut now: for the while those may push and slack ones do nothing, so
-        that a displacement does not cross the kink of a cable that is stretched by less.
+        that a displacement does not cross the kink of a cable that is stretched by less. The wheels follow
+        the platform.
         """
-        band, springs = self.band.copy(), self.springs.copy()
+        band, springs, polynomials = self.band.copy(), self.springs.copy(), self.polynomials.copy()
         self.qvel[:] = 0
         self.batch.forward()
         length = self._lengths
-        self.springs[self.slack] = 0
+        slack = self.slack
+        self.springs[slack] = self.polynomials[slack] = 0
         self.band[:] = np.where(length > band[:, :, 1], band[:, :, 1], band[:, :, 0])[:, :, None]
         rest, rotations = self.qpos.copy(), self.rotations.copy()
-        step = DIFFERENCE * length.mean(1)
-        free = self.model.nv
+        step = DIFFERENCE * (length - self.entries).mean(1)
+        free = self.free
         stiffness = np.empty((len(rest), free, free))
         for j, sign in ((j, sign) for j in range(free) for sign in (1, -1)):
-            moves = np.zeros((len(rest), free))
+            moves = np.zeros((len(rest), self.model.nv))
             moves[:, j] = sign * step
             moves[:, self.angular] /= self.length
             if free == 6:
-                moves[:, 3:] = np.einsum("nji,nj->ni", rotations, moves[:, 3:])
+                moves[:, 3:6] = np.einsum("nji,nj->ni", rotations, moves[:, 3:6])
             for row, move in enumerate(moves):
                 moved = rest[row].copy()
                 mujoco.mj_integratePos(self.model, moved, move, 1)
                 self.qpos[row] = moved
+            self.turn_wheels()
             self.batch.forward()
             change = -self.forces / (2 * step[:, None])
             stiffness[:, :, j] = change if sign > 0 else stiffness[:, :, j] - change
-        self.qpos[:], self.band[:], self.springs[:] = rest, band, springs
+        self.qpos[:], self.band[:], self.springs[:], self.polynomials[:] = rest, band, springs, polynomials
         known = np.isfinite(stiffness).all((1, 2))
         eigenvalues, directions = np.full((2, len(rest), free), np.nan)
         values, vectors = np.linalg.eigh((stiffness + stiffness.transpose(0, 2, 1))[known] / 2)
         eigenvalues[known], directions[known] = values, vectors[:, :, 0]
         return eigenvalues, directions
+
+
+def refuse_own_masses(problems: Problems) -> None:
+    """One model has one mass.
+
+    Raises:
+        InvalidInput: another mass than the robot's.
+    """
+    if (problems.mass != problems.robot.mass).any():
+        raise InvalidInput("mass: found one per problem, expected the robot's own: MuJoCo has one model for all rows")
 
 
 _idle: dict[Robot, Simulations] = {}
@@ -229,15 +298,12 @@ def simulations_of(problems: Problems, model: mujoco.MjModel | None = None, thre
         InvalidInput: masses of their own, which one model cannot have.
     """
     robot, rows = problems.robot, len(problems)
-    if (problems.mass != robot.mass).any():
-        raise InvalidInput("mass: found one per problem, expected the robot's own: MuJoCo has one model for all rows")
+    refuse_own_masses(problems)
     reusable = model is None and rows == 1
     found = _idle.pop(robot, None) if reusable else None  # taken out, so that no other thread can have it
     with quiet():
         if found is None:
-            found = Simulations(
-                robot, _model_of(robot) if model is None else _prepared(model, unit_of(robot)), rows, threads
-            )
+            found = Simulations(robot, _model_of(robot) if model is None else _prepared(model, robot), rows, threads)
         found.start(problems, own_springs=model is not None)
         yield found
     if reusable:
@@ -252,7 +318,7 @@ def _model_of(robot: Robot) -> mujoco.MjModel:
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
     spec = mujoco.MjSpec.from_string(to_mjcf(robot, middle, np.ones(robot.cables)))
     spec.memory = ARENA
-    return _prepared(spec.compile(), unit_of(robot))
+    return _prepared(spec.compile(), robot)
 
 
 def unit_of(robot: Robot) -> float:
@@ -260,13 +326,24 @@ def unit_of(robot: Robot) -> float:
     return float(2.0 ** np.round(np.log2(robot.mass / MASS_IN_UNITS)))
 
 
-def _prepared(model: mujoco.MjModel, unit: float) -> mujoco.MjModel:
-    """A copy of ``model`` in that unit, whose damping and time step are ours to choose: they move no equilibrium."""
-    model = copy.copy(model)
+def _prepared(model: mujoco.MjModel, robot: Robot) -> mujoco.MjModel:
+    """A copy of ``model`` in its unit, whose damping, time step and wheels' inertia are ours to choose.
+
+    They move no equilibrium.
+    """
+    model, unit = copy.copy(model), unit_of(robot)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     model.opt.viscosity = model.opt.density = 0
-    for quantity in (model.body_mass, model.body_inertia, model.tendon_stiffness, model.tendon_damping):
+    for quantity in (
+        model.body_mass,
+        model.body_inertia,
+        model.tendon_stiffness,
+        model.tendon_stiffnesspoly,
+        model.tendon_damping,
+    ):
         quantity /= unit
+    dofs = pulleys.Swivels.of(model, robot.cabling).dofs
+    model.dof_armature[dofs] = HELD * robot.mass * robot.characteristic_length**2 / unit
     mujoco.mj_setConst(model, mujoco.MjData(model))  # what MuJoCo derives from masses
     return model
 

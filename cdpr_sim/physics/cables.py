@@ -5,6 +5,9 @@ spring is silent inside that dead band, so
 
     tau = EA/l0 (l - l0)  for l > l0,  else 0          (paper Eq. 10, 11)
 
+A cable that stiffens has the two further coefficients of MuJoCo's polynomial, EA a2/l0² and EA a3/l0³. One that runs
+over a pulley begins before it (``pulleys``) and is longer by as much as that entry.
+
 Three things a tendon could have are left out on purpose. ``range`` would add a constraint that stops the cable
 stretching; ``damping`` ignores the dead band, so that a slack cable would push, and it turns off the drawing of a
 slack cable as a hanging chain; ``frictionloss`` would hold the platform away from its equilibrium.
@@ -23,6 +26,8 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics import chains, pulleys
 from cdpr_sim.physics.numbers import text
 
 
@@ -38,15 +43,26 @@ def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
         ET.SubElement(platform, "site", {"name": f"anchor_{i}", "class": "anchor", "pos": text(position)})
 
 
-def add_tendons(root: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray, " cables"]) -> None:
-    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]."""
-    tendons = ET.SubElement(root, "tendon")
+def add_tendons(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float) -> None:
+    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]; a heavy cable has several, for this time step."""
+    tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
     stiffnesses = springs(cabling.axial_stiffness, rest_lengths)
-    for i, (stiffness, length) in enumerate(zip(stiffnesses, rest_lengths, strict=True), start=1):
+    further = polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
+    lengths = rest_lengths + pulleys.entries(cabling)
+    for i, (stiffness, length) in enumerate(zip(stiffnesses, lengths, strict=True), start=1):
+        if cabling.linear_density[i - 1] > 0:
+            chains.add_segments(tendons, robot, i - 1, rest_lengths[i - 1], step)
+            continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
-        cable.set("stiffness", text(stiffness))
+        stiffens = cabling.stiffening[i - 1].any()
+        cable.set("stiffness", text([stiffness, *further[i - 1]] if stiffens else stiffness))
         cable.set("springlength", text([0, length]))
-        ET.SubElement(cable, "site", site=f"exit_{i}")
+        if not cabling.massless:
+            cable.set("damping", text(step * stiffness))  # this integrator does not know springs
+        if cabling.pulleys[i - 1]:
+            pulleys.add_way(cable, i)
+        else:
+            ET.SubElement(cable, "site", site=f"exit_{i}")
         ET.SubElement(cable, "site", site=f"anchor_{i}")
 
 
@@ -57,7 +73,17 @@ def springs(
     return axial_stiffness / rest_lengths
 
 
+def polynomials(
+    axial_stiffness: Float[np.ndarray, "*#batch cables"],
+    stiffening: Float[np.ndarray, "cables 2"],
+    rest_lengths: Float[np.ndarray, "*#batch cables"],
+) -> Float[np.ndarray, "*batch cables 2"]:
+    """MuJoCo's ``stiffnesspoly`` of each tendon [N/m², N/m³]: of the stretch's square and cube."""
+    return (axial_stiffness[..., None] * stiffening) / rest_lengths[..., None] ** np.array([2, 3])
+
+
 def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, " cables"]) -> None:
     """Set a model's cables to ``rest_lengths`` [m], as winches do."""
-    model.tendon_lengthspring[:, 1] = rest_lengths
+    model.tendon_lengthspring[:, 1] = rest_lengths + pulleys.entries(cabling)
     model.tendon_stiffness[:] = springs(cabling.axial_stiffness, rest_lengths)
+    model.tendon_stiffnesspoly[:] = polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)

@@ -24,9 +24,10 @@ from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.trajectory import PlatformFell, Trajectory
+from cdpr_sim.physics import chains
 from cdpr_sim.physics.batch import quiet, simulations_of
 from cdpr_sim.physics.cables import let_out
-from cdpr_sim.physics.mjcf import coordinates, to_mjcf
+from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.settle import settle
 
 STATES = 301
@@ -84,10 +85,12 @@ def drive(
         progress: called now and then with the fraction done, 0 to 1.
 
     Raises:
-        InvalidInput: waypoints, rest lengths, a duration or a number of states that cannot be right.
+        InvalidInput: waypoints, rest lengths, a duration or a number of states that cannot be right; cables that have
+            weight.
         NotSettled: the platform does not come to rest at the first waypoint.
         PlatformFell: it fell on the way; carries the trajectory so far.
     """
+    chains.refuse_weight(robot, "driving")
     poses = [robot.pose(pose) for pose in waypoints]
     if not poses:
         raise InvalidInput("waypoints: found none, expected at least one pose")
@@ -141,7 +144,7 @@ def _simulate(
     robot, commanded = problems.robot, problems.poses
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, commanded[0]))
     data = mujoco.MjData(model)
-    data.qpos[:] = coordinates(robot, start)
+    place(model, data, robot, start)
     intervals = len(problems) - 1
     steps = max(1, round(seconds / intervals / model.opt.timestep))
     model.opt.timestep = seconds / intervals / steps

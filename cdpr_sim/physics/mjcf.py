@@ -1,11 +1,14 @@
 """A robot as a MuJoCo model (MJCF text), and a scene to look at it in. What a cable is there, ``cables`` says."""
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
 import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
@@ -13,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-from cdpr_sim.physics import cables
+from cdpr_sim.physics import cables, chains, pulleys
 from cdpr_sim.physics.numbers import text
 
 TIMESTEP = 0.002
@@ -24,6 +27,7 @@ PLATFORM_COLOR = (0.16, 0.38, 0.62, 1)
 EXIT_COLOR = (0.15, 0.16, 0.18, 1)
 ANCHOR_COLOR = (0.95, 0.80, 0.25, 1)
 FRAME_COLOR = (0.62, 0.65, 0.69, 1)
+PULLEY_COLOR = (0.24, 0.26, 0.29, 1)
 BRACKET_COLOR = (0.38, 0.41, 0.45, 1)
 
 
@@ -32,7 +36,9 @@ def to_mjcf(robot: Robot | Problem, pose: PoseLike | None = None, rest_lengths: 
 
     Names: body ``platform``; sites ``exit_1`` and ``anchor_1``; tendon ``cable_1`` and its sensor ``length_1``, counted
     from 1 as in the paper; keyframe ``commanded``. A spatial platform has the free joint ``platform``, a planar one
-    the joints ``x``, ``z`` and ``beta`` (positive about +y), whose coordinates are the base frame's.
+    the joints ``x``, ``z`` and ``beta`` (positive about +y), whose coordinates are the base frame's. They come first in
+    ``qpos``; a cable over a pulley has a body ``pulley_1`` and, in space, its joint ``swivel_1``. A heavy cable is
+    a chain of tendons ``cable_1_1``, ... with masses ``node_1_1``, ... between them; ``length_1`` is its chord.
 
     The air is made viscous enough to calm the platform's slowest swing without overshoot: that changes how it comes to
     rest, and not where.
@@ -53,20 +59,27 @@ def to_mjcf(robot: Robot | Problem, pose: PoseLike | None = None, rest_lengths: 
         root,
         "option",
         timestep=text(TIMESTEP),
-        integrator="discrete",
+        integrator="discrete" if robot.cabling.massless else "implicitfast",
         gravity=text([0, 0, -robot.gravity]),
         viscosity=text(_viscosity(problem)),
     )
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
     cables.add_exits(world, robot.cabling)
-    world.append(_platform(robot, problem.pose))
-    cables.add_tendons(root, robot.cabling, problem.rest_lengths)
+    platform = _platform(robot, problem.pose)
+    world.append(platform)
+    nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
+    chains.add_far(world, robot.cabling, problem.rest_lengths)
+    pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
+    cables.add_tendons(root, robot, problem.rest_lengths, TIMESTEP)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
-        ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"cable_{i}")
+        tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
+        ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
     keyframes = ET.SubElement(root, "keyframe")
-    ET.SubElement(keyframes, "key", name="commanded", qpos=text(coordinates(robot, problem.pose)))
+    swivels = robot.cabling.pulleys & (robot.mobility == "spatial")
+    start = np.concatenate([coordinates(robot, problem.pose), nodes, pulleys.angles_at(robot, problem.pose)[swivels]])
+    ET.SubElement(keyframes, "key", name="commanded", qpos=text(start))
     return _document(root)
 
 
@@ -112,6 +125,18 @@ def coordinates(robot: Robot, pose: RigidTransform) -> np.ndarray:
     return np.concatenate([pose.translation, pose.rotation.as_quat(scalar_first=True)])
 
 
+def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
+    """Put one simulation's platform at ``pose`` and what follows it: wheels, and chains as well as one can guess."""
+    start = coordinates(robot, pose)
+    data.qpos[: len(start)] = start
+    if not robot.cabling.massless:
+        found = chains.Chains.of(model, robot.cabling)
+        lengths = np.zeros(robot.cables)
+        lengths[found.cables] = model.tendon_lengthspring[found.segments, 1].sum(1)
+        data.qpos[found.coordinates] = chains.extents(robot, pose, lengths)
+    pulleys.toward_anchors(model, data, robot)
+
+
 def _viscosity(problem: Problem) -> float:
     """Of the air [Pa s], such that the slowest swing, of a pendulum as long as the cables, is damped critically.
 
@@ -135,6 +160,8 @@ def _defaults(robot: Robot) -> ET.Element:
         ET.SubElement(site, "site", size=text(round(size * scale, 6)), rgba=text(color), group="2")
     cable = ET.SubElement(defaults, "default", {"class": "cable"})
     ET.SubElement(cable, "tendon", width=text(round(0.0016 * scale, 6)), rgba=text(CABLE_COLOR))
+    if robot.cabling.pulleys.any() or not robot.cabling.massless:
+        pulleys.add_defaults(defaults)
     return defaults
 
 

@@ -29,6 +29,10 @@ SPEED = 1e-6
 STEPS = 30_000
 """Time steps after which a platform is restless. DemoBot needs a hundred; sliding along stiff cables, thousands."""
 
+NUDGES = 3
+"""How often a platform that is balanced on a saddle is pushed off it. One that comes back each time is at rest after
+all: under an external torque, which is not conservative, the symmetric part of the stiffness does not decide."""
+
 CHUNK = 13
 """Time steps between two looks at the residual; odd, so that a velocity that turns round at every step shows."""
 
@@ -58,7 +62,8 @@ class Relaxation:
     def __init__(self, simulations: Simulations, frames: list[tuple[float, np.ndarray]] | None) -> None:
         self.simulations, self.frames = simulations, frames
         robot = simulations.robot
-        self.reach = simulations.band[:, :, 1].max(1)
+        rest_lengths = simulations.rest_lengths
+        self.reach = rest_lengths.max(1)
         wrenches = np.abs(simulations.wrenches)
         self.load = np.maximum(
             robot.weight, np.maximum(wrenches[:, :3].max(1), wrenches[:, 3:].max(1) / simulations.length)
@@ -68,7 +73,7 @@ class Relaxation:
         # Without gravity or wrench the load is what the cables do to one another, or else a strain of one per mille.
         idle = self.load == 0
         self.load[idle] = np.maximum(np.abs(simulations.forces[idle]).max(1), 1e-3 * robot.axial_stiffness.mean())
-        self.swing = np.sqrt(self.load / robot.mass / simulations.band[:, :, 1].mean(1))
+        self.swing = np.sqrt(self.load / robot.mass / rest_lengths.mean(1))
         rounding = ROUNDING * float(robot.axial_stiffness.max())
         self.target = np.minimum(np.maximum(RESIDUAL * self.load, rounding), ACCEPTABLE * self.load)
         self.inertia = _inertias(robot)
@@ -79,7 +84,7 @@ class Relaxation:
         self.limit = np.full(rows, STEPS)
         self.live = np.ones(rows, dtype=bool)
         self.qpos = simulations.qpos.copy()
-        self.velocity = np.zeros_like(simulations.qvel)
+        self.velocity = np.zeros((rows, simulations.free))
         self.step, self.ratio = np.full(rows, FIRST_STEP), np.full(rows, FIRST_DAMPING)
         self.best, self.patience = np.full(rows, np.inf), np.zeros(rows, dtype=int)
         if frames is not None:
@@ -96,9 +101,9 @@ class Relaxation:
         speed = 1e-3 * self.swing * self.reach
         velocity = directions * (speed * np.where(directions.sum(1) < 0, -1, 1))[:, None]
         velocity[:, simulations.angular] /= simulations.length
-        if simulations.model.nv == 6:
+        if simulations.free == 6:
             velocity[:, 3:] = np.einsum("nji,nj->ni", simulations.rotations, velocity[:, 3:])
-        simulations.qpos[rows], simulations.qvel[rows] = self.qpos[rows], velocity[rows]
+        simulations.qpos[rows], simulations.qvel[rows, : simulations.free] = self.qpos[rows], velocity[rows]
         self.live |= rows
         self.status[rows] = Status.ITERATION_LIMIT
         self.step[rows], self.ratio[rows] = FIRST_STEP, FIRST_DAMPING
@@ -110,11 +115,14 @@ class Relaxation:
         simulations = self.simulations
         while self.live.any():
             simulations.timestep[:] = self.step / self.swing
-            simulations.damping[:] = 2 * (self.ratio * self.swing)[:, None] * self.inertia / simulations.unit
+            simulations.damping[:, : simulations.free] = (
+                2 * (self.ratio * self.swing)[:, None] * self.inertia / simulations.unit
+            )
             self.qpos[self.live] = simulations.qpos[self.live]
             self._advance()
             self._judge()
             self._adapt()
+            simulations.turn_wheels(self.live)
 
     def _advance(self) -> None:
         batch = self.simulations.batch
@@ -133,17 +141,18 @@ class Relaxation:
 
     def _judge(self) -> None:
         simulations = self.simulations
-        self.residual = np.abs(simulations.forces).max(1)
+        self.residual = simulations.unbalanced
         calm = self.live & (self.residual <= self.target)
         if calm.any():
             # These are the forces of one time step ago, and velocity bends them: look again, at rest.
-            speed = np.abs(simulations.qvel)
+            speed = np.abs(simulations.qvel[:, : simulations.free])
             speed[:, simulations.angular] *= simulations.length
             calm &= speed.max(1) <= SPEED * self.swing * self.reach
             velocity = simulations.qvel.copy()
             simulations.qvel[calm] = 0
+            simulations.turn_wheels(calm)
             simulations.batch.forward(calm)
-            at_rest = calm & (np.abs(simulations.forces).max(1) <= self.target)
+            at_rest = calm & (simulations.unbalanced <= self.target)
             simulations.qvel[:] = np.where(at_rest[:, None], 0, velocity)
             self._end(at_rest, Status.CONVERGED, simulations.qpos)
         weary = self.live & (self.steps >= self.limit)
@@ -156,7 +165,8 @@ class Relaxation:
         self.status[rows] = status
 
     def _adapt(self) -> None:
-        force, velocity = self.simulations.accelerating / self.root_inertia, self.simulations.qvel * self.root_inertia
+        force = self.simulations.accelerating / self.root_inertia
+        velocity = self.simulations.qvel[:, : self.simulations.free] * self.root_inertia
         better = self.residual < BETTER * self.best
         slow = ~better & _parallel(force, velocity) & _parallel(velocity, self.velocity)
         self.velocity = velocity

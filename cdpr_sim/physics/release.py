@@ -7,6 +7,7 @@ The physics side's own word on equilibria: no formula of statics stands here.
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import mujoco
@@ -14,13 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics import chains, pulleys
 from cdpr_sim.physics.batch import simulations_of
-from cdpr_sim.physics.mjcf import coordinates, to_mjcf
+from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.settle import settle
 
 NUDGE = 1e-6
@@ -69,24 +72,25 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     Stops as soon as it has left.
 
     Raises:
-        InvalidInput: an equilibrium under an external wrench.
+        InvalidInput: an equilibrium under an external wrench, or on cables that have weight.
     """
     problem = equilibrium.problem
     robot, pose = problem.robot, equilibrium.pose
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity alone")
     arm = robot.characteristic_length
-    with simulations_of(Problems.stack([problem])) as simulations:
-        softest = simulations.read(coordinates(robot, pose)[None]).softest[0]
+    chains.refuse_weight(robot, "releasing a platform")
+    with simulations_of(Problems.stack([dataclasses.replace(problem, pose=pose)])) as simulations:
+        softest = simulations.read(simulations.qpos.copy()).softest[0]
     step = np.zeros(6)
     step[robot.free] = NUDGE * softest
     step[3:] /= arm
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, problem.rest_lengths))
-    model.opt.viscosity = 0
+    model.opt.viscosity = model.dof_damping[:] = 0
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    model.opt.timestep = FINEST / _fastest(model, robot)
+    model.opt.timestep = FINEST / _fastest(model, equilibrium)
     data = mujoco.MjData(model)
-    data.qpos[:] = coordinates(robot, moved(pose, step))
+    place(model, data, robot, moved(pose, step))
     strayed, watched = NUDGE, 0
     chunk = max(int(0.002 / model.opt.timestep), 1)
     while watched * model.opt.timestep < seconds and strayed < LEAVES * NUDGE:
@@ -112,16 +116,17 @@ def grow_gravity(
         seconds: how long gravity grows.
 
     Raises:
-        InvalidInput: an argument that cannot be right.
+        InvalidInput: an argument that cannot be right; cables that have weight.
         NotSettled: it does not come to rest, or MuJoCo warns of its motion.
     """
     problem = Problem.of(robot, pose, rest_lengths)
     if problem.external_wrench.any():
         raise InvalidInput("external_wrench: found one, expected gravity alone, which grows")
     robot = problem.robot
+    chains.refuse_weight(robot, "growing gravity")
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, problem.pose, problem.rest_lengths))
     data = mujoco.MjData(model)
-    data.qpos[:] = coordinates(robot, problem.pose)
+    place(model, data, robot, problem.pose)
     steps = int(seconds / model.opt.timestep)
     for step in range(steps):
         model.opt.gravity[2] = -robot.gravity * (step + 1) / steps
@@ -136,8 +141,16 @@ def _pose(data: mujoco.MjData) -> RigidTransform:
     return RigidTransform.from_components(body.xpos, Rotation.from_quat(body.xquat, scalar_first=True))
 
 
-def _fastest(model: mujoco.MjModel, robot: Robot) -> float:
-    """An upper bound of the fastest swing [rad/s]: every spring at the farthest anchor, against the least inertia."""
+def _fastest(model: mujoco.MjModel, equilibrium: Equilibrium) -> float:
+    """An upper bound of the fastest swing [rad/s]: every spring at the farthest anchor, against the least inertia.
+
+    Springs that stiffen as they are at the largest strain; or a wheel's swing about its axis, where that is faster.
+    """
+    robot = equilibrium.problem.robot
     reach = np.linalg.norm(robot.anchors - robot.center_of_mass, axis=1).max()
-    springs = float(model.tendon_stiffness.sum())
-    return float(np.sqrt(springs * (1 / robot.mass + reach**2 / np.linalg.eigvalsh(robot.inertia)[0])))
+    stiffer = 1 + np.abs(robot.cabling.stiffening) @ [2 * MOST_STRAIN, 3 * MOST_STRAIN**2]
+    springs = float((model.tendon_stiffness * stiffer).sum())
+    fastest = float(np.sqrt(springs * (1 / robot.mass + reach**2 / np.linalg.eigvalsh(robot.inertia)[0])))
+    if robot.cabling.pulleys.any():
+        fastest = max(fastest, pulleys.swivelling(robot, float(equilibrium.tensions.max())))
+    return fastest

@@ -10,6 +10,9 @@ velocity; the stiffness is how that force changes when the platform is displaced
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import dataclasses
+import functools
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -24,12 +27,9 @@ from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.core.trajectory import Trajectory
+from cdpr_sim.physics import heavy
 from cdpr_sim.physics.batch import simulations_of
-from cdpr_sim.physics.relaxation import Relaxation
-
-NUDGES = 3
-"""How often a platform that is balanced on a saddle is pushed off it. One that comes back each time is at rest after
-all: under an external torque, which is not conservative, the symmetric part of the stiffness does not decide."""
+from cdpr_sim.physics.relaxation import NUDGES, Relaxation
 
 Frames = list[tuple[float, np.ndarray]]
 """(time, qpos) at every step of a motion."""
@@ -46,6 +46,7 @@ def settle(
     """Where MuJoCo's platform comes to rest, let go at ``pose`` with zero velocity.
 
     A platform that its cables do not hold there falls until they catch it, however far: nothing else is in its way.
+    Where cables weigh something it is let go where it would rest if they did not.
 
     Args:
         robot: the robot; or a ``Problem`` that is ready, alone.
@@ -78,11 +79,18 @@ def settle_trajectory(
         NotSettled: as ``settle``.
     """
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
+    if _weighs(problem.robot, model):
+        motion: heavy.Frames = []
+        equilibrium = _settled_heavy(Problems.stack([problem]), model=model, frames=motion)[0]
+        times, poses, lengths, tensions = zip(*motion, strict=True)
+        commands = Problems.stack([problem] * len(times))
+        at = RigidTransform.concatenate(list(poses))
+        return equilibrium, Trajectory.of(commands, np.array(times), at, np.array(lengths), np.array(tensions))
     frames: Frames = []
     equilibrium = _settled(Problems.stack([problem]), model=model, frames=frames)[0]
     times, qpos = (np.array(column) for column in zip(*frames, strict=True))
     commands = Problems.stack([problem] * len(times))
-    with simulations_of(commands, model) as simulations:
+    with simulations_of(_without_weight(commands), model) as simulations:
         seen = simulations.observe(qpos)
     return equilibrium, Trajectory.of(commands, times, seen.poses, seen.lengths, seen.tensions)
 
@@ -159,7 +167,9 @@ def residual_of(problem: Problem, pose: PoseLike, *, model: mujoco.MjModel | Non
         InvalidInput: a pose that cannot be right.
     """
     at = RigidTransform.from_matrix(problem.robot.pose(pose).as_matrix()[None])
-    with simulations_of(Problems.stack([problem]), model) as simulations:
+    if _weighs(problem.robot, model):
+        return float(heavy.unbalanced(Problems.stack([problem]), at, model=model)[0])
+    with simulations_of(_without_weight(Problems.stack([problem])), model) as simulations:
         simulations.place(at)
         return float(simulations.residuals()[0])
 
@@ -172,6 +182,9 @@ def residuals_of(problems: Problems, poses: RigidTransform, *, threads: int = 0)
         poses: a stack, one for each.
         threads: 0 for one per processor.
     """
+    if _weighs(problems.robot):
+        return heavy.unbalanced(problems, poses)
+    problems = _without_weight(problems)
     with simulations_of(problems, None, threads) as simulations:
         simulations.place(poses)
         return simulations.residuals()
@@ -185,6 +198,9 @@ def _settled(
     frames: Frames | None = None,
 ) -> Rests:
     """Settle (rows,) problems that can be asked; ``frames`` takes the first one's motion."""
+    if _weighs(problems.robot, model):
+        return _settled_heavy(problems, model=model, threads=threads)
+    asked, problems = problems, _without_weight(problems)
     with simulations_of(problems, model, threads) as simulations:
         relaxation = Relaxation(simulations, frames)
         relaxation.run()
@@ -196,8 +212,10 @@ def _settled(
             relaxation.nudge(saddle, reading.softest)
             relaxation.run()
             reading = simulations.read(relaxation.qpos)
+    # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
+    relaxation.status[reading.off_wheel] = Status.DIVERGED
     rests = Rests(
-        problems=problems,
+        problems=asked,
         positions=np.array(reading.poses.translation),
         rotations=reading.poses.rotation.as_matrix(),
         lengths=reading.lengths,
@@ -210,3 +228,50 @@ def _settled(
     )
     rests.__dict__["poses"] = reading.poses
     return rests
+
+
+def _settled_heavy(
+    problems: Problems,
+    *,
+    model: mujoco.MjModel | None = None,
+    threads: int = 1,
+    frames: heavy.Frames | None = None,
+) -> Rests:
+    """``_settled`` where cables weigh something: let go where the platform would rest if they did not."""
+    light = _settled(_without_weight(problems), threads=threads)
+    finite = np.isfinite(light.residuals)
+    starts = [(light if finite[row] else problems).poses[row] for row in range(len(problems))]
+    readings, steps, status = heavy.released(problems, RigidTransform.concatenate(starts), model=model, frames=frames)
+    poses = RigidTransform.concatenate([reading.pose for reading in readings])
+    rests = Rests(
+        problems=problems,
+        positions=np.array(poses.translation),
+        rotations=poses.rotation.as_matrix(),
+        lengths=np.array([reading.lengths for reading in readings]),
+        tensions=np.array([reading.tensions for reading in readings]),
+        residuals=np.array([reading.residual for reading in readings]),
+        iterations=np.array(steps),
+        status=np.array([one.value for one in status]),
+        source="mujoco",
+        stiffness=np.array([reading.eigenvalues for reading in readings]),
+    )
+    rests.__dict__["poses"] = poses
+    return rests
+
+
+def _weighs(robot: Robot, model: mujoco.MjModel | None = None) -> bool:
+    """Whether cables pull by their weight; a model that is given has the chains that its robot's cables are."""
+    return not robot.cabling.massless and (robot.gravity > 0 or model is not None)
+
+
+def _without_weight(problems: Problems) -> Problems:
+    """The same question on massless cables."""
+    if problems.robot.cabling.massless:
+        return problems
+    return dataclasses.replace(problems, robot=_weightless(problems.robot), singles=())
+
+
+@functools.lru_cache(maxsize=16)
+def _weightless(robot: Robot) -> Robot:
+    """The same robot on massless cables; kept, since so is its simulation."""
+    return robot.replace(linear_density=0.0)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Strict, ValidationError
 
-from cdpr_sim.core.cable import MOST_CABLES
+from cdpr_sim.core.cable import DOWN, MOST_CABLES
 from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileError, UnknownName
 from cdpr_sim.core.files import read_text
@@ -19,6 +19,7 @@ from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
+Pair = tuple[Number, Number]
 Vector = tuple[Number, Number, Number]
 
 LARGEST_FILE = 1_000_000
@@ -41,13 +42,23 @@ class PlatformTable(_Table):
     inertia: Vector | tuple[Vector, Vector, Vector] | None = None
 
 
+class PulleyTable(_Table):
+    """``pulley``: radius of the wheel [m], and the direction in which the cable arrives at it."""
+
+    radius: Number
+    axis: Vector = DOWN
+
+
 class CableTable(_Table):
-    """One cable: exit A_i in the base frame, anchor B_i in the platform frame [m], and perhaps its own cable type."""
+    """One cable: exit A_i in the base frame, anchor B_i in the platform frame [m], and what is its own."""
 
     exit: Vector
     anchor: Vector
     material: str | None = None
     axial_stiffness: Number | None = None
+    linear_density: Number | None = None
+    stiffening: Pair | None = None
+    pulley: PulleyTable | None = None
 
 
 class BoxTable(_Table):
@@ -58,9 +69,10 @@ class BoxTable(_Table):
 
 
 class RobotTable(_Table):
-    """A whole robot file. ``material`` or ``axial_stiffness`` [N] hold for every cable that has none of its own.
+    """A whole robot file. What it says of cables holds for every one that says nothing of its own.
 
-    ``units`` are those of exits, anchors, size, centre of mass, frame and workspace; all else is in kg, N and kg m².
+    ``material`` or ``axial_stiffness`` [N], ``linear_density`` [kg/m], ``stiffening`` (a2, a3), ``pulley``.
+    ``units`` are those of exits, anchors, pulleys, size, frame and workspace; all else is in kg, N and kg m².
     """
 
     name: str
@@ -71,6 +83,9 @@ class RobotTable(_Table):
     gravity: Number = STANDARD_GRAVITY
     material: str | None = None
     axial_stiffness: Number | None = None
+    linear_density: Number = 0.0
+    stiffening: Pair = (0.0, 0.0)
+    pulley: PulleyTable = PulleyTable(radius=0.0)
     platform: PlatformTable
     frame: BoxTable | None = None
     workspace: BoxTable | None = None
@@ -83,6 +98,10 @@ class RobotTable(_Table):
             anchors=[self._metres(cable.anchor) for cable in self.cables],
             axial_stiffness=[self._stiffness(i, cable) for i, cable in enumerate(self.cables)],
             mass=self.platform.mass,
+            linear_density=[_own(cable.linear_density, self.linear_density) for cable in self.cables],
+            stiffening=[_own(cable.stiffening, self.stiffening) for cable in self.cables],
+            pulley_radius=[_own(cable.pulley, self.pulley).radius / METRES[self.units] for cable in self.cables],
+            pulley_axis=[_own(cable.pulley, self.pulley).axis for cable in self.cables],
             center_of_mass=self._metres(self.platform.center_of_mass),
             inertia=self.platform.inertia,
             mobility=self.mobility,
@@ -115,6 +134,10 @@ class RobotTable(_Table):
     def _common_material(self) -> str | None:
         own = {cable.material for cable in self.cables if cable.material or cable.axial_stiffness is not None}
         return self.material if not own else None
+
+
+def _own(own, common):
+    return common if own is None else own
 
 
 def list_robots() -> tuple[str, ...]:
@@ -196,5 +219,12 @@ def _place(path: tuple[int | str, ...]) -> str:
 
 
 def _known_keys(path: tuple[int | str, ...]) -> list[str]:
-    tables = {"platform": PlatformTable, "cables": CableTable, "frame": BoxTable, "workspace": BoxTable}
-    return list((tables[str(path[0])] if path else RobotTable).model_fields)
+    tables = {
+        "platform": PlatformTable,
+        "cables": CableTable,
+        "pulley": PulleyTable,
+        "frame": BoxTable,
+        "workspace": BoxTable,
+    }
+    names = [part for part in path if isinstance(part, str)]
+    return list((tables[names[-1]] if names else RobotTable).model_fields)

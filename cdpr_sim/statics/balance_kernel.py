@@ -12,7 +12,7 @@ from numba import float64, guvectorize, int64
 
 from cdpr_sim.core.compiling import built_once
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import inline
+from cdpr_sim.statics.cable_kernel import inline, pasted
 
 ROUNDING = 1e-12
 """A slope smaller than this fraction of the load is rounding: that tension is where it should be."""
@@ -34,28 +34,71 @@ MOST_GIVEN = 1e3
 """Loads. Limits that would have to give way by more than this give way for nothing: no tensions balance the load."""
 
 
-@built_once
-def shortfall_gufunc() -> Callable:
+def shortfall_gufunc(*, bent: bool = False) -> Callable:
     """What is left of the load, as a gufunc: inf where the active sets cycle, nan where the input is not finite."""
-    vector, matrix = float64[:], float64[:, :]
-    inputs = (matrix, vector, vector, float64, vector, matrix, int64[:], float64, vector, matrix)
-    return guvectorize(
-        [(*inputs, vector)], "(m,n),(m),(m),(),(c),(k,d),(f),(),(c),(c,c)->()", cache=True
-    )(_shortfall)  # fmt: skip
+    return _bent_shortfall_gufunc() if bent else _plain_shortfall_gufunc()
+
+
+def margin_gufunc(*, bent: bool = False) -> Callable:
+    """How far tensions can keep from their limits [N], as a gufunc: nan as above, and where the active sets cycle."""
+    return _bent_margin_gufunc() if bent else _plain_margin_gufunc()
 
 
 @built_once
-def margin_gufunc() -> Callable:
-    """How far tensions can keep from their limits [N], as a gufunc: nan as above, and where the active sets cycle."""
+def _plain_shortfall_gufunc() -> Callable:
+    return _gufunc(_plain_shortfall)
+
+
+@built_once
+def _bent_shortfall_gufunc() -> Callable:
+    return _gufunc(_bent_shortfall)
+
+
+@built_once
+def _plain_margin_gufunc() -> Callable:
+    return _gufunc(_plain_margin)
+
+
+@built_once
+def _bent_margin_gufunc() -> Callable:
+    return _gufunc(_bent_margin)
+
+
+def _gufunc(one: Callable) -> Callable:
     vector, matrix = float64[:], float64[:, :]
     inputs = (matrix, vector, vector, float64, vector, matrix, int64[:], float64, vector, matrix)
     return guvectorize(
         [(*inputs, vector)], "(m,n),(m),(m),(),(c),(k,d),(f),(),(c),(c,c)->()", cache=True
-    )(_margin)  # fmt: skip
+    )(one)  # fmt: skip
 
 
+def _plain_shortfall(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
+    """One element of the gufunc; how long the cables are plays no part."""
+    cables = ck.unpack(table, np.ones(len(lower)))
+    _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left)
+
+
+def _bent_shortfall(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
+    """The same of bent cables."""
+    cables = ck.unpack_bent(table, np.ones(len(lower)))
+    _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left)
+
+
+def _plain_margin(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
+    """One element of the gufunc; how long the cables are plays no part."""
+    cables = ck.unpack(table, np.ones(len(lower)))
+    _margin(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin)
+
+
+def _bent_margin(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
+    """The same of bent cables."""
+    cables = ck.unpack_bent(table, np.ones(len(lower)))
+    _margin(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin)
+
+
+@pasted
 def _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
-    """One element of the gufunc."""
+    """What is left of the worst load."""
     m, n = len(lower), len(free)
     on_free, load, height, r = np.empty((n, m)), np.empty(n), np.empty(m), np.empty(n)
     if not _fill_pulls(cables, free, scale, position, rotation, on_free):
@@ -73,8 +116,9 @@ def _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, positio
             return
 
 
+@pasted
 def _margin(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
-    """One element of the gufunc: cutting planes, from above.
+    """How far the tensions can keep from their limits: cutting planes, from above.
 
     Where tensions at least t from their limits do not balance the load, the least squares' residual r is a direction in
     which they pull too little. How much they can pull along r is linear in t: the t at which it suffices is the next.
@@ -131,9 +175,8 @@ def _margin(cables, lower, upper, weight, com, wrenches, free, scale, position, 
 def _fill_pulls(cables, free, scale, position, rotation, on_free):
     """What each cable does to the free directions per newton, into (free, cables); False where that is not finite."""
     m, n = on_free.shape[1], len(free)
-    given = ck.unpack(cables, np.ones(m))  # how long they are plays no part
-    state, J = ck.new_state(given), np.empty((m, 6))
-    ck.measure(given, position, rotation, state)
+    state, J = ck.new_state(cables), np.empty((m, 6))
+    ck.measure(cables, position, rotation, state)
     ck.fill_jacobian(state, scale, J)
     for i in range(m):
         if not np.isfinite(state.l[i]) or state.l[i] == 0.0:

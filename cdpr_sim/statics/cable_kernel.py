@@ -1,6 +1,8 @@
 """Cables in compiled code: their state at a pose, and what they add to energy, slope and curvature.
 
 Path and law are those of ``core.cable_path`` and ``cable_law``, compiled; the kernels of this folder know no other.
+Cables come in two types: *plain* ones, straight and linear, whose code is compiled on its own so that they cost no more
+than they must, and *bent* ones, over pulleys or with laws that stiffen. Kernels are compiled once for each.
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
 """
 
@@ -10,9 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.extending import overload, register_jitable
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.cable import ANCHOR, EXIT, STIFFNESS
+from cdpr_sim.core.cable import ANCHOR, AXIS, EXIT, RADIUS, STIFFENING, STIFFNESS
 from cdpr_sim.statics import cable_law
 
 inline = njit(error_model="numpy", forceinline=True)
@@ -25,12 +28,14 @@ outlined = njit(error_model="numpy")
 """For what is rarely called."""
 
 _path = inline(cable_path.path)
+_pulley_path = outlined(cable_path.pulley_path)
+register_jitable(cable_law.stiffened)  # which the law calls
 _energy = inline(cable_law.energy)
 _tangent = inline(cable_law.tangent)
 
 
 class Cables(NamedTuple):
-    """What is given of all cables. A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length."""
+    """What is given of plain cables. A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length."""
 
     A: np.ndarray
     B: np.ndarray
@@ -39,7 +44,7 @@ class Cables(NamedTuple):
 
 
 class CableState(NamedTuple):
-    """What is measured at a pose.
+    """What is measured of plain cables at a pose.
 
     r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: lengths of their
     free pieces; k, e: the springs k max(e, 0) that touch the law there.
@@ -49,6 +54,41 @@ class CableState(NamedTuple):
     u: np.ndarray
     l: np.ndarray  # noqa: E741
     f: np.ndarray
+    k: np.ndarray
+    e: np.ndarray
+
+
+class BentCables(NamedTuple):
+    """What is given of cables that may run over pulleys and stiffen.
+
+    A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length; EA, a2, a3: that of the law; radius,
+    axis: of pulleys.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    l0: np.ndarray
+    k: np.ndarray
+    EA: np.ndarray
+    a2: np.ndarray
+    a3: np.ndarray
+    radius: np.ndarray
+    axis: np.ndarray
+
+
+class BentState(NamedTuple):
+    """What is measured of them at a pose.
+
+    r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: lengths of their
+    free pieces; across, bend: of cables over pulleys; k, e: the springs k max(e, 0) that touch the law there.
+    """
+
+    r: np.ndarray
+    u: np.ndarray
+    l: np.ndarray  # noqa: E741
+    f: np.ndarray
+    across: np.ndarray
+    bend: np.ndarray
     k: np.ndarray
     e: np.ndarray
 
@@ -67,15 +107,39 @@ def unpack(table, rest_lengths):
 
 
 @inline
-def new_state(cables):
+def unpack_bent(table, rest_lengths):
+    """The same of bent cables."""
+    m = len(rest_lengths)
+    A, B, l0, k = np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m)
+    EA, a2, a3, radius, axis = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty((m, 3))
+    for i in range(m):
+        for a in range(3):
+            A[i, a], B[i, a], axis[i, a] = table[i, EXIT + a], table[i, ANCHOR + a], table[i, AXIS + a]
+        l0[i] = rest_lengths[i]
+        k[i] = table[i, STIFFNESS] / l0[i]
+        EA[i] = table[i, STIFFNESS]
+        a2[i], a3[i] = table[i, STIFFENING], table[i, STIFFENING + 1]
+        radius[i] = table[i, RADIUS]
+    return BentCables(A, B, l0, k, EA, a2, a3, radius, axis)
+
+
+def _new_plain_state(cables):
     """Room for a state; of straight cables the whole length is free, and of a linear law the stiffness is constant."""
     m = len(cables.l0)
     lengths = np.empty(m)
     return CableState(np.empty((m, 3)), np.empty((m, 3)), lengths, lengths, cables.k, np.empty(m))
 
 
-@inline
-def measure(cables, p, R, state):
+def _new_bent_state(cables):
+    """Room for a state."""
+    m = len(cables.l0)
+    return BentState(
+        np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m), np.empty((m, 3)), np.zeros(m), np.empty(m),
+        np.empty(m),
+    )  # fmt: skip
+
+
+def _measure_plain(cables, p, R, state):
     """Fill in the cables' state with the platform at p, R (paper Eq. 8, 9)."""
     A, B, l0 = cables.A, cables.B, cables.l0
     r, u, l, e = state.r, state.u, state.l, state.e  # noqa: E741
@@ -86,16 +150,73 @@ def measure(cables, p, R, state):
         inverse = 1 / free
         u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
         l[i] = length
-        _, e[i] = _tangent(length - l0[i], 1.0, cables.k[i])
+        e[i] = length - l0[i]
 
 
-@inline
-def elastic_energy(cables, state, V):
-    """V and what all cables add to it [J]."""
+def _measure_bent(cables, p, R, state):
+    """Fill in the cables' state with the platform at p, R (paper Eq. 8, 9)."""
+    A, B, l0 = cables.A, cables.B, cables.l0
+    r, u, l, e = state.r, state.u, state.l, state.e  # noqa: E741
+    for i in range(len(l0)):
+        for a in range(3):
+            r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
+        x, y, z = A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2]
+        if cables.radius[i] == 0.0:
+            length, x, y, z, free = _path(x, y, z)
+        else:
+            length, x, y, z, free, state.across[i, 0], state.across[i, 1], state.across[i, 2], state.bend[i], _ = (
+                _pulley_path(x, y, z, cables.axis[i, 0], cables.axis[i, 1], cables.axis[i, 2], cables.radius[i])
+            )
+        inverse = 1 / free
+        u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
+        l[i] = length
+        state.k[i], e[i] = _tangent(length - l0[i], l0[i], cables.EA[i], cables.a2[i], cables.a3[i])
+        state.f[i] = free
+
+
+def _plain_energy(cables, state, V):
     for i in range(len(cables.l0)):
         if state.e[i] > 0:
-            V += _energy(state.l[i] - cables.l0[i], 1.0, cables.k[i])
+            V += _energy(state.l[i] - cables.l0[i], 1.0, cables.k[i], 0.0, 0.0)
     return V
+
+
+def _bent_energy(cables, state, V):
+    for i in range(len(cables.l0)):
+        if state.e[i] > 0:
+            stretch = state.l[i] - cables.l0[i]
+            V += _energy(stretch, cables.l0[i], cables.EA[i], cables.a2[i], cables.a3[i])
+    return V
+
+
+_inlined = {"error_model": "numpy", "forceinline": True}
+
+
+def new_state(cables):
+    """Room for what is measured of ``cables``."""
+
+
+@overload(new_state, jit_options=_inlined)
+def _new_state(cables):
+    return _new_bent_state if cables.instance_class is BentCables else _new_plain_state
+
+
+def measure(cables, p, R, state):
+    """Fill in the cables' state with the platform at p, R (paper Eq. 8, 9)."""
+
+
+@overload(measure, jit_options=_inlined)
+def _measure(cables, p, R, state):
+    return _measure_bent if cables.instance_class is BentCables else _measure_plain
+
+
+def elastic_energy(cables, state, V):
+    """V and what all cables add to it [J]."""
+
+
+@overload(elastic_energy, jit_options=_inlined)
+def _elastic_energy(cables, state, V):
+    return _bent_energy if cables.instance_class is BentCables else _plain_energy
 
 
 @inline
@@ -111,12 +232,11 @@ def fill_jacobian(state, scale, J):
         J[i, 5] = y * u[i, 0] - x * u[i, 1]
 
 
-@inline
-def add_curvature(state, i, tau, J, scale, K):
+def _add_plain_curvature(state, i, tau, J, scale, K):
     """Add tau ∂²l/∂x² of cable i to the lower half of K, (6, 6).
 
-    ∂²l/∂x² = (DᵀD − J Jᵀ)/f + uᵀ∂²d/∂x² with d = A − p − r, D = ∂d/∂x = [−1, [r]×], and
-    uᵀ∂²d/∂φ² = (u·r) 1 − ½ (u rᵀ + r uᵀ), for rotation vectors φ applied on the left.
+    ∂²l/∂x² = (DᵀD − J Jᵀ)/f + bend (Dᵀb)(Dᵀb)ᵀ + uᵀ∂²d/∂x² with d = A − p − r, D = ∂d/∂x = [−1, [r]×], b across the
+    wheel, and uᵀ∂²d/∂φ² = (u·r) 1 − ½ (u rᵀ + r uᵀ), for rotation vectors φ applied on the left.
     """
     r, u = state.r, state.u
     per_scale = 1 / scale
@@ -142,6 +262,36 @@ def add_curvature(state, i, tau, J, scale, K):
     K[5, 4] -= q * y * z
     t = tau / scale
     _add_dipole(t * u[i, 0], t * u[i, 1], t * u[i, 2], x, y, z, K)
+
+
+_straight_curvature = inline(_add_plain_curvature)
+
+
+def _add_bent_curvature(state, i, tau, J, scale, K):
+    _straight_curvature(state, i, tau, J, scale, K)
+    if state.bend[i] != 0.0:
+        x, y, z = state.r[i, 0] / scale, state.r[i, 1] / scale, state.r[i, 2] / scale
+        _add_bend(state.across[i, 0], state.across[i, 1], state.across[i, 2], x, y, z, tau * state.bend[i], K)
+
+
+def add_curvature(state, i, tau, J, scale, K):
+    """Add tau ∂²l/∂x² of cable i to the lower half of K, (6, 6)."""
+
+
+@overload(add_curvature, jit_options=_inlined)
+def _add_curvature(state, i, tau, J, scale, K):
+    return _add_bent_curvature if state.instance_class is BentState else _add_plain_curvature
+
+
+@outlined
+def _add_bend(bx, by, bz, x, y, z, size, K):
+    """Add size (Dᵀb)(Dᵀb)ᵀ to the lower half of K."""
+    row = np.empty(6)
+    row[0], row[1], row[2] = bx, by, bz
+    row[3], row[4], row[5] = y * bz - z * by, z * bx - x * bz, x * by - y * bx
+    for a in range(6):
+        for b in range(a + 1):
+            K[a, b] += size * row[a] * row[b]
 
 
 @inline

@@ -1,39 +1,70 @@
 """The law of a cable: its tension, energy and stiffness when it is stretched. Written here once for the mathematics.
 
-A cable is a spring that only pulls (paper Eq. 10, 11): tau = EA s/l0 for a stretch s = l − l0 above zero, else 0.
+A cable is a spring that only pulls (paper Eq. 10, 11), and may stiffen as it is pulled: with the strain eps = s/l0 of a
+stretch s = l − l0,
 
-The functions work on arrays and, compiled, on numbers alike. Compiled code measures per metre of cable: a cable of rest
-length l0 and axial stiffness EA is one of rest length 1 and axial stiffness EA/l0, with the same stretch.
+    tau = EA (eps + a2 eps² + a3 eps³)   for s > 0,   else 0.
+
+Beyond a strain of 20 %, which no rope survives and up to which every law has to rise, it goes on straight: a polynomial
+that falls there would let a search for rest run away. The functions work on arrays and, compiled, on numbers alike.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from cdpr_sim.core.cable import MOST_STRAIN as M
 
-def tension(stretch, rest_length, axial_stiffness):
+STRAIN_STEPS = 30
+"""Newton steps to the strain of a given tension; a handful do."""
+
+
+def tension(stretch, rest_length, axial_stiffness, a2, a3):
     """tau [N]: a cable pulls and never pushes (Eq. 10, 11)."""
-    return axial_stiffness * np.maximum(stretch, 0.0) / rest_length
+    pulled = np.maximum(stretch, 0.0)
+    return axial_stiffness * pulled / rest_length + axial_stiffness * stiffened(pulled / rest_length, a2, a3)
 
 
-def energy(stretch, rest_length, axial_stiffness):
+def energy(stretch, rest_length, axial_stiffness, a2, a3):
     """∫ tau ds [J]."""
-    return 0.5 * (axial_stiffness / rest_length * np.maximum(stretch, 0.0) ** 2)
+    pulled = np.maximum(stretch, 0.0)
+    curved = np.minimum(pulled / rest_length, M)
+    over = pulled / rest_length - curved
+    more = curved * curved * (curved * (a2 / 3.0 + curved * (0.25 * a3)) + over * (a2 + curved * a3))
+    more = more + 0.5 * over * over * (curved * (2.0 * a2 + curved * (3.0 * a3)))
+    return 0.5 * (axial_stiffness / rest_length * (pulled * pulled)) + axial_stiffness * rest_length * more
 
 
-def tangent(stretch, rest_length, axial_stiffness):
+def tangent(stretch, rest_length, axial_stiffness, a2, a3):
     """(k, e): the linear spring k max(e, 0) that has the law's tension and slope at this stretch [N/m, m].
 
     Of a slack cable, the spring that it becomes when it is stretched.
     """
-    return axial_stiffness / rest_length, stretch
+    strain = np.maximum(stretch, 0.0) / rest_length
+    curved = np.minimum(strain, M)
+    slope = 1.0 + curved * (2.0 * a2 + curved * (3.0 * a3))
+    return axial_stiffness / rest_length * slope, (stretch + rest_length * stiffened(strain, a2, a3)) / slope
 
 
-def per_axial_stiffness(stretch, rest_length):
+def stiffened(strain, a2, a3):
+    """tau/EA − eps, for eps of zero or more."""
+    curved = np.minimum(strain, M)
+    return curved * curved * (a2 + curved * a3) + (strain - curved) * (curved * (2.0 * a2 + curved * (3.0 * a3)))
+
+
+def per_axial_stiffness(stretch, rest_length, a2, a3):
     """∂tau/∂EA of a taut cable."""
-    return stretch / rest_length
+    strain = stretch / rest_length
+    return strain + stiffened(strain, a2, a3)
 
 
-def rest_length_for(length, tension, axial_stiffness):
-    """l0 = l EA/(EA + tau): what a cable of length l under tension tau measures when nothing pulls (Eq. 10)."""
-    return length * axial_stiffness / (axial_stiffness + tension)
+def rest_length_for(length, pull, axial_stiffness, a2, a3):
+    """l0 = l/(1 + eps): what a cable of length l under the tension ``pull`` measures when nothing pulls (Eq. 10)."""
+    if not (np.any(a2) or np.any(a3)):
+        return length * axial_stiffness / (axial_stiffness + pull)
+    pull = pull / axial_stiffness
+    strain = pull
+    for _ in range(STRAIN_STEPS):
+        slope, _ = tangent(strain, 1.0, 1.0, a2, a3)
+        strain = strain - (tension(strain, 1.0, 1.0, a2, a3) - pull) / slope
+    return length / (1.0 + strain)

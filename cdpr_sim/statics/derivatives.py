@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import cable_law
 from cdpr_sim.statics.forces import State, cross_matrix
 
@@ -16,6 +17,14 @@ Array = np.ndarray
 
 PARAMETERS = ("rest_lengths", "axial_stiffness", "exits", "anchors", "mass", "center_of_mass", "external_wrench")
 """What an equilibrium depends on, by the names of ``Robot`` and ``Problem``."""
+
+PULLEY_PARAMETERS = ("pulley_radius",)
+"""And that of a robot with pulleys."""
+
+
+def parameters(robot: Robot) -> tuple[str, ...]:
+    """What an equilibrium of ``robot`` depends on."""
+    return PARAMETERS + (PULLEY_PARAMETERS if robot.cabling.pulleys.any() else ())
 
 
 def wrench_slope(state: State) -> Float[Array, "*batch 6 6"]:
@@ -38,7 +47,7 @@ def wrench_slope_at_fixed_tensions(state: State) -> Float[Array, "*batch 6 6"]:
 
 
 def wrench_by_parameter(state: State) -> dict[str, Float[Array, "6 parameters"]]:
-    """∂(net wrench)/∂(parameter) at a fixed pose, for each of ``PARAMETERS``; ``state`` is of a single pose.
+    """∂(net wrench)/∂(parameter) at a fixed pose, for each of ``parameters``; ``state`` is of a single pose.
 
     Exits and anchors are in the order x, y, z of cable 1, x, y, z of cable 2, and so on.
     """
@@ -53,7 +62,11 @@ def wrench_by_parameter(state: State) -> dict[str, Float[Array, "6 parameters"]]
     cables = robot.cables
     center = rotation @ robot.center_of_mass
     pull = np.array([0.0, 0.0, -robot.gravity])
-    return {
+    by_radius = {}
+    if robot.cabling.pulleys.any():
+        forces = tau[:, None] * _turning_by_radius(state)
+        by_radius["pulley_radius"] = W @ tension_by["pulley_radius"] + np.hstack([forces, np.cross(arms, forces)]).T
+    return by_radius | {
         "rest_lengths": W @ tension_by["rest_lengths"],
         "axial_stiffness": W @ tension_by["axial_stiffness"],
         "exits": W @ tension_by["exits"] + by_exit.transpose(1, 0, 2).reshape(6, 3 * cables),
@@ -65,7 +78,7 @@ def wrench_by_parameter(state: State) -> dict[str, Float[Array, "6 parameters"]]
 
 
 def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables parameters"]]:
-    """∂(tensions)/∂(parameter) at a fixed pose, for each of ``PARAMETERS``; ``state`` is of a single pose.
+    """∂(tensions)/∂(parameter) at a fixed pose, for each of ``parameters``; ``state`` is of a single pose.
 
     A law is one of strain, s/l0, so that letting out a length dl0 gives way as much as (l/l0) dl0 of less length.
     """
@@ -77,8 +90,13 @@ def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables paramet
     by_exit[rows, rows] = elastic[:, None] * directions
     by_anchor = np.zeros((cables, cables, 3))
     by_anchor[rows, rows] = -(elastic[:, None] * directions) @ state.rotation
-    per_stiffness = cable_law.per_axial_stiffness(lengths - rest, rest)
-    return {
+    by_radius = {}
+    if problem.robot.cabling.pulleys.any():
+        # A thicker wheel takes up its wrap, and stands nearer to the anchor by as much.
+        wraps = state.geometry.wraps
+        by_radius["pulley_radius"] = np.diag(elastic * (wraps - np.sin(wraps)))
+    per_stiffness = cable_law.per_axial_stiffness(lengths - rest, rest, *problem.robot.cabling.stiffening.T)
+    return by_radius | {
         "rest_lengths": np.diag(-elastic * lengths / rest),
         "axial_stiffness": np.diag((state.tensions > 0) * per_stiffness),
         "exits": by_exit.reshape(cables, 3 * cables),
@@ -92,3 +110,16 @@ def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables paramet
 def tension_by_pose(state: State) -> Float[Array, "cables 6"]:
     """∂(tensions)/∂(pose step): a taut cable's stiffness times the slope of its length, −Wᵀ."""
     return -state.wrench_matrix.T * state.elasticities[:, None]
+
+
+def _turning_by_radius(state: State) -> Float[Array, "cables 3"]:
+    """∂u/∂r of the directions in which cables pull [1/m], zero where there is no wheel.
+
+    With e the axis, u = −(sin(theta) n + cos(theta) e) and m = cos(theta) n − sin(theta) e: −m (1 − cos(theta))/s.
+    """
+    geometry, axes = state.geometry, state.problem.robot.cabling.pulley_axis
+    wraps = geometry.wraps[:, None]
+    n = np.cross(geometry.across, axes)
+    m = np.cos(wraps) * n - np.sin(wraps) * axes
+    turning = -m * (1 - np.cos(wraps)) / geometry.free_lengths[:, None]
+    return np.where(state.problem.robot.cabling.pulleys[:, None], turning, 0.0)

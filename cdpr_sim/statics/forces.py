@@ -14,11 +14,12 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.cable_path import path
+from cdpr_sim.core.cable_path import path, pulley_path
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import cable_law
+from cdpr_sim.statics.catenary import Catenary, catenary
 
 Array = np.ndarray
 
@@ -37,6 +38,9 @@ class Geometry:
         directions: unit vectors along which the cables pull on the anchors, (..., cables, 3).
         lengths: of the cables, (..., cables) [m] (Eq. 2, 9).
         free_lengths: of their free pieces, which are rods whose far ends stay put, to first order, (..., cables) [m].
+        across: unit vectors across the wheels that cables run over, (..., cables, 3); zero without one.
+        bends: how much more slowly directions turn that way, (..., cables) [1/m]; 0 without a wheel.
+        wraps: angles [rad] by which cables are wrapped round their wheels, (..., cables); 0 without one.
     """
 
     robot: Robot
@@ -44,6 +48,9 @@ class Geometry:
     directions: Float[Array, "*batch cables 3"]
     lengths: Float[Array, "*batch cables"]
     free_lengths: Float[Array, "*batch cables"]
+    across: Float[Array, "*batch cables 3"]
+    bends: Float[Array, "*batch cables"]
+    wraps: Float[Array, "*batch cables"]
 
     @cached_property
     def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
@@ -53,9 +60,12 @@ class Geometry:
 
     @cached_property
     def curvatures(self) -> Float[Array, "*batch cables 3 3"]:
-        """∂²l/∂b² of each cable by its anchor's place, base frame [1/m]: (1 − u uᵀ)/(free length) of a straight one."""
-        u = self.directions
-        return (np.eye(3) - u[..., :, None] * u[..., None, :]) / self.free_lengths[..., None, None]
+        """∂²l/∂b² of each cable by its anchor's place, base frame [1/m]: (1 − u uᵀ)/(free length) + bend b bᵀ."""
+        u, b = self.directions, self.across
+        straight = (np.eye(3) - u[..., :, None] * u[..., None, :]) / self.free_lengths[..., None, None]
+        if not self.robot.cabling.pulleys.any():
+            return straight
+        return straight + self.bends[..., None, None] * b[..., :, None] * b[..., None, :]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +77,9 @@ class State:
         position: (..., 3) [m].
         rotation: (..., 3, 3).
         geometry: where the cables run.
-        tensions: (..., cables) [N], 0 where slack (Eq. 10, 11).
-        elasticities: ∂tau/∂l, (..., cables) [N/m], 0 where slack.
+        tensions: (..., cables) [N], 0 where slack (Eq. 10, 11); of a cable with weight, at the platform's end.
+        elasticities: ∂tau/∂l, (..., cables) [N/m], 0 where slack; nan of robots whose cables weigh something.
+        hanging: what cables do of which some weigh something.
     """
 
     problem: Problem | Problems
@@ -77,6 +88,7 @@ class State:
     geometry: Geometry
     tensions: Float[Array, "*batch cables"]
     elasticities: Float[Array, "*batch cables"]
+    hanging: Catenary | None = None
 
     @property
     def lengths(self) -> Float[Array, "*batch cables"]:
@@ -96,7 +108,11 @@ class State:
     @cached_property
     def net_wrench(self) -> Float[Array, "*batch 6"]:
         """W tau + w_e, zero at equilibrium (Eq. 3) [N, N m]: minus the slope of the energy."""
-        return np.einsum("...ic,...c->...i", self.wrench_matrix, self.tensions) + self.load_wrench
+        if self.hanging is None:
+            return np.einsum("...ic,...c->...i", self.wrench_matrix, self.tensions) + self.load_wrench
+        pulls = self.hanging.pull
+        wrenches = np.concatenate([pulls, np.cross(self.geometry.arms, pulls)], axis=-1)
+        return wrenches.sum(-2) + self.load_wrench
 
     @property
     def residual(self) -> Float[Array, "*batch"] | float:
@@ -111,9 +127,13 @@ class State:
         The external torque is left out: a torque that keeps its direction in space does work that depends on the way.
         """
         problem, robot = self.problem, self.problem.robot
-        stretch = self.lengths - problem.rest_lengths
         height = self.position[..., 2] + np.einsum("...j,j->...", self.rotation[..., 2, :], robot.center_of_mass)
-        elastic = cable_law.energy(stretch, problem.rest_lengths, problem.axial_stiffness).sum(-1)
+        if self.hanging is None:
+            stretch = self.lengths - problem.rest_lengths
+            law = problem.rest_lengths, problem.axial_stiffness, *robot.cabling.stiffening.T
+            elastic = cable_law.energy(stretch, *law).sum(-1)
+        else:
+            elastic = self.hanging.energy.sum(-1)
         work = np.einsum("...i,...i->...", self.position, problem.external_wrench[..., :3])
         return elastic + problem.mass * robot.gravity * height - work
 
@@ -132,9 +152,13 @@ class State:
         arms, directions = geometry.arms, geometry.directions
         W = geometry.wrench_matrix
         D = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -cross_matrix(arms)], axis=-1)
-        matrix = (W * self.elasticities[..., None, :]) @ np.swapaxes(W, -1, -2)
-        matrix += (np.swapaxes(D, -1, -2) @ (tau[..., None, None] * geometry.curvatures) @ D).sum(-3)
-        matrix[..., 3:, 3:] += np.einsum("...c,...cij->...ij", tau, _dipole(directions, arms))
+        if self.hanging is None:
+            matrix = (W * self.elasticities[..., None, :]) @ np.swapaxes(W, -1, -2)
+            matrix += (np.swapaxes(D, -1, -2) @ (tau[..., None, None] * geometry.curvatures) @ D).sum(-3)
+            matrix[..., 3:, 3:] += np.einsum("...c,...cij->...ij", tau, _dipole(directions, arms))
+        else:
+            matrix = (np.swapaxes(D, -1, -2) @ self.hanging.stiffness @ D).sum(-3)
+            matrix[..., 3:, 3:] += _dipole(self.hanging.pull, arms).sum(-3)
         arm = self.rotation @ robot.center_of_mass
         matrix[..., 3:, 3:] += _dipole(_weight(self.problem, arm), arm)
         return matrix
@@ -142,17 +166,27 @@ class State:
     @property
     def eigenvalues(self) -> Float[Array, "*batch free"]:
         """Of the stiffness matrix on the free directions, ascending [N/m]; rotations in characteristic lengths."""
-        robot = self.problem.robot
-        matrix = self.stiffness_matrix / np.outer(robot.units, robot.units)
-        return np.linalg.eigvalsh(matrix[..., robot.free, :][..., robot.free])
+        return eigenvalues(self.problem.robot, self.stiffness_matrix)
 
 
 def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]) -> Geometry:
     """Where the cables of ``robot`` run with the platform at a pose, or many."""
     arms = np.einsum("...ij,cj->...ci", rotation, robot.anchors)
     x, y, z = np.moveaxis(robot.exits - np.asarray(position)[..., None, :] - arms, -1, 0)
-    length, x, y, z, free = path(x, y, z)
-    return Geometry(robot, arms, np.stack([x, y, z], axis=-1) / free[..., None], length, free)
+    apart = (x, y, z)
+    length, x, y, z, free = path(*apart)
+    across, bends, wraps = np.zeros((*length.shape, 3)), np.zeros(length.shape), np.zeros(length.shape)
+    vectors = np.stack([x, y, z], axis=-1)
+    over = robot.cabling.pulleys
+    if over.any():
+        axes, radii = robot.cabling.pulley_axis[over].T, robot.cabling.pulley_radius[over]
+        free = free.copy()
+        with np.errstate(invalid="ignore"):
+            length[..., over], *vector, free[..., over], ax, ay, az, bends[..., over], wraps[..., over] = pulley_path(
+                *(coordinate[..., over] for coordinate in apart), *axes, radii
+            )
+        vectors[..., over, :], across[..., over, :] = np.stack(vector, axis=-1), np.stack([ax, ay, az], axis=-1)
+    return Geometry(robot, arms, vectors / free[..., None], length, free, across, bends, wraps)
 
 
 def at(
@@ -161,9 +195,15 @@ def at(
     """The forces of ``problem`` with the platform at a pose, or many; of many problems, each at its own."""
     cables = geometry(problem.robot, position, rotation)
     rest, stiffness = problem.rest_lengths, problem.axial_stiffness
+    if not problem.robot.cabling.massless:
+        anchors = np.asarray(position)[..., None, :] + cables.arms
+        hanging = catenary(problem.robot.exits, anchors, rest, stiffness, problem.robot.cable_weights)
+        unknown = np.full(cables.lengths.shape, np.nan)
+        return State(problem, np.asarray(position), rotation, cables, hanging.anchor_tension, unknown, hanging)
     stretch = cables.lengths - rest
-    tau = cable_law.tension(stretch, rest, stiffness)
-    k, _ = cable_law.tangent(stretch, rest, stiffness)
+    law = rest, stiffness, *problem.robot.cabling.stiffening.T
+    tau = cable_law.tension(stretch, *law)
+    k, _ = cable_law.tangent(stretch, *law)
     return State(problem, np.asarray(position), rotation, cables, tau, k * (tau > 0))
 
 
@@ -172,6 +212,19 @@ def load_wrench(problem: Problem | Problems, rotation: Float[Array, "*#batch 3 3
     arm = rotation @ problem.robot.center_of_mass
     weight = _weight(problem, arm)
     return np.concatenate([weight, np.cross(arm, weight)], axis=-1) + problem.external_wrench
+
+
+def eigenvalues(robot: Robot, stiffness_matrix: Float[Array, "*batch 6 6"]) -> Float[Array, "*batch free"]:
+    """Of a stiffness matrix on the free directions, ascending [N/m]; rotations in characteristic lengths."""
+    matrix = stiffness_matrix / np.outer(robot.units, robot.units)
+    return np.linalg.eigvalsh(matrix[..., robot.free, :][..., robot.free])
+
+
+def rest_lengths_for(
+    robot: Robot, lengths: Float[Array, "*batch cables"], tensions: Float[Array, "*batch cables"]
+) -> Float[Array, "*batch cables"]:
+    """How long to cut cables so that they have these lengths under these tensions [m]."""
+    return cable_law.rest_length_for(lengths, tensions, robot.axial_stiffness, *robot.cabling.stiffening.T)
 
 
 def equilibrium_at(problem: Problem, pose: RigidTransform, *, iterations: int, source: str) -> Equilibrium:

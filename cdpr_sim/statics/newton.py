@@ -15,6 +15,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import cable_law, forces
+from cdpr_sim.statics.heavy_kernel import heavy_gufunc
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
@@ -26,14 +27,12 @@ def solve(problem: Problem) -> Equilibrium:
         NotConverged: forces do not balance at the best point found, which the exception carries.
     """
     robot = problem.robot
-    position, rotation, _, _, iterations, status = _solve(
-        robot.cabling.packed,
+    position, rotation, _, _, _, iterations, status = _solve(
+        robot,
+        robot.axial_stiffness,
         problem.rest_lengths,
         robot.weight,
-        robot.center_of_mass,
         problem.external_wrench,
-        _free(robot),
-        robot.characteristic_length,
         problem.pose.translation,
         problem.pose.rotation.as_matrix(),
     )
@@ -98,16 +97,13 @@ def solve_many(
         axial_stiffness=axial_stiffness,
         mass=mass,
     )
-    robot, cabling = problems.robot, problems.robot.cabling
-    own = problems.axial_stiffness is robot.axial_stiffness
-    positions, rotations_, lengths, residuals, iterations, status = _solve(
-        cabling.packed if own else cabling.packed_with(problems.axial_stiffness),
+    robot = problems.robot
+    positions, turned, lengths, tensions, residuals, iterations, status = _solve(
+        robot,
+        problems.axial_stiffness,
         problems.rest_lengths,
         problems.mass * robot.gravity,
-        robot.center_of_mass,
         problems.external_wrench,
-        _free(robot),
-        robot.characteristic_length,
         problems.positions,
         problems.rotations,
     )
@@ -116,9 +112,9 @@ def solve_many(
     return Rests(
         problems=problems,
         positions=positions,
-        rotations=rotations_,
+        rotations=turned,
         lengths=lengths,
-        tensions=cable_law.tension(lengths - problems.rest_lengths, problems.rest_lengths, problems.axial_stiffness),
+        tensions=tensions,
         residuals=residuals,
         iterations=iterations,
         status=status,
@@ -128,10 +124,20 @@ def solve_many(
 
 
 def stiffness_of(rests: Rests) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:
-    """Eigenvalues of the stiffness matrix, ascending [N/m], and the lowest natural frequency [Hz], row by row."""
+    """Eigenvalues of the stiffness matrix, ascending [N/m], and the lowest natural frequency [Hz], row by row.
+
+    The frequencies of cables that weigh something are nan: they swing themselves.
+    """
     problems, robot = rests.problems, rests.robot
     with np.errstate(all="ignore"):
-        return stiffness_gufunc()(
+        if not robot.cabling.massless:
+            eigenvalues = np.full((*rests.shape, len(robot.free)), np.nan)
+            rows = np.isfinite(rests.residuals)
+            if rows.any():
+                state = forces.at(problems, rests.positions, rests.rotations)
+                eigenvalues[rows] = forces.eigenvalues(robot, state.stiffness_matrix[rows])
+            return eigenvalues, np.full(rests.shape, np.nan)
+        return stiffness_gufunc(bent=robot.cabling.bent)(
             robot.cabling.packed_with(problems.axial_stiffness), problems.rest_lengths, problems.mass, robot.gravity,
             robot.center_of_mass, robot.inertia, np.array(robot.free), robot.characteristic_length, rests.positions,
             rests.rotations,
@@ -143,10 +149,31 @@ def solve_trajectory(trajectory: Trajectory) -> Rests:
     return solve_many(trajectory.problems)
 
 
-def _solve(*arguments: ArrayLike) -> list[np.ndarray]:
-    """The compiled solver; that its input is not finite is said by a status, not by a warning of NumPy's."""
+def _solve(
+    robot: Robot,
+    axial_stiffness: Float[np.ndarray, "*#batch cables"],
+    rest_lengths: Float[np.ndarray, "*#batch cables"],
+    weight: float | Float[np.ndarray, "*#batch"],
+    wrench: Float[np.ndarray, "*#batch 6"],
+    positions: Float[np.ndarray, "*#batch 3"],
+    rotations: Float[np.ndarray, "*#batch 3 3"],
+) -> tuple[np.ndarray, ...]:
+    """Positions, rotations, lengths, tensions, residuals, iterations and status by the compiled solvers.
+
+    That the input is not finite is said by a status, not by a warning of NumPy's. Where cables weigh something, the
+    search begins where massless ones would rest.
+    """
+    cabling = robot.cabling
+    table = cabling.packed if axial_stiffness is robot.axial_stiffness else cabling.packed_with(axial_stiffness)
+    platform = weight, robot.center_of_mass, wrench, _free(robot), robot.characteristic_length
     with np.errstate(all="ignore"):
-        return [np.asarray(result) for result in equilibrium_gufunc()(*arguments)]
+        found = equilibrium_gufunc(bent=cabling.bent)(table, rest_lengths, *platform, positions, rotations)
+        if not cabling.massless:
+            started = heavy_gufunc()(table, robot.cable_weights, rest_lengths, *platform, found[0], found[1])
+            return tuple(np.asarray(result) for result in (*started[:5], started[5] + found[4], started[6]))
+        at, turned, lengths, residuals, iterations, status = (np.asarray(result) for result in found)
+        law = rest_lengths, axial_stiffness, *cabling.stiffening.T
+        return at, turned, lengths, cable_law.tension(lengths - rest_lengths, *law), residuals, iterations, status
 
 
 def _free(robot: Robot) -> Float[np.ndarray, "6"]:

@@ -34,7 +34,7 @@ from numba import float64, guvectorize, int64
 from cdpr_sim.core.compiling import built_once
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import Cables, CableState, inline, outlined, pasted
+from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableState, inline, outlined, pasted
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 
 MAX_ITERATIONS = 1000
@@ -62,8 +62,13 @@ _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT
 _STALLED, _NOT_FINITE = int(Status.STALLED), int(Status.NOT_FINITE)
 
 
+def equilibrium_gufunc(*, bent: bool = False) -> Callable:
+    """The compiled solver; of robots whose cables run over pulleys or stiffen, another."""
+    return _bent_gufunc() if bent else _plain_gufunc()
+
+
 @built_once
-def equilibrium_gufunc() -> Callable:
+def _plain_gufunc() -> Callable:
     """The compiled solver as a NumPy generalised ufunc, which broadcasts and releases the GIL.
 
     Compiled at the first call and cached on disk, so that importing this module compiles nothing. Arguments:
@@ -71,6 +76,15 @@ def equilibrium_gufunc() -> Callable:
     directions as 0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
     Results: position (3), rotation matrix (3,3), lengths (m), residual, iterations, status.
     """
+    return _gufunc(_solve_plain)
+
+
+@built_once
+def _bent_gufunc() -> Callable:
+    return _gufunc(_solve_bent)
+
+
+def _gufunc(solve_one: Callable) -> Callable:
     vector, matrix = float64[:], float64[:, :]
     signature = (matrix, vector, float64, vector, vector, vector, float64, vector, matrix)
     results = (vector, matrix, vector, vector, int64[:], int64[:])
@@ -78,17 +92,38 @@ def equilibrium_gufunc() -> Callable:
         [signature + results],
         "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(),(),()",
         cache=True,
-    )(_solve_one)
+    )(solve_one)
 
 
-def _solve_one(
-    cables, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
+def _solve_plain(
+    table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
     rotation, lengths, residual, iterations, status,
 ):  # fmt: skip
-    """One element of the gufunc; copies make the compiled inner code work on contiguous arrays."""
-    case = _Case(
-        ck.unpack(cables, rest_lengths), weight, ck.copied(center_of_mass), ck.copied(wrench), ck.copied(free), scale
-    )
+    """One element of the gufunc."""
+    _answer(
+        ck.unpack(table, rest_lengths), weight, center_of_mass, wrench, free, scale, start_position, start_rotation,
+        position, rotation, lengths, residual, iterations, status,
+    )  # fmt: skip
+
+
+def _solve_bent(
+    table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
+    rotation, lengths, residual, iterations, status,
+):  # fmt: skip
+    """The same of bent cables."""
+    _answer(
+        ck.unpack_bent(table, rest_lengths), weight, center_of_mass, wrench, free, scale, start_position,
+        start_rotation, position, rotation, lengths, residual, iterations, status,
+    )  # fmt: skip
+
+
+@pasted
+def _answer(
+    cables, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position, rotation, lengths,
+    residual, iterations, status,
+):  # fmt: skip
+    """Descend; copies make the compiled inner code work on contiguous arrays."""
+    case = _Case(cables, weight, ck.copied(center_of_mass), ck.copied(wrench), ck.copied(free), scale)
     rest, residual[0], iterations[0], status[0] = _descend(case, start_position, start_rotation)
     for a in range(3):
         position[a] = rest.p[a]
@@ -101,7 +136,7 @@ def _solve_one(
 class _Case(NamedTuple):
     """What is given. free: 1 where the platform moves; scale: length of rotations."""
 
-    cables: Cables
+    cables: Cables | BentCables
     weight: float
     com: np.ndarray
     wrench: np.ndarray
@@ -114,7 +149,7 @@ class _Point(NamedTuple):
 
     p: np.ndarray
     R: np.ndarray
-    c: CableState
+    c: CableState | BentState
 
 
 class _Model(NamedTuple):

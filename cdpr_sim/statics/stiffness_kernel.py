@@ -13,12 +13,11 @@ from numba import float64, guvectorize, int64
 from cdpr_sim.core.compiling import built_once
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import inline
+from cdpr_sim.statics.cable_kernel import inline, pasted
 from cdpr_sim.statics.matrix_kernel import eigenvalues_of, factorise
 
 
-@built_once
-def stiffness_gufunc() -> Callable:
+def stiffness_gufunc(*, bent: bool = False) -> Callable:
     """How stiffly the platform is held, as a NumPy generalised ufunc, which broadcasts and releases the GIL.
 
     Arguments: ``Cabling.packed`` (m,k), rest lengths (m), mass, gravity, centre of mass (3), inertia (3,3), indices of
@@ -26,28 +25,57 @@ def stiffness_gufunc() -> Callable:
     Results: eigenvalues of the stiffness matrix, ascending, rotations in characteristic lengths (f) [N/m]; the lowest
     natural frequency [Hz], 0 where a direction is held by nothing and nan at a saddle.
     """
+    return _bent_gufunc() if bent else _plain_gufunc()
+
+
+@built_once
+def _plain_gufunc() -> Callable:
+    return _gufunc(_plain_modes)
+
+
+@built_once
+def _bent_gufunc() -> Callable:
+    return _gufunc(_bent_modes)
+
+
+def _gufunc(modes: Callable) -> Callable:
     vector, matrix = float64[:], float64[:, :]
     inputs = (matrix, vector, float64, float64, vector, matrix, int64[:], float64, vector, matrix)
     return guvectorize(
         [(*inputs, vector, vector)],
         "(m,k),(m),(),(),(c),(c,c),(f),(),(c),(c,c)->(f),()",
         cache=True,
-    )(_modes)
+    )(modes)
 
 
-def _modes(
-    cables, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues,
+def _plain_modes(
+    table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues,
     frequency,
 ):  # fmt: skip
     """One element of the gufunc."""
+    cables = ck.unpack(table, rest_lengths)
+    _modes(cables, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues, frequency)
+
+
+def _bent_modes(
+    table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues,
+    frequency,
+):  # fmt: skip
+    """The same of bent cables."""
+    cables = ck.unpack_bent(table, rest_lengths)
+    _modes(cables, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues, frequency)
+
+
+@pasted
+def _modes(cables, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues, frequency):
+    """Stiffness matrix and mass matrix, and what they say."""
     K, M = np.zeros((6, 6)), np.zeros((6, 6))
-    given = ck.unpack(cables, rest_lengths)
-    state, J = ck.new_state(given), np.empty((len(rest_lengths), 6))
-    ck.measure(given, position, rotation, state)
+    state, J = ck.new_state(cables), np.empty((len(cables.l0), 6))
+    ck.measure(cables, position, rotation, state)
     ck.fill_jacobian(state, scale, J)
     ck.add_springs(state, J, K)
     ck.add_weight_curvature(mass * gravity, center_of_mass, rotation, scale, K)
-    for i in range(len(rest_lengths)):
+    for i in range(len(cables.l0)):
         if not state.e[i] <= 0:  # nan goes on, and comes out
             ck.add_curvature(state, i, state.k[i] * state.e[i], J, scale, K)
     _inertia(mass, center_of_mass, inertia, rotation, M)

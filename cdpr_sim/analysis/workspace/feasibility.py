@@ -57,12 +57,13 @@ def shortfall(
     Raises:
         InvalidInput: limits or wrenches that cannot be right.
     """
+    robot.cabling.refuse_weight("feasible")
     lower, upper = checked_limits(robot, tension_limits)
     loads = checked_wrenches(robot, wrenches)
     at, turned = positions_and_rotations(robot, positions, rotations)
     with np.errstate(all="ignore"):
         left = np.asarray(
-            shortfall_gufunc()(
+            shortfall_gufunc(bent=robot.cabling.bent)(
                 robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
                 robot.characteristic_length, at, turned,
             )
@@ -120,12 +121,13 @@ def tension_margin(
     Raises:
         InvalidInput: limits or wrenches that cannot be right.
     """
+    robot.cabling.refuse_weight("tension_margin")
     lower, upper = checked_limits(robot, tension_limits)
     loads = checked_wrenches(robot, wrenches)
     at, turned = positions_and_rotations(robot, positions, rotations)
     with np.errstate(all="ignore"):
         return np.asarray(
-            margin_gufunc()(
+            margin_gufunc(bent=robot.cabling.bent)(
                 robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
                 robot.characteristic_length, at, turned,
             )
@@ -145,6 +147,7 @@ def feasible_by_linprog(
     Raises:
         InvalidInput: limits or wrenches that cannot be right.
     """
+    robot.cabling.refuse_weight("feasible")
     lower, upper = checked_limits(robot, tension_limits)
     rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     return all(

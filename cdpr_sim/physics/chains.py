@@ -1,0 +1,249 @@
+"""A cable that has weight, in MuJoCo: a chain of segments that pull and never push, with point masses between them.
+
+Segments are as long as the weights of Gauss and Legendre's quadrature times the rest length, each a tendon like a
+massless cable's, ``springlength="0 l"`` and ``stiffness`` EA/l. The masses lie between them, each what the cable weighs
+between two of the quadrature's points; what is left beyond the last point is a mass at the anchor. The chain's ends
+then pull as that quadrature integrates, which six segments do to some 1e-9 of the length. In chains of equal segments
+the error falls with the square of their number only.
+
+The masses are branches of the platform: each moves on three slide joints from the one that is nearer to the anchor, so
+that a coordinate is a segment's own extent, in the platform's frame, and only the first segment reaches the world.
+MuJoCo's implicit integrator knows damping, and not how a taut string resists being plucked. So damping stands for it:
+of the slides, for the segments between masses; of three tendons to far away, ``brake_1_x`` and so on, for the segment
+at the exit. All of it acts on velocities alone and moves no rest.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from functools import cache
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.numbers import text
+
+SEGMENTS = 6
+"""Of a chain."""
+
+LEAST_INERTIA = 1e-14
+"""[kg m²] Of a point mass: MuJoCo wants some, and nothing that moves along slides feels it."""
+
+LEAST_MASS = 1e-14
+"""[kg] Of a point mass: ten times the least that MuJoCo takes."""
+
+FAR = 1e4
+"""Distance of a brake's other end, in rest lengths: from there, directions do not change."""
+
+SHALLOWEST = 0.1
+"""Of a chain's first shape: the chord that its sag is reckoned with, in rest lengths, at least."""
+
+
+def refuse_weight(robot: Robot, doing: str) -> None:
+    """Weight is not ignored in silence.
+
+    Raises:
+        InvalidInput: a robot whose cables have weight.
+    """
+    if not robot.cabling.massless:
+        raise InvalidInput(
+            f"linear_density: found {robot.cabling.linear_density.max():g} kg/m, expected massless cables: "
+            f"{doing} takes no account of their weight"
+        )
+
+
+@cache
+def fractions() -> tuple[Float[np.ndarray, " segments"], Float[np.ndarray, " points"]]:
+    """Of a chain from exit to anchor: each segment's part of the length; each mass's, the one at the anchor last."""
+    points, weights = np.polynomial.legendre.leggauss(SEGMENTS)
+    return weights / 2, np.diff((points + 1) / 2, append=1.0)
+
+
+def shape(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_length: float) -> Float[np.ndarray, "n 3"]:
+    """Where a chain's simulation begins: its segments, from exit to anchor, straight or sagging along a parabola.
+
+    About as long as the cable; a guess, of which MuJoCo makes the shape.
+    """
+    parts, _ = fractions()
+    s = np.append(0.0, np.cumsum(parts))
+    chord = np.linalg.norm(end - start)
+    sag = np.sqrt(3 / 8 * max(rest_length - chord, 0.0) * max(chord, SHALLOWEST * rest_length))
+    places = start + s[:, None] * (end - start)
+    places[:, 2] -= 4 * sag * s * (1 - s)
+    return np.diff(places, axis=0)
+
+
+def extents(
+    robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"]
+) -> Float[np.ndarray, "chains nodes 3"]:
+    """The slides' coordinates with the platform at ``pose``: of each heavy cable, from the anchor to the first mass."""
+    anchors = pose.apply(robot.anchors)
+    rows = [shape(robot.exits[i], anchors[i], rest_lengths[i]) for i in np.flatnonzero(robot.cabling.linear_density)]
+    inwards = -np.array(rows).reshape(-1, SEGMENTS, 3)[:, :0:-1]
+    return pose.rotation.inv().apply(inwards.reshape(-1, 3)).reshape(inwards.shape)
+
+
+def add_chains(
+    platform: ET.Element, robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"], step: float
+) -> list[float]:
+    """The masses ``node_1_4``, ..., ``node_1_1`` of each heavy cable, from anchor to exit; returns their coordinates.
+
+    Args:
+        platform: whose branches they are.
+        robot: whose cables.
+        pose: at which the platform is written.
+        rest_lengths: (cables,) [m].
+        step: the time step [s] that the damping is for.
+
+    Raises:
+        InvalidInput: a cable that is too light.
+    """
+    cabling = robot.cabling
+    lengths, parts = fractions()
+    coordinates = extents(robot, pose, rest_lengths)
+    for cable, extent in zip(np.flatnonzero(cabling.linear_density), coordinates, strict=True):
+        i, length = cable + 1, rest_lengths[cable]
+        masses = cabling.linear_density[cable] * length * parts
+        if masses.min() < LEAST_MASS:
+            raise InvalidInput(
+                f"linear_density: found {cabling.linear_density[cable]:g} kg/m in cable {i}, {length:g} m long, "
+                "expected 0 or more than that: masses so light are none to MuJoCo"
+            )
+        _point(platform, f"end_{i}", cabling.anchors[cable], masses[-1])
+        parent, place = platform, cabling.anchors[cable]
+        for k, along in zip(range(SEGMENTS - 1, 0, -1), extent, strict=True):
+            parent = _point(parent, f"node_{i}_{k}", place + along, masses[k - 1])
+            damping = plucked(step, robot.weight, lengths[k] * length)
+            for axis, name in enumerate("xyz"):
+                slide = ET.SubElement(parent, "joint", name=f"{name}_{i}_{k}", type="slide")
+                slide.set("axis", text(np.eye(3)[axis]))
+                slide.set("ref", text(along[axis]))
+                slide.set("damping", text(damping))
+            ET.SubElement(parent, "site", {"name": f"node_{i}_{k}", "class": "guide"})
+            place = np.zeros(3)
+    return list(coordinates.ravel())
+
+
+def add_far(world: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray, " cables"]) -> None:
+    """The far ends ``far_1_x``, ... of the brakes."""
+    for cable in np.flatnonzero(cabling.linear_density):
+        for axis, name in enumerate("xyz"):
+            far = ET.SubElement(world, "site", {"name": f"far_{cable + 1}_{name}", "class": "guide"})
+            far.set("pos", text(cabling.exits[cable] + FAR * rest_lengths[cable] * np.eye(3)[axis]))
+
+
+def add_segments(tendons: ET.Element, robot: Robot, cable: int, rest_length: float, step: float) -> None:
+    """The tendons ``cable_1_1``, ..., from exit to anchor, of one heavy cable, its brakes, and ``chord_1`` to measure.
+
+    Their damping is for the time step ``step`` [s] of a model that is just stepped. It resists slack segments as well,
+    which slows them down and moves no rest.
+    """
+    parts, _ = fractions()
+    i = cable + 1
+    sites = [f"exit_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS)), f"anchor_{i}"]
+    for k in range(1, SEGMENTS + 1):
+        length = parts[k - 1] * rest_length
+        stiffness = robot.axial_stiffness[cable] / length
+        segment = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}_{k}", "class": "cable"})
+        segment.set("stiffness", text(stiffness))
+        segment.set("springlength", text([0, length]))
+        segment.set("damping", text(step * stiffness))
+        for site in sites[k - 1 : k + 1]:
+            ET.SubElement(segment, "site", site=site)
+    for axis in "xyz":
+        brake = ET.SubElement(tendons, "spatial", name=f"brake_{i}_{axis}", group="4")
+        brake.set("damping", text(plucked(step, robot.weight, parts[0] * rest_length)))
+        for site in (f"far_{i}_{axis}", sites[1]):
+            ET.SubElement(brake, "site", site=site)
+    chord = ET.SubElement(tendons, "spatial", name=f"chord_{i}", group="4")
+    for site in (sites[0], sites[-1]):
+        ET.SubElement(chord, "site", site=site)
+
+
+def plucked(
+    step: float, tension: float | Float[np.ndarray, "*#n"], length: float | Float[np.ndarray, "*#n"]
+) -> Float[np.ndarray, "*n"]:
+    """Damping [N s/m] that does in a time step what the tension in a segment of this length does against plucking."""
+    return np.asarray(step * tension / length)
+
+
+@dataclass(frozen=True)
+class Chains:
+    """Where a model has its heavy cables, one row for each.
+
+    Attributes:
+        cables: whose they are.
+        segments: tendons from exit to anchor.
+        brakes: tendons to far away.
+        chords: tendons from exit to anchor.
+        nodes: bodies from anchor to exit.
+        ends: bodies at the anchors.
+        coordinates: of the slides in ``qpos``, from anchor to exit.
+        dofs: of the slides in ``qvel``.
+    """
+
+    cables: Int[np.ndarray, " chains"]
+    segments: Int[np.ndarray, "chains segments"]
+    brakes: Int[np.ndarray, "chains 3"]
+    chords: Int[np.ndarray, " chains"]
+    nodes: Int[np.ndarray, "chains nodes"]
+    ends: Int[np.ndarray, " chains"]
+    coordinates: Int[np.ndarray, "chains nodes 3"]
+    dofs: Int[np.ndarray, "chains nodes 3"]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, cabling: Cabling) -> Chains:
+        """Found by their names."""
+        cables, inwards = np.flatnonzero(cabling.linear_density), range(SEGMENTS - 1, 0, -1)
+
+        def ids(kind: mujoco.mjtObj, names: list[str]) -> Int[np.ndarray, "..."]:
+            found = np.array([mujoco.mj_name2id(model, kind.value, name) for name in names], dtype=int)
+            if (found < 0).any():
+                missing = names[int(np.argmin(found))]
+                raise InvalidInput(f"model: found no {missing!r}, expected the names that to_mjcf gives heavy cables")
+            return found.reshape(len(cables), -1)
+
+        bodies, tendons, joints = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_TENDON, mujoco.mjtObj.mjOBJ_JOINT
+        numbers = cables + 1
+        slides = ids(joints, [f"{axis}_{i}_{k}" for i in numbers for k in inwards for axis in "xyz"])
+        slides = slides.reshape(len(cables), SEGMENTS - 1, 3)
+        return cls(
+            cables=cables,
+            segments=ids(tendons, [f"cable_{i}_{k}" for i in numbers for k in range(1, SEGMENTS + 1)]),
+            brakes=ids(tendons, [f"brake_{i}_{axis}" for i in numbers for axis in "xyz"]),
+            chords=ids(tendons, [f"chord_{i}" for i in numbers])[:, 0],
+            nodes=ids(bodies, [f"node_{i}_{k}" for i in numbers for k in inwards]),
+            ends=ids(bodies, [f"end_{i}" for i in numbers])[:, 0],
+            coordinates=model.jnt_qposadr[slides],
+            dofs=model.jnt_dofadr[slides],
+        )
+
+    def let_out(
+        self,
+        model: mujoco.MjModel,
+        cabling: Cabling,
+        axial_stiffness: Float[np.ndarray, " cables"],
+        rest_lengths: Float[np.ndarray, " cables"],
+    ) -> None:
+        """Set a model's heavy cables to these rest lengths: springs and masses. ``mj_setConst`` has to follow."""
+        parts, shares = fractions()
+        lengths = rest_lengths[self.cables, None]
+        model.tendon_lengthspring[self.segments, 1] = parts * lengths
+        model.tendon_stiffness[self.segments] = axial_stiffness[self.cables, None] / (parts * lengths)
+        masses = cabling.linear_density[self.cables, None] * lengths * shares
+        model.body_mass[self.nodes] = masses[:, -2::-1]
+        model.body_mass[self.ends] = masses[:, -1]
+
+
+def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass: float) -> ET.Element:
+    body = ET.SubElement(parent, "body", name=name, pos=text(position))
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([LEAST_INERTIA] * 3))
+    return body

@@ -1,0 +1,210 @@
+"""A pulley in MuJoCo: a body that swivels about the cable's way in, and a groove that the tendon wraps.
+
+The cable comes in along the axis e and touches the wheel at the exit A. In MuJoCo that is
+
+- a body at A with a hinge about e, the swivel; its x axis points from A to the centre of the wheel;
+- a *sphere* of the wheel's radius at that centre, the groove. The plane of entry, centre and anchor cuts it in a great
+  circle, wherever the anchor is. On a cylinder the tendon may slide off as a helix, and the swivel is then unstable;
+- a site beyond the wheel, seen along e: the side on which the tendon passes;
+- a site on the axis before A, where the tendon begins. Nearer than about ten radii, the swivel turns away.
+
+So the tendon is longer than the cable by that straight entry, ``ENTRY`` radii. Where a cable is slack nothing turns its
+wheel; it is kept turned towards its anchor (``toward_anchors``), as a taut cable would turn it. A planar robot's wheel
+lies in the plane, on the side of its axis where the anchor is, and does not swivel.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
+from cdpr_sim.physics.numbers import text
+
+ENTRY = 10.0
+"""Length of the straight entry, in radii."""
+
+SIDE = 1.2
+"""Distance from the wheel's centre to the site that tells the side, in radii."""
+
+WIDTH = 0.15
+"""Half the width of the wheel that is drawn, in radii."""
+
+POINTS = 4
+"""Of a tendon's path: entry, where it meets the wheel, where it leaves it, anchor. Where the cable would come back past
+its own way in, more than half round the wheel, MuJoCo's leaves out the wheel."""
+
+SWIVELLING = 50.0
+"""[rad/s] How fast a wheel swings about its axis in a cable that carries the platform's weight: faster than platforms,
+slow enough for the time step also where cables carry hundreds of times the weight."""
+
+SWIVEL_DAMPING = 0.5
+"""Damping ratio of that swing."""
+
+LIGHT = 1e-6
+"""Mass of a swivel, as a fraction of the platform's: MuJoCo wants one. It lies on the axis, where it turns nothing."""
+
+
+def entries(cabling: Cabling) -> Float[np.ndarray, " cables"]:
+    """By how much each tendon is longer than its cable [m]."""
+    return ENTRY * cabling.pulley_radius
+
+
+def add_defaults(defaults: ET.Element) -> None:
+    """Classes of what is not looked at: it lies in a group that viewers hide."""
+    hidden = ET.SubElement(defaults, "default", {"class": "guide"})
+    ET.SubElement(hidden, "site", group="4", size="0.001")
+    ET.SubElement(hidden, "geom", type="sphere", group="4", contype="0", conaffinity="0", mass="0")
+
+
+def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tuple[float, ...]) -> None:
+    """The bodies ``pulley_1``, ... with joints ``swivel_1``, ..., turned towards the anchors at ``pose``.
+
+    After the platform, so that its coordinates stay the first ones. ``ref`` makes a swivel's coordinate its angle from
+    a direction that belongs to the axis, in all models of a robot the same.
+    """
+    cabling = robot.cabling
+    load, angles = _load(robot), angles_at(robot, pose)
+    for cable in np.flatnonzero(cabling.pulleys):
+        i, radius = cable + 1, cabling.pulley_radius[cable]
+        exit_, axis = cabling.exits[cable], cabling.pulley_axis[cable]
+        entry = ET.SubElement(world, "site", {"name": f"entry_{i}", "class": "guide"})
+        entry.set("pos", text(exit_ - ENTRY * radius * axis))
+        x, y = _sides(axis)
+        outwards = np.cos(angles[cable]) * x + np.sin(angles[cable]) * y
+        body = ET.SubElement(world, "body", name=f"pulley_{i}", pos=text(exit_))
+        body.set("xyaxes", text([*outwards, *np.cross(axis, outwards)]))
+        if robot.mobility == "spatial":
+            armature = load * radius / SWIVELLING**2
+            swivel = ET.SubElement(body, "joint", name=f"swivel_{i}", type="hinge", axis="0 0 1")
+            swivel.set("ref", text(angles[cable]))
+            swivel.set("armature", text(armature))
+            swivel.set("damping", text(2 * SWIVEL_DAMPING * SWIVELLING * armature))
+            mass = LIGHT * robot.mass
+            ET.SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([mass * radius**2] * 3))
+        ET.SubElement(body, "geom", {"name": f"groove_{i}", "class": "guide", "size": text(radius)}).set(
+            "pos", text([radius, 0, 0])
+        )
+        ET.SubElement(body, "site", {"name": f"side_{i}", "class": "guide", "pos": text([radius, 0, SIDE * radius])})
+        wheel = ET.SubElement(body, "geom", {"name": f"wheel_{i}", "class": "drawn", "type": "cylinder"})
+        wheel.set("size", text(radius))
+        wheel.set("fromto", text([radius, -WIDTH * radius, 0, radius, WIDTH * radius, 0]))
+        wheel.set("rgba", text(color))
+
+
+def angles_at(robot: Robot, pose: RigidTransform) -> Float[np.ndarray, " cables"]:
+    """Coordinates of the swivels [rad] with the platform at ``pose`` and the wheels turned towards it."""
+    away = pose.apply(robot.anchors) - robot.exits
+    sides = np.array([_sides(axis) for axis in robot.cabling.pulley_axis])
+    x, y = np.einsum("nij,nj->in", sides, away)
+    if robot.mobility == "planar":
+        return np.where(x < 0, np.pi, 0.0)
+    return np.arctan2(y, x)
+
+
+def add_way(tendon: ET.Element, i: int) -> None:
+    """From the entry over the wheel: what stands before the anchor in the tendon of cable ``i``."""
+    ET.SubElement(tendon, "site", site=f"entry_{i}")
+    ET.SubElement(tendon, "geom", geom=f"groove_{i}", sidesite=f"side_{i}")
+
+
+@dataclass(frozen=True)
+class Swivels:
+    """Where a model has its pulleys, in the order of the cables that have one.
+
+    Attributes:
+        cables: whose they are.
+        bodies: of the pulleys.
+        anchors: sites.
+        coordinates: of the swivels in ``qpos``; none in planar robots.
+        dofs: of the swivels in ``qvel``.
+        radii: of the wheels in the model [m].
+    """
+
+    cables: Int[np.ndarray, " pulleys"]
+    bodies: Int[np.ndarray, " pulleys"]
+    anchors: Int[np.ndarray, " pulleys"]
+    coordinates: Int[np.ndarray, " swivels"]
+    dofs: Int[np.ndarray, " swivels"]
+    radii: Float[np.ndarray, " pulleys"]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, cabling: Cabling) -> Swivels:
+        """Found by their names."""
+        cables = np.flatnonzero(cabling.pulleys)
+
+        def ids(kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " pulleys"]:
+            found = [mujoco.mj_name2id(model, kind.value, f"{name}_{cable + 1}") for cable in cables]
+            return np.array([one for one in found if one >= 0], dtype=int)
+
+        joints = ids(mujoco.mjtObj.mjOBJ_JOINT, "swivel")
+        return cls(
+            cables=cables,
+            bodies=ids(mujoco.mjtObj.mjOBJ_BODY, "pulley"),
+            anchors=ids(mujoco.mjtObj.mjOBJ_SITE, "anchor"),
+            coordinates=model.jnt_qposadr[joints],
+            dofs=model.jnt_dofadr[joints],
+            radii=model.geom_size[ids(mujoco.mjtObj.mjOBJ_GEOM, "groove"), 0],
+        )
+
+    def __len__(self) -> int:
+        return len(self.cables)
+
+    def turns(
+        self,
+        positions: Float[np.ndarray, "*rows bodies 3"],
+        matrices: Float[np.ndarray, "*rows bodies 9"],
+        sites: Float[np.ndarray, "*rows sites 3"],
+    ) -> Float[np.ndarray, "*rows pulleys"]:
+        """By how much each wheel has to turn about its axis to face its anchor [rad], as MuJoCo has them."""
+        away = sites[..., self.anchors, :] - positions[..., self.bodies, :]
+        axes = matrices[..., self.bodies, :].reshape(*away.shape, 3)
+        x, y, _ = np.moveaxis((away[..., None, :] @ axes)[..., 0, :], -1, 0)
+        return np.arctan2(y, x)
+
+
+def toward_anchors(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> None:
+    """Turn each wheel of a single simulation towards its anchor: what places the platform leaves them behind."""
+    swivels = Swivels.of(model, robot.cabling)
+    if not len(swivels):
+        return
+    mujoco.mj_kinematics(model, data)
+    turns = swivels.turns(data.xpos, data.xmat, data.site_xpos)
+    if robot.mobility == "spatial":
+        data.qpos[swivels.coordinates] += turns
+    else:
+        model.body_quat[swivels.bodies] = flipped(model.body_quat[swivels.bodies], turns)
+    mujoco.mj_kinematics(model, data)
+
+
+def flipped(
+    quaternions: Float[np.ndarray, "*rows 4"], turns: Float[np.ndarray, "*#rows"]
+) -> Float[np.ndarray, "*rows 4"]:
+    """Wheels of a planar robot, turned about to the other side of their axes where the anchor is there."""
+    w, x, y, z = np.moveaxis(quaternions, -1, 0)
+    return np.where((np.abs(turns) > np.pi / 2)[..., None], np.stack([-z, y, -x, w], axis=-1), quaternions)
+
+
+def swivelling(robot: Robot, tension: float) -> float:
+    """An upper bound of how fast wheels swing about their axes in cables of this tension [rad/s]."""
+    return float(SWIVELLING * np.sqrt(2 * tension / _load(robot)))
+
+
+def _load(robot: Robot) -> float:
+    """The platform's weight [N], with or without gravity."""
+    return robot.mass * (robot.gravity or STANDARD_GRAVITY)
+
+
+def _sides(axis: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Unit vectors x and y such that (x, y, axis) is a right-handed frame; x lies in a planar robot's plane."""
+    x = np.cross([0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0], axis)
+    x /= np.linalg.norm(x)
+    return x, np.cross(axis, x)

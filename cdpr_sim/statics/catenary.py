@@ -1,0 +1,271 @@
+"""One cable that stretches and weighs something: the elastic catenary between its exit A and its anchor B.
+
+Irvine, Cable Structures (1981), chapter 1, as one increasing equation in one number. A cable with weight per length w,
+rest length L0 and axial stiffness EA spans x >= 0 horizontally and rises by z from A to B. Let (H, V) be its tension at
+mid-length; elsewhere it is (H, V + w (s − L0/2)). With a = ½ asinh((V + w L0/2)/H) − ½ asinh((V − w L0/2)/H) and
+kappa = w L0/(2 EA), its two ends are
+
+    x = 2 H/w (a + kappa),   z = 2 V/w (tanh a + kappa),   (w L0/2)² = H² sinh²a + V² tanh²a,
+
+and so F(a) = (z/L0)² [tanh a/(tanh a + kappa)]² + (x/L0)² [sinh a/(a + kappa)]² = 1, where F increases. The mean of the
+two ends' tensions is T = w L0/(2 tanh a).
+
+Its energy, of stretch and of its own weight, is w L0 (zA + zB)/2 + U(x, z), and U is convex with the slope (H, V): to
+the platform a heavy cable is a convex potential plus half its weight at the anchor. Without weight it is a spring that
+only pulls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from numba import float64, guvectorize
+from numpy.typing import ArrayLike
+
+from cdpr_sim.core.compiling import built_once
+from cdpr_sim.statics.cable_kernel import inline, outlined
+
+MASSLESS = 1e-150
+"""A cable whose kappa is no more is a spring: its weight is far below the rounding of any tension."""
+
+TRACE = 1e-12
+"""Weight of a massless cable when its shape is asked for, as a fraction of EA/L0: a taut one stays straight."""
+
+VERTICAL = 1e-150
+"""x/L0 up to which a cable hangs plumb; squares stay above what underflows."""
+
+ENOUGH = 1e-9
+"""A Newton step shorter than this fraction of a is the last: its square is rounding."""
+
+ROUNDING = 2 * np.finfo(float).eps
+"""Of F − 1, per size of its terms."""
+
+MAX_ITERATIONS = 200
+"""Two or three do; bisections alone would need this many."""
+
+SERIES = 0.5
+"""Below it, sinh a − a and a cosh a − sinh a are summed as series: seven terms leave 1e-17 of them."""
+
+
+class Catenary(NamedTuple):
+    """What a hanging cable does, or many.
+
+    Attributes:
+        pull: force on the anchor, base frame, (..., 3) [N].
+        stiffness: −∂pull/∂anchor, symmetric, (..., 3, 3) [N/m].
+        energy: of stretch and of the cable's own weight, which is 0 at height 0, (...) [J].
+        exit_tension: at the exit, (...) [N].
+        anchor_tension: at the anchor, the platform's end, (...) [N].
+    """
+
+    pull: Float[np.ndarray, "*batch 3"]
+    stiffness: Float[np.ndarray, "*batch 3 3"]
+    energy: Float[np.ndarray, "*batch"]
+    exit_tension: Float[np.ndarray, "*batch"]
+    anchor_tension: Float[np.ndarray, "*batch"]
+
+
+def catenary(
+    exits: ArrayLike, anchors: ArrayLike, rest_lengths: ArrayLike, axial_stiffness: ArrayLike, weights: ArrayLike
+) -> Catenary:
+    """What cables do between exits and anchors, base frame, (..., 3) [m]; everything broadcasts.
+
+    Args:
+        exits: (..., 3) [m].
+        anchors: (..., 3) [m].
+        rest_lengths: (...) [m].
+        axial_stiffness: EA, (...) [N].
+        weights: per rest length, (...) [N/m]; 0 is a massless cable.
+    """
+    with np.errstate(all="ignore"):
+        return Catenary(*catenary_gufunc()(exits, anchors, rest_lengths, axial_stiffness, weights))
+
+
+def shape(
+    exits: ArrayLike,
+    anchors: ArrayLike,
+    rest_lengths: ArrayLike,
+    axial_stiffness: ArrayLike,
+    weights: ArrayLike,
+    points: int,
+) -> Float[np.ndarray, "*batch points 3"]:
+    """Where a cable hangs: points from exit to anchor, equally far apart on the cable at rest, (..., points, 3) [m].
+
+    Arguments as of ``catenary``. A massless cable has the shape to which its weight's last trace would bring it.
+    """
+    A, B = np.asarray(exits, float), np.asarray(anchors, float)
+    L0, EA, w = (np.asarray(v, float)[..., None] for v in (rest_lengths, axial_stiffness, weights))
+    w = np.where(w * L0 > 2 * MASSLESS * EA, w, TRACE * EA / L0)
+    pull = catenary(A, B, L0[..., 0], EA[..., 0], w[..., 0]).pull
+    sideways = np.hypot(pull[..., 0], pull[..., 1])[..., None]
+    end = -pull[..., 2:] - w * L0  # upward part of the tension at the exit
+    s = np.linspace(0.0, 1.0, points) * L0
+    both = np.hypot(sideways, end) + np.hypot(sideways, end + w * s)  # tensions at the exit and there
+    both[both == 0] = np.inf
+    t, H = w * s / both, np.where(sideways > 0, sideways, 1.0)
+    # The difference of two asinh: where the cable is nearly straight, by an addition theorem that does not cancel.
+    turned = np.where(t < 0.5, 2 * np.arctanh(np.minimum(t, 0.5)), np.arcsinh((end + w * s) / H) - np.arcsinh(end / H))
+    run = sideways * s / EA + sideways * turned / w
+    rise = s * (2 * end + w * s) * (0.5 / EA + 1 / both)
+    across = -pull[..., None, :2] / H[..., None]
+    hanging = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
+    hanging[..., -1, :] = B
+    return hanging
+
+
+@built_once
+def catenary_gufunc() -> Callable:
+    """The compiled catenary as a NumPy generalised ufunc, which broadcasts and releases the GIL.
+
+    Arguments: exit (3), anchor (3), rest length, axial stiffness, weight per rest length.
+    Results: those of ``Catenary``.
+    """
+    vector, matrix = float64[:], float64[:, :]
+    return guvectorize(
+        [(vector, vector, float64, float64, float64, vector, matrix, vector, vector, vector)],
+        "(c),(c),(),(),()->(c),(c,c),(),(),()",
+        cache=True,
+    )(_one)
+
+
+def _one(exit_, anchor, rest_length, axial_stiffness, weight, pull, stiffness, energy, exit_tension, anchor_tension):
+    """One element of the gufunc."""
+    dx, dy, dz = anchor[0] - exit_[0], anchor[1] - exit_[1], anchor[2] - exit_[2]
+    x = np.sqrt(dx * dx + dy * dy)
+    V, Khh, Khv, Kvv, K, U, exit_tension[0], anchor_tension[0] = hanging(x, dz, rest_length, axial_stiffness, weight)
+    half = 0.5 * weight * rest_length
+    energy[0] = U + half * (exit_[2] + anchor[2])
+    pull[0], pull[1], pull[2] = -K * dx, -K * dy, -(V + half)
+    c, s = (dx / x, dy / x) if x > 0 else (1.0, 0.0)
+    stiffness[0, 0] = Khh * c * c + K * s * s
+    stiffness[1, 1] = Khh * s * s + K * c * c
+    stiffness[0, 1] = stiffness[1, 0] = (Khh - K) * c * s
+    stiffness[0, 2] = stiffness[2, 0] = Khv * c
+    stiffness[1, 2] = stiffness[2, 1] = Khv * s
+    stiffness[2, 2] = Kvv
+
+
+@outlined
+def hanging(x, z, L0, EA, w):
+    """A cable that spans x >= 0 and rises by z from exit to anchor.
+
+    (V, Khh, Khv, Kvv, K, U, exit's tension, anchor's): V, at mid-length; the stiffnesses of (H, V) by (x, z), and
+    across the cable's plane, K = H/x; the energy U without w L0 (zA + zB)/2. With e = L0/EA, m = L0/T,
+    phi = a/tanh a, c = 1/cosh²a, S = H cosh a, P = (product of the ends' tensions) = S² + c V²:
+
+        det = e² + e m phi + m² (phi − 1) S²/P
+        Khh = (e + m S²/P)/det,   Khv = m H V/(P det),   Kvv = (e + m (phi − 1 + c V²/P))/det,   K = 1/(e + m phi)
+        U = e/2 (H² + V² − (w L0)²/12) − m/2 (S² − H² phi)
+    """
+    kappa = 0.5 * w * L0 / EA
+    if not kappa > MASSLESS:
+        return _spring(x, z, L0, EA) if kappa <= MASSLESS else _unknown()
+    X, Z = x / L0, abs(z) / L0
+    e, half = L0 / EA, 0.5 * w * L0
+    if X <= VERTICAL:
+        if kappa >= Z - 1:  # a is infinite: two plumb pieces side by side, which only weigh
+            V = w * z / (2 * (1 + kappa))
+            U = 0.5 * e * (V * V - half * half / 3) - 0.5 * L0 / half * (half * half - V * V)
+            return V, 0.0, 0.0, 1 / (e + L0 / half), 0.0, U, abs(V - half), abs(V + half)
+        a = np.arctanh(kappa / (Z - 1))
+    else:
+        a = _solve(X, Z, kappa)
+    rise, bend = _beyond(a)
+    sinh = a + rise
+    cosh = np.sqrt(1 + sinh * sinh) if a < SERIES else np.cosh(a)
+    tanh = sinh / cosh
+    K = 0.5 * w / (a + kappa)
+    H, V = K * x, 0.5 * w * z / (tanh + kappa)
+    m, above, c = L0 * tanh / half, bend / sinh, 1 / (cosh * cosh)  # above: phi − 1
+    S2, cV2 = (H * cosh) * (H * cosh), c * V * V
+    P = S2 + cV2
+    along, across = S2 / P, cV2 / P
+    det = e * e + e * m * (1 + above) + m * m * above * along
+    U = 0.5 * e * (H * H + V * V - half * half / 3) - 0.5 * m * ((H * sinh) * (H * sinh) - H * H * above)
+    return (
+        V, (e + m * along) / det, m * (H / P) * V / det, (e + m * (above + across)) / det, K, U,
+        np.sqrt(H * H + (V - half) * (V - half)), np.sqrt(H * H + (V + half) * (V + half)),
+    )  # fmt: skip
+
+
+@inline
+def _spring(x, z, L0, EA):
+    """A massless cable: of any direction when it has no length."""
+    length = np.sqrt(x * x + z * z)
+    if not length > L0:
+        return (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) if length <= L0 else _unknown()
+    k, c, s = EA / L0, x / length, z / length
+    T = k * (length - L0)
+    K = T / length
+    return T * s, k * c * c + K * s * s, (k - K) * c * s, k * s * s + K * c * c, K, 0.5 * T * (length - L0), T, T
+
+
+@inline
+def _unknown():
+    return np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan
+
+
+@inline
+def _beyond(a):
+    """(sinh a − a, a cosh a − sinh a) for a > 0, to full relative precision."""
+    if a < SERIES:
+        q = a * a
+        rise = 1 + q / 72 * (1 + q / 110 * (1 + q / 156 * (1 + q / 210)))
+        rise = q * a / 6 * (1 + q / 20 * (1 + q / 42 * rise))
+        bend = 1 + q / 54 * (1 + q / 88 * (1 + q / 130 * (1 + q / 180)))
+        return rise, q * a / 3 * (1 + q / 10 * (1 + q / 28 * bend))
+    grown = np.exp(a)
+    sinh = 0.5 * (grown - 1 / grown)
+    return sinh - a, 0.5 * a * (grown + 1 / grown) - sinh
+
+
+@inline
+def _solve(X, Z, kappa):
+    """The a > 0 with F(a) = 1: Newton on log F within a bracket. X, Z: x/L0 > 0 and |z|/L0."""
+    chord = np.sqrt(X * X + Z * Z)
+    stretch = (chord - 1) * (chord + 1)
+    noise = ROUNDING * (1 + chord * chord)
+    a, low, high = _start(X, Z, chord, kappa), 0.0, np.inf
+    for _ in range(MAX_ITERATIONS):
+        rise, bend = _beyond(a)
+        sinh = a + rise
+        cosh = np.sqrt(1 + sinh * sinh) if a < SERIES else (bend + sinh) / a
+        tanh = sinh / cosh
+        p, q = kappa / (tanh + kappa), (rise - kappa) / (a + kappa)  # 1 − and − 1 of F's brackets
+        beyond = stretch - (Z * p) * Z * (2 - p) + (X * q) * (X * (2 + q))  # F − 1
+        slope = Z * Z * (1 - p) * p / (cosh * cosh * (tanh + kappa))
+        slope = 2 * (slope + X * (1 + q) * (X * (kappa * cosh + bend) / ((a + kappa) * (a + kappa))))
+        step = np.log1p(beyond) * (1 + beyond) / slope
+        if abs(step) <= ENOUGH * a or abs(beyond) <= noise:
+            return max(a - step, 0.5 * a)
+        if beyond > 0:
+            high = a
+        else:
+            low = a
+        a -= step
+        if not low < a < high:
+            a = 2 * low + 1 if high == np.inf else max(0.5 * (low + high), 0.01 * high)
+    return a
+
+
+@inline
+def _start(X, Z, chord, kappa):
+    """Near the root: of F's first terms where the cable is nearly straight, else of its exponentials."""
+    slack = Z / (1 + kappa)
+    if slack < 1 and chord < 1 + kappa:
+        y = np.log(2 * np.sqrt((1 - slack) * (1 + slack)) / X)
+        if y > 1:
+            return y + np.log(kappa + y + np.log(kappa + y + 1))
+    # c a³/6 + (chord − 1) a = kappa with c = cos² of the chord's slope
+    c = max((X / chord) ** 2, 1e-30)
+    p, q = 6 * (chord - 1) / c, 6 * kappa / c
+    if p == 0:
+        return q ** (1 / 3)
+    size = np.sqrt(abs(p) / 3)
+    t = 1.5 * q / (abs(p) * size)
+    if p > 0:
+        return 2 * size * np.sinh(np.arcsinh(t) / 3)
+    return 2 * size * (np.cosh(np.arccosh(t) / 3) if t > 1 else np.cos(np.arccos(t) / 3))

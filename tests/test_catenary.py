@@ -1,0 +1,245 @@
+"""One heavy cable against Irvine's equations in sixty-digit arithmetic, closed forms, and its own energy."""
+
+from __future__ import annotations
+
+from decimal import Decimal, localcontext
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+from cdpr_sim.statics.catenary import Catenary, catenary, shape
+
+ENDS_TOLERANCE = 4e-15
+"""Of a cable's ends, per length of a cable that hangs plumb under its own weight: some ten roundings."""
+
+CABLES = 100_000
+
+
+def _hostile(count: int, seed: int = 0) -> tuple[np.ndarray, ...]:
+    """Anchors (their exits at 0), rest lengths, EA and weights: slack and taut to 1e-15, level and plumb to 1e-14."""
+    random = np.random.default_rng(seed)
+    L0, EA = 10 ** random.uniform(-2, 2, count), 10 ** random.uniform(2, 9, count)
+    w = 10 ** random.uniform(-9, 3, count)
+    off = 10 ** random.uniform(-15, -0.5, count)
+    ratios = [random.uniform(0.01, 1, count), 1 + off, 1 - off, 10 ** random.uniform(-6, 0, count)]
+    chord = L0 * np.choose(random.integers(0, 4, count), ratios)
+    slopes = [10 ** random.uniform(-14, 0, count), random.uniform(0, 1, count), np.zeros(count)]
+    cosine = np.choose(random.choice(3, count, p=[0.45, 0.5, 0.05]), slopes)
+    sine = np.sqrt((1 - cosine) * (1 + cosine)) * random.choice([-1, 1], count)
+    heading = random.uniform(0, 2 * np.pi, count)
+    B = chord[:, None] * np.stack([cosine * np.cos(heading), cosine * np.sin(heading), sine], axis=-1)
+    return B, L0, EA, w
+
+
+def _ordinary(count: int = 300, seed: int = 1) -> tuple[np.ndarray, ...]:
+    """Exits, anchors, rest lengths, EA and weights for which finite differences say something."""
+    random = np.random.default_rng(seed)
+    A, L0 = random.normal(size=(count, 3)), random.uniform(0.5, 2, count)
+    direction = random.normal(size=(count, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    B = A + direction * (L0 * random.uniform(0.3, 1.1, count))[:, None]
+    return A, B, L0, 10 ** random.uniform(2, 4, count), 10 ** random.uniform(-1, 2, count)
+
+
+def _ends(pull: np.ndarray, L0: float, EA: float, w: float) -> tuple[Decimal, Decimal]:
+    """Where a cable that pulls so on its anchor ends, horizontally and upwards (Irvine's two equations)."""
+
+    def asinh(value: Decimal) -> Decimal:
+        size = abs(value)
+        return (size + (size * size + 1).sqrt()).ln().copy_sign(value)
+
+    H = sum((Decimal(float(force)) ** 2 for force in pull[:2]), Decimal(0)).sqrt()
+    top, L0, EA, w = -Decimal(float(pull[2])), Decimal(float(L0)), Decimal(float(EA)), Decimal(float(w))
+    bottom = top - w * L0
+    x = H * L0 / EA + (H / w * (asinh(top / H) - asinh(bottom / H)) if H else 0)
+    rise = ((H * H + top * top).sqrt() - (H * H + bottom * bottom).sqrt()) / w
+    return x, (top + bottom) / 2 * L0 / EA + rise
+
+
+def test_no_cable_defeats_it() -> None:
+    """Of 100,000 hostile cables each has a force, an energy and a convex energy's stiffness."""
+    B, L0, EA, w = _hostile(CABLES)
+    found = catenary(np.zeros(3), B, L0, EA, w)
+    assert all(np.isfinite(value).all() for value in found)
+    eigenvalues = np.linalg.eigvalsh(found.stiffness)
+    plumb = np.hypot(B[:, 0], B[:, 1]) == 0
+    assert (eigenvalues[plumb, 0] >= 0).all()
+    assert (eigenvalues[~plumb, 0] > 0).all()
+
+
+def test_the_ends_are_those_of_irvines_equations_in_sixty_digits() -> None:
+    """The force that it computes is exactly that of a cable whose end lies a rounding away."""
+    B, L0, EA, w = _hostile(3000, seed=2)
+    found = catenary(np.zeros(3), B, L0, EA, w)
+    size = np.maximum(L0 * (1 + 0.5 * w * L0 / EA), np.linalg.norm(B, axis=1))
+    with localcontext() as context:
+        context.prec = 60
+        for i in range(len(B)):
+            x, z = _ends(found.pull[i], L0[i], EA[i], w[i])
+            wrong = abs(x - Decimal(float(np.hypot(B[i, 0], B[i, 1])))), abs(z - Decimal(float(B[i, 2])))
+            assert max(wrong) <= ENDS_TOLERANCE * float(size[i]), (i, B[i], L0[i], EA[i], w[i])
+
+
+def test_the_pull_is_minus_the_energys_slope() -> None:
+    """The difference to central differences falls as their step squared, down to rounding."""
+    A, B, L0, EA, w = _ordinary()
+    pull = catenary(A, B, L0, EA, w).pull
+    errors = []
+    for h in (1e-3, 5e-4):
+        forward, back = (_around(A, B, L0, EA, w, step).energy for step in (h, -h))
+        errors.append(np.abs(-(forward - back) / (2 * h) - pull).max(1) / np.linalg.norm(pull, axis=1))
+    smooth = errors[0] < 0.1  # the others straighten within the step
+    assert smooth.mean() > 0.9
+    assert np.median(errors[0][smooth] / errors[1][smooth]) == pytest.approx(4, rel=0.02)
+    assert np.median(errors[1]) < 1e-5
+
+
+def test_the_stiffness_is_minus_the_pulls_slope() -> None:
+    """By the anchor's place; and it is symmetric, so the pull has an energy."""
+    A, B, L0, EA, w = _ordinary()
+    stiffness = catenary(A, B, L0, EA, w).stiffness
+    h = 1e-6
+    forward, back = (_around(A, B, L0, EA, w, step).pull for step in (h, -h))
+    slope = -(forward - back) / (2 * h)
+    scale = np.linalg.norm(stiffness, axis=(1, 2))
+    assert (np.linalg.norm(stiffness - slope, axis=(1, 2)) / scale).max() < 1e-5
+    np.testing.assert_array_equal(stiffness, np.swapaxes(stiffness, -1, -2))
+
+
+def test_the_energy_is_stretch_and_weight_summed_along_the_cable() -> None:
+    """By quadrature over the hanging cable: ½ T²/EA of stretch and w z of weight per rest length."""
+    A, B, L0, EA, w = _ordinary(20)
+    found = catenary(A, B, L0, EA, w)
+    for i in range(len(A)):
+        H, bottom = np.hypot(*found.pull[i, :2]), -found.pull[i, 2] - w[i] * L0[i]
+
+        def tension(s: float, H: float = H, bottom: float = bottom, w: float = w[i]) -> float:
+            return float(np.hypot(H, bottom + w * s))
+
+        def density(s: float, i: int = i, bottom: float = bottom) -> float:
+            z = A[i, 2] + (bottom * s + 0.5 * w[i] * s * s) / EA[i] + (tension(s) - tension(0.0)) / w[i]
+            return 0.5 * tension(s) ** 2 / EA[i] + w[i] * z
+
+        assert found.energy[i] == pytest.approx(quad(density, 0, L0[i], epsabs=1e-10)[0], rel=1e-8, abs=1e-8)
+
+
+def test_the_ends_carry_the_cables_weight() -> None:
+    """Tensions at both ends, from the pull alone: sideways alike, upwards w L0 apart."""
+    A, B, L0, EA, w = _ordinary()
+    found = catenary(A, B, L0, EA, w)
+    at_exit = found.pull + (w * L0)[:, None] * np.array([0, 0, 1.0])
+    np.testing.assert_allclose(found.anchor_tension, np.linalg.norm(found.pull, axis=1), rtol=1e-13)
+    np.testing.assert_allclose(found.exit_tension, np.linalg.norm(at_exit, axis=1), rtol=1e-11, atol=1e-11)
+    other = catenary(B, A, L0, EA, w)  # from the other end, it pulls on what was its exit
+    np.testing.assert_allclose(other.pull, -at_exit, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(other.energy, found.energy, rtol=1e-11, atol=1e-11)
+
+
+def test_without_weight_it_is_a_spring_that_only_pulls() -> None:
+    """With none at all, and as the weight goes to nothing."""
+    A, B, L0, EA, _ = _ordinary()
+    chord = np.linalg.norm(B - A, axis=1)
+    tension = EA * np.maximum(chord / L0 - 1, 0)
+    massless = catenary(A, B, L0, EA, 0.0)
+    np.testing.assert_allclose(massless.anchor_tension, tension, rtol=1e-12)
+    np.testing.assert_allclose(massless.pull, (A - B) * (tension / chord)[:, None], rtol=1e-12)
+    np.testing.assert_allclose(massless.energy, 0.5 * L0 / EA * tension**2, rtol=1e-11)
+    for w in (1e-9, 1e-100, 1e-200, 1e-307):
+        light = catenary(A, B, L0, EA, w)
+        np.testing.assert_allclose(light.pull, massless.pull, atol=20 * w + 1e-11)
+        taut = chord > 1.001 * L0
+        np.testing.assert_allclose(light.stiffness[taut], massless.stiffness[taut], rtol=1e-6, atol=1e-6)
+
+
+def test_a_stiff_one_is_the_catenary_of_every_textbook() -> None:
+    """2 c sinh(x/2c) = sqrt(L² − z²) gives H = w c of a chain that does not stretch."""
+    random = np.random.default_rng(3)
+    for _ in range(30):
+        L0, w = random.uniform(0.5, 3), random.uniform(0.1, 10)
+        chord, slope = random.uniform(0.2, 0.97) * L0, random.uniform(-1.4, 1.4)
+        x, z = chord * np.cos(slope), chord * np.sin(slope)
+        c = brentq(lambda c, x=x, z=z, L0=L0: np.arcsinh(np.sqrt(L0**2 - z**2) / (2 * c)) - x / (2 * c), 1e-4 * x, 1e4)
+        found = catenary(np.zeros(3), [x, 0, z], L0, 1e13, w)
+        assert -found.pull[0] == pytest.approx(w * c, rel=1e-9)
+        assert -found.pull[2] == pytest.approx(0.5 * w * (L0 + z / np.tanh(x / (2 * c))), rel=1e-9)
+
+
+def test_a_plumb_one_is_the_limit_of_those_beside_it() -> None:
+    """Slack it is two plumb pieces, taut it is a spring that hangs; its energy does not jump."""
+    for z in (-1.3, -0.7, 0.0, 0.6, 1.2):
+        plumb = catenary(np.zeros(3), [0, 0, z], 1.0, 100.0, 5.0)
+        beside = catenary(np.zeros(3), [1e-13, 0, z], 1.0, 100.0, 5.0)
+        np.testing.assert_allclose(plumb.pull, beside.pull, atol=1e-11)
+        np.testing.assert_allclose(plumb.energy, beside.energy, rtol=1e-12)
+        np.testing.assert_allclose(plumb.stiffness[2, 2], beside.stiffness[2, 2], rtol=0.1)
+        expected = 5 * z / (2 * (1 + 0.025)) if abs(z) <= 1.025 else 100 * (abs(z) - 1) * np.sign(z)
+        assert plumb.pull[2] == pytest.approx(-(expected + 2.5), rel=1e-12)
+
+
+def test_turning_mirroring_and_scaling_the_world_turns_mirrors_and_scales_the_answer() -> None:
+    """About the vertical; energies shift by the weight when all is lifted."""
+    A, B, L0, EA, w = _ordinary()
+    found = catenary(A, B, L0, EA, w)
+    turn = Rotation.from_rotvec([0, 0, 1.1]).as_matrix() @ np.diag([1, -1, 1])
+    turned = catenary(A @ turn.T, B @ turn.T, L0, EA, w)
+    np.testing.assert_allclose(turned.pull, found.pull @ turn.T, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(turned.stiffness, turn @ found.stiffness @ turn.T, rtol=1e-7, atol=1e-6)
+    up = np.array([0.3, -0.2, 2.0])
+    lifted = catenary(A + up, B + up, L0, EA, w)
+    np.testing.assert_allclose(lifted.energy - found.energy, 2 * w * L0, rtol=1e-9, atol=1e-8)
+    larger = catenary(4 * A, 4 * B, 4 * L0, 2 * EA, w / 2)  # powers of two: not even rounding differs
+    np.testing.assert_array_equal(larger.pull, 2 * found.pull)
+    np.testing.assert_array_equal(larger.energy, 8 * found.energy)
+
+
+def test_what_is_not_finite_stays_unknown() -> None:
+    """Never a flattering zero."""
+    for spoilt in range(5):
+        given = [np.zeros(3), np.array([1.0, 0, 0]), 1.0, 100.0, 1.0]
+        given[spoilt] = np.nan * np.asarray(given[spoilt])
+        assert np.isnan(catenary(*given).pull).any()
+
+
+def test_the_shape_is_the_cable_itself() -> None:
+    """It runs from exit to anchor, is as long as the stretched cable, and has the least energy of all shapes near."""
+    A, B, L0, EA, w = _ordinary(40)
+    hanging = shape(A, B, L0, EA, w, 4001)
+    np.testing.assert_array_equal(hanging[:, -1], B)
+    np.testing.assert_allclose(hanging[:, 0], A, atol=1e-15)
+    steps = np.diff(hanging, axis=1)
+    length = np.linalg.norm(steps, axis=-1)
+    found = catenary(A, B, L0, EA, w)
+    s = (np.arange(4000) + 0.5) / 4000 * L0[:, None]
+    vertical = -found.pull[:, 2:] - (w * L0)[:, None] + w[:, None] * s
+    tension = np.hypot(np.hypot(found.pull[:, 0], found.pull[:, 1])[:, None], vertical)
+    np.testing.assert_allclose(length * 4000 / L0[:, None], 1 + tension / EA[:, None], rtol=1e-3)
+    np.testing.assert_allclose(steps[..., 2] / length, vertical / tension, atol=5e-3)
+
+
+@pytest.mark.parametrize("w", [0.0, 1e-12, 1.0, 1e3])
+def test_every_cable_has_a_shape(w: float) -> None:
+    """Plumb, level, slack, taut, or of no extent at all."""
+    for B in ([0, 0, 0.0], [0, 0, 0.5], [0, 0, -0.5], [0, 0, -1.2], [0.3, 0, 0], [1.2, 0, 0], [1e-14, 0, 0.3]):
+        hanging = shape(np.zeros(3), B, 1.0, 1e4, w, 501)
+        assert np.isfinite(hanging).all()
+        step = np.linalg.norm(np.diff(hanging, axis=0), axis=1)
+        assert step.max() < (1 + w / 1e4 + max(np.linalg.norm(B) - 1, 0)) / 500 * 1.01
+        assert step.sum() > 0.99
+
+
+def test_many_cables_are_asked_at_once() -> None:
+    """Everything broadcasts, row by row as one by one."""
+    A, B, L0, EA, w = _ordinary(6)
+    table = catenary(A[:, None], B, L0, EA, w)
+    assert table.pull.shape == (6, 6, 3)
+    assert table.stiffness.shape == (6, 6, 3, 3)
+    np.testing.assert_array_equal(table.pull[2, 4], catenary(A[2], B[4], L0[4], EA[4], w[4]).pull)
+    np.testing.assert_array_equal(shape(A, B, L0, EA, w, 7)[3], shape(A[3], B[3], L0[3], EA[3], w[3], 7))
+
+
+def _around(A: np.ndarray, B: np.ndarray, L0: np.ndarray, EA: np.ndarray, w: np.ndarray, step: float) -> Catenary:
+    """With each anchor a step along x, y and z."""
+    return catenary(A[:, None], B[:, None] + step * np.eye(3), L0[:, None], EA[:, None], w[:, None])

@@ -1,0 +1,299 @@
+"""Cables as they are: over pulleys, with laws that stiffen, with weight. Formulas, both roads, and what is refused."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
+import cdpr_sim as cdpr
+from cdpr_sim.core import cable_path
+from cdpr_sim.crosscheck.compare import Verdict
+from cdpr_sim.statics import cable_law, derivatives, forces
+
+SOFT = 1e3
+"""[N] EA with which DemoBot's cables strain by some per mille, so that laws and lengths show."""
+
+KINDS = {
+    "pulleys": dict(pulley_radius=0.02),
+    "pulleys, arriving from below": dict(pulley_radius=0.01, pulley_axis=(0, 0, 1)),
+    "stiffening": dict(stiffening=(8.0, -20.0)),
+    "pulleys and stiffening": dict(pulley_radius=0.01, stiffening=(8.0, -20.0)),
+}
+
+
+def robot_with(name: str, kind: str) -> cdpr.Robot:
+    return cdpr.load_robot(name).replace(axial_stiffness=SOFT, **KINDS[kind])
+
+
+def wheel_by_hand(exit_point, axis, radius, anchor):
+    """(length, direction from the anchor to where the cable leaves the wheel), by compass: tangents to a circle."""
+    apart = anchor - exit_point
+    out = apart - (apart @ axis) * axis
+    out /= np.linalg.norm(out)
+    center = exit_point + radius * out
+    x, y = (anchor - center) @ out, (anchor - center) @ axis  # in the wheel's plane
+    distance = np.hypot(x, y)
+    toward = np.arctan2(y, x)
+    # The cable runs from the exit, at angle pi, over the far side of the wheel, through angle pi/2.
+    leave = toward + np.arccos(radius / distance)
+    point = center + radius * (np.cos(leave) * out + np.sin(leave) * axis)
+    free = np.linalg.norm(anchor - point)
+    wrap = (np.pi - leave) % (2 * np.pi)
+    return radius * wrap + free, (point - anchor) / free
+
+
+def test_path_over_a_wheel_is_what_a_compass_draws():
+    """Length and direction at 2,000 random wheels and anchors, by tangents to a circle; a point where the wheel is."""
+    rng = np.random.default_rng(3)
+    seen = 0
+    for _ in range(2000):
+        axis = rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        radius, exit_point, anchor = 10 ** rng.uniform(-3, -1), rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3)
+        robot = cdpr.Robot(
+            [exit_point], [[0, 0, 0]], 1.0, 1.0, pulley_radius=radius, pulley_axis=axis, platform_size=(1, 1, 1)
+        )
+        length = cable_path.lengths(robot.cabling, anchor, np.eye(3))[0]
+        if np.isnan(length):
+            continue
+        seen += 1
+        expected, direction = wheel_by_hand(exit_point, axis, radius, anchor)
+        assert length == pytest.approx(expected, rel=1e-12)
+        found = forces.geometry(robot, anchor, np.eye(3))
+        assert np.abs(found.directions[0] - direction).max() < 1e-10
+        point = np.linalg.norm(anchor - exit_point)
+        assert point - 1e-12 <= length <= point + 2 * np.pi * radius
+    assert seen > 1500
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_wrench_and_stiffness_are_the_derivatives_of_the_energy(kind):
+    """Net wrench against differences of the energy, its slope against differences of the net wrench."""
+    robot = robot_with("cogiro", kind)
+    rng, step = np.random.default_rng(4), 1e-6
+    problem = cdpr.Problem.of(robot, robot.home, 0.98 * robot.rest_lengths(robot.home))
+    for _ in range(5):
+        position, rotation = robot.home + rng.uniform(-0.1, 0.1, 3), Rotation.from_rotvec(rng.uniform(-0.3, 0.3, 3))
+        state = forces.at(problem, position, rotation.as_matrix())
+        assert (state.tensions > 0).any()
+        slope = derivatives.wrench_slope(state)
+        for a, unit in enumerate(np.eye(6)):
+            ends = [
+                forces.at(
+                    problem,
+                    position + sign * step * unit[:3],
+                    (Rotation.from_rotvec(sign * step * unit[3:]) * rotation).as_matrix(),
+                )
+                for sign in (1, -1)
+            ]
+            by_energy = -(ends[0].energy - ends[1].energy) / (2 * step)
+            assert by_energy == pytest.approx(state.net_wrench[a], abs=1e-6 * np.abs(state.net_wrench).max())
+            change = (ends[0].net_wrench - ends[1].net_wrench) / (2 * step)
+            assert np.abs(change - slope[:, a]).max() < 1e-5 * np.abs(slope).max()
+
+
+@pytest.mark.parametrize("coefficients", [(0.0, 0.0), (8.0, -20.0), (-1.0, 0.0), (3.0, 5.0)])
+def test_law_is_the_polynomial_and_its_energy_the_integral(coefficients):
+    """Tension by the polynomial written out; energy by quadrature; the touching spring by differences; and back."""
+    a2, a3 = coefficients
+    for stretch in (-0.1, 0.0, 0.003, 0.05, 0.2, 0.35):
+        law = 1.3, 100.0, a2, a3
+        strain = max(stretch, 0) / 1.3
+        tension = cable_law.tension(stretch, *law)
+        if strain <= 0.2:
+            assert tension == pytest.approx(100 * (strain + a2 * strain**2 + a3 * strain**3), abs=1e-12)
+        integral, _ = quad(lambda s, law=law: cable_law.tension(s, *law), 0, max(stretch, 0), points=[0.26])
+        assert cable_law.energy(stretch, *law) == pytest.approx(integral, abs=1e-12)
+        k, e = cable_law.tangent(stretch, *law)
+        assert k * max(e, 0) == pytest.approx(tension, abs=1e-12)
+        if stretch > 0:
+            slope = (cable_law.tension(stretch + 1e-6, *law) - cable_law.tension(stretch - 1e-6, *law)) / 2e-6
+            assert k == pytest.approx(slope, rel=1e-7)
+            assert cable_law.rest_length_for(1.3 + stretch, tension, 100.0, a2, a3) == pytest.approx(1.3, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["cogiro", "parallel", "planar-vertical"])
+def test_both_roads_agree(name, kind):
+    """40 poses of each robot: positions, lengths, tensions, slack cables and stiffness, and the verdict of compare."""
+    robot = robot_with(name, kind)
+    positions = np.random.default_rng(1).uniform(*robot.workspace, (40, 3))
+    solved, settled = cdpr.solve_many(robot, positions), cdpr.settle_many(robot, positions)
+    assert (solved.status == settled.status).all()
+    rows = np.flatnonzero(solved.converged)
+    assert len(rows) >= 38  # the others lie under a wheel's footprint
+    assert np.abs(solved.positions - settled.positions)[rows].max() < 1e-9
+    assert np.abs(solved.lengths - settled.lengths)[rows].max() < 1e-9
+    assert np.abs(solved.tensions - settled.tensions)[rows].max() < 1e-6
+    assert (solved.slack == settled.slack)[rows].all()
+    assert np.abs(solved.eigenvalues / settled.eigenvalues - 1)[rows].max() < 1e-6
+    assert cdpr.compare(solved[int(rows[0])], settled[int(rows[0])]).verdict is Verdict.AGREE
+
+
+@pytest.mark.parametrize(
+    ("kind", "change"),
+    [("pulleys", dict(pulley_radius=0.0202)), ("stiffening", dict(stiffening=(8.08, -20.0)))],
+)
+def test_one_percent_in_mujoco_alone_is_noticed(kind, change):
+    """Negative control: 1 % more radius, or 1 % more a2, in MuJoCo's model, on the same rest lengths."""
+    robot = robot_with("parallel", kind)
+    problem = cdpr.Problem.of(robot, (0.2, 0.25, 0.1))
+    assert cdpr.compare(cdpr.solve(problem), cdpr.settle(problem)).verdict is Verdict.AGREE
+    xml = cdpr.to_mjcf(robot.replace(**change), problem.pose, problem.rest_lengths)
+    broken = cdpr.settle(problem, model=mujoco.MjModel.from_xml_string(xml))
+    assert cdpr.compare(cdpr.solve(problem), broken).verdict is Verdict.DISAGREE
+
+
+def test_every_solver_knows_pulleys_and_laws():
+    """fsolve finds what Newton finds; compensation holds its pose; a radius' effect is that of changing it."""
+    robot = robot_with("cogiro", "pulleys and stiffening")
+    pose = (0.3, 0.2, 0.1)
+    found = cdpr.solve(robot, pose)
+    assert np.abs(cdpr.solve(robot, pose, method="fsolve").position - found.position).max() < 1e-8
+    held = cdpr.compensate(robot, pose)
+    assert held.exact
+    assert np.abs(cdpr.settle(robot, pose, held.rest_lengths).position - pose).max() < 1e-8
+    effects = cdpr.sensitivity(found)
+    radii, step = robot.cabling.pulley_radius.copy(), 1e-7
+    radii[2] += step
+    moved = cdpr.solve(robot.replace(pulley_radius=radii), pose, found.rest_lengths)
+    by_difference = (moved.position - found.position) / step
+    assert np.abs(by_difference - effects.pose["pulley_radius"][:3, 2]).max() < 1e-5
+    assert cdpr.feasible(robot, pose)
+
+
+def test_lengths_that_know_no_pulleys_miss():
+    """The headline: DemoBot's pose is off by some 0.7 mm per mm of radius where lengths are those of points."""
+    point = cdpr.load_robot("cogiro")
+    over = point.replace(pulley_radius=0.03, pulley_axis=(0, 0, 1))
+    positions = np.random.default_rng(5).uniform(*point.workspace, (200, 3))
+    home = over.rest_lengths(point.home) - point.rest_lengths(point.home)
+    points = cable_path.lengths(point.cabling, positions, np.eye(3)) + home
+    found = cdpr.solve_many(over, positions, points)
+    error = np.linalg.norm(found.positions - positions, axis=1)[found.converged]
+    assert 0.2e-3 < np.median(error) / 30 < 2e-3  # metres of error per millimetre of radius
+
+
+@pytest.mark.parametrize("kind", ["weight", "pulleys", "stiffening"])
+def test_random_robots_balance_by_an_independent_hand(kind):
+    """200 random robots: the forces of each cable worked out another way add up to the load."""
+    rng, balanced = np.random.default_rng(6), 0
+    for _ in range(200):
+        cables = int(rng.integers(3, 9))
+        exits, anchors = rng.uniform([-1, -1, 0.6], [1, 1, 1.5], (cables, 3)), rng.uniform(-0.15, 0.15, (cables, 3))
+        mass, stiffness = 10 ** rng.uniform(-1, 2), 10 ** rng.uniform(3, 6)
+        own = {
+            "weight": dict(linear_density=10 ** rng.uniform(-4, 0, cables) * mass),
+            "pulleys": dict(
+                pulley_radius=10 ** rng.uniform(-3, -1.2, cables), pulley_axis=rng.normal(size=(cables, 3))
+            ),
+            "stiffening": dict(stiffening=np.column_stack([rng.uniform(0, 10, cables), rng.uniform(-5, 20, cables)])),
+        }[kind]
+        robot = cdpr.Robot(exits, anchors, stiffness * mass, mass, **own)
+        try:
+            found = cdpr.solve(robot, rng.uniform([-0.5, -0.5, -0.2], [0.5, 0.5, 0.4]))
+        except cdpr.InvalidInput:
+            continue  # an anchor under its wheel's footprint
+        force, torque = np.array([0, 0, -robot.weight]), np.zeros(3)
+        for cable in range(cables):
+            arm = found.rotation.apply(anchors[cable])
+            pull = pull_by_hand(found, cable, found.position + arm)
+            force, torque = force + pull, torque + np.cross(arm, pull)
+        assert np.abs(force).max() < 1e-6 * robot.weight
+        assert np.abs(torque).max() < 1e-6 * robot.weight * robot.characteristic_length
+        balanced += 1
+    assert balanced > 120
+
+
+def pull_by_hand(found: cdpr.Equilibrium, cable: int, anchor: np.ndarray) -> np.ndarray:
+    """The force of one cable on its anchor, by another formula than the package's."""
+    robot = found.problem.robot
+    cabling, exit_point, rest = robot.cabling, robot.exits[cable], found.rest_lengths[cable]
+    EA, (a2, a3) = robot.axial_stiffness[cable], cabling.stiffening[cable]
+    weight = cabling.linear_density[cable] * robot.gravity
+    if weight > 0:
+        # Irvine's catenary, integrated from the force at the anchor to the exit: it must arrive there.
+        pull = forces.at(found.problem, found.position, found.rotation.as_matrix()).hanging.pull[cable]
+        reached = anchor + irvine(pull, rest, EA, weight)
+        assert np.abs(reached - exit_point).max() < 1e-7
+        return pull
+    length, direction = np.linalg.norm(exit_point - anchor), (exit_point - anchor) / np.linalg.norm(exit_point - anchor)
+    if cabling.pulley_radius[cable] > 0:
+        axis, radius = cabling.pulley_axis[cable], cabling.pulley_radius[cable]
+        length, direction = wheel_by_hand(exit_point, axis, radius, anchor)
+    strain = max(length / rest - 1, 0)
+    assert strain < 0.2
+    return EA * (strain + a2 * strain**2 + a3 * strain**3) * direction
+
+
+def irvine(pull, rest, EA, weight):
+    """From the anchor to the exit, of a cable that pulls so on its anchor (Irvine 1981, eq. 1.18 and 1.19)."""
+    level, up = np.hypot(*pull[:2]), pull[2]
+    ends = np.hypot(level, up), np.hypot(level, up + weight * rest)
+    horizontal = level * rest / EA + level / weight * (
+        np.arcsinh((up + weight * rest) / level) - np.arcsinh(up / level)
+    )
+    vertical = rest / EA * (up + 0.5 * weight * rest) + (ends[1] - ends[0]) / weight
+    return np.array([*(horizontal * pull[:2] / level), vertical])
+
+
+def test_weight_that_a_room_does_not_know_is_refused():
+    """One sentence, and never an answer for massless cables."""
+    robot = cdpr.load_robot("cogiro").replace(linear_density=5e-4)
+    for ask in (cdpr.compensate, cdpr.sensitivity, cdpr.natural_modes, cdpr.feasible):
+        with pytest.raises(cdpr.InvalidInput, match="does not take their weight into account"):
+            ask(robot, (0.4, 0.25, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (dict(linear_density=-1.0), "linear_density: found -1 kg/m in cable 1"),
+        (dict(pulley_radius=[0, 0, -0.1, 0, 0, 0, 0, 0]), "pulley_radius: found -0.1 m in cable 3"),
+        (dict(pulley_radius=0.02, pulley_axis=(0, 0, 0)), "pulley_axis: found an axis of length zero in cable 1"),
+        (dict(stiffening=(-3.0, 0.0)), "stiffening: .* tension falls before a strain of 20%"),
+        (dict(stiffening=(0.0, -9.0)), "stiffening: .* tension falls"),
+        (dict(linear_density=0.1, pulley_radius=0.02), "linear_density: found 0.1 kg/m and a pulley in cable 1"),
+        (dict(linear_density=0.1, stiffening=(1.0, 0.0)), "and a stiffening law in cable 1"),
+        (dict(stiffening=(1.0, 0.0, 0.0)), "stiffening: found an array of shape"),
+    ],
+)
+def test_cables_that_cannot_be_are_refused(catalogue, change, message):
+    """One sentence that names the field and the cable."""
+    with pytest.raises(cdpr.InvalidInput, match=message):
+        catalogue["cogiro"].replace(**change)
+
+
+def test_anchor_at_a_wheel_is_refused():
+    """Inside the wheel, and under its footprint, where the cable would leave it."""
+    robot = cdpr.Robot([[0, 0, 1]], [[0, 0, 0]], 1e3, 1.0, pulley_radius=0.1, platform_size=(0.1, 0.1, 0.1))
+    for x, z in ((0.1, 0.95), (0.05, 0.2)):
+        with pytest.raises(
+            cdpr.InvalidInput, match="anchor of cable 1 inside its pulley's wheel or under its footprint"
+        ):
+            cdpr.solve(robot, (x, 0, z))
+
+
+def test_robot_file_says_what_cables_are(tmp_path):
+    """For all cables, and for one of its own."""
+    text = """
+name = "mine"
+axial_stiffness = 1000.0
+pulley = { radius = 0.02, axis = [0, 0, 1] }
+stiffening = [2.0, 0.0]
+platform = { mass = 1.0 }
+cables = [
+    { exit = [0, 0, 1], anchor = [0.1, 0, 0] },
+    { exit = [1, 0, 1], anchor = [-0.1, 0, 0], pulley = { radius = 0.03 }, stiffening = [0.0, 0.0] },
+]
+"""
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    cabling = cdpr.load_robot(file).cabling
+    assert cabling.pulley_radius.tolist() == [0.02, 0.03]
+    assert cabling.pulley_axis.tolist() == [[0, 0, 1], [0, 0, -1]]
+    assert cabling.stiffening.tolist() == [[2, 0], [0, 0]]
+    file.write_text(text.replace("radius = 0.03", "radus = 0.03"))
+    with pytest.raises(cdpr.RobotFileError, match="did you mean 'radius'"):
+        cdpr.load_robot(file)

@@ -1,0 +1,522 @@
+"""Pulleys, laws and weight as MuJoCo has them: against closed forms and plain MjModels, without any statics."""
+
+import xml.etree.ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.optimize import brentq
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.core.equilibrium import NotSettled
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import Status
+from cdpr_sim.physics.chains import SEGMENTS
+from cdpr_sim.physics.drive import drive
+from cdpr_sim.physics.heavy import Hanging, HangingRelaxation
+from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
+from cdpr_sim.physics.release import grow_gravity, release
+from cdpr_sim.physics.settle import residual_of, settle, settle_many, settle_trajectory
+from cdpr_sim.robots.catalogue import load_robot
+
+ROUNDING = 1e-14
+"""[m] A few rounding errors of lengths of a metre."""
+
+LAW = 1e-11
+"""Relative. A tension is EA times the rounding of a length, of strains of a per mille or more."""
+
+AT_REST = 1e-8
+"""Relative. At rest 1e-9 of the load is unbalanced."""
+
+DIFFERENCED = 1e-6
+"""Relative. Forces are differenced over 3e-6 cable lengths."""
+
+MOVED = 1e-6
+"""[m] What a negative control has to move the platform by."""
+
+UP, DOWN, ALONG = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
+
+
+def simulated(robot: Robot, pose, rest_lengths) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """The robot's own model at the pose it is written for, as a user would compile it."""
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, rest_lengths))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def over_a_wheel(exit_, anchor, axis, radius: float) -> tuple[float, np.ndarray]:
+    """Length from the exit round the wheel to the anchor, and the direction in which it leaves the wheel.
+
+    Wheel and anchor in the plane of the axis: the straight piece is a tangent, the rest an arc.
+    """
+    away = np.asarray(anchor, float) - exit_
+    ahead = away @ axis
+    outwards = away - ahead * np.asarray(axis)
+    aside = np.linalg.norm(outwards)
+    straight = np.sqrt((aside - radius) ** 2 + ahead**2 - radius**2)
+    centre_to_anchor = np.arctan2(aside - radius, ahead) % (2 * np.pi)  # from the axis, about the centre
+    angle = (centre_to_anchor + np.arctan2(radius, straight)) % (2 * np.pi)
+    direction = np.cos(angle) * np.asarray(axis) + np.sin(angle) * outwards / aside
+    return radius * angle + straight, direction
+
+
+def lengths_at(robot: Robot, position) -> np.ndarray:
+    """Of a level platform's cables over their wheels (cables,) [m]."""
+    cabling = robot.cabling
+    rows = zip(cabling.exits, cabling.anchors + position, cabling.pulley_axis, cabling.pulley_radius, strict=True)
+    return np.array([over_a_wheel(*row)[0] for row in rows])
+
+
+def with_pulleys(name: str, radius: float = 0.015, axis=UP, **changes) -> Robot:
+    return load_robot(name).replace(pulley_radius=radius, pulley_axis=axis, **changes)
+
+
+# --- a law that stiffens -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stiffening", [(0.0, 0.0), (5.0, 0.0), (-1.0, 4.0), (8.0, -15.0)])
+@pytest.mark.parametrize("strain", [-0.1, 1e-3, 0.02, 0.15])
+def test_mujocos_spring_follows_the_law(stiffening, strain):
+    """EA (eps + a2 eps² + a3 eps³) on one plumb cable of every strain, and nothing where it is slack."""
+    robot = Robot([[0, 0, 2]], [[0, 0, 0]], 700.0, 1.0, stiffening=stiffening, platform_size=(0.1, 0.1, 0.1))
+    rest = 0.8 / (1 + strain)
+    _, data = simulated(robot, [0, 0, 1.2], [rest])
+    eps = (0.8 - rest) / rest
+    expected = 700 * (eps + stiffening[0] * eps**2 + stiffening[1] * eps**3) if strain > 0 else 0.0
+    assert_allclose(data.qfrc_spring[2], expected, rtol=LAW)
+
+
+def test_a_platform_hangs_where_the_law_says():
+    """On one cable: the strain at which the cubic carries the weight, tension m g, and the stiffness is its slope."""
+    robot = Robot([[0, 0, 2]], [[0, 0, 0]], 100.0, 1.0, stiffening=(2, 3), platform_size=(0.1, 0.1, 0.1), gravity=10.0)
+    rest = settle(robot, [0, 0, 1])
+    eps = next(root.real for root in np.roots([300, 200, 100, -10.0]) if abs(root.imag) < 1e-12)
+    assert_allclose(rest.lengths, 1 + eps, rtol=AT_REST)
+    assert_allclose(rest.tensions, 10.0, rtol=AT_REST)
+    assert_allclose(rest.eigenvalues[-1], 100 * (1 + 4 * eps + 9 * eps**2), rtol=DIFFERENCED)
+
+
+def test_the_law_is_written_only_where_there_is_one():
+    """A linear cable has one number; a stiffening one three, EA/l0, EA a2/l0² and EA a3/l0³, to the last bit."""
+    stiffening = np.zeros((8, 2))
+    stiffening[2] = (4.0, -2.0)
+    robot = load_robot("cogiro").replace(stiffening=stiffening)
+    rest = robot.rest_lengths([0.4, 0.25, 0.2])
+    text = to_mjcf(robot, [0.4, 0.25, 0.2])
+    counts = [len(one.get("stiffness").split()) for one in ET.fromstring(text).iter("spatial")]
+    assert counts == [1, 1, 3, 1, 1, 1, 1, 1]
+    model = mujoco.MjModel.from_xml_string(text)
+    assert_array_equal(model.tendon_stiffnesspoly[2], 1e4 * stiffening[2] / rest[2] ** np.array([2, 3]))
+    assert_array_equal(np.delete(model.tendon_stiffnesspoly, 2, axis=0), 0)
+
+
+# --- a pulley ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_tendon_over_a_wheel_is_as_long_and_pulls_as_its_plane_geometry_says(seed):
+    """Entry, arc and tangent add up; the force on the anchor points back along the tangent; the wheel is in balance."""
+    random = np.random.default_rng(seed)
+    axis = random.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    radius, exit_ = 10 ** random.uniform(-2.5, -1), random.normal(size=3)
+    across = np.cross(axis, random.normal(size=3))
+    anchor = exit_ + axis * random.normal() * 0.5 + across / np.linalg.norm(across) * random.uniform(2.1 * radius, 1)
+    robot = Robot(
+        [exit_], [[0, 0, 0]], 500.0, 1.0, pulley_radius=radius, pulley_axis=axis, gravity=0.0,
+        platform_size=(0.1, 0.1, 0.1),
+    )  # fmt: skip
+    length, direction = over_a_wheel(exit_, anchor, axis, radius)
+    _, data = simulated(robot, anchor, [length / 1.05])
+    assert_allclose(data.ten_length[0], length + 10 * radius, atol=ROUNDING, rtol=0)
+    assert_allclose(data.qfrc_spring[:3], -500 * 0.05 * direction, atol=500 * 1e-12)
+    assert abs(data.qfrc_spring[6]) < 500 * 1e-12 * radius
+
+
+def test_a_platform_on_a_wheel_swings_about_the_wheels_own_axes():
+    """In the wheel's plane a pendulum of the free length; across it one from where the cable's line meets the axis."""
+    radius, drop = 0.1, 1.0
+    robot = Robot([[0, 0, 2]], [[0, 0, 0]], 1e4, 1.0, pulley_radius=radius, pulley_axis=ALONG, platform_size=(0.1,) * 3)
+    rest = settle(robot, [radius, 0, 2 - radius - drop], [radius * np.pi / 2 + drop])
+    assert_allclose(rest.position[:2], [radius, 0], atol=1e-7)
+    straight = 2 - radius - rest.position[2]
+    assert_allclose(rest.lengths, radius * np.pi / 2 + straight, rtol=AT_REST)
+    expected = [robot.weight / (straight + radius), robot.weight / straight]
+    assert_allclose(rest.eigenvalues[3:5], expected, rtol=DIFFERENCED)
+
+
+@pytest.mark.parametrize("name", ["cogiro", "parallel", "planar-vertical", "planar-horizontal", "two-cable"])
+@pytest.mark.parametrize("changes", [{}, {"stiffening": (5.0, 20.0)}])
+@pytest.mark.parametrize("axis", [UP, DOWN])
+def test_robots_settle_over_pulleys(name, changes, axis):
+    """A plain MjModel of the settled robot finds balance there, its wheels included, and none a millimetre higher."""
+    robot = with_pulleys(name, axis=axis, **changes)
+    poses = np.random.default_rng(1).uniform(*robot.workspace, (4, 3))
+    for pose in poses:
+        rest = settle(robot, pose, lengths_at(robot, pose))
+        assert rest.residual < 1e-8 * robot.weight
+        for lift, low, high in ((0.0, 0.0, 1e-6), (1e-3, 1e-4, np.inf)):
+            model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, rest.rest_lengths))
+            data = mujoco.MjData(model)
+            place(model, data, robot, RigidTransform.from_translation([0, 0, lift]) * rest.pose)
+            mujoco.mj_forward(model, data)
+            unbalanced = np.abs(data.qfrc_passive - data.qfrc_bias).max() / robot.weight
+            assert low <= unbalanced <= high
+
+
+def test_many_settle_as_one_by_one():
+    """Rows with their own wheels, on one side of the axis and on the other, come out as they do alone."""
+    robot = with_pulleys("two-cable", axis=DOWN, stiffening=(2.0, 0.0))
+    poses = np.random.default_rng(2).uniform(*robot.workspace, (6, 3))
+    poses[::2, 0] += robot.exits[1, 0] - robot.exits[0, 0]  # beyond the second exit: its wheel is on the other side
+    rest = np.array([lengths_at(robot, pose) for pose in poses])
+    many = settle_many(robot, poses, rest)
+    for row, pose in enumerate(poses):
+        one = settle(robot, pose, rest[row])
+        assert_allclose(many[row].position, one.position, atol=1e-9)
+        assert_allclose(many[row].tensions, one.tensions, atol=1e-6)
+
+
+def test_what_is_read_of_a_slack_cable_is_its_way_over_a_wheel_that_faces_it():
+    """Nothing turns the wheel of a slack cable, and its length is still that round the wheel to the anchor."""
+    robot = with_pulleys("parallel")
+    rest = settle(robot, [0.3, 0.25, 0.15], lengths_at(robot, [0.3, 0.25, 0.15]))
+    assert rest.slack.any()
+    anchors = rest.pose.apply(robot.anchors)
+    for cable in range(robot.cables):
+        length, _ = over_a_wheel(robot.exits[cable], anchors[cable], robot.cabling.pulley_axis[cable], 0.015)
+        assert_allclose(rest.lengths[cable], length, atol=1e-13)
+
+
+def test_the_stiffness_lets_the_wheels_turn():
+    """Eigenvalues equal those of a plain MjModel's forces, differenced, with the taut cables' wheels condensed out.
+
+    Nothing holds the others. Wheels that are held would make it stiffer.
+    """
+    robot = with_pulleys("parallel", radius=0.03)
+    pose = np.array([0.45, 0.2, 0.15])
+    rest = settle(robot, pose, lengths_at(robot, pose))
+    turning = 6 + np.flatnonzero(~rest.slack)
+    assert 0 < len(turning) < 8
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, rest.rest_lengths))
+    data = mujoco.MjData(model)
+
+    def forces(step: np.ndarray) -> np.ndarray:
+        turn = Rotation.from_rotvec(step[3:6] / robot.characteristic_length) * rest.rotation
+        place(model, data, robot, rest.pose)
+        data.qpos[:3], data.qpos[3:7] = rest.position + step[:3], turn.as_quat(scalar_first=True)
+        data.qpos[7:] += step[6:]
+        mujoco.mj_forward(model, data)
+        force = data.qfrc_passive - data.qfrc_bias
+        force[3:6] = turn.as_matrix() @ force[3:6] / robot.characteristic_length
+        return force
+
+    steps = 1e-6 * np.eye(model.nv)
+    stiffness = np.array([forces(-step) - forces(step) for step in steps]) / 2e-6
+    held, coupling = stiffness[:6, :6], stiffness[:6, turning]
+    condensed = held - coupling @ np.linalg.solve(stiffness[np.ix_(turning, turning)], coupling.T)
+    assert_allclose(rest.eigenvalues, np.linalg.eigvalsh((condensed + condensed.T) / 2), rtol=1e-5)
+    assert np.abs(rest.eigenvalues / np.linalg.eigvalsh((held + held.T) / 2) - 1).max() > 0.01
+
+
+def test_a_planar_robots_wheels_do_not_swivel():
+    """Its model has the platform's three degrees of freedom and no more; a spatial one has one for each wheel."""
+    planar, spatial = with_pulleys("planar-vertical"), with_pulleys("cogiro")
+    assert simulated(planar, planar.home, None)[0].nv == 3
+    assert simulated(spatial, spatial.home, None)[0].nv == 6 + 8
+
+
+def test_a_swivels_coordinate_means_the_same_in_every_model_of_a_robot():
+    """It is an angle from a direction that belongs to the axis, wherever the model is written for."""
+    robot = with_pulleys("cogiro")
+    here, there = RigidTransform.from_translation([0.3, 0.2, 0.1]), RigidTransform.from_translation([0.5, 0.3, 0.2])
+    seen = []
+    for written in (here, there):
+        model, data = simulated(robot, written, None)
+        place(model, data, robot, there)
+        mujoco.mj_forward(model, data)
+        seen.append((data.qpos.copy(), data.geom("wheel_3").xpos.copy(), data.ten_length.copy()))
+    for first, second in zip(*seen, strict=True):
+        assert_allclose(first, second, atol=1e-13)
+
+
+def test_the_wheel_that_is_drawn_is_the_groove():
+    """The scene shows a cylinder as large as the sphere that the tendon wraps, at its place, and it weighs nothing."""
+    robot = with_pulleys("cogiro", radius=0.02)
+    text = to_mjcf(robot, robot.home)
+    model = mujoco.MjModel.from_xml_string(scene_mjcf(robot), {"robot.xml": text.encode()})
+    for i in range(1, 9):
+        wheel, groove = model.geom(f"wheel_{i}"), model.geom(f"groove_{i}")
+        assert_array_equal(groove.size[0], 0.02)
+        assert_array_equal(wheel.size[0], 0.02)
+        assert_allclose(wheel.pos, groove.pos, atol=1e-15)
+        assert (wheel.group[0], groove.group[0]) == (2, 4)
+    assert model.body_mass.sum() < robot.mass * (1 + 1e-4)
+
+
+def test_a_platform_is_driven_over_pulleys_with_cables_that_stiffen():
+    """At the end of a slow drive it is where it settles, and what is read on the way is that way."""
+    robot = with_pulleys("cogiro", axis=DOWN, stiffening=(3.0, 10.0))
+    ends = np.array([[0.35, 0.25, 0.15], [0.45, 0.25, 0.15]])
+    rest_lengths = np.array([lengths_at(robot, end) for end in ends])
+    motion = drive(robot, ends, states=5, rest_lengths=rest_lengths)
+    rest = settle(robot, ends[1], rest_lengths[1])
+    assert np.linalg.norm(motion.positions[-1] - rest.position) < 1e-5
+    assert_allclose(motion.lengths[-1], rest.lengths, atol=1e-5)
+    assert_allclose(motion.tensions[-1], rest.tensions, atol=1e-2)
+
+
+def test_a_stable_platform_over_pulleys_stays():
+    """Let go undamped it stays; and gravity that grows slowly ends at the same rest."""
+    robot = with_pulleys("planar-vertical", axial_stiffness=500.0, stiffening=(1.0, 0.0))
+    pose = [0.4, 0.0, 0.2]
+    rest = settle(robot, pose, lengths_at(robot, pose))
+    assert release(rest, seconds=0.5).stays
+    grown = grow_gravity(robot, pose, rest.rest_lengths, seconds=4.0)
+    assert_allclose(grown.position, rest.position, atol=1e-8)
+
+
+def test_a_cable_that_comes_off_its_wheel_is_no_equilibrium():
+    """The anchor comes to lie behind the wheel, under its footprint, where MuJoCo's tendon leaves the wheel out."""
+    robot = Robot(
+        [[0, 0, 2], [0.02, 0, 2]], [[0, 0, 0]] * 2, 1e4, 1.0, pulley_radius=(0.1, 0.0), pulley_axis=UP,
+        platform_size=(0.1, 0.1, 0.1),
+    )  # fmt: skip
+    with pytest.raises(NotSettled):
+        settle(robot, [0.3, 0, 1], [3.0, 1.0])
+
+
+# --- weight --------------------------------------------------------------------------------------------------------
+
+
+def heavy(name: str, linear_density: float = 5e-4, **changes) -> Robot:
+    return load_robot(name).replace(linear_density=linear_density, **changes)
+
+
+def crane() -> Robot:
+    """As large as CoGiRo: a frame of 15 m, 4 mm steel cables of 0.064 kg/m, a platform of 90 kg."""
+    small = load_robot("cogiro")
+    return Robot(18.75 * small.exits, 18.75 * small.anchors, 1e6, 90.0, linear_density=0.064, name="crane")
+
+
+def test_a_chain_weighs_what_the_cable_does():
+    """Masses between the segments, and the one at the anchor, are the cable's but for the piece at the exit."""
+    robot = heavy("cogiro", linear_density=np.linspace(1e-4, 8e-4, 8))
+    rest = robot.rest_lengths(robot.home)
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, robot.home))
+    first = (1 + np.polynomial.legendre.leggauss(SEGMENTS)[0][0]) / 2
+    for i in range(1, 9):
+        masses = [model.body(f"node_{i}_{k}").mass[0] for k in range(1, SEGMENTS)] + [model.body(f"end_{i}").mass[0]]
+        assert_allclose(sum(masses), robot.cabling.linear_density[i - 1] * rest[i - 1] * (1 - first), rtol=1e-14)
+        lengths = [model.tendon_lengthspring[model.tendon(f"cable_{i}_{k}").id, 1] for k in range(1, SEGMENTS + 1)]
+        assert_allclose(sum(lengths), rest[i - 1], rtol=1e-14)
+
+
+def test_a_plumb_heavy_cable_stretches_by_its_load_and_half_its_weight():
+    """EA (l/l0 - 1) = (M + rho l0/2) g, exact for a straight quadrature; tension M g at the platform's end."""
+    robot = Robot(
+        [[0, 0, 3]], [[0, 0, 0]], 2000.0, 1.5, linear_density=0.2, platform_size=(0.1, 0.1, 0.1), name="plumb"
+    )
+    rest = settle(robot, [0, 0, 1], [2.0])
+    assert_allclose(rest.tensions, robot.weight, rtol=AT_REST)
+    assert_allclose(rest.lengths, 2 * (1 + (1.5 + 0.2 * 2 / 2) * robot.gravity / 2000), rtol=1e-9)
+    assert_allclose(rest.eigenvalues[-1], 1000, rtol=1e-5)
+
+
+def test_a_bar_on_two_slanting_heavy_cables_hangs_as_the_catenary_says():
+    """A planar point mass between two like exits: H and sag of the elastic catenary (Irvine 1981), solved here anew."""
+    density, stiffness, mass, half, length = 0.3, 5e4, 2.0, 1.5, 1.8
+    robot = Robot(
+        [[-half, 0, 2], [half, 0, 2]], [[0, 0, 0]] * 2, stiffness, mass, linear_density=density, mobility="planar",
+        platform_size=(0.1, 0.1, 0.1), name="washing line",
+    )  # fmt: skip
+    rest = settle(robot, [0, 0, 1], [length, length])
+    weight, at_anchor = density * robot.gravity, mass * robot.gravity / 2
+
+    def across(horizontal: float) -> float:
+        s = np.arcsinh(np.array([at_anchor, at_anchor + weight * length]) / horizontal)
+        return horizontal * length / stiffness + horizontal / weight * (s[1] - s[0]) - half
+
+    horizontal = brentq(across, 1e-3, 1e3, xtol=1e-14)
+    ends = np.hypot(horizontal, [at_anchor, at_anchor + weight * length])
+    drop = (ends[1] - ends[0]) / weight + length / stiffness * (at_anchor + weight * length / 2)
+    assert_allclose(rest.position, [0, 0, 2 - drop], atol=1e-8)
+    assert_allclose(rest.tensions, ends[0], rtol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["cogiro", "parallel", "planar-vertical", "planar-horizontal", "two-cable"])
+@pytest.mark.parametrize("axial_stiffness", [1e3, 1e4])
+def test_robots_settle_on_heavy_cables(name, axial_stiffness):
+    """In balance, stable, with every cable's tension more than none; held there, MuJoCo finds the same balance."""
+    robot = heavy(name, axial_stiffness=axial_stiffness)
+    for pose in np.random.default_rng(1).uniform(*robot.workspace, (3, 3)):
+        rest = settle(robot, pose)
+        assert rest.residual < 1e-8 * robot.weight
+        assert rest.stable
+        assert (rest.tensions > 0).all()
+        assert residual_of(rest.problem, rest.pose) < 1e-7 * robot.weight
+        lifted = RigidTransform.from_translation([0, 0, 1e-3]) * rest.pose
+        assert residual_of(rest.problem, lifted) > 1e-4 * robot.weight
+
+
+@pytest.mark.parametrize("robot", [heavy("cogiro"), heavy("parallel"), crane()], ids=lambda robot: robot.name)
+def test_the_model_as_delivered_comes_to_the_settled_rest_with_heavy_cables(robot):
+    """Just stepped, with its own integrator and damping, it ends where ``settle`` does."""
+    pose = robot.home - 0.1 * np.ptp(robot.workspace, axis=0)
+    rest = settle(robot, pose)
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, nstep=3000)
+    assert not any(warning.number for warning in data.warning)
+    assert np.linalg.norm(data.body("platform").xpos - rest.position) < 1e-7
+    assert np.linalg.norm(rest.deviation) > 1e-5
+
+
+def test_stiffness_of_heavy_cables_is_how_the_held_platforms_force_changes():
+    """Eigenvalues of the planar robot, against forces of a platform that is held a little aside, its chains at rest."""
+    robot = heavy("two-cable", linear_density=5e-3, axial_stiffness=1e3)
+    rest = settle(robot, robot.home)
+    step = 2e-5
+
+    def forces(move: np.ndarray) -> np.ndarray:
+        turn = Rotation.from_rotvec([0, move[2] / robot.characteristic_length, 0]) * rest.rotation
+        at = RigidTransform.from_components(rest.position + np.array([move[0], 0, move[1]]), turn)
+        held = Hanging(robot, rest.rest_lengths, robot.axial_stiffness, np.zeros(6), at)
+        held.hold()
+        relaxation = HangingRelaxation(held)
+        relaxation.run()
+        assert relaxation.status is Status.CONVERGED
+        return held.forces()[0]
+
+    columns = [(forces(-step * one) - forces(step * one)) / (2 * step) for one in np.eye(3)]
+    stiffness = np.array(columns)
+    assert_allclose(rest.eigenvalues, np.linalg.eigvalsh((stiffness + stiffness.T) / 2), rtol=1e-4)
+
+
+def test_heavy_and_massless_cables_pulleys_laws_and_a_wrench_on_one_robot():
+    """Each cable has its own kind; the platform is in balance, and a light chain pulls nearly as a massless cable."""
+    kinds = {"pulley_radius": np.zeros(8), "stiffening": np.zeros((8, 2))}
+    kinds["pulley_radius"][[1, 4]] = 0.01
+    kinds["stiffening"][[1, 5]] = (3.0, 2.0)
+    density = np.zeros(8)
+    density[[0, 3]] = 1e-7
+    light, pose = load_robot("cogiro").replace(**kinds), [0.45, 0.27, 0.2]
+    wrench = [0.3, 0.1, 0.0, 0.0, 0.005, 0.0]
+    plain = settle(light, pose, external_wrench=wrench)
+    rest = settle(light.replace(linear_density=density), pose, external_wrench=wrench)
+    assert rest.residual < 1e-8 * light.weight
+    assert_allclose(rest.position, plain.position, atol=1e-8)
+    assert_allclose(rest.tensions, plain.tensions, rtol=1e-4)
+    assert_allclose(rest.lengths, plain.lengths, atol=1e-7)
+    assert_allclose(rest.eigenvalues, plain.eigenvalues, rtol=1e-3)
+
+
+def test_many_heavy_robots_settle_as_one_by_one_and_a_motion_ends_where_it_settles():
+    """Rows bring their own stiffnesses; the last state of a motion is the rest, looked at as it is."""
+    robot, poses = heavy("parallel"), [[0.3, 0.2, 0.2], [0.5, 0.3, 0.15]]
+    many = settle_many(robot, poses, axial_stiffness=[[1e3], [1e4]])
+    for row, stiffness in enumerate((1e3, 1e4)):
+        alone = settle(robot.replace(axial_stiffness=stiffness), poses[row])
+        assert_allclose(many[row].position, alone.position, atol=1e-9)
+    rest, motion = settle_trajectory(robot, poses[0])
+    assert_allclose(motion.positions[-1], rest.position, atol=1e-9)
+    assert_allclose(motion.tensions[-1], rest.tensions, atol=1e-5)
+    assert (np.diff(motion.times) > 0).all()
+
+
+def test_without_gravity_cables_weigh_nothing():
+    """The rest is that of massless cables, to the last bit."""
+    robot = load_robot("cogiro").replace(gravity=0.0)
+    wrench = [0, 0, -3.0, 0, 0, 0]
+    plain = settle(robot, robot.home, external_wrench=wrench)
+    rest = settle(robot.replace(linear_density=1.0), robot.home, external_wrench=wrench)
+    assert_array_equal(rest.position, plain.position)
+    assert_array_equal(rest.tensions, plain.tensions)
+
+
+def test_what_takes_no_account_of_weight_says_so():
+    """Driving, releasing and growing gravity refuse heavy cables in one sentence."""
+    robot = heavy("planar-vertical")
+    rest = settle(robot, robot.home)
+    for refused in (
+        lambda: drive(robot, [robot.home]),
+        lambda: release(rest),
+        lambda: grow_gravity(robot, robot.home),
+    ):
+        with pytest.raises(InvalidInput, match=r"^linear_density: found 0\.0005 kg/m, expected massless cables"):
+            refused()
+
+
+def test_a_cable_that_is_too_light_for_mujoco_is_refused():
+    """In one sentence that names it."""
+    with pytest.raises(InvalidInput, match=r"linear_density: found 1e-15 kg/m in cable 1"):
+        settle(heavy("two-cable", linear_density=1e-15), load_robot("two-cable").home)
+
+
+# --- negative controls ---------------------------------------------------------------------------------------------
+
+
+def test_one_percent_more_of_a_radius_or_a_coefficient_shows():
+    """In MuJoCo's model alone: the platform comes to rest elsewhere, and forces no longer balance at the true rest."""
+    robot = with_pulleys("parallel", axial_stiffness=50.0, stiffening=(5.0, 20.0))
+    pose = [0.35, 0.25, 0.15]
+    lengths = lengths_at(robot, pose)
+    rest = settle(robot, pose, lengths)
+    text = to_mjcf(robot, pose, lengths)
+
+    def wrong(change) -> mujoco.MjModel:
+        model = mujoco.MjModel.from_xml_string(text)
+        change(model)
+        return model
+
+    def larger(model: mujoco.MjModel) -> None:
+        for i in range(1, 9):
+            for name in (f"groove_{i}", f"side_{i}"):
+                (model.geom if name.startswith("groove") else model.site)(name).pos *= 1.01
+            model.geom(f"groove_{i}").size *= 1.01
+
+    def stiffer(model: mujoco.MjModel) -> None:
+        model.tendon_stiffnesspoly[:, 0] *= 1.01
+
+    assert residual_of(rest.problem, rest.pose, model=wrong(lambda model: None)) < 1e-8 * robot.weight
+    for change in (larger, stiffer):
+        model = wrong(change)
+        assert np.linalg.norm(settle(robot, pose, lengths, model=model).position - rest.position) > MOVED
+        assert residual_of(rest.problem, rest.pose, model=model) > 1e-5 * robot.weight
+
+
+def test_a_wheel_that_does_not_face_its_anchor_is_out_of_balance():
+    """MuJoCo itself turns it back: by the tension times the sideways offset, which the residual would see."""
+    robot = with_pulleys("cogiro")
+    pose = [0.4, 0.25, 0.15]
+    rest = settle(robot, pose, lengths_at(robot, pose))
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, rest.rest_lengths))
+    data = mujoco.MjData(model)
+    place(model, data, robot, rest.pose)
+    for turn in (0.01, -0.01):
+        data.qpos[7] += turn
+        mujoco.mj_forward(model, data)
+        assert data.qfrc_spring[6] * turn < 0
+        assert abs(data.qfrc_spring[6]) > 1e-3 * 0.015 * rest.tensions[0]
+        data.qpos[7] -= turn
+
+
+def test_one_percent_more_of_a_weight_shows():
+    """In MuJoCo's model of the crane alone: it comes to rest elsewhere, and out of balance where it rested."""
+    robot = crane()
+    pose = robot.home + np.array([1.0, 0.5, -1.0])
+    rest = settle(robot, pose)
+    text = to_mjcf(robot, pose)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert residual_of(rest.problem, rest.pose, model=model) < 1e-7 * robot.weight
+    for i in range(1, 9):
+        for name in [f"end_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS))]:
+            model.body(name).mass *= 1.01
+    moved = settle(robot, pose, model=model)
+    assert np.linalg.norm(moved.position - rest.position) > MOVED
+    assert residual_of(rest.problem, rest.pose, model=model) > 1e-5 * robot.weight
