@@ -15,10 +15,11 @@ import hashlib
 import logging
 import os
 import shutil
+import stat
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -133,7 +134,8 @@ def _temporary_folder(places: list[Path], mine: str) -> Path:
     """A folder of this user's alone, since code is loaded from it; said when it is new, and all is compiled anew."""
     try:
         place = Path(tempfile.gettempdir()) / f"cdpr_sim-{mine}-{_user()}"
-        place.mkdir(mode=0o700, exist_ok=True)
+        with suppress(FileExistsError):
+            place.mkdir(mode=0o700)
         if not _is_ours_alone(place):
             place = Path(tempfile.mkdtemp(prefix="cdpr_sim-"))
         folder = place / digest()
@@ -153,7 +155,8 @@ def _temporary_folder(places: list[Path], mine: str) -> Path:
 
 def _is_ours_alone(place: Path) -> bool:
     found = place.lstat()
-    return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o022)
+    mine = not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o022)
+    return mine and stat.S_ISDIR(found.st_mode)
 
 
 def _user() -> str:
