@@ -46,7 +46,7 @@ MATERIALS = {
     for material in (
         Material("vectran-0.7mm", 10e3, _ASSUMED),
         Material("fishing-0.4mm", 1e3, _ASSUMED),
-        Material("nylon-0.4mm", line_stiffness(NYLON_MODULUS, 0.4e-3), _NYLON),
+        Material("nylon-0.4mm", round(line_stiffness(NYLON_MODULUS, 0.4e-3)), _NYLON),
     )
 }
 

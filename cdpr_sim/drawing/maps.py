@@ -305,7 +305,7 @@ def _head(figure: Figure, layout: _Layout, columns: Sequence[tuple[str, str]]) -
             _write(figure, (x + end) / 2, y + height + above / layout.size[1], robot, 4, weight="bold")
 
 
-def _write(figure: Figure, x: float, y: float, text: str, larger: int, **how: Any) -> None:
+def _write(figure: Figure, x: float, y: float, text: str, larger: float, **how: Any) -> None:
     how = {"ha": "center", "va": "bottom", "color": style.MAP_INK} | how
     figure.text(x, y, text, fontsize=style.MAP_FONT + larger, parse_math=False, **how)
 
