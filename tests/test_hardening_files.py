@@ -6,14 +6,10 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pytest
-
 import cdpr_sim as cdpr
 
 ROOT = Path(cdpr.__file__).parents[1]
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-
-pytestmark = pytest.mark.skipif(not (ROOT / "pyproject.toml").exists(), reason="these files lie beside the sources")
 
 
 def test_the_licence_is_mit_and_the_package_says_so():

@@ -28,9 +28,9 @@ class _Short(reprlib.Repr):
     def repr_ndarray(self, array: np.ndarray, level: int) -> str:
         return repr(array.tolist()) if array.size <= self.maxlist else f"an array of shape {array.shape}"
 
-    def repr_int(self, number: int, level: int) -> str:
-        digits = int(number.bit_length() * 0.30103) + 1
-        return repr(number) if digits <= self.maxlong else f"a number of {digits} digits"
+    def repr_int(self, x: int, level: int) -> str:
+        digits = int(x.bit_length() * 0.30103) + 1
+        return repr(x) if digits <= self.maxlong else f"a number of {digits} digits"
 
 
 def shown(value: Any) -> str:

@@ -21,7 +21,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numba
 from filelock import FileLock
@@ -71,7 +71,7 @@ def built_once(build: Callable[[], Built]) -> Callable[[], Built]:
     return get
 
 
-def jit(**options: bool) -> Callable:
+def jit(**options: Any) -> Callable:
     """``numba.njit`` whose machine code is kept where that of the kernels is."""
 
     def decorate(function: Callable) -> Callable:
@@ -93,12 +93,12 @@ def digest() -> str:
 @contextmanager
 def _cache() -> Iterator[None]:
     """Where Numba looks for compiled code, and leaves it, within the block; elsewhere it is as the user has it."""
-    before = vars(config)["CACHE_DIR"]
-    vars(config)["CACHE_DIR"] = str(_folder())
+    before = config.__dict__["CACHE_DIR"]
+    config.__dict__["CACHE_DIR"] = str(_folder())
     try:
         yield
     finally:
-        vars(config)["CACHE_DIR"] = before
+        config.__dict__["CACHE_DIR"] = before
 
 
 @functools.cache

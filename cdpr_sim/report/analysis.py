@@ -40,8 +40,9 @@ def compensation_table(
     turns = [np.degrees((found.rotation * commanded.rotation.inv()).magnitude()) for found in results.values()]
     for axis, name in enumerate("xyz"):
         table.add_row(escape(f"error {name} [mm]"), *(f"{shift[axis]:.6f}" for shift in shifts))
-    table.add_row(escape("error of position [mm]"), *(_small(np.linalg.norm(shift)) for shift in shifts), style="bold")
-    table.add_row(escape("error of rotation [°]"), *(_small(turn) for turn in turns), style="bold")
+    distances = [float(np.linalg.norm(shift)) for shift in shifts]
+    table.add_row(escape("error of position [mm]"), *map(_small, distances), style="bold")
+    table.add_row(escape("error of rotation [°]"), *map(_small, turns), style="bold")
     table.add_row(escape("tilt [°]"), *(f"{np.degrees(found.tilt):.6f}" for found in results.values()))
     table.add_section()
     for cable in range(robot.cables):

@@ -42,7 +42,7 @@ class SoundStore(LocalStore):
         return content
 
 
-def _decoded(array: Path, content: bytes) -> bytes:
+def _decoded(array: Path, content: bytes) -> Any:
     """What the array's compressor, which knows checksums, makes of it."""
     description = json.loads((array / ".zarray").read_text(encoding="utf-8"))
     return get_codec(description["compressor"]).decode(content) if description["compressor"] else content

@@ -165,9 +165,8 @@ def sweep(
 
     held = dict(rotation=rotation, tension_limits=tension_limits)
     if compute or store is not None:
-        poses = (
-            len(group) * (1 if materials is None else len(materials)) * float(np.prod([len(a) for a in axes.values()]))
-        )
+        variants = len(group) * (1 if materials is None else len(materials))
+        poses = variants * math.prod(len(values) for values in axes.values())
         _refuse_what_cannot_fit(poses, most.cables, names, store)
     parts = []
     for robot in group:
