@@ -97,14 +97,20 @@ class Rests:
     def _pose(self, row: int | tuple[int, ...]) -> RigidTransform:
         if "poses" in self.__dict__ and isinstance(row, (int, np.integer)):
             return self.poses[row]
+        if not (np.isfinite(self.positions[row]).all() and np.isfinite(self.rotations[row]).all()):
+            return RigidTransform.from_translation(np.full(3, np.nan))
         return RigidTransform.from_components(self.positions[row], Rotation.from_matrix(self.rotations[row]))
 
     @cached_property
     def poses(self) -> RigidTransform:
         """(...) the poses; where a row has none, its position is nan."""
-        known = np.asarray(np.isfinite(self.rotations).all((-1, -2)))[..., None]
-        matrices = np.where(known[..., None], self.rotations, np.eye(3))
-        return RigidTransform.from_components(np.where(known, self.positions, np.nan), Rotation.from_matrix(matrices))
+        known = np.isfinite(self.rotations).all((-1, -2)) & np.isfinite(self.positions).all(-1)
+        if known.all():
+            return RigidTransform.from_components(self.positions, Rotation.from_matrix(self.rotations))
+        poses = RigidTransform.from_translation(np.full(self.positions.shape, np.nan))
+        rotations = Rotation.from_matrix(self.rotations[known])
+        poses[known] = RigidTransform.from_components(self.positions[known], rotations)
+        return poses
 
     @property
     def commanded(self) -> RigidTransform:

@@ -22,6 +22,9 @@ from cdpr_sim.statics import cable_law
 
 Array = np.ndarray
 
+NO_LENGTH = np.finfo(float).tiny
+"""[m] A slack cable whose anchor touches its exit pulls nowhere, rather than in a direction of 0/0."""
+
 _LEVI_CIVITA = np.zeros((3, 3, 3))
 _LEVI_CIVITA[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
 _LEVI_CIVITA[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
@@ -152,6 +155,7 @@ def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[
     arms = np.einsum("...ij,cj->...ci", rotation, robot.anchors)
     x, y, z = np.moveaxis(robot.exits - np.asarray(position)[..., None, :] - arms, -1, 0)
     length, x, y, z, free = path(x, y, z)
+    free = np.maximum(free, NO_LENGTH)
     return Geometry(robot, arms, np.stack([x, y, z], axis=-1) / free[..., None], length, free)
 
 
