@@ -67,7 +67,7 @@ class Simulations:
         self.batch = Batch(model, rows, threads)
         self.band, self.springs = self.batch.expand("tendon_lengthspring"), self.batch.expand("tendon_stiffness")
         self.timestep = self.batch.expand("opt.timestep").reshape(rows)
-        self.damping = self.batch.expand("dof_damping")
+        self.damping, self.armature = self.batch.expand("dof_damping"), self.batch.expand("dof_armature")
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self._smooth, self._damper = self.batch.bind("qfrc_smooth"), self.batch.bind("qfrc_damper")
         self._spring, self._jacobian = self.batch.bind("qfrc_spring"), self.batch.bind("ten_J")
@@ -90,6 +90,7 @@ class Simulations:
         if not own_springs:
             self.band[:, :, 1] = problems.rest_lengths
             self.springs[:] = cables.springs(problems.axial_stiffness, problems.rest_lengths) / self.unit
+        self.armature[:] = self.model.dof_armature
 
     def place(self, poses: RigidTransform) -> None:
         """Put each row's platform at its pose."""
@@ -111,6 +112,11 @@ class Simulations:
             forces[:, 3:] = np.einsum("nij,nj->ni", self.rotations, forces[:, 3:])
         forces[:, self.angular] /= self.length
         return forces
+
+    @property
+    def pull(self) -> Float[np.ndarray, " rows"]:
+        """The tensions of all cables together [N], as of MuJoCo's last call: to judge the motion by, and no answer."""
+        return cables.pull(self._lengths, self.band, self.springs).sum(1) * self.unit
 
     @property
     def slack(self) -> Bool[np.ndarray, "rows cables"]:

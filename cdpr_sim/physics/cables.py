@@ -57,6 +57,15 @@ def springs(
     return axial_stiffness / rest_lengths
 
 
+def pull(
+    lengths: Float[np.ndarray, "rows cables"],
+    bands: Float[np.ndarray, "rows cables 2"],
+    stiffnesses: Float[np.ndarray, "rows cables"],
+) -> Float[np.ndarray, "rows cables"]:
+    """What each tendon pulls with, from MuJoCo's lengths, dead bands and stiffnesses, in its unit of force."""
+    return stiffnesses * np.maximum(lengths - bands[:, :, 1], 0)
+
+
 def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, " cables"]) -> None:
     """Set a model's cables to ``rest_lengths`` [m], as winches do."""
     model.tendon_lengthspring[:, 1] = rest_lengths
