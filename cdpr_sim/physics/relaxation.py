@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from mujoco.batch import SimulationError
 
+from cdpr_sim.core.problem import IDLE_STRAIN
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.physics.batch import Simulations
@@ -73,14 +74,14 @@ class Relaxation:
         )
         simulations.qvel[:] = 0
         simulations.batch.forward()
-        # Without gravity or wrench the load is what the cables do to one another, or else a strain of one per mille.
-        idle = self.load == 0
-        self.load[idle] = np.maximum(np.abs(simulations.forces[idle]).max(1), 1e-3 * robot.axial_stiffness.mean())
+        # Without gravity or wrench the load is what the cables could do to one another.
+        stiffness = simulations.springs * simulations.band[:, :, 1] * simulations.unit
+        self.load = np.where(self.load > 0, self.load, IDLE_STRAIN * stiffness.mean(1))
         self.length = simulations.band[:, :, 1].mean(1)
         pull = simulations.pull
         self.strained = pull > STRAINED * self.load
         self.swing = np.sqrt(np.where(self.strained, pull, self.load) / robot.mass / self.length)
-        rounding = ROUNDING * float(robot.axial_stiffness.max())
+        rounding = ROUNDING * stiffness.max(1)
         self.target = np.minimum(np.maximum(RESIDUAL * self.load, rounding), ACCEPTABLE * self.load)
         self.own_inertia = _inertias(robot)
         self.inertia = np.tile(self.own_inertia, (len(self.load), 1))

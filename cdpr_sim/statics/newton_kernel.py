@@ -55,7 +55,7 @@ FORCE_TOLERANCE = 2e-9
 
 ROUNDING = 8 * np.finfo(float).eps
 """Relative error of a computed length, a few units in the last place: below it no pose has a smaller residual. Where
-that is more than ``ACCEPTABLE`` of the load, no pose counts as balanced."""
+two units are more than ``ACCEPTABLE`` of the load, no pose counts as balanced."""
 
 ENERGY_ROUNDING = 4 * np.finfo(float).eps
 """Relative error of a computed energy: cables drawn tight store more of it than the load ever changes."""
@@ -229,7 +229,7 @@ def _scales(case, start):
             size = max(size, abs(A[i, a]))
     return _Scales(
         max(load, 1e-9 * stiffest * case.scale) / ck.mean(case.cables.l0),
-        min(FORCE_TOLERANCE * load + ROUNDING * stiffest * size, ACCEPTABLE * load),
+        min(FORCE_TOLERANCE * load + ROUNDING * stiffest * size, ACCEPTABLE * load - 0.25 * ROUNDING * stiffest * size),
         1e-13 * load * case.scale,
     )
 
