@@ -184,6 +184,8 @@ class Problems:
         Raises:
             InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
         """
+        if not isinstance(robot, (Robot, Problems)):
+            raise InvalidInput(f"robot: found {robot!r}, expected a Robot or Problems")
         if isinstance(robot, Problems):
             for name, value in {k: v for k, v in locals().items() if k not in ("cls", "robot")}.items():
                 if value is not None:
@@ -210,6 +212,7 @@ class Problems:
             raise InvalidInput(f"mass: found {masses.min():g} kg, expected more than 0")
         falls = np.array(False)
         if rest_lengths is None:
+            _fitting({"poses": at.shape[:-1], "external_wrench": wrench.shape[:-1], "mass": masses.shape})
             rest = cable_path.lengths(robot.cabling, at, turned)
             falls = _falls(robot, masses * robot.gravity, wrench, at, turned)
         else:
@@ -218,12 +221,7 @@ class Problems:
             "poses": at.shape[:-1], "rotations": turned.shape[:-2], "rest_lengths": rest.shape[:-1],
             "external_wrench": wrench.shape[:-1], "axial_stiffness": stiffness.shape[:-1], "mass": masses.shape,
         }  # fmt: skip
-        try:
-            shape = np.broadcast_shapes(*parts.values())
-        except ValueError:
-            told = ", ".join(f"{name} {found}" for name, found in parts.items() if found)
-            raise InvalidInput(f"shapes before the last dimensions do not fit one another: {told}") from None
-        return cls(robot, at, turned, rest, wrench, stiffness, masses, shape, falls)
+        return cls(robot, at, turned, rest, wrench, stiffness, masses, _fitting(parts), falls)
 
     @classmethod
     def stack(cls, problems: Sequence[Problem]) -> Problems:
@@ -342,6 +340,7 @@ def positions_and_rotations(
         raise InvalidInput(f"poses: found an array of shape {vectors.shape}, expected (..., 3) or (..., 6)")
     if 0 in at.shape:
         raise InvalidInput("poses: found none, expected at least one")
+    _fitting({"poses": at.shape[:-1], "rotations": turned.shape[:-2]})
     if robot.mobility == "planar":
         beside = np.abs(at[..., 1])
         tipped = np.abs(turned[..., 1, [0, 2]]).max(-1)
@@ -351,6 +350,15 @@ def positions_and_rotations(
                 f"poses: found {found}, but {robot.name!r} is planar: expected y = 0 and a rotation about y only"
             )
     return at, turned
+
+
+def _fitting(parts: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
+    """The shape that these broadcast to."""
+    try:
+        return np.broadcast_shapes(*parts.values())
+    except ValueError:
+        told = ", ".join(f"{name} {found}" for name, found in parts.items() if found)
+        raise InvalidInput(f"shapes before the last dimensions do not fit one another: {told}") from None
 
 
 def _checked_rotations(rotations: ArrayLike) -> Float[np.ndarray, "*batch 3 3"]:

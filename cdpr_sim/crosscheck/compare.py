@@ -97,6 +97,9 @@ def compare(
     Raises:
         InvalidInput: the two answer different problems.
     """
+    for name, found in (("static", static), ("settled", settled)):
+        if not isinstance(found, Equilibrium):
+            raise InvalidInput(f"{name}: found {found!r}, expected an Equilibrium")
     problem = static.problem
     if not problem.same_as(settled.problem):
         raise InvalidInput("compare: found equilibria of two problems, expected the same robot, rest lengths and load")

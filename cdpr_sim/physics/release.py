@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core.checks import positive
 from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance, moved
@@ -75,7 +76,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     robot, pose = problem.robot, equilibrium.pose
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity alone")
-    arm = robot.characteristic_length
+    seconds, arm = positive("seconds", seconds, "s"), robot.characteristic_length
     with simulations_of(Problems.stack([problem])) as simulations:
         softest = simulations.read(coordinates(robot, pose)[None]).softest[0]
     step = np.zeros(6)
@@ -118,11 +119,13 @@ def grow_gravity(
     problem = Problem.of(robot, pose, rest_lengths)
     if problem.external_wrench.any():
         raise InvalidInput("external_wrench: found one, expected gravity alone, which grows")
+    seconds = positive("seconds", seconds, "s")
     robot = problem.robot
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, problem.pose, problem.rest_lengths))
     data = mujoco.MjData(model)
     data.qpos[:] = coordinates(robot, problem.pose)
-    steps = int(seconds / model.opt.timestep)
+    mujoco.mj_kinematics(model, data)
+    steps = max(int(seconds / model.opt.timestep), 1)
     for step in range(steps):
         model.opt.gravity[2] = -robot.gravity * (step + 1) / steps
         mujoco.mj_step(model, data)
