@@ -42,6 +42,8 @@ from .crosscheck.check import check as check
 from .crosscheck.compare import Agreement as Agreement
 from .crosscheck.compare import Verdict as Verdict
 from .crosscheck.compare import compare as compare
+from .crosscheck.hold import Hold as Hold
+from .crosscheck.hold import confirm as confirm
 from .drawing.video.film import show as show
 from .drawing.video.film import write_video as write_video
 from .physics.drive import drive as drive

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.tensions import Demand, balances, leftover, smallest, stiffest
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
@@ -32,8 +32,11 @@ from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import derivatives, forces, newton
+from cdpr_sim.statics.balance_kernel import shortfall_gufunc
 
 Prefer = Literal["smallest", "stiffest"]
+
+_Start = tuple[RigidTransform, Float[np.ndarray, " cables"]]
 
 TAUT = 0.01
 """Default lower limit of tension, as a fraction of the load: keeps every cable taut, so that each one holds."""
@@ -46,6 +49,14 @@ LEAST_ARM = 1e-3
 """Of the characteristic length. Where position alone counts, this much weight on the rotation still chooses the least
 of those that go with it, and moves the position by its square times centimetres: 1e-8 m measured."""
 
+MOST_STRAIN, MOST_LOADS = 0.05, 3.0
+"""Default upper limit of tension: what strains a cable by 5 %, where ropes break; or so many loads, if that is more,
+since the softest cables cannot hold their load with less."""
+
+ROUNDS, SAMPLES, STARTS, APART = 6, 1000, 3, 0.3
+"""Searches for a nearer pose than the nearest found; poses that are looked at in each, and how many it starts from; how
+far apart those are, as a fraction of the distance of the nearest."""
+
 _EQUAL = 1e-6
 """[m] Distance between SLSQP's nearest pose and the equilibrium of its rest lengths: it measures below
 1e-12, where SLSQP has converged."""
@@ -55,12 +66,12 @@ class Reach(enum.Enum):
     """What compensation came to; the value says it in words."""
 
     EXACT = "the commanded pose is held exactly"
-    NEAREST = "no lengths hold the commanded pose; this is the nearest that some hold"
+    NEAREST = "no lengths hold the commanded pose; this is the nearest found"
 
 
 @dataclass(frozen=True, eq=False)
 class Compensation:
-    """Rest lengths that put the platform where it was told to be, or as near as any can.
+    """Rest lengths that put the platform where it was told to be, or as near as any that were found can.
 
     Attributes:
         commanded: the pose asked for.
@@ -70,6 +81,8 @@ class Compensation:
         arm: what turns rotations into lengths in that distance [m].
         reasons: why no lengths hold the commanded pose, a sentence each; empty where exact.
         tension_limits: (2, cables) [N].
+        reached: where the platform comes to rest on these lengths from the commanded pose, by statics; None where
+            nowhere. MuJoCo's word on both is ``crosscheck.hold``'s.
     """
 
     commanded: RigidTransform
@@ -79,6 +92,13 @@ class Compensation:
     arm: float
     reasons: tuple[str, ...]
     tension_limits: Float[np.ndarray, "2 cables"]
+    reached: Equilibrium | None
+
+    @property
+    def comes(self) -> bool:
+        """Whether the platform comes to the compensated pose from the commanded one, by statics."""
+        reach = self.equilibrium.problem.robot.characteristic_length
+        return self.reached is not None and distance(self.pose, self.reached.pose, reach) <= _EQUAL
 
     @property
     def exact(self) -> bool:
@@ -120,7 +140,7 @@ def compensate(
         pose: where the platform should be.
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
         tension_limits: smallest and largest tension [N], each one number or one per cable; default: from 1 % of the
-            load, which keeps every cable taut, upwards.
+            load, which keeps every cable taut, to a strain of 5 %.
         prefer: of all tensions that do, the "smallest" (by norm) or those that make the platform "stiffest".
         arm: how much rotation counts where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
             0 [m] asks for the position, and of the rotations that go with it for a small one; default: the robot's
@@ -137,7 +157,8 @@ def compensate(
     robot, commanded = asked.robot, asked.pose
     robot.cabling.refuse_weight("compensate")
     rigid = Problem.of(robot, commanded, external_wrench=asked.external_wrench)  # refuses a pose above all exits
-    lower, upper = checked_limits(robot, (TAUT * rigid.load, np.inf) if tension_limits is None else tension_limits)
+    most = np.maximum(MOST_STRAIN * robot.axial_stiffness, MOST_LOADS * rigid.load)
+    lower, upper = checked_limits(robot, (TAUT * rigid.load, most) if tension_limits is None else tension_limits)
     limits = frozen(np.array([lower, upper]))
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
     if arm < 0:
@@ -149,10 +170,15 @@ def compensate(
         cut = _cut(rigid, commanded, tensions)
         found = forces.equilibrium_at(cut, commanded, iterations=0, source="compensation")
         if found.stable:
-            return Compensation(commanded, found, Reach.EXACT, 0.0, arm, (), limits)
+            return Compensation(commanded, found, Reach.EXACT, 0.0, arm, (), limits, found)
     reasons = _reasons(demand, rigid)
     found = _nearest(rigid, limits, floor, arm)
-    return Compensation(commanded, found, Reach.NEAREST, distance(commanded, found.pose, arm), arm, reasons, limits)
+    try:
+        reached = newton.solve(Problem.of(robot, commanded, found.rest_lengths, rigid.external_wrench))
+    except NotConverged:
+        reached = None
+    away = distance(commanded, found.pose, arm)
+    return Compensation(commanded, found, Reach.NEAREST, away, arm, reasons, limits, reached)
 
 
 def demand_at(
@@ -228,31 +254,40 @@ def _twist_in_words(twist: Float[np.ndarray, "6"], robot: Robot) -> str:
 
 
 def _nearest(problem: Problem, limits: Float[np.ndarray, "2 cables"], floor: float, arm: float) -> Equilibrium:
-    """The stable equilibrium nearest to the problem's pose that cables cut for tensions within limits have.
+    """The nearest found to the problem's pose of the stable equilibria of cables cut for tensions within limits.
 
     SLSQP over (step, tensions) with exact gradients, from the commanded pose and from where uncompensated cables of
-    several softnesses would let the platform hang; the nearest of what they find. Where that is not held, the
-    smallest eigenvalue joins as a constraint, differenced.
+    several softnesses would let the platform hang; then, again and again, from poses nearer than the nearest found at
+    which tensions within limits do most for the load. Where what SLSQP finds is not held, the smallest eigenvalue joins
+    as a constraint, differenced.
     """
     best: Equilibrium | None = None
 
     def away(found: Equilibrium | None) -> float:
         return np.inf if found is None else distance(problem.pose, found.pose, arm)
 
-    not_held = []
-    for start in _starts(problem, limits):
-        found = _descend(problem, start, limits, None, arm)
-        if found is None:
-            not_held.append((start, np.finfo(float).max))  # tried again only if nothing else is found
-        elif not (found.stable and found.eigenvalues[0] >= 0.5 * floor):
-            not_held.append((start, away(found)))
-        elif away(found) < away(best):
-            best = found
-    for start, nearest in not_held:
-        if nearest < away(best):  # else holding it would only take it further
-            found = _descend(problem, start, limits, floor, arm)
-            if found is not None and found.stable and away(found) < away(best):
+    def search(starts: list[_Start]) -> None:
+        nonlocal best
+        not_held = []
+        for start in starts:
+            found = _descend(problem, start, limits, None, arm)
+            if found is None:
+                not_held.append((start, np.finfo(float).max))  # tried again only if nothing else is found
+            elif not (found.stable and found.eigenvalues[0] >= 0.5 * floor):
+                not_held.append((start, away(found)))
+            elif away(found) < away(best):
                 best = found
+        for start, nearest in not_held:
+            if nearest < away(best):  # else holding it would only take it further
+                found = _descend(problem, start, limits, floor, arm)
+                if found is not None and found.stable and away(found) < away(best):
+                    best = found
+
+    search(_starts(problem, limits))
+    random = np.random.default_rng(0)
+    for _ in range(ROUNDS):
+        radius = float(problem.rest_lengths.mean()) if best is None else away(best)
+        search(_spread(problem, limits, radius, arm, random))
     if best is None:
         raise NotConverged(
             f"compensate: found no pose near the commanded one that tensions from {limits[0].min():.3g} to "
@@ -261,9 +296,7 @@ def _nearest(problem: Problem, limits: Float[np.ndarray, "2 cables"], floor: flo
     return best
 
 
-def _starts(
-    problem: Problem, limits: Float[np.ndarray, "2 cables"]
-) -> list[tuple[RigidTransform, Float[np.ndarray, " cables"]]]:
+def _starts(problem: Problem, limits: Float[np.ndarray, "2 cables"]) -> list[_Start]:
     """Poses and tensions to search from: the commanded pose, and where softer and softer cables let it hang."""
     robot, starts = problem.robot, []
     softness = np.array([1.0, 0.1, 0.01])
@@ -281,9 +314,44 @@ def _starts(
     return starts
 
 
+def _spread(
+    problem: Problem, limits: Float[np.ndarray, "2 cables"], radius: float, arm: float, random: np.random.Generator
+) -> list[_Start]:
+    """Poses and tensions to search from, anywhere within ``radius`` [m] of the commanded pose.
+
+    Of many poses those where tensions within limits leave least of the load, and not all of them in one place.
+    """
+    robot, free = problem.robot, problem.robot.free
+    arm = max(arm, LEAST_ARM * robot.characteristic_length)
+    steps = np.zeros((SAMPLES, 6))
+    steps[:, free] = random.normal(size=(SAMPLES, len(free)))
+    steps *= radius * (random.random(SAMPLES) ** (1 / len(free)) / np.linalg.norm(steps, axis=1))[:, None]
+    turns = steps[:, 3:] / arm
+    turns *= np.minimum(1, np.pi / np.maximum(np.linalg.norm(turns, axis=1), np.finfo(float).tiny))[:, None]
+    positions = problem.pose.translation + steps[:, :3]
+    rotations = Rotation.from_rotvec(turns) * problem.pose.rotation
+    with np.errstate(all="ignore"):
+        left = shortfall_gufunc(bent=robot.cabling.bent)(
+            robot.cabling.packed, *limits, robot.weight, robot.center_of_mass, problem.external_wrench[None],
+            np.array(free), robot.characteristic_length, positions, rotations.as_matrix(),
+        )  # fmt: skip
+    starts: list[_Start] = []
+    near = np.hstack([positions, arm * turns])
+    left = np.where(np.isfinite(left), left, np.inf)
+    while len(starts) < STARTS and np.isfinite(left).any():
+        row = int(np.argmin(left))
+        pose = RigidTransform.from_components(positions[row], rotations[row])
+        W = forces.geometry(robot, positions[row], rotations[row].as_matrix()).wrench_matrix
+        load = forces.load_wrench(problem, rotations[row].as_matrix()) / robot.units
+        tensions = -np.linalg.lstsq((W / robot.units[:, None])[free], load[free], rcond=None)[0]
+        starts.append((pose, np.clip(tensions, *limits)))
+        left[np.linalg.norm(near - near[row], axis=1) <= APART * radius] = np.inf
+    return starts
+
+
 def _descend(
     problem: Problem,
-    start: tuple[RigidTransform, Float[np.ndarray, " cables"]],
+    start: _Start,
     limits: Float[np.ndarray, "2 cables"],
     floor: float | None,
     arm: float,
@@ -297,33 +365,40 @@ def _descend(
     turn = (pose.rotation * problem.pose.rotation.inv()).as_rotvec()
     begin = np.concatenate([pose.translation - problem.pose.translation, turn])
 
-    def step(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "6"]:
-        whole = np.zeros(6)
-        whole[free] = unknowns[:count] * reach / units[free]
-        return whole
+    origin, level = problem.pose.translation, problem.pose.rotation.as_matrix()
 
-    def cut(unknowns: Float[np.ndarray, " unknowns"]) -> Problem:
-        return _cut(problem, moved(problem.pose, step(unknowns)), np.maximum(unknowns[count:], 0) * scale)
+    def stepped(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "6"]:
+        step = np.zeros(6)
+        step[free] = unknowns[:count] * reach / units[free]
+        return step
 
-    def posed(unknowns: Float[np.ndarray, " unknowns"]) -> forces.State:
-        asked = cut(unknowns)
-        return forces.at(asked, asked.pose.translation, asked.pose.rotation.as_matrix())
+    def posed(unknowns: Float[np.ndarray, " unknowns"]) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+        step = stepped(unknowns)
+        turn = Rotation.from_rotvec(step[3:]).as_matrix()
+        return origin + step[:3], turn @ level
+
+    def cut(unknowns: Float[np.ndarray, " unknowns"]) -> forces.State:
+        position, rotation = posed(unknowns)
+        lengths = forces.geometry(robot, position, rotation).lengths
+        rest = forces.rest_lengths_for(robot, lengths, np.maximum(unknowns[count:], 0) * scale)
+        return forces.at(Problem(robot, problem.pose, rest, problem.external_wrench), position, rotation)
 
     def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " free"]:
-        state = posed(unknowns)
-        net = state.wrench_matrix @ unknowns[count:] * scale + state.load_wrench
+        position, rotation = posed(unknowns)
+        W = forces.geometry(robot, position, rotation).wrench_matrix
+        net = W @ unknowns[count:] * scale + forces.load_wrench(problem, rotation)
         return (net / units)[free] / scale
 
     def slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "free unknowns"]:
-        state = posed(unknowns)
+        state = cut(unknowns)
         geometric = derivatives.wrench_slope_at_fixed_tensions(state)
-        geometric[:, 3:] = geometric[:, 3:] @ _left_jacobian(step(unknowns)[3:])
+        geometric[:, 3:] = geometric[:, 3:] @ _left_jacobian(stepped(unknowns)[3:])
         by_step = (geometric * reach / units / units[:, None])[np.ix_(free, free)] / scale
         by_tension = (state.wrench_matrix / units[:, None])[free]
         return np.hstack([by_step, by_tension])
 
     def held(unknowns: Float[np.ndarray, " unknowns"]) -> float:
-        return float(posed(unknowns).eigenvalues[0] * reach / scale)
+        return float(cut(unknowns).eigenvalues[0] * reach / scale)
 
     constraints = [{"type": "eq", "fun": balance, "jac": slope}]
     if floor is not None:
@@ -341,12 +416,12 @@ def _descend(
     )
     if not np.isfinite(found.x).all() or np.abs(balance(found.x)).max() > 1e-6:
         return None
-    nearest = cut(found.x)
+    pose = moved(problem.pose, stepped(found.x))
     try:
-        equilibrium = newton.solve(nearest)
-    except NotConverged:
+        equilibrium = newton.solve(Problem.of(robot, pose, cut(found.x).problem.rest_lengths, problem.external_wrench))
+    except (NotConverged, InvalidInput):  # or a cable of no length
         return None
-    return equilibrium if distance(nearest.pose, equilibrium.pose, reach) <= _EQUAL else None
+    return equilibrium if distance(pose, equilibrium.pose, reach) <= _EQUAL else None
 
 
 def _left_jacobian(rotation_vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -11,7 +11,7 @@ none is neutral (Morse; the Euler characteristic of SO(3), and of the circle, is
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core.checks import whole
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance
@@ -43,6 +44,12 @@ ROOT_STEPS = 150
 
 BETWEEN = 7
 """Starts on the screw motion between each two stable equilibria."""
+
+MOST_PAIRS = 300
+"""Of equilibria, that starts are made between."""
+
+MOST_SEARCHES = 8
+"""Searches for saddles, each from starts of its own, that are made while some are known to be missing."""
 
 SOFT_STRAIN, STIFFENING = 0.01, 3.0
 """Saddles are searched for first with cables that the load strains by this much, then with cables stiffer by this
@@ -98,9 +105,9 @@ class Equilibria:
 
         None where it says nothing: saddles were not searched for, or some equilibrium is neutral.
         """
-        if not self.saddles or any(one.stability is Stability.NEUTRAL for one in self.found):
+        if not self.saddles:
             return None
-        return sum(1 - 2 * (unstable_directions(one) % 2) for one in self.found)
+        return _imbalance(self.found)
 
     def nearest(self, pose: RigidTransform) -> tuple[int, float]:
         """Index of the equilibrium nearest to ``pose``, and its distance [m], rotations scaled."""
@@ -150,7 +157,8 @@ def find_equilibria(
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
         external_wrench: a force [N], and no torque, on the platform's origin, base frame, besides gravity.
         saddles: whether to search for the unstable ones as well.
-        starts: how many poses to start from.
+        starts: how many poses to start from. For saddles, as many again and again, while some are known to be missing,
+            up to 8 times.
         seed: of the starts.
 
     Raises:
@@ -163,26 +171,23 @@ def find_equilibria(
         raise InvalidInput("external_wrench: found a torque, expected a force alone: a torque has no energy to sort by")
     if not problem.load > 0:
         raise InvalidInput("find_equilibria: found no load, expected weight or force: slack cables hold any pose then")
-    if starts < 1:
-        raise InvalidInput(f"starts: found {starts}, expected 1 or more")
-    positions, rotations = _starts(problem, starts, np.random.default_rng(seed))
-    descended = newton.solve_many(
-        problem.robot,
-        positions,
-        problem.rest_lengths,
-        rotations=rotations,
-        external_wrench=problem.external_wrench,
-    )
-    done = descended.converged
-    found = _distinct(problem, descended.positions[done], descended.rotations[done], polish=True)
+    whole("starts", starts, 1)
+    whole("seed", seed, 0)
+    random = np.random.default_rng(seed)
+    positions, rotations = _starts(problem, starts, random)
+    found, made = _resting(problem, positions, rotations, []), starts
     if saddles:
-        between = _between(found)
-        positions = np.concatenate([positions, between.translation])
-        rotations = np.concatenate([rotations, between.rotation.as_matrix()])
-        found += _distinct(problem, *_stiffened_roots(problem, positions, rotations), polish=False, known=found)
+        found, made = _with_saddles(problem, positions, rotations, found)
+        for _ in range(MOST_SEARCHES - 1):
+            if not _imbalance(found):
+                break
+            positions, rotations = _around(problem, found, starts, random)
+            found += _resting(problem, positions, rotations, found)
+            found, more = _with_saddles(problem, positions, rotations, found)
+            made += more
     energies = np.array([_energy(one) for one in found], dtype=float)
     order = np.argsort(energies, kind="stable")
-    return Equilibria(problem, tuple(found[i] for i in order), energies[order], len(positions), saddles)
+    return Equilibria(problem, tuple(found[i] for i in order), energies[order], made, saddles)
 
 
 def follow_load(
@@ -249,14 +254,66 @@ def _starts(
     return positions, Rotation.random(count, rng=rng).as_matrix()
 
 
+def _around(
+    problem: Problem, found: list[Equilibrium], count: int, random: np.random.Generator
+) -> tuple[Float[np.ndarray, "starts 3"], Float[np.ndarray, "starts 3 3"]]:
+    """Starts around equilibria that are found, near and far: what is missing is mostly where others are."""
+    robot = problem.robot
+    steps = np.zeros((count, 6))
+    steps[:, robot.free] = random.normal(size=(count, len(robot.free))) * 10 ** random.uniform(-1.5, 0.5, (count, 1))
+    of = random.integers(len(found), size=count)
+    positions = np.array([one.position for one in found])[of] + robot.characteristic_length * steps[:, :3]
+    matrices = np.array([one.rotation.as_matrix() for one in found])[of]
+    return positions, Rotation.from_rotvec(steps[:, 3:]).as_matrix() @ matrices
+
+
+def _imbalance(found: Sequence[Equilibrium]) -> int | None:
+    """Equilibria with an even minus those with an odd number of unstable directions; None where one is neutral."""
+    if any(one.stability is Stability.NEUTRAL for one in found):
+        return None
+    return sum(1 - 2 * (unstable_directions(one) % 2) for one in found)
+
+
+def _resting(
+    problem: Problem,
+    positions: Float[np.ndarray, "starts 3"],
+    rotations: Float[np.ndarray, "starts 3 3"],
+    known: list[Equilibrium],
+) -> list[Equilibrium]:
+    """Stable equilibria that descent from the starts leads to, besides those ``known``."""
+    descended = newton.solve_many(
+        problem.robot,
+        positions,
+        problem.rest_lengths,
+        rotations=rotations,
+        external_wrench=problem.external_wrench,
+    )
+    done = descended.converged
+    return _distinct(problem, descended.positions[done], descended.rotations[done], polish=True, known=known)
+
+
+def _with_saddles(
+    problem: Problem,
+    positions: Float[np.ndarray, "starts 3"],
+    rotations: Float[np.ndarray, "starts 3 3"],
+    found: list[Equilibrium],
+) -> tuple[list[Equilibrium], int]:
+    """``found`` and the roots from the starts and from between them, stable or not; how many starts were made."""
+    between = _between(found)
+    positions = np.concatenate([positions, between.translation])
+    rotations = np.concatenate([rotations, between.rotation.as_matrix()])
+    roots = _stiffened_roots(problem, positions, rotations)
+    return found + _distinct(problem, *roots, polish=False, known=found), len(positions)
+
+
 def _between(found: list[Equilibrium]) -> RigidTransform:
-    """Poses on the screw motions between each two equilibria: a saddle parts them."""
+    """Poses on the screw motions between each two equilibria: a saddle parts them. Of very many, some."""
     poses = [RigidTransform.identity()]
-    for i, one in enumerate(found):
-        for other in found[:i]:
-            screw = (one.pose.inv() * other.pose).as_exp_coords()
-            fractions = np.linspace(0, 1, BETWEEN + 2)[1:-1]
-            poses += [one.pose * RigidTransform.from_exp_coords(fraction * screw) for fraction in fractions]
+    pairs = [(one, other) for i, one in enumerate(found) for other in found[:i]]
+    for one, other in pairs[:: len(pairs) // MOST_PAIRS + 1]:
+        screw = (one.pose.inv() * other.pose).as_exp_coords()
+        fractions = np.linspace(0, 1, BETWEEN + 2)[1:-1]
+        poses += [one.pose * RigidTransform.from_exp_coords(fraction * screw) for fraction in fractions]
     return RigidTransform.concatenate(poses)
 
 
@@ -271,11 +328,27 @@ def _stiffened_roots(
     straight = _roots(problem, positions, rotations)
     softening = SOFT_STRAIN * float(robot.axial_stiffness.max()) / problem.load
     levels = max(int(np.ceil(np.log(max(softening, 1.0)) / np.log(STIFFENING))), 0)
+    fresh = np.array_split(np.random.default_rng(0).permutation(len(positions)), max(levels, 1))
+    starts = positions, rotations
     for level in range(levels, -1, -1):
         softer = robot.replace(axial_stiffness=robot.axial_stiffness / STIFFENING**level)
         part = Problem(softer, problem.pose, problem.rest_lengths, problem.external_wrench)
         positions, rotations = _roots(part, positions, rotations, 1e-2 if level == levels else 1e-12)
+        if level:  # pairs of equilibria are born as cables get stiffer
+            positions, rotations = _different(positions, rotations, robot.characteristic_length)
+            more = [array[fresh[level - 1]] for array in starts]
+            born = _roots(part, *more, 1e-2)
+            positions, rotations = np.concatenate([positions, born[0]]), np.concatenate([rotations, born[1]])
     return np.concatenate([straight[0], positions]), np.concatenate([straight[1], rotations])
+
+
+def _different(
+    positions: Float[np.ndarray, "rows 3"], rotations: Float[np.ndarray, "rows 3 3"], arm: float
+) -> tuple[Float[np.ndarray, "some 3"], Float[np.ndarray, "some 3 3"]]:
+    """One of each of those that are the same but for rounding: thousands of starts lead to tens of roots."""
+    rows = np.hstack([positions / arm, rotations.reshape(-1, 9)])
+    _, first = np.unique(np.round(rows / SAME), axis=0, return_index=True)
+    return positions[first], rotations[first]
 
 
 def _roots(

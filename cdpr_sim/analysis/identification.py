@@ -34,6 +34,15 @@ UNSEEN = 1e-6
 """A singular value below this fraction of the largest, with columns of unit length, is rounding: EA and mass together,
 which have exactly the same effect, measure 5e-9; EA, offsets and centre of mass, told apart by 12 poses, 5e-3."""
 
+REWEIGHTINGS = 20
+"""Fits, each weighted by the scatters that the last one left; they settle in three or four."""
+
+LEAST_FREEDOM = 1e-6
+"""Numbers of a kind that are left free by the unknowns: with fewer, their scatter cannot be judged on its own."""
+
+EXACT = 1e-12
+"""[m, rad] Numbers that agree to rounding are not better than this."""
+
 ALIKE = 0.99
 """Correlation above which two unknowns are hardly told apart."""
 
@@ -60,7 +69,9 @@ class Identification:
         correlations: between them, (unknowns, unknowns); nan where undetermined.
         residuals: what is left, in coordinates (rows, 6) [m, rad]; nan where not measured.
         spread: root mean square of residuals over their stated error; 1 if model and errors are right, and by
-            construction where no errors were stated.
+            construction where errors were judged.
+        scatters: standard errors of a measured coordinate [m] and of an angle [rad], as stated or judged.
+        judged: which of them were judged from the residuals: "position", "rotation".
         reasons: what the data cannot tell, and whether the model explains them, a sentence each.
     """
 
@@ -72,6 +83,8 @@ class Identification:
     correlations: Float[np.ndarray, "unknowns unknowns"]
     residuals: Float[np.ndarray, "rows 6"]
     spread: float
+    scatters: tuple[float, float]
+    judged: tuple[str, ...]
     reasons: tuple[str, ...]
 
     def __getitem__(self, name: str) -> tuple[float, float]:
@@ -112,9 +125,8 @@ def identify(
         robot: what is known, and where the fit starts.
         measurements: from ``read_measurements`` or ``Measurements.of``.
         unknowns: any of ``UNKNOWNS``.
-        position_error: standard error of a measured coordinate [m]; default: judged from the residuals.
-        rotation_error: standard error of a measured angle [rad]; default: ``position_error``, or what is judged,
-            over the characteristic length.
+        position_error: standard error of a measured coordinate [m]; default: judged from the residuals of positions.
+        rotation_error: standard error of a measured angle [rad]; default: judged from the residuals of angles.
 
     Raises:
         InvalidInput: measurements of another robot or too few, errors that are not positive, or unknowns that exclude
@@ -126,65 +138,137 @@ def identify(
     measurements.check_robot(robot)
     wanted = _wanted(robot, unknowns)
     known = measurements.known
-    stated = position_error is not None
-    position_error = 1.0 if position_error is None else positive("position_error", position_error, "m")
-    if rotation_error is None:
-        rotation_error = position_error / robot.characteristic_length
-    rotation_error = positive("rotation_error", rotation_error, "rad")
-    sigma = np.broadcast_to(np.repeat([position_error, rotation_error], 3), known.shape)[known]
-    count, needed = int(known.sum()), len(wanted) + (not stated)
+    stated = [
+        None if position_error is None else positive("position_error", position_error, "m"),
+        None if rotation_error is None else positive("rotation_error", rotation_error, "rad"),
+    ]
+    kinds = np.broadcast_to(np.repeat([0, 1], 3), known.shape)[known]  # of each number: a position, or an angle
+    judged = [kind for kind in (0, 1) if stated[kind] is None and (kinds == kind).any()]
+    count, needed = len(kinds), len(wanted) + bool(judged)
     if count < needed:
         raise InvalidInput(
             f"{measurements.source}: found {count} measured numbers, expected {needed} or more for {len(wanted)} "
-            "unknowns" + ("" if stated else " and their scatter")
+            "unknowns" + (" and their scatter" if judged else "")
         )
     model = _Model(robot, measurements, wanted)
+    arm = robot.characteristic_length
+    guess = stated[0] or (stated[1] or 1.0 / arm) * arm
+    scatters = np.array([stated[0] or guess, stated[1] or guess / arm])
 
     def weighted(values: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " numbers"]:
-        return model.residuals(values)[known] / sigma
+        return model.residuals(values)[known] / scatters[kinds]
 
     def slope(values: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "numbers unknowns"]:
-        return model.slopes(values)[known] / sigma[:, None]
+        return model.slopes(values)[known] / scatters[kinds][:, None]
 
-    start = _scanned(wanted, weighted)
+    x = _scanned(wanted, weighted)
     bounds = np.array([(-np.log(RANGE), np.log(RANGE)) if one.logarithmic else (-np.inf, np.inf) for one in wanted]).T
-    fit = least_squares(
-        weighted,
-        start,
-        jac=slope,  # pyright: ignore[reportArgumentType]
-        bounds=bounds,
-        x_scale="jac",
-        xtol=1e-10,
-        ftol=1e-12,
-        gtol=1e-12,
-    )
-    freedom = count - len(wanted)
-    scatter = float(np.sqrt(2 * fit.cost / freedom)) if freedom else 1.0
-    errors, correlations, reasons = _certainty(fit.jac, wanted)
-    if not stated:
-        errors = errors * scatter
-    elif freedom and chi2.sf(2 * fit.cost, freedom) < SURPRISING:
+    for _ in range(REWEIGHTINGS):
+        x = least_squares(
+            weighted,
+            x,
+            jac=slope,  # pyright: ignore[reportArgumentType]
+            bounds=bounds,
+            x_scale="jac",
+            xtol=1e-10,
+            ftol=1e-12,
+            gtol=1e-12,
+        ).x
+        before = scatters
+        scatters = _scatters(scatters, judged, kinds, weighted(x), slope(x), arm)
+        if not judged or (kinds == kinds[0]).all():
+            break  # a factor common to all numbers moves no fit
+        if np.allclose(scatters, before, rtol=1e-6, atol=0):
+            break
+    x = _nearest_to_known(x, weighted, slope)
+    errors, correlations, reasons = _certainty(slope(x), wanted)
+    told = ~np.isin(kinds, judged)  # numbers whose error was stated, which the model must explain
+    size, freedom = float(np.sum(weighted(x)[told] ** 2)), float((1 - _leverages(slope(x)))[told].sum())
+    spread = np.sqrt(size / freedom) if freedom > LEAST_FREEDOM else 1.0
+    if freedom > LEAST_FREEDOM and chi2.sf(size, freedom) < SURPRISING:
         reasons.append(
-            f"the model does not explain the data: residuals are {scatter:.3g} times their stated error; the standard "
+            f"the model does not explain the data: residuals are {spread:.3g} times their stated error; the standard "
             "errors do not count that"
         )
     at_bound = [
-        one.name for one, x in zip(wanted, fit.x, strict=True) if one.logarithmic and abs(x) > 0.99 * np.log(RANGE)
+        one.name for one, at in zip(wanted, x, strict=True) if one.logarithmic and abs(at) > 0.99 * np.log(RANGE)
     ]
     reasons += [f"{name} runs away: the data fit best at {RANGE:g} times or a {RANGE:g}th of it" for name in at_bound]
-    values = np.array([_value(one, x) for one, x in zip(wanted, fit.x, strict=True)])
+    values = np.array([_value(one, at) for one, at in zip(wanted, x, strict=True)])
     factors = np.array([value if one.logarithmic else 1.0 for one, value in zip(wanted, values, strict=True)])
     return Identification(
-        robot=model.changed(fit.x)[0],
+        robot=model.changed(x)[0],
         names=tuple(one.name for one in wanted),
         units=tuple(one.unit for one in wanted),
         values=values,
         standard_errors=errors * factors,
         correlations=correlations,
-        residuals=np.where(known, model.residuals(fit.x), np.nan),
-        spread=scatter if stated else 1.0,
+        residuals=np.where(known, model.residuals(x), np.nan),
+        spread=float(spread),
+        scatters=(float(scatters[0]), float(scatters[1])),
+        judged=tuple(("position", "rotation")[kind] for kind in judged),
         reasons=tuple(reasons),
     )
+
+
+def _scatters(
+    scatters: Float[np.ndarray, "2"],
+    judged: list[int],
+    kinds: np.ndarray,
+    residuals: Float[np.ndarray, " numbers"],
+    slope: Float[np.ndarray, "numbers unknowns"],
+    arm: float,
+) -> Float[np.ndarray, "2"]:
+    """Scatters of positions and angles, those that are ``judged`` from their residuals, apart.
+
+    Each from the numbers of its kind that the unknowns leave free: their count, less what they take part in fitting
+    (the trace of their block of the hat matrix; Förstner 1979). None below a thousandth of the other by the ``arm``.
+    """
+    leverage = _leverages(slope)
+    together = np.isin(kinds, judged)
+    free = max(float((1 - leverage[together]).sum()), 0.0)
+    pooled = np.sqrt(float((residuals[together] ** 2).sum()) / free) if free > LEAST_FREEDOM else 1.0
+    found = scatters.copy()
+    for kind in judged:
+        rows = kinds == kind
+        free = float((1 - leverage[rows]).sum())
+        own = np.sqrt(float((residuals[rows] ** 2).sum()) / free) if free > LEAST_FREEDOM else pooled
+        found[kind] = max(found[kind] * own, EXACT)
+    alike = np.array([1.0, 1.0 / arm])  # scatters of one size: an angle's, of a position's on that arm
+    return np.where(np.isin([0, 1], judged), np.maximum(found, 1e-3 * (found / alike).max() * alike), scatters)
+
+
+def _nearest_to_known(x: Float[np.ndarray, " unknowns"], weighted, slope) -> Float[np.ndarray, " unknowns"]:
+    """``x`` without its part along what the data do not see: there, what is known of the robot stays."""
+    seen, unseen, _ = _directions(slope(x))
+    scaled = x * seen
+    nearer = (scaled - unseen.T @ (unseen @ scaled)) / seen
+    if np.array_equal(nearer, x):
+        return x
+    try:
+        same = np.linalg.norm(weighted(nearer) - weighted(x)) <= 1e-6 * max(float(np.linalg.norm(weighted(x))), 1e-6)
+    except NotConverged:
+        return x
+    return nearer if same else x
+
+
+def _leverages(slope: Float[np.ndarray, "numbers unknowns"]) -> Float[np.ndarray, " numbers"]:
+    """How far each number is fitted by the unknowns: the diagonal of the hat matrix, whose sum is their count."""
+    seen, _, kept = _directions(slope)
+    basis = (slope / seen) @ kept.T
+    return ((basis / np.linalg.norm(basis, axis=0)) ** 2).sum(1)
+
+
+def _directions(
+    slope: Float[np.ndarray, "numbers unknowns"],
+) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unseen unknowns"], Float[np.ndarray, "seen unknowns"]]:
+    """Lengths of the columns, 1 for those of nothing; and, with unit columns, the directions unseen and seen."""
+    sizes = np.linalg.norm(slope, axis=0)
+    seen = np.where(sizes > 0, sizes, 1.0)
+    _, singular, directions = np.linalg.svd(slope / seen, full_matrices=True)
+    singular = np.append(singular, np.zeros(len(seen) - len(singular)))
+    kept = singular > UNSEEN * singular[0]
+    return seen, directions[~kept], directions[kept]
 
 
 def _wanted(robot: Robot, unknowns: Sequence[str]) -> list[_Unknown]:
@@ -336,20 +420,16 @@ def _certainty(
 ) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unknowns unknowns"], list[str]]:
     """Standard errors for unit errors of the data, correlations, and in words what the data cannot tell."""
     names = [one.name for one in wanted]
-    sizes = np.linalg.norm(slope, axis=0)
-    reasons = [f"the data do not depend on {names[i]}" for i in np.flatnonzero(sizes == 0)]
-    seen = np.where(sizes > 0, sizes, 1.0)
-    _, singular, directions = np.linalg.svd(slope / seen, full_matrices=True)
-    singular = np.append(singular, np.zeros(len(names) - len(singular)))
-    unseen = directions[singular <= UNSEEN * singular[0]]
+    reasons = [f"the data do not depend on {names[i]}" for i in np.flatnonzero(~slope.any(0))]
+    seen, unseen, kept = _directions(slope)
     blurred = (np.abs(unseen) > 1e-3).any(0)
     for direction in unseen:
         together = np.flatnonzero(np.abs(direction) > 1e-3)
         if len(together) > 1:
             listed = " and ".join([", ".join(names[i] for i in together[:-1]), names[together[-1]]])
             reasons.append(f"the data cannot tell {listed} apart: they can change together without moving the platform")
-    kept = singular > UNSEEN * singular[0]
-    covariance = (directions[kept].T / singular[kept] ** 2) @ directions[kept] / np.outer(seen, seen)
+    sensitivities = np.linalg.norm((slope / seen) @ kept.T, axis=0)
+    covariance = (kept.T / sensitivities**2) @ kept / np.outer(seen, seen)
     errors = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlations = covariance / np.outer(errors, errors)

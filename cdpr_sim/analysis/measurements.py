@@ -82,9 +82,13 @@ class Measurements:
             raise InvalidInput(f"commanded: found {given.shape[1]} columns, expected (x, y, z) or a six-vector")
         whole = np.zeros((len(given), 6))
         whole[:, : given.shape[1]] = given
+        if len(given) == 0:
+            raise InvalidInput("commanded: found no row, expected at least one")
         for name in coordinates:
             if name not in COORDINATES:
                 raise UnknownName("coordinate", str(name), COORDINATES)
+        if not coordinates or len(set(coordinates)) < len(coordinates):
+            raise InvalidInput(f"coordinates: found {', '.join(coordinates) or 'none'}, expected some, each once")
         values = np.full((len(given), 6), np.nan)
         values[:, [COORDINATES.index(name) for name in coordinates]] = checked_array(
             "measured", measured, (len(given), len(coordinates))
@@ -136,8 +140,10 @@ def read_measurements(path: str | Path) -> Measurements:
         raise InvalidInput(f"{path}: no such file, expected measurements as CSV") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InvalidInput(f"{path}: cannot be read as text ({error.__class__.__name__}), expected CSV") from None
-    rows = [row for row in csv.reader(text.splitlines()) if any(cell.strip() for cell in row)]
-    rows = [row for row in rows if not row[0].lstrip().startswith("#")]
+    reader = csv.reader(text.splitlines())
+    numbered = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    numbered = [(line, row) for line, row in numbered if not row[0].lstrip().startswith("#")]
+    lines, rows = [line for line, _ in numbered], [row for _, row in numbered]
     if len(rows) < 2:
         raise InvalidInput(f"{path}: found no rows, expected a line of column names and measurements under it")
     columns = [_column(path, cell) for cell in rows[0]]
@@ -145,7 +151,7 @@ def read_measurements(path: str | Path) -> Measurements:
     for name in names:
         if names.count(name) > 1:
             raise InvalidInput(f"{path}: found column {name!r} twice, expected it once")
-    values, robots = _values(path, columns, rows[1:])
+    values, robots = _values(path, columns, rows[1:], lines[1:])
     for needed in ("commanded_x", "commanded_y", "commanded_z"):
         if needed not in values:
             raise InvalidInput(f"{path}: found no column {needed!r}, expected one, as '{needed} [mm]'")
@@ -160,7 +166,7 @@ def read_measurements(path: str | Path) -> Measurements:
     rest = np.stack([values[name] for _, name in lengths], axis=1) if lengths else None
     for name, column in [*values.items()]:
         if not name.startswith("measured_") and np.isnan(column).any():
-            line = int(np.argmax(np.isnan(column))) + 2
+            line = lines[1 + int(np.argmax(np.isnan(column)))]
             raise InvalidInput(f"{path}: line {line}, column {name!r}: found nothing, expected a number")
     if len(robots) > 1:
         raise InvalidInput(f"{path}: found measurements of {', '.join(sorted(robots))}, expected of one robot")
@@ -191,11 +197,11 @@ def _column(path: Path, cell: str) -> tuple[str, float]:
 
 
 def _values(
-    path: Path, columns: list[tuple[str, float]], rows: list[list[str]]
+    path: Path, columns: list[tuple[str, float]], rows: list[list[str]], lines: list[int]
 ) -> tuple[dict[str, np.ndarray], set[str]]:
     values = {name: np.full(len(rows), np.nan) for name, _ in columns if name != "robot"}
     robots = set()
-    for line, row in enumerate(rows, start=2):
+    for place, (line, row) in enumerate(zip(lines, rows, strict=True)):
         if len(row) != len(columns):
             raise InvalidInput(f"{path}: line {line}: found {len(row)} cells, expected {len(columns)}, one per column")
         for (name, size), cell in zip(columns, row, strict=True):
@@ -212,5 +218,5 @@ def _values(
                 raise InvalidInput(
                     f"{path}: line {line}, column {name!r}: found {cell.strip()!r}, expected a finite number"
                 )
-            values[name][line - 2] = number * size
+            values[name][place] = number * size
     return values, robots - {""}

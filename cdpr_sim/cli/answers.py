@@ -25,7 +25,7 @@ def compensate(
     material: MaterialName = None,
     limits: Annotated[
         tuple[float, float] | None,
-        typer.Option("--tensions", metavar="MIN MAX", help="Limits of tension [N]; default: 1 % of the load, inf."),
+        typer.Option("--tensions", metavar="MIN MAX", help="Limits of tension [N]; default: 1 % of load, 5 % strain."),
     ] = None,
     prefer: Annotated[str, typer.Option("--prefer", help="smallest tensions, or the stiffest platform.")] = "smallest",
     arm: Annotated[
@@ -36,24 +36,26 @@ def compensate(
 ) -> None:
     """Cut the cables to lengths that hold the platform where it is commanded to be, and prove it in MuJoCo.
 
-    Exit status: 0 if the commanded pose is held, 1 if only a pose near it can be, 2 for input that cannot be right.
+    Exit status: 0 if the commanded pose is held, 1 if only a pose near it can be or MuJoCo does not confirm it, 2 for
+    input that cannot be right.
     """
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
         with busy("Looking for tensions (the first run on a machine compiles for half a minute)"):
             found = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
+            hold = cdpr.confirm(found)
             roads = {"MuJoCo": cdpr.settle, "Newton": cdpr.solve}
             before = {name: road(problem) for name, road in roads.items()}
             # From where the platform hangs now, so that coming to the commanded pose is its own doing.
             after = {name: road(problem.robot, before[name].pose, found.rest_lengths) for name, road in roads.items()}
     if as_json:
-        print_json(json_of.compensation(problem, found, before, after))
+        print_json(json_of.compensation(problem, found, hold, before, after))
     else:
         console = Output()
         console.print(report.compensation_table(found, before, after))
         console.print(report.compensation_lengths(found), highlight=False)
-        console.print(report.compensation_verdict(found), highlight=False)
-    raise typer.Exit(0 if found.exact else DISAGREE)
+        console.print(report.compensation_verdict(found, hold), highlight=False)
+    raise typer.Exit(0 if found.exact and hold.held else DISAGREE)
 
 
 def sensitivity(

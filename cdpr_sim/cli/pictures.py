@@ -13,6 +13,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.cli.options import robot_of
 from cdpr_sim.cli.terminal import Output, busy, errors_as_sentences, progress_bars, tidy_when_terminated
 from cdpr_sim.core.files import check_place
+from cdpr_sim.crosscheck.hold import held
 from cdpr_sim.drawing.video import film
 from cdpr_sim.report.tables import new_table
 
@@ -91,7 +92,7 @@ def video(
                 waypoints = np.linspace(waypoints[0], waypoints[-1], 1 if drop else COMPENSATED_WAYPOINTS)
                 compensated, lengths = bar(f"Compensating {robot.name}"), []
                 for waypoint in waypoints:
-                    lengths.append(cdpr.compensate(robot, waypoint).rest_lengths)
+                    lengths.append(held(cdpr.compensate(robot, waypoint)).rest_lengths)
                     compensated(len(lengths) / len(waypoints))
                 robot = robot.replace(name=f"{robot.name}, compensated")
             trajectories.append(

@@ -143,6 +143,20 @@ def positive(field: str, value: ArrayLike, unit: str) -> float:
     return number
 
 
+def whole(field: str, value: object, least: int, most: int | None = None) -> int:
+    """A whole number within limits.
+
+    Raises:
+        InvalidInput: another.
+    """
+    limits = f"{least} or more" if most is None else f"{least} to {most}"
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
+        raise InvalidInput(f"{field}: found {value!r}, expected a whole number, {limits}")
+    if not (least <= value and (most is None or value <= most)):
+        raise InvalidInput(f"{field}: found {value}, expected {limits}")
+    return int(value)
+
+
 def frozen(array: np.ndarray) -> np.ndarray:
     """The same array, read-only from now on."""
     array.flags.writeable = False

@@ -20,6 +20,13 @@ from cdpr_sim.core.robot import IN_PLANE, Robot
 ORTHOGONAL = 1e-6
 """How far the rows of a rotation matrix may be from unit length and right angles."""
 
+SHORTEST = 1e-9
+"""Least rest length, as a fraction of the largest coordinate of an exit or of the platform: rounding of those
+coordinates is 1e-7 of strain in such a cable, and the whole of it in one of a millionth of its length."""
+
+IDLE_STRAIN = 1e-3
+"""Without load, forces are compared with what strains the mean cable by this much."""
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -70,6 +77,13 @@ class Problem:
             rest = checked_array("rest_lengths", rest_lengths, (len(robot.cabling),))
             if not rest.min() > 0:
                 raise InvalidInput(f"rest_lengths: found {rest.min():g} m, expected more than 0")
+        shortest = float(_shortest(robot, transform.translation))
+        if not rest.min() > shortest:
+            raise InvalidInput(
+                f"{'pose' if rest_lengths is None else 'rest_lengths'}: found a rest length of {rest.min():.1e} m in "
+                f"cable {int(rest.argmin()) + 1}, expected more than {shortest:.1e} m, a billionth of the robot's "
+                "coordinates, whose rounding would strain it"
+            )
         wrench = checked_array("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, (6,))
         refuse_wrench_out_of_plane(robot, wrench)
         if rest_lengths is None:
@@ -95,6 +109,11 @@ class Problem:
     def load(self) -> float:
         """The largest of weight, external force and external torque over the characteristic length [N]."""
         return max(self.robot.weight, float(np.abs(self.external_wrench / self.robot.units).max()))
+
+    @property
+    def force_scale(self) -> float:
+        """What an unbalanced force is compared with [N]: the load, or, without one, a thousandth of the mean EA."""
+        return self.load or IDLE_STRAIN * float(self.axial_stiffness.mean())
 
     def same_as(self, other: Problem) -> bool:
         """Whether both ask for the same robot, rest lengths and load (the starting pose may differ)."""
@@ -165,6 +184,8 @@ class Problems:
         Raises:
             InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
         """
+        if not isinstance(robot, (Robot, Problems)):
+            raise InvalidInput(f"robot: found {robot!r}, expected a Robot or Problems")
         if isinstance(robot, Problems):
             for name, value in {k: v for k, v in locals().items() if k not in ("cls", "robot")}.items():
                 if value is not None:
@@ -191,6 +212,7 @@ class Problems:
             raise InvalidInput(f"mass: found {masses.min():g} kg, expected more than 0")
         falls = np.array(False)
         if rest_lengths is None:
+            _fitting({"poses": at.shape[:-1], "external_wrench": wrench.shape[:-1], "mass": masses.shape})
             rest = cable_path.lengths(robot.cabling, at, turned)
             falls = _falls(robot, masses * robot.gravity, wrench, at, turned)
         else:
@@ -199,12 +221,7 @@ class Problems:
             "poses": at.shape[:-1], "rotations": turned.shape[:-2], "rest_lengths": rest.shape[:-1],
             "external_wrench": wrench.shape[:-1], "axial_stiffness": stiffness.shape[:-1], "mass": masses.shape,
         }  # fmt: skip
-        try:
-            shape = np.broadcast_shapes(*parts.values())
-        except ValueError:
-            told = ", ".join(f"{name} {found}" for name, found in parts.items() if found)
-            raise InvalidInput(f"shapes before the last dimensions do not fit one another: {told}") from None
-        return cls(robot, at, turned, rest, wrench, stiffness, masses, shape, falls)
+        return cls(robot, at, turned, rest, wrench, stiffness, masses, _fitting(parts), falls)
 
     @classmethod
     def stack(cls, problems: Sequence[Problem]) -> Problems:
@@ -265,9 +282,11 @@ class Problems:
 
     @cached_property
     def finite(self) -> Bool[np.ndarray, "*batch"]:
-        """(...) where pose and rest lengths are numbers, the lengths above zero."""
+        """(...) where pose and rest lengths are numbers, and no cable is shorter than rounding."""
         known = np.isfinite(self.positions).all(-1) & np.isfinite(self.rotations).all((-1, -2))
-        return np.broadcast_to(known & (self.rest_lengths > 0).all(-1), self.shape)
+        with np.errstate(invalid="ignore"):
+            long = self.rest_lengths.min(-1) > _shortest(self.robot, self.positions)
+        return np.broadcast_to(known & long, self.shape)
 
     @cached_property
     def poses(self) -> RigidTransform:
@@ -280,6 +299,11 @@ class Problems:
         """(...) the largest of weight, external force and external torque over the characteristic length [N]."""
         outside = np.abs(self.external_wrench / self.robot.units).max(-1)
         return np.maximum(self.mass * self.robot.gravity, outside)
+
+    @property
+    def force_scale(self) -> Float[np.ndarray, "*#batch"]:
+        """(...) what an unbalanced force is compared with [N]: the load, or without one a thousandth of the mean EA."""
+        return np.where(self.load > 0, self.load, IDLE_STRAIN * self.axial_stiffness.mean(-1))
 
 
 def positions_and_rotations(
@@ -314,6 +338,7 @@ def positions_and_rotations(
         raise InvalidInput(f"poses: found an array of shape {vectors.shape}, expected (..., 3) or (..., 6)")
     if 0 in at.shape:
         raise InvalidInput("poses: found none, expected at least one")
+    _fitting({"poses": at.shape[:-1], "rotations": turned.shape[:-2]})
     if robot.mobility == "planar":
         beside = np.abs(at[..., 1])
         tipped = np.abs(turned[..., 1, [0, 2]]).max(-1)
@@ -323,6 +348,15 @@ def positions_and_rotations(
                 f"poses: found {found}, but {robot.name!r} is planar: expected y = 0 and a rotation about y only"
             )
     return at, turned
+
+
+def _fitting(parts: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
+    """The shape that these broadcast to."""
+    try:
+        return np.broadcast_shapes(*parts.values())
+    except ValueError:
+        told = ", ".join(f"{name} {found}" for name, found in parts.items() if found)
+        raise InvalidInput(f"shapes before the last dimensions do not fit one another: {told}") from None
 
 
 def _checked_rotations(rotations: ArrayLike) -> Float[np.ndarray, "*batch 3 3"]:
@@ -380,6 +414,11 @@ def refuse_wrench_out_of_plane(
             f"{field}: found {first.tolist()}, but {robot.name!r} is planar: "
             "expected only forces along x and z and a torque about y"
         )
+
+
+def _shortest(robot: Robot, positions: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
+    """The length [m] of a cable that is all rounding, with the platform at these positions."""
+    return SHORTEST * np.maximum(np.abs(positions).max(-1), np.abs(robot.exits).max())
 
 
 def _falls(

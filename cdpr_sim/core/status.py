@@ -8,6 +8,10 @@ NEUTRAL = 1e-9
 """Eigenvalues smaller than this fraction of the largest are rounding: that direction is neither held nor repelled."""
 
 
+ACCEPTABLE = 1e-6
+"""Forces never count as balanced with more than this fraction of the load left over, whatever the rounding."""
+
+
 class Status(enum.IntEnum):
     """How a solve or a settling ended; ``sentence`` says it in words."""
 
@@ -31,7 +35,7 @@ _SENTENCES = {
     Status.CONVERGED: "forces balance at rest",
     Status.ITERATION_LIMIT: "it did not come to rest within the iterations or time steps that it is given",
     Status.STALLED: "no step lowers the energy any more, but forces do not balance to tolerance",
-    Status.NOT_FINITE: "the input is not finite",
+    Status.NOT_FINITE: "the input is not finite, or a cable is shorter than rounding",
     Status.FALLS: "every exit lies below the platform, which falls since cables cannot push",
     Status.DIVERGED: "MuJoCo found its motion unstable",
     Status.MOVING: "the platform is on its way, and not at rest",

@@ -218,7 +218,7 @@ def compare_many(
     }
     near = [np.abs(one.lengths - one.rest_lengths)[rows] <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
     same_slack = ~((solved.slack != settled.slack)[rows] & ~near[0] & ~near[1]).any(-1)
-    cross = compare.CROSS_TOLERANCE * problems.load
+    cross = compare.CROSS_TOLERANCE * problems.force_scale
     tolerances = {
         "position_error": compare.POSITION_TOLERANCE,
         "rotation_error": compare.ROTATION_TOLERANCE,

@@ -25,8 +25,9 @@ TENSION_TOLERANCE = 1e-3
 """[N]"""
 
 CROSS_TOLERANCE = 1e-5
-"""Largest unbalanced force that either road may find at the other's pose, as a fraction of the load. MuJoCo calls a
-platform at rest at 1e-6; a model that is wrong by 1 % in one taut cable leaves 1e-3."""
+"""Largest unbalanced force that either road may find at the other's pose, as a fraction of the load (without load, of
+``Problem.force_scale``). MuJoCo calls a platform at rest at 1e-6; a model that is wrong by 1 % in one taut cable leaves
+1e-3."""
 
 REST_LENGTH_TOLERANCE = 1e-7
 """[m] A cable this close to its rest length counts as taut or as slack, whichever the other road says."""
@@ -96,6 +97,9 @@ def compare(
     Raises:
         InvalidInput: the two answer different problems.
     """
+    for name, found in (("static", static), ("settled", settled)):
+        if not isinstance(found, Equilibrium):
+            raise InvalidInput(f"{name}: found {found!r}, expected an Equilibrium")
     problem = static.problem
     if not problem.same_as(settled.problem):
         raise InvalidInput("compare: found equilibria of two problems, expected the same robot, rest lengths and load")
@@ -121,9 +125,9 @@ def compare(
         cables = ", ".join(str(i + 1) for i in np.flatnonzero(slack_differs))
         apart.append(f"cable {cables} is slack on one road only")
     unbalanced = [
-        f"{where} finds {force:.1e} N unbalanced (tolerance {CROSS_TOLERANCE * problem.load:.0e})"
+        f"{where} finds {force:.1e} N unbalanced (tolerance {CROSS_TOLERANCE * problem.force_scale:.0e})"
         for where, force in cross.items()
-        if not force <= CROSS_TOLERANCE * problem.load
+        if not force <= CROSS_TOLERANCE * problem.force_scale
     ]
     if unbalanced:
         verdict = Verdict.DISAGREE
@@ -167,5 +171,5 @@ def _connected(static: Equilibrium, settled: Equilibrium) -> bool:
     turn = (settled.rotation * static.rotation.inv()).as_rotvec()
     work = fractions * (turn @ problem.external_wrench[3:])
     energies = forces.at(problem, poses.translation, poses.rotation.as_matrix()).energy - work
-    level = LEVEL * problem.load * problem.robot.characteristic_length
+    level = LEVEL * problem.force_scale * problem.robot.characteristic_length
     return bool(np.ptp(energies) <= level)

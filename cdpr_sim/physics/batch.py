@@ -76,7 +76,7 @@ class Simulations:
         self.polynomials = self.batch.expand("tendon_stiffnesspoly")
         self.entries = pulleys.entries(robot.cabling)
         self.timestep = self.batch.expand("opt.timestep").reshape(rows)
-        self.damping = self.batch.expand("dof_damping")
+        self.damping, self.armature = self.batch.expand("dof_damping"), self.batch.expand("dof_armature")
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self._smooth, self._damper = self.batch.bind("qfrc_smooth"), self.batch.bind("qfrc_damper")
         self._spring, self._jacobian = self.batch.bind("qfrc_spring"), self.batch.bind("ten_J")
@@ -105,6 +105,7 @@ class Simulations:
             self.springs[:] = cables.springs(stiffness, rest) / self.unit
             if not self.robot.cabling.linear:
                 self.polynomials[:] = cables.polynomials(stiffness, self.robot.cabling.stiffening, rest) / self.unit
+        self.armature[:] = self.model.dof_armature
 
     def place(self, poses: RigidTransform) -> None:
         """Put each row's platform at its pose, with the wheels turned towards it."""
@@ -166,6 +167,11 @@ class Simulations:
             forces[:, 3:] = np.einsum("nij,nj->ni", self.rotations, forces[:, 3:])
         forces[:, self.angular] /= self.length
         return forces
+
+    @property
+    def pull(self) -> Float[np.ndarray, " rows"]:
+        """The tensions of all cables together [N], as of MuJoCo's last call: to judge the motion by, and no answer."""
+        return cables.pull(self._lengths, self.band, self.springs).sum(1) * self.unit
 
     @property
     def slack(self) -> Bool[np.ndarray, "rows cables"]:

@@ -82,6 +82,15 @@ def polynomials(
     return (axial_stiffness[..., None] * stiffening) / rest_lengths[..., None] ** np.array([2, 3])
 
 
+def pull(
+    lengths: Float[np.ndarray, "rows cables"],
+    bands: Float[np.ndarray, "rows cables 2"],
+    stiffnesses: Float[np.ndarray, "rows cables"],
+) -> Float[np.ndarray, "rows cables"]:
+    """What each tendon pulls with, before it stiffens: from lengths, dead bands and stiffnesses, in MuJoCo's unit."""
+    return stiffnesses * np.maximum(lengths - bands[:, :, 1], 0)
+
+
 def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, " cables"]) -> None:
     """Set a model's cables to ``rest_lengths`` [m], as winches do."""
     model.tendon_lengthspring[:, 1] = rest_lengths + pulleys.entries(cabling)

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core.checks import positive, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
@@ -90,17 +91,22 @@ def drive(
         NotSettled: the platform does not come to rest at the first waypoint.
         PlatformFell: it fell on the way; carries the trajectory so far.
     """
+    if not isinstance(robot, Robot):
+        raise InvalidInput(f"robot: found {robot!r}, expected a Robot")
     chains.refuse_weight(robot, "driving")
-    poses = [robot.pose(pose) for pose in waypoints]
+    try:
+        poses = [robot.pose(pose) for pose in waypoints]
+    except TypeError:
+        raise InvalidInput(f"waypoints: found {waypoints!r}, expected a list of poses") from None
     if not poses:
         raise InvalidInput("waypoints: found none, expected at least one pose")
-    if not 2 <= states <= MOST_STATES:
-        raise InvalidInput(f"states: found {states}, expected 2 to {MOST_STATES}")
+    whole("states", states, 2, MOST_STATES)
     path = Path(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0])
     if seconds is None:
         seconds = PEAK * path.length / _slow_speed(first) or PAUSE
-    if not 0 < seconds <= MOST_SECONDS:
+    seconds = positive("seconds", seconds, "s")
+    if not seconds <= MOST_SECONDS:
         raise InvalidInput(f"seconds: found {seconds:g}, expected more than 0 and at most {MOST_SECONDS:g}")
     fractions = np.linspace(0, 1, states)
     commanded = path.at(fractions)

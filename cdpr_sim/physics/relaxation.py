@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 from mujoco.batch import SimulationError
 
+from cdpr_sim.core.problem import IDLE_STRAIN
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.status import Status
+from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.physics.batch import Simulations
 
 RESIDUAL = 1e-9
@@ -19,9 +20,6 @@ RESIDUAL = 1e-9
 
 ROUNDING = 2 * np.finfo(float).eps
 """A cable's force is known to this fraction of EA at best: the rounding of a length, times EA/l0."""
-
-ACCEPTABLE = 1e-6
-"""Never at rest with more than this fraction of the load unbalanced, whatever the rounding."""
 
 SPEED = 1e-6
 """Speed at rest, as a fraction of (cable length x swing rate): it would take days to cross the frame."""
@@ -42,6 +40,17 @@ FIRST_STEP, SHORTEST_STEP, LONGEST_STEP = 0.1, 1e-4, 0.3
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1.5, 0.5, 20.0
 """Damping ratio of the slowest swing: overdamped at first, so that the platform sinks into the equilibrium below it
 rather than swinging over into another one."""
+
+STRAINED = 20.0
+"""Tensions of this many loads, together, at the start: then they, and not the load, set the pace of the swings."""
+
+SLUGGISH = 3.0
+"""Rate at which such a platform turns under its tensions, over that of its swings, once it is given the inertia for it:
+cables that are drawn tight turn a small platform faster than time steps that suit the rest can follow."""
+
+RATTLES = 8
+"""After so many, and again after as many more, the rotational inertia is doubled. What was added is halved again where
+a platform is slow at the least damping."""
 
 BETTER, ALONG, PATIENCE = 0.7, 0.95, 2
 """A residual below this fraction of the best so far is progress; a cosine above this is a force along the velocity; and
@@ -70,14 +79,20 @@ class Relaxation:
         )
         simulations.qvel[:] = 0
         simulations.batch.forward()
-        # Without gravity or wrench the load is what the cables do to one another, or else a strain of one per mille.
-        idle = self.load == 0
-        self.load[idle] = np.maximum(np.abs(simulations.forces[idle]).max(1), 1e-3 * robot.axial_stiffness.mean())
-        self.swing = np.sqrt(self.load / robot.mass / rest_lengths.mean(1))
-        rounding = ROUNDING * float(robot.axial_stiffness.max())
+        # Without gravity or wrench the load is what the cables could do to one another.
+        stiffness = simulations.springs * rest_lengths * simulations.unit
+        self.load = np.where(self.load > 0, self.load, IDLE_STRAIN * stiffness.mean(1))
+        self.length = rest_lengths.mean(1)
+        pull = simulations.pull
+        self.strained = pull > STRAINED * self.load
+        self.swing = np.sqrt(np.where(self.strained, pull, self.load) / robot.mass / self.length)
+        rounding = ROUNDING * stiffness.max(1)
         self.target = np.minimum(np.maximum(RESIDUAL * self.load, rounding), ACCEPTABLE * self.load)
-        self.inertia = _inertias(robot)
-        self.root_inertia = np.sqrt(self.inertia)
+        self.own_inertia = _inertias(robot)
+        self.inertia = np.tile(self.own_inertia, (len(self.load), 1))
+        turning = self.inertia[:, simulations.angular]
+        needed = robot.mass * simulations.length * self.length / SLUGGISH**2
+        self._add_inertia(np.where(self.strained[:, None], np.maximum(needed[:, None] - turning, 0), 0))
         rows = len(simulations.qpos)
         self.steps = np.zeros(rows, dtype=int)
         self.status = np.full(rows, Status.ITERATION_LIMIT.value)
@@ -87,6 +102,7 @@ class Relaxation:
         self.velocity = np.zeros((rows, simulations.free))
         self.step, self.ratio = np.full(rows, FIRST_STEP), np.full(rows, FIRST_DAMPING)
         self.best, self.patience = np.full(rows, np.inf), np.zeros(rows, dtype=int)
+        self.rattles = np.zeros(rows, dtype=int)
         if frames is not None:
             frames.append((0.0, self.qpos[0].copy()))
 
@@ -114,6 +130,9 @@ class Relaxation:
         """Move the live rows on until each has come to rest or will not."""
         simulations = self.simulations
         while self.live.any():
+            if self.strained.any():
+                load = np.where(self.strained, np.maximum(simulations.pull, self.load), self.load)
+                self.swing = np.sqrt(load / simulations.robot.mass / self.length)
             simulations.timestep[:] = self.step / self.swing
             simulations.damping[:, : simulations.free] = (
                 2 * (self.ratio * self.swing)[:, None] * self.inertia / simulations.unit
@@ -179,6 +198,19 @@ class Relaxation:
         )
         self.best = np.where(going | rattling, self.residual, self.best)
         self.patience[rattling] = 0
+        self.rattles += rattling
+        heavier = rattling & (self.rattles % RATTLES == 0)
+        lighter = slow & (self.ratio == LEAST_DAMPING)
+        if heavier.any() or lighter.any():
+            turning, own = (inertia[..., self.simulations.angular] for inertia in (self.inertia, self.own_inertia))
+            self._add_inertia(heavier[:, None] * turning - lighter[:, None] * (turning - own) / 2)
+
+    def _add_inertia(self, added: Float[np.ndarray, "rows turns"]) -> None:
+        """Make rotations slower: the pose of rest does not depend on inertia."""
+        simulations = self.simulations
+        simulations.armature[:, simulations.angular] += added / simulations.unit
+        self.inertia[:, simulations.angular] += added
+        self.root_inertia = np.sqrt(self.inertia)
 
 
 def _parallel(a: Float[np.ndarray, "rows free"], b: Float[np.ndarray, "rows free"]) -> Bool[np.ndarray, " rows"]:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.cable import MOST_STRAIN
+from cdpr_sim.core.checks import positive
 from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance, moved
@@ -78,7 +79,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     robot, pose = problem.robot, equilibrium.pose
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity alone")
-    arm = robot.characteristic_length
+    seconds, arm = positive("seconds", seconds, "s"), robot.characteristic_length
     chains.refuse_weight(robot, "releasing a platform")
     with simulations_of(Problems.stack([dataclasses.replace(problem, pose=pose)])) as simulations:
         softest = simulations.read(simulations.qpos.copy()).softest[0]
@@ -122,12 +123,14 @@ def grow_gravity(
     problem = Problem.of(robot, pose, rest_lengths)
     if problem.external_wrench.any():
         raise InvalidInput("external_wrench: found one, expected gravity alone, which grows")
+    seconds = positive("seconds", seconds, "s")
     robot = problem.robot
     chains.refuse_weight(robot, "growing gravity")
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, problem.pose, problem.rest_lengths))
     data = mujoco.MjData(model)
     place(model, data, robot, problem.pose)
-    steps = int(seconds / model.opt.timestep)
+    mujoco.mj_kinematics(model, data)
+    steps = max(int(seconds / model.opt.timestep), 1)
     for step in range(steps):
         model.opt.gravity[2] = -robot.gravity * (step + 1) / steps
         mujoco.mj_step(model, data)

@@ -19,6 +19,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core.checks import whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike
@@ -126,6 +127,7 @@ def settle_many(
     problems = Problems.of(
         robot, poses, rest_lengths, external_wrench, rotations=rotations, axial_stiffness=axial_stiffness
     )
+    whole("threads", threads, 0)
     if len(problems.shape) != 1:
         raise InvalidInput(f"poses: found problems of shape {problems.shape}, expected rows: (rows,)")
     can = problems.finite & ~problems.falls

@@ -15,6 +15,7 @@ from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.words import cables_in_words
+from cdpr_sim.crosscheck.hold import Hold
 from cdpr_sim.physics.release import Release
 from cdpr_sim.report.crosscheck import SLACK
 from cdpr_sim.report.tables import new_table
@@ -66,14 +67,16 @@ def compensation_lengths(compensation: Compensation) -> str:
     return escape("Cables shorter by [mm]: ") + ", ".join(f"{value:.3f}" for value in shorter)
 
 
-def compensation_verdict(compensation: Compensation) -> str:
-    """What compensation came to, and why, in a line each."""
-    color = "green" if compensation.exact else "yellow"
-    head = f"[bold {color}]{compensation.reach.value[0].upper() + compensation.reach.value[1:]}[/]"
+def compensation_verdict(compensation: Compensation, hold: Hold) -> str:
+    """What compensation came to, and why, and what MuJoCo does not confirm, in a line each."""
+    color = "green" if compensation.exact and hold.held else "yellow" if hold.held else "red"
+    found = compensation.reach.value if hold.held else "what statics finds is not held in MuJoCo"
+    head = f"[bold {color}]{found[0].upper() + found[1:]}[/]"
     if not compensation.exact:
         arm = f"a rotation counts as the way of a point {1e3 * compensation.arm:.0f} mm from the platform's origin"
         head += f": {1e3 * compensation.distance:.3f} mm away ({arm if compensation.arm else 'in position alone'})"
-    return "\n".join([head + ".", *(f"  - {escape(reason)}" for reason in compensation.reasons)])
+    reasons = (*compensation.reasons, *hold.reasons)
+    return "\n".join([head + ".", *(f"  - {escape(reason)}" for reason in reasons)])
 
 
 def sensitivity_table(answer: Sensitivity, effects: Sequence[Effect]) -> Table:
@@ -174,4 +177,7 @@ def identification_note(found: Identification) -> str:
     if turned.size:
         parts.append(f"{np.degrees(np.sqrt(np.mean(turned**2))):.3g}°")
     head = f"Residuals: {' and '.join(parts)} (root mean square)."
+    if found.judged:
+        said = {"position": f"{1e3 * found.scatters[0]:.3g} mm", "rotation": f"{np.degrees(found.scatters[1]):.3g}°"}
+        head += f" Errors of measurement judged from them: {' and '.join(said[kind] for kind in found.judged)}."
     return "\n".join([head, *(f"[yellow]-[/] {escape(reason)}" for reason in found.reasons)])

@@ -14,6 +14,7 @@ from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.crosscheck.compare import Agreement
+from cdpr_sim.crosscheck.hold import Hold
 from cdpr_sim.physics.release import Release
 from cdpr_sim.report.crosscheck import Outcome, best_point
 
@@ -53,13 +54,19 @@ def crosscheck(problem: Problem, outcomes: Mapping[str, Outcome], agreement: Agr
 
 
 def compensation(
-    problem: Problem, found: Compensation, before: Mapping[str, Equilibrium], after: Mapping[str, Equilibrium]
+    problem: Problem,
+    found: Compensation,
+    hold: Hold,
+    before: Mapping[str, Equilibrium],
+    after: Mapping[str, Equilibrium],
 ) -> dict[str, Any]:
     """The lengths, and where each road puts the platform with the rigid and with the compensated ones."""
     return _asked(problem) | {
         "exact": found.exact,
         "distance": found.distance,
-        "reasons": list(found.reasons),
+        "held": hold.held,
+        "comes_from_commanded": hold.comes,
+        "reasons": [*found.reasons, *hold.reasons],
         "rest_lengths": found.rest_lengths.tolist(),
         "before": {name.lower(): outcome(result) for name, result in before.items()},
         "after": {name.lower(): outcome(result) for name, result in after.items()},

@@ -34,6 +34,10 @@ _energy = inline(cable_law.energy)
 _tangent = inline(cable_law.tangent)
 
 
+NO_LENGTH = np.finfo(float).tiny
+"""[m] A slack cable whose anchor touches its exit pulls nowhere, rather than in a direction of 0/0."""
+
+
 class Cables(NamedTuple):
     """What is given of plain cables. A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length."""
 
@@ -147,7 +151,7 @@ def _measure_plain(cables, p, R, state):
         for a in range(3):
             r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
         length, x, y, z, free = _path(A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2])
-        inverse = 1 / free
+        inverse = 1 / max(free, NO_LENGTH)
         u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
         l[i] = length
         e[i] = length - l0[i]

@@ -23,6 +23,9 @@ from cdpr_sim.statics.catenary import Catenary, catenary
 
 Array = np.ndarray
 
+NO_LENGTH = np.finfo(float).tiny
+"""[m] A slack cable whose anchor touches its exit pulls nowhere, rather than in a direction of 0/0."""
+
 _LEVI_CIVITA = np.zeros((3, 3, 3))
 _LEVI_CIVITA[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
 _LEVI_CIVITA[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
@@ -175,12 +178,12 @@ def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[
     x, y, z = np.moveaxis(robot.exits - np.asarray(position)[..., None, :] - arms, -1, 0)
     apart = (x, y, z)
     length, x, y, z, free = path(*apart)
+    free = np.maximum(free, NO_LENGTH)
     across, bends, wraps = np.zeros((*length.shape, 3)), np.zeros(length.shape), np.zeros(length.shape)
     vectors = np.stack([x, y, z], axis=-1)
     over = robot.cabling.pulleys
     if over.any():
         axes, radii = robot.cabling.pulley_axis[over].T, robot.cabling.pulley_radius[over]
-        free = free.copy()
         with np.errstate(invalid="ignore"):
             length[..., over], *vector, free[..., over], ax, ay, az, bends[..., over], wraps[..., over] = pulley_path(
                 *(coordinate[..., over] for coordinate in apart), *axes, radii

@@ -12,7 +12,7 @@ from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.status import Status
+from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import cable_law, forces
 from cdpr_sim.statics.heavy_kernel import heavy_gufunc
@@ -38,6 +38,8 @@ def solve(problem: Problem) -> Equilibrium:
     )
     pose = RigidTransform.from_components(position, Rotation.from_matrix(rotation))
     result = forces.equilibrium_at(problem, pose, iterations=int(iterations), source="newton")
+    if status == Status.CONVERGED and not result.residual <= ACCEPTABLE * problem.force_scale:
+        status = Status.STALLED  # in the pose as it is returned, a rotation that is normalised once more
     if status != Status.CONVERGED:
         raise NotConverged.because(Status(int(status)), result)
     return result
@@ -107,8 +109,13 @@ def solve_many(
         problems.positions,
         problems.rotations,
     )
+    if not problems.finite.all():
+        status = np.where(problems.finite, status, Status.NOT_FINITE.value)
     if problems.falls.any():
         status = np.where(problems.falls, Status.FALLS.value, status)
+    with np.errstate(all="ignore"):  # of rows that are not finite
+        rest, stiffness = problems.rest_lengths, problems.axial_stiffness
+        tensions = cable_law.tension(lengths - rest, rest, stiffness)
     return Rests(
         problems=problems,
         positions=positions,

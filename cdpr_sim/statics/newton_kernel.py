@@ -32,7 +32,8 @@ import numpy as np
 from numba import float64, guvectorize, int64
 
 from cdpr_sim.core.compiling import built_once
-from cdpr_sim.core.status import NEUTRAL, Status
+from cdpr_sim.core.problem import IDLE_STRAIN
+from cdpr_sim.core.status import ACCEPTABLE, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableState, inline, outlined, pasted
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
@@ -43,6 +44,9 @@ MAX_ITERATIONS = 1000
 MAX_TRANSLATION = 0.5
 """Longest step, as a fraction of the mean cable length."""
 
+LEAST_REACH = 0.1
+"""Of the mean rest length: what counts as cable length in that where anchors touch their exits."""
+
 MAX_ROTATION = 0.7
 """Longest step [rad]: beyond it the local model says little about a rotation."""
 
@@ -50,7 +54,11 @@ FORCE_TOLERANCE = 2e-9
 """Largest unbalanced force at convergence, as a fraction of the load."""
 
 ROUNDING = 8 * np.finfo(float).eps
-"""Relative error of a computed length, a few units in the last place: below it no pose has a smaller residual."""
+"""Relative error of a computed length, a few units in the last place: below it no pose has a smaller residual. Where
+two units are more than ``ACCEPTABLE`` of the load, no pose counts as balanced."""
+
+ENERGY_ROUNDING = 4 * np.finfo(float).eps
+"""Relative error of a computed energy: cables drawn tight store more of it than the load ever changes."""
 
 MAX_TRIALS = 60
 """Steps tried, each shorter than the last, before an iteration gives up."""
@@ -188,6 +196,7 @@ def _descend(case, start_position, start_rotation):
         return here, np.nan, 0, _NOT_FINITE
     _first_tensions(case, here, tau, taut)
     shift, residual, certified = 0.0, np.inf, False
+    least_reach = LEAST_REACH * ck.mean(case.cables.l0)
     for iteration in range(MAX_ITERATIONS):
         residual = _slopes(case, here, model)
         if residual <= scales.force:
@@ -204,14 +213,15 @@ def _descend(case, start_position, start_rotation):
             continue
         _curvature(case, here, tau, model)
         accepted, decrease, V_trial = False, 0.0, V
-        longest = MAX_TRANSLATION * ck.mean(here.c.l)
+        longest = MAX_TRANSLATION * max(ck.mean(here.c.l), least_reach)
         # Inside this function, since only there the compiler knows that the arrays do not overlap: 1.4 times as fast.
         for _ in range(MAX_TRIALS):
             decrease = -np.inf
             if _model_minimum(here, model, shift, taut, x):
                 _shorten(x, longest, MAX_ROTATION * case.scale)
                 decrease = _model_decrease(here, model, x, predicted)
-            rounding = abs(decrease) <= scales.energy  # such a step is judged by the forces, next time round
+            # A step that changes the energy by no more than its rounding is judged by the forces, next time round.
+            rounding = abs(decrease) <= max(scales.energy, ENERGY_ROUNDING * abs(V))
             if decrease > 0 or rounding:
                 for attempt in range(3):
                     V_trial = _measure_at(case, here, x, trial)
@@ -245,13 +255,16 @@ def _scales(case, start):
     for a in range(6):
         load = max(load, abs(case.wrench[a]) / (1.0 if a < 3 else case.scale))
     A, stiffest = case.cables.A, ck.largest(case.cables.k)
+    if load == 0.0:
+        for i in range(len(A)):
+            load += IDLE_STRAIN * case.cables.k[i] * case.cables.l0[i] / len(A)
     size = ck.largest(start.p)
     for i in range(len(A)):
         for a in range(3):
             size = max(size, abs(A[i, a]))
     return _Scales(
         max(load, 1e-9 * stiffest * case.scale) / ck.mean(case.cables.l0),
-        FORCE_TOLERANCE * load + ROUNDING * stiffest * size,
+        min(FORCE_TOLERANCE * load + ROUNDING * stiffest * size, ACCEPTABLE * load - 0.25 * ROUNDING * stiffest * size),
         1e-13 * load * case.scale,
     )
 

@@ -19,11 +19,12 @@ from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.errors import UnknownName
 from cdpr_sim.core.pose import as_pose, six_vector
 from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.status import ACCEPTABLE
 from cdpr_sim.statics import forces
 
 Solver = Literal["fsolve", "least_squares"]
 
-RESIDUAL_TOLERANCE = 1e-6
+RESIDUAL_TOLERANCE = ACCEPTABLE
 """Largest unbalanced force of an equilibrium, as a fraction of the load; MuJoCo's platform is held to the same."""
 
 
@@ -57,7 +58,7 @@ def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
         raise UnknownName("SEECR solver", str(solver), get_args(Solver))
     source = f"seecr/{solver}"
     result = forces.equilibrium_at(problem, pose_at(deviation), iterations=int(evaluations or 0), source=source)
-    if not result.residual <= RESIDUAL_TOLERANCE * problem.load:
+    if not result.residual <= RESIDUAL_TOLERANCE * problem.force_scale:
         said = " ".join(str(message).split()).rstrip(".")
         raise NotConverged(
             f"seecr/{solver}: stopped with {result.residual:.1e} N unbalanced (SciPy says: {said})", result

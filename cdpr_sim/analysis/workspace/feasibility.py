@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
+from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.limits import SLACK_TO_ANYTHING, checked_limits, checked_wrenches
 from cdpr_sim.core.problem import Problem, positions_and_rotations
 from cdpr_sim.core.robot import Robot
@@ -149,9 +150,9 @@ def feasible_by_linprog(
     """
     robot.cabling.refuse_weight("feasible")
     lower, upper = checked_limits(robot, tension_limits)
-    rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+    at, turned = positions_and_rotations(robot, checked_array("position", position, (3,)), rotation)
     return all(
-        _least_by_linprog(robot, np.asarray(position, dtype=float), rotation, lower, upper, load) <= HIGHS_TOLERANCE
+        _least_by_linprog(robot, at, turned, lower, upper, load) <= HIGHS_TOLERANCE
         for load in checked_wrenches(robot, wrenches)
     )
 

@@ -1,0 +1,246 @@
+"""Hostile robots through both roads: what each says is checked by a force balance of this script's own.
+
+Robots of 1 to 8 cables or fully constrained, 1 cm to 100 m, EA of 1 N to 100 MN, spatial and planar, under wrenches,
+weightless, drawn tight, or nearly degenerate, at poses anywhere. An answer is certified if forces balance to two
+millionths of the load, counted here in plain NumPy from the paper's Eq. 3, 4, 8 to 11; of a sample, the stiffness is
+differenced as well, and must be what the answer calls it. Refused is what the package would not ask, and no rest what
+it asked without an answer, each by an error of its own or by a mark. Exit status 1 if any answer is wrong, or an error
+is not the package's own.
+"""
+
+import argparse
+import itertools
+import sys
+import warnings
+from collections import Counter
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import cdpr_sim as cdpr
+
+SOLVES, SETTLES = 100_000, 1000
+ROWS = 90  # of one robot in a batch; ten more robots are solved one by one
+SAMPLE = 0.1  # of the answers whose stability is differenced
+BALANCED = 2e-6  # of the load; the package promises 1e-6, and rounding differs between two ways of counting
+ORTHOGONAL = 1e-12  # rounding of a rotation matrix
+NEUTRAL = 1e-9  # of the largest eigenvalue: what the package calls rounding
+DIFFERENCED = 1e-4  # of the largest eigenvalue: MuJoCo's stiffness is differenced in real numbers
+VERDICTS = ("certified", "refused", "no rest")
+REFUSED = (cdpr.Status.FALLS, cdpr.Status.NOT_FINITE)
+KINDS = ("suspended", "constrained", "drawn tight", "weightless", "wrenched", "degenerate", "planar")
+
+
+def robot_of(kind: str, random: np.random.Generator) -> tuple[cdpr.Robot, float]:
+    """A robot, and its size [m]."""
+    size, platform = 10 ** random.uniform(-2, 2), 10 ** random.uniform(-3, 0)
+    cables = int(random.integers(1, 9))
+    if kind in ("constrained", "drawn tight") or (kind == "weightless" and random.random() < 0.7):
+        corners = np.array(list(itertools.product([-1, 1], repeat=3)), dtype=float)
+        exits, anchors = corners * [1, 0.8, 0.6], corners * random.uniform(0.5, 1, 3)
+        if random.random() < 0.5:
+            anchors[:, 2] *= -1
+        if random.random() < 0.5:
+            exits = exits + random.uniform(-0.2, 0.2, exits.shape)
+    else:
+        exits = random.uniform([-1, -1, 0.4], [1, 1, 1], (cables, 3))
+        anchors = random.uniform(-1, 1, (cables, 3))
+    center = random.uniform(-0.5, 0.5, 3) * (random.random() < 0.5)
+    if kind == "degenerate":
+        flaw = random.integers(5)
+        if flaw == 0:
+            exits[:] = exits[0] + 1e-9 * random.normal(size=exits.shape)
+        elif flaw == 1:
+            anchors[:] = anchors[0]
+        elif flaw == 2:
+            exits[:, 2] = exits[0, 2]
+            anchors[:, 2] = 0
+        elif flaw == 3:
+            exits[:, 1] = anchors[:, 1] = center[1] = 0
+        else:
+            exits[:], anchors[:] = exits[0], anchors[0]
+    planar = kind == "planar" or (kind != "degenerate" and random.random() < 0.2)
+    if planar:
+        exits[:, 1] = anchors[:, 1] = center[1] = 0
+    stiffness = 10 ** random.uniform(0, 8) * 10 ** random.uniform(-1, 1, len(exits) if random.random() < 0.5 else 1)
+    robot = cdpr.Robot(
+        size * exits,
+        size * platform * anchors,
+        np.broadcast_to(stiffness, len(exits)),
+        10 ** random.uniform(-3, 3),
+        center_of_mass=size * platform * center,
+        mobility="planar" if planar else "spatial",
+        gravity=0.0 if kind == "weightless" else 9.81,
+        platform_size=np.full(3, 2 * size * platform),
+        name=kind,
+    )
+    return robot, size
+
+
+def asked_of(
+    kind: str, robot: cdpr.Robot, size: float, rows: int, random: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """Poses (rows, 6), and rest lengths and wrenches where the kind has them."""
+    poses = np.hstack(
+        [random.uniform(-0.8, 0.4, (rows, 3)) * size, random.normal(size=(rows, 3)) * random.choice([0, 0.3, 3])]
+    )
+    poses[random.random(rows) < 0.05, :3] = (robot.exits[0] - robot.anchors[0]) + 1e-12 * size  # an anchor on its exit
+    if robot.mobility == "planar":
+        poses[:, [1, 3, 5]] = 0
+    asked = {"poses": poses}
+    if kind in ("drawn tight", "weightless") or random.random() < 0.2:
+        matrices = cdpr.Problems.of(robot, poses).rotations
+        arms = np.einsum("nij,cj->nci", np.broadcast_to(matrices, (rows, 3, 3)), robot.anchors)
+        lengths = np.linalg.norm(robot.exits - poses[:, None, :3] - arms, axis=-1)
+        strain = 10 ** random.uniform(-5, -0.5) * random.choice([-0.3, 1])
+        asked["rest_lengths"] = lengths * (1 - strain * random.uniform(0.2, 1, lengths.shape))
+        asked["poses"] = poses + 0.03 * size * random.normal(size=poses.shape) * [
+            1,
+            0 if robot.mobility == "planar" else 1,
+            1,
+            0,
+            0,
+            0,
+        ]
+    if kind == "wrenched":
+        scale = robot.weight * 10 ** random.uniform(-2, 2)
+        wrenches = (
+            scale * random.normal(size=(rows, 6)) * robot.units * ([1, 1, 1, 0, 0, 0] if random.random() < 0.7 else 1)
+        )
+        if robot.mobility == "planar":
+            wrenches[:, [1, 3, 5]] = 0
+        asked["external_wrench"] = wrenches
+    return asked
+
+
+def forces(
+    problem: cdpr.Problem, position: np.ndarray, matrix: np.ndarray, step: np.ndarray | None = None
+) -> np.ndarray:
+    """Net force and torque on the platform [N], torques over the characteristic length, on the free directions.
+
+    With a ``step`` (translation, rotation vector), which may be imaginary, after it, the same cables taut.
+    """
+    robot = problem.robot
+    arms, center = robot.anchors @ matrix.T, matrix @ robot.center_of_mass
+    apart = robot.exits - position - arms
+    lengths = np.sqrt((apart * apart).sum(1))
+    taut = lengths > problem.rest_lengths
+    if step is not None:
+        arms, center = arms + np.cross(step[3:], arms), center + np.cross(step[3:], center)
+        apart = robot.exits - (position + step[:3]) - arms
+        lengths = np.sqrt((apart * apart).sum(1))
+    stretch = (lengths - problem.rest_lengths) * taut
+    tensions = robot.axial_stiffness * stretch / problem.rest_lengths
+    pulls = (tensions / np.where(taut, lengths, 1.0))[:, None] * apart
+    weight = np.array([0, 0, -robot.mass * robot.gravity])
+    force = pulls.sum(0) + weight + problem.external_wrench[:3]
+    torque = np.cross(arms, pulls).sum(0) + np.cross(center, weight) + problem.external_wrench[3:]
+    return np.concatenate([force, torque / robot.characteristic_length])[robot.free]
+
+
+def stiffness(problem: cdpr.Problem, position: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Eigenvalues [N/m] of minus the change of the forces, differenced along imaginary steps, which lose no digits."""
+    free, columns = problem.robot.free, []
+    for direction in free:
+        step = np.zeros(6, dtype=complex)
+        step[direction] = 1e-30j / problem.robot.units[direction]
+        columns.append(-forces(problem, position, matrix, step).imag / 1e-30)
+    slope = np.array(columns).T
+    return np.linalg.eigvalsh((slope + slope.T) / 2)
+
+
+def judged(rest: cdpr.Equilibrium, random: np.random.Generator, matrix: np.ndarray | None = None) -> str:
+    """What is wrong with it, or "certified"; of a row in a batch, by its own rotation matrix."""
+    problem, matrix = rest.problem, rest.rotation.as_matrix() if matrix is None else matrix
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() > ORTHOGONAL:
+        return "turned by what is no rotation"
+    load = max(problem.robot.weight, np.abs(problem.external_wrench / problem.robot.units).max())
+    scale = load or 1e-3 * problem.robot.axial_stiffness.mean()
+    left = np.abs(forces(problem, rest.position, matrix)).max()
+    if not left <= BALANCED * scale:
+        return f"{left / scale:.1e} of the load unbalanced, said {rest.residual / scale:.1e}"
+    if random.random() < SAMPLE:
+        values = stiffness(problem, rest.position, matrix)
+        lowest, largest = values[0], np.abs(values).max()
+        blur = (DIFFERENCED if rest.source == "mujoco" else NEUTRAL) * largest
+        if rest.stable and lowest < (-blur if rest.source == "mujoco" else 0):
+            return f"called stable, with a stiffness of {lowest:.1e} of {largest:.1e} N/m"
+        if rest.stability is cdpr.Stability.UNSTABLE and lowest > blur:
+            return f"called unstable, with a least stiffness of {lowest:.1e} of {largest:.1e} N/m"
+    return "certified"
+
+
+def attack(road: str, asked: int, seed: int) -> tuple[dict[str, Counter], list[str]]:
+    """Counts by kind of robot, and the wrong ones in words."""
+    counts, wrong = {kind: Counter() for kind in KINDS}, []
+
+    def count(kind: str, verdict: str, number: int, row: int | None = None) -> None:
+        known = verdict if verdict in VERDICTS else "wrong"
+        counts[kind][known] += 1
+        if known == "wrong":
+            wrong.append(
+                f"{road}, {kind}, seed {seed}, robot {number}{'' if row is None else f', row {row}'}: {verdict}"
+            )
+
+    def one(kind: str, number: int, random: np.random.Generator) -> None:
+        try:
+            robot, size = robot_of(kind, random)
+            problem = {name: value[0] for name, value in asked_of(kind, robot, size, 1, random).items()}
+            rest = {"solve": cdpr.solve, "settle": cdpr.settle}[road](robot, problem.pop("poses"), **problem)
+        except (cdpr.NotConverged, cdpr.NotSettled):
+            count(kind, "no rest", number)
+        except cdpr.CdprError:
+            count(kind, "refused", number)
+        else:
+            count(kind, judged(rest, random), number)
+
+    def many(kind: str, number: int, random: np.random.Generator, rows: int) -> None:
+        try:
+            robot, size = robot_of(kind, random)
+            rests = cdpr.solve_many(robot, **asked_of(kind, robot, size, rows, random))
+        except cdpr.CdprError:
+            for _ in range(rows):
+                count(kind, "refused", number)
+            return
+        for row in range(rows):
+            converged = rests.converged[row]
+            no_rest = "refused" if rests.status[row] in REFUSED else "no rest"
+            verdict = judged(rests[row], random, rests.rotations[row]) if converged else no_rest
+            count(kind, verdict, number, row)
+
+    done = number = 0
+    while done < asked:
+        kind, random = KINDS[number % len(KINDS)], np.random.default_rng([seed, number])
+        rows = min(ROWS if road == "solve" and number % 11 == 0 else 1, asked - done)
+        try:
+            one(kind, number, random) if rows == 1 else many(kind, number, random, rows)
+        except Exception as error:  # what the package may not do
+            count(kind, f"{type(error).__name__}: {error}", number)
+        done, number = done + rows, number + 1
+    return counts, wrong
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--solves", type=int, default=SOLVES)
+    parser.add_argument("--settles", type=int, default=SETTLES)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    warnings.simplefilter("error", RuntimeWarning)
+    table = Table("road", "robots", *VERDICTS, "wrong", title="Hostile robots", title_justify="left")
+    complaints = []
+    for road, asked in (("solve", options.solves), ("settle", options.settles)):
+        counts, wrong = attack(road, asked, options.seed)
+        complaints += wrong
+        for kind, count in [*counts.items(), ("all", sum(counts.values(), Counter()))]:
+            table.add_row(road, kind, *(str(count[name]) for name in (*VERDICTS, "wrong")))
+        table.add_section()
+    Console().print(table)
+    for line in complaints[:20]:
+        print(line)
+    sys.exit(1 if complaints else 0)
+
+
+if __name__ == "__main__":
+    main()
