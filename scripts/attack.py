@@ -145,23 +145,24 @@ def stiffness(problem: cdpr.Problem, position: np.ndarray, matrix: np.ndarray) -
     for direction in free:
         step = np.zeros(6, dtype=complex)
         step[direction] = 1e-30j / problem.robot.units[direction]
-        columns.append(-forces(problem, position, matrix, step).imag / 1e-30)
+        columns.append(-np.imag(forces(problem, position, matrix, step)) / 1e-30)
     slope = np.array(columns).T
     return np.linalg.eigvalsh((slope + slope.T) / 2)
 
 
 def judged(rest: cdpr.Equilibrium, random: np.random.Generator, matrix: np.ndarray | None = None) -> str:
     """What is wrong with it, or "certified"; of a row in a batch, by its own rotation matrix."""
-    problem, matrix = rest.problem, rest.rotation.as_matrix() if matrix is None else matrix
-    if np.abs(matrix @ matrix.T - np.eye(3)).max() > ORTHOGONAL:
+    problem = rest.problem
+    turned = rest.rotation.as_matrix() if matrix is None else matrix
+    if np.abs(turned @ turned.T - np.eye(3)).max() > ORTHOGONAL:
         return "turned by what is no rotation"
     load = max(problem.robot.weight, np.abs(problem.external_wrench / problem.robot.units).max())
     scale = load or 1e-3 * problem.robot.axial_stiffness.mean()
-    left = np.abs(forces(problem, rest.position, matrix)).max()
+    left = np.abs(forces(problem, rest.position, turned)).max()
     if not left <= BALANCED * scale:
         return f"{left / scale:.1e} of the load unbalanced, said {rest.residual / scale:.1e}"
     if random.random() < SAMPLE:
-        values = stiffness(problem, rest.position, matrix)
+        values = stiffness(problem, rest.position, turned)
         lowest, largest = values[0], np.abs(values).max()
         blur = (DIFFERENCED if rest.source == "mujoco" else NEUTRAL) * largest
         if rest.stable and lowest < (-blur if rest.source == "mujoco" else 0):
@@ -222,7 +223,7 @@ def attack(road: str, asked: int, seed: int) -> tuple[dict[str, Counter], list[s
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--solves", type=int, default=SOLVES)
     parser.add_argument("--settles", type=int, default=SETTLES)
     parser.add_argument("--seed", type=int, default=0)

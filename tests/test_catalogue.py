@@ -39,8 +39,8 @@ TABLE_II = {
 
 ERRATUM = {"cogiro": (3, [0.08, 0.46, 0.485])}
 """The paper prints A4 of the Cogiro layout as (.08, .04, .485), a repeat of A1. The layout is symmetric under a half
-turn about the vertical through (.4, .25), which takes A1 to A5, A2 to A6 and A3 to A7, and B likewise; so A4 is the image of
-A8 = (.72, .04, .485)."""
+turn about the vertical through (.4, .25), which takes A1 to A5, A2 to A6 and A3 to A7, and B likewise; so A4 is the
+image of A8 = (.72, .04, .485)."""
 
 
 def test_catalogue_has_the_five_robots():

@@ -2,7 +2,7 @@
 
 IRMA4U of the University of Bologna: geometry, and 27 poses of static equilibrium with their tensions, from
 github.com/fzoffoli/UACDPR_SelfCalibration (libs/config/IRMA4U_Mar25.mat and sc_control_target_27_final.mat). Their
-cables do not stretch, and their angles are R = Rx(a) Ry(b) Rz(c); they state poses to 1e-16 and balance forces to 3e-4 N.
+cables do not stretch, and their angles are R = Rx(a) Ry(b) Rz(c); forces balance there to 3e-4 N.
 """
 
 import numpy as np

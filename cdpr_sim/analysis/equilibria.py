@@ -336,8 +336,8 @@ def _stiffened_roots(
         positions, rotations = _roots(part, positions, rotations, 1e-2 if level == levels else 1e-12)
         if level:  # pairs of equilibria are born as cables get stiffer
             positions, rotations = _different(positions, rotations, robot.characteristic_length)
-            more = [array[fresh[level - 1]] for array in starts]
-            born = _roots(part, *more, 1e-2)
+            rows = fresh[level - 1]
+            born = _roots(part, starts[0][rows], starts[1][rows], 1e-2)
             positions, rotations = np.concatenate([positions, born[0]]), np.concatenate([rotations, born[1]])
     return np.concatenate([straight[0], positions]), np.concatenate([straight[1], rotations])
 

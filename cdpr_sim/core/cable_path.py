@@ -76,7 +76,9 @@ def lengths(
         apart.append(exits - anchors)
     found = path(*apart)[0]
     if cabling.pulleys.any():
-        over, axes = cabling.pulleys, cabling.pulley_axis[cabling.pulleys].T
+        over = cabling.pulleys
+        x, y, z = (coordinate[..., over] for coordinate in apart)
+        ex, ey, ez = cabling.pulley_axis[over].T
         with np.errstate(invalid="ignore"):
-            found[..., over] = pulley_path(*(x[..., over] for x in apart), *axes, cabling.pulley_radius[over])[0]
+            found[..., over] = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])[0]
     return found

@@ -8,7 +8,7 @@ Coordinates are (translation, left-applied rotation vector times ``scale``), six
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -193,10 +193,10 @@ def _bent_energy(cables, state, V):
     return V
 
 
-_inlined = {"error_model": "numpy", "forceinline": True}
+_inlined: Any = {"error_model": "numpy", "forceinline": True}
 
 
-def new_state(cables):
+def new_state(cables) -> Any:
     """Room for what is measured of ``cables``."""
 
 
@@ -205,7 +205,7 @@ def _new_state(cables):
     return _new_bent_state if cables.instance_class is BentCables else _new_plain_state
 
 
-def measure(cables, p, R, state):
+def measure(cables, p, R, state) -> Any:
     """Fill in the cables' state with the platform at p, R (paper Eq. 8, 9)."""
 
 
@@ -214,7 +214,7 @@ def _measure(cables, p, R, state):
     return _measure_bent if cables.instance_class is BentCables else _measure_plain
 
 
-def elastic_energy(cables, state, V):
+def elastic_energy(cables, state, V) -> Any:
     """V and what all cables add to it [J]."""
 
 

@@ -183,10 +183,11 @@ def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[
     vectors = np.stack([x, y, z], axis=-1)
     over = robot.cabling.pulleys
     if over.any():
-        axes, radii = robot.cabling.pulley_axis[over].T, robot.cabling.pulley_radius[over]
+        x, y, z = (coordinate[..., over] for coordinate in apart)
+        ex, ey, ez = robot.cabling.pulley_axis[over].T
         with np.errstate(invalid="ignore"):
             length[..., over], *vector, free[..., over], ax, ay, az, bends[..., over], wraps[..., over] = pulley_path(
-                *(coordinate[..., over] for coordinate in apart), *axes, radii
+                x, y, z, ex, ey, ez, robot.cabling.pulley_radius[over]
             )
         vectors[..., over, :], across[..., over, :] = np.stack(vector, axis=-1), np.stack([ax, ay, az], axis=-1)
     return Geometry(robot, arms, vectors / free[..., None], length, free, across, bends, wraps)

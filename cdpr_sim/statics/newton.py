@@ -113,9 +113,6 @@ def solve_many(
         status = np.where(problems.finite, status, Status.NOT_FINITE.value)
     if problems.falls.any():
         status = np.where(problems.falls, Status.FALLS.value, status)
-    with np.errstate(all="ignore"):  # of rows that are not finite
-        rest, stiffness = problems.rest_lengths, problems.axial_stiffness
-        tensions = cable_law.tension(lengths - rest, rest, stiffness)
     return Rests(
         problems=problems,
         positions=positions,
