@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -15,6 +15,9 @@ from cdpr_sim.cli.terminal import errors_as_sentences
 from cdpr_sim.core.files import check_place
 from cdpr_sim.drawing import maps
 from cdpr_sim.report import workspace as report
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def sweep(
@@ -32,7 +35,7 @@ def sweep(
     """Solve for the static equilibrium over whole workspaces: tilt, deviation, slack cables, feasibility."""
     with errors_as_sentences():
         dataset = cdpr.sweep(robot, grid, material or None, tension_limits=limits, store=output, progress=True)
-        Console().print(report.sweep_table(dataset))
+        _print(dataset)
 
 
 def draw_map(
@@ -53,9 +56,17 @@ def draw_map(
         robots = [cdpr.load_robot(name) for name in robot]
         section = grids.plane(plane, at, points, robots)
         dataset = cdpr.sweep(robots, section, material or None, tension_limits=limits, progress=True)
-        maps.write(maps.draw_elastic_map(dataset), output)
-        Console().print(report.sweep_table(dataset))
+        names = [name for name in maps.ELASTIC if name in dataset]
+        maps.write(maps.draw_elastic_map(dataset, names=names), output)
+        _print(dataset)
     typer.echo(output)
+
+
+def _print(dataset: xr.Dataset) -> None:
+    console, note = Console(), report.sweep_note(dataset)
+    console.print(report.sweep_table(dataset))
+    if note:
+        console.print(note, highlight=False)
 
 
 def check(

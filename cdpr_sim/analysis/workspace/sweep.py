@@ -73,6 +73,8 @@ _FEASIBLE = {
     "wrench_feasible": "rigid cables can hold the platform as commanded against every one of the wrenches",
 }
 
+_OF_MASSLESS_CABLES = {"feasible", "frequency"}
+
 _MODES = {"eigenvalues", "frequency"}
 
 
@@ -101,7 +103,8 @@ def sweep(
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity, (6,).
         tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
-        quantities: names of ``QUANTITIES`` and "feasible"; default: all. The status is always there.
+        quantities: names of ``QUANTITIES`` and "feasible"; default: all that the robots' cables allow, where those that
+            weigh something allow neither "feasible" nor "frequency". The status is always there.
         chunk: poses per Dask task at most; None: one call of NumPy, on one core, without Dask.
         compute: False for a Dataset of Dask arrays that are yet to be computed, for tools and clusters of your own.
         store: a new .nc file, or a .zarr folder, into which a sweep that was interrupted goes on where it stopped; the
@@ -121,7 +124,7 @@ def sweep(
     group = as_robots(robots)
     axes = as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)
-    names = _checked_quantities(quantities)
+    names = _checked_quantities(quantities, group)
     rotation = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,))).as_matrix()
     wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
     for robot in group:
@@ -208,13 +211,17 @@ def _labelled(stiffness: np.ndarray, materials: Sequence[str] | Mapping[str, flo
     return xr.DataArray(stiffness, dims=("material", "cable"), coords={"material": list(materials)})
 
 
-def _checked_quantities(quantities: Sequence[str] | None) -> list[str]:
+def _checked_quantities(quantities: Sequence[str] | None, robots: Sequence[Robot]) -> list[str]:
     known = [*QUANTITIES, "feasible"]
     if quantities is None:
-        return known
+        massless = all(robot.cabling.massless for robot in robots)
+        return known if massless else [name for name in known if name not in _OF_MASSLESS_CABLES]
     for name in quantities:
         if name not in known:
             raise UnknownName("quantity", str(name), known)
+        if name in _OF_MASSLESS_CABLES:
+            for robot in robots:
+                robot.cabling.refuse_weight(name)
     return [name for name in known if name in quantities or name == "status"]
 
 
