@@ -279,6 +279,17 @@ def test_what_takes_no_account_of_weight_says_so(real, what):
         REFUSALS[what](real["heavy"])
 
 
+@pytest.mark.parametrize("option", ["--drop", "--compensate"])
+def test_a_video_of_heavy_cables_refuses_what_needs_a_drive(tmp_path, catalogue_text, option):
+    """It shows such a robot at rest at one waypoint after the other, and nothing else; no file is left."""
+    file, video = tmp_path / "mine.toml", tmp_path / "mine.mp4"
+    file.write_text(f"linear_density = 0.0005\n{catalogue_text}")
+    answer = CliRunner().invoke(app, ["video", str(file), option, "-o", str(video)])
+    assert answer.exit_code == 2
+    assert f"{option}: found cables of 0.0005 kg/m" in " ".join(answer.output.split())
+    assert not video.exists()
+
+
 def test_studies_refuse_what_they_take_no_account_of(catalogue):
     """The closed form of two cables, and the moment balance of the paper's Fig. 9."""
     bar, four = catalogue["two-cable"], catalogue["planar-vertical"]

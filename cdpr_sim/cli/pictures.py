@@ -88,9 +88,10 @@ def video(
         ):
             robot = robot_of(name, cables)
             if not robot.cabling.massless:
-                if cut:
-                    robot.cabling.refuse_weight("--compensate")
-                trajectories.append(_settled(robot, _line(robot, path, y, z)[: 1 if drop else None], seconds, states))
+                for option, chosen in (("--compensate", cut), ("--drop", drop)):
+                    if chosen:
+                        robot.cabling.refuse_weight(option)
+                trajectories.append(_settled(robot, _line(robot, path, y, z), seconds, states))
                 continue
             waypoints, lengths = _line(robot, path, y, z)[: 1 if drop else None], None
             if cut:

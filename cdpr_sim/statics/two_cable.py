@@ -82,8 +82,8 @@ def _geometry(robot: Robot, position: ArrayLike) -> tuple[np.ndarray, np.ndarray
     robot.cabling.refuse_weight("two-cable closed form")
     if robot.cabling.pulleys.any():
         raise InvalidInput(
-            f"two-cable closed form: found pulleys of {robot.cabling.pulley_radius.max():g} m, expected cables that are "
-            "free from their exits on: it takes no account of pulleys"
+            f"two-cable closed form: found pulleys of {robot.cabling.pulley_radius.max():g} m, expected cables that "
+            "are free from their exits on: it takes no account of pulleys"
         )
     first, second = (robot.anchors[0], robot.anchors[-1])
     if (
