@@ -14,6 +14,7 @@ from .analysis.modes import natural_modes as natural_modes
 from .analysis.sensitivity import Effect as Effect
 from .analysis.sensitivity import Sensitivity as Sensitivity
 from .analysis.sensitivity import sensitivity as sensitivity
+from .analysis.shapes import cable_shapes as cable_shapes
 from .analysis.workspace.feasibility import feasible as feasible
 from .analysis.workspace.feasibility import shortfall as shortfall
 from .analysis.workspace.store import open_sweep as open_sweep

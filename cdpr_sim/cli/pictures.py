@@ -29,7 +29,7 @@ def figures(
     force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
     names: Annotated[bool, typer.Option("--list", help="List the figures and what they show; draw none.")] = False,
 ) -> None:
-    """Redraw the paper's figures, MuJoCo's points on the static solver's lines, and two figures of our own."""
+    """Redraw the paper's figures, MuJoCo's points on the static solver's lines, and three figures of our own."""
     from cdpr_sim.studies.gallery import paths_of
 
     if names:
@@ -42,7 +42,7 @@ def figures(
     with errors_as_sentences():
         wanted = name or cdpr.list_figures()
         written = iter(paths_of(wanted, output).values())
-        with busy("Computing and drawing, half a minute for all (the first run on a machine compiles as long)"):
+        with busy("Computing and drawing, a minute for all (the first run on a machine compiles as long)"):
             cdpr.write_figures(
                 wanted, output, force=force, progress=lambda _: typer.echo("\n".join(map(str, next(written))))
             )
@@ -87,6 +87,12 @@ def video(
         machines = [robot_of(name, cables) for name, cables, _ in wanted]
         trajectories = []
         for robot, (_, _, cut) in zip(machines, wanted, strict=True):
+            if not robot.cabling.massless:
+                for option, chosen in (("--compensate", cut), ("--drop", drop)):
+                    if chosen:
+                        robot.cabling.refuse_weight(option)
+                trajectories.append(_settled(robot, _line(robot, path, y, z), seconds, states))
+                continue
             waypoints, lengths = _line(robot, path, y, z)[: 1 if drop else None], None
             if cut:
                 waypoints = np.linspace(waypoints[0], waypoints[-1], 1 if drop else COMPENSATED_WAYPOINTS)
@@ -110,6 +116,7 @@ def video(
             output,
             trajectories,
             [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories],
+            shapes=[_shapes(trajectory) for trajectory in trajectories],
             seconds=seconds,
             fps=fps,
             size=size,
@@ -119,6 +126,22 @@ def video(
             progress=bar("Drawing"),
         )
     typer.echo(output)
+
+
+def _shapes(trajectory: cdpr.Trajectory) -> np.ndarray | None:
+    return None if trajectory.robot.cabling.massless else cdpr.cable_shapes(trajectory)
+
+
+def _settled(robot: cdpr.Robot, ends: list[tuple[float, float, float]], seconds: float, states: int) -> cdpr.Trajectory:
+    """A robot whose cables have weight is not driven but settled at one waypoint after the other.
+
+    Raises:
+        NotSettled: some platform does not come to rest.
+    """
+    rests = cdpr.settle_many(robot, np.linspace(ends[0], ends[-1], states))
+    for row in np.flatnonzero(~rests.converged):
+        rests[int(row)]  # raises, with the reason
+    return cdpr.Trajectory.through(rests, np.linspace(0.0, seconds, states))
 
 
 def _line(

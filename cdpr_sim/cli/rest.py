@@ -58,7 +58,7 @@ def solve(
         with busy("Solving (the first run on a machine compiles for half a minute)"):
             result = cdpr.solve(problem, method=method)  # type: ignore[arg-type]
     if as_json:
-        print_json(json_of.outcome(result))
+        print_json(json_of.solution(result))
     else:
         Output().print(report.settle_table(problem, {result.source: result}))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,6 +14,9 @@ from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
 from cdpr_sim.core.files import check_place
 from cdpr_sim.drawing import maps
 from cdpr_sim.report import workspace as report
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MOST_POINTS = 2000
 """Poses along the longer side of a map."""
@@ -34,7 +37,7 @@ def sweep(
     """Solve for the static equilibrium over whole workspaces: tilt, deviation, slack cables, feasibility."""
     with errors_as_sentences():
         dataset = cdpr.sweep(robot, grid, material or None, tension_limits=limits, store=output, progress=True)
-        Output().print(report.sweep_table(dataset))
+        _print(dataset)
 
 
 def draw_map(
@@ -59,12 +62,20 @@ def draw_map(
                 "store of `cdpr-sim sweep` holds more"
             )
         section = grids.plane(plane, at, points, robots)
-        dataset = cdpr.sweep(
-            robots, section, material or None, tension_limits=limits, quantities=maps.QUANTITIES, progress=True
-        )
-        maps.write(maps.draw_elastic_map(dataset), output)
-        Output().print(report.sweep_table(dataset))
+        heavy = not all(one.cabling.massless for one in robots)
+        wanted = [name for name in maps.QUANTITIES if not heavy or name not in ("feasible", "tension_margin")]
+        dataset = cdpr.sweep(robots, section, material or None, tension_limits=limits, quantities=wanted, progress=True)
+        names = [name for name in maps.ELASTIC if name in dataset]
+        maps.write(maps.draw_elastic_map(dataset, names=names), output)
+        _print(dataset)
     typer.echo(output)
+
+
+def _print(dataset: xr.Dataset) -> None:
+    console, note = Output(), report.sweep_note(dataset)
+    console.print(report.sweep_table(dataset))
+    if note:
+        console.print(note, highlight=False)
 
 
 def check(

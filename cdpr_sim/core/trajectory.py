@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +53,11 @@ class Trajectory(Rests):
         )
         motion.__dict__["poses"] = poses
         return motion
+
+    @classmethod
+    def through(cls, rests: Rests, times: Float[np.ndarray, " steps"]) -> Trajectory:
+        """A motion so slow that each state, (steps,), is one of ``rests``; for robots that ``drive`` does not know."""
+        return cls(**{field.name: getattr(rests, field.name) for field in dataclasses.fields(rests)}, times=times)
 
 
 class PlatformFell(CdprError):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from jaxtyping import Bool, Float
+
 from cdpr_sim.core.robot import Robot
 
 _SIZES = {"MN": 1e6, "kN": 1e3, "N": 1.0}
@@ -22,6 +25,35 @@ def stiffness_in_words(robot: Robot, unit: str = "") -> str:
 
 
 def cables_in_words(robot: Robot, unit: str = "") -> str:
-    """What the cables are called, and their stiffness as ``stiffness_in_words`` has it."""
+    """What the cables are called, their stiffness as ``stiffness_in_words`` has it, and what else there is to them."""
     stiffness = stiffness_in_words(robot, unit)
-    return f"{robot.material} cables ({stiffness})" if robot.material else f"cables with {stiffness}"
+    cables = f"{robot.material} cables ({stiffness})" if robot.material else f"cables with {stiffness}"
+    return "".join([cables, *(f", {words}" for words in properties_in_words(robot))])
+
+
+def properties_in_words(robot: Robot) -> tuple[str, ...]:
+    """What sets a robot's cables apart from massless linear ones that start at points: their weight, law and pulleys.
+
+    "0.5 g/m", "stiffening by a2 = 20, a3 = 0", "over pulleys of 20 mm radius"; of how many, where not of all.
+    """
+    cabling, words = robot.cabling, []
+    if not cabling.massless:
+        heavy = cabling.linear_density > 0
+        words.append(f"{_span(1e3 * cabling.linear_density[heavy])} g/m{_some(heavy)}")
+    if not cabling.linear:
+        stiffens = cabling.stiffening.any(-1)
+        a2, a3 = cabling.stiffening[stiffens].T
+        words.append(f"stiffening by a2 = {_span(a2)}, a3 = {_span(a3)}{_some(stiffens)}")
+    if cabling.pulleys.any():
+        radius = 1e3 * cabling.pulley_radius[cabling.pulleys]
+        words.append(f"over pulleys of {_span(radius)} mm radius{_some(cabling.pulleys)}")
+    return tuple(words)
+
+
+def _span(values: Float[np.ndarray, " some"]) -> str:
+    """20, or 10 to 20."""
+    return " to ".join(f"{end:g}" for end in sorted({float(values.min()), float(values.max())}))
+
+
+def _some(which: Bool[np.ndarray, " cables"]) -> str:
+    return "" if which.all() else f" ({which.sum()} of {len(which)})"

@@ -24,6 +24,7 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
+from cdpr_sim.drawing.cables import course, wheel_of
 
 P = ParamSpec("P")
 
@@ -92,31 +93,30 @@ def draw_cables(
     rotation: np.ndarray,
     slack: Iterable[bool],
     rest_lengths: Iterable[float] | None = None,
+    shapes: Float[np.ndarray, "cables points 3"] | None = None,
     **looks,
 ) -> None:
-    """Taut cables as straight lines; slack ones dotted, in another colour, hanging as long as they are."""
+    """Taut cables as straight lines; slack ones dotted, in another colour, hanging as long as they are.
+
+    Cables over pulleys come from their wheels, which are drawn too. Cables that weigh something have the ``shapes``
+    that they are given, of ``cable_shapes``.
+
+    Raises:
+        InvalidInput: cables that weigh something, without their shapes.
+    """
     anchors = position + robot.anchors @ rotation.T
     rests = [None] * robot.cables if rest_lengths is None else rest_lengths
-    for exit_point, anchor, is_slack, rest in zip(robot.exits, anchors, slack, rests, strict=True):
+    for cable, (anchor, is_slack, rest) in enumerate(zip(anchors, slack, rests, strict=True)):
+        length = float(rest) if is_slack and rest is not None else None
+        points = course(robot.cabling, cable, anchor, length, None if shapes is None else shapes[cable])
         if is_slack:
-            points = exit_point[None] if rest is None else hanging(exit_point, anchor, float(rest))
-            points = np.vstack([points, anchor]) if rest is None else points
             ax.plot(*points[:, [0, 2]].T, ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, zorder=3)
         else:
             line = {"color": style.INK, "lw": style.HAIR + 0.2, "zorder": 2.5} | looks
-            ax.plot(*np.stack([exit_point, anchor])[:, [0, 2]].T, **line)
-
-
-def hanging(start: np.ndarray, end: np.ndarray, rest_length: float, points: int = 25) -> Float[np.ndarray, "points 3"]:
-    """A parabola from start to end that is about ``rest_length`` long: by 8 (s cos a)²/(3 l) longer than straight.
-
-    s is the sag below the straight line, a that line's slope; steep cables are drawn with less, as if a were 70°.
-    """
-    length = float(np.linalg.norm(end - start))
-    level = max(float(np.hypot(*(end - start)[:2])) / length, np.cos(np.radians(70)))
-    sag = np.sqrt(max(rest_length - length, 0.0) * 3 * length / 8) / level
-    along = np.linspace(0, 1, points)[:, None]
-    return start + along * (end - start) - 4 * sag * along * (1 - along) * np.array([0.0, 0.0, 1.0])
+            ax.plot(*points[:, [0, 2]].T, **line)
+        wheel = wheel_of(robot.cabling, cable, anchor)
+        if wheel is not None:
+            ax.add_patch(Polygon(wheel.arc()[:, [0, 2]], closed=True, **style.WHEEL, zorder=2.4))
 
 
 def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
@@ -186,8 +186,14 @@ def seen(ax: Axes3D, point: np.ndarray) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def draw_pose_in_space(ax: Axes3D, rests: Rests, row: int) -> None:
-    """One pose with its commanded outline, its taut cables and its slack ones."""
+def draw_pose_in_space(
+    ax: Axes3D, rests: Rests, row: int, shapes: Float[np.ndarray, "cables points 3"] | None = None
+) -> None:
+    """One pose with its commanded outline, its taut cables, its slack ones, and the wheels that they run over.
+
+    Raises:
+        InvalidInput: cables that weigh something, without their ``shapes``, of ``cable_shapes``.
+    """
     robot, position, rotation = rests.robot, rests.positions[row], rests.rotations[row]
     half = robot.platform_size / 2
     box = _corners(-half, half)
@@ -198,11 +204,14 @@ def draw_pose_in_space(ax: Axes3D, rests: Rests, row: int) -> None:
     draw_platform_in_space(ax, robot, position, rotation)
     anchors = position + robot.anchors @ rotation.T
     for cable in range(robot.cables):
-        if rests.slack[row, cable]:
-            curve = hanging(robot.exits[cable], anchors[cable], float(rests.rest_lengths[row, cable]))
-            ax.plot(*curve.T, color=style.SLACK_CABLE, lw=1.2, ls=style.SLACK_DASH)
-        else:
-            ax.plot(*np.stack([robot.exits[cable], anchors[cable]]).T, color=style.INK, lw=0.6)
+        slack = bool(rests.slack[row, cable])
+        length = float(rests.rest_lengths[row, cable]) if slack else None
+        way = course(robot.cabling, cable, anchors[cable], length, None if shapes is None else shapes[cable])
+        looks = {"color": style.SLACK_CABLE, "lw": 1.2, "ls": style.SLACK_DASH} if slack else {"color": style.INK}
+        ax.plot(*way.T, **{"lw": 0.6} | looks)
+        wheel = wheel_of(robot.cabling, cable, anchors[cable])
+        if wheel is not None:
+            ax.plot(*wheel.arc().T, color=style.WHEEL["ec"], lw=style.WHEEL["lw"])
 
 
 def draw_platform_in_space(ax: Axes3D, robot: Robot, position: np.ndarray, rotation: np.ndarray) -> None:

@@ -99,9 +99,11 @@ class _Row:
             yield ax, panel[horizontal].values, panel[vertical].values, panel.values
 
 
-def draw_elastic_map(
-    dataset: xr.Dataset, *, names: Sequence[str] = ("tilt", "distance", "slack_count", "feasible")
-) -> Figure:
+ELASTIC = ("tilt", "distance", "slack_count", "feasible")
+"""What an elastic map shows, a row each."""
+
+
+def draw_elastic_map(dataset: xr.Dataset, *, names: Sequence[str] = ELASTIC) -> Figure:
     """Tilt, deviation, slack cables and feasibility over a plane of the workspace, on shared scales.
 
     Args:

@@ -15,6 +15,9 @@ LEFT, RIGHT = BLUE, VERMILLION
 PLATFORM, COMMANDED, SLACK_CABLE = "#9dbfd6", "#8a8a8a", VERMILLION
 """Fill of a platform at rest; outline of the pose that it was commanded to; a slack cable."""
 
+WHEEL = {"fc": "#e9e9e9", "ec": MUTED, "lw": 0.6}
+"""The wheel of a pulley."""
+
 COMMANDED_DASH, SLACK_DASH = (0, (2.5, 1.5)), (0, (1, 1.2))
 
 ZONES = (("#fbeebc", ""), ("#f3cdbf", "///"))

@@ -13,6 +13,7 @@ from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.compare import Agreement
 from cdpr_sim.crosscheck.hold import Hold
 from cdpr_sim.physics.release import Release
@@ -41,6 +42,11 @@ def outcome(found: Outcome) -> dict[str, Any]:
         "stability": point.stability.name.lower(),
         "iterations": point.iterations,
     }
+
+
+def solution(found: Equilibrium) -> dict[str, Any]:
+    """What one solver came to, and of which cables."""
+    return outcome(found) | _cables(found.problem.robot)
 
 
 def crosscheck(problem: Problem, outcomes: Mapping[str, Outcome], agreement: Agreement) -> dict[str, Any]:
@@ -112,6 +118,7 @@ def identification(found: Identification) -> dict[str, Any]:
     unknowns = zip(found.names, found.values.tolist(), errors, found.units, strict=True)
     return {
         "robot": found.robot.name,
+        **_cables(found.robot),
         "unknowns": {
             name: {"value": value, "standard_error": error, "unit": unit} for name, value, error, unit in unknowns
         },
@@ -121,4 +128,18 @@ def identification(found: Identification) -> dict[str, Any]:
 
 
 def _asked(problem: Problem) -> dict[str, Any]:
-    return {"robot": problem.robot.name, "commanded": problem.pose.translation.tolist()}
+    asked = {"robot": problem.robot.name, "commanded": problem.pose.translation.tolist()}
+    return asked | _cables(problem.robot)
+
+
+def _cables(robot: Robot) -> dict[str, Any]:
+    """Weight, law and pulleys of each cable, where there are any."""
+    cabling, properties = robot.cabling, {}
+    if not cabling.massless:
+        properties["linear_density"] = cabling.linear_density.tolist()
+    if not cabling.linear:
+        properties["stiffening"] = cabling.stiffening.tolist()
+    if cabling.pulleys.any():
+        properties["pulley_radius"] = cabling.pulley_radius.tolist()
+        properties["pulley_axis"] = cabling.pulley_axis.tolist()
+    return {"cables": properties} if properties else {}

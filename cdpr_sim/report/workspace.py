@@ -53,9 +53,16 @@ def sweep_table(dataset: xr.Dataset) -> Table:
             *(f"{np.degrees(value):.2f}" for value in _median_and_worst(one["tilt"])),
             *(f"{1e3 * value:.2f}" for value in _median_and_worst(one["distance"])),
             f"{100 * float((one['slack_count'] > 0).mean()):.3g}",
-            f"{100 * float(one['feasible'].mean()):.3g}",
+            f"{100 * float(one['feasible'].mean()):.3g}" if "feasible" in one else "–",
         )
     return table
+
+
+def sweep_note(dataset: xr.Dataset) -> str:
+    """What the table leaves out, or nothing."""
+    if "feasible" in dataset:
+        return ""
+    return "Cables weigh something here: the static feasible workspace takes no account of that, and is left out."
 
 
 def check_table(check: Check) -> Table:

@@ -38,7 +38,7 @@ def equilibrium_rotations(robot: Robot, position: ArrayLike) -> Float[np.ndarray
         position: of the bar's middle, (3,) [m].
 
     Raises:
-        InvalidInput: another robot, or a bad position.
+        InvalidInput: another robot, cables that weigh something or run over pulleys, or a bad position.
     """
     (X1, X2), (h1, h2), b = _geometry(robot, position)
     H, D, P, Q = h1 * X2 + h2 * X1, b * (X1 - X2), X1 * X2, b * (h2 - h1)
@@ -79,6 +79,12 @@ def short_bar_rotation(robot: Robot, position: ArrayLike) -> float:
 
 def _geometry(robot: Robot, position: ArrayLike) -> tuple[np.ndarray, np.ndarray, float]:
     """(X1, X2), (h1, h2) and b [m]."""
+    robot.cabling.refuse_weight("two-cable closed form")
+    if robot.cabling.pulleys.any():
+        raise InvalidInput(
+            f"two-cable closed form: found pulleys of {robot.cabling.pulley_radius.max():g} m, expected cables that "
+            "are free from their exits on: it takes no account of pulleys"
+        )
     first, second = (robot.anchors[0], robot.anchors[-1])
     if (
         robot.cables != 2

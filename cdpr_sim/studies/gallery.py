@@ -20,6 +20,8 @@ from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.studies import (
     lines,
     lines_figures,
+    real_cables,
+    real_cables_figures,
     solvers,
     solvers_figures,
     tilt_condition,
@@ -121,6 +123,12 @@ PICTURES: dict[str, Picture] = {
         "how far static solver and MuJoCo are apart, over the whole catalogue",
         solvers.differences,
         solvers_figures.agreement,
+    ),
+    "real-cables": Picture(
+        "",
+        "how far pulleys, weight and stiffening cables move DemoBot and a large crane",
+        real_cables.real_cables,
+        real_cables_figures.real_cables,
     ),
 }
 """Every picture by name, in the paper's order."""

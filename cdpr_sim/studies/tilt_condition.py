@@ -53,7 +53,11 @@ def equal_pulls(robot: Robot, position: ArrayLike) -> MomentBalance:
     """Level at ``position``, each pair's two cables pulling equally, as hard as it takes to carry the weight.
 
     The intersection is the paper's point H or V, and ``net_moment`` makes the platform tilt.
+
+    Raises:
+        InvalidInput: cables that weigh something.
     """
+    robot.cabling.refuse_weight("tilt condition")
     position = np.asarray(position, dtype=float)
     rotation = np.eye(3)
     pulls = geometry(robot, position, rotation).wrench_matrix
@@ -67,8 +71,10 @@ def balance_at_rest(robot: Robot, commanded: ArrayLike) -> MomentBalance:
     """The same at the equilibrium that the static solver finds: the lines meet on the vertical of the centre of mass.
 
     Raises:
+        InvalidInput: cables that weigh something.
         NotConverged: there is none.
     """
+    robot.cabling.refuse_weight("tilt condition")
     found = solve(robot, np.asarray(commanded, dtype=float))
     return _balance(robot, found.position, found.rotation.as_matrix(), found.tensions, found.rest_lengths, at_rest=True)
 

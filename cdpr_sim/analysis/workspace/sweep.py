@@ -91,6 +91,8 @@ _MARGIN = {
 }
 """Of ``tension_margin``, which is computed only where it is asked for: it takes as long as an equilibrium."""
 
+_OF_MASSLESS_CABLES = {"feasible", "frequency"}
+
 _MODES = {"eigenvalues", "frequency"}
 
 
@@ -119,7 +121,8 @@ def sweep(
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity, (6,).
         tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
-        quantities: names of ``QUANTITIES`` and "feasible", which are the default; or "tension_margin", which is zero on
+        quantities: names of ``QUANTITIES`` and "feasible", which are the default as far as the robots' cables allow
+            (those that weigh something allow neither "feasible" nor "frequency"); or "tension_margin", which is zero on
             the border of what is feasible, between the poses of the grid. The status is always there.
         chunk: poses per Dask task at most; None: one call of NumPy, on one core, without Dask.
         compute: False for a Dataset of Dask arrays that are yet to be computed, for tools and clusters of your own.
@@ -140,7 +143,7 @@ def sweep(
     group = as_robots(robots)
     axes = as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)
-    names = _checked_quantities(quantities)
+    names = _checked_quantities(quantities, group)
     most = max(group, key=lambda robot: robot.cables)
     if "slack_set" in names and most.cables > MOST_BITS:
         raise InvalidInput(
@@ -260,13 +263,17 @@ def _labelled(stiffness: np.ndarray, materials: Sequence[str] | Mapping[str, flo
     return xr.DataArray(stiffness, dims=("material", "cable"), coords={"material": list(materials)})
 
 
-def _checked_quantities(quantities: Sequence[str] | None) -> list[str]:
+def _checked_quantities(quantities: Sequence[str] | None, robots: Sequence[Robot]) -> list[str]:
     if quantities is None:
-        return [*QUANTITIES, "feasible"]
+        massless = all(robot.cabling.massless for robot in robots)
+        return [name for name in (*QUANTITIES, "feasible") if massless or name not in _OF_MASSLESS_CABLES]
     known = [*QUANTITIES, "feasible", "tension_margin"]
     for name in quantities:
         if name not in known:
             raise UnknownName("quantity", str(name), known)
+        if name in _OF_MASSLESS_CABLES:
+            for robot in robots:
+                robot.cabling.refuse_weight(name)
     return [name for name in known if name in quantities or name == "status"]
 
 

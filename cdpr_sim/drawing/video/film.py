@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.errors import InvalidInput, StoreError, UnknownName
 from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.core.words import stiffness_in_words
+from cdpr_sim.core.words import properties_in_words, stiffness_in_words
 from cdpr_sim.drawing.video.page import Page, nice_above
 from cdpr_sim.drawing.video.render import Backend, Renderer, open_renderer
 from cdpr_sim.drawing.video.scene import Stage
@@ -33,6 +33,8 @@ MOST_FRAMES, MOST_FPS = 100_000, 240.0
 MOST_EXAGGERATION = 1e4
 MOST_ROBOTS = 6
 
+Shapes = Float[np.ndarray, "steps cables points 3"]
+
 QUALITY = 18.0
 """Constant rate factor, or quantiser, of H.264: no difference to be seen."""
 
@@ -42,6 +44,7 @@ def write_video(
     trajectories: Trajectory | Sequence[Trajectory],
     static: RigidTransform | Sequence[RigidTransform | None] | None = None,
     *,
+    shapes: Shapes | Sequence[Shapes | None] | None = None,
     seconds: float = SECONDS,
     fps: float = FPS,
     size: tuple[int, int] = SIZE,
@@ -59,6 +62,7 @@ def write_video(
         path: of the file, ending in .mp4 or .gif.
         trajectories: what moves, one or several; each is shown from its first state to its last.
         static: the static solver's poses for each, a stack of (steps,) or None, drawn as outlines.
+        shapes: how each one's cables hang in each state, from ``cable_shapes``, or None; needed of cables with weight.
         seconds: duration of the video; the motion is shown faster or slower to fit, and the picture says so.
         fps: frames per second.
         size: (width, height) [pixel], even numbers.
@@ -73,7 +77,7 @@ def write_video(
         StoreError: a full disk, or an encoder that was killed.
     """
     path = check_place(path, SUFFIXES, force=force)
-    film = _Film(trajectories, static, seconds, fps, size, exaggeration, renderer)
+    film = _Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer)
     with film, appearing(path) as (temporary,):
         try:
             with _Encoder(_writer(temporary, film)) as video:
@@ -89,6 +93,7 @@ def frames(
     trajectories: Trajectory | Sequence[Trajectory],
     static: RigidTransform | Sequence[RigidTransform | None] | None = None,
     *,
+    shapes: Shapes | Sequence[Shapes | None] | None = None,
     seconds: float = SECONDS,
     fps: float = FPS,
     size: tuple[int, int] = SIZE,
@@ -101,7 +106,7 @@ def frames(
     Raises:
         InvalidInput: as ``write_video``.
     """
-    with _Film(trajectories, static, seconds, fps, size, exaggeration, renderer) as film:
+    with _Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer) as film:
         yield from film.frames(progress)
 
 
@@ -109,6 +114,7 @@ def show(
     trajectories: Trajectory | Sequence[Trajectory],
     static: RigidTransform | Sequence[RigidTransform | None] | None = None,
     *,
+    shapes: Shapes | Sequence[Shapes | None] | None = None,
     seconds: float = SECONDS,
     fps: float = FPS,
     size: tuple[int, int] = (960, 540),
@@ -121,6 +127,7 @@ def show(
     pictures = frames(
         trajectories,
         static,
+        shapes=shapes,
         seconds=seconds,
         fps=fps,
         size=size,
@@ -138,6 +145,7 @@ class _Film:
         self,
         trajectories: Trajectory | Sequence[Trajectory],
         static: RigidTransform | Sequence[RigidTransform | None] | None,
+        shapes: Shapes | Sequence[Shapes | None] | None,
         seconds: float,
         fps: float,
         size: tuple[int, int],
@@ -147,18 +155,22 @@ class _Film:
         several = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
         statics = [static] if static is None or isinstance(static, RigidTransform) else list(static)
         statics = statics * len(several) if statics == [None] else statics
+        hanging = [shapes] if shapes is None or isinstance(shapes, np.ndarray) else list(shapes)
+        hanging = hanging * len(several) if shapes is None else hanging
         self.count = check_settings(seconds, fps, size, exaggeration, renderer)
         self.fps, self.size = fps, (int(size[0]), int(size[1]))
         check_count(len(several))
         if len(statics) != len(several):
             raise InvalidInput(f"static: found {len(statics)} stacks of poses, expected {len(several)}, one each")
+        if len(hanging) != len(several):
+            raise InvalidInput(f"shapes: found them for {len(hanging)} robots, expected {len(several)}, or None, each")
         for trajectory, poses in zip(several, statics, strict=True):
             if poses is not None and (poses.single or len(poses) != len(trajectory)):
                 raise InvalidInput(f"static: expected {len(trajectory)} poses, as many as the trajectory has states")
         largest = nice_above(max(float(trajectory.tensions.max()) for trajectory in several))
         self.stages = [
-            Stage(trajectory, poses, largest_tension=largest, exaggeration=exaggeration)
-            for trajectory, poses in zip(several, statics, strict=True)
+            Stage(trajectory, poses, largest_tension=largest, exaggeration=exaggeration, shapes=curves)
+            for trajectory, poses, curves in zip(several, statics, hanging, strict=True)
         ]
         self.page = Page(
             self.size,
@@ -200,6 +212,7 @@ class _Film:
                 [trajectory.tilt[step] for trajectory, step in states],
                 [trajectory.deviation[step] for trajectory, step in states],
                 [trajectory.tensions[step] for trajectory, step in states],
+                [trajectory.slack[step] for trajectory, step in states],
             )
             if progress is not None:
                 progress(done / self.count)
@@ -259,7 +272,8 @@ def _caption(trajectory: Trajectory) -> str:
     robot = trajectory.robot
     width, depth, height = np.ptp(robot.frame, axis=0)
     scale = f"platform {robot.mass:g} kg · frame {width:.3g} × {depth:.3g} × {height:.3g} m"
-    return f"{robot.material or 'cables'}, {stiffness_in_words(robot, 'kN')} · {scale}"
+    cables = ", ".join([robot.material or "cables", stiffness_in_words(robot, "kN"), *properties_in_words(robot)])
+    return f"{cables} · {scale}"
 
 
 def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
@@ -272,6 +286,8 @@ def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
         speed = f"{1 / rate:.3g} times slower"
     still = all(np.ptp(trajectory.commanded.translation, axis=0).max() == 0 for trajectory in trajectories)
     what = "The platform is let go where it was commanded" if still else "The winches follow the dark line"
+    if all(trajectory.converged.all() for trajectory in trajectories):
+        return f"{what}; at every state MuJoCo's platform has come to rest."
     return f"{what}; simulated by MuJoCo, shown {speed}."
 
 

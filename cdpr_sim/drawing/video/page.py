@@ -108,8 +108,12 @@ class Page:
         tilts: Sequence[float],
         deviations: Sequence[np.ndarray],
         tensions: Sequence[np.ndarray],
+        slack: Sequence[np.ndarray],
     ) -> np.ndarray:
-        """One frame, (height, width, 3) uint8: each robot's pictures, tilt [rad], deviation [m] and tensions [N]."""
+        """One frame, (height, width, 3) uint8.
+
+        Of each robot: pictures, tilt [rad], deviation [m], tensions [N], and which cables are slack.
+        """
         page = self._blank.copy()
         draw = ImageDraw.Draw(page)
         for k, cell in enumerate(self.cells):
@@ -118,8 +122,8 @@ class Page:
                 draw.rectangle((box.left, box.top, box.right - 1, box.bottom - 1), outline=_rgb(style.PAGE_RULE))
             if self._warning:
                 self._draw_warning(draw, cell.view)
-            self._draw_numbers(draw, cell.numbers, tilts[k], deviations[k], tensions[k])
-            self._draw_bars(draw, cell.bars, tensions[k])
+            self._draw_numbers(draw, cell.numbers, tilts[k], deviations[k], slack[k])
+            self._draw_bars(draw, cell.bars, tensions[k], slack[k])
         return np.asarray(page)
 
     def _cell(self, k: int, cells: int) -> Cell:
@@ -172,24 +176,24 @@ class Page:
             draw, (view.left + gap, top + gap), self._warning, view.width - 2 * gap, style.TEXT_HEIGHT, style.PAGE_PAPER
         )
 
-    def _draw_numbers(self, draw: ImageDraw.ImageDraw, box: Box, tilt: float, deviation, tensions) -> None:
+    def _draw_numbers(self, draw: ImageDraw.ImageDraw, box: Box, tilt: float, deviation, slack) -> None:
         """Tilt, shift and sag, to be read at a glance; and how many cables are slack."""
         shift, sag = 1e3 * float(np.hypot(*deviation[:2])), -1e3 * float(deviation[2])
         rows = [("tilt", np.degrees(tilt), " °"), ("shift", shift, " mm"), ("sag", sag, " mm")]
         step = box.height / 4
         label, figure = self._font(style.LABEL_HEIGHT), self._font(style.NUMBER_HEIGHT, bold=True)
-        unit_left = box.right - max(label.getlength(text) for text in (" mm", f" of {len(tensions)}"))
+        unit_left = box.right - max(label.getlength(text) for text in (" mm", f" of {len(slack)}"))
         for row, (name, value, unit) in enumerate(rows):
             base = box.top + (row + 0.72) * step
             draw.text((box.left, base), name, _rgb(style.PAGE_FAINT), label, anchor="ls")
             number = f"{value:.{1 if abs(value) >= 9.95 else 2}f}".replace("-", "−")
             draw.text((unit_left, base), number, _rgb(style.PAGE_INK), figure, anchor="rs")
             draw.text((unit_left, base), unit, _rgb(style.PAGE_FAINT), label, anchor="ls")
-        slack, base = int((tensions <= 0).sum()), box.top + 3.72 * step
-        draw.text((box.left, base), "slack", _rgb(style.SLACK_COLOR if slack else style.PAGE_FAINT), label, anchor="ls")
-        color = _rgb(style.SLACK_COLOR if slack else style.PAGE_FAINT)
-        draw.text((unit_left, base), str(slack), color, figure, anchor="rs")
-        draw.text((unit_left, base), f" of {len(tensions)}", color, label, anchor="ls")
+        count, base = int(slack.sum()), box.top + 3.72 * step
+        color = _rgb(style.SLACK_COLOR if count else style.PAGE_FAINT)
+        draw.text((box.left, base), "slack", color, label, anchor="ls")
+        draw.text((unit_left, base), str(count), color, figure, anchor="rs")
+        draw.text((unit_left, base), f" of {len(slack)}", color, label, anchor="ls")
 
     def _chart(self, box: Box) -> Box:
         """Where the bars stand: above their numbers and below the title."""
@@ -209,11 +213,11 @@ class Page:
         for i in range(cables):
             self._draw_bar_number(draw, chart, i, cables, style.PAGE_INK)
 
-    def _draw_bars(self, draw: ImageDraw.ImageDraw, box: Box, tensions: np.ndarray) -> None:
+    def _draw_bars(self, draw: ImageDraw.ImageDraw, box: Box, tensions: np.ndarray, slack: np.ndarray) -> None:
         chart = self._chart(box)
         colors = tension_colors(tensions, self.largest_tension)
         for i, (left, right) in enumerate(_slots(chart, len(tensions))):
-            if tensions[i] <= 0:  # a slack cable: an empty frame, and its number in the colour of slackness
+            if slack[i]:  # a slack cable: an empty frame, and its number in the colour of slackness
                 draw.rectangle((left, chart.top, right, chart.bottom - 1), outline=_rgb(style.SLACK_COLOR))
                 self._draw_bar_number(draw, chart, i, len(tensions), style.SLACK_COLOR)
                 self._draw_upright(draw, (left + right) / 2, chart, right - left)

@@ -1,8 +1,9 @@
 """What a video of a robot shows, state by state, as MuJoCo's abstract scene: neither pixels nor OpenGL.
 
 The platform where MuJoCo has it; a translucent ghost where it was commanded; the outline of the static solver's pose;
-cables coloured by tension, slack ones hanging as chains; the commanded path and the trail of the platform's origin.
-All of it is given: poses, tensions and lengths come from a ``Trajectory`` and, for the outline, from a static solver.
+cables coloured by tension, slack ones hanging as chains, those over pulleys on their wheels; the commanded path and the
+trail of the platform's origin. All of it is given: poses, tensions and lengths come from a ``Trajectory``, the outline
+from a static solver, and how cables hang that weigh something from ``cable_shapes``.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -17,15 +18,21 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core import cable_path
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing import style
-from cdpr_sim.physics.mjcf import coordinates, scene_mjcf, to_mjcf
+from cdpr_sim.drawing.cables import course
+from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
 
 PIECES = 48
 """Straight pieces that draw a path."""
 
 MOST_GEOMS = 4000
+
+HIDDEN = 5
+"""Group of tendons that MuJoCo does not draw."""
 
 _IDENTITY = np.eye(3).ravel()
 
@@ -38,6 +45,10 @@ class Stage:
         static: the static solver's pose for each state, a stack of (steps,); nan where it found none.
         largest_tension: [N] the dark end of the tension scale.
         exaggeration: every deviation from the commanded pose, shift and rotation alike, is drawn this many times.
+        shapes: how the cables hang in each state, (steps, cables, points, 3) [m]; needed of those that have weight.
+
+    Raises:
+        InvalidInput: cables that weigh something, without their shapes; or shapes that do not fit.
     """
 
     def __init__(
@@ -47,17 +58,21 @@ class Stage:
         *,
         largest_tension: float,
         exaggeration: float = 1.0,
+        shapes: Float[np.ndarray, "steps cables points 3"] | None = None,
     ) -> None:
         self.trajectory, self.largest_tension, self.exaggeration = trajectory, largest_tension, exaggeration
         robot = self.robot = trajectory.robot
-        self.model = _model(robot, trajectory.commanded[0])
+        self.shapes = _fitting(trajectory, shapes)
+        self._massless = robot.replace(linear_density=0.0)  # nothing moves here: a heavy cable is drawn as one line
+        self.model = _model(self._massless, trajectory.commanded[0])
         self.data = mujoco.MjData(self.model)
         self.scene = mujoco.MjvScene(self.model, maxgeom=MOST_GEOMS)
         # Shadows and mirror images would cost software OpenGL most of its time.
         self.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         self.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._options = mujoco.MjvOption()
-        self._springs = self.model.tendon_stiffness.copy()
+        self._drawn = np.flatnonzero(robot.cabling.pulleys | (robot.cabling.linear_density > 0))
+        self.model.tendon_group[self._drawn] = HIDDEN
         self.diagonal = float(np.linalg.norm(np.ptp(robot.frame, axis=0))) or 1.0
         self.poses = exaggerated(trajectory.poses, trajectory.commanded, exaggeration)
         self.static = None if static is None else exaggerated(static, trajectory.commanded, exaggeration)
@@ -66,13 +81,14 @@ class Stage:
     def set(self, step: int) -> None:
         """Show state ``step`` of the trajectory."""
         self.step = step
-        self.data.qpos[:] = coordinates(self.robot, self.poses[step])
+        place(self.model, self.data, self._massless, self.poses[step])
         self._set_cables(step)
         mujoco.mj_fwdPosition(self.model, self.data)
         self._set_lengths(step)
         camera, everything = self.whole(1.5), mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(self.model, self.data, self._options, None, camera, everything, self.scene)
         self._light_slack(step)
+        self._draw_cables(step)
         self._draw_paths(step)
         self._draw_commanded(step)
         if self.static is not None and np.isfinite(self.static[step].translation).all():
@@ -127,6 +143,22 @@ class Stage:
                 geom.emission = style.SLACK_SHINE
                 geom.rgba[:3] = np.array(style.SLACK_COLOR) / (1 + style.SLACK_SHINE)
 
+    def _draw_cables(self, step: int) -> None:
+        """Those that MuJoCo would draw otherwise: straight, or from before their pulleys."""
+        trajectory, robot = self.trajectory, self.robot
+        pose = self.poses[step]
+        anchors = pose.apply(robot.anchors)
+        ways = cable_path.lengths(robot.cabling, pose.translation, pose.rotation.as_matrix())
+        for cable in self._drawn:
+            length = None
+            if trajectory.slack[step, cable]:
+                true = trajectory.lengths[step, cable]
+                spare = self.exaggeration * max(0.0, float(trajectory.rest_lengths[step, cable] - true))
+                length = float(ways[cable]) + spare
+            shape = None if self.shapes is None else self.shapes[step, cable]
+            way = course(robot.cabling, int(cable), anchors[cable], length, shape)
+            self._line(way, style.CABLE_RADIUS, tuple(self.model.tendon_rgba[cable].tolist()))
+
     def _draw_paths(self, step: int) -> None:
         every = max(1, len(self.trajectory) // PIECES)
         commanded, positions = self.trajectory.commanded.translation, self.poses.translation
@@ -176,6 +208,21 @@ class Stage:
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value
         self.scene.ngeom += 1
         return geom
+
+
+def _fitting(
+    trajectory: Trajectory, shapes: Float[np.ndarray, "steps cables points 3"] | None
+) -> Float[np.ndarray, "steps cables points 3"] | None:
+    robot = trajectory.robot
+    if shapes is None and not robot.cabling.massless:
+        raise InvalidInput(
+            f"shapes: found none of cables of {robot.cabling.linear_density.max():g} kg/m, expected how they hang, "
+            "from cable_shapes"
+        )
+    expected = (len(trajectory), robot.cables)
+    if shapes is not None and shapes.shape[:2] != expected:
+        raise InvalidInput(f"shapes: found {shapes.shape}, expected {expected[0]} states of {expected[1]} cables")
+    return shapes
 
 
 def exaggerated(poses: RigidTransform, commanded: RigidTransform, times: float) -> RigidTransform:

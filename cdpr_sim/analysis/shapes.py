@@ -1,0 +1,34 @@
+"""How cables hang between their exits and a platform at rest, for whoever draws them."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.rests import Rests
+from cdpr_sim.statics import catenary
+
+
+def cable_shapes(rests: Rests, points: int = 25) -> Float[np.ndarray, "*batch cables points 3"]:
+    """Points along each cable from exit to anchor, with the platforms where ``rests`` has them [m], base frame.
+
+    They are equally far apart on the cable at rest. A massless taut cable is straight, a massless slack one hangs as
+    its weight's last trace would have it; nan of cables over pulleys, which drawing leads over their wheels by itself.
+
+    Args:
+        rests: platforms at rest, by either road.
+        points: along each cable, 2 or more.
+
+    Raises:
+        InvalidInput: fewer points.
+    """
+    if points < 2:
+        raise InvalidInput(f"points: found {points}, expected 2 or more along each cable")
+    robot = rests.robot
+    anchors = rests.positions[..., None, :] + robot.anchors @ np.swapaxes(rests.rotations, -1, -2)
+    shapes = catenary.shape(
+        robot.exits, anchors, rests.rest_lengths, rests.problems.axial_stiffness, robot.cable_weights, points
+    )
+    shapes[..., robot.cabling.pulleys, :, :] = np.nan
+    return shapes

@@ -1,0 +1,427 @@
+"""Pulleys, weight and laws in words, JSON, figures, videos and the study: what is shown is what there is."""
+
+import io
+import json
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import mujoco
+import numpy as np
+import pytest
+from matplotlib.colors import same_color
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli import app
+from cdpr_sim.core.words import cables_in_words, properties_in_words
+from cdpr_sim.drawing import axes as drawing
+from cdpr_sim.drawing import style
+from cdpr_sim.drawing.video.film import _caption, _footnote
+from cdpr_sim.drawing.video.scene import Stage
+from cdpr_sim.physics.model_files import model_files
+from cdpr_sim.report import real_cables as tables
+from cdpr_sim.statics import two_cable
+from cdpr_sim.studies import real_cables, real_cables_figures, tilt_condition
+
+UP = (0.0, 0.0, 1.0)
+POSE = (0.3, 0.25, 0.1)
+
+POLYGON = 2e-3
+"""Of a wheel's arc drawn by 24 points to the turn, relative: 1 − sin(x)/x at x = 7.5° is 2.9e-3 of the arc alone."""
+
+PARABOLA = 0.05
+"""A parabola for what hangs, relative: the length of a slack cable's, to second order; a catenary's sag w L²/(8 T)."""
+
+
+@pytest.fixture(scope="module")
+def real(catalogue) -> dict[str, cdpr.Robot]:
+    """DemoBot's crossed layout with each property."""
+    robot = catalogue["cogiro"]
+    return {
+        "pulley": robot.replace(pulley_radius=0.02, pulley_axis=UP),
+        "law": robot.replace(stiffening=(20.0, 0.0)),
+        "heavy": robot.replace(linear_density=0.0005),
+    }
+
+
+def test_words_say_what_the_cables_are(real):
+    """Weight, law and pulleys; of how many, where not of all."""
+    assert properties_in_words(real["pulley"]) == ("over pulleys of 20 mm radius",)
+    assert properties_in_words(real["law"]) == ("stiffening by a2 = 20, a3 = 0",)
+    assert cables_in_words(real["heavy"], "N") == "vectran-0.7mm cables (EA = 10000 N), 0.5 g/m"
+    mixed = real["heavy"].replace(
+        linear_density=[0.064] + [0.0] * 7, pulley_radius=[0.0] + [0.01] * 6 + [0.02], material=None
+    )
+    assert properties_in_words(mixed) == ("64 g/m (1 of 8)", "over pulleys of 10 to 20 mm radius (7 of 8)")
+
+
+def test_plain_cables_are_described_as_ever(catalogue):
+    """Nothing new is said of them, in words or JSON."""
+    assert cables_in_words(catalogue["cogiro"]) == "vectran-0.7mm cables (EA = 10 kN)"
+    assert properties_in_words(catalogue["cogiro"]) == ()
+    answer = CliRunner().invoke(app, ["solve", "cogiro", "--json"])
+    assert "cables" not in json.loads(answer.stdout)
+
+
+@pytest.mark.parametrize(
+    ("line", "title", "told"),
+    [
+        ("pulley = { radius = 0.01, axis = [0, 0, 2] }", "over pulleys of 10 mm radius",
+         {"pulley_radius": [0.01] * 8, "pulley_axis": [[0, 0, 1]] * 8}),
+        ("stiffening = [20, 3]", "stiffening by a2 = 20, a3 = 3", {"stiffening": [[20, 3]] * 8}),
+        ("linear_density = 0.0005", "0.5 g/m", {"linear_density": [0.0005] * 8}),
+    ],
+)  # fmt: skip
+def test_settle_and_solve_say_it_in_title_and_json(tmp_path, catalogue_text, line, title, told):
+    """From a robot file, through both commands."""
+    file = tmp_path / "mine.toml"
+    file.write_text(f"{line}\n{catalogue_text}")
+    where = [str(file), "--pose", *map(str, POSE)]
+    shown = CliRunner().invoke(app, ["settle", *where])
+    assert shown.exit_code == 0, shown.output
+    assert title in " ".join(shown.stdout.split())
+    for command in ("settle", "solve"):
+        found = json.loads(CliRunner().invoke(app, [command, *where, "--json"]).stdout)
+        assert found["cables"] == told
+
+
+@pytest.fixture(scope="module")
+def catalogue_text() -> str:
+    """The file of DemoBot's crossed layout."""
+    from importlib import resources
+
+    return (resources.files("cdpr_sim.robots") / "zoo" / "cogiro.toml").read_text(encoding="utf-8")
+
+
+def test_captions_and_model_readmes_say_it_too(real):
+    """In a video's caption, and in the README of a model folder, with the law that holds."""
+    trajectory = at_rest(real["pulley"])
+    assert "over pulleys of 20 mm radius" in _caption(trajectory)
+    assert "come to rest" in _footnote([trajectory], 1.0)
+    assert "a2 eps²" in model_files(real["law"])["README.md"]
+    assert "tension is EA (l - l0)/l0 beyond" in model_files(real["pulley"])["README.md"]
+
+
+def drawn(robot: cdpr.Robot, rests: cdpr.Rests, shapes=None) -> tuple[list[np.ndarray], list[np.ndarray], list[bool]]:
+    """What ``draw_cables`` draws of the first row: cables and wheels, (points, 2) each, and which cables are slack."""
+    ax = Figure().add_subplot()
+    drawing.draw_cables(
+        ax, robot, rests.positions[0], rests.rotations[0], rests.slack[0], rests.rest_lengths[0], shapes
+    )
+    wheels = [patch.get_xy()[:-1] for patch in ax.patches if isinstance(patch, Polygon)]
+    slack = [same_color(line.get_color(), style.SLACK_CABLE) for line in ax.lines]
+    return [line.get_xydata() for line in ax.lines], wheels, slack
+
+
+def length(curve: np.ndarray) -> float:
+    return float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
+
+
+@pytest.mark.parametrize("axis", [UP, (0.0, 0.0, -1.0)])
+def test_cables_over_pulleys_are_drawn_as_long_as_mujoco_has_them(catalogue, axis):
+    """In a planar robot the picture is to scale: taut cables have MuJoCo's lengths, slack ones their rest lengths."""
+    robot = catalogue["planar-vertical"].replace(pulley_radius=0.015, pulley_axis=axis)
+    rests = cdpr.settle_many(robot, [(0.2, 0.0, 0.15)])
+    curves, wheels, slack = drawn(robot, rests)
+    assert slack == rests.slack[0].tolist()
+    assert any(slack)
+    expected = np.where(rests.slack[0], rests.rest_lengths[0], rests.lengths[0])
+    for curve, whole, hangs in zip(curves, expected, slack, strict=True):
+        assert length(curve) == pytest.approx(whole, rel=PARABOLA if hangs else POLYGON)
+    anchors = rests.positions[0] + robot.anchors @ rests.rotations[0].T
+    for cable, (curve, wheel) in enumerate(zip(curves, wheels, strict=True)):
+        assert curve[0] == pytest.approx(robot.exits[cable, [0, 2]])
+        assert curve[-1] == pytest.approx(anchors[cable, [0, 2]])
+        center = robot.exits[cable, [0, 2]] + [np.sign(anchors[cable, 0] - robot.exits[cable, 0]) * 0.015, 0]
+        assert np.linalg.norm(wheel - center, axis=1) == pytest.approx(0.015)
+        if not slack[cable]:  # it leaves the wheel on the tangent
+            leaves = curve[-2] - center
+            assert np.linalg.norm(leaves) == pytest.approx(0.015)
+            assert leaves @ (curve[-1] - curve[-2]) == pytest.approx(0, abs=1e-12)
+
+
+def test_in_space_a_cable_leaves_its_wheel_on_the_tangent(real):
+    """Read back from the axes: wheels turned to their anchors, cables on them, taut ones as long as MuJoCo has them."""
+    rests = cdpr.settle_many(real["pulley"], [POSE])
+    robot = rests.robot
+    ax = Figure().add_subplot(projection="3d")
+    drawing.draw_pose_in_space(ax, rests, 0)
+    curves = [np.array(line.get_data_3d()).T for line in ax.lines]
+    cables, wheels = curves[::2], curves[1::2]
+    expected = np.where(rests.slack[0], rests.rest_lengths[0], rests.lengths[0])
+    for curve, whole, hangs in zip(cables, expected, rests.slack[0], strict=True):
+        assert length(curve) == pytest.approx(whole, rel=PARABOLA if hangs else POLYGON)
+    anchors = rests.positions[0] + robot.anchors @ rests.rotations[0].T
+    for cable, (curve, wheel) in enumerate(zip(cables, wheels, strict=True)):
+        center = wheel[:-1].mean(0)
+        assert np.linalg.norm(wheel - center, axis=1) == pytest.approx(0.02)
+        across = np.cross(center - robot.exits[cable], UP)
+        assert across @ (anchors[cable] - robot.exits[cable]) == pytest.approx(0, abs=1e-12)
+        if not rests.slack[0, cable]:
+            assert (curve[-2] - center) @ (curve[-1] - curve[-2]) == pytest.approx(0, abs=1e-12)
+
+
+def test_heavy_cables_hang_in_their_true_shape(catalogue):
+    """Ends where the cable ends; slack ones as long as they are, taut ones with the sag w L²/(8 T)."""
+    robot = catalogue["planar-vertical"].replace(linear_density=0.02)
+    rests = cdpr.solve_many(robot, [(0.2, 0.0, 0.15)])
+    shapes = cdpr.cable_shapes(rests, points=401)
+    assert shapes.shape == (1, 4, 401, 3)
+    curves, wheels, slack = drawn(robot, rests, shapes[0])
+    assert not wheels
+    assert slack == rests.slack[0].tolist()
+    assert set(slack) == {True, False}
+    anchors = rests.positions[0] + robot.anchors @ rests.rotations[0].T
+    for cable, curve in enumerate(curves):
+        start, end = robot.exits[cable, [0, 2]], anchors[cable, [0, 2]]
+        assert curve[[0, -1]] == pytest.approx(np.array([start, end]))
+        if slack[cable]:
+            assert length(curve) == pytest.approx(rests.rest_lengths[0, cable], rel=2e-4)
+            continue
+        weight, span = 0.02 * robot.gravity, np.abs(end - start)[0]
+        chord = np.linalg.norm(end - start)
+        pull = rests.tensions[0, cable] * span / chord
+        order = np.argsort(curve[:, 0])
+        middle = (start + end) / 2
+        sag = middle[1] - np.interp(middle[0], *curve[order].T)
+        assert sag == pytest.approx(weight * chord * span / (8 * pull), rel=PARABOLA)
+
+
+def test_a_massless_cable_has_a_straight_shape_and_one_over_a_pulley_none(real):
+    """Shapes of robots without weight are what is drawn anyhow."""
+    rests = cdpr.solve_many(real["law"], [POSE])
+    assert not rests.slack.any()
+    shapes = cdpr.cable_shapes(rests, points=3)[0]
+    assert shapes[:, 1] == pytest.approx((shapes[:, 0] + shapes[:, 2]) / 2, abs=1e-8)
+    assert np.isnan(cdpr.cable_shapes(cdpr.solve_many(real["pulley"], [POSE]))).all()
+    with pytest.raises(cdpr.InvalidInput, match="points: found 1"):
+        cdpr.cable_shapes(rests, points=1)
+
+
+def at_rest(robot: cdpr.Robot, pose=POSE) -> cdpr.Trajectory:
+    """Two states of the platform at rest there."""
+    return cdpr.Trajectory.through(cdpr.solve_many(robot, [pose, pose]), np.array([0.0, 1.0]))
+
+
+def capsules(stage: Stage, color: np.ndarray) -> np.ndarray:
+    """Ends of all lines of this colour, (lines, 2, 3)."""
+    found = []
+    for geom in stage.scene.geoms[: stage.scene.ngeom]:
+        if geom.type == mujoco.mjtGeom.mjGEOM_CAPSULE and np.allclose(geom.rgba, color, atol=1e-6):
+            half = geom.size[2] * geom.mat.reshape(3, 3)[:, 2]
+            found.append([geom.pos - half, geom.pos + half])
+    return np.array(found)
+
+
+def test_videos_draw_cables_from_their_wheels(real):
+    """MuJoCo's own tendons, which begin before the wheels, are not drawn; the wheels face their anchors."""
+    trajectory = at_rest(real["pulley"])
+    robot = trajectory.robot
+    stage = Stage(trajectory, largest_tension=2.0)
+    stage.set(0)
+    tendons = [g for g in stage.scene.geoms[: stage.scene.ngeom] if g.objtype == mujoco.mjtObj.mjOBJ_TENDON]
+    assert not tendons
+    for cable in range(robot.cables):
+        lines = capsules(stage, stage.model.tendon_rgba[cable])
+        ends = lines.reshape(-1, 3)
+        assert np.linalg.norm(ends - robot.exits[cable], axis=1).min() < 1e-6
+        wheel = stage.data.geom(f"wheel_{cable + 1}").xpos
+        away = trajectory.poses[0].apply(robot.anchors[cable]) - robot.exits[cable]
+        assert np.cross(UP, wheel - robot.exits[cable]) @ away == pytest.approx(0, abs=1e-9)
+
+
+def test_videos_draw_heavy_cables_in_the_shape_they_are_given(real):
+    """Corner by corner, and as many as they have."""
+    trajectory = at_rest(real["heavy"])
+    shapes = cdpr.cable_shapes(trajectory, points=9)
+    stage = Stage(trajectory, largest_tension=2.0, shapes=shapes)
+    stage.set(1)
+    for cable in range(trajectory.robot.cables):
+        ends = capsules(stage, stage.model.tendon_rgba[cable]).reshape(-1, 3)
+        for point in shapes[1, cable]:
+            assert np.linalg.norm(ends - point, axis=1).min() < 1e-6
+
+
+def test_heavy_cables_are_not_drawn_without_their_shape(real):
+    """Figures and videos refuse, in a sentence; so do shapes of something else."""
+    trajectory, ax = at_rest(real["heavy"]), Figure().add_subplot()
+    robot, message = real["heavy"], "shapes: found none of .*0.0005 kg/m"
+    with pytest.raises(cdpr.InvalidInput, match=message):
+        drawing.draw_cables(ax, robot, np.array(POSE), np.eye(3), [False] * 8)
+    with pytest.raises(cdpr.InvalidInput, match=message):
+        drawing.draw_pose_in_space(Figure().add_subplot(projection="3d"), trajectory, 0)
+    with pytest.raises(cdpr.InvalidInput, match=message):
+        Stage(trajectory, largest_tension=2.0)
+    with pytest.raises(cdpr.InvalidInput, match="expected 2 states of 8 cables"):
+        Stage(trajectory, largest_tension=2.0, shapes=cdpr.cable_shapes(trajectory)[:1])
+
+
+REFUSALS = {
+    "compensate": lambda robot: cdpr.compensate(robot, POSE),
+    "sensitivity": lambda robot: cdpr.sensitivity(robot, POSE),
+    "feasible": lambda robot: cdpr.feasible(robot, POSE),
+    "natural_modes": lambda robot: cdpr.natural_modes(cdpr.solve(robot, POSE)),
+    "frequency": lambda robot: cdpr.sweep(robot, (1, 1, 1), quantities=["frequency"]),
+    "driving": lambda robot: cdpr.drive(robot, [POSE]),
+    "releasing": lambda robot: cdpr.release(cdpr.solve(robot, POSE)),
+    "growing gravity": lambda robot: cdpr.grow_gravity(robot, POSE),
+}
+
+
+@pytest.mark.parametrize("what", REFUSALS)
+def test_what_takes_no_account_of_weight_says_so(real, what):
+    """One sentence that names it, and the weight."""
+    with pytest.raises(cdpr.InvalidInput, match=rf"{what}.*0\.0005 kg/m|0\.0005 kg/m.*{what}"):
+        REFUSALS[what](real["heavy"])
+
+
+@pytest.mark.parametrize("option", ["--drop", "--compensate"])
+def test_a_video_of_heavy_cables_refuses_what_needs_a_drive(tmp_path, catalogue_text, option):
+    """It shows such a robot at rest at one waypoint after the other, and nothing else; no file is left."""
+    file, video = tmp_path / "mine.toml", tmp_path / "mine.mp4"
+    file.write_text(f"linear_density = 0.0005\n{catalogue_text}")
+    answer = CliRunner().invoke(app, ["video", str(file), option, "-o", str(video)])
+    assert answer.exit_code == 2
+    assert f"{option}: found cables of 0.0005 kg/m" in " ".join(answer.output.split())
+    assert not video.exists()
+
+
+def test_studies_refuse_what_they_take_no_account_of(catalogue):
+    """The closed form of two cables, and the moment balance of the paper's Fig. 9."""
+    bar, four = catalogue["two-cable"], catalogue["planar-vertical"]
+    for changes, message in (({"linear_density": 0.01}, "0.01 kg/m"), ({"pulley_radius": 0.01}, "pulleys of 0.01 m")):
+        with pytest.raises(cdpr.InvalidInput, match=f"two-cable closed form: found .*{message}"):
+            two_cable.equilibrium_rotations(bar.replace(**changes), (0.3, 0.0, 0.2))
+    law = bar.replace(stiffening=(20.0, 0.0))
+    assert two_cable.equilibrium_rotations(law, (0.3, 0, 0.2)) == pytest.approx(
+        two_cable.equilibrium_rotations(bar, (0.3, 0, 0.2))
+    )
+    for study in (tilt_condition.equal_pulls, tilt_condition.balance_at_rest):
+        with pytest.raises(cdpr.InvalidInput, match=r"tilt condition: found cables of 0.01 kg/m"):
+            study(four.replace(linear_density=0.01), np.array([0.3, 0.0, 0.2]))
+    over = tilt_condition.balance_at_rest(four.replace(pulley_radius=0.01), np.array([0.25, 0.0, 0.2]))
+    assert abs(over.arm) < 1e-6  # the lines of force of cables over pulleys meet above the centre of mass as well
+
+
+def test_a_sweep_of_heavy_robots_leaves_out_what_it_cannot_know(real, catalogue):
+    """Neither the feasible workspace nor a frequency; of others, everything."""
+    grid = (2, 1, 1)
+    heavy, plain = cdpr.sweep(real["heavy"], grid), cdpr.sweep(catalogue["cogiro"], grid)
+    assert set(plain.data_vars) - set(heavy.data_vars) == {"feasible", "frequency"}
+    assert float(heavy.tilt[0, 0, 0]) == pytest.approx(
+        cdpr.solve(real["heavy"], [float(heavy[axis][0]) for axis in "xyz"]).tilt
+    )
+
+
+# The study
+
+
+def pulley_length(exit_point, anchor, radius) -> float:
+    """Of a cable that arrives upwards, by the formula in the plane of its wheel."""
+    away = np.asarray(anchor) - exit_point
+    across, up = np.hypot(*away[:2]), away[2]
+    free = np.sqrt((across - radius) ** 2 + up**2 - radius**2)
+    # From the wheel's centre: the anchor's direction, and from there back to where the cable leaves.
+    to_anchor = np.arctan2(up, across - radius)
+    leaves = to_anchor + np.arccos(radius / np.hypot(across - radius, up))
+    return radius * (np.pi - leaves) + free
+
+
+def test_lengths_as_if_for_points_change_as_straight_cables_do(real):
+    """Right at home; elsewhere off by what wheels take up."""
+    robot = real["pulley"]
+    home, there = robot.home, np.array(POSE)
+    lengths = real_cables.lengths_as_if_for_points(robot, [home, there])
+    for cable, (exit_point, anchor) in enumerate(zip(robot.exits, robot.anchors, strict=True)):
+        at_home = pulley_length(exit_point, home + anchor, 0.02)
+        change = np.linalg.norm(there + anchor - exit_point) - np.linalg.norm(home + anchor - exit_point)
+        assert lengths[:, cable] == pytest.approx([at_home, at_home + change], abs=1e-12)
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_effects_are_differences_of_single_solves(number):
+    """Each row against solves made one by one; MuJoCo and statics together to 1e-7 m."""
+    case = real_cables.cases()[number]
+    commanded = case.commanded(2)
+    effects = {effect.what: effect for effect in real_cables.effects(case, 2)}
+    over = case.robot.replace(pulley_radius=case.radius, pulley_axis=UP)
+    heavy = case.robot.replace(linear_density=case.density)
+    told = real_cables.lengths_as_if_for_points(over, commanded)
+    for row, pose in enumerate(commanded):
+        plain, aware = cdpr.solve(case.robot, pose), cdpr.solve(over, pose)
+        unaware, weighing = cdpr.solve(over, pose, told[row]), cdpr.solve(heavy, pose)
+        pairs = {
+            real_cables.UNAWARE: (unaware, aware),
+            real_cables.AWARE: (aware, plain),
+            real_cables.WEIGHT: (weighing, plain),
+        }
+        for what, (one, other) in pairs.items():
+            found = effects[what]
+            assert found.unsettled == 0
+            assert found.apart < 1e-7
+            assert found.shifts[row] == pytest.approx(np.linalg.norm(one.position - other.position), abs=2e-7)
+            assert found.turns[row] == pytest.approx(abs(one.tilt - other.tilt), abs=1e-5)
+        assert effects[real_cables.ELASTICITY].shifts[row] == pytest.approx(np.linalg.norm(plain.deviation), abs=2e-7)
+
+
+@pytest.fixture(scope="module")
+def study() -> real_cables.RealCables:
+    """All of it, over a few poses."""
+    return real_cables.real_cables(12)
+
+
+def test_pulleys_unknown_to_the_winches_cost_more_than_half_a_millimetre_per_millimetre(study):
+    """The headline, on both of DemoBot's layouts and on both roads; elasticity costs the level layout far less."""
+    for one in study.growths[:2]:
+        assert 0.5 < one.rate < 0.95
+        assert one.settled[-1] == pytest.approx(one.shifts[-1], abs=1e-7)
+        assert one.shifts[0] == pytest.approx(0, abs=1e-9)
+    by_name = {(effect.robot, effect.what): np.median(effect.shifts) for effect in study.effects}
+    crossed = study.effects[0].robot
+    assert by_name[crossed, real_cables.UNAWARE] > 20 * by_name[crossed, real_cables.ELASTICITY]
+
+
+def test_nothing_explains_the_papers_15_mm(study):
+    """Weight and law leave the sag; pulleys from below lift; from above they sag unequally and lower the other."""
+    ends = list(study.ends)
+    plain, weight, law, below, above, wide = ends
+    solved = cdpr.solve(cdpr.load_robot("parallel"), (0.17, 0.25, 0.1))
+    assert plain.sags[0] == pytest.approx(-solved.deviation[2], abs=1e-7)
+    assert np.abs(weight.sags - plain.sags).max() < 1e-6
+    assert np.abs(law.sags - plain.sags).max() < 2e-6
+    assert (below.sags < plain.sags - 0.004).all()
+    assert (above.sags < 0.010).all()
+    assert wide.sags[0] == pytest.approx(0.015, abs=1e-5)
+    assert wide.sags[1] < 0.012
+    assert (wide.crossed_rises < -0.005).all()
+
+
+def test_the_figure_shows_the_studys_numbers(study):
+    """Medians and 95 % read back from the picture, MuJoCo's points on the lines."""
+    figure = real_cables_figures.real_cables(study)
+    lines = {line.get_gid(): line for ax in figure.axes for line in ax.lines if line.get_gid()}
+    for effect in study.effects:
+        median, high = 1e3 * np.quantile(effect.shifts, [0.5, 0.95])
+        assert lines[f"median {effect.robot} {effect.what}"].get_xdata() == pytest.approx([median])
+        assert lines[f"range {effect.robot} {effect.what}"].get_xdata() == pytest.approx([median, high])
+    one = study.growths[0]
+    static, settled = (lines[f"{road} {one.title} from below"] for road in ("static", "mujoco"))
+    assert static.get_ydata() == pytest.approx(1e3 * np.median(one.shifts, axis=1))
+    assert settled.get_ydata() == pytest.approx(
+        np.interp(settled.get_xdata(), static.get_xdata(), static.get_ydata()), abs=1e-4
+    )
+
+
+def test_the_tables_fit_a_terminal(study):
+    """80 columns, nothing cut off, every property named."""
+    from rich.console import Console
+
+    for table in (tables.effects_table(study.effects), tables.ends_table(study.ends)):
+        text = io.StringIO()
+        Console(width=80, file=text).print(table)
+        assert "…" not in text.getvalue()
+    assert tables.left_out(study.effects) == ""
