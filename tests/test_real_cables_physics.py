@@ -416,6 +416,35 @@ def test_heavy_and_massless_cables_pulleys_laws_and_a_wrench_on_one_robot():
     assert_allclose(rest.eigenvalues, plain.eigenvalues, rtol=1e-3)
 
 
+@pytest.mark.parametrize("seed", range(16, 36))
+def test_random_robots_settle_on_heavy_cables(seed):
+    """Whatever the cables, size and mass, cables of 1e-4 to 1e-1 of the platform's weight: balance, and none beside."""
+    random = np.random.default_rng(seed)
+    cables, size = int(random.integers(3, 11)), 10 ** random.uniform(-0.5, 1)
+    exits = np.c_[random.uniform(-size, size, (cables, 2)), random.uniform(0.8 * size, 1.2 * size, cables)]
+    anchors = random.normal(size=(cables, 3))
+    anchors *= (
+        size
+        * random.uniform(0.05, 0.25)
+        * random.uniform(0.3, 1, (cables, 1))
+        / np.linalg.norm(anchors, axis=1)[:, None]
+    )
+    position = size * random.uniform([-0.5, -0.5, -0.2], [0.5, 0.5, 0.4])
+    planar = seed % 4 == 0
+    if planar:
+        exits[:, 1] = anchors[:, 1] = position[1] = 0
+    robot = Robot(exits, anchors, 1.0, 10 ** random.uniform(-1, 2), mobility="planar" if planar else "spatial")
+    stiffness = 10 ** random.uniform(3, 6, cables if random.random() < 0.5 else 1)
+    lengths = robot.rest_lengths(position)
+    density = 10 ** random.uniform(-4, -1) * robot.mass / lengths.sum()
+    robot = robot.replace(axial_stiffness=stiffness * np.ones(cables) * lengths, linear_density=density)
+    rest = settle(robot, position)
+    assert rest.residual < 1e-6 * robot.weight
+    assert residual_of(rest.problem, rest.pose) < 1e-6 * robot.weight
+    lifted = RigidTransform.from_translation([0, 0, 1e-3]) * rest.pose
+    assert residual_of(rest.problem, lifted) > 1e-5 * robot.weight
+
+
 def test_many_heavy_robots_settle_as_one_by_one_and_a_motion_ends_where_it_settles():
     """Rows bring their own stiffnesses; the last state of a motion is the rest, looked at as it is."""
     robot, poses = heavy("parallel"), [[0.3, 0.2, 0.2], [0.5, 0.3, 0.15]]

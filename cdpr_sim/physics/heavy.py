@@ -38,8 +38,9 @@ STEPS = 10_000
 LOOK = 5
 """Time steps between two looks at the residual."""
 
-STEP, SHORTEST = 0.1, 1e-4
-"""Longest and shortest time step as fractions of the slowest swing's 1/omega."""
+STEPS_AT_MOST, SHORTEST = (0.1, 0.03), 1e-4
+"""Longest time steps, and the shortest, as fractions of the slowest swing's 1/omega. A platform that does not come to
+rest with the first is let go again with the second."""
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1.5, 0.5, 1000.0
 """Damping ratio of the platform's slowest swing. Where it has to wander with chains that are just slack, steps stay
@@ -66,7 +67,11 @@ SOFT, GROWTH, STIFF = 100.0, 1.3, 1e100
 """A slack chain's axial stiffness at first, in its weight; by how much it grows in a step; and more than any is."""
 
 CALM = 0.05
-"""While more than this fraction of the load is unbalanced, it does not grow."""
+"""While more than this fraction of the load is unbalanced, or on a chain more than its weight, it does not stiffen."""
+
+GENTLE, LEAST_PULL = 0.1, 1e-3
+"""With less than this fraction of a chain's weight unbalanced, each segment resists being plucked by its own tension,
+though by no less than this fraction of the chain's largest; before, all resist by the largest."""
 
 DIFFERENCE = 1e-7
 """Displacement for differencing forces, as a fraction of the mean cable length: smaller than in ``batch``, since
@@ -136,10 +141,20 @@ class Hanging:
         self.load = (
             max(robot.weight, float(np.abs(external_wrench / robot.units).max())) or robot.mass * STANDARD_GRAVITY
         )
-        mujoco.mj_resetData(self.model, self.data)
-        place(self.model, self.data, robot, start)
+        self.let_go(start)
         if external_wrench.any():
             self.data.xfrc_applied[self._id(mujoco.mjtObj.mjOBJ_BODY, "origin")] = external_wrench
+
+    def let_go(self, pose: RigidTransform) -> None:
+        """Put the platform at ``pose``, with zero velocity."""
+        self.reset()
+        place(self.model, self.data, self.robot, pose)
+
+    def reset(self) -> None:
+        """Forget the motion, and not the load."""
+        wrenches = self.data.xfrc_applied.copy()
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.xfrc_applied[:] = wrenches
 
     def _id(self, kind: mujoco.mjtObj, name: str) -> int:
         return mujoco.mj_name2id(self.model, kind.value, name)
@@ -312,14 +327,15 @@ class HangingRelaxation:
     Args:
         hanging: the platform.
         frames: takes every step, if it is given.
+        longest: time step, as a fraction of the slowest swing's 1/omega.
     """
 
-    def __init__(self, hanging: Hanging, frames: Frames | None = None) -> None:
-        self.hanging, self.frames = hanging, frames
+    def __init__(self, hanging: Hanging, frames: Frames | None = None, longest: float = STEPS_AT_MOST[0]) -> None:
+        self.hanging, self.frames, self.longest = hanging, frames, longest
         robot, rest = hanging.robot, hanging.rest_lengths
         self.swing = float(np.sqrt(hanging.load / robot.mass / rest.mean()))
         self.speed = SPEED * self.swing * float(rest.max())
-        rounding = ROUNDING * float(robot.axial_stiffness.max())
+        rounding = ROUNDING * float(hanging.springs[hanging.chains.segments].max()) * float(rest.max())
         self.target = min(max(RESIDUAL * hanging.load, rounding), ACCEPTABLE * hanging.load)
         chains, model = hanging.chains, hanging.model
         self.weights = robot.cabling.linear_density[chains.cables] * robot.gravity * rest[chains.cables]
@@ -334,8 +350,9 @@ class HangingRelaxation:
     def run(self) -> None:
         """Move until the platform has come to rest or will not."""
         hanging, data = self.hanging, self.hanging.data
-        self.step, self.calm, self.ratio = STEP, True, FIRST_DAMPING
+        self.step, self.calm, self.gentle, self.ratio = self.longest, True, False, FIRST_DAMPING
         self.velocity = np.zeros(hanging.free)
+        self.pulls = np.zeros(len(self.slack))
         self._damp()
         best, patience, good, limit = np.inf, 0, data.qpos.copy(), self.steps + STEPS
         self.status = Status.ITERATION_LIMIT
@@ -352,6 +369,7 @@ class HangingRelaxation:
                 continue
             residual = hanging.unbalanced()
             self.calm = residual < CALM * hanging.load
+            self.gentle = self.true and residual < GENTLE * self.weights.max()
             if self.true and residual <= self.target and self._at_rest():
                 self.status = Status.CONVERGED
                 break
@@ -360,9 +378,8 @@ class HangingRelaxation:
             if better:
                 good = data.qpos.copy()
             if better or slow:
-                self.step = min(1.2 * self.step, STEP)
-            if slow:
-                self.ratio = max(0.9 * self.ratio, LEAST_DAMPING)
+                self.step = min(1.2 * self.step, self.longest)
+                self.ratio = max((0.9 if slow else 0.95) * self.ratio, LEAST_DAMPING)
             if patience > PATIENCE:
                 if self.ratio == MOST_DAMPING:
                     self.step = max(0.6 * self.step, SHORTEST)
@@ -391,17 +408,21 @@ class HangingRelaxation:
         return parallel(force, velocity) and parallel(velocity, before)
 
     def _time_step(self) -> float:
-        """[s], short enough for chains that pass from slack to taut or back.
+        """[s], short enough for chains that pass from slack to taut or back, and for segments that turn.
 
-        As a chain becomes taut its tension rises from its weight to EA within a strain of (weight/EA)^(2/3).
+        As a chain becomes taut its tension rises from its weight to EA within a strain of (weight/EA)^(2/3). A segment
+        that turns by an angle in a step is stretched by half its square, which is to be no more than it is already.
         """
-        hanging, chords = self.hanging, self.hanging.chains.chords
-        rest = hanging.rest_lengths[hanging.chains.cables]
+        hanging, data, chains = self.hanging, self.hanging.data, self.hanging.chains
+        rest = hanging.rest_lengths[chains.cables]
         stiffness = np.minimum(self.stiffness[:, 0], np.where(self.slack, self.softness * self.weights, np.inf))
         near = np.maximum((self.weights / stiffness) ** (2 / 3), NEAREST) * rest
-        allowed = PASSAGE * np.maximum(np.abs(hanging.data.ten_length[chords] - rest), near)
-        speeds = np.maximum(np.abs(hanging.data.ten_velocity[chords]), np.finfo(float).tiny)
-        return float(min(self.step / self.swing, (allowed / speeds).min()))
+        passage = PASSAGE * np.maximum(np.abs(hanging.chords - rest), near) / np.abs(data.ten_velocity[chains.chords])
+        strains = np.maximum(self.pulls, self.weights) / stiffness
+        extending = np.concatenate([data.ten_velocity[chains.brakes][:, None], data.qvel[chains.dofs][:, ::-1]], axis=1)
+        turning = np.sqrt(np.maximum((extending**2).sum(2) - data.ten_velocity[chains.segments] ** 2, 0))
+        turns = np.sqrt(2 * np.maximum(strains, NEAREST**2))[:, None] * self.segment_lengths / turning
+        return float(min(self.step / self.swing, np.nanmin(passage), np.nanmin(turns)))
 
     def nudge(self, direction: Float[np.ndarray, " free"]) -> None:
         """Set the platform going along the direction in which it is not held, as any breath of air would."""
@@ -423,23 +444,27 @@ class HangingRelaxation:
         hanging, model, data = self.hanging, self.hanging.model, self.hanging.data
         chains = hanging.chains
         mujoco.mj_step1(model, data)
-        model.opt.timestep = step = self._time_step()
+        with np.errstate(divide="ignore", invalid="ignore"):  # what stands still may take any step
+            model.opt.timestep = step = self._time_step()
         soft = np.where(
             self.slack[:, None], np.minimum((self.softness * self.weights)[:, None], self.stiffness), self.stiffness
         )
         model.tendon_stiffness[chains.segments] = np.where(
             soft == self.stiffness, hanging.springs[chains.segments], soft / self.segment_lengths
         )
-        if self.calm:
-            self.softness = np.minimum(GROWTH * self.softness, STIFF)
+        _, left_over = hanging.forces()
+        grows = self.calm & (np.abs(left_over).max(1) <= self.weights)
+        self.softness = np.where(grows, np.minimum(GROWTH * self.softness, STIFF), self.softness)
         stretch = np.maximum(data.ten_length - model.tendon_lengthspring[:, 1], 0)[hanging.tendons]
         tangent = model.tendon_stiffness[hanging.tendons] + (
             stretch[:, None] ** [1, 2] * [2, 3] * model.tendon_stiffnesspoly[hanging.tendons]
         ).sum(1)
         model.tendon_damping[hanging.tendons] = np.where(stretch > 0, step * tangent, 0)
         pulls = (stretch[: chains.segments.size] * model.tendon_stiffness[chains.segments.ravel()]).reshape(soft.shape)
-        tension = PLUCKED * np.maximum(pulls.max(1), self.weights)[:, None]
-        resisting = plucked(STEP / self.swing, tension, self.segment_lengths)
+        self.pulls = pulls.max(1)
+        largest = np.maximum(pulls.max(1), self.weights)[:, None]
+        tension = np.maximum(pulls, LEAST_PULL * largest) if self.gentle else largest
+        resisting = plucked(self.longest / self.swing, PLUCKED * tension, self.segment_lengths)
         model.dof_damping[chains.dofs] = resisting[:, :0:-1, None]
         model.tendon_damping[chains.brakes] = resisting[:, :1]
         mujoco.mj_passive(model, data)
@@ -460,9 +485,8 @@ class HangingRelaxation:
     def _restart(self, qpos: np.ndarray) -> None:
         """From the last good coordinates, in shorter steps."""
         hanging = self.hanging
-        wrench = hanging.data.xfrc_applied.copy()
-        mujoco.mj_resetData(hanging.model, hanging.data)
-        hanging.data.qpos[:], hanging.data.xfrc_applied[:] = qpos, wrench
+        hanging.reset()
+        hanging.data.qpos[:] = qpos
         self.step *= 0.3
         self.softness = np.where(self.slack, SOFT, STIFF)
 
@@ -505,8 +529,7 @@ def released(
     """
     readings, steps, status = [], [], []
     for row, hanging in enumerate(_rows(problems, starts, model)):
-        relaxation = HangingRelaxation(hanging, frames if row == 0 else None)
-        relaxation.run()
+        relaxation = _relaxed(hanging, starts[row], frames if row == 0 else None)
         reading = hanging.read()
         for _ in range(NUDGES):
             values = reading.eigenvalues
@@ -520,6 +543,19 @@ def released(
         # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
         status.append(Status.DIVERGED if reading.off_wheel else relaxation.status)
     return readings, steps, status
+
+
+def _relaxed(hanging: Hanging, start: RigidTransform, frames: Frames | None) -> HangingRelaxation:
+    """In long steps, or else in shorter ones."""
+    relaxation = HangingRelaxation(hanging, frames, STEPS_AT_MOST[0])
+    relaxation.run()
+    if relaxation.status is Status.CONVERGED:
+        return relaxation
+    hanging.let_go(start)
+    again = HangingRelaxation(hanging, frames, STEPS_AT_MOST[1])
+    again.steps, again.time = relaxation.steps, relaxation.time
+    again.run()
+    return again
 
 
 def unbalanced(
