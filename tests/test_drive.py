@@ -149,7 +149,7 @@ def test_a_platform_that_falls_is_said_to_fall():
         ([], {}, "waypoints: found none"),
         (LINE, {"states": 1}, "states: found 1, expected 2"),
         (LINE, {"states": 10**9}, "states: found 1000000000"),
-        (LINE, {"seconds": 0.0}, "seconds: found 0, expected more than 0"),
+        (LINE, {"seconds": 0.0}, "seconds: found 0 s, expected more than 0"),
         (LINE, {"seconds": np.nan}, "seconds: found nan"),
         (LINE, {"seconds": 1e9}, r"seconds: found 1e\+09"),
         ([[0.4, 0.25, np.inf]], {}, "pose: found .*inf"),

@@ -90,7 +90,7 @@ def test_standard_errors_are_as_large_as_the_errors(robot):
     """Over many noises, EA and eight rest-length offsets: errors over standard errors have squares that sum to chi².
 
     One by one, and all nine together by their correlations, which are those of the errors; standard errors wrong by a
-    third would be found out. Where no error is stated it is judged from the residuals, and all else is the same.
+    third would be found out. Where no errors are stated they are judged, and stating what was judged is the same.
     """
     rng = np.random.default_rng(7)
     offsets = rng.normal(size=8) * 1e-4
@@ -100,7 +100,8 @@ def test_standard_errors_are_as_large_as_the_errors(robot):
     products, together, spreads = np.zeros((9, 9)), 0.0, 0.0
     for fit in range(FITS):
         measurements = cdpr.Measurements.of(positions, noisy(true, poses, rng))
-        found = cdpr.identify(robot, measurements, asked, position_error=NOISE)
+        errors = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
+        found = cdpr.identify(robot, measurements, asked, **errors)
         assert found.reasons == ()
         off = (found.values - truth) / found.standard_errors
         products += np.outer(off, off)
@@ -108,9 +109,15 @@ def test_standard_errors_are_as_large_as_the_errors(robot):
         spreads += (poses.size - 9) * found.spread**2
         if fit == 0:
             judged = cdpr.identify(robot, measurements, asked)
-            assert judged.spread == 1
-            assert judged.values == pytest.approx(found.values, rel=1e-5, abs=1e-9)
-            assert judged.standard_errors == pytest.approx(found.spread * found.standard_errors, rel=1e-5)
+            assert judged.judged == ("position", "rotation")
+            assert 0.5 < judged.scatters[0] / errors["position_error"] < 2
+            assert 0.5 < judged.scatters[1] / errors["rotation_error"] < 2
+            position_error, rotation_error = judged.scatters
+            same = cdpr.identify(
+                robot, measurements, asked, position_error=position_error, rotation_error=rotation_error
+            )
+            assert judged.values == pytest.approx(same.values, rel=1e-5, abs=1e-9)
+            assert judged.standard_errors == pytest.approx(same.standard_errors, rel=1e-5)
     low, high = chi2.ppf(LIKELY, FITS)
     assert (np.diag(products) >= low).all()
     assert (np.diag(products) <= high).all()

@@ -109,5 +109,5 @@ def test_pretension_without_a_limit_is_refused():
         mobility="planar",
     )
     with pytest.raises(cdpr.InvalidInput, match="found no upper limit"):
-        cdpr.compensate(robot, (0, 0, 0), prefer="stiffest")
+        cdpr.compensate(robot, (0, 0, 0), prefer="stiffest", tension_limits=(1, np.inf))
     assert cdpr.compensate(robot, (0, 0, 0), prefer="stiffest", tension_limits=(1, 100)).tensions.max() > 99
