@@ -40,8 +40,11 @@ REWEIGHTINGS = 20
 LEAST_FREEDOM = 1e-6
 """Numbers of a kind that are left free by the unknowns: with fewer, their scatter cannot be judged on its own."""
 
-EXACT = 1e-12
-"""[m, rad] Numbers that agree to rounding are not better than this."""
+EXACT = 1e-9
+"""[m, rad] No scatter is judged smaller: two solutions of one equilibrium differ by as much."""
+
+INVISIBLE = 0.01
+"""Of a number's standard error: what changes no residual by more cannot be seen."""
 
 ALIKE = 0.99
 """Correlation above which two unknowns are hardly told apart."""
@@ -178,7 +181,7 @@ def identify(
         scatters = _scatters(scatters, judged, kinds, weighted(x), slope(x), arm)
         if not judged or (kinds == kinds[0]).all():
             break  # a factor common to all numbers moves no fit
-        if np.allclose(scatters, before, rtol=1e-6, atol=0):
+        if np.allclose(scatters, before, rtol=1e-3, atol=0):
             break
     x = _nearest_to_known(x, weighted, slope)
     errors, correlations, reasons = _certainty(slope(x), wanted)
@@ -240,13 +243,14 @@ def _scatters(
 
 def _nearest_to_known(x: Float[np.ndarray, " unknowns"], weighted, slope) -> Float[np.ndarray, " unknowns"]:
     """``x`` without its part along what the data do not see: there, what is known of the robot stays."""
-    seen, unseen, _ = _directions(slope(x))
+    slopes = slope(x)
+    seen, unseen, _ = _directions(slopes)
     scaled = x * seen
-    nearer = (scaled - unseen.T @ (unseen @ scaled)) / seen
+    nearer = np.where(slopes.any(0), (scaled - unseen.T @ (unseen @ scaled)) / seen, 0.0)
     if np.array_equal(nearer, x):
         return x
     try:
-        same = np.linalg.norm(weighted(nearer) - weighted(x)) <= 1e-6 * max(float(np.linalg.norm(weighted(x))), 1e-6)
+        same = np.abs(weighted(nearer) - weighted(x)).max() <= INVISIBLE
     except NotConverged:
         return x
     return nearer if same else x
