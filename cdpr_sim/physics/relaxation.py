@@ -88,7 +88,7 @@ class Relaxation:
         self.swing = np.sqrt(np.where(self.strained, pull, self.load) / robot.mass / self.length)
         rounding = ROUNDING * stiffness.max(1)
         self.target = np.minimum(np.maximum(RESIDUAL * self.load, rounding), ACCEPTABLE * self.load)
-        self.own_inertia = _inertias(robot)
+        self.own_inertia, self.heavy = _inertias(robot), False
         self.inertia = np.tile(self.own_inertia, (len(self.load), 1))
         turning = self.inertia[:, simulations.angular]
         needed = robot.mass * simulations.length * self.length / SLUGGISH**2
@@ -198,6 +198,8 @@ class Relaxation:
         )
         self.best = np.where(going | rattling, self.residual, self.best)
         self.patience[rattling] = 0
+        if not (self.heavy or rattling.any()):
+            return
         self.rattles += rattling
         heavier = rattling & (self.rattles % RATTLES == 0)
         lighter = slow & (self.ratio == LEAST_DAMPING)
@@ -208,6 +210,7 @@ class Relaxation:
     def _add_inertia(self, added: Float[np.ndarray, "rows turns"]) -> None:
         """Make rotations slower: the pose of rest does not depend on inertia."""
         simulations = self.simulations
+        self.heavy = bool((added > 0).any()) or self.heavy
         simulations.armature[:, simulations.angular] += added / simulations.unit
         self.inertia[:, simulations.angular] += added
         self.root_inertia = np.sqrt(self.inertia)
