@@ -25,7 +25,8 @@ BEYOND_BEARTYPE = {
 
 COMPILED = {
     "core.cable_path", "statics.cable_law", "statics.cable_kernel", "statics.matrix_kernel", "statics.newton_kernel",
-    "statics.stiffness_kernel", "statics.balance_kernel", "drawing.video.raycast",
+    "statics.stiffness_kernel", "statics.balance_kernel", "statics.heavy_kernel", "statics.catenary",
+    "drawing.video.raycast",
 }  # fmt: skip
 """Whose functions Numba compiles."""
 

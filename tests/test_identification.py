@@ -19,6 +19,9 @@ statics', over a sag of 4e-4 m."""
 FITS = 40
 """To judge standard errors by."""
 
+WEIGHED = 0.01
+"""Of a standard error: judged scatters settle to a thousandth of themselves, which weighs positions against angles."""
+
 LIKELY = [0.0005, 0.9995]
 """Quantiles between which a sum of squares lies in all but one of a thousand cases."""
 
@@ -116,8 +119,8 @@ def test_standard_errors_are_as_large_as_the_errors(robot):
             same = cdpr.identify(
                 robot, measurements, asked, position_error=position_error, rotation_error=rotation_error
             )
-            assert judged.values == pytest.approx(same.values, rel=1e-5, abs=1e-9)
-            assert judged.standard_errors == pytest.approx(same.standard_errors, rel=1e-5)
+            assert (np.abs(judged.values - same.values) < WEIGHED * same.standard_errors).all()
+            assert judged.standard_errors == pytest.approx(same.standard_errors, rel=WEIGHED)
     low, high = chi2.ppf(LIKELY, FITS)
     assert (np.diag(products) >= low).all()
     assert (np.diag(products) <= high).all()
