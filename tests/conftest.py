@@ -15,10 +15,8 @@ DOORS = {
 """Where what users give is checked, with messages of its own."""
 
 BEYOND_BEARTYPE = {
-    "core.equilibrium",  # Self in a single method
     "core.plausibility",  # its warnings count frames
     "drawing.axes", "drawing.video.page",  # arrays among sequences
-    "drawing.maps",  # -0.5 for an int
     "report.tables",  # Rich's own types
 }  # fmt: skip
 """Where it does not follow."""

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array, frozen, in_range
+from cdpr_sim.core.checks import Frozen, checked_array, frozen, in_range
 from cdpr_sim.core.errors import InvalidInput
 
 EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, COLUMNS = 0, 3, 6, 7, 9, 10, 13
@@ -39,7 +39,7 @@ STIFFNESS_RANGE = (1e-6, 1e15)
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Cabling:
+class Cabling(Frozen):
     """The cables of one robot; arrays are read-only.
 
     Args:

@@ -157,6 +157,19 @@ def whole(field: str, value: object, least: int, most: int | None = None) -> int
     return int(value)
 
 
+class Frozen:
+    """A value whose arrays are read-only, in copies and after unpickling as well."""
+
+    def _freeze(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+        self._freeze()
+
+
 def frozen(array: np.ndarray) -> np.ndarray:
     """The same array, read-only from now on."""
     array.flags.writeable = False

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import pose as _pose
+from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.errors import CdprError
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.status import NEUTRAL, Status
@@ -25,7 +25,7 @@ class Stability(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium:
+class Equilibrium(Frozen):
     """A pose, the cables' state there, and the evidence that it is (or is not) a static equilibrium.
 
     Data only: each road fills in its own residual and eigenvalues, by its own means.
@@ -53,8 +53,7 @@ class Equilibrium:
     source: str
 
     def __post_init__(self) -> None:
-        for array in (self.tensions, self.lengths, self.eigenvalues):
-            array.flags.writeable = False
+        self._freeze()
 
     @property
     def position(self) -> Float[np.ndarray, "3"]:
@@ -134,7 +133,7 @@ class _NoRest(CdprError):
         self.equilibrium = equilibrium
 
     @classmethod
-    def because(cls, status: Status, point: Equilibrium) -> Self:
+    def because(cls, status: Status, point: Equilibrium) -> _NoRest:
         """With the status in words, and how far the point is from rest."""
         counted = "time steps" if point.source == "mujoco" else "iterations"
         reason = (

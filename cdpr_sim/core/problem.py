@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.checks import as_numbers, checked_array, frozen, shown
+from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
+from cdpr_sim.core.status import IDLE_STRAIN
 
 ORTHOGONAL = 1e-6
 """How far the rows of a rotation matrix may be from unit length and right angles."""
@@ -24,12 +25,9 @@ SHORTEST = 1e-9
 """Least rest length, as a fraction of the largest coordinate of an exit or of the platform: rounding of those
 coordinates is 1e-7 of strain in such a cable, and the whole of it in one of a millionth of its length."""
 
-IDLE_STRAIN = 1e-3
-"""Without load, forces are compared with what strains the mean cable by this much."""
-
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(Frozen):
     """A robot, the pose it starts from, its rest lengths and an external wrench; checked and frozen.
 
     Attributes:
@@ -128,7 +126,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class Problems:
+class Problems(Frozen):
     """Many problems of one robot, checked as a whole; arrays broadcast to one ``shape``.
 
     Indexing gives a single ``Problem``; a row that cannot be asked says why in ``falls`` and ``finite``.
@@ -156,6 +154,9 @@ class Problems:
     shape: tuple[int, ...]
     falls: Bool[np.ndarray, "*#batch"]
     singles: tuple[Problem, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._freeze()
 
     @classmethod
     def of(
@@ -201,11 +202,6 @@ class Problems:
             stiffness = robot.axial_stiffness
         else:
             stiffness = _with_last("axial_stiffness", axial_stiffness, (cables, 1), least=0.0, unit="N", number=True)
-            if cables > 1 and at.shape[-2:-1] == (cables,) == np.shape(axial_stiffness):
-                raise InvalidInput(
-                    f"axial_stiffness: found ({cables},), which could be one per cable or one per pose; expected "
-                    f"(1, {cables}) for one per cable, or ({cables}, 1) for one per pose"
-                )
             stiffness = np.broadcast_to(stiffness, (*stiffness.shape[:-1], cables))
         masses = np.array(robot.mass) if mass is None else checked_array("mass", mass, None)
         if not (masses > 0).all():
@@ -221,6 +217,12 @@ class Problems:
             "poses": at.shape[:-1], "rotations": turned.shape[:-2], "rest_lengths": rest.shape[:-1],
             "external_wrench": wrench.shape[:-1], "axial_stiffness": stiffness.shape[:-1], "mass": masses.shape,
         }  # fmt: skip
+        rows = {before[-1] for name, before in parts.items() if name != "axial_stiffness" and before}
+        if cables > 1 and np.shape(axial_stiffness) == (cables,) and cables in rows:
+            raise InvalidInput(
+                f"axial_stiffness: found ({cables},), which could be one per cable or one per row; expected "
+                f"(1, {cables}) for one per cable, or ({cables}, 1) for one per row"
+            )
         return cls(robot, at, turned, rest, wrench, stiffness, masses, _fitting(parts), falls)
 
     @classmethod

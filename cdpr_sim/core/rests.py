@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled, Stability, stability_of
 from cdpr_sim.core.pose import euler_of_matrices, poses_of, tilt_of_matrices
 from cdpr_sim.core.problem import Problems
@@ -18,7 +19,7 @@ from cdpr_sim.core.status import Status
 
 
 @dataclass(frozen=True, eq=False)
-class Rests:
+class Rests(Frozen):
     """Where platforms rest, as arrays over the dimensions of the problems.
 
     Indexing gives a single ``Equilibrium``, and raises where there is none. Data only: each road fills in its own
@@ -49,8 +50,7 @@ class Rests:
     stiffness: Float[np.ndarray, "*batch free"] | Callable[[Rests], Float[np.ndarray, "*batch free"]]
 
     def __post_init__(self) -> None:
-        for array in (self.positions, self.rotations, self.lengths, self.tensions, self.residuals, self.status):
-            array.flags.writeable = False
+        self._freeze()
 
     @property
     def robot(self) -> Robot:
@@ -101,9 +101,8 @@ class Rests:
 
     @cached_property
     def poses(self) -> RigidTransform:
-        """(...) the poses; where a row is no answer, its position is nan."""
-        known = self.converged | (self.status == Status.MOVING)
-        return poses_of(np.where(known[..., None], self.positions, np.nan), self.rotations)
+        """(...) the poses; where a row has none, its position is nan."""
+        return poses_of(self.positions, self.rotations)
 
     @property
     def commanded(self) -> RigidTransform:

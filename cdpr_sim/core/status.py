@@ -11,6 +11,9 @@ NEUTRAL = 1e-9
 ACCEPTABLE = 1e-6
 """Forces never count as balanced with more than this fraction of the load left over, whatever the rounding."""
 
+IDLE_STRAIN = 1e-3
+"""Without load, forces are compared with what strains the mean cable by this much."""
+
 
 class Status(enum.IntEnum):
     """How a solve or a settling ended; ``sentence`` says it in words."""

@@ -10,9 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from mujoco.batch import SimulationError
 
-from cdpr_sim.core.problem import IDLE_STRAIN
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.status import ACCEPTABLE, Status
+from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, Status
 from cdpr_sim.physics.batch import Simulations
 
 RESIDUAL = 1e-9

@@ -106,7 +106,7 @@ def solve_many(
         problems.rest_lengths,
         problems.mass * robot.gravity,
         problems.external_wrench,
-        problems.positions,
+        np.where(problems.falls[..., None], np.nan, problems.positions) if problems.falls.any() else problems.positions,
         problems.rotations,
     )
     if not problems.finite.all():
@@ -123,8 +123,13 @@ def solve_many(
         iterations=iterations,
         status=status,
         source="newton",
-        stiffness=lambda rests: stiffness_of(rests)[0],
+        stiffness=_eigenvalues,
     )
+
+
+def _eigenvalues(rests: Rests) -> Float[np.ndarray, "*batch free"]:
+    """On demand; by name, so that a batch can be pickled."""
+    return stiffness_of(rests)[0]
 
 
 def stiffness_of(rests: Rests) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:

@@ -32,8 +32,7 @@ import numpy as np
 from numba import float64, guvectorize, int64
 
 from cdpr_sim.core.compiling import built_once
-from cdpr_sim.core.problem import IDLE_STRAIN
-from cdpr_sim.core.status import ACCEPTABLE, NEUTRAL, Status
+from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableState, inline, outlined, pasted
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
