@@ -1,3 +1,5 @@
+import dataclasses
+
 import pytest
 from typer.testing import CliRunner
 
@@ -36,9 +38,12 @@ def test_check_prints_zero_disagreements_and_exits_0(tmp_path):
 def test_check_lists_every_disagreement_and_exits_1(monkeypatch):
     """With its pose and its reason."""
     solve = checking.solve_many
-    monkeypatch.setattr(
-        checking, "solve_many", lambda robot, p, **k: solve(robot, p, **k, axial_stiffness=1.01 * robot.axial_stiffness)
-    )
+
+    def wrong(asked):
+        stiffer = dataclasses.replace(asked, axial_stiffness=1.01 * asked.axial_stiffness)
+        return dataclasses.replace(solve(stiffer), problems=asked)
+
+    monkeypatch.setattr(checking, "solve_many", wrong)
     result = run("check", "cogiro", "--grid", "2", "1", "1")
     assert result.exit_code == 1
     text = " ".join(result.stdout.split())

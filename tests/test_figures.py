@@ -13,11 +13,11 @@ from matplotlib.text import Text
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
-from cdpr_sim.drawing import axes as drawing
-from cdpr_sim.drawing import style
+from cdpr_sim.drawing import cables, style
 from cdpr_sim.studies import gallery, two_cable_figures
 from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import lines_figures as figures
+from cdpr_sim.studies import real_cables as real_cables_studies
 from cdpr_sim.studies import solvers as solver_studies
 from cdpr_sim.studies import solvers_figures as solver_figures
 from cdpr_sim.studies import tilt_condition as balance
@@ -48,6 +48,7 @@ def results() -> dict:
         "paper-line": studies.paper_lines(static_rows=301, settled_rows=5),
         "convergence": solver_studies.convergence(axial_stiffness=[1e2, 1e4], poses=3),
         "agreement": solver_studies.differences(["parallel", "two-cable"], poses=6),
+        "real-cables": real_cables_studies.real_cables(poses=2),
         **widths,
     }
 
@@ -185,7 +186,7 @@ def test_a_slack_cable_hangs_as_long_as_it_is():
     start, end = np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.0, 0.7])
     straight = float(np.linalg.norm(end - start))
     for rest in (straight, 1.02 * straight, 1.1 * straight):
-        curve = drawing.hanging(start, end, rest, points=201)
+        curve = cables.hanging(start, end, rest, points=201)
         assert curve[[0, -1]] == pytest.approx(np.array([start, end]))
         assert np.linalg.norm(np.diff(curve, axis=0), axis=1).sum() == pytest.approx(rest, rel=LENGTH)
 

@@ -75,7 +75,7 @@ def test_a_failure_leaves_what_was_there(failing, two_pictures, tmp_path, monkey
             return write_bytes(path, content)
 
         monkeypatch.setattr(Path, "write_bytes", full)
-        error = cdpr.InvalidInput
+        error = cdpr.StoreError
     with pytest.raises(error):
         gallery.write_figures(["first"], tmp_path, force=True)
     assert everything(tmp_path) == {"first.svg": b"mine", "first.png": b"mine"}

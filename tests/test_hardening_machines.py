@@ -83,7 +83,7 @@ def test_texts_with_control_characters_are_refused(field, text):
         (dict(exits=[[1e308, 0, 1]] * 4), "exits: found 1e+308 m in cable 1, expected -1e+06 to 1e+06 m"),
         (dict(anchors=[[0, 0, 0]] * 3 + [[0, 1e9, 0]]), "anchors: found 1e+09 m in cable 4"),
         (dict(anchors=[[0, 0, 1e-300]] * 4, platform_size=[1, 1, 1]), "anchors: found all within 1e-300 m"),
-        (dict(axial_stiffness=1e-320), "axial_stiffness: found 9.99989e-321 N, expected 1e-06 to 1e+15 N"),
+        (dict(axial_stiffness=1e-320), "axial_stiffness: found 9.99989e-321 N in cable 1, expected 1e-06 to 1e+15 N"),
         (dict(axial_stiffness=[1, 1, 1e300, 1]), "axial_stiffness: found 1e+300 N in cable 3"),
         (dict(gravity=1e300), "gravity: found 1e+300 m/s², expected 0 to 1e+06 m/s²"),
         (dict(center_of_mass=[0, 0, 1e200]), "center_of_mass: found 1e+200 m"),

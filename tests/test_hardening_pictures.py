@@ -15,6 +15,7 @@ from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.drawing import maps, style
 from cdpr_sim.drawing.numbers import per_cent, plain, power_of_ten
 from cdpr_sim.drawing.video import film
+from cdpr_sim.statics import forces
 from cdpr_sim.studies import lines, lines_figures, tilt_condition
 
 PLANE = {"x": np.linspace(0.1, 0.7, 61), "z": np.linspace(0.05, 0.4, 36)}
@@ -174,13 +175,16 @@ def test_margin_is_what_linear_programming_finds(name, limits):
     found = feasibility.tension_margin(robot, positions, tension_limits=limits)
     assert ((found >= -SAME_MARGIN) == cdpr.feasible(robot, positions, tension_limits=limits)).all()
     for position, margin in zip(positions, found, strict=True):
-        W, load, size = feasibility._system(robot, position, np.eye(3), np.zeros(6))
+        free = robot.free
+        W = (forces.geometry(robot, position, np.eye(3)).wrench_matrix / robot.units[:, None])[free]
+        load = (forces.load_wrench(cdpr.Problem.of(robot, position), np.eye(3)) / robot.units)[free]
+        size = float(np.linalg.norm(load))
         m, upper = robot.cables, np.full(robot.cables, limits[1])
         A = np.vstack([np.column_stack([-np.eye(m), np.ones(m)]), np.column_stack([np.eye(m), np.ones(m)])])
         b = np.concatenate([np.full(m, -limits[0]), np.minimum(upper, 1e6)])
         held = linprog(
             np.append(np.zeros(m), -1.0), A_ub=A, b_ub=b, A_eq=np.column_stack([W, np.zeros(len(W))]),
-            b_eq=-load * size, bounds=[(None, None)] * m + [(None, size)],
+            b_eq=-load, bounds=[(None, None)] * m + [(None, size)],
         )  # fmt: skip
         assert margin == (pytest.approx(held.x[-1], abs=SAME_MARGIN) if held.status == 0 else -np.inf)
 

@@ -121,7 +121,7 @@ def test_picture_is_written_whole_or_not_at_all(dataset, tmp_path):
         raise OSError(28, "No space left on device")
 
     figure.savefig = full
-    with pytest.raises(cdpr.InvalidInput, match="No space left on device"):
+    with pytest.raises(cdpr.StoreError, match="No space left on device"):
         maps.write(figure, tmp_path / "map.png")
     assert (tmp_path / "map.png").read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 3

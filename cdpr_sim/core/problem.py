@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import SupportsIndex
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -218,7 +219,7 @@ class Problems(Frozen):
             "external_wrench": wrench.shape[:-1], "axial_stiffness": stiffness.shape[:-1], "mass": masses.shape,
         }  # fmt: skip
         rows = {before[-1] for name, before in parts.items() if name != "axial_stiffness" and before}
-        if cables > 1 and np.shape(axial_stiffness) == (cables,) and cables in rows:
+        if cables > 1 and axial_stiffness is not None and np.shape(axial_stiffness) == (cables,) and cables in rows:
             raise InvalidInput(
                 f"axial_stiffness: found ({cables},), which could be one per cable or one per row; expected "
                 f"(1, {cables}) for one per cable, or ({cables}, 1) for one per row"
@@ -263,7 +264,7 @@ class Problems(Frozen):
     def __iter__(self) -> Iterator[Problem]:
         return (self[row] for row in range(len(self)))
 
-    def __getitem__(self, row: int | tuple[int, ...]) -> Problem:
+    def __getitem__(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Problem:
         """The problem at one index of ``shape``."""
         if self.singles and not isinstance(row, tuple):
             return self.singles[row]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import SupportsIndex
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -68,7 +69,7 @@ class Rests(Frozen):
     def __iter__(self) -> Iterator[Equilibrium]:
         return (self[row] for row in range(len(self)))
 
-    def __getitem__(self, row: int | tuple[int, ...]) -> Equilibrium:
+    def __getitem__(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Equilibrium:
         """The equilibrium at one index.
 
         Raises:
@@ -81,7 +82,7 @@ class Rests(Frozen):
         kind = NotSettled if self.source == "mujoco" else NotConverged
         raise kind.because(status, point)
 
-    def point(self, row: int | tuple[int, ...]) -> Equilibrium:
+    def point(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Equilibrium:
         """The row as it is, whether it is an equilibrium or not."""
         return Equilibrium(
             problem=self.problems[row],

@@ -41,7 +41,7 @@ def properties_in_words(robot: Robot) -> tuple[str, ...]:
         heavy = cabling.linear_density > 0
         words.append(f"{_span(1e3 * cabling.linear_density[heavy])} g/m{_some(heavy)}")
     if not cabling.linear:
-        stiffens = cabling.stiffening.any(-1)
+        stiffens = np.asarray(cabling.stiffening.any(-1))
         a2, a3 = cabling.stiffening[stiffens].T
         words.append(f"stiffening by a2 = {_span(a2)}, a3 = {_span(a3)}{_some(stiffens)}")
     if cabling.pulleys.any():

@@ -234,7 +234,7 @@ class Hanging:
         springs, polynomials = model.tendon_stiffness.copy(), model.tendon_stiffnesspoly.copy()
         tensions = np.empty(self.robot.cables)
 
-        def only(tendons: np.ndarray | int) -> None:
+        def only(tendons: np.ndarray | np.integer) -> None:
             model.tendon_stiffness[:] = model.tendon_stiffnesspoly[:] = 0
             model.tendon_stiffness[tendons] = springs[tendons]
             model.tendon_stiffnesspoly[tendons] = polynomials[tendons]

@@ -85,7 +85,7 @@ class Case:
 
     def commanded(self, poses: int = POSES) -> Float[np.ndarray, "poses 3"]:
         """Random level positions of its workspace [m]."""
-        return np.random.default_rng(SEED).uniform(*self.robot.workspace, (poses, 3))
+        return np.random.default_rng(SEED).uniform(self.robot.workspace[0], self.robot.workspace[1], (poses, 3))
 
 
 def cases() -> tuple[Case, ...]:

@@ -174,7 +174,7 @@ def _effects(ax: Axes, effects: tuple[Effect, ...]) -> None:
         )
         marker = points(COLORS[robot], style.MARKERS[robot], ms=5.5)
         ax.plot(middle, height, **marker, gid=f"median {effect.robot} {effect.what}")
-    ax.set(xscale="log", xlabel="the platform moves by [mm]: median, and up to 95 % of poses")
+    ax.set(xscale="log", xlabel="the platform moves by: median, and up to 95 % of poses [mm]")
     ax.set_yticks(range(len(names)), [ROWS[name] for name in names])
     ax.grid(axis="x")
     ax.set_title("What each property does by itself, in MuJoCo")
