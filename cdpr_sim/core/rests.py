@@ -95,7 +95,7 @@ class Rests(Frozen):
             source=self.source,
         )
 
-    def _pose(self, row: int | tuple[int, ...]) -> RigidTransform:
+    def _pose(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> RigidTransform:
         if "poses" in self.__dict__ and isinstance(row, (int, np.integer)):
             return self.poses[row]
         return poses_of(self.positions[row], self.rotations[row])
