@@ -55,8 +55,10 @@ def results() -> dict:
 
 @pytest.fixture(scope="session", params=gallery.PICTURES)
 def drawn(request, results) -> Figure:
-    """Every figure."""
-    return gallery.PICTURES[request.param].draw(results[request.param])
+    """Every figure, laid out and drawn as it is when it is written."""
+    figure = gallery.PICTURES[request.param].draw(results[request.param])
+    FigureCanvasAgg(figure).draw()
+    return figure
 
 
 def artist(figure: Figure, gid: str, panel: int = 0):
@@ -91,15 +93,13 @@ def test_every_picture_has_a_title_labels_with_units_and_a_legend(drawn):
 
 def test_no_word_runs_out_of_the_picture(drawn):
     """Titles and captions are wrapped to the figure's width."""
-    canvas = FigureCanvasAgg(drawn)
-    canvas.draw()
     box = drawn.bbox
     words = drawn.findobj(Text)
     ticks = {id(label) for ax in drawn.axes for axis in ax._axis_map.values() for label in axis.findobj(Text)}
     ticks -= {id(label) for ax in drawn.axes for label in (ax.xaxis.label, ax.yaxis.label)}  # those beyond the limits
     for text in words:
         if text.get_text() and id(text) not in ticks:
-            extent = text.get_window_extent(canvas.get_renderer())
+            extent = text.get_window_extent()
             assert extent.x0 >= box.x0 - 1, text
             assert extent.x1 <= box.x1 + 1, text
             assert extent.y0 >= box.y0 - 1, text

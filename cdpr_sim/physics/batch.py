@@ -129,10 +129,11 @@ class Simulations:
 
     @property
     def off_wheel(self) -> Bool[np.ndarray, " rows"]:
-        """Whether a tendon misses its wheel, as of MuJoCo's last call."""
+        """Whether a cable is off its wheel, as of MuJoCo's last call."""
         if not len(self.swivels):
             return np.zeros(len(self.qpos), dtype=bool)
-        return self._points[:, self.swivels.cables].min(1) < pulleys.POINTS
+        points = self._points[:, self.swivels.cables]
+        return self.swivels.off_wheel(self._xpos, self._xmat, self._anchors, points).any(1)
 
     @property
     def rest_lengths(self) -> Float[np.ndarray, "rows cables"]:

@@ -259,13 +259,16 @@ class Hanging:
     def read(self) -> Reading:
         """The present state at zero velocity and with the true springs."""
         residual = self.residual()
-        pose, lengths, points = self.pose, self.lengths, self.data.ten_wrapnum.copy()
-        on = self.single[np.isin(self.massless, self.swivels.cables)]
+        pose, lengths, off_wheel = self.pose, self.lengths, self.off_wheel()
         eigenvalues, softest = self._stiffness()
-        tensions = self.tensions()
-        return Reading(
-            pose, lengths, tensions, residual, eigenvalues, softest, bool((points[on] < pulleys.POINTS).any())
-        )
+        return Reading(pose, lengths, self.tensions(), residual, eigenvalues, softest, off_wheel)
+
+    def off_wheel(self) -> bool:
+        """Whether a cable is off its wheel, as of MuJoCo's last call."""
+        if not len(self.swivels):
+            return False
+        points = self.data.ten_wrapnum[self.single[np.isin(self.massless, self.swivels.cables)]]
+        return bool(self.swivels.off_wheel(self.data.xpos, self.data.xmat, self.data.site_xpos, points).any())
 
     def _stiffness(self) -> tuple[Float[np.ndarray, " free"], Float[np.ndarray, " free"]]:
         """Eigenvalues [N/m], ascending, of how the force on the platform gives way; and the softest direction.

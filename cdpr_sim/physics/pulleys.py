@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.cable import Cabling
@@ -39,8 +39,7 @@ WIDTH = 0.15
 """Half the width of the wheel that is drawn, in radii."""
 
 POINTS = 4
-"""Of a tendon's path: entry, where it meets the wheel, where it leaves it, anchor. Where the cable would come back past
-its own way in, more than half round the wheel, MuJoCo's leaves out the wheel."""
+"""Of a tendon's path: entry, where it meets the wheel, where it leaves it, anchor."""
 
 SWIVELLING = 50.0
 """[rad/s] How fast a wheel swings about its axis in a cable that carries the platform's weight: faster than platforms,
@@ -165,10 +164,28 @@ class Swivels:
         sites: Float[np.ndarray, "*rows sites 3"],
     ) -> Float[np.ndarray, "*rows pulleys"]:
         """By how much each wheel has to turn about its axis to face its anchor [rad], as MuJoCo has them."""
+        x, y, _ = self._seen(positions, matrices, sites)
+        return np.arctan2(y, x)
+
+    def off_wheel(
+        self,
+        positions: Float[np.ndarray, "*rows bodies 3"],
+        matrices: Float[np.ndarray, "*rows bodies 9"],
+        sites: Float[np.ndarray, "*rows sites 3"],
+        points: Int[np.ndarray, "*rows pulleys"],
+    ) -> Bool[np.ndarray, "*rows pulleys"]:
+        """Whether each cable is off its wheel: its tendon misses it, or would come back past its own way in.
+
+        Such a path would lie more than half round the wheel. MuJoCo 4 leaves the wheel out there, MuJoCo 3 does not.
+        """
+        x, y, along = self._seen(positions, matrices, sites)
+        return (points < POINTS) | ((np.hypot(x, y) <= self.radii) & (along < 0))
+
+    def _seen(self, positions: np.ndarray, matrices: np.ndarray, sites: np.ndarray) -> Float[np.ndarray, "3 *rows n"]:
+        """The anchors in the frames of their wheels [m]: outwards, sideways, along the axis."""
         away = sites[..., self.anchors, :] - positions[..., self.bodies, :]
         axes = matrices[..., self.bodies, :].reshape(*away.shape, 3)
-        x, y, _ = np.moveaxis((away[..., None, :] @ axes)[..., 0, :], -1, 0)
-        return np.arctan2(y, x)
+        return np.moveaxis((away[..., None, :] @ axes)[..., 0, :], -1, 0)
 
 
 def toward_anchors(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> None:
