@@ -79,7 +79,8 @@ def tilt(rotation: Rotation) -> float:
 
 def tilt_of_matrices(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch"]:
     """``tilt`` of rotation matrices, (...) [rad]."""
-    return np.arctan2(np.hypot(matrices[..., 0, 2], matrices[..., 1, 2]), matrices[..., 2, 2])
+    upright = matrices[..., 2, 2].copy()  # NumPy 2.0's arctan2 of strided numbers differs by an ulp with their address
+    return np.arctan2(np.hypot(matrices[..., 0, 2], matrices[..., 1, 2]), upright)
 
 
 def poses_of(positions: Float[np.ndarray, "*batch 3"], matrices: Float[np.ndarray, "*batch 3 3"]) -> RigidTransform:
