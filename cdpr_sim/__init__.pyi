@@ -47,6 +47,8 @@ from .crosscheck.compare import Verdict as Verdict
 from .crosscheck.compare import compare as compare
 from .crosscheck.hold import Hold as Hold
 from .crosscheck.hold import confirm as confirm
+from .crosscheck.layout import Proof as Proof
+from .crosscheck.layout import prove_layout as prove_layout
 from .design.layout import Layout as Layout
 from .design.moves import Move as Move
 from .design.search import find_layout as find_layout

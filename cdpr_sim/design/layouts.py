@@ -13,6 +13,7 @@ from typing import Any, SupportsIndex
 import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS
 from cdpr_sim.core.cable_path import path, pulley_path
@@ -83,6 +84,21 @@ class Cases(Frozen):
     def __len__(self) -> int:
         return len(self.positions)
 
+    def finer(self) -> Cases:
+        """These poses and one midway between each and the next, along every dimension in which they were given."""
+        poses = int(np.prod(self.shape, dtype=int))
+        each = len(self) // poses
+        at = self.positions[::each].reshape(*self.shape, 3)
+        turned = Rotation.from_matrix(self.rotations[::each]).as_quat().reshape(*self.shape, 4)
+        for axis in range(len(self.shape)):
+            at, turned = _halved(at, axis), _halved(turned, axis)
+        count = int(np.prod(at.shape[:-1], dtype=int))
+        turned = Rotation.from_quat(turned.reshape(count, 4)).as_matrix()
+        return Cases(
+            np.repeat(at.reshape(count, 3), each, axis=0), np.repeat(turned, each, axis=0),
+            np.tile(self.wrench[:each], (count, 1)), np.tile(self.factors[:each], count), at.shape[:-1],
+        )  # fmt: skip
+
     def problems(self, robot: Robot, rest_lengths: np.ndarray | None = None) -> Problems:
         """What one robot is asked."""
         return Problems.of(
@@ -93,6 +109,19 @@ class Cases(Frozen):
             rotations=self.rotations,
             axial_stiffness=self.factors[:, None] * robot.axial_stiffness,
         )
+
+
+def _halved(points: np.ndarray, axis: int) -> np.ndarray:
+    """With the mean of each two neighbours between them; of quaternions, which may point either way."""
+    lined = np.moveaxis(points, axis, 0)
+    if len(lined) < 2:
+        return points
+    after = lined[1:]
+    if points.shape[-1] == 4:
+        after = after * np.where((lined[:-1] * after).sum(-1, keepdims=True) < 0, -1.0, 1.0)
+    dense = np.empty((2 * len(lined) - 1, *lined.shape[1:]))
+    dense[::2], dense[1::2] = lined, (lined[:-1] + after) / 2
+    return np.moveaxis(dense, 0, axis)
 
 
 @dataclass(frozen=True, eq=False)
