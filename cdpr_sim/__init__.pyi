@@ -49,6 +49,8 @@ from .crosscheck.hold import Hold as Hold
 from .crosscheck.hold import confirm as confirm
 from .crosscheck.layout import Proof as Proof
 from .crosscheck.layout import prove_layout as prove_layout
+from .design.front import Front as Front
+from .design.front import find_front as find_front
 from .design.layout import Layout as Layout
 from .design.moves import Move as Move
 from .design.search import find_layout as find_layout

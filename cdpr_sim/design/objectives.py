@@ -12,6 +12,7 @@ from jaxtyping import Float
 from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.limits import SLACK_TO_ANYTHING
+from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layouts import LayoutRests, feasible_share
 from cdpr_sim.design.slopes import Steps, slopes
 
@@ -61,6 +62,15 @@ class Objective:
             raise InvalidInput(f"objective: found {shown(given)}, expected a name or a function of the rests")
         name = getattr(given, "__name__", "your function")
         return cls(name, "", 1.0, lambda rests, _: _checked(given(rests), name, len(rests)))
+
+    def refuse_weight(self, robot: Robot) -> None:
+        """Where the objective does not know the weight of cables.
+
+        Raises:
+            InvalidInput: some cable weighs something.
+        """
+        if self.massless:
+            robot.cabling.refuse_weight(self.name)
 
     def shown(self, value: float) -> str:
         """As people read it."""

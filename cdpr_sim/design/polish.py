@@ -9,8 +9,6 @@ with r the horizontal part of the platform's z axis (tilt), or its shift from wh
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
@@ -31,7 +29,6 @@ def polished(
     cases: Cases,
     objective: Objective,
     limits: Limits,
-    energies: Callable[[np.ndarray], np.ndarray],
 ) -> Float[np.ndarray, "candidates variables"]:
     """Layouts on the way down from ``start``, the furthest first; whoever asks judges which is best."""
     path = _Path(space, cases, objective, limits)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import OptimizeResult, differential_evolution
 from scipy.stats import qmc
 
-from cdpr_sim.core.checks import shown, whole
+from cdpr_sim.core.checks import LONGEST_NAME, shown, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.progress import saying
@@ -66,23 +66,53 @@ class Judge:
     tried: int = 0
     least: dict[str, float] = field(default_factory=dict)
 
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        poses: Any,
+        move: str | Move | Sequence[str | Move],
+        within: ArrayLike | None,
+        symmetry: str | Sequence[str],
+        objective: Any,
+        subject_to: Mapping[str, Any] | None,
+        external_wrench: ArrayLike | None,
+        stiffness: ArrayLike | None,
+        threads: int | None,
+    ) -> Judge:
+        """Of a question as users ask it (``find_layout``).
+
+        Raises:
+            InvalidInput: something that cannot be right.
+            UnknownName: nothing of that name moves, or is good, or must hold.
+        """
+        if not isinstance(robot, Robot):
+            raise InvalidInput(f"robot: found {shown(robot)}, expected a Robot")
+        moves = [move] if isinstance(move, (str, Move)) else list(move)
+        space = Space.of(robot, [one if isinstance(one, Move) else Move(one, within) for one in moves], symmetry)
+        wanted = Objective.of(objective)
+        wanted.refuse_weight(robot)
+        constraints, limits = constraints_of(robot, subject_to)
+        return cls(space, Cases.of(robot, poses, external_wrench, stiffness), wanted, constraints, limits, threads)
+
     def rests(self, values: Float[np.ndarray, "layouts variables"]) -> LayoutRests:
         """Where the platforms of these layouts rest."""
         return rest(self.space.layouts(values), self.cases, self.threads)
 
-    def scores(self, rests: LayoutRests) -> Float[np.ndarray, " layouts"]:
-        """The objective, in SI units; nan where a layout has no rest in some case that the objective asks for.
+    def scores(self, rests: LayoutRests, objective: Objective | None = None) -> Float[np.ndarray, " layouts"]:
+        """An objective, in SI units; nan where a layout has no rest in some case that the objective asks for.
 
         Raises:
             InvalidInput: an objective that is nan where all platforms rest.
         """
-        whole_ones = rests.converged.all(-1) if self.objective.rests else np.ones(len(rests), dtype=bool)
+        objective = self.objective if objective is None else objective
+        whole_ones = rests.converged.all(-1) if objective.rests else np.ones(len(rests), dtype=bool)
         with np.errstate(invalid="ignore"):
-            found = np.asarray(self.objective.score(rests, self.limits), dtype=float)
+            found = np.asarray(objective.score(rests, self.limits), dtype=float)
         bad = whole_ones & np.isnan(found)
         if bad.any():
             raise InvalidInput(
-                f"objective: {self.objective.name} returned nan for {int(bad.sum())} of {len(found)} layouts that rest "
+                f"objective: {objective.name} returned nan for {int(bad.sum())} of {len(found)} layouts that rest "
                 "at every pose, expected numbers"
             )
         return np.where(whole_ones, found, np.nan)
@@ -92,11 +122,7 @@ class Judge:
         rests = self.rests(values)
         scores = self.scores(rests)
         lost = np.isnan(scores)
-        missing = np.zeros(len(rests))
-        for one in self.constraints:
-            with np.errstate(invalid="ignore"):
-                lack = np.where(lost, np.inf, np.nan_to_num(one.missing(rests), nan=np.inf))
-            missing = np.maximum(missing, lack)
+        missing = self.missing(rests, lost).max(0, initial=0.0)
         signed = np.nan_to_num(-scores if self.objective.largest else scores)
         found = _FEASIBLE + signed / (1 + np.abs(signed))
         broken = missing > HOLDS
@@ -107,7 +133,16 @@ class Judge:
         row = int(found.argmin())
         if found[row] < self.energy:
             self.energy, self.best = float(found[row]), values[row].copy()
-            self.least = {one.name: float(one.missing(rests)[row]) for one in self.constraints} if not lost[row] else {}
+            each = self.missing(rests, lost)[:, row]
+            self.least = {one.name: float(lack) for one, lack in zip(self.constraints, each, strict=True)}
+        return found
+
+    def missing(self, rests: LayoutRests, lost: np.ndarray) -> Float[np.ndarray, "constraints layouts"]:
+        """By how much each constraint is missed; by everything where there is no rest."""
+        found = np.zeros((len(self.constraints), len(rests)))
+        with np.errstate(invalid="ignore"):
+            for row, one in enumerate(self.constraints):
+                found[row] = np.where(lost, np.inf, np.nan_to_num(one.missing(rests), nan=np.inf))
         return found
 
     def told(self) -> str:
@@ -182,17 +217,11 @@ def find_layout(
             no layout tried can reach, or constraints that none meets: the message says which is missed most.
         UnknownName: nothing of that name moves, or is good, or must hold.
     """
-    if not isinstance(robot, Robot):
-        raise InvalidInput(f"robot: found {shown(robot)}, expected a Robot")
-    moves = [move] if isinstance(move, (str, Move)) else list(move)
-    space = Space.of(robot, [one if isinstance(one, Move) else Move(one, within) for one in moves], symmetry)
-    cases = Cases.of(robot, poses, external_wrench, stiffness)
-    wanted = Objective.of(objective)
-    if wanted.massless:
-        robot.cabling.refuse_weight(wanted.name)
-    constraints, limits = constraints_of(robot, subject_to)
+    judge = Judge.of(
+        robot, poses, move, within, symmetry, objective, subject_to, external_wrench, stiffness, threads
+    )  # fmt: skip
+    space, cases, wanted = judge.space, judge.cases, judge.objective
     whole("generations", generations, 1)
-    judge = Judge(space, cases, wanted, constraints, limits, threads)
     still = np.zeros((1, len(space)))
     rests_before = rest(space.layouts(still), cases, threads)
     before = float(judge.scores(rests_before)[0])
@@ -210,12 +239,12 @@ def find_layout(
         if polish and wanted.smooth and robot.cabling.massless and "Interrupted" not in message:
             say(f"{judge.told()}; polishing")
             try:
-                judge.energies(polished(judge.best, space, cases, wanted, limits, judge.energies))
+                judge.energies(polished(judge.best, space, cases, wanted, judge.limits))
             except KeyboardInterrupt:
                 message += " The polish was interrupted."
     rests = judge.rests(judge.best[None])
     return Layout(
-        robot=rests.layouts.robot_at(0),
+        robot=named(rests.layouts.robot_at(0), wanted),
         given=robot,
         objective=wanted,
         before=before,
@@ -228,6 +257,16 @@ def find_layout(
         message=message,
         values=judge.best,
         variables=space.names,
+    )
+
+
+def named(robot: Robot, *objectives: Objective) -> Robot:
+    """Under a name of its own, which says where the numbers come from."""
+    of = " and ".join(one.name for one in objectives)
+    return robot.replace(
+        name=f"{robot.name[: LONGEST_NAME - 7]}-better",
+        description=f"{robot.description or robot.name}, laid out anew for {of}",
+        source=f"find_layout of cdpr_sim, from {robot.source or robot.name}",
     )
 
 

@@ -92,7 +92,7 @@ def _reach(space, robots: Sequence[Robot]) -> None:
     space.set_xlim(*(middle[0] + wide[0] * np.array([-0.5, 0.5])))
     space.set_ylim(*(middle[1] + wide[1] * np.array([-0.5, 0.5])))
     space.set_zlim(*(middle[2] + wide[2] * np.array([-0.5, 0.5])))
-    space.set_box_aspect(tuple(wide), zoom=1.0)
+    space.set_box_aspect(tuple(wide), zoom=1.25)
 
 
 def _draw_moves(space, before: Robot, after: Robot) -> None:
