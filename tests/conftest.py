@@ -10,7 +10,8 @@ from jaxtyping import install_import_hook
 DOORS = {
     "core.cable", "core.checks", "core.limits", "core.pose", "core.problem", "core.robot", "robots.catalogue",
     "statics.solve", "statics.two_cable", "analysis.compensation", "analysis.workspace.feasibility",
-    "analysis.workspace.grids", "analysis.workspace.sweep", "drawing.video.film",
+    "analysis.workspace.grids", "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.layouts",
+    "design.moves", "design.search", "drawing.video.film",
 }  # fmt: skip
 """Where what users give is checked, with messages of its own."""
 

@@ -65,15 +65,11 @@ class Clearances(Frozen):
     @cached_property
     def least(self) -> Float[np.ndarray, "*batch"]:
         """The smallest of all of them."""
-        return np.minimum(self._cables, np.minimum(self.cable_platform.min(-1), self.cable_frame.min(-1)))
-
-    @property
-    def _cables(self) -> Float[np.ndarray, "*batch"]:
-        return self.cable_cable.min(-1, initial=np.inf)
+        return np.concatenate([self.cable_cable, self.cable_platform, self.cable_frame], axis=-1).min(-1, keepdims=True)[..., 0]
 
     def free(self, least: float = 0.0) -> Bool[np.ndarray, "*batch"]:
         """Where nothing comes nearer to anything than ``least`` [m]: the interference-free workspace."""
-        return self.least > least
+        return np.asarray(self.least > least)
 
     def nearest(self, row: tuple[int, ...] | int) -> str:
         """What comes nearest in one row, in words."""

@@ -52,7 +52,6 @@ def constraints_of(robot: Robot, asked: Mapping[str, Any] | None) -> tuple[list[
             if value is not True:
                 raise InvalidInput(f"subject_to[{name!r}]: found {shown(value)}, expected True")
             if name == "stable":
-                robot.cabling.refuse_weight("stable")
                 found.append(Constraint("stable rests", lambda rests: 1 - _stable(rests).mean(-1)))
             else:
                 found.append(Constraint("all cables taut", lambda rests: rests.slack.mean((-1, -2))))

@@ -24,7 +24,7 @@ from cdpr_sim.core.problem import Problems, positions_and_rotations, refuse_wren
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.statics import cable_law
+from cdpr_sim.statics import cable_law, forces
 from cdpr_sim.statics.balance_kernel import BALANCED, shortfall_gufunc
 from cdpr_sim.statics.heavy_kernel import heavy_gufunc
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
@@ -255,7 +255,7 @@ class LayoutRests(Rests):
     def modes(self) -> tuple[Float[np.ndarray, "layouts cases free"], Float[np.ndarray, "layouts cases"]]:
         """Eigenvalues of the stiffness matrix [N/m], and the lowest natural frequency [Hz]; of massless cables."""
         layouts, cases, robot = self.layouts, self.cases, self.robot
-        robot.cabling.refuse_weight("stiffness and frequency of layouts")
+        robot.cabling.refuse_weight("frequencies of layouts")
         with np.errstate(all="ignore"):
             return stiffness_gufunc(bent=robot.cabling.bent)(
                 layouts.tables(cases.factors), self.problems.rest_lengths, robot.mass, robot.gravity,
@@ -307,8 +307,20 @@ def rest(layouts: Layouts, cases: Cases, threads: int | None = None) -> LayoutRe
 
 
 def _eigenvalues(rests: Rests) -> Float[np.ndarray, "layouts cases free"]:
+    """By the compiled function; of cables that weigh something, layout by layout in NumPy."""
     assert isinstance(rests, LayoutRests)
-    return rests.modes[0]
+    if rests.robot.cabling.massless:
+        return rests.modes[0]
+    found = []
+    with np.errstate(all="ignore"):
+        for row in range(len(rests)):
+            robot = rests.layouts.robot_at(row)
+            problems = rests.cases.problems(robot, rests.problems.rest_lengths[row])
+            matrix = forces.at(problems, rests.positions[row], rests.rotations[row]).stiffness_matrix
+            known = np.isfinite(matrix).all((-1, -2))
+            found.append(np.full((len(rests.cases), len(robot.free)), np.nan))
+            found[-1][known] = forces.eigenvalues(robot, matrix[known])
+    return np.array(found)
 
 
 def _solve(layouts: Layouts, cases: Cases) -> tuple[np.ndarray, ...]:
@@ -344,6 +356,7 @@ def feasible_share(
     """In which share of the cases rigid cables hold the platform as commanded, with tensions within limits."""
     robot = layouts.robot
     robot.cabling.refuse_weight("feasible volume")
+    limits = tuple(np.broadcast_to(limit, robot.cables) for limit in limits)
     with np.errstate(all="ignore"):
         left = shortfall_gufunc(bent=robot.cabling.bent)(
             layouts.tables(np.ones(len(cases))), *limits, robot.weight, layouts.center_of_mass[:, None],

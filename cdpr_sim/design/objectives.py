@@ -139,7 +139,7 @@ _ALL = (
     Objective("mean slack cables", "", 1.0, _mean(lambda rests: rests.slack.sum(-1).astype(float))),
     Objective("lowest tension", "N", 1.0, _least(lambda rests: rests.tensions.min(-1)), largest=True, smooth="tensions"),
     Objective("highest tension", "N", 1.0, _worst(lambda rests: rests.tensions.max(-1)), smooth="tensions"),
-    Objective("softest stiffness", "N/m", 1.0, _least(lambda r: r.eigenvalues[..., 0]), largest=True, massless=True),
+    Objective("softest stiffness", "N/m", 1.0, _least(lambda r: r.eigenvalues[..., 0]), largest=True),
     Objective("lowest frequency", "Hz", 1.0, _least(lambda r: r.frequencies), largest=True, massless=True),
     Objective(
         "feasible volume", "%", 0.01, lambda rests, limits: feasible_share(rests.layouts, rests.cases, limits),
