@@ -34,14 +34,14 @@ class Constraint:
     missing: Callable[[LayoutRests], Float[np.ndarray, " layouts"]]
 
 
-def constraints_of(robot: Robot, asked: Mapping[str, Any] | None) -> tuple[list[Constraint], Limits]:
-    """As users give them; and the limits of tension among them.
+def constraints_of(robot: Robot, asked: Mapping[str, Any] | None) -> tuple[list[Constraint], Limits, float]:
+    """As users give them; and among them, for what asks: the limits of tension [N], and of displacement [m].
 
     Raises:
         UnknownName: nothing that can be asked.
         InvalidInput: a limit that cannot be right.
     """
-    found, limits = [], NO_LIMITS
+    found, limits, reach = [], NO_LIMITS, np.inf
     for name, value in ({} if asked is None else asked).items():
         if name not in (*KNOWN, *OBJECTIVES):
             raise UnknownName("constraint", str(name), (*KNOWN, *OBJECTIVES))
@@ -57,8 +57,9 @@ def constraints_of(robot: Robot, asked: Mapping[str, Any] | None) -> tuple[list[
                 found.append(Constraint("all cables taut", lambda rests: rests.slack.mean((-1, -2))))
         else:
             limit = float(checked_array(f"subject_to[{name!r}]", value, ()))
+            reach = limit if name == "displacement" else reach
             found.append(_clearance(limit) if name == "clearance" else _limit(robot, name, limit))
-    return found, limits
+    return found, limits, reach
 
 
 def _stable(rests: LayoutRests) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 The worst of many is made small as one number t above all of them (an epigraph), so that no kink is in the way:
 
-    minimise t   such that   |r_c(v)|² ≤ t in every case c,   tensions within limits,   v within bounds,
+    minimise t   such that   |r_c(v)|² ≤ t in every case c,   tensions and displacements within limits,   v within bounds,
 
 with r the horizontal part of the platform's z axis (tilt), or its shift from where it was commanded (deviation).
 """
@@ -29,9 +29,10 @@ def polished(
     cases: Cases,
     objective: Objective,
     limits: Limits,
+    reach: float,
 ) -> Float[np.ndarray, "candidates variables"]:
     """Layouts on the way down from ``start``, the furthest first; whoever asks judges which is best."""
-    path = _Path(space, cases, objective, limits)
+    path = _Path(space, cases, objective, limits, reach)
     free = space.upper > space.lower
     width = (space.upper - space.lower)[free]
     here = path.values(start)
@@ -66,8 +67,8 @@ def polished(
 class _Path:
     """Values and derivatives of one layout after the other; the last one is kept."""
 
-    def __init__(self, space: Space, cases: Cases, objective: Objective, limits: Limits) -> None:
-        self.space, self.cases, self.objective, self.limits = space, cases, objective, limits
+    def __init__(self, space: Space, cases: Cases, objective: Objective, limits: Limits, reach: float) -> None:
+        self.space, self.cases, self.objective, self.limits, self.reach = space, cases, objective, limits, reach
         self.at: np.ndarray | None = None
 
     def _go(self, values: np.ndarray) -> None:
@@ -92,12 +93,22 @@ class _Path:
         return self.rests.deviation[0]
 
     def room(self, values: np.ndarray) -> Float[np.ndarray, " limits"]:
-        """How far the tensions are from their limits, over the weight."""
+        """How far tensions, over the weight, and squares of displacements, over theirs, are from their limits."""
         self._go(values)
         tau, scale = self.rests.tensions[0], self.space.robot.weight or 1.0
         lower, upper = (np.broadcast_to(one, tau.shape) for one in self.limits)
         low, high = lower > 0, np.isfinite(upper)
-        return np.concatenate([(tau - lower)[low], (upper - tau)[high]]) / scale
+        moved = (self._moved(values) ** 2).sum(-1)
+        far = [] if np.isinf(self.reach) else 1 - moved / self.reach**2
+        return np.concatenate([(tau - lower)[low] / scale, (upper - tau)[high] / scale, far])
+
+    @property
+    def _directions(self) -> Float[np.ndarray, "variables points 3"]:
+        space = self.space
+        return np.concatenate([space.exits, space.anchors, space.center[:, None]], axis=1)
+
+    def _moved(self, values: np.ndarray) -> Float[np.ndarray, "points 3"]:
+        return np.tensordot(values, self._directions, 1)
 
     def slopes(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of ``values`` and of ``room`` by the variables, a row each."""
@@ -122,4 +133,6 @@ class _Path:
         tau, scale = rests.tensions[0], space.robot.weight or 1.0
         lower, upper = (np.broadcast_to(one, tau.shape) for one in self.limits)
         each = tensions.swapaxes(1, 2) / scale
-        return rows, np.concatenate([each[lower > 0], -each[np.isfinite(upper)]])
+        far = -2 / self.reach**2 * np.einsum("pi,vpi->pv", self._moved(values), self._directions)
+        far = far[: 0 if np.isinf(self.reach) else None]
+        return rows, np.concatenate([each[lower > 0], -each[np.isfinite(upper)], far])

@@ -52,6 +52,7 @@ class Judge:
         objective: what is made small or large.
         constraints: what must hold.
         limits: of tension, for the objectives that ask.
+        reach: limit of displacement [m].
         threads: for the compiled solver.
     """
 
@@ -60,6 +61,7 @@ class Judge:
     objective: Objective
     constraints: Sequence[Constraint]
     limits: Limits
+    reach: float
     threads: int | None
     best: np.ndarray | None = None
     energy: float = np.inf
@@ -92,8 +94,8 @@ class Judge:
         space = Space.of(robot, [one if isinstance(one, Move) else Move(one, within) for one in moves], symmetry)
         wanted = Objective.of(objective)
         wanted.refuse_weight(robot)
-        constraints, limits = constraints_of(robot, subject_to)
-        return cls(space, Cases.of(robot, poses, external_wrench, stiffness), wanted, constraints, limits, threads)
+        cases = Cases.of(robot, poses, external_wrench, stiffness)
+        return cls(space, cases, wanted, *constraints_of(robot, subject_to), threads)
 
     def rests(self, values: Float[np.ndarray, "layouts variables"]) -> LayoutRests:
         """Where the platforms of these layouts rest."""
@@ -239,7 +241,7 @@ def find_layout(
         if polish and wanted.smooth and robot.cabling.massless and "Interrupted" not in message:
             say(f"{judge.told()}; polishing")
             try:
-                judge.energies(polished(judge.best, space, cases, wanted, judge.limits))
+                judge.energies(polished(judge.best, space, cases, wanted, judge.limits, judge.reach))
             except KeyboardInterrupt:
                 message += " The polish was interrupted."
     rests = judge.rests(judge.best[None])

@@ -61,6 +61,8 @@ def draw_better_layout(
         if column:
             _draw_moves(space, *robots)
         draw_pose_in_space(space, one, row, shapes[column])
+        for drawn in space.get_children():
+            drawn.set_clip_on(False)
         space.set_title(name, fontsize=11, fontweight="bold")
         plane = figure.add_subplot(grid[1, column])
         panels.append(plane)
@@ -92,7 +94,7 @@ def _reach(space, robots: Sequence[Robot]) -> None:
     space.set_xlim(*(middle[0] + wide[0] * np.array([-0.5, 0.5])))
     space.set_ylim(*(middle[1] + wide[1] * np.array([-0.5, 0.5])))
     space.set_zlim(*(middle[2] + wide[2] * np.array([-0.5, 0.5])))
-    space.set_box_aspect(tuple(wide), zoom=1.25)
+    space.set_box_aspect(tuple(wide), zoom=1.1)
 
 
 def _draw_moves(space, before: Robot, after: Robot) -> None:
