@@ -1,4 +1,6 @@
-"""How many layouts a second, and how many would SciPy's fsolve manage of the same? Prints a table; best on an idle machine.
+"""How many layouts a second, and how many would SciPy's fsolve manage of the same? Prints two tables.
+
+Best on an idle machine:
 
 python scripts/benchmark_design.py
 """
@@ -6,6 +8,7 @@ python scripts/benchmark_design.py
 import os
 import statistics
 import time
+from typing import Literal
 
 import numpy as np
 
@@ -25,19 +28,27 @@ GENERATIONS = 100
 def main() -> None:
     robot = cdpr.load_robot(ROBOT)
     cases = Cases.of(robot, POSES)
-    spaces = {"exits within 50 mm": Space.of(robot, [Move("exits", NEAR)]), "anywhere in the frame's top": Space.of(robot, [Move("exits", BOX)])}
+    spaces = {
+        "exits within 50 mm": Space.of(robot, [Move("exits", NEAR)]),
+        "anywhere in the frame's top": Space.of(robot, [Move("exits", BOX)]),
+    }
     rng = np.random.default_rng(0)
-    sets = {name: space.layouts(rng.uniform(space.lower, space.upper, (LAYOUTS, len(space)))) for name, space in spaces.items()}
+    sets = {
+        name: space.layouts(rng.uniform(space.lower, space.upper, (LAYOUTS, len(space))))
+        for name, space in spaces.items()
+    }
     sets["those that a search tries"] = tried(robot)
     rest(sets["exits within 50 mm"].take(slice(0, 5)), cases)  # compiles
     cores = os.cpu_count() or 1
     print(f"{ROBOT}, {len(POSES)} poses; {cores} cores, load {os.getloadavg()[0]:.1f}; medians of {REPEATS}\n")
-    print(f"{'worst tilt of random layouts':>32} {'one core [1/s]':>15} {'by CPU time':>12} {'all cores [1/s]':>16} {'iterations':>11} {'no rest':>8}")
+    columns = ("one core [1/s]", "by CPU time", "all cores [1/s]", "iterations", "no rest")
+    print(f"{'worst tilt of random layouts':>32}" + "".join(f"{column:>17}" for column in columns))
     for name, layouts in sets.items():
         one, all_cores = (rates(layouts, cases, threads) for threads in (1, cores))
         found = rest(layouts, cases)
         lost = int((~found.converged).any(1).sum())
-        print(f"{name:>32} {one[0]:>15,.0f} {one[1]:>12,.0f} {all_cores[0]:>16,.0f} {found.iterations.mean():>11.1f} {lost:>8}")
+        numbers = [*(f"{rate:,.0f}" for rate in (*one, all_cores[0])), f"{found.iterations.mean():.1f}", str(lost)]
+        print(f"{name:>32}" + "".join(f"{number:>17}" for number in numbers))
     print(f"\n{'the same by one pose at a time':>32} {'layouts/s':>15} {'no answer':>12} {'of layouts':>16}")
     for name in spaces:
         layouts = sets[name].take(slice(0, FSOLVE_LAYOUTS))
@@ -73,7 +84,7 @@ def tried(robot: cdpr.Robot) -> Layouts:
     return Layouts(robot, *(np.concatenate([getattr(one, name) for one in seen]) for name in names))
 
 
-def one_by_one(layouts: Layouts, method: str) -> tuple[float, int]:
+def one_by_one(layouts: Layouts, method: Literal["fsolve", "least_squares"]) -> tuple[float, int]:
     """Layouts a second, and how many have a pose that the solver does not solve."""
     failed, began = 0, time.perf_counter()
     for row in range(len(layouts)):

@@ -1,4 +1,4 @@
-"""Better layouts: batches over robots, symmetry, bounds, exact slopes, the search, and MuJoCo's word on what is found."""
+"""Better layouts: batches over robots, symmetry, bounds, exact slopes, the search, and what MuJoCo says of it."""
 
 import dataclasses
 
@@ -14,6 +14,7 @@ from cdpr_sim.design.objectives import OBJECTIVES
 from cdpr_sim.design.slopes import Steps, slopes
 from cdpr_sim.design.symmetry import group
 from cdpr_sim.robots.toml import robot_toml
+from cdpr_sim.studies.better_layouts import driven
 from cdpr_sim.studies.real_cables import crane
 from tests.problems import symmetric_pair
 
@@ -93,7 +94,9 @@ def test_points_slide_along_lines_and_cables_can_be_named(parallel):
     assert moved[0] == pytest.approx([0, 0, -0.05])
     assert len(Space.of(parallel, [Move("center_of_mass", 0.01)])) == 1  # up and down; sideways breaks the symmetry
     assert len(Space.of(parallel, [Move("center_of_mass", 0.01)], "none")) == 3
-    thick = Space.of(crane().replace(linear_density=0.1), [Move("diameter", 2.0)], "none").layouts(np.full((1, 8), np.log(2)))
+    thick = Space.of(crane().replace(linear_density=0.1), [Move("diameter", 2.0)], "none").layouts(
+        np.full((1, 8), np.log(2))
+    )
     assert thick.axial_stiffness == pytest.approx(4e6 * np.ones((1, 8)))
     assert thick.linear_density == pytest.approx(0.4 * np.ones((1, 8)))
 
@@ -154,6 +157,18 @@ def test_a_level_layout_is_found_and_mujoco_agrees(better, parallel):
     assert not false.better
 
 
+@pytest.mark.parametrize("density", [0.0, 0.01])
+def test_both_layouts_are_driven_side_by_side(density: float, better):
+    """The same commands for both; cables that weigh something are settled, state by state."""
+    heavy = better.robot.replace(linear_density=density), better.given.replace(linear_density=density)
+    proof = prove_layout(dataclasses.replace(better, robot=heavy[0], given=heavy[1]))
+    before, after = driven(proof, 4, 1.0)
+    assert [one.robot.name for one in (before, after)] == ["parallel, before", "parallel, after"]
+    for motion in (before, after):
+        assert motion.problems.positions[[0, -1]] == pytest.approx(np.array(LINE)[[0, -1]])
+    assert after.tilt.max() < 0.5 * before.tilt.max()
+
+
 def test_a_seed_repeats_and_a_store_goes_on(better, parallel, tmp_path):
     """The same layout from the same seed; interrupted and gone on with, the same as in one run."""
     store = tmp_path / "search.npz"
@@ -202,7 +217,9 @@ def test_constraints_hold_where_they_bind(parallel):
     bound = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, subject_to={"displacement": 0.06})
     assert bound.distance <= 0.06 * (1 + 1e-8)
     assert free.after < bound.after < bound.before
-    near = cdpr.find_layout(cdpr.load_robot("cogiro"), LINE[:2], within=0.03, generations=4, subject_to={"clearance": 0.006})
+    near = cdpr.find_layout(
+        cdpr.load_robot("cogiro"), LINE[:2], within=0.03, generations=4, subject_to={"clearance": 0.006}
+    )
     assert cdpr.clearances(near.robot, LINE[:2], points=9).least.min() >= 0.006 * (1 - 1e-9)
     assert cdpr.clearances(cdpr.load_robot("cogiro"), LINE[:2], points=9).least.min() < 0.006
 
@@ -254,7 +271,7 @@ def test_heavy_cables_are_laid_out_as_well():
 
 
 REFUSED = {
-    "crossed": (dict(move=Move, within=[[0.5, 0, 0], [0.1, 1, 1]]), "within: found bounds crossed for exits"),
+    "crossed": (dict(within=[[0.5, 0, 0], [0.1, 1, 1]]), "within: found bounds crossed for exits"),
     "no image in the box": (dict(within=[[0, 0, 0.4], [0.3, 0.5, 0.5]]), "within: found bounds crossed for x of exits"),
     "not the robot's": (dict(within=0.05, symmetry="mirror-z"), "unknown symmetry 'mirror-z'"),
     "no bounds": (dict(), "within: found none for exits"),
@@ -262,7 +279,10 @@ REFUSED = {
     "no pulleys": (dict(move="pulleys", within=0.1), "move: found pulleys, and 'parallel' has none"),
     "twice": (dict(move=["exits", "exits"], within=0.1), "move: found exits of cable 1 twice"),
     "no such thing": (dict(move="exit", within=0.1), "unknown move 'exit': did you mean exits?"),
-    "no such goal": (dict(within=0.1, objective="worst tlit"), "unknown objective 'worst tlit': did you mean worst tilt or"),
+    "no such goal": (
+        dict(within=0.1, objective="worst tlit"),
+        "unknown objective 'worst tlit': did you mean worst tilt or",
+    ),
     "no such constraint": (dict(within=0.1, subject_to={"taut": True}), "unknown constraint 'taut'"),
     "below one": (dict(move="diameter", within=0.5), "within: found a factor of 0.5"),
     "no such cable": (dict(move=Move("exits", 0.1, cables=(9,))), "cables: found cable 9, expected 1 to 8"),
@@ -275,8 +295,6 @@ def test_what_cannot_be_is_refused_in_a_sentence(why: str, parallel):
     """Which field, what was found, what is expected."""
     asked, sentence = REFUSED[why]
     with pytest.raises(cdpr.CdprError) as raised:
-        if asked.get("move") is Move:
-            Move("exits", asked["within"])
         cdpr.find_layout(parallel, LINE, generations=2, **asked)
     assert str(raised.value).startswith(sentence)
     assert "\n" not in str(raised.value)
@@ -290,8 +308,8 @@ def test_what_no_layout_can_do_is_said(parallel):
     with pytest.raises(cdpr.InvalidInput, match="misses 'lowest tension at least 100 N' the most") as raised:
         cdpr.find_layout(parallel, LINE, within=0.02, generations=2, subject_to=asked)
     assert "and also tensions from 0 to 1.5 N" in str(raised.value)
+    heavy = parallel.replace(linear_density=0.01)
     with pytest.raises(cdpr.InvalidInput, match="expected massless ones"):
-        heavy = parallel.replace(linear_density=0.01)
         cdpr.find_layout(heavy, LINE, within=0.05, objective="lowest frequency", generations=2)
 
 
@@ -308,5 +326,37 @@ def test_robot_files_give_back_the_very_same_robot(robot: str, better, tmp_path)
     path.write_text(robot_toml(one), encoding="utf-8")
     read = cdpr.load_robot(path)
     assert read.cabling.same_as(one.cabling)
-    for name in ("mass", "gravity", "inertia", "center_of_mass", "platform_size", "frame", "workspace", "name", "material"):
+    for name in (
+        "mass",
+        "gravity",
+        "inertia",
+        "center_of_mass",
+        "platform_size",
+        "frame",
+        "workspace",
+        "name",
+        "material",
+    ):
         assert np.array_equal(getattr(read, name), getattr(one, name)), name
+
+
+def test_a_front_trades_displacement_against_tilt(parallel):
+    """Nothing on it is better than another in both; its ends are the robot as given and one that tilts far less."""
+    pytest.importorskip("pymoo")
+    front = cdpr.find_front(parallel, LINE, within=0.1, generations=10, population=20)
+    moved, tilt = front.scores.T
+    assert moved[0] == 0
+    assert tilt[0] == pytest.approx(front.before[1])
+    assert tilt[-1] < 0.8 * tilt[0]
+    better = (front.scores[:, None] <= front.scores).all(-1) & (front.scores[:, None] < front.scores).any(-1)
+    assert not better.any()
+    assert cdpr.solve_many(front.robot(len(front) - 1), LINE).tilt.max() == pytest.approx(tilt[-1], abs=1e-9)
+    with pytest.raises(cdpr.InvalidInput, match="holds everything"):
+        cdpr.find_front(parallel, LINE, within=0.01, generations=1, population=5, subject_to={"lowest tension": 9.0})
+
+
+def test_a_front_without_pymoo_says_how_to_get_it(parallel, monkeypatch):
+    """In a sentence."""
+    monkeypatch.setitem(__import__("sys").modules, "pymoo.optimize", None)
+    with pytest.raises(cdpr.InvalidInput, match=r"pip install 'cdpr-sim\[design\]'"):
+        cdpr.find_front(parallel, LINE, within=0.1)

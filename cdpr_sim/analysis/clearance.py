@@ -65,7 +65,9 @@ class Clearances(Frozen):
     @cached_property
     def least(self) -> Float[np.ndarray, "*batch"]:
         """The smallest of all of them."""
-        return np.concatenate([self.cable_cable, self.cable_platform, self.cable_frame], axis=-1).min(-1, keepdims=True)[..., 0]
+        return np.concatenate([self.cable_cable, self.cable_platform, self.cable_frame], axis=-1).min(
+            -1, keepdims=True
+        )[..., 0]
 
     def free(self, least: float = 0.0) -> Bool[np.ndarray, "*batch"]:
         """Where nothing comes nearer to anything than ``least`` [m]: the interference-free workspace."""
@@ -160,13 +162,16 @@ def cable_curves(
 ) -> Float[np.ndarray, "*batch cables points 3"]:
     """Each cable's course without its two ends; of two points where all are straight."""
     cabling = robot.cabling
-    ends = positions[..., None, :] + np.einsum("...ij,...mj->...mi", rotations, np.broadcast_to(anchors, (*positions.shape[:-1], robot.cables, 3)))
+    ends = positions[..., None, :] + np.einsum(
+        "...ij,...mj->...mi", rotations, np.broadcast_to(anchors, (*positions.shape[:-1], robot.cables, 3))
+    )
     starts = np.broadcast_to(exits, ends.shape).copy()
     over = cabling.pulleys
     if over.any():
         apart = np.moveaxis(starts - ends, -1, 0)[..., over]
         with np.errstate(invalid="ignore", divide="ignore"):
-            _, x, y, z, *_ = pulley_path(*apart, *cabling.pulley_axis[over].T, cabling.pulley_radius[over])
+            (x, y, z), (ex, ey, ez) = apart, cabling.pulley_axis[over].T
+            _, x, y, z, *_ = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
         starts[..., over, :] = ends[..., over, :] + np.stack([x, y, z], axis=-1)
     straight = cabling.massless and not (slack & ~over).any()
     fractions = np.linspace(0, 1, 2 if straight else points)
@@ -222,7 +227,8 @@ def _distances(
         found[1][some] = segment_box(home[:, :, :-1], home[:, :, 1:], robot.platform_size / 2).min(-1)
         beams = segment_segment(starts[..., None, :], ends[..., None, :], edges[:, 0], edges[:, 1])
         found[2][some] = beams.min((-1, -2))
-    return tuple(one.reshape(*shape, one.shape[-1]) for one in found)
+    cable_cable, cable_platform, cable_frame = (one.reshape(*shape, one.shape[-1]) for one in found)
+    return cable_cable, cable_platform, cable_frame
 
 
 def segment_segment(
@@ -266,7 +272,9 @@ def segment_box(
     along = b - a
     with np.errstate(invalid="ignore", divide="ignore"):
         faces = np.concatenate([(half - a) / along, (-half - a) / along], axis=-1)
-    knots = np.concatenate([np.nan_to_num(np.clip(faces, 0, 1)), np.zeros((*a.shape[:-1], 1)), np.ones((*a.shape[:-1], 1))], axis=-1)
+    knots = np.concatenate(
+        [np.nan_to_num(np.clip(faces, 0, 1)), np.zeros((*a.shape[:-1], 1)), np.ones((*a.shape[:-1], 1))], axis=-1
+    )
     knots = np.sort(knots, axis=-1)
 
     def outside(t: np.ndarray) -> np.ndarray:

@@ -26,6 +26,7 @@ COMMANDS = {
     "equilibria": answers.equilibria,
     "identify": answers.identify,
     "design": design.design,
+    "front": design.front,
     "clearances": design.clearances,
     "robots": robots.robots,
     "models": robots.models,

@@ -1,4 +1,4 @@
-"""Commands that change a layout, or look at one in space: design, clearances."""
+"""Commands that change a layout, or look at one in space: design, front, clearances."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.grids import as_grid
 from cdpr_sim.cli.options import AsJson, MaterialName, RobotName, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json, progress_bars
-from cdpr_sim.core.files import check_place, write_whole
+from cdpr_sim.core.files import check_place, make_folder, refuse_existing, write_whole
 from cdpr_sim.drawing import maps
 from cdpr_sim.drawing.video import film
 from cdpr_sim.report import design as report
@@ -31,25 +31,30 @@ Line = Annotated[
 ]
 Points = Annotated[int, typer.Option("--points", min=2, help="Poses along that line.")]
 
+Moves = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--move",
+        metavar="WHAT[=HOW FAR]",
+        help="exits, anchors, pulleys, center_of_mass [m], axial_stiffness or diameter [factor]; repeatable.",
+    ),
+]
+Within = Annotated[float, typer.Option("--within", help="How far [m], where --move does not say.")]
+Along = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option("--along", metavar="X Y Z", help="Places slide along this direction alone: a rail, a mast."),
+]
+SymmetryName = Annotated[str, typer.Option("--symmetry", help="detected, none, half-turn, mirror-x or mirror-y.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="The same one finds the same layout.")]
+Generations = Annotated[int, typer.Option("--generations", min=1, help="At most.")]
+
 
 def design(
     robot: RobotName,
-    move: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--move",
-            metavar="WHAT[=HOW FAR]",
-            help="exits, anchors, pulleys, center_of_mass [m], axial_stiffness or diameter [factor]; repeatable.",
-        ),
-    ] = None,
-    within: Annotated[float, typer.Option("--within", help="How far [m], where --move does not say.")] = 0.05,
-    along: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--along", metavar="X Y Z", help="Places slide along this direction alone: a rail, a mast."),
-    ] = None,
-    symmetry: Annotated[
-        str, typer.Option("--symmetry", help="detected, none, half-turn, mirror-x or mirror-y.")
-    ] = "detected",
+    move: Moves = None,
+    within: Within = 0.05,
+    along: Along = None,
+    symmetry: SymmetryName = "detected",
     objective: Annotated[
         str, typer.Option("--objective", help="worst tilt, worst deviation, lowest tension, softest stiffness, ...")
     ] = "worst tilt",
@@ -63,8 +68,8 @@ def design(
     stable: Annotated[bool, typer.Option("--stable", help="Every direction must be held.")] = False,
     clearance: Annotated[float | None, typer.Option("--clearance", help="Least distance of cables [m].")] = None,
     material: MaterialName = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="The same one finds the same layout.")] = 0,
-    generations: Annotated[int, typer.Option("--generations", min=1, help="At most.")] = 200,
+    seed: Seed = 0,
+    generations: Generations = 200,
     store: Annotated[
         Path | None, typer.Option("--store", help=".npz file that an interrupted search is gone on with from.")
     ] = None,
@@ -124,6 +129,59 @@ def design(
     raise typer.Exit(0 if proof.agrees and proof.better else DISAGREE)
 
 
+def front(
+    robot: RobotName,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for front.png and a robot file for each.")],
+    goals: Annotated[
+        tuple[str, str], typer.Option("--goals", metavar="ONE OTHER", help="Two objectives of `design`.")
+    ] = ("displacement", "worst tilt"),
+    move: Moves = None,
+    within: Within = 0.05,
+    along: Along = None,
+    symmetry: SymmetryName = "detected",
+    grid: Positions = None,
+    line: Line = None,
+    points: Points = 18,
+    material: MaterialName = None,
+    seed: Seed = 0,
+    generations: Generations = 200,
+    most: Annotated[int, typer.Option("--most", min=2, help="Robot files along the front, at most.")] = 20,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+) -> None:
+    """Trade one goal for another: layouts none of which is better in both, as a table, a figure and robot files."""
+    with errors_as_sentences():
+        make_folder(output)
+        machine = robot_of(robot, material)
+        picture = output / "front.png"
+        refuse_existing([picture, *(output / f"robot-{number}.toml" for number in range(1, most + 1))], force=force)
+        found = cdpr.find_front(
+            machine,
+            _poses(machine, grid, line, points),
+            goals,
+            move=[_move(one, within, along) for one in move or ["exits"]],
+            symmetry=symmetry,
+            seed=seed,
+            generations=generations,
+            population=max(most, 100),
+            progress=True,
+        ).thinned(most)
+        from cdpr_sim.studies.better_layouts import front_picture
+        from cdpr_sim.studies.gallery import encoded
+
+        files = {picture: encoded(front_picture(found), "png")}
+        files |= {
+            output / f"robot-{row + 1}.toml": robot_toml(found.robot(row)).encode() for row in range(len(found))
+        }  # fmt: skip
+        write_whole(files)
+    console = Output()
+    console.print(report.front_table(found))
+    console.print(
+        f"Looked for in {found.tried:,} layouts; by statics alone: `design` settles one in MuJoCo.", highlight=False
+    )
+    for path in files:
+        typer.echo(path)
+
+
 def clearances(
     robot: RobotName,
     grid: Positions = None,
@@ -132,13 +190,27 @@ def clearances(
     least: Annotated[float, typer.Option("--least", help="[m] Nearer is interference.")] = 0.0,
     fitting: Annotated[
         float | None,
-        typer.Option("--fitting", help="[m] Of each cable, left out next to its ends; default: half the platform's arm."),
+        typer.Option(
+            "--fitting", help="[m] Of each cable, left out next to its ends; default: half the platform's arm."
+        ),
     ] = None,
     material: MaterialName = None,
+    picture: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Map of the interference-free workspace: .png, .svg or .pdf.")
+    ] = None,
+    plane: Annotated[str, typer.Option("--plane", help="Of the map: xz, xy or yz.")] = "xz",
+    at: Annotated[float | None, typer.Option("--at", help="Where [m] that plane lies; default: the middle.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
     """Distances between cables, platform and frame, where all of them rest. Exit status 1 if any is below --least."""
     with errors_as_sentences():
         machine = robot_of(robot, material)
+        if picture is not None:
+            check_place(picture, maps.SUFFIXES, force=force, field="output")
+            from cdpr_sim.studies.better_layouts import clearance_map
+
+            with busy("Looking for interference"):
+                maps.write(clearance_map(machine, plane, at, least, fitting), picture)
         with busy("Solving (the first run on a machine compiles for half a minute)"):
             found = cdpr.clearances(machine, _poses(machine, grid, line, points), fitting=fitting)
     free = found.free(least)
@@ -160,7 +232,8 @@ def _poses(
             raise cdpr.InvalidInput("line: found it beside a grid, expected one of the two")
         return np.linspace(line[:3], line[3:], points)
     if grid is None:
-        grid = tuple(1 if edge == 0 else count for edge, count in zip(np.ptp(robot.workspace, axis=0), GRID, strict=True))
+        nx, ny, nz = (1 if edge == 0 else n for edge, n in zip(np.ptp(robot.workspace, axis=0), GRID, strict=True))
+        grid = nx, ny, nz
     axes = as_grid(grid, [robot])
     return np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
 
@@ -179,11 +252,12 @@ def _film(proof: cdpr.Proof, path: Path, force: bool) -> None:
     from cdpr_sim.studies.better_layouts import driven
 
     with progress_bars() as bar:
-        trajectories = driven(proof, round(VIDEO_SECONDS * VIDEO_FPS))
+        trajectories = driven(proof, round(VIDEO_SECONDS * VIDEO_FPS), VIDEO_SECONDS)
         cdpr.write_video(
             path,
             trajectories,
             [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories],
+            shapes=[None if one.robot.cabling.massless else cdpr.cable_shapes(one) for one in trajectories],
             seconds=VIDEO_SECONDS,
             fps=VIDEO_FPS,
             force=force,

@@ -4,6 +4,8 @@
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import itertools
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -51,7 +53,7 @@ def _model(robot: Robot, curves: np.ndarray, position: np.ndarray, rotation: np.
         count += 1
         return count - 1
 
-    pieces = [[capsule(a, b) for a, b in zip(curve[:-1], curve[1:], strict=True)] for curve in curves]
+    pieces = [[capsule(a, b) for a, b in itertools.pairwise(curve)] for curve in curves]
     edges = [capsule(a, b) for a, b in frame_edges(robot)]
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX, size=robot.platform_size / 2, pos=position,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -51,6 +52,13 @@ class Front(Frozen):
     def __len__(self) -> int:
         return len(self.scores)
 
+    def thinned(self, most: int) -> Front:
+        """At most so many of them, evenly along the front."""
+        if len(self) <= most:
+            return self
+        rows = np.linspace(0, len(self) - 1, most).round().astype(int)
+        return dataclasses.replace(self, scores=self.scores[rows], layouts=self.layouts.take(rows))
+
     def robot(self, row: int) -> Robot:
         """One of them."""
         return named(self.layouts.robot_at(row), *self.objectives)
@@ -95,15 +103,19 @@ def find_front(
         InvalidInput: as ``find_layout``; or pymoo is not installed.
     """
     try:
-        from pymoo.algorithms.moo.nsga2 import NSGA2
-        from pymoo.core.callback import Callback
-        from pymoo.core.problem import Problem
-        from pymoo.optimize import minimize
+        from pymoo.algorithms.moo.nsga2 import NSGA2  # pyright: ignore[reportMissingImports]
+        from pymoo.core.callback import Callback  # pyright: ignore[reportMissingImports]
+        from pymoo.core.problem import Problem  # pyright: ignore[reportMissingImports]
+        from pymoo.optimize import minimize  # pyright: ignore[reportMissingImports]
     except ImportError:
-        raise InvalidInput("find_front: found no pymoo, expected it installed: pip install 'cdpr-sim[design]'") from None
+        raise InvalidInput(
+            "find_front: found no pymoo, expected it installed: pip install 'cdpr-sim[design]'"
+        ) from None
     if len(objectives) != 2:
         raise InvalidInput(f"objectives: found {len(objectives)}, expected two")
-    judge = Judge.of(robot, poses, move, within, symmetry, objectives[0], subject_to, external_wrench, stiffness, threads)
+    judge = Judge.of(
+        robot, poses, move, within, symmetry, objectives[0], subject_to, external_wrench, stiffness, threads
+    )
     goals = (judge.objective, Objective.of(objectives[1]))
     goals[1].refuse_weight(robot)
     whole("seed", seed, 0)
@@ -118,7 +130,7 @@ def find_front(
     def scored(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         rests = judge.rests(values)
         scores = np.stack([judge.scores(rests, goal) for goal in goals], axis=1)
-        lost = np.isnan(scores).any(1)
+        lost = np.asarray(np.isnan(scores).any(1))
         missing = judge.missing(rests, lost)
         missing = np.minimum(np.vstack([missing, np.where(lost, LOST, 0)]), LOST).T
         judge.tried += len(values)
@@ -137,7 +149,9 @@ def find_front(
             scores, missing = scored(full(x))
             out["F"], out["G"] = np.nan_to_num(scores * signs), missing - HOLDS
 
-    first = np.random.default_rng(seed).uniform(space.lower[free], space.upper[free], (whole("population", population, 5), int(free.sum())))
+    first = np.random.default_rng(seed).uniform(
+        space.lower[free], space.upper[free], (whole("population", population, 5), int(free.sum()))
+    )
     shrunk = np.linspace(0, 1, len(first))[:, None]
     first = space.given[free] + shrunk * (first - space.given[free])  # from the robot as given outwards
     with saying(progress) as say:

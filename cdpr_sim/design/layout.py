@@ -94,6 +94,6 @@ class Layout(Frozen):
     def __str__(self) -> str:
         of = self.objective
         return (
-            f"{self.given.name}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, with points moved "
-            f"by at most {1e3 * self.distance:.3g} mm. {self.message} {PROMISE}"
+            f"{self.given.name}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, with points "
+            f"moved by at most {1e3 * self.distance:.3g} mm. {self.message} {PROMISE}"
         )

@@ -1,8 +1,9 @@
-"""Many robots that differ in their numbers alone, and where their platforms rest: layouts against cases, in one batch."""
+"""Many robots that differ in their numbers alone, and where their platforms rest: layouts against cases, one batch."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -70,7 +71,9 @@ class Cases(Frozen):
         turned = np.broadcast_to(turned, (*shape, 3, 3)).reshape(-1, 3, 3)
         if not (np.isfinite(at).all() and np.isfinite(turned).all()):
             raise InvalidInput("poses: found one that is not finite, expected numbers")
-        loads = np.atleast_2d(checked_array("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, None))
+        loads = np.atleast_2d(
+            checked_array("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, None)
+        )
         loads = checked_array("external_wrench", loads, (None, 6))
         refuse_wrench_out_of_plane(robot, loads)
         factors = np.atleast_1d(checked_array("stiffness", 1.0 if stiffness is None else stiffness, None))
@@ -194,7 +197,7 @@ class Layouts(Frozen):
         moved.append(np.linalg.norm(self.center_of_mass - center, axis=-1)[:, None])
         return np.concatenate(moved, axis=1).max(1)
 
-    def tables(self, factors: Float[np.ndarray, " cases"]) -> Float[np.ndarray, "layouts #cases cables columns"]:
+    def tables(self, factors: Float[np.ndarray, " cases"]) -> Float[np.ndarray, "layouts some cables columns"]:
         """For compiled code (``Cabling.packed``); one for all cases where they do not differ in stiffness."""
         factors = factors[:1] if (factors == factors[0]).all() else factors
         table = np.empty((len(self), len(factors), self.robot.cables, COLUMNS))
@@ -217,9 +220,10 @@ class Layouts(Frozen):
         found = path(*apart)[0]
         over = self.robot.cabling.pulleys
         if over.any():
-            axes, radius = self.robot.cabling.pulley_axis[over].T, self.robot.cabling.pulley_radius[over]
+            (ex, ey, ez), radius = self.robot.cabling.pulley_axis[over].T, self.robot.cabling.pulley_radius[over]
             with np.errstate(invalid="ignore", divide="ignore"):
-                found[..., over] = pulley_path(*(one[..., over] for one in apart), *axes, radius)[0]
+                x, y, z = (one[..., over] for one in apart)
+                found[..., over] = pulley_path(x, y, z, ex, ey, ez, radius)[0]
         return found
 
 
@@ -284,7 +288,7 @@ def rest(layouts: Layouts, cases: Cases, threads: int | None = None) -> LayoutRe
     else:
         edges = np.linspace(0, len(layouts), pieces + 1).astype(int)
         with ThreadPoolExecutor(threads) as pool:
-            spans = [layouts.take(slice(a, b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+            spans = [layouts.take(slice(a, b)) for a, b in itertools.pairwise(edges)]
             parts = list(pool.map(lambda span: _solve(span, cases), spans))
     lengths0, positions, rotations, lengths, tensions, residuals, iterations, status, falls = (
         np.concatenate(column) for column in zip(*parts, strict=True)
@@ -356,10 +360,10 @@ def feasible_share(
     """In which share of the cases rigid cables hold the platform as commanded, with tensions within limits."""
     robot = layouts.robot
     robot.cabling.refuse_weight("feasible volume")
-    limits = tuple(np.broadcast_to(limit, robot.cables) for limit in limits)
+    lower, upper = (np.broadcast_to(limit, robot.cables) for limit in limits)
     with np.errstate(all="ignore"):
         left = shortfall_gufunc(bent=robot.cabling.bent)(
-            layouts.tables(np.ones(len(cases))), *limits, robot.weight, layouts.center_of_mass[:, None],
+            layouts.tables(np.ones(len(cases))), lower, upper, robot.weight, layouts.center_of_mass[:, None],
             cases.wrench[:, None], np.array(robot.free), layouts.characteristic_lengths[:, None], cases.positions,
             cases.rotations,
         )  # fmt: skip

@@ -40,7 +40,7 @@ class Move:
     """
 
     what: str
-    within: ArrayLike
+    within: ArrayLike | None
     along: ArrayLike | None = None
     cables: Sequence[int] | None = None
 
@@ -54,14 +54,18 @@ class Move:
             if self.along is not None:
                 raise InvalidInput(f"along: found a line for {self.what}, expected it for places alone")
             if within.shape not in ((), (2,)) or not (within > 0).all():
-                raise InvalidInput(f"within: found {within.tolist()} for {self.what}, expected a factor, or two, above 0")
+                raise InvalidInput(
+                    f"within: found {within.tolist()} for {self.what}, expected a factor, or two, above 0"
+                )
             if within.shape == () and within < 1:
                 raise InvalidInput(f"within: found a factor of {within:g} for {self.what}, expected 1 or more")
         elif self.along is not None:
             if not np.linalg.norm(checked_array("along", self.along, (3,))) > 0:
                 raise InvalidInput("along: found a direction of length zero, expected one")
             if within.shape not in ((), (2,)):
-                raise InvalidInput(f"within: found shape {within.shape} along a line, expected a distance, or from and to")
+                raise InvalidInput(
+                    f"within: found shape {within.shape} along a line, expected a distance, or from and to"
+                )
         elif within.shape not in ((), (3,), (2, 3)):
             raise InvalidInput(f"within: found shape {within.shape}, expected a distance, three, or a box (2, 3)")
         if within.shape in ((), (3,)) and within.min() < 0:
@@ -119,8 +123,10 @@ class Space:
                 twice = [cable + 1 for cable in cables if (kind, cable) in taken]
                 if twice:
                     raise InvalidInput(f"move: found {move.what} of cable {twice[0]} twice, expected it once")
-            rows += _factors(robot, move, cables, symmetries, taken) if what in FACTORS else _places(
-                robot, move, what, cables, symmetries, taken
+            rows += (
+                _factors(robot, move, cables, symmetries, taken)
+                if what in FACTORS
+                else _places(robot, move, what, cables, symmetries, taken)
             )
         rows = [row for row in rows if row[2] > row[1] or row[1] != 0]
         if not any(row[2] > row[1] for row in rows):
@@ -239,9 +245,7 @@ def _places(
     return rows
 
 
-def _bounds(
-    within: np.ndarray, axis: int | None, points: np.ndarray, by: np.ndarray, name: str
-) -> tuple[float, float]:
+def _bounds(within: np.ndarray, axis: int | None, points: np.ndarray, by: np.ndarray, name: str) -> tuple[float, float]:
     """Of a variable that moves ``points`` along ``by``."""
     if axis is None or within.ndim < 2:
         reach = within if within.shape != (3,) else within[axis]
@@ -252,7 +256,8 @@ def _bounds(
     if lower > upper:
         raise InvalidInput(
             f"within: found bounds crossed for {name}: no place in the box from {within[0, axis]:g} to "
-            f"{within[1, axis]:g} m has its images there too; expected a box that the symmetry leaves as it is, or cables=..."
+            f"{within[1, axis]:g} m has its images there too; expected a box that the symmetry leaves as it "
+            "is, or cables=..."
         )
     return lower, upper
 

@@ -87,7 +87,9 @@ def _checked(scores: Any, name: str, layouts: int) -> Scores:
     except (TypeError, ValueError):
         raise InvalidInput(f"objective: {name} returned {shown(scores)}, expected numbers") from None
     if found.shape != (layouts,):
-        raise InvalidInput(f"objective: {name} returned shape {found.shape}, expected ({layouts},), one for each layout")
+        raise InvalidInput(
+            f"objective: {name} returned shape {found.shape}, expected ({layouts},), one for each layout"
+        )
     return found
 
 
@@ -137,8 +139,8 @@ _ALL = (
     Objective("mean deviation", "mm", 1e-3, _mean(_distance)),
     Objective("most slack cables", "", 1.0, _worst(lambda rests: rests.slack.sum(-1).astype(float))),
     Objective("mean slack cables", "", 1.0, _mean(lambda rests: rests.slack.sum(-1).astype(float))),
-    Objective("lowest tension", "N", 1.0, _least(lambda rests: rests.tensions.min(-1)), largest=True, smooth="tensions"),
-    Objective("highest tension", "N", 1.0, _worst(lambda rests: rests.tensions.max(-1)), smooth="tensions"),
+    Objective("lowest tension", "N", 1.0, _least(lambda r: r.tensions.min(-1)), largest=True, smooth="tensions"),
+    Objective("highest tension", "N", 1.0, _worst(lambda r: r.tensions.max(-1)), smooth="tensions"),
     Objective("softest stiffness", "N/m", 1.0, _least(lambda r: r.eigenvalues[..., 0]), largest=True),
     Objective("lowest frequency", "Hz", 1.0, _least(lambda r: r.frequencies), largest=True, massless=True),
     Objective(
@@ -154,4 +156,4 @@ OBJECTIVES = {one.name: one for one in _ALL}
 sensitivity" the root mean square move of the platform per move of all coordinates of exits and anchors; "displacement"
 that of the point moved furthest; "size of frame" the diagonal of the box around the exits."""
 
-NO_LIMITS = tuple(np.asarray(one) for one in SLACK_TO_ANYTHING)
+NO_LIMITS: Limits = (np.asarray(SLACK_TO_ANYTHING[0]), np.asarray(SLACK_TO_ANYTHING[1]))

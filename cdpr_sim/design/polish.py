@@ -2,7 +2,7 @@
 
 The worst of many is made small as one number t above all of them (an epigraph), so that no kink is in the way:
 
-    minimise t   such that   |r_c(v)|² ≤ t in every case c,   tensions and displacements within limits,   v within bounds,
+    minimise t   such that   |r_c(v)|² ≤ t in every case c,   tensions, displacements and v within bounds,
 
 with r the horizontal part of the platform's z axis (tilt), or its shift from where it was commanded (deviation).
 """
@@ -119,7 +119,12 @@ class _Path:
             space.exits, space.anchors, space.log_stiffness * layouts.axial_stiffness[0], space.center
         )  # fmt: skip
         by = slopes(
-            layouts.robot_at(0), self.cases, rests.positions[0], rests.rotations[0], rests.problems.rest_lengths[0], steps
+            layouts.robot_at(0),
+            self.cases,
+            rests.positions[0],
+            rests.rotations[0],
+            rests.problems.rest_lengths[0],
+            steps,
         )
         pose, tensions = np.nan_to_num(by.pose), np.nan_to_num(by.tensions)
         if self.objective.smooth == "tensions":

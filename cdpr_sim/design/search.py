@@ -38,8 +38,11 @@ SPREAD = 1e-8
 HOLDS = 1e-9
 """A constraint may be missed by this fraction of what is asked: rounding, and what a gradient leaves."""
 
+MOST_MISSING = 1e6
+"""More than a million times what was asked is as bad as that."""
+
 _FEASIBLE, _MISSING, _LOST = 0.0, 2.0, 4.0
-"""Classes of energies, each within ±1 of these: layouts that hold all constraints, that miss some, that have no rest."""
+"""Energies: -1 to 1 of layouts that hold all constraints, 2 to 3 of those that miss some, 3 to 4 without a rest."""
 
 
 @dataclass(eq=False)
@@ -124,12 +127,11 @@ class Judge:
         rests = self.rests(values)
         scores = self.scores(rests)
         lost = np.isnan(scores)
-        missing = self.missing(rests, lost).max(0, initial=0.0)
+        missing = np.minimum(self.missing(rests, lost).max(0, initial=0.0), MOST_MISSING)
         signed = np.nan_to_num(-scores if self.objective.largest else scores)
         found = _FEASIBLE + signed / (1 + np.abs(signed))
         broken = missing > HOLDS
-        with np.errstate(invalid="ignore"):
-            found[broken] = (_MISSING + missing / (1 + missing))[broken]
+        found[broken] = (_MISSING + missing / (1 + missing))[broken]
         found[lost] = (_LOST - rests.converged.mean(-1))[lost]
         self.tried += len(rests)
         row = int(found.argmin())
@@ -151,7 +153,7 @@ class Judge:
         """The best so far, in words."""
         if self.energy < _FEASIBLE + 1:
             return f"{self.objective.name} {self.objective.shown(self.value)}"
-        if self.energy < _MISSING + 1.5:
+        if self.energy < _LOST - 1:
             return "no layout yet that holds all constraints"
         return "no layout yet that rests at every pose"
 
@@ -185,8 +187,8 @@ def find_layout(
 ) -> Layout:
     """A better layout of ``robot``: one that moves a few of its numbers, and is good at all of ``poses``.
 
-    Global first, by differential evolution (Storn and Price 1997, doi:10.1023/A:1008202821328; SciPy's, vectorised, over
-    all cores), then exact: where the objective has a gradient, sequential quadratic programming with the exact
+    Global first, by differential evolution (Storn and Price 1997, doi:10.1023/A:1008202821328; SciPy's, vectorised,
+    over all cores), then exact: where the objective has a gradient, sequential quadratic programming with the exact
     derivatives of the rests. It promises no more than it was asked: the poses, loads and stiffnesses given here.
     ``prove_layout`` asks MuJoCo, and between the poses.
 
@@ -285,7 +287,11 @@ def _evolve(
     space = judge.space
     free = space.upper > space.lower
     bounds = list(zip(space.lower[free], space.upper[free], strict=True))
-    size = max(LEAST_POPULATION, POPULATION_PER_VARIABLE * len(bounds)) if population is None else whole("population", population, 5)
+    size = (
+        max(LEAST_POPULATION, POPULATION_PER_VARIABLE * len(bounds))
+        if population is None
+        else whole("population", population, 5)
+    )
     whole("seed", seed, 0)
 
     def full(columns: Float[np.ndarray, "free layouts"]) -> Float[np.ndarray, "layouts variables"]:
@@ -321,7 +327,8 @@ def _evolve(
     while done < generations:
         length = min(LEG, generations - done)
         result = differential_evolution(
-            energies, bounds, init=crowd, maxiter=length, tol=SPREAD, atol=0, vectorized=True, polish=False,
+            energies, bounds, init=crowd, maxiter=length,  # pyright: ignore[reportArgumentType]
+            tol=SPREAD, atol=0, vectorized=True, polish=False,
             updating="deferred", callback=after_each, rng=np.random.default_rng([seed, 1, done]),
         )  # fmt: skip
         done += length
@@ -337,21 +344,22 @@ def _evolve(
 def _why_none(judge: Judge) -> str:
     """Why no layout will do, in a sentence."""
     assert judge.best is not None
-    if judge.energy < _MISSING + 1.5:
+    if judge.energy < _LOST - 1:
         name = max(judge.least, key=lambda one: judge.least[one])
         others = [one for one, lack in judge.least.items() if lack > HOLDS and one != name]
         also = f" and also {', '.join(others)}" if others else ""
         return (
             f"subject_to: found no layout that holds everything among {judge.tried:,} tried; the nearest misses "
-            f"{name!r} the most, by {judge.least[name]:.2g} of what is asked{also}; expected looser constraints or wider "
-            "bounds"
+            f"{name!r} the most, by {judge.least[name]:.2g} of what is asked{also}; expected looser constraints or "
+            "wider bounds"
         )
     rests = judge.rests(judge.best[None])
     lost = np.flatnonzero(~rests.converged[0])
     x, y, z = judge.cases.positions[lost[0]]
     return (
-        f"poses: found no layout among {judge.tried:,} tried whose platform rests at all of them; the nearest has no rest "
-        f"at {len(lost)} of {len(judge.cases)}, the first at ({x:g}, {y:g}, {z:g}) m; expected poses within reach, or wider bounds"
+        f"poses: found no layout among {judge.tried:,} tried whose platform rests at all of them; the nearest has no "
+        f"rest at {len(lost)} of {len(judge.cases)}, the first at ({x:g}, {y:g}, {z:g}) m; expected poses within "
+        "reach, or wider bounds"
     )
 
 
@@ -387,7 +395,7 @@ def _resumed(store: Path, identity: str) -> tuple[int, np.ndarray, np.ndarray]:
         raise InvalidInput(f"{store}: is not the store of a search for a layout: {error}") from None
     if same != identity:
         raise InvalidInput(
-            f"{store}: holds the search of another question (robot, poses, bounds, objective or seed), expected the same "
-            "or a new file"
+            f"{store}: holds the search of another question (robot, poses, bounds, objective or seed), expected the "
+            "same or a new file"
         )
     return found

@@ -53,7 +53,9 @@ def group(robot: Robot, wanted: str | Sequence[str]) -> list[Symmetry]:
         if symmetry is not None:
             found.append(symmetry)
         elif wanted != "detected":
-            raise InvalidInput(f"symmetry: found {name!r}, which {robot.name!r} has not got: {why}; expected none of it")
+            raise InvalidInput(
+                f"symmetry: found {name!r}, which {robot.name!r} has not got: {why}; expected none of it"
+            )
     if len(found) == 3:  # two of them make the third
         a, b = found[1:]
         found.append(Symmetry(a.signs * b.signs, b.images[a.images]))

@@ -9,8 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
@@ -63,6 +65,7 @@ def draw_better_layout(
         draw_pose_in_space(space, one, row, shapes[column])
         for drawn in space.get_children():
             drawn.set_clip_on(False)
+            drawn.set_in_layout(False)
         space.set_title(name, fontsize=11, fontweight="bold")
         plane = figure.add_subplot(grid[1, column])
         panels.append(plane)
@@ -77,7 +80,9 @@ def draw_better_layout(
     figure.colorbar(image, ax=panels, label="tilt [°]", shrink=0.9, pad=0.015)
     _write_numbers(figure.add_subplot(grid[2, :]), numbers)
     handles = [
-        Line2D([], [], color=style.PURPLE, lw=1.6, marker="o", ms=4, mfc="white", label="exit moved, from where it was"),
+        Line2D(
+            [], [], color=style.PURPLE, lw=1.6, marker="o", ms=4, mfc="white", label="exit moved, from where it was"
+        ),
         Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack cable"),
         Line2D([], [], color=style.SKY, ls="none", marker="o", ms=4, label="pose that was asked"),
     ]
@@ -119,6 +124,44 @@ def _write_numbers(ax: Axes, numbers: Sequence[tuple[str, str, str]]) -> None:
             cell.set_text_props(ha="left")
         if line == 0:
             cell.set_text_props(fontweight="bold")
+
+
+@styled
+def draw_clearance_map(
+    least: Float[np.ndarray, "horizontal vertical"],
+    extent: tuple[float, float, float, float],
+    names: tuple[str, str],
+    enough: float,
+    title: str,
+    caption: str,
+) -> Figure:
+    """The interference-free workspace: the smallest distance of all over a plane, and where it is enough.
+
+    Args:
+        least: distances [m], nan where nothing rests.
+        extent: borders of the map [m].
+        names: of its two axes.
+        enough: nearer is interference [m].
+        title: above.
+        caption: below.
+    """
+    wide, high = extent[1] - extent[0], extent[3] - extent[2]
+    figure = canvas(7.2, 1.9 + 5.4 * min(high / wide, 1.2), title, caption)
+    ax = figure.add_subplot()
+    image = ax.imshow(
+        1e3 * least.T, origin="lower", extent=extent, cmap=style.STIFFNESS_MAP, vmin=0, interpolation="nearest"
+    )  # fmt: skip
+    ax.set_facecolor(style.MAP_UNSOLVED)
+    if (least <= enough).any():
+        near = np.where(least <= enough, 1.0, np.nan)
+        ax.imshow(
+            near.T, origin="lower", extent=extent, cmap=ListedColormap([style.VERMILLION]), interpolation="nearest"
+        )  # fmt: skip
+        label = f"nearer than {1e3 * enough:g} mm" if enough else "a cable passes through something"
+        figure.legend(handles=[Patch(fc=style.VERMILLION, label=label)], loc="outside upper right")
+    ax.set(xlabel=f"commanded {names[0]} [m]", ylabel=f"commanded {names[1]} [m]", aspect="equal")
+    figure.colorbar(image, ax=ax, label="smallest distance [mm]", shrink=0.9)
+    return figure
 
 
 @styled

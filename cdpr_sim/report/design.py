@@ -11,6 +11,7 @@ from rich.table import Table
 
 from cdpr_sim.analysis.clearance import Clearances
 from cdpr_sim.crosscheck.layout import Proof
+from cdpr_sim.design.front import Front
 from cdpr_sim.design.layout import Layout, Moved
 from cdpr_sim.report.tables import new_table
 
@@ -31,7 +32,9 @@ def moved_table(found: Layout) -> Table:
 
 def numbers_table(found: Layout, numbers: Sequence[tuple[str, str, str]]) -> Table:
     """Before and after, side by side."""
-    table = new_table(f"{found.given.name}: {found.objective.name}, {found.tried:,} layouts tried", "", "before", "after")
+    table = new_table(
+        f"{found.given.name}: {found.objective.name}, {found.tried:,} layouts tried", "", "before", "after"
+    )
     for row in numbers:
         table.add_row(*map(escape, row))
     return table
@@ -46,6 +49,16 @@ def clearance_table(found: Clearances) -> Table:
     for row in order[np.isfinite(least[order])]:
         index = tuple(int(i) for i in np.unravel_index(row, found.rests.shape))
         table.add_row(*(f"{1e3 * x:.1f}" for x in at[row]), escape(found.nearest(index)))
+    return table
+
+
+def front_table(front: Front) -> Table:
+    """Layouts none of which is better in both goals."""
+    one, other = front.objectives
+    table = new_table(f"{front.given.name}: {one.name} against {other.name}", "robot", one.name, other.name)
+    table.add_row("as given", *(goal.shown(value) for goal, value in zip(front.objectives, front.before, strict=True)))
+    for number, scores in enumerate(front.scores, start=1):
+        table.add_row(str(number), *(goal.shown(value) for goal, value in zip(front.objectives, scores, strict=True)))
     return table
 
 

@@ -28,7 +28,11 @@ def robot_toml(robot: Robot) -> str:
     )
 
     def stiffness(cable: int) -> str:
-        return f"material = {_text(str(robot.material))}" if named else f"axial_stiffness = {_value(cabling.axial_stiffness[cable])}"
+        return (
+            f"material = {_text(str(robot.material))}"
+            if named
+            else f"axial_stiffness = {_value(cabling.axial_stiffness[cable])}"
+        )
 
     def own(cable: int) -> dict[str, str]:
         radius, axis = cabling.pulley_radius[cable], cabling.pulley_axis[cable]
@@ -43,7 +47,9 @@ def robot_toml(robot: Robot) -> str:
         "linear_density": not cabling.linear_density.any(), "stiffening": cabling.linear,
         "pulley": not cabling.pulleys.any() and np.array_equal(cabling.pulley_axis[0], DOWN),
     }  # fmt: skip
-    lines = [f"{name} = {_text(getattr(robot, name))}" for name in ("name", "description", "source") if getattr(robot, name)]
+    lines = [
+        f"{name} = {_text(getattr(robot, name))}" for name in ("name", "description", "source") if getattr(robot, name)
+    ]
     lines += [f"mobility = {_text(robot.mobility)}", f"gravity = {_value(robot.gravity)}  # m/s²"]
     lines += [line for name, line in own(0).items() if same[name] and not usual.get(name)]
     lines += ["", "[platform]", f"mass = {_value(robot.mass)}  # kg", f"size = {_value(robot.platform_size)}  # m"]

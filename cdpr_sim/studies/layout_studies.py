@@ -35,7 +35,7 @@ ERROR = 1e-3
 
 
 def level_parallel(reaches: Sequence[float] = REACHES, generations: int = 100) -> list[Proof]:
-    """The least worst tilt of ``parallel`` along the paper's line, with exits that move no further than each of these."""
+    """The least worst tilt of ``parallel`` along the paper's line, with exits that move no further than these."""
     robot, move = load_robot("parallel"), Move("exits", FRAME_TOP)
     return [
         prove_layout(find_layout(robot, LINE, move=move, subject_to={"displacement": reach}, generations=generations))
