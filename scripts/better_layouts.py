@@ -91,25 +91,19 @@ def main() -> None:
 
     for name in ("parallel", "cogiro"):
         robot = cdpr.load_robot(name)
-        table = new_table(
-            f"{name}: 1 mm wrong in the frame, unknown to the winches, along that line",
-            "number",
-            "rms shift [mm]",
-            "rms turn [°]",
-            "most, MuJoCo [mm]",
-            "most, MuJoCo [°]",
-        )
+        title = f"{name}: 1 mm wrong in the frame, unknown to the winches, along that line, in MuJoCo"
+        columns = ("number", "shift, rms [mm]", "most [mm]", "turn, rms [°]", "most [°]", "MuJoCo − Newton [mm]")
+        table = new_table(title, *columns)
         for one in frame_numbers(robot)[:3]:
-            shift, turn = (np.sqrt((values**2).mean()) for values in (one.shifts, one.turns))
-            table.add_row(
-                one.name,
-                f"{shift:.2f}",
-                f"{np.degrees(1e-3 * turn):.2f}",
-                f"{1e3 * one.in_mujoco[0]:.2f}",
-                f"{np.degrees(one.in_mujoco[1]):.2f}",
-            )
+            shifts, turns = 1e3 * one.shifts, np.degrees(one.turns)
+            spread = (f"{number:.2f}" for values in (shifts, turns) for number in (_rms(values), values.max()))
+            table.add_row(one.name, *spread, f"{1e3 * one.apart:.1e}")
         console.print(table)
     print("layout-front.png, better-layout.png")
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt((values**2).mean()))
 
 
 if __name__ == "__main__":

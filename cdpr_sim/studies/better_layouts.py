@@ -139,10 +139,11 @@ def clearance_map(robot: Robot, name: str, at: float | None, enough: float, fitt
     )  # fmt: skip
 
 
-def driven(proof: Proof, states: int, seconds: float) -> list[Trajectory]:
+def driven(proof: Proof, states: int, seconds: float, drive_seconds: float | None = None) -> list[Trajectory]:
     """Both robots driven by their winches from pose to pose in MuJoCo, for a video side by side.
 
-    Robots whose cables weigh something are settled at one state after the other.
+    Robots whose cables weigh something are settled at one state after the other, for a film of so many ``seconds``.
+    ``drive_seconds`` is the duration of the drive; default: nearly static.
     """
     found = proof.found
     each = len(found.cases) // int(np.prod(found.cases.shape, dtype=int))
@@ -151,7 +152,7 @@ def driven(proof: Proof, states: int, seconds: float) -> list[Trajectory]:
     for robot, what in ((found.given, "before"), (found.robot, "after")):
         named = robot.replace(name=f"{found.given.name}, {what}")
         if robot.cabling.massless:
-            motions.append(drive(named, line, states=states))
+            motions.append(drive(named, line, seconds=drive_seconds, states=states))
         else:
             legs = np.linspace(0, len(line) - 1, states)
             at = np.column_stack([np.interp(legs, np.arange(len(line)), axis) for axis in line.T])

@@ -10,12 +10,11 @@ from jaxtyping import Float
 
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.layout import Proof, prove_layout
-from cdpr_sim.design.layouts import Cases, rest
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.search import find_layout
-from cdpr_sim.design.slopes import Steps, slopes
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.statics.newton import solve_many
 from cdpr_sim.studies.real_cables import BELOW, CRANE_DENSITY, CRANE_RADIUS, crane
 
 LINE = np.array([(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 18)])
@@ -64,19 +63,19 @@ def crane_masts(generations: int = 40) -> dict[str, Proof]:
 
 @dataclass(frozen=True, eq=False)
 class FrameNumber:
-    """What it does when one number of a frame, the same in all places that symmetry ties, is built wrong.
+    """What it does when one number of a frame, the same in all places that symmetry ties, is built ``ERROR`` too large.
 
     Attributes:
         name: of the number.
-        shifts: of the platform per move of those places, at each pose (poses,) [m/m].
-        turns: (poses,) [rad/m].
-        in_mujoco: largest shift and turn along the line for ``ERROR`` in MuJoCo [m], [rad].
+        shifts: how much further off the platform is in MuJoCo, at each pose (poses,) [m].
+        turns: by how much it turns (poses,) [rad].
+        apart: largest distance between MuJoCo and statics over these poses [m].
     """
 
     name: str
     shifts: Float[np.ndarray, " poses"]
     turns: Float[np.ndarray, " poses"]
-    in_mujoco: tuple[float, float]
+    apart: float
 
     def size(self, arm: float) -> float:
         """Root mean square move along the line, turns counted by ``arm``."""
@@ -86,25 +85,22 @@ class FrameNumber:
 def frame_numbers(robot: Robot) -> list[FrameNumber]:
     """Each independent number of the exits of ``robot``, the one that matters most along the paper's line first.
 
-    Nobody tells the winches: rest lengths are those of the frame as it was drawn.
+    Nobody tells the winches: rest lengths are those of the frame as it was drawn. A millimetre is far more than cables
+    stretch, and changes which of them are taut: first derivatives would not do.
     """
-    space, cases = Space.of(robot, [Move("exits", ERROR)]), Cases.of(robot, LINE)
-    here = rest(space.layouts(np.zeros((1, len(space)))), cases)
-    steps = Steps(space.exits, space.anchors, space.log_stiffness, space.center, known=False)
-    by = slopes(robot, cases, here.positions[0], here.rotations[0], here.problems.rest_lengths[0], steps).pose
+    space = Space.of(robot, [Move("exits", ERROR)])
     drawn = settle_many(robot, LINE)
     found = []
     for number, name in enumerate(space.names):
         wrong = robot.replace(exits=robot.exits + ERROR * space.exits[number])
         built = settle_many(wrong, LINE, drawn.rest_lengths)
-        shift = np.linalg.norm(built.positions - drawn.positions, axis=-1)
-        turn = (built.poses.rotation * drawn.poses.rotation.inv()).magnitude()
+        solved = solve_many(wrong, LINE, drawn.rest_lengths)
         found.append(
             FrameNumber(
                 name,
-                np.linalg.norm(by[:, number, :3], axis=-1),
-                np.linalg.norm(by[:, number, 3:], axis=-1),
-                (float(shift.max()), float(turn.max())),
+                np.linalg.norm(built.positions - drawn.positions, axis=-1),
+                (built.poses.rotation * drawn.poses.rotation.inv()).magnitude(),
+                float(np.linalg.norm(built.positions - solved.positions, axis=-1).max()),
             )
         )
     return sorted(found, key=lambda one: -one.size(robot.characteristic_length))
