@@ -48,6 +48,8 @@ def test_design_says_what_it_does_not_promise():
     ("words", "sentence"),
     [
         (["--move", "exits=far"], "move: found 'exits=far', expected a name, = and a number"),
+        (["--limit", "displacement"], "limit: found 'displacement', expected a name, = and a number"),
+        (["--limit", "displacment=1"], "unknown constraint 'displacment': did you mean displacement?"),
         (["--symmetry", "mirror-x"], "symmetry: found 'mirror-x', which 'cogiro' has not got"),
         (["--grid", "2", "2", "2"], "line: found it beside a grid"),
         (["-o", "better.txt"], "output: found 'better.txt', expected a name that ends in .toml"),

@@ -96,6 +96,8 @@ def test_points_slide_along_lines_and_cables_can_be_named(parallel):
     assert moved[0] == pytest.approx([0, 0, -0.05])
     assert len(Space.of(parallel, [Move("center_of_mass", 0.01)])) == 1  # up and down; sideways breaks the symmetry
     assert len(Space.of(parallel, [Move("center_of_mass", 0.01)], "none")) == 3
+    pulleys = parallel.replace(pulley_radius=[0.01, 0, 0, 0, 0, 0, 0, 0], pulley_axis=(0, 0, 1))
+    assert Space.of(pulleys, [Move("pulleys", 0.01)]).names == tuple(f"{axis} of exits 1" for axis in "xyz")
     thick = Space.of(crane().replace(linear_density=0.1), [Move("diameter", 2.0)], "none").layouts(
         np.full((1, 8), np.log(2))
     )

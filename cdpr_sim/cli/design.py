@@ -67,6 +67,16 @@ def design(
     taut: Annotated[bool, typer.Option("--taut", help="All cables must be taut.")] = False,
     stable: Annotated[bool, typer.Option("--stable", help="Every direction must be held.")] = False,
     clearance: Annotated[float | None, typer.Option("--clearance", help="Least distance of cables [m].")] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option("--limit", metavar="OBJECTIVE=VALUE", help="Limit of any objective, in SI units; repeatable."),
+    ] = None,
+    stiffness: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--stiffness", help="Factor of the cables' stiffness to be good at; repeatable, the worst counts."
+        ),
+    ] = None,
     material: MaterialName = None,
     seed: Seed = 0,
     generations: Generations = 200,
@@ -93,6 +103,7 @@ def design(
         subject_to = {
             "tensions": tensions, "all taut": taut or None, "stable": stable or None, "clearance": clearance,
         }  # fmt: skip
+        subject_to |= dict(_limit(one) for one in limit or [])
         found = cdpr.find_layout(
             machine,
             _poses(machine, grid, line, points),
@@ -100,6 +111,7 @@ def design(
             symmetry=symmetry,
             objective=objective,
             subject_to={name: value for name, value in subject_to.items() if value is not None},
+            stiffness=stiffness or None,
             seed=seed,
             generations=generations,
             store=store,
@@ -238,14 +250,21 @@ def _poses(
     return np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
 
 
+def _limit(word: str) -> tuple[str, float]:
+    name, _, value = word.partition("=")
+    return name.strip(), _number("limit", word, value)
+
+
+def _number(option: str, word: str, value: str) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise cdpr.InvalidInput(f"{option}: found {word!r}, expected a name, = and a number") from None
+
+
 def _move(word: str, within: float, along: tuple[float, float, float] | None) -> cdpr.Move:
     what, _, reach = word.partition("=")
-    if reach:
-        try:
-            within = float(reach)
-        except ValueError:
-            raise cdpr.InvalidInput(f"move: found {word!r}, expected a name, = and a number") from None
-    return cdpr.Move(what, within, along=along)
+    return cdpr.Move(what, _number("move", word, reach) if reach else within, along=along)
 
 
 def _film(proof: cdpr.Proof, path: Path, force: bool) -> None:

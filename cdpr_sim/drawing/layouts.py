@@ -22,6 +22,9 @@ from cdpr_sim.drawing.axes import canvas, draw_pose_in_space, draw_space, styled
 WIDTH, HEIGHT = 9.6, 7.4
 """[inch]"""
 
+FLAT = 0.2
+"""Of its longest edge: a robot no deeper than that has no room for numbers along y."""
+
 MOST_DEGREES = 45.0
 """Where the scale of tilt ends: beyond, one colour."""
 
@@ -52,12 +55,12 @@ def draw_better_layout(
         caption: below.
     """
     figure = canvas(WIDTH, HEIGHT, title, caption)
-    grid = figure.add_gridspec(3, 2, height_ratios=[2.6, 1.5, 0.22 * len(numbers) + 0.1])
+    grid = figure.add_gridspec(4, 2, height_ratios=[0.12, 2.6, 1.5, 0.22 * len(numbers) + 0.1])
     robots = [one.robot for one in rests]
     most = min(max(float(np.nanmax(one)) for one in maps), np.radians(MOST_DEGREES))
     image, panels = None, []
     for column, (one, name) in enumerate(zip(rests, ("before", "after"), strict=True)):
-        space = figure.add_subplot(grid[0, column], projection="3d")
+        space = figure.add_subplot(grid[1, column], projection="3d")
         draw_space(space, one.robot)
         _reach(space, robots)
         if column:
@@ -67,7 +70,7 @@ def draw_better_layout(
             drawn.set_clip_on(False)
             drawn.set_in_layout(False)
         space.set_title(name, fontsize=11, fontweight="bold")
-        plane = figure.add_subplot(grid[1, column])
+        plane = figure.add_subplot(grid[2, column])
         panels.append(plane)
         image = plane.imshow(
             np.degrees(maps[column]).T, origin="lower", extent=extent, aspect="equal", cmap=style.MAP_TILT, vmin=0,
@@ -78,7 +81,7 @@ def draw_better_layout(
         plane.set(xlabel="commanded x [m]", ylabel="z [m]", xlim=extent[:2], ylim=extent[2:])
     assert image is not None
     figure.colorbar(image, ax=panels, label="tilt [°]", shrink=0.9, pad=0.015)
-    _write_numbers(figure.add_subplot(grid[2, :]), numbers)
+    _write_numbers(figure.add_subplot(grid[3, :]), numbers)
     handles = [
         Line2D(
             [], [], color=style.PURPLE, lw=1.6, marker="o", ms=4, mfc="white", label="exit moved, from where it was"
@@ -86,7 +89,9 @@ def draw_better_layout(
         Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack cable"),
         Line2D([], [], color=style.SKY, ls="none", marker="o", ms=4, label="pose that was asked"),
     ]
-    figure.legend(handles=handles, loc="outside upper right", ncols=3)
+    words = figure.add_subplot(grid[0, :])
+    words.axis("off")
+    words.legend(handles=handles, loc="center", ncols=3)
     return figure
 
 
@@ -100,6 +105,9 @@ def _reach(space, robots: Sequence[Robot]) -> None:
     space.set_ylim(*(middle[1] + wide[1] * np.array([-0.5, 0.5])))
     space.set_zlim(*(middle[2] + wide[2] * np.array([-0.5, 0.5])))
     space.set_box_aspect(tuple(wide), zoom=1.1)
+    if wide[1] < FLAT * wide.max():
+        space.set_yticks([])
+        space.set_ylabel("")
 
 
 def _draw_moves(space, before: Robot, after: Robot) -> None:
