@@ -7,6 +7,7 @@ from scipy.optimize import minimize_scalar
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.clearance import clearances, segment_box, segment_segment
 from cdpr_sim.crosscheck.clearance import clearances_in_mujoco
+from cdpr_sim.statics.forces import geometry
 from cdpr_sim.studies.real_cables import crane
 
 WITNESS = 1e-9
@@ -81,6 +82,19 @@ def test_mujocos_own_distances_are_the_same(kind: str):
     off = cdpr.Clearances(found.rests, found.fitting, moved, found.cable_cable, found.cable_platform, found.cable_frame)
     cables, _, _ = clearances_in_mujoco(off, 0)
     assert np.abs(cables - found.cable_cable[0]).max() > 100 * WITNESS
+
+
+def test_cables_run_where_they_hang_and_over_their_wheels():
+    """Without fittings: the curves of ``cable_shapes``, and the free pieces that statics knows, wheel to anchor."""
+    heavy = cdpr.clearances(crane().replace(linear_density=0.5), [(-2.0, 1.0, 2.0)], fitting=0.0)
+    assert heavy.curves == pytest.approx(cdpr.cable_shapes(heavy.rests), abs=1e-12)
+    slack = cdpr.clearances(cdpr.load_robot("parallel"), [(0.17, 0.25, 0.1)], fitting=0.0)
+    assert slack.curves == pytest.approx(cdpr.cable_shapes(slack.rests), abs=1e-9)
+    wheels = cdpr.load_robot("cogiro").replace(pulley_radius=0.01, pulley_axis=(0, 0, 1))
+    over = cdpr.clearances(wheels, [(0.3, 0.2, 0.1)], fitting=0.0)
+    known = geometry(wheels, over.rests.positions, over.rests.rotations)
+    pieces = over.curves[..., 0, :] - over.curves[..., -1, :]
+    assert pieces == pytest.approx(known.directions * known.free_lengths[..., None], abs=1e-12)
 
 
 def test_heavy_cables_come_nearer_to_the_platform_than_their_chords():

@@ -85,6 +85,9 @@ def test_what_moves_stays_within_bounds_and_symmetric(parallel):
         assert np.array_equal(robot.anchors, parallel.anchors)
     corners = space.layouts(np.array([space.lower, space.upper])).exits
     assert corners.min() == pytest.approx(0.0, abs=1e-12)  # and the box is used up
+    narrow = Space.of(parallel, [Move("exits", [[0.0, 0.0, 0.4], [0.78, 0.5, 0.5]])])  # not symmetric itself
+    exits = narrow.layouts(np.array([narrow.lower, narrow.upper])).exits
+    assert (exits[..., 0].min(), exits[..., 0].max()) == pytest.approx((0.02, 0.78))
 
 
 def test_points_slide_along_lines_and_cables_can_be_named(parallel):
@@ -161,6 +164,23 @@ def test_a_level_layout_is_found_and_mujoco_agrees(better, parallel):
     assert not false.better
 
 
+def test_poses_twice_as_fine_lie_midway(parallel):
+    """Along each dimension of a grid; rotations turn halfway, whatever the sign of their quaternions."""
+    grid = np.zeros((2, 3, 6))
+    grid[..., 0], grid[..., 2] = [[0.2], [0.4]], 0.1
+    grid[..., 1] = [0.1, 0.2, 0.4]
+    grid[1, :, 5] = 0.4
+    cases = Cases.of(parallel, grid, [np.zeros(6), np.ones(6)], [1, 2])
+    fine = cases.finer()
+    assert fine.shape == (3, 5)
+    assert len(fine) == 15 * 4
+    assert fine.positions[::4].reshape(3, 5, 3)[1, 3] == pytest.approx([0.3, 0.3, 0.1])
+    turned = fine.rotations[::4].reshape(3, 5, 3, 3)
+    assert np.arctan2(turned[:, 0, 1, 0], turned[:, 0, 0, 0]) == pytest.approx([0, 0.2, 0.4])
+    assert np.array_equal(fine.wrench[:4], cases.wrench[:4])
+    assert np.array_equal(fine.factors[4:8], cases.factors[:4])
+
+
 def test_both_layouts_are_driven_side_by_side(better):
     """The same commands for both, from the first pose to the last."""
     before, after = driven(prove_layout(better), 4, 1.0, drive_seconds=0.5)
@@ -176,6 +196,8 @@ def test_a_seed_repeats_and_a_store_goes_on(better, parallel, tmp_path):
     again = cdpr.find_layout(parallel, LINE, within=0.1, generations=40, store=store)
     assert np.array_equal(again.robot.exits, better.robot.exits)
     assert again.after <= first.after
+    done = cdpr.find_layout(parallel, LINE, within=0.1, generations=40, store=store)
+    assert np.array_equal(done.robot.exits, better.robot.exits)
     assert len(again.history) == 40
     other = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, seed=1, polish=False)
     assert not np.array_equal(other.robot.exits, first.robot.exits)

@@ -323,7 +323,8 @@ def _evolve(
         history.append((len(history) + 1, judge.tried, judge.value))
         say(f"generation {len(history)} of {generations}, {judge.tried:,} layouts: {judge.told()}")
 
-    spread = np.inf
+    if done >= generations:  # all is done: only the best has to be found again
+        judge.energies(full(crowd.T))
     while done < generations:
         length = min(LEG, generations - done)
         result = differential_evolution(
