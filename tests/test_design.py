@@ -335,7 +335,7 @@ def test_what_no_layout_can_do_is_said(parallel):
         cdpr.find_layout(heavy, LINE, within=0.05, objective="lowest frequency", generations=2)
 
 
-@pytest.mark.parametrize("robot", ["better", "mixed"])
+@pytest.mark.parametrize("robot", ["better", "mixed", "rope", "label"])
 def test_robot_files_give_back_the_very_same_robot(robot: str, better, tmp_path):
     """Every number to its last bit; materials by name where they have one."""
     one = better.robot
@@ -344,6 +344,10 @@ def test_robot_files_give_back_the_very_same_robot(robot: str, better, tmp_path)
             axial_stiffness=1e3 * np.arange(1, 9) / 3, pulley_radius=[0.01] + 7 * [0.0], stiffening=(1 / 3, 0),
             center_of_mass=(0.001, 0, 0), name='a "b" c',
         )  # fmt: skip
+    if robot == "rope":
+        one = one.replace(material="dyneema-2mm")
+    if robot == "label":
+        one = one.replace(material="fishing-0.4mm", axial_stiffness=999.0)
     path = tmp_path / "robot.toml"
     path.write_text(robot_toml(one), encoding="utf-8")
     read = cdpr.load_robot(path)
@@ -360,6 +364,7 @@ def test_robot_files_give_back_the_very_same_robot(robot: str, better, tmp_path)
         "material",
     ):
         assert np.array_equal(getattr(read, name), getattr(one, name)), name
+    assert read.material == (one.material if robot in ("better", "rope") else None)
 
 
 def test_readmes_example_runs(capsys):

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 
 import numpy as np
+from jaxtyping import Float
 
 from cdpr_sim.core.cable import DOWN
-from cdpr_sim.core.materials import MATERIALS
+from cdpr_sim.core.errors import CdprError
+from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.robot import Robot
 
 
@@ -23,9 +26,7 @@ def robot_toml(robot: Robot) -> str:
             ("pulley", np.column_stack([cabling.pulley_radius, cabling.pulley_axis])),
         )
     }
-    named = robot.material in MATERIALS and (
-        same["axial_stiffness"] and MATERIALS[str(robot.material)].axial_stiffness == cabling.axial_stiffness[0]
-    )
+    named = _is_of(robot.material, cabling.axial_stiffness)
 
     def stiffness(cable: int) -> str:
         return (
@@ -60,6 +61,13 @@ def robot_toml(robot: Robot) -> str:
         lines += ["", "[[cables]]", f"exit = {_value(robot.exits[cable])}", f"anchor = {_value(robot.anchors[cable])}"]
         lines += [line for name, line in own(cable).items() if not same[name]]
     return "\n".join(lines) + "\n"
+
+
+def _is_of(material: str | None, axial_stiffness: Float[np.ndarray, " cables"]) -> bool:
+    """Whether loading a material by this name gives every cable this stiffness."""
+    with suppress(CdprError):
+        return material is not None and bool((axial_stiffness == load_material(material).axial_stiffness).all())
+    return False
 
 
 def _text(words: str) -> str:
