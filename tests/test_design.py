@@ -361,7 +361,6 @@ def test_robot_files_give_back_the_very_same_robot(robot: str, better, tmp_path)
         "frame",
         "workspace",
         "name",
-        "material",
     ):
         assert np.array_equal(getattr(read, name), getattr(one, name)), name
     assert read.material == (one.material if robot in ("better", "rope") else None)
