@@ -232,6 +232,16 @@ def test_the_gradient_goes_on_where_evolution_stops(parallel):
     assert smooth.rests.tensions.max() <= 1.9 * (1 + 1e-6)
 
 
+def test_a_robot_that_falls_is_laid_out_so_that_it_does_not(parallel):
+    """A pose above every exit, which masts reach; before, nothing rests there, and that is what is said."""
+    masts = Move("exits", (0, 0.2), along=(0, 0, 1))
+    found = cdpr.find_layout(parallel, [(0.4, 0.25, 0.5), (0.4, 0.25, 0.3)], move=masts, generations=5)
+    assert np.isnan(found.before)
+    assert "no rest at some pose before" in str(found)
+    assert found.rests.converged.all()
+    assert prove_layout(found).better
+
+
 def test_constraints_hold_where_they_bind(parallel):
     """Without the constraint the best layout breaks it; with it, it does not, and the objective pays."""
     free = cdpr.find_layout(parallel, LINE, within=0.1, generations=20)

@@ -71,7 +71,7 @@ class Proof:
         rested = int(after.settled.converged.sum())
         told = [
             f"In MuJoCo, at these poses and midway between them ({len(self.cases)} in all, of which {rested} come to "
-            f"rest): {of.name} {_or_none(of, self.before.score)} before, {_or_none(of, after.score)} now."
+            f"rest): {of.name} {of.shown(self.before.score)} before, {of.shown(after.score)} now."
         ]
         if self.agrees:
             told.append(
@@ -83,10 +83,6 @@ class Proof:
         if not self.better:
             told.append("Between the poses it is no better than before: ask for more poses.")
         return (*told, PROMISE)
-
-
-def _or_none(of: Objective, score: float) -> str:
-    return "unknown" if np.isnan(score) else of.shown(score)
 
 
 def prove_layout(found: Layout) -> Proof:

@@ -73,7 +73,9 @@ class Objective:
             robot.cabling.refuse_weight(self.name)
 
     def shown(self, value: float) -> str:
-        """As people read it."""
+        """As people read it; nan is that of a robot that does not rest at every pose."""
+        if np.isnan(value):
+            return "no rest at some pose"
         return f"{value / self.size:.4g}{'' if self.unit in ('°', '') else ' '}{self.unit}"
 
     def better(self, a: float, b: float) -> bool:

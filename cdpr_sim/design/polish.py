@@ -19,6 +19,9 @@ from cdpr_sim.design.objectives import Limits, Objective
 from cdpr_sim.design.slopes import Steps, slopes
 
 STEPS = 100
+LOST = 1e6
+"""What counts where a trial layout has no rest: far worse than any that has."""
+
 SHORTER = (1.0, 0.5, 0.25, 0.1, 0.03)
 """How much of the way is tried, since not every constraint has a gradient."""
 
@@ -80,8 +83,10 @@ class _Path:
         """What is to be small, of each case: squares of tilt or deviation, or tensions with their sign."""
         self._go(values)
         if self.objective.smooth == "tensions":
-            return self._sign * self.rests.tensions[0].ravel()
-        return (self._residual() ** 2).sum(-1)
+            found = self._sign * self.rests.tensions[0].ravel()
+        else:
+            found = (self._residual() ** 2).sum(-1)
+        return np.nan_to_num(found, nan=LOST)
 
     @property
     def _sign(self) -> float:

@@ -93,7 +93,9 @@ def slopes(
     wrench = np.concatenate([force.sum(-2), torque.sum(-2) + center], axis=-1)
     free = robot.free
     slope = derivatives.wrench_slope(state)[:, free][:, :, free]
-    held = np.linalg.cond(slope / np.outer(robot.units[free], robot.units[free])) < CONDITION
+    scaled = slope / np.outer(robot.units[free], robot.units[free])
+    held = np.isfinite(scaled).all((-1, -2))
+    held[held] = np.linalg.cond(scaled[held]) < CONDITION
     pose = np.full(wrench.shape, np.nan)
     pose[held] = 0.0
     if held.any():

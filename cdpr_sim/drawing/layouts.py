@@ -57,7 +57,7 @@ def draw_better_layout(
     figure = canvas(WIDTH, HEIGHT, title, caption)
     grid = figure.add_gridspec(4, 2, height_ratios=[0.12, 2.6, 1.5, 0.22 * len(numbers) + 0.1])
     robots = [one.robot for one in rests]
-    most = min(max(float(np.nanmax(one)) for one in maps), np.radians(MOST_DEGREES))
+    most = min(max(float(np.nan_to_num(one).max()) for one in maps), np.radians(MOST_DEGREES))
     image, panels = None, []
     for column, (one, name) in enumerate(zip(rests, ("before", "after"), strict=True)):
         space = figure.add_subplot(grid[1, column], projection="3d")

@@ -31,9 +31,11 @@ def numbers(proof: Proof) -> list[tuple[str, str, str]]:
     of, distance = proof.found.objective, proof.found.distance
 
     def words(side: Side) -> list[str]:
+        if not side.settled.converged.any():
+            return ["no rest at any pose", *[""] * 4, f"0 of {len(side.agrees)}", ""]
         tilts, away = np.degrees(_tilt(side)), 1e3 * _away(side)
         return [
-            "no rest everywhere" if np.isnan(side.score) else of.shown(side.score),
+            of.shown(side.score),
             f"{np.nanmax(tilts):.3g}°, {np.nanmean(tilts):.3g}°",
             f"{np.nanmax(away):.3g} mm, {np.nanmean(away):.3g} mm",
             str(side.settled.slack[side.settled.converged].sum(-1).max(initial=0)),
