@@ -43,8 +43,13 @@ def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
         ET.SubElement(platform, "site", {"name": f"anchor_{i}", "class": "anchor", "pos": text(position)})
 
 
-def add_tendons(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float) -> None:
-    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]; a heavy cable has several, for this time step."""
+def add_tendons(
+    root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float, *, wound: bool = False
+) -> None:
+    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]; a heavy cable has several, for this time step.
+
+    Where a cable is ``wound``, its winch does what its spring would do.
+    """
     tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
     stiffnesses = springs(cabling.axial_stiffness, rest_lengths)
     further = polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
@@ -54,9 +59,10 @@ def add_tendons(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, 
             chains.add_segments(tendons, robot, i - 1, rest_lengths[i - 1], step)
             continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
-        stiffens = cabling.stiffening[i - 1].any()
-        cable.set("stiffness", text([stiffness, *further[i - 1]] if stiffens else stiffness))
-        cable.set("springlength", text([0, length]))
+        if not wound:
+            stiffens = cabling.stiffening[i - 1].any()
+            cable.set("stiffness", text([stiffness, *further[i - 1]] if stiffens else stiffness))
+            cable.set("springlength", text([0, length]))
         if not cabling.massless:
             cable.set("damping", text(step * stiffness))  # this integrator does not know springs
         if cabling.pulleys[i - 1]:
