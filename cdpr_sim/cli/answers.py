@@ -44,10 +44,11 @@ def compensate(
         with busy("Looking for tensions (the first run on a machine compiles for half a minute)"):
             found = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
             hold = cdpr.confirm(found)
-            roads = {"MuJoCo": cdpr.settle, "Newton": cdpr.solve}
-            before = {name: road(problem) for name, road in roads.items()}
+            roads = cdpr.settle, cdpr.solve
+            before = [road(problem) for road in roads]
             # From where the platform hangs now, so that coming to the commanded pose is its own doing.
-            after = {name: road(problem.robot, before[name].pose, found.rest_lengths) for name, road in roads.items()}
+            hanging = zip(roads, before, strict=True)
+            after = [road(problem.robot, now.pose, found.rest_lengths) for road, now in hanging]
     if as_json:
         print_json(json_of.compensation(problem, found, hold, before, after))
     else:

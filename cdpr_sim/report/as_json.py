@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from cdpr_sim.analysis.compensation import Compensation
@@ -49,10 +49,10 @@ def solution(found: Equilibrium) -> dict[str, Any]:
     return outcome(found) | _cables(found.problem.robot)
 
 
-def crosscheck(problem: Problem, outcomes: Mapping[str, Outcome], agreement: Agreement) -> dict[str, Any]:
-    """What each road came to, by its name, and whether they agree."""
+def crosscheck(problem: Problem, outcomes: Sequence[Outcome], agreement: Agreement) -> dict[str, Any]:
+    """What each road came to, by the source that it names, and whether they agree."""
     return _asked(problem) | {
-        "results": {name: outcome(found) for name, found in outcomes.items()},
+        "results": _by_source(outcomes),
         "agrees": agreement.agrees,
         "verdict": agreement.verdict.value,
         "reasons": list(agreement.reasons),
@@ -63,8 +63,8 @@ def compensation(
     problem: Problem,
     found: Compensation,
     hold: Hold,
-    before: Mapping[str, Equilibrium],
-    after: Mapping[str, Equilibrium],
+    before: Sequence[Equilibrium],
+    after: Sequence[Equilibrium],
 ) -> dict[str, Any]:
     """The lengths, and where each road puts the platform with the rigid and with the compensated ones."""
     return _asked(problem) | {
@@ -74,8 +74,8 @@ def compensation(
         "comes_from_commanded": hold.comes,
         "reasons": [*found.reasons, *hold.reasons],
         "rest_lengths": found.rest_lengths.tolist(),
-        "before": {name.lower(): outcome(result) for name, result in before.items()},
-        "after": {name.lower(): outcome(result) for name, result in after.items()},
+        "before": _by_source(before),
+        "after": _by_source(after),
     }
 
 
@@ -125,6 +125,12 @@ def identification(found: Identification) -> dict[str, Any]:
         "spread": found.spread,
         "reasons": list(found.reasons),
     }
+
+
+def _by_source(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Each under the last word of its source: fsolve, of seecr/fsolve."""
+    shown = [outcome(found) for found in outcomes]
+    return {one["source"].rpartition("/")[2]: one for one in shown}
 
 
 def _asked(problem: Problem) -> dict[str, Any]:
