@@ -27,6 +27,7 @@ COMMANDS = {
     "identify": answers.identify,
     "robots": robots.robots,
     "models": robots.models,
+    "view": robots.view,
     "figures": pictures.figures,
     "sweep": workspace.sweep,
     "map": workspace.draw_map,

@@ -1,4 +1,4 @@
-"""Commands about the robots themselves: robots, models."""
+"""Commands about the robots themselves: robots, models, view."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import MaterialName, Pose, problem_of
+from cdpr_sim.cli.options import MaterialName, Pose, RobotName, problem_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
+from cdpr_sim.physics.look import look
 from cdpr_sim.physics.model_files import model_files, stale_models, write_models
 from cdpr_sim.report.tables import new_table
 
@@ -37,6 +38,9 @@ def models(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write <robot>/ into.")] = Path("models"),
     pose: Pose = None,
     material: MaterialName = None,
+    winches: Annotated[
+        bool, typer.Option("--winches", help="Add winch.xml, whose actuators wind the cables, and how to use it.")
+    ] = False,
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is stale.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,
 ) -> None:
@@ -45,12 +49,22 @@ def models(
     with errors_as_sentences():
         for name in robot or cdpr.list_robots():
             problem = problem_of(name, pose, material)
-            folder, files = output / problem.robot.name, model_files(problem.robot, problem.pose)
+            folder, files = output / problem.robot.name, model_files(problem.robot, problem.pose, winches=winches)
             if check:
                 stale += [folder / file for file in stale_models(folder, files)]
             else:
                 write_models(folder, files, force=force)
                 typer.echo(f"{folder}: {', '.join(files)}")
+    command = "cdpr-sim models --winches --force" if winches else "cdpr-sim models --force"
     for path in stale:
-        typer.echo(f"{path}: stale, expected what `cdpr-sim models --force` writes", err=True)
+        typer.echo(f"{path}: stale, expected what `{command}` writes", err=True)
     raise typer.Exit(DISAGREE if stale else 0)
+
+
+def view(robot: RobotName, pose: Pose = None, material: MaterialName = None) -> None:
+    """Open MuJoCo's viewer on the robot, with a slider for each winch.
+
+    The sliders' 0 is the length at the commanded pose; to the right the cable is wound in.
+    """
+    with errors_as_sentences():
+        look(problem_of(robot, pose, material))

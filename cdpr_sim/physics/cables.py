@@ -30,6 +30,9 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import chains, pulleys
 from cdpr_sim.physics.numbers import text
 
+NOTHING = 1e-200
+"""[N/m] MuJoCo draws hanging chains only where there is a spring: one that changes no force, not even by rounding."""
+
 
 def add_exits(world: ET.Element, cabling: Cabling) -> None:
     """The sites ``exit_1``, ... at which cables enter the scene."""
@@ -48,7 +51,8 @@ def add_tendons(
 ) -> None:
     """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]; a heavy cable has several, for this time step.
 
-    Where a cable is ``wound``, its winch does what its spring would do.
+    Where cables are ``wound``, their winches do what their springs would; and ``rope_1``, ... are there to be drawn in
+    their place (``winches.hang``).
     """
     tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
     stiffnesses = springs(cabling.axial_stiffness, rest_lengths)
@@ -70,6 +74,12 @@ def add_tendons(
         else:
             ET.SubElement(cable, "site", site=f"exit_{i}")
         ET.SubElement(cable, "site", site=f"anchor_{i}")
+        if wound and not cabling.pulleys[i - 1]:
+            rope = ET.SubElement(tendons, "spatial", {"name": f"rope_{i}", "class": "cable", "group": "4"})
+            rope.set("stiffness", text(NOTHING))
+            rope.set("springlength", text([0, length]))
+            for end in ("exit", "anchor"):
+                ET.SubElement(rope, "site", site=f"{end}_{i}")
 
 
 def springs(

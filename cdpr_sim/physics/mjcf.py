@@ -83,7 +83,8 @@ def to_mjcf(
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
     cables.add_exits(world, robot.cabling)
-    platform = _platform(robot, problem.pose, (drag, drag * size**2 / 3) if winches else None)
+    paddles = float(np.linalg.norm(robot.platform_size))  # [m] which calms it within a second, and stiff cables too
+    platform = _platform(robot, problem.pose, (drag, drag * paddles**2) if winches else None)
     world.append(platform)
     nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
     chains.add_far(world, robot.cabling, problem.rest_lengths)

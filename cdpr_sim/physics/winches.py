@@ -10,10 +10,13 @@ pushes; ``gear`` -1 counts tension as a positive force. The stiffness is EA/l0, 
 stiffer one. A cable over a pulley has a tendon that is longer by its straight entry; the constants account for that.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 
+import mujoco
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
@@ -26,7 +29,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys
 from cdpr_sim.physics.numbers import text
 
-DAMPING = 2.5e-4
+DAMPING = 1e-4
 """[s] A cable's resistance to stretching, as a multiple of its stiffness: quick to calm down, and too little to narrow
 the time steps of integrators that treat it explicitly."""
 
@@ -34,11 +37,15 @@ NO_LIMIT = 1e12
 """Strain at which an actuator's force would be cut off: none. MuJoCo has no range that is open at one end only; a lower
 limit would keep a motion that has become unstable bounded, so that MuJoCo would not say so."""
 
-SPARE = 0.1
-"""By how much winches can pay out and wind in beyond what the workspace needs: more than cables stretch."""
+SPARE = 0.2
+"""By how much winches can pay out and wind in beyond what a level platform needs in its workspace: for one that is
+tilted, and more than cables stretch."""
+
+HIDDEN = 4
+"""Group of what viewers do not show unless they are asked to."""
 
 SHORTEST = 0.02
-"""Of a cable, as a fraction of the longest that the workspace needs."""
+"""Of a winch's range, as a fraction of its longest, where the workspace reaches to the exit."""
 
 
 def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Float[np.ndarray, "*rows cables"]:
@@ -72,13 +79,13 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
 
 
 def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """Shortest and longest rest lengths [m] that the winches let out: for any orientation all over the workspace."""
+    """Shortest and longest rest length that each winch can let out [m]: what the workspace needs, and some more."""
     lower, upper = robot.workspace
-    arms = np.linalg.norm(robot.anchors, axis=1) + 2 * np.pi * robot.cabling.pulley_radius
-    nearest = np.linalg.norm(robot.exits - np.clip(robot.exits, lower, upper), axis=1)
-    furthest = np.linalg.norm(np.maximum(np.abs(robot.exits - lower), np.abs(robot.exits - upper)), axis=1)
-    longest = (1 + SPARE) * (furthest + arms)
-    return np.maximum((1 - SPARE) * (nearest - arms), SHORTEST * longest), longest
+    ends = robot.exits - robot.anchors  # where the platform's origin would have to be, level, for a length of zero
+    nearest = np.linalg.norm(ends - np.clip(ends, lower, upper), axis=1)
+    furthest = np.linalg.norm(np.maximum(np.abs(ends - lower), np.abs(ends - upper)), axis=1)
+    longest = (1 + SPARE) * (furthest + 2 * np.pi * robot.cabling.pulley_radius)
+    return np.maximum((1 - SPARE) * nearest, SHORTEST * longest), longest
 
 
 def add_winches(root: ET.Element, world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
@@ -102,3 +109,24 @@ def add_winches(root: ET.Element, world: ET.Element, robot: Robot, rest_lengths:
         sensor = ET.SubElement(sensors, kind, name=name, objtype="xbody", objname="platform")
         sensor.set("reftype", "site")
         sensor.set("refname", "base")
+
+
+def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Let MuJoCo draw slack cables as hanging chains and taut ones as lines; to be called before each picture.
+
+    MuJoCo draws no tendon with an actuator as a chain. So each cable has a twin ``rope_1`` that does nothing: it is made
+    as long as the cable now is, and takes its place in the picture where the cable is slack. Cables over pulleys have
+    none: they are drawn taut, as in models without winches.
+    """
+    for winch in range(model.nu):
+        prefix, _, i = model.actuator(winch).name.partition("winch_")
+        rope = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}rope_{i}")
+        if rope < 0:
+            continue
+        control = np.clip(data.ctrl[winch], *model.actuator_ctrlrange[winch])
+        gain, bias = model.actuator_gainprm[winch], model.actuator_biasprm[winch]
+        rest_length = (gain[0] * control + bias[0]) / (gain[1] * control + bias[1])  # where the law begins to pull
+        cable = model.actuator_trnid[winch, 0]
+        slack = data.ten_length[cable] < rest_length
+        model.tendon_lengthspring[rope, 1] = rest_length
+        model.tendon_group[cable], model.tendon_group[rope] = (HIDDEN, 0) if slack else (0, HIDDEN)

@@ -1,0 +1,88 @@
+"""Where winch models come to rest, against ``solve``: every robot, three stiffnesses, integrators and time steps.
+
+Each model is written in the middle of its workspace and wound to random poses within a second. It counts as at rest
+where ``solve`` says once it is there to 1e-9 m. Poses with a direction that is nearly free are left out: nothing comes
+to rest there soon.
+
+Run it: python scripts/check_winches.py [poses of each robot, default 20]
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+import sys
+
+import mujoco
+import numpy as np
+from rich.console import Console
+
+import cdpr_sim as cdpr
+from cdpr_sim.report.tables import new_table
+
+STEPS = {1e3: [5], 1e4: [2, 1], 1e5: [0.5]}
+"""Time steps [ms] of the integrators that do not know springs, per axial stiffness [N]."""
+
+SOFT = 0.2
+"""[N/m] Smallest stiffness of a pose that is looked at."""
+
+THERE = 1e-9
+"""[m] From where ``solve`` says."""
+
+WINDING, PATIENCE = 3.0, 60.0
+"""[s] To wind from the middle to the pose, and to wait for rest at most."""
+
+
+def seconds_to_rest(model: mujoco.MjModel, controls: np.ndarray, position: np.ndarray) -> float:
+    """Until the platform is where it should rest, from the beginning [s]; inf if it never is."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    chunk = max(1, round(0.01 / model.opt.timestep))
+    while data.time < WINDING:
+        data.ctrl = controls * min(1, data.time / WINDING)
+        mujoco.mj_step(model, data, chunk)
+    data.ctrl = controls
+    while data.time < PATIENCE:
+        mujoco.mj_step(model, data, 25 * chunk)
+        if data.warning.number.any():
+            return np.inf
+        if np.linalg.norm(data.sensor("position").data - position) < THERE:
+            return data.time
+    return np.inf
+
+
+def main() -> None:
+    poses = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    random, console = np.random.default_rng(1), Console()
+    table = new_table("Rest of winch models against solve", "EA [N]", "integrator", "step [ms]", "there", "median [s]")
+    table.add_column("most [s]", justify="right")
+    table.add_column("not there")
+    for stiffness, steps in STEPS.items():
+        cases = []
+        for name in cdpr.list_robots():
+            robot = cdpr.load_robot(name).replace(axial_stiffness=stiffness)
+            model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, robot.home, winches=True))
+            for pose in random.uniform(*robot.workspace, (poses, 3)):
+                static = cdpr.solve(robot, pose)
+                if static.eigenvalues.min() > SOFT:
+                    controls = cdpr.winch_controls(robot, robot.home, static.rest_lengths)
+                    cases.append((name, model, controls, static.position))
+        for integrator, step in [
+            *(("discrete", step) for step in (10, 2)),
+            *((one, step) for one in ("Euler", "implicitfast") for step in steps),
+        ]:
+            seconds = []
+            for _, model, controls, position in cases:
+                model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+                model.opt.timestep = step / 1000
+                seconds.append(seconds_to_rest(model, controls, position))
+            there = np.isfinite(seconds)
+            missed = [name for (name, *_), one in zip(cases, there, strict=True) if not one]
+            table.add_row(
+                f"{stiffness:g}", integrator, f"{step:g}", f"{there.sum()} of {len(there)}",
+                f"{np.median(seconds):.1f}", f"{np.max(np.array(seconds)[there]):.0f}",
+                ", ".join(f"{missed.count(name)} {name}" for name in sorted(set(missed))),
+            )  # fmt: skip
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()
