@@ -89,12 +89,12 @@ mujoco.mj_step(model, data, 5000)
 print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # N; m, from the site `cdpr/base`
 ```
 
-- Wind: one actuator `winch_i` a cable, exactly EA (l - l0)/l0 or slack; `cdpr.winch_controls(robot, pose, rest_lengths)`
-  says which controls. MuJoCo clamps them silently to `ctrlrange`, which covers the workspace. Wind gradually.
+- Wind: one actuator `winch_i` a cable, exactly EA (l - l0)/l0 or slack. `cdpr.winch_controls(robot, pose, lengths)` says
+  which controls. MuJoCo clamps them silently to `ctrlrange`, which covers the workspace. Wind gradually.
 - Read: sensors `tension_i` [N], `length_i` [m], `position` [m] and `orientation` (quaternion w x y z).
 - Attach: nothing is lost, as damping sits on joints and actuators; any body can carry it, and its keyframe moves along.
-- Steps: `integrator="discrete"` up to 10 ms (5 ms from an EA of 100 kN on); Euler and implicitfast up to 5, 1 and 0.5 ms
-  at 1, 10 and 100 kN. MJX knows no `discrete`: set Euler or implicitfast before `mjx.put_model`, and read tensions from
+- Steps: `integrator="discrete"` up to 10 ms (5 ms from an EA of 100 kN on); Euler and implicitfast up to 5, 1, 0.5 ms at
+  1, 10, 100 kN. MJX knows no `discrete`: set Euler or implicitfast before `mjx.put_model`, and read tensions from
   `data.actuator_force`, since it skips sensors of forces in models without constraints.
 - Look: `cdpr-sim view {robot.name}`; MuJoCo's own viewer draws slack cables as straight lines in such a model.
 

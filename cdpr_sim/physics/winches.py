@@ -114,9 +114,9 @@ def add_winches(root: ET.Element, world: ET.Element, robot: Robot, rest_lengths:
 def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Let MuJoCo draw slack cables as hanging chains and taut ones as lines; to be called before each picture.
 
-    MuJoCo draws no tendon with an actuator as a chain. So each cable has a twin ``rope_1`` that does nothing: it is made
-    as long as the cable now is, and takes its place in the picture where the cable is slack. Cables over pulleys have
-    none: they are drawn taut, as in models without winches.
+    MuJoCo draws no tendon with an actuator as a chain. So each cable has a twin ``rope_1`` that does nothing: it is
+    made as long as the cable now is, and takes its place in the picture where the cable is slack. Cables over pulleys
+    have none: they are drawn taut, as in models without winches.
     """
     for winch in range(model.nu):
         prefix, _, i = model.actuator(winch).name.partition("winch_")
