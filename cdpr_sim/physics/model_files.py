@@ -80,7 +80,8 @@ def _winch_guide(robot: Robot) -> str:
 ```python
 import mujoco
 
-robot, world = mujoco.MjSpec.from_file("winch.xml"), mujoco.MjSpec()  # or a world of yours, whatever its options are
+robot, world = mujoco.MjSpec.from_file("winch.xml"), mujoco.MjSpec()  # or a world of yours
+world.option.integrator = robot.option.integrator  # or leave it as it is
 world.attach(robot, prefix="cdpr/", frame=world.worldbody.add_frame(pos=[1, 0, 0]))
 model = world.compile()
 data = mujoco.MjData(model)
@@ -89,12 +90,12 @@ mujoco.mj_step(model, data, 5000)
 print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # N; m, from the site `cdpr/base`
 ```
 
-- Wind: one actuator `winch_i` a cable, exactly EA (l - l0)/l0 or slack. `cdpr.winch_controls(robot, pose, lengths)` says
-  which controls. MuJoCo clamps them silently to `ctrlrange`, which covers the workspace. Wind gradually.
+- Wind: one actuator `winch_i` a cable, exactly EA (l - l0)/l0 or slack, wants what `cdpr.winch_controls(robot, pose,
+  rest_lengths)` says. MuJoCo clamps it silently to `ctrlrange`, which covers the workspace. Wind gradually.
 - Read: sensors `tension_i` [N], `length_i` [m], `position` [m] and `orientation` (quaternion w x y z).
-- Attach: nothing is lost, as damping sits on joints and actuators; any body can carry it, and its keyframe moves along.
-- Steps: `integrator="discrete"` up to 10 ms (5 ms from an EA of 100 kN on); Euler and implicitfast up to 5, 1, 0.5 ms at
-  1, 10, 100 kN. MJX knows no `discrete`: set Euler or implicitfast before `mjx.put_model`, and read tensions from
+- Attach: nothing is lost, since damping sits on joints and actuators; any body can carry it.
+- Steps: `integrator="discrete"` up to 10 ms (5 ms from an EA of 100 kN on); Euler and implicitfast up to 5, 1, 0.5 ms
+  at 1, 10, 100 kN. MJX knows no `discrete`: set Euler or implicitfast before `mjx.put_model`, and read tensions from
   `data.actuator_force`, since it skips sensors of forces in models without constraints.
 - Look: `cdpr-sim view {robot.name}`; MuJoCo's own viewer draws slack cables as straight lines in such a model.
 
