@@ -140,7 +140,7 @@ def test_damping_never_pushes():
 def test_it_starts_at_rest_lengths_that_are_given():
     """Control 0 is what is written: the pose's rigid lengths or others."""
     robot = ROBOTS["cogiro"]
-    lengths = 1.02 * robot.rest_lengths(robot.home)
+    lengths = robot.rest_lengths(robot.home + AWAY / 10)
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, robot.home, lengths, winches=True))
     rest = wound(model, np.zeros(model.nu)).sensor("position").data
     np.testing.assert_allclose(rest, cdpr.solve(robot, robot.home, lengths).position, rtol=0, atol=AT_REST)
