@@ -112,7 +112,14 @@ def test_settle_shows_each_result_under_the_name_of_its_own_source():
 def test_json_says_the_same_under_the_same_names():
     """In SI units."""
     results = [made_up(source) for source in DEGREES]
-    told = as_json.crosscheck(results[0].problem, results[::-1], agreement(Verdict.AGREE))["results"]
+    everything = as_json.crosscheck(results[0].problem, results[::-1], agreement(Verdict.AGREE))
+    assert (everything["robot"], everything["mass"], everything["material"]) == ("cogiro", 0.4, "vectran-0.7mm")
+    assert everything["axial_stiffness"] == [1e4] * 8
+    assert everything["commanded"] == list(COMMANDED)
+    differences = [everything[f"{what}_error"] for what in ("position", "rotation", "tension")]
+    assert differences == [2e-3, math.radians(3), 4.0]
+    assert everything["same_slack"] is True
+    told = everything["results"]
     assert sorted(told) == ["fsolve", "least_squares", "mujoco", "newton"]
     for number, name in enumerate(["mujoco", "newton", "fsolve", "least_squares"]):
         one = told[name]
