@@ -12,7 +12,7 @@ from test_cli import run
 
 import cdpr_sim as cdpr
 from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
-from cdpr_sim.physics.winches import hang, winch_controls
+from cdpr_sim.physics.winches import hang
 
 AT_REST = 1e-9
 """[m] Measured 1e-10 and less."""
@@ -42,7 +42,7 @@ def model_of(robot: cdpr.Robot, *, integrator: str = "discrete", step: float = 0
 
 def controls_of(robot: cdpr.Robot) -> np.ndarray:
     """That wind it to ``AWAY``."""
-    return winch_controls(robot, robot.home, robot.rest_lengths(robot.home + AWAY))
+    return cdpr.winch_controls(robot, robot.home, robot.rest_lengths(robot.home + AWAY))
 
 
 def wound(model: mujoco.MjModel, controls: np.ndarray) -> mujoco.MjData:
@@ -97,6 +97,22 @@ def test_it_rests_where_solve_says(robot, stiffness, integrator):
     np.testing.assert_allclose(data.actuator_force, static.tensions, rtol=0, atol=1e-9 * stiffness)
     turned = Rotation.from_quat(data.sensor("orientation").data, scalar_first=True)
     assert (turned * static.rotation.inv()).magnitude() < 10 * AT_REST / robot.characteristic_length
+
+
+@pytest.mark.parametrize("integrator", ["discrete", "Euler", "implicitfast"])
+@pytest.mark.parametrize("name", ["cogiro", "planar-vertical", "pulleys"])
+def test_cables_that_stiffen_are_wound_on_drums(name, integrator):
+    """They come to the same rest and tensions as well; not so with the lengths' differences for controls."""
+    robot = ROBOTS[name].replace(stiffening=(50, 100), axial_stiffness=1e3)
+    static = cdpr.solve(robot, robot.home + AWAY)
+    model = model_of(robot, integrator=integrator)
+    data = wound(model, controls_of(robot))
+    assert error(robot, data) < AT_REST
+    np.testing.assert_allclose(data.actuator_force, static.tensions, rtol=0, atol=1e-6)
+    linear = cdpr.solve(robot.replace(stiffening=(0, 0)), robot.home + AWAY)
+    assert np.linalg.norm(linear.position - static.position) > 1e-5  # the law matters
+    naive = robot.rest_lengths(robot.home) - static.rest_lengths
+    assert error(robot, wound(model, naive)) > 1e-5
 
 
 def test_a_gain_that_is_one_percent_off_is_noticed():
@@ -186,9 +202,10 @@ def test_attached_to_another_world_nothing_is_lost(name):
     assert error(robot, wound(model, controls_of(robot)), "cdpr/") > 100 * AT_REST
 
 
-def test_slack_cables_are_drawn_hanging():
-    """Each slack cable is many pieces in the picture and each taut one is a single one, also where it was wound."""
-    robot = ROBOTS["parallel"]
+@pytest.mark.parametrize("stiffening", [(0, 0), (50, 100)])
+def test_slack_cables_are_drawn_hanging(stiffening):
+    """Each slack cable is many pieces in the picture and each taut one a line, also where it was wound."""
+    robot = ROBOTS["parallel"].replace(stiffening=stiffening)
     model = mujoco.MjModel.from_xml_string(
         scene_mjcf(robot, "winch.xml"), {"winch.xml": to_mjcf(robot, robot.home, winches=True).encode()}
     )
@@ -204,9 +221,11 @@ def test_slack_cables_are_drawn_hanging():
     assert not slack.all()
     for i in range(robot.cables):
         line, chain = (pieces.count(model.tendon(f"{kind}_{i + 1}").id) for kind in ("cable", "rope"))
-        assert (line, chain > 10) == ((0, True) if slack[i] else (1, False))
-    data.ctrl += 0.05  # wound in, all are taut
-    hang(model, data)
+        assert (line > 0, chain > 10) == ((False, True) if slack[i] else (True, False))
+        if slack[i]:
+            length = model.tendon_lengthspring[model.tendon(f"rope_{i + 1}").id, 1]
+            assert length == pytest.approx(robot.rest_lengths(robot.home + AWAY)[i], abs=1e-3)
+    hang(model, wound(model, np.zeros(model.nu)))  # in the middle all are taut
     np.testing.assert_array_equal(model.tendon_group, before)
 
 

@@ -19,7 +19,7 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import cables, chains, pulleys
 from cdpr_sim.physics.numbers import text
-from cdpr_sim.physics.winches import add_winches
+from cdpr_sim.physics.winches import add_drums, add_winches
 
 TIMESTEP = 0.002
 """[s] The discrete integrator is implicit in the cables' springs, so that this need not shrink with their stiffness."""
@@ -89,6 +89,8 @@ def to_mjcf(
     nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
     chains.add_far(world, robot.cabling, problem.rest_lengths)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
+    if winches:
+        add_drums(world, robot, problem.rest_lengths)
     cables.add_tendons(root, robot, problem.rest_lengths, TIMESTEP, wound=winches)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
@@ -101,7 +103,8 @@ def to_mjcf(
     at = coordinates(robot, problem.pose)
     if winches and robot.mobility == "spatial":
         at = since_written(at, at[3:])
-    start = np.concatenate([at, nodes, pulleys.angles_at(robot, problem.pose)[swivels]])
+    drums = np.zeros(int(robot.cabling.stiffening.any(1).sum()) if winches else 0)
+    start = np.concatenate([at, nodes, pulleys.angles_at(robot, problem.pose)[swivels], drums])
     ET.SubElement(keyframes, "key", name="commanded", qpos=text(start))
     return _document(root)
 

@@ -8,6 +8,12 @@ that belongs to control 0 and u the control, the rest length is l0 = L/(1 + u): 
 is bilinear in l and u, which is what MuJoCo's affine gain and bias are. ``forcerange`` begins at 0, so that no cable
 pushes; ``gear`` -1 counts tension as a positive force. The stiffness is EA/l0, as it has to be: a shorter cable is a
 stiffer one. A cable over a pulley has a tendon that is longer by its straight entry; the constants account for that.
+
+A cable that stiffens keeps its spring, since no actuator of MuJoCo's is more than linear in length. Its tendon begins
+at a drum, a body ``drum_1`` on a slide behind the exit, which the actuator moves: its control q is a length [m], by
+which the cable is drawn in behind the exit. The tension is then the law's at the strain (l + q)/L - 1, which is the
+right one, l/l0 - 1, where q = l (L/l0 - 1). That depends on l; ``winding`` knows it where the platform rests. Moving
+about that rest the cable is as stiff as one of length L, and its sensor of tension feels the drum's inertia as well.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -19,12 +25,7 @@ import xml.etree.ElementTree as ET
 import mujoco
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array
-from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.pose import PoseLike
-from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys
 from cdpr_sim.physics.numbers import text
@@ -41,41 +42,18 @@ SPARE = 0.2
 """By how much winches can pay out and wind in beyond what a level platform needs in its workspace: for one that is
 tilted, and more than cables stretch."""
 
+SERVO = 1e6
+"""Stiffness of the servo that holds a drum, as a multiple of the cable's: the drum gives way by a millionth of its
+stretch."""
+
+DRUM_SWING = 500.0
+"""[rad/s] How fast a drum follows its control, critically damped; its inertia follows from that."""
+
 HIDDEN = 4
 """Group of what viewers do not show unless they are asked to."""
 
 SHORTEST = 0.02
 """Of a winch's range, as a fraction of its longest, where the workspace reaches to the exit."""
-
-
-def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Float[np.ndarray, "*rows cables"]:
-    """Controls with which the winches of ``to_mjcf(robot, pose, winches=True)`` let out ``rest_lengths``.
-
-    Args:
-        robot: the robot.
-        pose: at which its model is written, where all controls are 0.
-        rest_lengths: unstretched cable lengths l0, (..., cables) [m].
-
-    Returns:
-        ``ctrl`` of the actuators ``winch_1``, ..., (..., cables): L/l0 - 1 with L the rigid lengths at ``pose``.
-
-    Raises:
-        InvalidInput: lengths that cannot be right, or that are out of the winches' range.
-    """
-    problem = Problem.of(robot, pose)
-    wanted = checked_array("rest_lengths", rest_lengths, None)
-    if wanted.shape[-1:] != (robot.cables,):
-        raise InvalidInput(f"rest_lengths: found an array of shape {wanted.shape}, expected (..., {robot.cables})")
-    lowest, highest = reach(robot)
-    lowest, highest = np.minimum(lowest, problem.rest_lengths), np.maximum(highest, problem.rest_lengths)
-    wrong = ~((wanted >= lowest) & (wanted <= highest))
-    if wrong.any():
-        *_, cable = place = tuple(np.argwhere(wrong)[0])
-        raise InvalidInput(
-            f"rest_lengths: found {wanted[place]:g} m for cable {cable + 1}, expected {lowest[cable]:.4g} to "
-            f"{highest[cable]:.4g} m, which its winch can let out"
-        )
-    return problem.rest_lengths / wanted - 1
 
 
 def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
@@ -88,22 +66,52 @@ def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray,
     return np.maximum((1 - SPARE) * nearest, SHORTEST * longest), longest
 
 
+def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
+    """By how much each tendon is longer than its cable at control 0 [m]: by what lies behind the exit."""
+    _, longest = reach(robot)
+    return pulleys.entries(robot.cabling) + np.where(robot.cabling.stiffening.any(1), longest, 0)
+
+
+def add_drums(world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
+    """The bodies ``drum_1``, ... of cables that stiffen, on slides along which the cables arrive; the last joints."""
+    for cable in np.flatnonzero(robot.cabling.stiffening.any(1)):
+        i, axis = cable + 1, robot.cabling.pulley_axis[cable]
+        inertia = SERVO * robot.axial_stiffness[cable] / rest_lengths[cable] / DRUM_SWING**2
+        start = robot.exits[cable] - behind(robot)[cable] * axis
+        drum = ET.SubElement(world, "body", name=f"drum_{i}", pos=text(start), gravcomp="1")
+        slide = ET.SubElement(drum, "joint", name=f"drum_{i}", type="slide", axis=text(-axis))
+        slide.set("armature", text(inertia))
+        slide.set("damping", text(2 * DRUM_SWING * inertia))
+        mass = pulleys.LIGHT * robot.mass
+        ET.SubElement(drum, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([mass] * 3))
+        ET.SubElement(drum, "site", {"name": f"drum_{i}", "class": "exit"})
+
+
 def add_winches(root: ET.Element, world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
     """The actuators ``winch_1``, ..., which with a control of 0 let out ``rest_lengths`` [m]; and what is measured."""
-    if not robot.cabling.linear:
-        raise InvalidInput("stiffening: found cables whose law is not linear, expected linear ones for winches")
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
-    lowest, highest = reach(robot)
+    bounds = np.array([np.minimum(reach(robot)[0], rest_lengths), np.maximum(reach(robot)[1], rest_lengths)])
     for cable, (stiffness, length) in enumerate(zip(robot.axial_stiffness, rest_lengths, strict=True)):
-        slope, entry = stiffness / length, pulleys.entries(robot.cabling)[cable]
-        winch = ET.SubElement(actuators, "general", name=f"winch_{cable + 1}", tendon=f"cable_{cable + 1}", gear="-1")
-        winch.set("gaintype", "affine")
-        winch.set("gainprm", text([-slope * entry, -slope, 0]))
-        winch.set("biastype", "affine")
-        winch.set("biasprm", text([-stiffness - slope * entry, -slope, -DAMPING * slope]))
-        winch.set("forcerange", text([0, NO_LIMIT * stiffness]))
-        winch.set("ctrlrange", text([min(length / highest[cable] - 1, 0), max(length / lowest[cable] - 1, 0)]))
-        ET.SubElement(sensors, "actuatorfrc", name=f"tension_{cable + 1}", actuator=f"winch_{cable + 1}")
+        i, slope = cable + 1, stiffness / length
+        shortest, longest = bounds[:, cable]
+        winch = ET.SubElement(actuators, "general", name=f"winch_{i}")
+        if robot.cabling.stiffening[cable].any():
+            winch.set("joint", f"drum_{i}")
+            winch.set("gainprm", text(SERVO * slope))
+            winch.set("biastype", "affine")
+            winch.set("biasprm", text([0, -SERVO * slope, 0]))
+            winch.set("ctrlrange", text([length - longest, length - shortest]))
+        else:
+            entry = pulleys.entries(robot.cabling)[cable]
+            winch.set("tendon", f"cable_{i}")
+            winch.set("gear", "-1")
+            winch.set("gaintype", "affine")
+            winch.set("gainprm", text([-slope * entry, -slope, 0]))
+            winch.set("biastype", "affine")
+            winch.set("biasprm", text([-stiffness - slope * entry, -slope, -DAMPING * slope]))
+            winch.set("forcerange", text([0, NO_LIMIT * stiffness]))
+            winch.set("ctrlrange", text([length / longest - 1, length / shortest - 1]))
+        ET.SubElement(sensors, "actuatorfrc", name=f"tension_{i}", actuator=f"winch_{i}")
     ET.SubElement(world, "site", name="base", group="4")
     for kind, name in (("framepos", "position"), ("framequat", "orientation")):
         sensor = ET.SubElement(sensors, kind, name=name, objtype="xbody", objname="platform")
@@ -123,10 +131,13 @@ def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         rope = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}rope_{i}")
         if rope < 0:
             continue
-        control = np.clip(data.ctrl[winch], *model.actuator_ctrlrange[winch])
-        gain, bias = model.actuator_gainprm[winch], model.actuator_biasprm[winch]
-        rest_length = (gain[0] * control + bias[0]) / (gain[1] * control + bias[1])  # where the law begins to pull
-        cable = model.actuator_trnid[winch, 0]
-        slack = data.ten_length[cable] < rest_length
-        model.tendon_lengthspring[rope, 1] = rest_length
-        model.tendon_group[cable], model.tendon_group[rope] = (HIDDEN, 0) if slack else (0, HIDDEN)
+        cable = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}cable_{i}")
+        if model.actuator_trntype[winch] == mujoco.mjtTrn.mjTRN_JOINT:
+            silent = model.tendon_lengthspring[cable, 1]
+        else:  # where the law begins to pull
+            control = np.clip(data.ctrl[winch], *model.actuator_ctrlrange[winch])
+            gain, bias = model.actuator_gainprm[winch], model.actuator_biasprm[winch]
+            silent = (gain[0] * control + bias[0]) / (gain[1] * control + bias[1])
+        spare = silent - data.ten_length[cable]
+        model.tendon_lengthspring[rope, 1] = data.ten_length[rope] + spare
+        model.tendon_group[cable], model.tendon_group[rope] = (HIDDEN, 0) if spare > 0 else (0, HIDDEN)
