@@ -75,6 +75,10 @@ def stale_models(folder: Path, files: dict[str, str]) -> list[str]:
 
 
 def _winch_guide(robot: Robot) -> str:
+    if robot.cabling.linear:
+        meaning = "L/l0 - 1, L the length at the written pose: each rest length l0 shorter by 2 %"
+    else:
+        meaning = "L/l0 - 1, or where a cable stiffens the length that its drum draws in [m]"
     return f"""## winch.xml: the same robot, driven by its winches
 
 ```python
@@ -85,18 +89,18 @@ world.option.integrator = robot.option.integrator  # or leave it as it is
 world.attach(robot, prefix="cdpr/", frame=world.worldbody.add_frame(pos=[1, 0, 0]))
 model = world.compile()
 data = mujoco.MjData(model)
-data.ctrl[:] = 0.02  # u = L/l0 - 1, L the length at the written pose: each rest length l0 shorter by 2 %
+data.ctrl[:] = 0.02  # {meaning}
 mujoco.mj_step(model, data, 5000)
 print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # N; m, from the site `cdpr/base`
 ```
 
-- Wind: one actuator `winch_i` a cable, exactly EA (l - l0)/l0 or slack, wants what `cdpr.winch_controls(robot, pose,
-  rest_lengths)` says. MuJoCo clamps it silently to `ctrlrange`, which covers the workspace. Wind gradually.
+- Wind: `cdpr.winch_controls(robot, pose, rest_lengths)` says the controls of the actuators `winch_i`. MuJoCo clamps
+  them silently to `ctrlrange`, which covers the workspace. Wind gradually.
 - Read: sensors `tension_i` [N], `length_i` [m], `position` [m] and `orientation` (quaternion w x y z).
 - Attach: nothing is lost, since damping sits on joints and actuators; any body can carry it.
-- Steps: `integrator="discrete"` up to 10 ms (5 ms from an EA of 100 kN on); Euler and implicitfast up to 5, 1, 0.5 ms
-  at 1, 10, 100 kN. MJX knows no `discrete`: set Euler or implicitfast before `mjx.put_model`, and read tensions from
-  `data.actuator_force`, since it skips sensors of forces in models without constraints.
+- Steps: `integrator="discrete"` up to 10 ms, 2 ms from an EA of 100 kN on; Euler and implicitfast up to 5, 1, 0.5 ms
+  at 1, 10, 100 kN. With longer ones a platform may keep rattling. MJX knows no `discrete`: set Euler or implicitfast
+  before `mjx.put_model`, and read `data.actuator_force`, as it skips sensors of forces without constraints.
 - Look: `cdpr-sim view {robot.name}`; MuJoCo's own viewer draws slack cables as straight lines in such a model.
 
 """
