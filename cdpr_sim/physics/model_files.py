@@ -97,7 +97,8 @@ print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # 
 - Wind: `cdpr.winch_controls(robot, pose, rest_lengths)` says the controls of the actuators `winch_i`. MuJoCo clamps
   them silently to `ctrlrange`, which covers the workspace. Wind gradually.
 - Read: sensors `tension_i` [N], `length_i` [m], `position` [m] and `orientation` (quaternion w x y z).
-- Attach: nothing is lost, since damping sits on joints and actuators; any body can carry it.
+- Attach: any body can carry it. Damping sits on joints and actuators and comes along; integrator, time step and
+  gravity are the world's.
 - Steps: `integrator="discrete"` up to 10 ms, 2 ms from an EA of 100 kN on; Euler and implicitfast up to 5, 1, 0.5 ms
   at 1, 10, 100 kN. With longer ones a platform may keep rattling. MJX knows no `discrete`: set Euler or implicitfast
   before `mjx.put_model`, and read `data.actuator_force`, as it skips sensors of forces without constraints.
