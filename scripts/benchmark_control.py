@@ -12,12 +12,13 @@ import mujoco
 
 import cdpr_sim as cdpr
 
+ROBOTS = ("cogiro", "parallel", "planar-vertical", "two-cable")
 STEPS = 20_000  # per repeat
 REPEATS = 5
 
 
 def main() -> None:
-    for name in cdpr.list_robots():
+    for name in ROBOTS:
         print(winch_model(cdpr.load_robot(name)))
 
 

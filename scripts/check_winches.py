@@ -1,4 +1,4 @@
-"""Where winch models come to rest, against ``solve``: every robot, three stiffnesses, integrators and time steps.
+"""Where winch models come to rest, against ``solve``: DemoBot's layouts, three stiffnesses, integrators and time steps.
 
 Each model is written in the middle of its workspace and wound to random poses. It is "there" once it is where ``solve``
 says to 1e-9 m; "elsewhere" if ``solve``, asked again from where the model came to rest, finds a rest there, too. Poses
@@ -18,6 +18,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.report.tables import new_table
+
+ROBOTS = ("cogiro", "parallel", "planar-horizontal", "planar-vertical", "two-cable")
+"""DemoBot's layouts."""
 
 STEPS = {1e3: [5], 1e4: [2, 1], 1e5: [0.5]}
 """Time steps [ms] of the integrators that do not know springs, per axial stiffness [N]."""
@@ -70,7 +73,7 @@ def main() -> None:
     table.add_column("not at rest")
     for stiffness, steps in STEPS.items():
         cases = []
-        for name in cdpr.list_robots():
+        for name in ROBOTS:
             robot = cdpr.load_robot(name).replace(axial_stiffness=stiffness)
             model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, robot.home, winches=True))
             lower, upper = robot.workspace
