@@ -94,7 +94,7 @@ def slopes(
     free = robot.free
     slope = derivatives.wrench_slope(state)[:, free][:, :, free]
     scaled = slope / np.outer(robot.units[free], robot.units[free])
-    held = np.isfinite(scaled).all((-1, -2))
+    held = np.asarray(np.isfinite(scaled).all((-1, -2)))
     held[held] = np.linalg.cond(scaled[held]) < CONDITION
     pose = np.full(wrench.shape, np.nan)
     pose[held] = 0.0
