@@ -22,7 +22,7 @@ BEYOND_BEARTYPE = {
 """Where it does not follow."""
 
 COMPILED = {
-    "core.cable_path", "statics.cable_law", "statics.cable_kernel", "statics.matrix_kernel", "statics.newton_kernel",
+    "core.cable_path", "core.cable_law", "statics.cable_kernel", "statics.matrix_kernel", "statics.newton_kernel",
     "statics.stiffness_kernel", "statics.balance_kernel", "statics.heavy_kernel", "statics.catenary",
     "drawing.video.raycast",
 }  # fmt: skip

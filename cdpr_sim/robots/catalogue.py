@@ -9,6 +9,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Strict, ValidationError
 
 from cdpr_sim.core.cable import DOWN, MOST_CABLES
@@ -58,6 +59,8 @@ class CableTable(_Table):
     axial_stiffness: Number | None = None
     linear_density: Number | None = None
     stiffening: Pair | None = None
+    force_min: Number | None = None
+    force_max: Number | None = None
     pulley: PulleyTable | None = None
 
 
@@ -71,7 +74,8 @@ class BoxTable(_Table):
 class RobotTable(_Table):
     """A whole robot file. What it says of cables holds for every one that says nothing of its own.
 
-    ``material`` or ``axial_stiffness`` [N], ``linear_density`` [kg/m], ``stiffening`` (a2, a3), ``pulley``.
+    ``material`` or ``axial_stiffness`` [N], ``linear_density`` [kg/m], ``stiffening`` (a2, a3), ``pulley``,
+    ``force_min`` and ``force_max`` [N], between which tensions are wanted.
     ``units`` are those of exits, anchors, pulleys, size, frame and workspace; all else is in kg, N and kg m².
     """
 
@@ -85,6 +89,8 @@ class RobotTable(_Table):
     axial_stiffness: Number | None = None
     linear_density: Number = 0.0
     stiffening: Pair = (0.0, 0.0)
+    force_min: Number = 0.0
+    force_max: Number | None = None
     pulley: PulleyTable = PulleyTable(radius=0.0)
     platform: PlatformTable
     frame: BoxTable | None = None
@@ -100,6 +106,8 @@ class RobotTable(_Table):
             mass=self.platform.mass,
             linear_density=[_own(cable.linear_density, self.linear_density) for cable in self.cables],
             stiffening=[_own(cable.stiffening, self.stiffening) for cable in self.cables],
+            force_min=[_own(cable.force_min, self.force_min) for cable in self.cables],
+            force_max=[_own(_own(cable.force_max, self.force_max), np.inf) for cable in self.cables],
             pulley_radius=[_own(cable.pulley, self.pulley).radius / METRES[self.units] for cable in self.cables],
             pulley_axis=[_own(cable.pulley, self.pulley).axis for cable in self.cables],
             center_of_mass=self._metres(self.platform.center_of_mass),
