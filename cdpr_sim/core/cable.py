@@ -191,7 +191,7 @@ class Cabling(Frozen):
         return table
 
     def same_as(self, other: Cabling) -> bool:
-        """Whether both hold a platform in the very same way, to the last bit; limits of tension play no part in that."""
+        """Whether both hold a platform in the very same way, to the last bit; limits of force play no part in it."""
         names = {field.name for field in dataclasses.fields(self)} - {"force_min", "force_max"}
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
 

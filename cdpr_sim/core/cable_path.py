@@ -64,7 +64,7 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
 
 
 def paths(cabling: Cabling, apart: Float[np.ndarray, "*batch cables 3"]) -> Float[np.ndarray, "10 *batch cables"]:
-    """What ``pulley_path`` says of each cable whose exit lies so far from its anchor [m]; of a straight one, ``path``."""
+    """What ``pulley_path`` says of each cable, by where its exit is from its anchor; of straight ones, ``path``."""
     x, y, z = np.moveaxis(apart, -1, 0)
     found = np.zeros((10, *x.shape))
     found[:5] = path(x, y, z)

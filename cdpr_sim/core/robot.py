@@ -313,8 +313,8 @@ class Robot:
             pose: the commanded pose.
             tensions: (cables,) [N], which have to balance the load at the pose. Or one number p [N], a pretension:
                 those that balance the load and are nearest to p in every cable, tau = p − W⁺ (W p + w_e) (Pott,
-                Bruckmann, Mikelsons 2009, "Closed-form force distribution for parallel wire robots",
-                doi:10.1007/978-3-642-01947-0_4). ``compensate`` finds any that balance the load within limits.
+                Bruckmann, Mikelsons, "Closed-form force distribution for parallel wire robots", Computational
+                Kinematics 2009). ``compensate`` finds any that balance the load within limits.
             external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity: part of
                 the load that tensions balance.
 
@@ -366,9 +366,9 @@ class Robot:
         if wanted.ndim == 0 and beyond.any():
             cable = int(np.argmax(beyond))
             raise InvalidInput(
-                f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1} where those nearest to {wanted:g} N balance "
-                f"the load at the pose, expected {low[cable]:g} to {high[cable]:g} N; another pretension may do, and "
-                "compensate finds any tensions within limits"
+                f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1} where tensions nearest to {wanted:g} N "
+                f"balance the load at the pose, expected {low[cable]:g} to {high[cable]:g} N; another pretension may "
+                "do, and compensate finds any tensions within limits"
             )
         return pulls
 

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from cdpr_sim.analysis.compensation import Compensation
 from cdpr_sim.analysis.equilibria import Equilibria, Following
 from cdpr_sim.analysis.identification import Identification
@@ -133,7 +135,7 @@ def _asked(problem: Problem) -> dict[str, Any]:
 
 
 def _cables(robot: Robot) -> dict[str, Any]:
-    """Weight, law and pulleys of each cable, where there are any."""
+    """Weight, law, pulleys and limits of force of each cable, where there are any."""
     cabling, properties = robot.cabling, {}
     if not cabling.massless:
         properties["linear_density"] = cabling.linear_density.tolist()
@@ -142,4 +144,8 @@ def _cables(robot: Robot) -> dict[str, Any]:
     if cabling.pulleys.any():
         properties["pulley_radius"] = cabling.pulley_radius.tolist()
         properties["pulley_axis"] = cabling.pulley_axis.tolist()
+    if cabling.force_min.any():
+        properties["force_min"] = cabling.force_min.tolist()
+    if np.isfinite(cabling.force_max).any():
+        properties["force_max"] = [force if math.isfinite(force) else None for force in cabling.force_max.tolist()]
     return {"cables": properties} if properties else {}

@@ -9,6 +9,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from cdpr_sim.analysis.workspace.grids import AXES, extent_of
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES, Check
 from cdpr_sim.report.tables import new_table
@@ -25,6 +26,9 @@ _ERRORS = {
     "tension_error": ("tens.", 1.0, "N"),
 }
 
+_HELD = {"feasible": "feas", "wrench_feasible": "wrench\nfeas"}
+"""What a sweep says of rigid cables within limits of tension, whose extent its table tells."""
+
 _HEADINGS = {
     "refused": "refused",
     "agree": "agree",
@@ -39,11 +43,13 @@ _HEADINGS = {
 def sweep_table(dataset: xr.Dataset) -> Table:
     """A row for each robot and material: how far, how tilted, how often slack, how much feasible."""
     solved = dataset["status"] == Status.CONVERGED
+    unit = ("", "m", "m²", "m³")[sum(dataset.sizes[name] > 1 for name in AXES)]
+    held = [name for name in _HELD if name in dataset]
     poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
     table = new_table(
         f"Static equilibria from {poses:,} commanded poses",
         "robot", "cables", "solved\n%", "median\ntilt °", "worst\ntilt °", "median\ndev. mm", "worst\ndev. mm",
-        "slack\n%", "feas\n%", words=2, dense=True,
+        "slack\n%", "feas\n%", *(f"{_HELD[name]}\n{unit}" for name in held if unit), words=2, dense=True,
     )  # fmt: skip
     for robot, material, one in _variants(dataset.assign(solved=solved)):
         table.add_row(
@@ -54,6 +60,7 @@ def sweep_table(dataset: xr.Dataset) -> Table:
             *(f"{1e3 * value:.2f}" for value in _median_and_worst(one["distance"])),
             f"{100 * float((one['slack_count'] > 0).mean()):.3g}",
             f"{100 * float(one['feasible'].mean()):.3g}" if "feasible" in one else "–",
+            *(f"{extent_of(one[name]):.4g}" for name in held if unit),
         )
     return table
 
