@@ -81,7 +81,7 @@ def test_a_string_pulled_along_goes_slack_at_twice_its_pretension(road):
     lengths = robot.rest_lengths((0, 0, 0), p)
     k = (EA + p) / LENGTH
     for force, x, slack in ((199.0, 199 / (2 * k), 0), (201.0, (201 - p) / k, 1), (400.0, 300 / k, 1)):
-        found = road(robot, (0, 0, 0), lengths, external_wrench=(force, 0, 0, 0, 0, 0))
+        found = road(robot, (0, 0, 0), lengths, external_wrench=[force, 0.0, 0, 0, 0, 0])
         assert found.position[0] == pytest.approx(x, rel=1e-6)
         assert found.slack.sum() == slack
 
@@ -89,7 +89,7 @@ def test_a_string_pulled_along_goes_slack_at_twice_its_pretension(road):
 @pytest.mark.parametrize("road", ROADS)
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_a_planar_table_is_held_where_it_is_pretensioned(road, gravity):
-    """At a pose away from the middle, turned; from where it is pushed to it comes back. Without pretension nothing does."""
+    """Away from the middle, turned; from where it is pushed to it comes back. Without pretension nothing holds it."""
     robot, pose = table(gravity), (0.2, 0, 0.1, 0, 0.05, 0)
     lengths = robot.rest_lengths(pose, 60.0)
     found = road(robot, (0.25, 0, 0.05), lengths)
@@ -108,9 +108,11 @@ def test_ipanema_is_held_with_any_tensions_that_balance(catalogue, stiffening, r
     """Both roads come to the pose, and each cable has its tension: straight or over pulleys, linear or stiffening."""
     axis = [(0, 0, 1)] * 4 + [(0, 0, -1)] * 4
     robot = catalogue["ipanema-1"].replace(stiffening=stiffening, pulley_radius=radius, pulley_axis=axis)
-    pose, wrench = (0.4, -0.3, 1.2, 0.02, -0.03, 0.05), (30.0, 20.0, -50.0, 0.5, -0.4, 0.2)
+    pose, wrench = (0.2, -0.15, 1.1, 0.02, -0.03, 0.05), [20.0, 10.0, -50.0, 0.1, -0.1, 0.1]
     at = robot.pose(pose)
-    near = cdpr.compensate(robot, pose, external_wrench=wrench, tensions=(100, 600)).tensions
+    chosen = cdpr.compensate(robot, pose, external_wrench=wrench, tensions=(50, 700), prefer="stiffest")
+    assert chosen.exact
+    near = chosen.tensions
     lengths = robot.rest_lengths(pose, near, external_wrench=wrench)
     for road in ROADS:
         found = road(robot, at, lengths, external_wrench=wrench)
@@ -151,7 +153,7 @@ def test_wrench_matrix_of_the_question_is_that_of_the_statics(catalogue):
     at = robot.pose((0.3, 0.2, 0.1, 0.1, -0.2, 0.3))
     position, rotation = at.translation, at.rotation.as_matrix()
     matrix = cable_path.wrench_matrix(robot.cabling, position, rotation)
-    np.testing.assert_array_equal(matrix, forces.geometry(robot, position, rotation).wrench_matrix)
+    np.testing.assert_allclose(matrix, forces.geometry(robot, position, rotation).wrench_matrix, atol=1e-15)
     step = 1e-6 * np.eye(3)
     ends = [cable_path.lengths(robot.cabling, position + sign * step, rotation) for sign in (1, -1)]
     np.testing.assert_allclose((ends[1] - ends[0]) / 2e-6, matrix[:3], atol=1e-9)
@@ -196,7 +198,7 @@ def test_compensate_holds_a_robot_with_cables_from_below(catalogue, gravity):
         found = cdpr.compensate(robot, pose, tensions=asked)
         assert found.exact
         assert found.equilibrium.stable
-        assert found.tensions.min() >= low
+        assert found.tensions.min() >= low * (1 - 1e-9)
         assert found.tensions.max() <= high
         assert off(cdpr.settle(robot, (0.31, 0.2, 1.1), found.rest_lengths), pose) < 1e-7
     own = cdpr.compensate(robot.replace(force_min=200.0), pose)
@@ -283,4 +285,4 @@ def test_the_study_finds_what_single_solves_do(catalogue):
     found = cdpr.solve(robot, robot.home, lengths)
     assert wrong.tightest[0] == pytest.approx(found.tensions.max(), rel=1e-9)
     assert wrong.shifts[0] == pytest.approx(np.linalg.norm(found.deviation), rel=1e-6)
-    assert taut_from(robot, (0,) * 6) == pytest.approx(least_pretension(robot))
+    assert taut_from(robot, np.zeros(6)) == pytest.approx(least_pretension(robot))

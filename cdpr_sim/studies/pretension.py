@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
@@ -21,11 +22,11 @@ FORCE, TORQUE = 100.0, 2.0
 """[N], [N m] With which the platform is pushed and turned."""
 
 PUSHES = {
-    "pushed down": (0, 0, -FORCE, 0, 0, 0),
-    "pushed along y": (0, FORCE, 0, 0, 0, 0),
-    "pushed along x": (FORCE, 0, 0, 0, 0, 0),
-    "turned about x": (0, 0, 0, TORQUE, 0, 0),
-    "turned about z": (0, 0, 0, 0, 0, TORQUE),
+    "pushed down": np.array([0, 0, -FORCE, 0, 0, 0]),
+    "pushed along y": np.array([0, FORCE, 0, 0, 0, 0]),
+    "pushed along x": np.array([FORCE, 0, 0, 0, 0, 0]),
+    "turned about x": np.array([0, 0, 0, TORQUE, 0, 0]),
+    "turned about z": np.array([0, 0, 0, 0, 0, TORQUE]),
 }
 """What is done to the platform: external wrenches [N, N m]."""
 
@@ -173,7 +174,7 @@ def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretensi
             )
         )  # fmt: skip
     pushes = tuple(
-        Push(what, np.array(PUSHES[what], dtype=float), _shifts(static), _turns(static), _shifts(settled),
+        Push(what, PUSHES[what], _shifts(static), _turns(static), _shifts(settled),
              _turns(settled), taut_from(robot, PUSHES[what]))
         for what, (static, settled) in moved.items()
     )  # fmt: skip
@@ -208,7 +209,7 @@ def least_pretension(robot: Robot) -> float:
     return high
 
 
-def taut_from(robot: Robot, wrench: tuple[float, ...]) -> float:
+def taut_from(robot: Robot, wrench: ArrayLike) -> float:
     """The pretension [N] from which on no cable hangs slack under a wrench; between slack ones and its limit, by roots.
 
     A cable that is about to go slack has its rest length: the root of the least stretch over all cables.
@@ -225,7 +226,7 @@ def taut_from(robot: Robot, wrench: tuple[float, ...]) -> float:
 
 
 def _both(
-    robot: Robot, lengths: Float[np.ndarray, "rows cables"], every: int, wrench: tuple[float, ...] | None = None
+    robot: Robot, lengths: Float[np.ndarray, "rows cables"], every: int, wrench: ArrayLike | None = None
 ) -> tuple[Rests, Rests]:
     """By statics all rows, by MuJoCo one of ``every``, commanded to the robot's home."""
     roads = []
