@@ -378,9 +378,9 @@ def _roots(
         slope = slope[:, free][:, :, free]
         normal = slope.swapaxes(-1, -2) @ slope
         scale = np.trace(normal, axis1=-2, axis2=-1)[:, None, None] / len(free)
-        gradient = np.einsum("nij,ni->nj", slope, force[rows])
+        gradient = force[rows, None] @ slope
         damped = normal + (dampings[rows, None, None] * scale + 1e-300) * eye
-        step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+        step = -np.linalg.solve(damped, gradient.swapaxes(-1, -2))[..., 0]
         length = np.linalg.norm(step, axis=1)
         step *= np.minimum(1.0, 2 * robot.characteristic_length / np.maximum(length, 1e-300))[:, None]
         whole = np.zeros((len(rows), 6))

@@ -5,12 +5,16 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.robot import Robot
@@ -20,6 +24,9 @@ from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, styled
 from cdpr_sim.drawing.cables import course, wheel_of
 
+STAMP = "Source"
+"""The key of a PNG's text that names what it was drawn from."""
+
 
 class Still(Figure):
     """A figure that a notebook shows."""
@@ -28,12 +35,31 @@ class Still(Figure):
         return encoded(self)
 
 
-def encoded(figure: Figure, dpi: float = style.PNG_DPI, stamp: str = "") -> bytes:
-    """As a PNG; ``stamp`` goes into it as its description."""
+def encoded(figure: Figure) -> bytes:
+    """As a PNG."""
     buffer = io.BytesIO()
-    figure.set_dpi(dpi)
-    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim", "Description": stamp})
+    figure.set_dpi(style.PNG_DPI)
+    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim"})
     return buffer.getvalue()
+
+
+def small(picture: bytes, stamp: str) -> bytes:
+    """A PNG in a quarter of the bytes, of 64 colours, for a repository; ``stamp`` says what it was drawn from."""
+    buffer, text = io.BytesIO(), PngInfo()
+    text.add_text(STAMP, stamp)
+    Image.open(io.BytesIO(picture)).convert("RGB").quantize(64, Image.Quantize.MAXCOVERAGE).save(
+        buffer, "png", optimize=True, pnginfo=text
+    )
+    return buffer.getvalue()
+
+
+def stamp_of(path: Path) -> str | None:
+    """What ``small`` was told when it made the picture; None where there is no such picture."""
+    try:
+        with Image.open(path) as picture:
+            return picture.info.get(STAMP)
+    except OSError:
+        return None
 
 
 @styled
@@ -103,13 +129,13 @@ def _close_up(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray
     (drawing.draw_platform_in_space if in_space else drawing.draw_platform)(ax, robot, origin, level, alpha=0.6)
     _plot(ax, robot, robot.anchors, ls="none", marker="o", ms=3.5, color=style.INK, zorder=6)
     _plot(ax, robot, robot.center_of_mass[None], ls="none", marker="+", ms=9, color=style.INK, zorder=6)
-    _label(ax, robot, robot.anchors, origin, 2 * half)
+    _label(ax, robot, robot.anchors, origin, 2 * half, beside=0.08)
     ax.set_title("the platform, in its own frame", loc="left")
     for axis in (ax.xaxis, ax.yaxis, *([ax.zaxis] if in_space else [])):
         axis.set_major_locator(MaxNLocator(3, prune="both" if in_space else None))
 
 
-def _label(ax: Axes, robot: Robot, points: np.ndarray, middle: np.ndarray, size: float) -> None:
+def _label(ax: Axes, robot: Robot, points: np.ndarray, middle: np.ndarray, size: float, beside: float = 0.055) -> None:
     """Cables' numbers beside their points, outwards from the middle; those of one point together."""
     places: dict[tuple[float, ...], list[int]] = {}
     for cable, point in enumerate(points):
@@ -118,7 +144,7 @@ def _label(ax: Axes, robot: Robot, points: np.ndarray, middle: np.ndarray, size:
         point = points[cables[0]]
         outwards = point - middle
         outwards = outwards / (np.linalg.norm(outwards) or 1.0)
-        at = point + 0.055 * size * outwards
+        at = point + beside * size * outwards
         words = ", ".join(str(cable + 1) for cable in cables)
         color = _color(cables[0]) if len(cables) == 1 else style.INK
         looks = {"color": color, "fontsize": 8, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 7}
@@ -134,3 +160,32 @@ def _plot(ax: Axes, robot: Robot, points: np.ndarray, **looks) -> None:
 
 def _color(cable: int) -> str:
     return style.CABLES[cable % len(style.CABLES)]
+
+
+@styled
+def sheet(robots: Sequence[Robot], columns: int = 6) -> Figure:
+    """All ``robots`` on one page, each as commanded to the middle of its workspace."""
+    columns = min(columns, len(robots))
+    rows = -(-len(robots) // columns)
+    figure = canvas(
+        2.1 * columns,
+        2.5 * rows + 0.8,
+        f"{len(robots)} robots, each a file",
+        "Each platform as commanded to the middle of its workspace; each robot at a scale of its own. Below it: kind, "
+        "cables, the platform's mass, the size of the frame.",
+        Still,
+    )
+    figure.get_layout_engine().set(hspace=0.2, rect=(0, 0.03, 1, 0.95))  # room for the words below each
+    for place, robot in zip(figure.add_gridspec(rows, columns), robots, strict=False):
+        in_space = robot.mobility == "spatial"
+        ax = figure.add_subplot(place, projection="3d" if in_space else None)
+        draw_robot(ax, robot, robot.home, np.eye(3), width=style.HAIR)
+        ax.set_axis_off()
+        ax.set_title(robot.name, loc="center", fontweight="bold")
+        size = " × ".join(f"{edge:.3g}" for edge in np.ptp(robot.frame, axis=0)[:: 1 if in_space else 2])
+        kind = robot.kind if in_space else f"planar, {robot.kind}"
+        words = f"{kind}, {robot.cables} cables\n{float(f'{robot.mass:.3g}'):,g} kg, {size} m"
+        (ax.text2D if in_space else ax.text)(
+            0.5, -0.03, words, transform=ax.transAxes, ha="center", va="top", fontsize=7, color=style.MUTED
+        )
+    return figure

@@ -224,6 +224,10 @@ def _own(own, common):
     return common if own is None else own
 
 
+PAPER_ROBOTS = ("cogiro", "parallel", "planar-horizontal", "planar-vertical", "two-cable")
+"""DemoBot, in the paper's layouts."""
+
+
 def list_robots() -> tuple[str, ...]:
     """Names of the robots that come with the package."""
     return tuple(sorted(Path(file.name).stem for file in _folder().iterdir() if file.name.endswith(".toml")))
