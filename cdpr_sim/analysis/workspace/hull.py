@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
@@ -113,7 +113,7 @@ def workspace_hull(
     rotation = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,))).as_matrix()
     test = closed_form_feasible if closed_form else feasible
 
-    def held(positions: Float[np.ndarray, "*batch 3"]) -> np.ndarray:
+    def held(positions: Float[np.ndarray, "*batch 3"]) -> Bool[np.ndarray, "*batch"]:
         return test(robot, positions, rotations=rotation, tension_limits=tension_limits, wrenches=wrenches)
 
     rays, triangles = _sphere(depth)
