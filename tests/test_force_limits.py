@@ -71,6 +71,16 @@ def test_a_mass_on_cables_from_all_corners_can_be_anywhere_between_them(wirex):
     assert one_sided.volume < 0.8 * hull.volume
 
 
+def test_what_hangs_from_above_ends_at_the_frame(catalogue):
+    """A crane holds its load however deep below the floor: rays end at the frame's faces, or where they are told to."""
+    robot = catalogue["cogiro"]
+    hull = cdpr.workspace_hull(robot, center=(0.4, 0.25, 0.2), depth=3)
+    assert (hull.vertices >= robot.frame[0] - 1e-9).all()
+    assert hull.vertices[:, 2].min() == pytest.approx(0, abs=1e-9)
+    deeper = cdpr.workspace_hull(robot, center=(0.4, 0.25, 0.2), depth=3, reach=2.0)
+    assert deeper.vertices[:, 2].min() == pytest.approx(-1.8)
+
+
 def test_a_robots_own_limits_are_those_of_its_workspace(wirex):
     """``feasible``, ``shortfall``, margins and sweeps, by default; given ones go first."""
     free = wirex.replace(force_min=0.0, force_max=np.inf)
@@ -123,7 +133,8 @@ def test_limits_that_cannot_be_right_are_refused(catalogue, limits, said):
     ("ask", "said"),
     [
         (dict(center=(1.9, 1.4, 1.9)), "center: found .1.9, 1.4, 1.9. m, which is not feasible"),
-        (dict(reach=0.1), "reach: found feasible poses 0.1 m from the centre"),
+        (dict(center=(0, 0, 3)), "center: found .0, 0, 3. m, outside the robot's frame"),
+        (dict(reach=0), "reach: found 0 m, expected more than 0"),
         (dict(depth=8), "depth: found 8, expected 0 to 7"),
         (dict(tolerance=0.0), "tolerance: found 0 m"),
         (dict(closed_form=True, tension_limits=(1, np.inf)), "found no largest tension in cable 1"),

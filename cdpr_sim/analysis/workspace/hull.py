@@ -95,12 +95,13 @@ def workspace_hull(
         wrenches: external forces and torques besides gravity, (6,) or a set (sets, 6) [N, N m], all of which are held.
         closed_form: count as held only what ``closed_form_feasible`` holds, as WireX does unless told otherwise.
         depth: how often the eight triangles of an octahedron are divided by four.
-        reach: beyond which no pose is feasible [m]; default: the diagonal of the robot's frame.
+        reach: how far the rays go at most [m]; default: to the faces of the robot's frame, since what hangs from above
+            is feasible however deep below the floor.
         tolerance: to which the border is found along each ray [m].
 
     Raises:
-        InvalidInput: an argument that cannot be right, a planar robot, a centre that is not feasible itself, or a
-            feasible pose beyond ``reach``.
+        InvalidInput: an argument that cannot be right, a planar robot, or a centre that is not feasible itself or
+            outside the frame.
     """
     if robot.mobility == "planar":
         raise InvalidInput(
@@ -109,7 +110,6 @@ def workspace_hull(
     start = robot.home if center is None else checked_array("center", center, (3,))
     whole("depth", depth, 0, MOST_DEPTH)
     tolerance = positive("tolerance", tolerance, "m")
-    far = float(np.linalg.norm(np.diff(robot.frame, axis=0))) if reach is None else positive("reach", reach, "m")
     rotation = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,))).as_matrix()
     test = closed_form_feasible if closed_form else feasible
 
@@ -117,17 +117,26 @@ def workspace_hull(
         return test(robot, positions, rotations=rotation, tension_limits=tension_limits, wrenches=wrenches)
 
     rays, triangles = _sphere(depth)
-    if not held(start):
+    high = np.full(len(rays), positive("reach", reach, "m")) if reach is not None else _to_faces(robot, start, rays)
+    if not (held(start) and high.min() > 0):
         x, y, z = start
-        raise InvalidInput(f"center: found ({x:g}, {y:g}, {z:g}) m, which is not feasible, expected a pose that is")
-    low, high = np.zeros(len(rays)), np.full(len(rays), far)
-    if held(start + far * rays).any():
-        raise InvalidInput(f"reach: found feasible poses {far:g} m from the centre, expected none so far")
+        where = "which is not feasible" if high.min() > 0 else "outside the robot's frame"
+        raise InvalidInput(f"center: found ({x:g}, {y:g}, {z:g}) m, {where}, expected a feasible position within")
+    low = np.where(held(start + high[:, None] * rays), high, 0.0)
     while (high - low).max() > tolerance:
         middle = (low + high) / 2
         inside = held(start + middle[:, None] * rays)
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     return Hull(start, start + (low + high)[:, None] / 2 * rays, triangles)
+
+
+def _to_faces(
+    robot: Robot, start: Float[np.ndarray, "3"], rays: Float[np.ndarray, "vertices 3"]
+) -> Float[np.ndarray, " vertices"]:
+    """How far each ray goes until it leaves the robot's frame [m]; not positive where it starts outside."""
+    faces = np.where(rays > 0, robot.frame[1], robot.frame[0]) - start
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(rays != 0, faces / rays, np.inf).min(-1)
 
 
 def _sphere(depth: int) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "triangles 3"]]:
