@@ -97,7 +97,8 @@ def neutral_directions(equilibrium: Equilibrium) -> Float[np.ndarray, "neutral 6
     spanned = vectors[:, np.abs(values) <= NEUTRAL * np.abs(values).max()].T
     twists = np.zeros((len(spanned), 6))
     if len(spanned):  # as single axes: the reduced echelon form of the same space
-        pivots = qr(spanned, pivoting=True)[2][: len(spanned)]
+        _, _, order = qr(spanned, pivoting=True)  # pyright: ignore[reportAssignmentType]
+        pivots = np.asarray(order)[: len(spanned)]
         twists[:, free] = (np.linalg.inv(spanned[:, pivots]) @ spanned)[np.argsort(pivots)]
     return np.where(np.abs(twists) > ROUNDING, twists, 0.0) / units
 

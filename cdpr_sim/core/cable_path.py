@@ -70,9 +70,9 @@ def paths(cabling: Cabling, apart: Float[np.ndarray, "*batch cables 3"]) -> Floa
     found[:5] = path(x, y, z)
     over = cabling.pulleys
     if over.any():
-        axis, radius = cabling.pulley_axis[over].T, cabling.pulley_radius[over]
+        (ex, ey, ez), radius = cabling.pulley_axis[over].T, cabling.pulley_radius[over]
         with np.errstate(invalid="ignore"):
-            found[..., over] = pulley_path(x[..., over], y[..., over], z[..., over], *axis, radius)
+            found[..., over] = pulley_path(x[..., over], y[..., over], z[..., over], ex, ey, ez, radius)
     return found
 
 

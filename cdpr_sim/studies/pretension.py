@@ -179,8 +179,8 @@ def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretensi
         for what, (static, settled) in moved.items()
     )  # fmt: skip
     static, settled = still
-    apart = np.max([_apart(*still, every), *(_apart(*roads, every) for roads in moved.values()),
-                    *(_apart(*roads, every // 2) for roads in misfits)], axis=0)  # fmt: skip
+    compared = [(*roads, every) for roads in (still, *moved.values())] + [(*roads, every // 2) for roads in misfits]
+    apart = np.max([_apart(static, settled, step) for static, settled, step in compared], axis=0)
     rigid = solve_many(robot, home[None])
     drawn = settle_many(robot, home[None], robot.rest_lengths(home, DRAWN)[None], external_wrench=PUSHES["pushed down"])
     return Pretension(
@@ -222,7 +222,9 @@ def taut_from(robot: Robot, wrench: ArrayLike) -> float:
 
     low = least_pretension(robot)
     high = float(robot.force_max.min()) - low
-    return float(brentq(least_stretch, low, high, xtol=1e-6)) if least_stretch(low) < 0 else low
+    if least_stretch(low) >= 0:
+        return low
+    return float(brentq(least_stretch, low, high, xtol=1e-6))  # type: ignore[arg-type]
 
 
 def _both(

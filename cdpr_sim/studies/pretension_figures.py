@@ -98,7 +98,7 @@ def _pushes(ax: Axes, study: Pretension, *, turned: bool) -> None:
     pushes = [push for push in study.pushes if push.what.startswith("turned") == turned]
     sizes, some = study.stiffening.pretensions, study.stiffening.settled_pretensions
     for push, color, marker in zip(pushes, style.CABLES, style.MARKERS, strict=False):
-        values, settled, unit = _moved(push, turned=turned)
+        values, settled = _moved(push, turned=turned)
         slack = sizes <= push.taut
         at = float(np.interp(push.taut, sizes, values))
         ax.plot([push.taut, *sizes[~slack]], [at, *values[~slack]], color=color, gid=f"static {push.what}")
@@ -106,7 +106,7 @@ def _pushes(ax: Axes, study: Pretension, *, turned: bool) -> None:
         ax.plot(push.taut, at, marker, color=color, ms=6.5, zorder=7)
         ax.plot(some, settled, **points(color, marker), gid=f"mujoco {push.what}")
         ax.plot([], [], color=color, marker=marker, ms=5, label=f"{push.what}: taut from {push.taut:.0f} N")
-    what = f"{TORQUE:g} N m turns it, rotation [{unit}]" if turned else f"{FORCE:g} N pushes it, by [{unit}]"
+    what = f"{TORQUE:g} N m turns it, rotation [°]" if turned else f"{FORCE:g} N pushes it, by [mm]"
     ax.set(xlabel="pretension [N]", ylabel=what, xscale="log")
     ax.set_xlim(0.96 * sizes[0], 1.03 * sizes[-1])
     ticks = [80, 100, 150, 200, 300, 400, 600]
@@ -173,10 +173,10 @@ def _along_errors(ax: Axes, study: Pretension) -> None:
     ax.axvline(0, color=style.FAINT, lw=style.HAIR, zorder=0)
 
 
-def _moved(push: Push, *, turned: bool) -> tuple[np.ndarray, np.ndarray, str]:
+def _moved(push: Push, *, turned: bool) -> tuple[np.ndarray, np.ndarray]:
     if turned:
-        return np.degrees(push.turns), np.degrees(push.settled_turns), "°"
-    return 1e3 * push.shifts, 1e3 * push.settled_shifts, "mm"
+        return np.degrees(push.turns), np.degrees(push.settled_turns)
+    return 1e3 * push.shifts, 1e3 * push.settled_shifts
 
 
 def _power(value: float) -> str:
