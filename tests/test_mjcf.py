@@ -49,7 +49,7 @@ def any_robot(seed: int, cables: int = 6, mobility: str = "spatial") -> Robot:
 
 
 ROBOTS = [
-    *(load_robot(name) for name in list_robots()),
+    *(load_robot(name) for name in PAPER_ROBOTS),
     any_robot(1),
     any_robot(2, cables=3, mobility="planar"),
 ]

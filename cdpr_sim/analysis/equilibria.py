@@ -32,9 +32,9 @@ SAME = 1e-3
 """Two equilibria nearer than this fraction of the characteristic length are one: two solutions of one scatter by
 1e-9 m and less, where it is held."""
 
-LOOSE = 1e-6
+LOOSE = 1e-8
 """Equilibria whose softest direction has this fraction of the stiffest may belong to a family: ``parallel``, hanging on
-two diagonal cables, measures 1e-18, and the softest that is held 1e-4."""
+two diagonal cables, measures 5e-16, and the softest rest that is held 1e-7 (``scripts/measure_constants.py``)."""
 
 BALANCED = 1e-8
 """Unbalanced force of a root, as a fraction of the load."""

@@ -1,6 +1,7 @@
 """A robot at a commanded pose, drawn still: frame, exits and cables with their numbers, and its platform close up."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportOptionalMemberAccess=false
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
 from __future__ import annotations
 
@@ -175,7 +176,7 @@ def sheet(robots: Sequence[Robot], columns: int = 6) -> Figure:
         "cables, the platform's mass, the size of the frame.",
         Still,
     )
-    figure.get_layout_engine().set(hspace=0.2, rect=(0, 0.03, 1, 0.95))  # room for the words below each
+    figure.get_layout_engine().set(hspace=0.2, rect=(0, 0.03, 1, 0.95))  # room for words below
     for place, robot in zip(figure.add_gridspec(rows, columns), robots, strict=False):
         in_space = robot.mobility == "spatial"
         ax = figure.add_subplot(place, projection="3d" if in_space else None)
