@@ -76,10 +76,10 @@ def draw_map(
 
 
 def _print(dataset: xr.Dataset) -> None:
-    console, note = Output(), report.sweep_note(dataset)
+    console = Output()
     console.print(report.sweep_table(dataset))
-    if note:
-        console.print(note, highlight=False)
+    for line in report.sweep_lines(dataset):
+        console.print(line, highlight=False)
 
 
 def check(

@@ -26,8 +26,8 @@ _ERRORS = {
     "tension_error": ("tens.", 1.0, "N"),
 }
 
-_HELD = {"feasible": "feas", "wrench_feasible": "wrench\nfeas"}
-"""What a sweep says of rigid cables within limits of tension, whose extent its table tells."""
+_HELD = {"feasible": "as commanded", "wrench_feasible": "against every wrench"}
+"""What rigid cables hold, by variables of a sweep."""
 
 _HEADINGS = {
     "refused": "refused",
@@ -43,13 +43,11 @@ _HEADINGS = {
 def sweep_table(dataset: xr.Dataset) -> Table:
     """A row for each robot and material: how far, how tilted, how often slack, how much feasible."""
     solved = dataset["status"] == Status.CONVERGED
-    unit = ("", "m", "m²", "m³")[sum(dataset.sizes[name] > 1 for name in AXES)]
-    held = [name for name in _HELD if name in dataset]
     poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
     table = new_table(
         f"Static equilibria from {poses:,} commanded poses",
         "robot", "cables", "solved\n%", "median\ntilt °", "worst\ntilt °", "median\ndev. mm", "worst\ndev. mm",
-        "slack\n%", "feas\n%", *(f"{_HELD[name]}\n{unit}" for name in held if unit), words=2, dense=True,
+        "slack\n%", "feas\n%", words=2, dense=True,
     )  # fmt: skip
     for robot, material, one in _variants(dataset.assign(solved=solved)):
         table.add_row(
@@ -60,16 +58,22 @@ def sweep_table(dataset: xr.Dataset) -> Table:
             *(f"{1e3 * value:.2f}" for value in _median_and_worst(one["distance"])),
             f"{100 * float((one['slack_count'] > 0).mean()):.3g}",
             f"{100 * float(one['feasible'].mean()):.3g}" if "feasible" in one else "–",
-            *(f"{extent_of(one[name]):.4g}" for name in held if unit),
         )
     return table
 
 
-def sweep_note(dataset: xr.Dataset) -> str:
-    """What the table leaves out, or nothing."""
-    if "feasible" in dataset:
-        return ""
-    return "Cables weigh something here: the static feasible workspace takes no account of that, and is left out."
+def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
+    """How much of the grid rigid cables hold, by robot; or why that is left out."""
+    held = {name: words for name, words in _HELD.items() if name in dataset}
+    unit = ("", "m", "m²", "m³")[sum(dataset.sizes[name] > 1 for name in AXES)]
+    if not held:
+        yield "Cables weigh something here: the static feasible workspace takes no account of that, and is left out."
+    elif unit:
+        for robot in np.atleast_1d(dataset["robot"].values):
+            one = dataset.sel(robot=robot) if "robot" in dataset.dims else dataset
+            parts = ", and ".join(f"{words} in {extent_of(one[name]):.4g}" for name, words in held.items())
+            whole = extent_of(one[next(iter(held))] | True)
+            yield escape(f"Rigid cables hold {robot} {parts}, of {whole:.4g} {unit}.")
 
 
 def check_table(check: Check) -> Table:
