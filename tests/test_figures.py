@@ -89,7 +89,7 @@ def test_every_picture_has_a_title_labels_with_units_and_a_legend(drawn):
         shared_y = not ax.yaxis.get_tick_params().get("labelleft", True)
         rows_named = all(re.search("[a-z]{3}", label.get_text()) for label in ax.get_yticklabels())
         for name, needless in zip(names, (shared_x, shared_y or rows_named, False), strict=False):
-            assert re.search(r"\[(m|mm|°|N|ms|%)\]$", name) or (needless and not name), (ax, names)
+            assert re.search(r"\[(m|mm|°|N|kN/m|ms|%)\]$", name) or (needless and not name), (ax, names)
     assert drawn.legends or any(ax.get_legend() for ax in drawn.axes)
 
 

@@ -54,15 +54,12 @@ def _robot(ax: Axes3D, study: Pretension) -> None:
     """Pushed down, with too little pretension."""
     drawing.draw_space(ax, study.robot)
     drawing.draw_pose_in_space(ax, study.drawn, 0)
-    ax.set_axis_off()
-    ax.set_box_aspect(tuple(np.diff(study.robot.frame, axis=0)[0]), zoom=1.0)
-    (left, front, low), (right, back, high) = study.robot.frame
+    for axis, (low, high) in zip((ax.xaxis, ax.yaxis, ax.zaxis), study.robot.frame.T, strict=True):
+        axis.set_ticks([(low + high) / 2, high] if axis is ax.yaxis else [low, (low + high) / 2, high])
     x, y, z = study.drawn.positions[0]
     ax.quiver(x, y, z + 0.75, 0, 0, -0.6, color=style.INK, lw=2, arrow_length_ratio=0.3)
-    ax.text(x, y, z + 1.1, f"{FORCE:g} N", fontsize=8.5, ha="center")
-    ax.text((left + right) / 2, front, low - 0.3, f"{right - left:g} m", fontsize=8.5, ha="center", color=style.MUTED)
-    ax.text(right + 0.25, (front + back) / 2, low - 0.1, f"{back - front:g} m", fontsize=8.5, color=style.MUTED)
-    ax.text(left - 0.2, front, (low + high) / 2, f"{high - low:g} m", fontsize=8.5, ha="right", color=style.MUTED)
+    above = drawing.seen(ax, np.array([x, y, z + 1.1]))
+    ax.text2D(*above, f"{FORCE:g} N", transform=ax.transData, fontsize=8.5, ha="center")
     slack = int(study.drawn.slack[0].sum())
     ax.set_title(f"{DRAWN:g} N is too little: pushed down, {slack} cables hang slack", loc="left")
     handles = [handle for handle in drawing.pose_legend(slack=True) if "cable" in str(handle.get_label())]
@@ -168,7 +165,7 @@ def _named(wrong: WrongLength) -> str:
 
 def _along_errors(ax: Axes, study: Pretension) -> None:
     most = 1e3 * study.wrong[0].errors[-1]
-    ax.set_xlabel(f"error of its length [mm]; {most:.0f} mm are {MOST_ERROR:.0%}")
+    ax.set_xlabel(f"error of its length, {MOST_ERROR:.0%} at the ends [mm]")
     ax.set_xlim(-1.03 * most, 1.03 * most)
     ax.axvline(0, color=style.FAINT, lw=style.HAIR, zorder=0)
 
