@@ -63,6 +63,7 @@ from .physics.release import release as release
 from .physics.settle import settle as settle
 from .physics.settle import settle_many as settle_many
 from .physics.settle import settle_trajectory as settle_trajectory
+from .physics.winding import winch_controls as winch_controls
 from .robots.catalogue import list_robots as list_robots
 from .robots.catalogue import load_robot as load_robot
 from .statics.newton import solve_many as solve_many

@@ -30,6 +30,7 @@ COMMANDS = {
     "schema": robots.schema,
     "show": robots.show,
     "models": robots.models,
+    "view": robots.view,
     "figures": pictures.figures,
     "sweep": workspace.sweep,
     "map": workspace.draw_map,

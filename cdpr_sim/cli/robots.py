@@ -1,4 +1,4 @@
-"""Commands about the robots themselves: robots, new, schema, show, models."""
+"""Commands about the robots themselves: robots, new, schema, show, models, view."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import MaterialName, Pose, problem_of, robot_of
+from cdpr_sim.cli.options import MaterialName, Pose, RobotName, problem_of, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
 from cdpr_sim.core.files import check_place, refuse_existing, write_whole
 from cdpr_sim.core.robot import Kind
+from cdpr_sim.physics.look import look
 from cdpr_sim.physics.model_files import INDEX, PICTURE, model_files, models_index, stale_models, write_models
 from cdpr_sim.report.tables import new_table
 from cdpr_sim.robots import robot_file
@@ -100,6 +101,9 @@ def models(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write <robot>/ into.")] = Path("models"),
     pose: Pose = None,
     material: MaterialName = None,
+    winches: Annotated[
+        bool, typer.Option("--winches", help="Add winch.xml, whose actuators wind the cables, and how to use it.")
+    ] = False,
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is stale.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,
 ) -> None:
@@ -112,6 +116,8 @@ def models(
             problem = problem_of(name, pose, material)
             folder, files = output / problem.robot.name, model_files(problem.robot, problem.pose)
             sources.append("".join(files.values()))
+            if winches and (robot or problem.robot.cabling.massless):
+                files = model_files(problem.robot, problem.pose, winches=True)
             draw = functools.partial(still.draw, problem.robot, problem.pose)
             stale += _renewed(folder, files, folder / PICTURE, draw, sources[-1], check=check, force=force)
             if not check:
@@ -121,9 +127,19 @@ def models(
             draw = functools.partial(still.sheet, [robot for kind in kinds.values() for robot in kind])
             index = {"README.md": models_index(kinds)}
             stale += _renewed(output, index, output / INDEX, draw, "".join(sources), check=check, force=force)
+    command = "cdpr-sim models --winches --force" if winches else "cdpr-sim models --force"
     for path in stale:
-        typer.echo(f"{path}: stale, expected what `cdpr-sim models --force` writes", err=True)
+        typer.echo(f"{path}: stale, expected what `{command}` writes", err=True)
     raise typer.Exit(DISAGREE if stale else 0)
+
+
+def view(robot: RobotName, pose: Pose = None, material: MaterialName = None) -> None:
+    """Open MuJoCo's viewer on the robot, with a slider for each winch.
+
+    The sliders' 0 is the length at the commanded pose; to the right the cable is wound in.
+    """
+    with errors_as_sentences():
+        look(problem_of(robot, pose, material))
 
 
 def _renewed(
