@@ -10,6 +10,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 
 from cdpr_sim.core.cable import DOWN, MOST_CABLES
@@ -83,6 +84,8 @@ class CableTable(_Table):
     diameter: Number | None = _key("As for the whole robot.", LENGTH, None)
     linear_density: Density | None = _key("As for the whole robot.", "kg/m", None)
     stiffening: Pair | None = _key("As for the whole robot.", "", None)
+    force_min: Number | None = _key("As for the whole robot.", "N", None)
+    force_max: Number | None = _key("As for the whole robot.", "N", None)
     pulley: PulleyTable | None = _key("As for the whole robot.", "", None)
 
 
@@ -119,6 +122,8 @@ class RobotTable(_Table):
         0.0,
     )
     stiffening: Pair = _key("(a2, a3) of tension = EA (eps + a2 eps² + a3 eps³).", "", (0.0, 0.0))
+    force_min: Number = _key("Smallest tension that `compensate` and `sweep` keep in a cable.", "N", 0.0)
+    force_max: Number | None = _key("Largest that a cable or its winch takes; by default without a limit.", "N", None)
     pulley: PulleyTable = _key("The wheel at each exit; by default none.", "", PulleyTable(radius=0.0))
     platform: PlatformTable = _key("Its mass, and what it is like: `[platform]`.")
     frame: BoxTable | None = _key("What is drawn; by default the box around the exits, down to the floor.", "", None)
@@ -139,6 +144,8 @@ class RobotTable(_Table):
             mass=self.platform.mass,
             linear_density=[self._density(i, cable, made[i]) for i, cable in enumerate(self.cables)],
             stiffening=[_own(cable.stiffening, self.stiffening) for cable in self.cables],
+            force_min=[_own(cable.force_min, self.force_min) for cable in self.cables],
+            force_max=[_own(_own(cable.force_max, self.force_max), np.inf) for cable in self.cables],
             pulley_radius=[pulley.radius / METRES[self.units] for pulley in pulleys],
             pulley_axis=[pulley.axis for pulley in pulleys],
             center_of_mass=self._metres(self.platform.center_of_mass),
