@@ -26,6 +26,7 @@ COMMANDS = {
     "equilibria": answers.equilibria,
     "identify": answers.identify,
     "robots": robots.robots,
+    "import": robots.import_file,
     "models": robots.models,
     "figures": pictures.figures,
     "sweep": workspace.sweep,

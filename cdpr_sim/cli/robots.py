@@ -1,4 +1,4 @@
-"""Commands about the robots themselves: robots, models."""
+"""Commands about the robots themselves: robots, import, models."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ import typer
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import MaterialName, Pose, problem_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
+from cdpr_sim.core.files import check_place, write_whole
 from cdpr_sim.physics.model_files import model_files, stale_models, write_models
 from cdpr_sim.report.tables import new_table
+from cdpr_sim.robots.importing import FORMATS
+from cdpr_sim.robots.writing import robot_file
 
 
 def robots() -> None:
@@ -28,6 +31,29 @@ def robots() -> None:
     for material in cdpr.MATERIALS.values():
         table.add_row(material.name, f"{material.axial_stiffness:g} N", material.source)
     console.print(table)
+
+
+def import_file(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help=f"Of {', '.join(one.title for one in FORMATS.values())}.")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Robot file to write; default: the robot's name, with .toml.")
+    ] = None,
+    format: Annotated[
+        str | None, typer.Option("--format", help=f"{', '.join(FORMATS)}; default: what the file looks like.")
+    ] = None,
+    cables: Annotated[str | None, typer.Option("--cables", help="CASPR's id of a set of cables.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+) -> None:
+    """Write another project's robot as a robot file, and say what it left out or assumed."""
+    with errors_as_sentences():
+        robot = cdpr.import_robot(file, format, cables)
+        place = check_place(output or Path(f"{robot.name}.toml"), [".toml"], force=force)
+        write_whole({place: robot_file(robot).encode()})
+    typer.echo(f"{place}: {robot.name}, {robot.mobility}, {robot.cables} cables, {robot.mass:g} kg")
+    for note in robot.notes:
+        typer.echo(f"- {note}")
 
 
 def models(

@@ -1,0 +1,160 @@
+"""Robots of CASPR (Darwin Lau): XML in two files, ``*_bodies.xml`` and beside it ``*_cables.xml``, in metres.
+
+A body hangs on a joint: its frame lies at the joint, which moves from the place where the parent has it. Attachments
+are given from the joint or from the centre of mass, which ``attachment_reference`` says; the inertia likewise, by its
+``ref``. Gravity is 9.81 m/s² along -z. ``K`` of a spring cable is its EA.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.robots.importers.draft import Draft
+from cdpr_sim.robots.importers.reading import child, numbers, read_document
+
+TITLE = "CASPR's XML"
+MARKS = {"bodies_system"}
+
+JOINTS: dict[str, tuple[str | None, bool]] = {
+    "SPATIAL_EULER_XYZ": (None, True),
+    "SPATIAL_QUATERNION": (None, True),
+    "T_XYZ": (None, False),
+    "PLANAR_XY": ("xy", True),
+    "PLANAR_XZ": ("xz", True),
+    "PLANAR_YZ": ("yz", True),
+    "P_XY": ("xy", False),
+    "P_XZ": ("xz", False),
+}
+"""Per type of joint that leaves a platform to its cables: the plane of a planar one, and whether the platform turns."""
+
+CABLES = {"cable_ideal", "cable_linear_spring"}
+"""Those with a counterpart; the others are springs, devices and muscles."""
+
+
+def read(document: Element, path: Path, cables: str | None = None) -> Draft:
+    """The robot of such a pair of files.
+
+    Args:
+        document: the bodies.
+        path: their file.
+        cables: the ``id`` of a ``cable_set``; default: the file's own.
+
+    Raises:
+        InvalidInput: something is missing or cannot be right, or has no counterpart: several bodies, a joint about
+            which the body turns, cables through several bodies, springs and muscles.
+        UnknownName: no such set of cables.
+    """
+    bodies = document.findall("links/link_rigid")
+    if len(bodies) != 1:
+        raise InvalidInput(f"<links>: found {len(bodies)} bodies, expected one platform")
+    body, kind = bodies[0], child(bodies[0], "joint").get("type", "")
+    if kind not in JOINTS:
+        raise InvalidInput(f"<joint>: found {kind!r}, which holds the body, expected one of {', '.join(JOINTS)}")
+    plane, turns = JOINTS[kind]
+    physical = child(body, "physical")
+    mass, com = numbers(physical, "mass", 1)[0], np.array(numbers(physical, "com_location", 3))
+    notes: list[str] = []
+    offset = np.array(numbers(child(body, "parent"), "location", 3))
+    if offset.any():
+        notes.append(f"Its poses are counted from {tuple(offset.tolist())} m, ours from the origin.")
+    if plane is not None:
+        offset = offset * [axis in plane for axis in "xyz"]  # the platform stays at the joint's depth
+    try:
+        found = _Cables(_cable_set(path, cables), com, notes)
+    except InvalidInput as error:
+        raise InvalidInput(f"{_cables_path(path).name}: {error}") from None
+    return Draft(
+        name=path.stem.removesuffix("_bodies"),
+        exits=found.exits,
+        anchors=found.anchors,
+        mass=mass,
+        axial_stiffness=found.stiffness,
+        pulley_radius=found.radii,
+        pulley_axis=found.axes,
+        center_of_mass=com,
+        inertia=_inertia(child(physical, "inertia"), mass, com),
+        plane=plane,
+        turns=turns,
+        gravity=0.0 if plane == "xy" else 9.81,
+        description=body.get("name", ""),
+        notes=notes,
+    )
+
+
+def _inertia(element: Element, mass: float, com: np.ndarray) -> np.ndarray:
+    xx, yy, zz, xy, xz, yz = (numbers(element, f"I{axes}", 1)[0] for axes in ("xx", "yy", "zz", "xy", "xz", "yz"))
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    reference = element.get("ref")
+    if reference not in {"com", "joint"}:
+        raise InvalidInput(f"<inertia> ref: found {reference!r}, expected 'com' or 'joint'")
+    return inertia if reference == "com" else inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
+
+
+def _cables_path(path: Path) -> Path:
+    if not path.stem.endswith("_bodies"):
+        raise InvalidInput(f"found the name {path.name!r}, expected NAME_bodies.xml, with NAME_cables.xml beside it")
+    return path.with_name(f"{path.stem.removesuffix('_bodies')}_cables{path.suffix}")
+
+
+def _cable_set(path: Path, wanted: str | None) -> Element:
+    document = read_document(_cables_path(path))
+    sets = {one.get("id", ""): one for one in document.findall("cable_set")}
+    wanted = wanted or document.get("default_cable_set") or next(iter(sets), "")
+    if wanted not in sets:
+        raise UnknownName("set of cables", wanted, sets)
+    return sets[wanted]
+
+
+class _Cables:
+    """What a ``cable_set`` says, a row per cable."""
+
+    def __init__(self, cable_set: Element, com: np.ndarray, notes: list[str]) -> None:
+        self.exits, self.anchors, self.radii, self.axes, moduli, limits = [], [], [], [], [], set()
+        for number, cable in enumerate(cable_set, 1):
+            try:
+                if cable.tag not in CABLES:
+                    raise InvalidInput(f"found <{cable.tag[:60]}>, expected one of {', '.join(sorted(CABLES))}")
+                self._add(cable, com)
+                properties = child(cable, "properties")
+                limits.add(tuple(numbers(properties, f"force_{which}", 1)[0] for which in ("min", "max")))
+                moduli.append(numbers(properties, "K", 1)[0] if cable.tag == "cable_linear_spring" else None)
+            except InvalidInput as error:
+                raise InvalidInput(f"cable {number}: {error}") from None
+        if not self.exits:
+            raise InvalidInput("<cable_set>: found no cable, expected at least one")
+        self.stiffness = None if None in moduli else [one for one in moduli if one is not None]
+        if self.stiffness is None and any(moduli):
+            raise InvalidInput("<cable_set>: found cables that stretch beside ideal ones, expected one kind")
+        low, high = min(one[0] for one in limits), max(one[1] for one in limits)
+        notes.append(f"The limits of tension of its cables, {low:g} to {high:g} N, were left out.")
+
+    def _add(self, cable: Element, com: np.ndarray) -> None:
+        ends = list(child(cable, "attachments"))
+        if len(ends) != 2:
+            raise InvalidInput(f"found {len(ends)} attachments, expected two: cables do not run through several bodies")
+        reference = cable.get("attachment_reference")
+        if reference not in {"com", "joint"}:
+            raise InvalidInput(f"attachment_reference: found {reference!r}, expected 'com' or 'joint'")
+        if ends[0].tag == "base_rotating_pulley":
+            exit, self_radius = numbers(ends[0], "fixed_location", 3), numbers(ends[0], "pulley_radius", 1)[0]
+            axis = numbers(ends[0], "cable_entry_vector", 3)
+            links = [0, numbers(ends[1], "link", 1)[0]]
+        elif ends[0].tag == ends[1].tag == "attachment":
+            ends = sorted(ends, key=lambda end: numbers(end, "link", 1)[0] != 0)
+            links = [numbers(end, "link", 1)[0] for end in ends]
+            exit, self_radius, axis = numbers(ends[0], "location", 3), 0.0, [0.0, 0.0, -1.0]
+        else:
+            raise InvalidInput(f"found <{ends[0].tag[:60]}> and <{ends[1].tag[:60]}>, expected two attachments")
+        if links != [0, 1]:
+            raise InvalidInput(
+                f"found ends on links {links[0]:g} and {links[1]:g}, expected one on the base, 0, and one on 1"
+            )
+        anchor = np.array(numbers(ends[1], "location", 3))
+        self.exits.append(exit)
+        self.anchors.append(anchor + com if reference == "com" else anchor)
+        self.radii.append(self_radius)
+        self.axes.append(axis)
