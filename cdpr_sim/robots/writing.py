@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,7 +59,7 @@ def _lines(robot: Robot) -> Iterator[str]:
             yield f"pulley = {_pulley(cabling.pulley_radius[cable], cabling.pulley_axis[cable])}"
 
 
-def _pulley(radius: float, axis: Sequence[float]) -> str:
+def _pulley(radius: float, axis: np.ndarray) -> str:
     arrives = "" if tuple(axis) == DOWN else f", axis = {_numbers(axis)}"
     return f"{{ radius = {_numbers(radius)}{arrives} }}"
 

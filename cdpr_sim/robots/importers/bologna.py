@@ -98,7 +98,7 @@ def read(document: Any, path: Path) -> Draft:
     if not used:
         raise InvalidInput("actuator: found none that is active, expected at least one")
     if idle := len(file.actuators) - len(used):
-        notes.append(f"{idle} of its {len(file.actuators)} actuators are not active, and were left out.")
+        notes.append(f"Actuators that are not active were left out, {idle} of its {len(file.actuators)}.")
     notes.append("Transmission ratios and drums of its winches were left out.")
     if any(platform.force) or any(platform.torque):
         notes.append(

@@ -12,7 +12,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.errors import CdprError, InvalidInput, UnknownName
 from cdpr_sim.robots.importers.draft import Draft
 from cdpr_sim.robots.importers.reading import child, numbers, read_document
 
@@ -45,13 +46,13 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
 
     Raises:
         InvalidInput: something is missing or cannot be right, or has no counterpart: several bodies, a joint about
-            which the body turns, cables through several bodies, springs and muscles.
-        UnknownName: no such set of cables.
+            which the body turns, cables through several bodies, springs and muscles; or no such set of cables.
     """
     bodies = document.findall("links/link_rigid")
     if len(bodies) != 1:
         raise InvalidInput(f"<links>: found {len(bodies)} bodies, expected one platform")
-    body, kind = bodies[0], child(bodies[0], "joint").get("type", "")
+    body, joint = bodies[0], child(bodies[0], "joint")
+    kind = joint.get("type", "")
     if kind not in JOINTS:
         raise InvalidInput(f"<joint>: found {kind!r}, which holds the body, expected one of {', '.join(JOINTS)}")
     plane, turns = JOINTS[kind]
@@ -61,12 +62,12 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
     offset = np.array(numbers(child(body, "parent"), "location", 3))
     if offset.any():
         notes.append(f"Its poses are counted from {tuple(offset.tolist())} m, ours from the origin.")
-    if plane is not None:
-        offset = offset * [axis in plane for axis in "xyz"]  # the platform stays at the joint's depth
+    file = _cables_path(path)
+    document = read_document(file)
     try:
-        found = _Cables(_cable_set(path, cables), com, notes)
-    except InvalidInput as error:
-        raise InvalidInput(f"{_cables_path(path).name}: {error}") from None
+        found = _Cables(_cable_set(document, cables), com, notes)
+    except CdprError as error:
+        raise InvalidInput(f"{file.name}: {error}") from None
     return Draft(
         name=path.stem.removesuffix("_bodies"),
         exits=found.exits,
@@ -80,9 +81,19 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
         plane=plane,
         turns=turns,
         gravity=0.0 if plane == "xy" else 9.81,
+        home=_home(joint, plane, offset),
         description=body.get("name", ""),
         notes=notes,
     )
+
+
+def _home(joint: Element, plane: str | None, offset: np.ndarray) -> np.ndarray:
+    """Where the platform begins: the translations are a joint's first coordinates."""
+    axes = ["xyz".index(axis) for axis in plane or "xyz"]
+    given = (joint.get("q_initial") or "").split()[: len(axes)]
+    home = offset.copy()
+    home[axes] += checked_array("<joint> q_initial", given or np.zeros(len(axes)), (len(axes),))
+    return home
 
 
 def _inertia(element: Element, mass: float, com: np.ndarray) -> np.ndarray:
@@ -100,13 +111,12 @@ def _cables_path(path: Path) -> Path:
     return path.with_name(f"{path.stem.removesuffix('_bodies')}_cables{path.suffix}")
 
 
-def _cable_set(path: Path, wanted: str | None) -> Element:
-    document = read_document(_cables_path(path))
+def _cable_set(document: Element, wanted: str | None) -> Element:
     sets = {one.get("id", ""): one for one in document.findall("cable_set")}
-    wanted = wanted or document.get("default_cable_set") or next(iter(sets), "")
-    if wanted not in sets:
-        raise UnknownName("set of cables", wanted, sets)
-    return sets[wanted]
+    chosen = wanted or document.get("default_cable_set") or next(iter(sets), "")
+    if chosen not in sets:
+        raise UnknownName("set of cables", chosen, sets)
+    return sets[chosen]
 
 
 class _Cables:

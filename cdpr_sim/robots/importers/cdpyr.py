@@ -91,12 +91,21 @@ class _Chain(Part):
     cable: int = Field(ge=0)
 
 
+class _Linear(Part):
+    position: Vector | None = None
+
+
+class _Pose(Part):
+    linear: _Linear | None = None
+
+
 class _Robot(Part):
     name: str | None = None
     frame: _Frame
     platforms: list[_Platform]
     cables: list[_Cable]
     kinematic_chains: list[_Chain] = Field(min_length=1)
+    home_pose: _Pose | None = None
 
 
 def read(document: Any, path: Path) -> Draft:
@@ -143,6 +152,7 @@ def read(document: Any, path: Path) -> Draft:
         inertia=_inertia(platform.inertia.angular),
         plane=plane,
         turns=turns,
+        home=file.home_pose and file.home_pose.linear and file.home_pose.linear.position,
         notes=notes,
     )
 

@@ -19,6 +19,9 @@ STRAIN = 1e-3
 IN_PLANE = 1e-9
 """[m] How far points of a planar robot may lie from one plane."""
 
+SHALLOW = 0.25
+"""Of a frame's width: lower exits leave no room for a platform between them and the floor."""
+
 TO_XZ = {
     "xz": np.eye(3),
     "xy": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -32,7 +35,7 @@ class Draft:
     """Fields of ``Robot``, as far as the file gives them; ``notes`` says what it has not got, or has and we have not.
 
     ``axial_stiffness`` is None where cables do not stretch; ``plane`` is that of a planar robot, and its gravity that
-    along the plane.
+    along the plane; ``home`` is where the file has the platform to begin with.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Draft:
     gravity: float = STANDARD_GRAVITY
     platform_size: ArrayLike | None = None
     frame: ArrayLike | None = None
+    home: ArrayLike | None = None
     description: str = ""
     source: str = ""
     notes: list[str] = field(default_factory=list)
@@ -65,6 +69,8 @@ class Draft:
         if not self.turns:
             self._refuse_rigid_translation(anchors)
         turn = TO_XZ[self.plane or "xz"]
+        frame = None if self.frame is None else checked_array("frame", self.frame, (2, 3)) @ turn.T
+        home = None if self.home is None else turn @ checked_array("home", self.home, (3,))
         mobility: Mobility = "spatial" if self.plane is None else "planar"
         exits, anchors = exits @ turn.T, anchors @ turn.T
         axes = np.broadcast_to(checked_array("pulley_axis", self.pulley_axis, None), exits.shape) @ turn.T
@@ -74,6 +80,7 @@ class Draft:
         if self.plane is not None:
             exits, anchors, center = self._flat(exits, anchors, center)
             radius = self._upright_wheels(radius, axes)
+        frame = self._deep(exits) if frame is None else frame
         return Robot(
             exits=exits,
             anchors=anchors,
@@ -88,7 +95,8 @@ class Draft:
             gravity=self.gravity,
             name=plain(self.name)[:LONGEST_NAME].replace("/", "-").replace("\\", "-").strip(". ") or "robot",
             platform_size=self._size(anchors),
-            frame=self.frame,
+            frame=frame,
+            workspace=_workspace(exits, frame, home),
             description=plain(self.description),
             source=plain(self.source),
             notes=[plain(note) for note in self.notes],
@@ -113,6 +121,16 @@ class Draft:
         if self.plane != "xz":
             self.notes.append(f"Its {self.plane[0]}-{self.plane[1]} plane became the x-z plane.")  # type: ignore[index]
         return tuple(points * [1, 0, 1] for points in (exits, anchors, center))
+
+    def _deep(self, exits: np.ndarray) -> np.ndarray | None:
+        """A frame as deep as it is wide, where the exits lie on the floor or below it; None where they do not."""
+        top, width = exits[:, 2].max(), np.ptp(exits[:, :2], axis=0).max() or 1.0  # of one exit, a metre
+        if top - min(exits[:, 2].min(), 0.0) > SHALLOW * width:
+            return None
+        self.notes.append(
+            f"Its exits lie on the floor, z = 0: the platform was taken to hang in {width:.3g} m below them."
+        )
+        return np.array([np.append(exits[:, :2].min(0), top - width), exits.max(0)])
 
     def _stiffness(self) -> Sequence[float] | float:
         if self.axial_stiffness is not None:
@@ -164,6 +182,17 @@ class Draft:
             return self.platform_size
         self.notes.append("All cables meet at the platform's origin: it is drawn, and turns, as a box of 0.1 m.")
         return (0.1, 0.1, 0.1)
+
+
+def _workspace(exits: np.ndarray, frame: np.ndarray | None, home: np.ndarray | None) -> np.ndarray | None:
+    """A box around ``home`` within the frame, half as large at most; None where there is no home in the frame."""
+    if frame is None:
+        frame = np.array([np.append(exits[:, :2].min(0), min(exits[:, 2].min(), 0.0)), exits.max(0)])
+    lower, upper = frame.min(0), frame.max(0)
+    if home is None or (home < lower).any() or (home > upper).any():
+        return None
+    half = np.minimum((upper - lower) / 4, np.minimum(home - lower, upper - home))
+    return np.array([home - half, home + half])
 
 
 def plain(text: str) -> str:

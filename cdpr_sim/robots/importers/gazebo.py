@@ -32,8 +32,13 @@ class _Inertial(Part):
     yz: Number = 0.0
 
 
+class _Position(Part):
+    xyz: Vector
+
+
 class _Platform(Part):
     mass: Number
+    position: _Position | None = None
     size: Vector | None = None
     inertia: tuple[Number, Number, Number, Number, Number, Number] | None = None
     inertial: _Inertial | None = None
@@ -82,6 +87,7 @@ def read(document: Any, path: Path) -> Draft:
         inertia=inertia and _matrix(*inertia),
         platform_size=platform.size,
         frame=model.frame and (model.frame.lower, model.frame.upper),
+        home=platform.position and platform.position.xyz,
         notes=notes,
     )
 
