@@ -110,7 +110,7 @@ def answer(file: Path) -> tuple[str, str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="Damaged files through every importer.")
     parser.add_argument("--mutations", type=int, default=MUTATIONS, help="per file")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()

@@ -7,11 +7,14 @@ are given from the joint or from the centre of mass, which ``attachment_referenc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from cdpr_sim.core.cable import DOWN
 from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.errors import CdprError, InvalidInput, UnknownName
 from cdpr_sim.robots.importers.draft import Draft
@@ -60,28 +63,31 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
     mass, com = numbers(physical, "mass", 1)[0], np.array(numbers(physical, "com_location", 3))
     notes: list[str] = []
     offset = np.array(numbers(child(body, "parent"), "location", 3))
-    if offset.any():
-        notes.append(f"Its poses are counted from {tuple(offset.tolist())} m, ours from the origin.")
+    depth = offset * [axis not in (plane or "xyz") for axis in "xyz"]  # at which a planar platform stays
+    if (offset != depth).any():
+        notes.append(f"Its poses are counted from {tuple((offset - depth).tolist())} m, ours from the origin.")
     file = _cables_path(path)
     document = read_document(file)
     try:
-        found = _Cables(_cable_set(document, cables), com, notes)
+        found = _cables(_cable_set(document, cables), com)
     except CdprError as error:
         raise InvalidInput(f"{file.name}: {error}") from None
+    low, high = min(one.force_min for one in found), max(one.force_max for one in found)
+    notes.append(f"The limits of tension of its cables, {low:g} to {high:g} N, were left out.")
     return Draft(
         name=path.stem.removesuffix("_bodies"),
-        exits=found.exits,
-        anchors=found.anchors,
+        exits=[one.exit - depth for one in found],
+        anchors=[one.anchor for one in found],
         mass=mass,
-        axial_stiffness=found.stiffness,
-        pulley_radius=found.radii,
-        pulley_axis=found.axes,
+        axial_stiffness=[one.stiffness for one in found if one.stiffness is not None] or None,
+        pulley_radius=[one.radius for one in found],
+        pulley_axis=[one.axis for one in found],
         center_of_mass=com,
         inertia=_inertia(child(physical, "inertia"), mass, com),
         plane=plane,
         turns=turns,
         gravity=0.0 if plane == "xy" else 9.81,
-        home=_home(joint, plane, offset),
+        home=_home(joint, plane, offset) - depth,
         description=body.get("name", ""),
         notes=notes,
     )
@@ -119,52 +125,61 @@ def _cable_set(document: Element, wanted: str | None) -> Element:
     return sets[chosen]
 
 
-class _Cables:
-    """What a ``cable_set`` says, a row per cable."""
+class _Cable(NamedTuple):
+    """What a file says of one cable; ``stiffness`` is None of an ideal one."""
 
-    def __init__(self, cable_set: Element, com: np.ndarray, notes: list[str]) -> None:
-        self.exits, self.anchors, self.radii, self.axes, moduli, limits = [], [], [], [], [], set()
-        for number, cable in enumerate(cable_set, 1):
-            try:
-                if cable.tag not in CABLES:
-                    raise InvalidInput(f"found <{cable.tag[:60]}>, expected one of {', '.join(sorted(CABLES))}")
-                self._add(cable, com)
-                properties = child(cable, "properties")
-                limits.add(tuple(numbers(properties, f"force_{which}", 1)[0] for which in ("min", "max")))
-                moduli.append(numbers(properties, "K", 1)[0] if cable.tag == "cable_linear_spring" else None)
-            except InvalidInput as error:
-                raise InvalidInput(f"cable {number}: {error}") from None
-        if not self.exits:
-            raise InvalidInput("<cable_set>: found no cable, expected at least one")
-        self.stiffness = None if None in moduli else [one for one in moduli if one is not None]
-        if self.stiffness is None and any(moduli):
-            raise InvalidInput("<cable_set>: found cables that stretch beside ideal ones, expected one kind")
-        low, high = min(one[0] for one in limits), max(one[1] for one in limits)
-        notes.append(f"The limits of tension of its cables, {low:g} to {high:g} N, were left out.")
+    exit: list[float]
+    anchor: np.ndarray
+    radius: float
+    axis: Sequence[float]
+    stiffness: float | None
+    force_min: float
+    force_max: float
 
-    def _add(self, cable: Element, com: np.ndarray) -> None:
-        ends = list(child(cable, "attachments"))
-        if len(ends) != 2:
-            raise InvalidInput(f"found {len(ends)} attachments, expected two: cables do not run through several bodies")
-        reference = cable.get("attachment_reference")
-        if reference not in {"com", "joint"}:
-            raise InvalidInput(f"attachment_reference: found {reference!r}, expected 'com' or 'joint'")
-        if ends[0].tag == "base_rotating_pulley":
-            exit, self_radius = numbers(ends[0], "fixed_location", 3), numbers(ends[0], "pulley_radius", 1)[0]
-            axis = numbers(ends[0], "cable_entry_vector", 3)
-            links = [0, numbers(ends[1], "link", 1)[0]]
-        elif ends[0].tag == ends[1].tag == "attachment":
-            ends = sorted(ends, key=lambda end: numbers(end, "link", 1)[0] != 0)
-            links = [numbers(end, "link", 1)[0] for end in ends]
-            exit, self_radius, axis = numbers(ends[0], "location", 3), 0.0, [0.0, 0.0, -1.0]
-        else:
-            raise InvalidInput(f"found <{ends[0].tag[:60]}> and <{ends[1].tag[:60]}>, expected two attachments")
-        if links != [0, 1]:
-            raise InvalidInput(
-                f"found ends on links {links[0]:g} and {links[1]:g}, expected one on the base, 0, and one on 1"
-            )
-        anchor = np.array(numbers(ends[1], "location", 3))
-        self.exits.append(exit)
-        self.anchors.append(anchor + com if reference == "com" else anchor)
-        self.radii.append(self_radius)
-        self.axes.append(axis)
+
+def _cables(cable_set: Element, com: np.ndarray) -> list[_Cable]:
+    found = []
+    for number, element in enumerate(cable_set, 1):
+        try:
+            found.append(_cable(element, com))
+        except InvalidInput as error:
+            raise InvalidInput(f"cable {number}: {error}") from None
+    if not found:
+        raise InvalidInput("<cable_set>: found no cable, expected at least one")
+    if len({one.stiffness is None for one in found}) > 1:
+        raise InvalidInput("<cable_set>: found cables that stretch beside ideal ones, expected one kind")
+    return found
+
+
+def _cable(element: Element, com: np.ndarray) -> _Cable:
+    if element.tag not in CABLES:
+        raise InvalidInput(f"found <{element.tag[:60]}>, expected one of {', '.join(sorted(CABLES))}")
+    reference = element.get("attachment_reference")
+    if reference not in {"com", "joint"}:
+        raise InvalidInput(f"attachment_reference: found {reference!r}, expected 'com' or 'joint'")
+    ends = list(child(element, "attachments"))
+    if len(ends) != 2:
+        raise InvalidInput(f"found {len(ends)} attachments, expected two: cables do not run through several bodies")
+    if ends[0].tag == "base_rotating_pulley":
+        exit, links = numbers(ends[0], "fixed_location", 3), [0.0, *numbers(ends[1], "link", 1)]
+        radius, axis = numbers(ends[0], "pulley_radius", 1)[0], numbers(ends[0], "cable_entry_vector", 3)
+    elif ends[0].tag == ends[1].tag == "attachment":
+        ends.sort(key=lambda end: numbers(end, "link", 1)[0] != 0)  # from the base to the platform
+        exit, links = numbers(ends[0], "location", 3), [numbers(end, "link", 1)[0] for end in ends]
+        radius, axis = 0.0, DOWN
+    else:
+        raise InvalidInput(f"found <{ends[0].tag[:60]}> and <{ends[1].tag[:60]}>, expected two attachments")
+    if links != [0, 1]:
+        raise InvalidInput(
+            f"found ends on links {links[0]:g} and {links[1]:g}, expected one on the base, 0, and one on 1"
+        )
+    anchor, properties = np.array(numbers(ends[1], "location", 3)), child(element, "properties")
+    return _Cable(
+        exit=exit,
+        anchor=anchor + com if reference == "com" else anchor,
+        radius=radius,
+        axis=axis,
+        stiffness=numbers(properties, "K", 1)[0] if element.tag == "cable_linear_spring" else None,
+        force_min=numbers(properties, "force_min", 1)[0],
+        force_max=numbers(properties, "force_max", 1)[0],
+    )

@@ -19,7 +19,7 @@ STRAIN = 1e-3
 IN_PLANE = 1e-9
 """[m] How far points of a planar robot may lie from one plane."""
 
-SHALLOW = 0.25
+SHALLOW = 0.1
 """Of a frame's width: lower exits leave no room for a platform between them and the floor."""
 
 TO_XZ = {
