@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
+from cdpr_sim.core.cable import Cabling
 from cdpr_sim.robots.importers.draft import Draft
 from cdpr_sim.robots.writing import robot_file
 
@@ -130,7 +131,7 @@ def test_a_robot_with_all_there_is_reads_back_as_the_same(tmp_path):
     """Own values per cable, a slanted axis, a planar robot without gravity, letters that need care."""
     robot = cdpr.Robot(
         exits=[[0, 0, 1], [1, 0, 1.1]], anchors=[[-0.1, 0, 0], [0.1, 0, 1 / 3]], axial_stiffness=[1e3, 2e4], mass=0.1,
-        pulley_radius=[0.01, 0], pulley_axis=[[0.3, 0, 0.7], [0, 0, -1]], stiffening=[(1, 2), (0, 0)],
+        pulley_radius=[0.01, 0], pulley_axis=[[0.3, 0, 0.7], [1, 0, 0]], stiffening=[(1, 2), (0, 0)],
         mobility="planar", gravity=0, name="a \"b\" 'c' é", description='tab\tand "quote" and new\nline', source="π",
         frame=[[0, 0, 0], [1, 0, 1.2]], workspace=[[0.2, 0, 0.1], [0.4, 0, 0.3]], platform_size=(0.2, 0.1, 0.05),
     )  # fmt: skip
@@ -140,6 +141,14 @@ def test_a_robot_with_all_there_is_reads_back_as_the_same(tmp_path):
     assert again.cabling.same_as(robot.cabling)
     assert (again.description, again.name, again.gravity) == (robot.description, robot.name, 0)
     assert np.array_equal(again.workspace, robot.workspace)
+
+
+def test_an_axis_of_length_one_is_kept_to_the_last_bit():
+    """Else a robot that is written and read again would drift."""
+    axes = np.random.default_rng(0).normal(size=(1000, 3))
+    once = Cabling(np.zeros((1000, 3)), np.ones((1000, 3)), 1e3, pulley_axis=axes).pulley_axis
+    again = Cabling(np.zeros((1000, 3)), np.ones((1000, 3)), 1e3, pulley_axis=once).pulley_axis
+    assert np.array_equal(once, again)
 
 
 def test_load_robot_and_the_solver_take_such_a_file():
@@ -331,7 +340,7 @@ def test_several_platforms_are_refused(tmp_path):
 
 
 HOSTILE = {
-    "entities.xml": (
+    "bomb.xml": (
         b'<!DOCTYPE a [<!ENTITY b "bb"><!ENTITY c "&b;&b;">]><models><robot>&c;</robot></models>',
         "entities",
     ),
@@ -341,7 +350,7 @@ HOSTILE = {
     "objects.yaml": (b"points: !!python/object/apply:os.getcwd []\n", "is not YAML: could not determine a constructor"),
     "date.yaml": (b"points: 2001-99-99\n", "is not YAML: 'month must be in 1..12"),
     "deep.json": (b"[" * 100_000, "nested too deeply"),
-    "latin.json": ('{"actuator": "é"}'.encode("latin-1"), "not UTF-8"),
+    "letters.json": ('{"actuator": "é"}'.encode("latin-1"), "not UTF-8"),
     "digits.json": (b'{"actuator": ' + b"9" * 5000 + b"}", "is not JSON"),
     "large.yaml": (b"#" * 1_000_001, "more than 1 MB"),
     "empty.yaml": (b"", "expected a robot's file"),
