@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from rich.markup import escape
@@ -21,24 +21,37 @@ Outcome = Equilibrium | NotConverged | NotSettled
 
 SLACK = "slack"
 
+HEADINGS = {
+    "mujoco": "MuJoCo",
+    "newton": "Newton",
+    "seecr/fsolve": "SEECR\nfsolve",
+    "seecr/least_squares": "SEECR\nleast_sq.",
+}
+"""Of a column, by the source that its numbers carry: nobody who hands in a result says whose it is."""
+
 
 def best_point(outcome: Outcome) -> Equilibrium | None:
     """The equilibrium, or the best point of a failure."""
     return outcome if isinstance(outcome, Equilibrium) else outcome.equilibrium
 
 
-def settle_table(problem: Problem, outcomes: Mapping[str, Outcome]) -> Table:
+def heading(point: Equilibrium | None) -> str:
+    """Of the column of a result, by its source."""
+    return "" if point is None else HEADINGS.get(point.source, point.source)
+
+
+def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
     """One column per road beside the commanded pose; a road that failed shows its best point, marked as such."""
     robot = problem.robot
     title = f"{robot.name}, {cables_in_words(robot, 'N')}, platform of {robot.mass:g} kg"
     table = new_table(title, "", "commanded", roads=True)
-    points = {name: best_point(outcome) for name, outcome in outcomes.items()}
-    for name, outcome in outcomes.items():
-        found = isinstance(outcome, Equilibrium)
-        table.add_column(escape(name), justify="right", no_wrap=True, style="" if found else "dim")
+    points = [best_point(outcome) for outcome in outcomes]
+    for outcome, point in zip(outcomes, points, strict=True):
+        style = "" if isinstance(outcome, Equilibrium) else "dim"
+        table.add_column(escape(heading(point)), justify="right", no_wrap=True, style=style)
 
     def row(label: str, commanded: str, show: Callable[[Equilibrium], str]) -> None:
-        shown = ("" if point is None else show(point) for point in points.values())
+        shown = ("" if point is None else show(point) for point in points)
         table.add_row(escape(label), commanded, *shown)
 
     start = problem.pose
@@ -56,7 +69,7 @@ def settle_table(problem: Problem, outcomes: Mapping[str, Outcome]) -> Table:
     table.add_section()
     row("unbalanced [N]", "", lambda e: f"{e.residual:.1e}")
     row("iterations", "", lambda e: str(e.iterations))
-    words = (e.stability.name.lower() if isinstance(e, Equilibrium) else "[red]none[/]" for e in outcomes.values())
+    words = (e.stability.name.lower() if isinstance(e, Equilibrium) else "[red]none[/]" for e in outcomes)
     table.add_row("equilibrium", "", *words)
     return table
 
