@@ -203,11 +203,12 @@ def test_dummies_of_wirex_are_recognised(tmp_path):
         ('x="0.01" y="-0.02" z="0.03"', 'x="0.000000" y="1.000000" z="0.200000"'),
         ('Iyy="0.04"', ""),
         ('elasticity="2e9" radius="0.002523132522"', 'elasticity="110000000000.0" radius="0.006"'),
+        *[('radius="0.03"', 'radius="0.100000"')] * 4,
     ]
     robot = cdpr.import_robot(changed(tmp_path, "crane.wcrfx", *dummies))
     assert not robot.center_of_mass.any()
     assert robot.inertia[0, 1] == 0
-    for words in ("a metre off", "25 kg", "incomplete", "default"):
+    for words in ("a metre off", "25 kg", "incomplete", "steel wire", "0.1 m, is WireX's default"):
         assert any(words in note for note in robot.notes), words
 
 
@@ -312,6 +313,7 @@ WRONG = [
     ("crane_bologna.json", [("[[0], [0], [1]]", "[[0], [0], [0]]")], "gravity_axis: found (0.0, 0.0, 0.0)"),
     ("crane_bologna.json", [("[[-1.], [-0.8], [2.]]", "[[-1.], [-0.8]]")], "actuator.0.pulley"),
     ("crane_bologna.json", [("{", '{"motion_pattern": "TWO",')], "motion_pattern: found 'TWO'"),
+    ("crane_gazebo.yaml", [("mass: 5", "mass: -5")], "mass: found -5 kg, expected more than 0"),
     ("crane_gazebo.yaml", [("points:", "points: []\nmore:")], "points: found []"),
     ("crane_gazebo.yaml", [("platform: [-0.1", "platform: [.inf")], "points.0.platform.0: found inf"),
     ("crane_gazebo.yaml", [("mass: 5", "mass: 5: 6")], "is not YAML: mapping values are not allowed here in line"),

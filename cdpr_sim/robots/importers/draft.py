@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.cable import DOWN
-from cdpr_sim.core.checks import LONGEST_NAME, checked_array
+from cdpr_sim.core.checks import LONGEST_NAME, checked_array, positive
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
 
@@ -64,7 +64,8 @@ class Draft:
         Raises:
             InvalidInput: a field that cannot be right, or a platform that only shifts.
         """
-        exits = checked_array("exits", np.asarray(self.exits).tolist() or np.empty((0, 3)), (None, 3))
+        mass = positive("mass", self.mass, "kg")
+        exits = checked_array("exits", self.exits, (None, 3))
         anchors = checked_array("anchors", self.anchors, (len(exits), 3))
         if not self.turns:
             self._refuse_rigid_translation(anchors)
@@ -85,7 +86,7 @@ class Draft:
             exits=exits,
             anchors=anchors,
             axial_stiffness=self._stiffness(),
-            mass=self.mass,
+            mass=mass,
             linear_density=self._density(radius),
             pulley_radius=radius,
             pulley_axis=axes,

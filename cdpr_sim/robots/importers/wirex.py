@@ -27,8 +27,8 @@ DUMMY_MASS, DUMMY_CENTER = 25.0, (0.0, 1.0, 0.2)
 DUMMY_CABLE = (110e9, 0.006)
 """[Pa, m] Modulus and radius likewise: steel wire, on the diameter of a Dyneema rope."""
 
-DEFAULT_PULLEY = 0.1
-"""[m] Radius that WireX takes where none is given."""
+DUMMY_PULLEY = 0.1
+"""[m] Radius of every pulley likewise; taken where none is given as well."""
 
 LEAST_MODULUS = 1.0
 """[Pa] An ``elasticity`` below is a compliance, in 1/N."""
@@ -65,6 +65,9 @@ def read(document: Element, path: Path) -> Draft:
     bases = [child(chain, "base") for chain in chains]
     if document.find("winch") is not None:
         notes.append("Motors, drums and limits of its winches were left out.")
+    radii = [attribute(base, "radius", DUMMY_PULLEY) for base in bases]
+    if set(radii) == {DUMMY_PULLEY}:
+        notes.append(f"The radius of its pulleys, {DUMMY_PULLEY:g} m, is WireX's default, and was taken.")
     mass, center, inertia = _platform(robot.find("platform"), notes)
     stiffness, density = _cable(document.find("cable"), notes)
     return Draft(
@@ -74,7 +77,7 @@ def read(document: Element, path: Path) -> Draft:
         mass=mass,
         axial_stiffness=stiffness,
         linear_density=density,
-        pulley_radius=[attribute(base, "radius", DEFAULT_PULLEY) for base in bases],
+        pulley_radius=radii,
         pulley_axis=[[attribute(base, f"a{row}3", float(row == 3)) for row in (1, 2, 3)] for base in bases],
         center_of_mass=center,
         inertia=inertia,
