@@ -183,6 +183,19 @@ def test_mujocos_column_is_mujocos(monkeypatch):
     assert told["results"]["newton"]["source"] == "newton"
 
 
+def test_a_line_is_listed_with_how_far_the_roads_are_apart():
+    """Millimetres, degrees, cables that are taut, and nanometres."""
+    ends = [made_up("mujoco"), made_up("newton")]
+    agreements = [agreement(Verdict.AGREE, position_error=1.5e-9), agreement(Verdict.DISAGREE, position_error=2.5e-6)]
+    shown = columns(crosscheck.line_table("title", ends, agreements))
+    tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in ((3, 20), (4, 21))]
+    assert shown == {
+        "commanded x [mm]": ["400.00", "400.00"], "x [mm]": ["411.00", "412.00"], "sag [mm]": ["7.000", "10.000"],
+        "tilt [°]": [f"{math.degrees(tilt):.3f}" for tilt in tilts], "about y [°]": ["20.000", "21.000"],
+        "taut cables": ["6", "6"], "roads apart [nm]": ["1.50", "2500.00"], "verdict": ["agree", "[red]differ[/]"],
+    }  # fmt: skip
+
+
 def compensation(**changes) -> Compensation:
     values = dict(
         commanded=RigidTransform.from_translation(COMMANDED), equilibrium=made_up("newton"), reach=Reach.NEAREST,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from rich.markup import escape
@@ -11,7 +11,6 @@ from rich.table import Table
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled
 from cdpr_sim.core.pose import euler, tilt
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.words import cables_in_words
 from cdpr_sim.crosscheck.compare import Agreement
 from cdpr_sim.report.tables import new_table
@@ -74,7 +73,7 @@ def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
     return table
 
 
-def line_table(title: str, settled: Rests, agreements: Sequence[Agreement]) -> Table:
+def line_table(title: str, settled: Iterable[Equilibrium], agreements: Sequence[Agreement]) -> Table:
     """One row per commanded pose: where the platform ends up, and how far the two roads are apart."""
     table = new_table(
         title,
