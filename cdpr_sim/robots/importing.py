@@ -23,13 +23,14 @@ class _Format(NamedTuple):
 
 
 FORMATS = {
-    "caspr": _Format(caspr.TITLE, caspr.MARKS, caspr.read),
-    "wirex": _Format(wirex.TITLE, wirex.MARKS, wirex.read),
-    "cdpyr": _Format(cdpyr.TITLE, cdpyr.MARKS, cdpyr.read),
-    "gazebo": _Format(gazebo.TITLE, gazebo.MARKS, gazebo.read),
-    "bologna": _Format(
-        bologna.TITLE, bologna.MARKS, bologna.read
-    ),  # after gazebo, whose files have a key "cable" as well
+    name: _Format(module.TITLE, module.MARKS, module.read)
+    for name, module in {
+        "caspr": caspr,
+        "wirex": wirex,
+        "cdpyr": cdpyr,
+        "gazebo": gazebo,
+        "bologna": bologna,  # after gazebo, whose files have a key "cable" as well
+    }.items()
 }
 """Of other projects, by name."""
 

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import AliasChoices, Field, model_validator
 from scipy.spatial.transform import Rotation
 
+from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.robots.importers.draft import Draft
 from cdpr_sim.robots.importers.reading import Matrix, Number, Part, Vector, as_model
@@ -92,7 +93,7 @@ def read(document: Any, path: Path) -> Draft:
     """
     file = as_model(_File, document)
     if file.motion_pattern not in PATTERNS:
-        raise InvalidInput(f"motion_pattern: found {file.motion_pattern!r}, expected one of {', '.join(PATTERNS)}")
+        raise InvalidInput(f"motion_pattern: found {shown(file.motion_pattern)}, expected one of {', '.join(PATTERNS)}")
     plane, turns = PATTERNS[file.motion_pattern]
     used, platform, notes = [one for one in file.actuators if one.active], file.platform, []
     if not used:

@@ -15,8 +15,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from cdpr_sim.core.cable import DOWN
-from cdpr_sim.core.checks import checked_array
-from cdpr_sim.core.errors import CdprError, InvalidInput, UnknownName
+from cdpr_sim.core.checks import checked_array, shown
+from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, UnknownName
 from cdpr_sim.robots.importers.draft import Draft
 from cdpr_sim.robots.importers.reading import child, numbers, read_document
 
@@ -57,7 +57,7 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
     body, joint = bodies[0], child(bodies[0], "joint")
     kind = joint.get("type", "")
     if kind not in JOINTS:
-        raise InvalidInput(f"<joint>: found {kind!r}, which holds the body, expected one of {', '.join(JOINTS)}")
+        raise InvalidInput(f"<joint>: found {shown(kind)}, which holds the body, expected one of {', '.join(JOINTS)}")
     plane, turns = JOINTS[kind]
     physical = child(body, "physical")
     mass, com = numbers(physical, "mass", 1)[0], np.array(numbers(physical, "com_location", 3))
@@ -107,13 +107,15 @@ def _inertia(element: Element, mass: float, com: np.ndarray) -> np.ndarray:
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     reference = element.get("ref")
     if reference not in {"com", "joint"}:
-        raise InvalidInput(f"<inertia> ref: found {reference!r}, expected 'com' or 'joint'")
+        raise InvalidInput(f"<inertia> ref: found {shown(reference)}, expected 'com' or 'joint'")
     return inertia if reference == "com" else inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
 
 
 def _cables_path(path: Path) -> Path:
     if not path.stem.endswith("_bodies"):
-        raise InvalidInput(f"found the name {path.name!r}, expected NAME_bodies.xml, with NAME_cables.xml beside it")
+        raise InvalidInput(
+            f"found the name {shown(path.name)}, expected NAME_bodies.xml, with NAME_cables.xml beside it"
+        )
     return path.with_name(f"{path.stem.removesuffix('_bodies')}_cables{path.suffix}")
 
 
@@ -153,10 +155,10 @@ def _cables(cable_set: Element, com: np.ndarray) -> list[_Cable]:
 
 def _cable(element: Element, com: np.ndarray) -> _Cable:
     if element.tag not in CABLES:
-        raise InvalidInput(f"found <{element.tag[:60]}>, expected one of {', '.join(sorted(CABLES))}")
+        raise InvalidInput(f"found <{element.tag[:LONGEST]}>, expected one of {', '.join(sorted(CABLES))}")
     reference = element.get("attachment_reference")
     if reference not in {"com", "joint"}:
-        raise InvalidInput(f"attachment_reference: found {reference!r}, expected 'com' or 'joint'")
+        raise InvalidInput(f"attachment_reference: found {shown(reference)}, expected 'com' or 'joint'")
     ends = list(child(element, "attachments"))
     if len(ends) != 2:
         raise InvalidInput(f"found {len(ends)} attachments, expected two: cables do not run through several bodies")
@@ -168,7 +170,7 @@ def _cable(element: Element, com: np.ndarray) -> _Cable:
         exit, links = numbers(ends[0], "location", 3), [numbers(end, "link", 1)[0] for end in ends]
         radius, axis = 0.0, DOWN
     else:
-        raise InvalidInput(f"found <{ends[0].tag[:60]}> and <{ends[1].tag[:60]}>, expected two attachments")
+        raise InvalidInput(f"found <{ends[0].tag[:LONGEST]}> and <{ends[1].tag[:LONGEST]}>, expected two attachments")
     if links != [0, 1]:
         raise InvalidInput(
             f"found ends on links {links[0]:g} and {links[1]:g}, expected one on the base, 0, and one on 1"

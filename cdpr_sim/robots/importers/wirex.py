@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.robots.importers.draft import Draft
 from cdpr_sim.robots.importers.reading import attribute, child
@@ -55,7 +56,7 @@ def read(document: Element, path: Path) -> Draft:
     robot, notes = robots[0], []
     pattern = robot.get("motionpattern") or robot.get("motion_pattern") or "3R3T"
     if pattern not in PATTERNS:
-        raise InvalidInput(f"<robot> motionpattern: found {pattern[:60]!r}, expected one of {', '.join(PATTERNS)}")
+        raise InvalidInput(f"<robot> motionpattern: found {shown(pattern)}, expected one of {', '.join(PATTERNS)}")
     if pattern == "2R3T":
         notes.append("The platform does not turn about its own axis there; here it does.")
     plane, turns = PATTERNS[pattern]
