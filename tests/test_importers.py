@@ -13,7 +13,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.robots.importers.draft import Draft
-from cdpr_sim.robots.writing import robot_file
+from cdpr_sim.robots.writing import as_toml
 
 FILES = Path(__file__).parent / "imported"
 EXITS = np.array([[-1, -0.8, 2], [1, -0.8, 2], [1, 0.8, 2.1], [-1, 0.8, 2.1]])
@@ -117,7 +117,7 @@ def test_a_written_robot_file_reads_back_as_the_same_robot(name, tmp_path):
     """To the last bit, wheels and workspace included; notes become remarks."""
     robot = cdpr.import_robot(FILES / name)
     place = tmp_path / "crane.toml"
-    place.write_text(robot_file(robot), encoding="utf-8")
+    place.write_text(as_toml(robot), encoding="utf-8")
     again = cdpr.load_robot(place)
     assert again.cabling.same_as(robot.cabling)
     for field in ("center_of_mass", "inertia", "platform_size", "frame", "workspace"):
@@ -136,7 +136,7 @@ def test_a_robot_with_all_there_is_reads_back_as_the_same(tmp_path):
         frame=[[0, 0, 0], [1, 0, 1.2]], workspace=[[0.2, 0, 0.1], [0.4, 0, 0.3]], platform_size=(0.2, 0.1, 0.05),
     )  # fmt: skip
     place = tmp_path / "all.toml"
-    place.write_text(robot_file(robot), encoding="utf-8")
+    place.write_text(as_toml(robot), encoding="utf-8")
     again = cdpr.load_robot(place)
     assert again.cabling.same_as(robot.cabling)
     assert (again.description, again.name, again.gravity) == (robot.description, robot.name, 0)

@@ -14,7 +14,7 @@ from cdpr_sim.core.files import check_place, write_whole
 from cdpr_sim.physics.model_files import model_files, stale_models, write_models
 from cdpr_sim.report.tables import new_table
 from cdpr_sim.robots.importing import FORMATS
-from cdpr_sim.robots.writing import robot_file
+from cdpr_sim.robots.writing import as_toml
 
 
 def robots() -> None:
@@ -50,7 +50,7 @@ def import_file(
     with errors_as_sentences():
         robot = cdpr.import_robot(file, format, cables)
         place = check_place(output or Path(f"{robot.name}.toml"), [".toml"], force=force)
-        write_whole({place: robot_file(robot).encode()})
+        write_whole({place: as_toml(robot).encode()})
     typer.echo(f"{place}: {robot.name}, {robot.mobility}, {robot.cables} cables, {robot.mass:g} kg")
     for note in robot.notes:
         typer.echo(f"- {note}")

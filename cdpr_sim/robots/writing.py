@@ -12,7 +12,7 @@ from cdpr_sim.core.cable import DOWN
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 
 
-def robot_file(robot: Robot) -> str:
+def as_toml(robot: Robot) -> str:
     """The text of a robot file, in metres, kilograms and newtons; what stands on its defaults is left out.
 
     ``robot.notes`` become remarks at its head.
