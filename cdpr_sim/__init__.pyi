@@ -11,12 +11,16 @@ from .analysis.measurements import Measurements as Measurements
 from .analysis.measurements import read_measurements as read_measurements
 from .analysis.modes import Modes as Modes
 from .analysis.modes import natural_modes as natural_modes
+from .analysis.modes import neutral_directions as neutral_directions
 from .analysis.sensitivity import Effect as Effect
 from .analysis.sensitivity import Sensitivity as Sensitivity
 from .analysis.sensitivity import sensitivity as sensitivity
 from .analysis.shapes import cable_shapes as cable_shapes
+from .analysis.workspace.feasibility import closed_form_feasible as closed_form_feasible
 from .analysis.workspace.feasibility import feasible as feasible
 from .analysis.workspace.feasibility import shortfall as shortfall
+from .analysis.workspace.hull import Hull as Hull
+from .analysis.workspace.hull import workspace_hull as workspace_hull
 from .analysis.workspace.store import open_sweep as open_sweep
 from .analysis.workspace.sweep import sweep as sweep
 from .core.equilibrium import Equilibrium as Equilibrium
@@ -30,7 +34,9 @@ from .core.errors import RobotFileError as RobotFileError
 from .core.errors import StoreError as StoreError
 from .core.errors import UnknownName as UnknownName
 from .core.materials import MATERIALS as MATERIALS
+from .core.materials import ROPES as ROPES
 from .core.materials import Material as Material
+from .core.materials import Rope as Rope
 from .core.problem import Problem as Problem
 from .core.problem import Problems as Problems
 from .core.rests import Rests as Rests
@@ -45,6 +51,7 @@ from .crosscheck.compare import Verdict as Verdict
 from .crosscheck.compare import compare as compare
 from .crosscheck.hold import Hold as Hold
 from .crosscheck.hold import confirm as confirm
+from .drawing.still import draw as draw
 from .drawing.video.film import show as show
 from .drawing.video.film import write_video as write_video
 from .physics.drive import drive as drive

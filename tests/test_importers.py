@@ -68,6 +68,13 @@ def test_every_format_tells_of_the_same_crane(name):
         assert robot.home == pytest.approx(np.array([0.1, 0.05, 1]), abs=0)
 
 
+def test_limits_of_force_come_along():
+    """Per cable in CASPR, for all in Gazebo."""
+    assert cdpr.import_robot(FILES / "crane_bodies.xml").force_max.tolist() == [100, 110, 120, 130]
+    gazebo = cdpr.import_robot(FILES / "crane_gazebo.yaml")
+    assert (gazebo.force_min.tolist(), gazebo.force_max.tolist()) == ([1] * 4, [100] * 4)
+
+
 def wirex_length(exit_, axis, radius, anchor):
     """Pott, Cable-driven Parallel Robots (2018), pulley kinematics, in a frame whose z axis is the swivel axis."""
     along = (anchor - exit_) @ axis
@@ -120,6 +127,7 @@ def test_a_written_robot_file_reads_back_as_the_same_robot(name, tmp_path):
     place.write_text(as_toml(robot), encoding="utf-8")
     again = cdpr.load_robot(place)
     assert again.cabling.same_as(robot.cabling)
+    assert np.array_equal(again.force_max, robot.force_max)
     for field in ("center_of_mass", "inertia", "platform_size", "frame", "workspace"):
         assert np.array_equal(getattr(again, field), getattr(robot, field)), field
     for field in ("mass", "gravity", "mobility", "name", "description", "source"):
@@ -131,7 +139,8 @@ def test_a_robot_with_all_there_is_reads_back_as_the_same(tmp_path):
     """Own values per cable, a slanted axis, a planar robot without gravity, letters that need care."""
     robot = cdpr.Robot(
         exits=[[0, 0, 1], [1, 0, 1.1]], anchors=[[-0.1, 0, 0], [0.1, 0, 1 / 3]], axial_stiffness=[1e3, 2e4], mass=0.1,
-        pulley_radius=[0.01, 0], pulley_axis=[[0.3, 0, 0.7], [1, 0, 0]], stiffening=[(1, 2), (0, 0)],
+        pulley_radius=[0.01, 0], force_min=[1, 2], force_max=[np.inf, 50], material="own rope",
+        pulley_axis=[[0.3, 0, 0.7], [1, 0, 0]], stiffening=[(1, 2), (0, 0)],
         mobility="planar", gravity=0, name="a \"b\" 'c' é", description='tab\tand "quote" and new\nline', source="π",
         frame=[[0, 0, 0], [1, 0, 1.2]], workspace=[[0.2, 0, 0.1], [0.4, 0, 0.3]], platform_size=(0.2, 0.1, 0.05),
     )  # fmt: skip
@@ -140,6 +149,7 @@ def test_a_robot_with_all_there_is_reads_back_as_the_same(tmp_path):
     again = cdpr.load_robot(place)
     assert again.cabling.same_as(robot.cabling)
     assert (again.description, again.name, again.gravity) == (robot.description, robot.name, 0)
+    assert (again.material, again.force_min.tolist(), again.force_max.tolist()) == ("own rope", [1, 2], [np.inf, 50])
     assert np.array_equal(again.workspace, robot.workspace)
 
 
@@ -173,7 +183,7 @@ def test_a_set_of_cables_is_chosen_by_name():
 
 
 NOTED = {
-    "crane_bodies.xml": ["limits of tension of its cables, 1 to 130 N"],
+    "crane_bodies.xml": [],
     "crane.wcrfx": ["Motors, drums and limits"],
     "crane_cdpyr.json": ["Motors, gearboxes and drums", "viscosity"],
     "crane_bologna.json": [
@@ -181,7 +191,7 @@ NOTED = {
         "Transmission ratios",
         r"external force (1.0, 0.0, 0.0) N",
     ],
-    "crane_gazebo.yaml": ["limits of tension, 1.0 to 100.0 N"],
+    "crane_gazebo.yaml": [],
 }
 
 
@@ -419,7 +429,7 @@ def test_import_writes_a_robot_file_that_settles(tmp_path):
     result = runner.invoke(app, ["import", str(FILES / "crane_gazebo.yaml"), "-o", str(place)])
     assert result.exit_code == 0, result.output
     assert "crane_gazebo, spatial, 4 cables, 5 kg" in result.stdout
-    assert "- Its limits of tension, 1.0 to 100.0 N, were left out." in result.stdout
+    assert "- The elasticity of its cables is not given" in result.stdout
     first = runner.invoke(app, ["solve", str(place), "--json"])
     second = runner.invoke(app, ["solve", str(FILES / "crane_gazebo.yaml"), "--json"])
     assert first.exit_code == second.exit_code == 0

@@ -36,11 +36,16 @@ def _lines(robot: Robot) -> Iterator[str]:
         "axial_stiffness": cabling.axial_stiffness,
         "linear_density": cabling.linear_density,
         "stiffening": cabling.stiffening,
+        "force_min": cabling.force_min,
+        "force_max": cabling.force_max,
     }
     own = {name: values for name, values in common.items() if (values != values[0]).any()}
     for name, values in common.items():
-        if name not in own and values[0].any():
+        if name not in own and values[0].any() and np.isfinite(values[0]).all():
             yield f"{name} = {_numbers(values[0])}"
+    named = [f"name = {_text(robot.material)}"] if robot.material and "axial_stiffness" in own else []
+    if robot.material and not named:
+        yield f"cable_name = {_text(robot.material)}"
     yield from ("", "[platform]", f"mass = {_numbers(robot.mass)}")
     for key, field in (("size", "platform_size"), ("center_of_mass", "center_of_mass"), ("inertia", "inertia")):
         if given[field] is not None and np.any(given[field]):
@@ -53,8 +58,10 @@ def _lines(robot: Robot) -> Iterator[str]:
         yield from ("", "[[cables]]")
         yield f"exit = {_numbers(cabling.exits[cable])}"
         yield f"anchor = {_numbers(cabling.anchors[cable])}"
+        yield from named  # a cable's name goes with what it is made of
         for name, values in own.items():
-            yield f"{name} = {_numbers(values[cable])}"
+            if np.isfinite(values[cable]).all():  # no limit is none
+                yield f"{name} = {_numbers(values[cable])}"
         if cabling.pulley_radius[cable] > 0 or tuple(cabling.pulley_axis[cable]) != DOWN:
             yield f"pulley = {_pulley(cabling.pulley_radius[cable], cabling.pulley_axis[cable])}"
 

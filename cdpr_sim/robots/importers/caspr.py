@@ -72,14 +72,14 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
         found = _cables(_cable_set(document, cables), com)
     except CdprError as error:
         raise InvalidInput(f"{file.name}: {error}") from None
-    low, high = min(one.force_min for one in found), max(one.force_max for one in found)
-    notes.append(f"The limits of tension of its cables, {low:g} to {high:g} N, were left out.")
     return Draft(
         name=path.stem.removesuffix("_bodies"),
         exits=[one.exit - depth for one in found],
         anchors=[one.anchor for one in found],
         mass=mass,
         axial_stiffness=[one.stiffness for one in found if one.stiffness is not None] or None,
+        force_min=[one.force_min for one in found],
+        force_max=[one.force_max for one in found],
         pulley_radius=[one.radius for one in found],
         pulley_axis=[one.axis for one in found],
         center_of_mass=com,

@@ -43,6 +43,8 @@ class Draft:
     anchors: ArrayLike
     mass: float
     axial_stiffness: Sequence[float] | float | None = None
+    force_min: ArrayLike = 0.0
+    force_max: ArrayLike = np.inf
     linear_density: ArrayLike = 0.0
     pulley_radius: ArrayLike = 0.0
     pulley_axis: ArrayLike = DOWN
@@ -90,6 +92,8 @@ class Draft:
             linear_density=self._density(radius),
             pulley_radius=radius,
             pulley_axis=axes,
+            force_min=self.force_min,
+            force_max=self.force_max,
             center_of_mass=center,
             inertia=self._inertia(turn),
             mobility=mobility,

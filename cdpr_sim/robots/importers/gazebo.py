@@ -9,10 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import Field
 
 from cdpr_sim.robots.importers.draft import Draft
-from cdpr_sim.robots.importers.reading import Number, Part, Vector, as_model
+from cdpr_sim.robots.importers.reading import Number, Part, Unbounded, Vector, as_model
 
 TITLE = "oKermorgant/cdpr's YAML"
 MARKS = {"points", "model"}
@@ -50,19 +51,19 @@ class _Frame(Part):
 
 
 class _Actuated(Part):
-    min: Number | None = None
-    effort: Number | None = None
+    min: Number = 0.0
+    effort: Unbounded = np.inf
 
 
 class _Joints(Part):
-    actuated: _Actuated | None = None
+    actuated: _Actuated = _Actuated()
 
 
 class _Model(Part):
     points: list[_Point] = Field(min_length=1)
     platform: _Platform
     frame: _Frame | None = None
-    joints: _Joints | None = None
+    joints: _Joints = _Joints()
 
 
 def read(document: Any, path: Path) -> Draft:
@@ -72,10 +73,7 @@ def read(document: Any, path: Path) -> Draft:
         InvalidInput: something is missing or cannot be right.
     """
     model = as_model(_Model, document["model"] if "points" not in document else document)
-    platform, notes = model.platform, []
-    limits = model.joints and model.joints.actuated
-    if limits and (limits.min is not None or limits.effort is not None):
-        notes.append(f"Its limits of tension, {limits.min} to {limits.effort} N, were left out.")
+    platform = model.platform
     inertia = platform.inertia
     if inertia is None and (given := platform.inertial) is not None:
         inertia = (given.xx, given.yy, given.zz, given.xy, given.xz, given.yz)
@@ -84,11 +82,12 @@ def read(document: Any, path: Path) -> Draft:
         exits=[point.frame for point in model.points],
         anchors=[point.platform for point in model.points],
         mass=platform.mass,
+        force_min=model.joints.actuated.min,
+        force_max=model.joints.actuated.effort,
         inertia=inertia and _matrix(*inertia),
         platform_size=platform.size,
         frame=model.frame and (model.frame.lower, model.frame.upper),
         home=platform.position and platform.position.xyz,
-        notes=notes,
     )
 
 
