@@ -30,7 +30,9 @@ from .core.errors import RobotFileError as RobotFileError
 from .core.errors import StoreError as StoreError
 from .core.errors import UnknownName as UnknownName
 from .core.materials import MATERIALS as MATERIALS
+from .core.materials import ROPES as ROPES
 from .core.materials import Material as Material
+from .core.materials import Rope as Rope
 from .core.problem import Problem as Problem
 from .core.problem import Problems as Problems
 from .core.rests import Rests as Rests
@@ -45,6 +47,7 @@ from .crosscheck.compare import Verdict as Verdict
 from .crosscheck.compare import compare as compare
 from .crosscheck.hold import Hold as Hold
 from .crosscheck.hold import confirm as confirm
+from .drawing.still import draw as draw
 from .drawing.video.film import show as show
 from .drawing.video.film import write_video as write_video
 from .physics.drive import drive as drive

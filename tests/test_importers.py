@@ -131,7 +131,8 @@ def test_a_robot_with_all_there_is_reads_back_as_the_same(tmp_path):
     """Own values per cable, a slanted axis, a planar robot without gravity, letters that need care."""
     robot = cdpr.Robot(
         exits=[[0, 0, 1], [1, 0, 1.1]], anchors=[[-0.1, 0, 0], [0.1, 0, 1 / 3]], axial_stiffness=[1e3, 2e4], mass=0.1,
-        pulley_radius=[0.01, 0], pulley_axis=[[0.3, 0, 0.7], [1, 0, 0]], stiffening=[(1, 2), (0, 0)],
+        pulley_radius=[0.01, 0], material="own rope",
+        pulley_axis=[[0.3, 0, 0.7], [1, 0, 0]], stiffening=[(1, 2), (0, 0)],
         mobility="planar", gravity=0, name="a \"b\" 'c' é", description='tab\tand "quote" and new\nline', source="π",
         frame=[[0, 0, 0], [1, 0, 1.2]], workspace=[[0.2, 0, 0.1], [0.4, 0, 0.3]], platform_size=(0.2, 0.1, 0.05),
     )  # fmt: skip
@@ -140,6 +141,7 @@ def test_a_robot_with_all_there_is_reads_back_as_the_same(tmp_path):
     again = cdpr.load_robot(place)
     assert again.cabling.same_as(robot.cabling)
     assert (again.description, again.name, again.gravity) == (robot.description, robot.name, 0)
+    assert again.material == "own rope"
     assert np.array_equal(again.workspace, robot.workspace)
 
 

@@ -41,6 +41,9 @@ def _lines(robot: Robot) -> Iterator[str]:
     for name, values in common.items():
         if name not in own and values[0].any():
             yield f"{name} = {_numbers(values[0])}"
+    named = [f"name = {_text(robot.material)}"] if robot.material and "axial_stiffness" in own else []
+    if robot.material and not named:
+        yield f"cable_name = {_text(robot.material)}"
     yield from ("", "[platform]", f"mass = {_numbers(robot.mass)}")
     for key, field in (("size", "platform_size"), ("center_of_mass", "center_of_mass"), ("inertia", "inertia")):
         if given[field] is not None and np.any(given[field]):
@@ -53,6 +56,7 @@ def _lines(robot: Robot) -> Iterator[str]:
         yield from ("", "[[cables]]")
         yield f"exit = {_numbers(cabling.exits[cable])}"
         yield f"anchor = {_numbers(cabling.anchors[cable])}"
+        yield from named  # a cable's name goes with what it is made of
         for name, values in own.items():
             yield f"{name} = {_numbers(values[cable])}"
         if cabling.pulley_radius[cable] > 0 or tuple(cabling.pulley_axis[cable]) != DOWN:
