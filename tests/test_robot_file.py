@@ -133,6 +133,7 @@ def test_ropes_weigh_what_makers_say(tmp_path):
         ("axial_stiffness = 1e4\ndiameter = 0.002", "", "", "the robot: found diameter, expected none"),
         ("axial_stiffness = 1e4\nmodulus = 1e9", "", "", "the robot: found both axial_stiffness and modulus"),
         ("modulus = -1\ndiameter = 0.002", "", "", "modulus: found -1 Pa, expected more than 0"),
+        ("axial_stiffness = 1e4\ndiameter = 0", "", "", "the robot: found diameter, expected none"),
         ("material = 'dyneema'\ndiameter = 0", "", "", "diameter: found 0 m, expected more than 0"),
         ("axial_stiffness = 1e4\nlinear_density = 'material'", "", "", "the mass of a cable given by its stiffness is"),
         ("axial_stiffness = 1e4\nlinear_density = 'heavy'", "", "", "linear_density: found 'heavy': Input should be"),
@@ -179,5 +180,7 @@ def test_what_is_drawn_is_the_robot():
     pair = robot.replace(exits=robot.exits[[0, 0, 2, 3, 4, 5, 6, 7]], linear_density=1e-3)
     assert "1, 2" in [text.get_text() for text in draw(pair).axes[0].texts]
     assert encoded(draw(robot, (0.3, 0.2, 0.2))) != encoded(draw(robot))
+    one = cdpr.Robot(exits=[[0, 0, 0]], anchors=[[0, 0, 0]], axial_stiffness=1e3, mass=1, platform_size=[1, 1, 1])
+    assert encoded(draw(one.replace(name="$odd{$"), (0.5, 0, 0)))  # a frame of no size
     with pytest.raises(cdpr.InvalidInput, match="planar"):
         draw(cdpr.load_robot("two-cable"), (0.3, 0.2, 0.2))

@@ -89,11 +89,14 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
         f"{robot.mobility}.",
         Still,
     )
+    for words in figure.texts:
+        words.set_parse_math(False)  # names and descriptions are anybody's
     grid = figure.add_gridspec(1, 2, width_ratios=(1.55, 1))
     projection = "3d" if robot.mobility == "spatial" else None
     whole, close = (figure.add_subplot(place, projection=projection) for place in grid)
     draw_robot(whole, robot, position, rotation)
-    _label(whole, robot, robot.exits, robot.frame.mean(0), float(np.linalg.norm(np.ptp(robot.frame, axis=0))))
+    frame = _with_room(robot).frame
+    _label(whole, robot, robot.exits, frame.mean(0), float(np.linalg.norm(np.ptp(frame, axis=0))))
     whole.set_title("the robot, as commanded", loc="left")
     _close_up(close, robot, position, rotation)
     return figure
@@ -102,9 +105,17 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
 def draw_robot(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, width: float = style.THIN) -> None:
     """Frame, exits, cables and platform, in space or in the x-z plane."""
     in_space = robot.mobility == "spatial"
-    (drawing.draw_space if in_space else drawing.draw_front)(ax, robot)
+    (drawing.draw_space if in_space else drawing.draw_front)(ax, _with_room(robot))
     _cables(ax, robot, position, rotation, width)
     (drawing.draw_platform_in_space if in_space else drawing.draw_platform)(ax, robot, position, rotation)
+
+
+def _with_room(robot: Robot) -> Robot:
+    """The robot in a frame that is nowhere too thin to be drawn."""
+    lower, upper = robot.frame
+    least = 0.02 * max(np.linalg.norm(upper - lower), np.linalg.norm(robot.platform_size))
+    pad = np.where(upper - lower < least, least / 2, 0.0)
+    return robot.replace(frame=[lower - pad, upper + pad]) if pad.any() else robot
 
 
 def _cables(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, width: float) -> None:
@@ -125,7 +136,7 @@ def _close_up(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray
     (drawing.draw_space if in_space else drawing.draw_front)(ax, around, exits=False)
     for cable, (exit_, anchor) in enumerate(zip(exits, robot.anchors, strict=True)):
         away = exit_ - anchor
-        end = anchor + away * min(1.0, 0.5 * half / np.linalg.norm(away))
+        end = anchor + away * min(1.0, 0.5 * half / max(float(np.linalg.norm(away)), 1e-12))
         _plot(ax, robot, np.stack([anchor, end]), color=_color(cable), lw=style.LINE, zorder=3)
     (drawing.draw_platform_in_space if in_space else drawing.draw_platform)(ax, robot, origin, level, alpha=0.6)
     _plot(ax, robot, robot.anchors, ls="none", marker="o", ms=3.5, color=style.INK, zorder=6)
@@ -182,7 +193,7 @@ def sheet(robots: Sequence[Robot], columns: int = 6) -> Figure:
         ax = figure.add_subplot(place, projection="3d" if in_space else None)
         draw_robot(ax, robot, robot.home, np.eye(3), width=style.HAIR)
         ax.set_axis_off()
-        ax.set_title(robot.name, loc="center", fontweight="bold")
+        ax.set_title(robot.name, loc="center", fontweight="bold", parse_math=False)
         size = " × ".join(f"{edge:.3g}" for edge in np.ptp(robot.frame, axis=0)[:: 1 if in_space else 2])
         kind = robot.kind if in_space else f"planar, {robot.kind}"
         words = f"{kind}, {robot.cables} cables\n{float(f'{robot.mass:.3g}'):,g} kg, {size} m"

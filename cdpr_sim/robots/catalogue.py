@@ -173,9 +173,8 @@ class RobotTable(_Table):
             if len(ways) > 1:
                 raise RobotFileError(f"{where}: found both {ways[0]} and {ways[1]}, expected one of them")
             if ways:
-                made = self._material(
-                    where, table, _own(cable.diameter, self.diameter), table.diameter or cable.diameter
-                )
+                diameter = _own(cable.diameter, self.diameter)
+                made = self._material(where, table, diameter, _own(table.diameter, cable.diameter))
                 name = _own(cable.name, self.cable_name if table is self else None)
                 return made if name is None else dataclasses.replace(made, name=name)
         raise RobotFileError(
