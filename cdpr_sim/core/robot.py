@@ -378,7 +378,7 @@ class Robot:
                 f"push leave {left:.3g} N, expected a pose at which they can carry it"
             )
         low, high = self.cabling.force_min, self.cabling.force_max
-        beyond = (pulls < np.maximum(low, 0)) | (pulls > high)
+        beyond = (pulls < low) | (pulls > high)
         if wanted.ndim == 0 and beyond.any():
             cable = int(np.argmax(beyond))
             raise InvalidInput(

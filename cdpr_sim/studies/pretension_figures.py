@@ -59,7 +59,7 @@ def _robot(ax: Axes3D, study: Pretension) -> None:
     (left, front, low), (right, back, high) = study.robot.frame
     x, y, z = study.drawn.positions[0]
     ax.quiver(x, y, z + 0.75, 0, 0, -0.6, color=style.INK, lw=2, arrow_length_ratio=0.3)
-    ax.text(x + 0.1, y, z + 0.6, f"{FORCE:g} N", fontsize=8.5)
+    ax.text(x, y, z + 1.1, f"{FORCE:g} N", fontsize=8.5, ha="center")
     ax.text((left + right) / 2, front, low - 0.3, f"{right - left:g} m", fontsize=8.5, ha="center", color=style.MUTED)
     ax.text(right + 0.25, (front + back) / 2, low - 0.1, f"{back - front:g} m", fontsize=8.5, color=style.MUTED)
     ax.text(left - 0.2, front, (low + high) / 2, f"{high - low:g} m", fontsize=8.5, ha="right", color=style.MUTED)
