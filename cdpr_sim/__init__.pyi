@@ -66,6 +66,7 @@ from .physics.settle import settle_trajectory as settle_trajectory
 from .physics.winding import winch_controls as winch_controls
 from .robots.catalogue import list_robots as list_robots
 from .robots.catalogue import load_robot as load_robot
+from .robots.importing import import_robot as import_robot
 from .statics.newton import solve_many as solve_many
 from .statics.newton import solve_trajectory as solve_trajectory
 from .statics.solve import solve as solve

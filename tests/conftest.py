@@ -9,6 +9,7 @@ from jaxtyping import install_import_hook
 
 DOORS = {
     "core.cable", "core.checks", "core.limits", "core.pose", "core.problem", "core.robot", "robots.catalogue",
+    "robots.importing", "robots.importers.draft",
     "statics.solve", "statics.two_cable", "analysis.compensation", "analysis.workspace.feasibility",
     "analysis.workspace.grids", "analysis.workspace.hull", "analysis.workspace.sweep", "drawing.video.film",
 }  # fmt: skip

@@ -9,10 +9,12 @@ import typer
 import cdpr_sim as cdpr
 
 RobotName = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="A name that `cdpr-sim robots` lists, or a .toml file.")
+    str,
+    typer.Argument(metavar="ROBOT", help="A name that `cdpr-sim robots` lists, a .toml file, or another project's."),
 ]
 RobotNames = Annotated[
-    list[str], typer.Argument(metavar="ROBOT...", help="Names that `cdpr-sim robots` lists, or .toml files.")
+    list[str],
+    typer.Argument(metavar="ROBOT...", help="Names that `cdpr-sim robots` lists, .toml files, or other projects'."),
 ]
 Pose = Annotated[
     tuple[float, float, float] | None,
@@ -66,12 +68,14 @@ def wrenches_of(words: list[str] | None) -> list[list[float]] | None:
 
 
 def robot_of(name: str, material: str | None) -> cdpr.Robot:
-    """The robot called ``name``, on its own cables or on others.
+    """The robot called ``name``, on its own cables or on others; what its import assumed, on standard error.
 
     Raises:
         CdprError: no such robot or material.
     """
     robot = cdpr.load_robot(name)
+    for note in robot.notes:
+        typer.echo(f"cdpr-sim: note: {note}", err=True)
     return robot if material is None else robot.replace(material=material)
 
 

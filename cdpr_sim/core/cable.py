@@ -34,6 +34,9 @@ MOST_CABLES = 1000
 MOST_LENGTH = 1e6
 """[m] The largest coordinate that is taken: beyond, double precision does not resolve what stretches."""
 
+ROUNDING = 4e-16
+"""How far from 1 the length of a unit vector of doubles lies."""
+
 STIFFNESS_RANGE = (1e-6, 1e15)
 """[N] Axial stiffnesses that are taken: from spider silk to steel ropes of a metre, and far beyond."""
 
@@ -220,7 +223,8 @@ def _unit(axes: Float[np.ndarray, "cables 3"]) -> Float[np.ndarray, "cables 3"]:
     if not lengths.min() > 0:
         cable = int(np.argmin(lengths))
         raise InvalidInput(f"pulley_axis: found an axis of length zero in cable {cable + 1}, expected a direction")
-    return axes / lengths[:, None]
+    rounding = np.abs(lengths - 1) < ROUNDING  # a unit vector, written and read again, is the very same
+    return axes / np.where(rounding, 1.0, lengths)[:, None]
 
 
 def _refuse_falling_law(stiffening: Float[np.ndarray, "cables 2"]) -> None:

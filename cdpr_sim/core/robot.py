@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, get_args
@@ -88,6 +89,7 @@ class Robot:
         material: what the cables are called; for display only (``replace(material=...)`` sets the stiffness too).
         description: one line.
         source: where the numbers come from.
+        notes: what another project's file said and this robot has not got, a sentence each; and what was assumed.
 
     Raises:
         InvalidInput: a field that cannot be right; the message names it.
@@ -106,6 +108,7 @@ class Robot:
     material: str | None
     description: str
     source: str
+    notes: tuple[str, ...]
     _given: dict[str, Any] = field(repr=False)
 
     def __init__(
@@ -132,6 +135,7 @@ class Robot:
         material: str | None = None,
         description: str = "",
         source: str = "",
+        notes: Sequence[str] = (),
     ) -> None:
         given = {name: value for name, value in locals().items() if name != "self"}
         cabling = Cabling(
@@ -150,6 +154,8 @@ class Robot:
             checked_label("material", material)
         checked_text("description", description)
         checked_text("source", source)
+        for note in notes:
+            checked_text("notes", note)
         if mobility not in get_args(Mobility):
             raise UnknownName("mobility", shown(mobility).strip("'"), get_args(Mobility))
         center_of_mass = checked_array("center_of_mass", center_of_mass, (3,))
@@ -194,6 +200,7 @@ class Robot:
             material=material,
             description=description,
             source=source,
+            notes=tuple(notes),
             _given=copy.deepcopy(given),
         )
         for name, value in values.items():

@@ -19,6 +19,7 @@ from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileErro
 from cdpr_sim.core.files import read_text
 from cdpr_sim.core.materials import ROPES, Material, line_stiffness, load_material
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
+from cdpr_sim.robots.importing import IMPORTED, import_robot
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
 Pair = tuple[Number, Number]
@@ -233,7 +234,9 @@ def list_robots() -> tuple[str, ...]:
 
 
 def load_robot(name: str | Path) -> Robot:
-    """A robot of the catalogue by name, or any robot by the path of its ``.toml`` file.
+    """A robot of the catalogue by name, or any robot by the path of its ``.toml`` file or of another project's file.
+
+    What ``import_robot`` reads is taken as well, with ``robot.notes``.
 
     Raises:
         UnknownName: no such robot in the catalogue.
@@ -242,6 +245,8 @@ def load_robot(name: str | Path) -> Robot:
     """
     if str(name).endswith(".toml"):
         return _read(Path(name), str(name))
+    if str(name).lower().endswith(IMPORTED):
+        return import_robot(name)
     if str(name) not in list_robots():
         raise UnknownName("robot", str(name), list_robots(), "; a robot of your own is the path of its .toml file")
     return _read(_folder() / f"{name}.toml", f"{name}.toml")
