@@ -7,9 +7,9 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.core import cable_path
+from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.statics import cable_law, derivatives, forces
+from cdpr_sim.statics import derivatives, forces
 
 SOFT = 1e3
 """[N] EA with which DemoBot's cables strain by some per mille, so that laws and lengths show."""

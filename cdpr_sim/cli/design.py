@@ -16,7 +16,7 @@ from cdpr_sim.core.files import check_place, make_folder, refuse_existing, write
 from cdpr_sim.drawing import maps
 from cdpr_sim.drawing.video import film
 from cdpr_sim.report import design as report
-from cdpr_sim.robots.toml import robot_toml
+from cdpr_sim.robots.writing import as_toml
 
 GRID = (5, 3, 3)
 VIDEO_SECONDS, VIDEO_FPS = 8.0, 25.0
@@ -120,7 +120,7 @@ def design(
         with busy("Settling both layouts in MuJoCo"):
             proof = cdpr.prove_layout(found)
         if output is not None:
-            write_whole({output: robot_toml(found.robot).encode()})
+            write_whole({output: as_toml(found.robot).encode()})
         from cdpr_sim.studies import better_layouts as shown
 
         if picture is not None:
@@ -182,7 +182,7 @@ def front(
 
         files = {picture: encoded(front_picture(found), "png")}
         files |= {
-            output / f"robot-{row + 1}.toml": robot_toml(found.robot(row)).encode() for row in range(len(found))
+            output / f"robot-{row + 1}.toml": as_toml(found.robot(row)).encode() for row in range(len(found))
         }  # fmt: skip
         write_whole(files)
     console = Output()

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from cdpr_sim.core import cable_law
 from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS
 from cdpr_sim.core.cable_path import path, pulley_path
 from cdpr_sim.core.checks import Frozen, checked_array
@@ -25,7 +26,7 @@ from cdpr_sim.core.problem import Problems, positions_and_rotations, refuse_wren
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.statics import cable_law, forces
+from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED, shortfall_gufunc
 from cdpr_sim.statics.heavy_kernel import heavy_gufunc
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
@@ -357,10 +358,10 @@ def _solve(layouts: Layouts, cases: Cases) -> tuple[np.ndarray, ...]:
 def feasible_share(
     layouts: Layouts, cases: Cases, limits: tuple[np.ndarray, np.ndarray]
 ) -> Float[np.ndarray, " layouts"]:
-    """In which share of the cases rigid cables hold the platform as commanded, with tensions within limits."""
+    """In which share of the cases rigid cables hold the platform as commanded, within limits and their own."""
     robot = layouts.robot
     robot.cabling.refuse_weight("feasible volume")
-    lower, upper = (np.broadcast_to(limit, robot.cables) for limit in limits)
+    lower, upper = np.maximum(limits[0], robot.force_min), np.minimum(limits[1], robot.force_max)
     with np.errstate(all="ignore"):
         left = shortfall_gufunc(bent=robot.cabling.bent)(
             layouts.tables(np.ones(len(cases))), lower, upper, robot.weight, layouts.center_of_mass[:, None],

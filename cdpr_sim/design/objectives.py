@@ -11,7 +11,6 @@ from jaxtyping import Float
 
 from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import InvalidInput, UnknownName
-from cdpr_sim.core.limits import SLACK_TO_ANYTHING
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layouts import LayoutRests, feasible_share
 from cdpr_sim.design.slopes import Steps, slopes
@@ -158,4 +157,4 @@ OBJECTIVES = {one.name: one for one in _ALL}
 sensitivity" the root mean square move of the platform per move of all coordinates of exits and anchors; "displacement"
 that of the point moved furthest; "size of frame" the diagonal of the box around the exits."""
 
-NO_LIMITS: Limits = (np.asarray(SLACK_TO_ANYTHING[0]), np.asarray(SLACK_TO_ANYTHING[1]))
+NO_LIMITS: Limits = (np.array(0.0), np.array(np.inf))

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from cdpr_sim.core import cable_law
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layouts import Cases
-from cdpr_sim.statics import cable_law, derivatives, forces
+from cdpr_sim.statics import derivatives, forces
 
 
 @dataclass(frozen=True, eq=False)
