@@ -158,8 +158,7 @@ def compensate(
     robot, commanded = asked.robot, asked.pose
     robot.cabling.refuse_weight("compensate")
     rigid = Problem.of(robot, commanded, external_wrench=asked.external_wrench)  # refuses a pose above all exits
-    most = np.maximum(MOST_STRAIN * robot.axial_stiffness, MOST_LOADS * rigid.load)
-    lower, upper = checked_limits(robot, (TAUT * rigid.load, most) if tension_limits is None else tension_limits)
+    lower, upper = checked_limits(robot, default_limits(rigid) if tension_limits is None else tension_limits)
     limits = frozen(np.array([lower, upper]))
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
     if arm < 0:
@@ -180,6 +179,12 @@ def compensate(
         reached = None
     away = distance(commanded, found.pose, arm)
     return Compensation(commanded, found, Reach.NEAREST, away, arm, reasons, limits, reached)
+
+
+def default_limits(problem: Problem) -> tuple[float, Float[np.ndarray, " cables"]]:
+    """Smallest and largest tension [N] unless the caller says otherwise: taut, and less than ropes break at."""
+    most = np.maximum(MOST_STRAIN * problem.axial_stiffness, MOST_LOADS * problem.load)
+    return TAUT * problem.load, most
 
 
 def demand_at(
