@@ -11,6 +11,7 @@ and tensions are read out of MuJoCo.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -122,9 +123,7 @@ def drive(
     return trajectory
 
 
-def poses_through(
-    robot: Robot, waypoints: RigidTransform | Sequence[PoseLike] | np.ndarray, doing: str
-) -> list[RigidTransform]:
+def poses_through(robot: Any, waypoints: Any, doing: str) -> list[RigidTransform]:
     """The waypoints as poses of a robot that can be driven.
 
     Raises:
