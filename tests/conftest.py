@@ -8,10 +8,10 @@ import pytest
 from jaxtyping import install_import_hook
 
 DOORS = {
-    "core.cable", "core.checks", "core.limits", "core.pose", "core.problem", "core.robot", "robots.catalogue",
-    "robots.importing", "robots.importers.draft",
-    "statics.solve", "statics.two_cable", "analysis.compensation", "analysis.workspace.feasibility",
-    "analysis.workspace.grids", "analysis.workspace.hull", "analysis.workspace.sweep", "drawing.video.film",
+    "core.cable", "core.checks", "core.controller", "core.limits", "core.pose", "core.problem", "core.robot",
+    "robots.catalogue", "robots.importing", "robots.importers.draft", "statics.solve", "statics.two_cable",
+    "analysis.compensation", "analysis.workspace.feasibility", "analysis.workspace.grids", "analysis.workspace.hull",
+    "analysis.workspace.sweep", "drawing.video.film", "physics.track",
 }  # fmt: skip
 """Where what users give is checked, with messages of its own."""
 
