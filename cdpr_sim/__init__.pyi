@@ -25,6 +25,16 @@ from .analysis.workspace.hull import Hull as Hull
 from .analysis.workspace.hull import workspace_hull as workspace_hull
 from .analysis.workspace.store import open_sweep as open_sweep
 from .analysis.workspace.sweep import sweep as sweep
+from .control.elastic_lengths import ElasticLengths as ElasticLengths
+from .control.held_tensions import HeldTensions as HeldTensions
+from .control.lengths_and_tensions import LengthsAndTensions as LengthsAndTensions
+from .control.pose_feedback import PoseFeedback as PoseFeedback
+from .control.rigid_lengths import RigidLengths as RigidLengths
+from .core.controller import Command as Command
+from .core.controller import Controller as Controller
+from .core.controller import Course as Course
+from .core.controller import Sensed as Sensed
+from .core.controller import Sensors as Sensors
 from .core.equilibrium import Equilibrium as Equilibrium
 from .core.equilibrium import NotConverged as NotConverged
 from .core.equilibrium import NotSettled as NotSettled
@@ -44,6 +54,7 @@ from .core.problem import Problems as Problems
 from .core.rests import Rests as Rests
 from .core.robot import Robot as Robot
 from .core.status import Status as Status
+from .core.trajectory import BadCommand as BadCommand
 from .core.trajectory import PlatformFell as PlatformFell
 from .core.trajectory import Trajectory as Trajectory
 from .crosscheck.check import Check as Check
@@ -72,6 +83,7 @@ from .physics.release import release as release
 from .physics.settle import settle as settle
 from .physics.settle import settle_many as settle_many
 from .physics.settle import settle_trajectory as settle_trajectory
+from .physics.track import track as track
 from .physics.winding import winch_controls as winch_controls
 from .robots.catalogue import list_robots as list_robots
 from .robots.catalogue import load_robot as load_robot

@@ -16,10 +16,16 @@ ROBOTS = ("cogiro", "parallel", "planar-vertical", "two-cable")
 STEPS = 20_000  # per repeat
 REPEATS = 5
 
+LINE = [(0.17, 0.25, 0.1), (0.63, 0.25, 0.1)]  # m, the paper's
+SPEED = 0.05  # m/s, at the fastest: the mean is lower by 1.875
+SECONDS = 1.875 * 0.46 / SPEED
+
 
 def main() -> None:
     for name in ROBOTS:
         print(winch_model(cdpr.load_robot(name)))
+    for name in ("cogiro", "parallel"):
+        print(tracking(cdpr.load_robot(name)))
 
 
 def winch_model(robot: cdpr.Robot) -> str:
@@ -35,6 +41,22 @@ def winch_model(robot: cdpr.Robot) -> str:
     return (
         f"winch model of {robot.name}: {1 / cost:,.0f} steps a second, {step / cost:.0f} times real time at "
         f"{1e3 * step:g} ms; median of {REPEATS}, one core"
+    )
+
+
+def tracking(robot: cdpr.Robot) -> str:
+    """The paper's line with pose feedback at 100 Hz."""
+    controller = cdpr.PoseFeedback(cdpr.RigidLengths(robot))
+    costs, walls = [], []
+    for _ in range(REPEATS + 1):
+        start, begun = time.process_time(), time.perf_counter()
+        cdpr.track(robot, LINE, controller, seconds=SECONDS, sensors=cdpr.Sensors(delay=0.01))
+        costs.append(time.process_time() - start)
+        walls.append(time.perf_counter() - begun)
+    cost, wall = statistics.median(costs[1:]), statistics.median(walls[1:])  # without the first, which compiles
+    return (
+        f"track of {robot.name} along the paper's line, {SECONDS:.1f} s at up to {SPEED:g} m/s, pose feedback "
+        f"at 100 Hz: {cost:.2f} s of one core, {wall:.2f} s on the clock; median of {REPEATS}"
     )
 
 

@@ -20,6 +20,17 @@ def test_python_block_runs_and_agrees():
     assert names["xml"].startswith("<mujoco")
 
 
+def test_the_controller_of_ones_own_does_what_it_says():
+    """As printed: it takes away what a wrong model does, which without it stays."""
+    (block,) = (one for one in re.findall(r"```py\n(.*?)```", README, flags=re.DOTALL) if "class Nudge" in one)
+    names: dict = {"cdpr": cdpr}
+    exec(block, names)
+    assert isinstance(names["Nudge"](names["robot"]), cdpr.Controller)
+    assert np.abs(names["motion"].deviation[-1]).max() < 2e-4
+    without = cdpr.track(names["robot"], [(0.5, 0.25, 0.1)], cdpr.RigidLengths(names["believed"]), seconds=0.1)
+    assert np.abs(without.deviation[-1]).max() > 9e-4
+
+
 def test_the_winches_block_runs_and_comes_to_rest():
     """As printed; where ``solve`` says."""
     (block,) = (one for one in re.findall(r"```py\n(.*?)```", README, flags=re.DOTALL) if "winches=True" in one)

@@ -167,7 +167,7 @@ def compensate(
     if tensions is not None and tension_limits is not None:
         raise InvalidInput("tensions: found tension_limits beside it, expected one of the two, which are the same")
     given = tension_limits if tensions is None else tensions
-    lower, upper = _own_limits(rigid) if given is None else checked_limits(robot, given)
+    lower, upper = default_limits(rigid) if given is None else checked_limits(robot, given)
     limits = frozen(np.array([lower, upper]))
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
     if arm < 0:
@@ -191,7 +191,7 @@ def compensate(
     return Compensation(commanded, found, Reach.NEAREST, away, arm, reasons, limits, reached)
 
 
-def _own_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
+def default_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
     """The robot's limits of force; where it has none, those that keep every cable taut and whole."""
     robot = problem.robot
     most = np.maximum(MOST_STRAIN * robot.axial_stiffness, MOST_LOADS * problem.load)

@@ -151,17 +151,22 @@ def stiffest(demand: Demand, floor: float = -np.inf) -> Float[Array, " cables"] 
     return _on_the_balance(demand, best) if best_value >= floor - GAP * abs(floor) else None
 
 
+def nearest(demand: Demand) -> Float[Array, " cables"]:
+    """The tensions within limits that leave least of the load, (cables,) [N]."""
+    scale = demand.scale
+    found = lsq_linear(
+        demand.wrench_matrix, -demand.load / scale, (demand.lower / scale, demand.upper / scale), method="bvls"
+    )
+    return found.x * scale
+
+
 def leftover(demand: Demand) -> Float[Array, " free"]:
     """The smallest wrench that tensions within limits leave over, (free,) [N]; zero where they balance the load.
 
     Where it is not zero it is also a proof (Farkas): the platform moved along it gains work from the load, while no
     cable that could pull harder gets longer, nor any shorter that could pull less.
     """
-    scale = demand.scale
-    found = lsq_linear(
-        demand.wrench_matrix, -demand.load / scale, (demand.lower / scale, demand.upper / scale), method="bvls"
-    )
-    return demand.wrench_matrix @ found.x * scale + demand.load
+    return demand.wrench_matrix @ nearest(demand) + demand.load
 
 
 def balances(demand: Demand) -> bool:

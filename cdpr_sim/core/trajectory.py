@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.errors import CdprError
+from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.status import Status
@@ -65,6 +65,18 @@ class PlatformFell(CdprError):
 
     Attributes:
         trajectory: the motion so far; its last state is the fallen one.
+    """
+
+    def __init__(self, reason: str, trajectory: Trajectory | None = None) -> None:
+        super().__init__(reason)
+        self.trajectory = trajectory
+
+
+class BadCommand(InvalidInput):
+    """A controller that was tracked gave a command that no winch can follow, or none.
+
+    Attributes:
+        trajectory: the motion so far.
     """
 
     def __init__(self, reason: str, trajectory: Trajectory | None = None) -> None:

@@ -11,6 +11,7 @@ and tensions are read out of MuJoCo.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -91,15 +92,7 @@ def drive(
         NotSettled: the platform does not come to rest at the first waypoint.
         PlatformFell: it fell on the way; carries the trajectory so far.
     """
-    if not isinstance(robot, Robot):
-        raise InvalidInput(f"robot: found {robot!r}, expected a Robot")
-    chains.refuse_weight(robot, "driving")
-    try:
-        poses = [robot.pose(pose) for pose in waypoints]
-    except TypeError:
-        raise InvalidInput(f"waypoints: found {waypoints!r}, expected a list of poses") from None
-    if not poses:
-        raise InvalidInput("waypoints: found none, expected at least one pose")
+    poses = poses_through(robot, waypoints, "driving")
     whole("states", states, 2, MOST_STATES)
     path = Path(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0])
@@ -130,6 +123,24 @@ def drive(
     return trajectory
 
 
+def poses_through(robot: Any, waypoints: Any, doing: str) -> list[RigidTransform]:
+    """The waypoints as poses of a robot that can be driven.
+
+    Raises:
+        InvalidInput: no robot or no poses; cables that have weight, of which ``doing`` takes no account.
+    """
+    if not isinstance(robot, Robot):
+        raise InvalidInput(f"robot: found {robot!r}, expected a Robot")
+    chains.refuse_weight(robot, doing)
+    try:
+        poses = [robot.pose(pose) for pose in waypoints]
+    except TypeError:
+        raise InvalidInput(f"waypoints: found {waypoints!r}, expected a list of poses") from None
+    if not poses:
+        raise InvalidInput("waypoints: found none, expected at least one pose")
+    return poses
+
+
 def _slow_speed(problem: Problem) -> float:
     """Speed [m/s] of the command at which the air's drag is ``NEARLY_STATIC`` of the weight.
 
@@ -147,8 +158,8 @@ def _simulate(
     progress: Callable[[float], None] | None,
 ) -> tuple[Float[np.ndarray, "steps coordinates"], str | None]:
     """MuJoCo's coordinates at each problem's instant, and why the platform counts as fallen at the last, if it does."""
-    robot, commanded = problems.robot, problems.poses
-    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, commanded[0]))
+    robot, commanded = problems.robot, problems.poses[0]
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, commanded))
     data = mujoco.MjData(model)
     place(model, data, robot, start)
     intervals = len(problems) - 1
@@ -164,7 +175,7 @@ def _simulate(
                 mujoco.mj_step(model, data)
         qpos[k] = data.qpos
         mujoco.mj_kinematics(model, data)
-        fell = _fallen(commanded[k], rest_lengths, data, platform)
+        fell = fallen(problems.positions[k], problems.rotations[k], rest_lengths, data, platform)
         if fell:
             return qpos[: k + 1], fell
         if progress is not None:
@@ -172,15 +183,20 @@ def _simulate(
     return qpos, None
 
 
-def _fallen(
-    commanded: RigidTransform, rest_lengths: Float[np.ndarray, " cables"], data: mujoco.MjData, platform: int
+def fallen(
+    position: Float[np.ndarray, "3"],
+    rotation: Float[np.ndarray, "3 3"],
+    rest_lengths: Float[np.ndarray, " cables"],
+    data: mujoco.MjData,
+    platform: int,
 ) -> str | None:
+    """Why the platform, a body commanded to this pose, counts as fallen, if it does: in words."""
     if data.warning.number.any():
         return "MuJoCo found its motion unstable"
-    away, limit = np.linalg.norm(data.xpos[platform] - commanded.translation), FALLEN * rest_lengths.mean()
+    away, limit = np.linalg.norm(data.xpos[platform] - position), FALLEN * rest_lengths.mean()
     if not away <= limit:
         return f"it is {away:.3g} m away, expected at most {limit:.3g} m, half the mean cable length"
-    if data.xmat[platform].reshape(3, 3)[:, 2] @ commanded.rotation.as_matrix()[:, 2] < 0:
+    if data.xmat[platform].reshape(3, 3)[:, 2] @ rotation[:, 2] < 0:
         return "it has turned over"
     return None
 

@@ -1,0 +1,36 @@
+"""Let out what elastic cables must be cut to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.control.plan import Limits, Plan
+from cdpr_sim.core.controller import Course, Sensed
+from cdpr_sim.core.robot import Robot
+
+
+@dataclass
+class ElasticLengths:
+    """Winches let out rigid lengths less what tensions stretch: lengths by ``compensate``, or the nearest it finds.
+
+    Attributes:
+        robot: that the controller believes in, elastic cables and all.
+        tension_limits: smallest and largest tension [N]; default: those of ``compensate``.
+    """
+
+    robot: Robot
+    tension_limits: Limits | None = None
+    _plan: Plan = field(init=False, repr=False)
+
+    def start(self, course: Course) -> Float[np.ndarray, " cables"]:
+        """Compensate along the course."""
+        self._plan = Plan.of(self.robot, course, self.tension_limits)
+        return self.robot.rest_lengths(course.pose(0.0)) + self._plan.at(0.0)[0]
+
+    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Float[np.ndarray, " cables"]:
+        """The lengths at ``pose``, corrected as the course wants it at ``time``."""
+        return self.robot.rest_lengths(pose) + self._plan.at(time)[0]

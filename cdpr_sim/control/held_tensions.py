@@ -1,0 +1,65 @@
+"""Force control: winches hold the tensions that carry the platform where it is wanted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.analysis.compensation import compensate, default_limits
+from cdpr_sim.analysis.tensions import Demand, nearest, smallest
+from cdpr_sim.control.plan import Limits
+from cdpr_sim.core.controller import Command, Course, Sensed
+from cdpr_sim.core.limits import checked_limits
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import forces
+
+
+@dataclass
+class HeldTensions:
+    """Winches hold the smallest tensions within limits that carry and accelerate the platform as is wanted.
+
+    Where none do, those that leave least of its weight and inertia. Cables whose tension does not depend on their
+    length are no springs: what calls the platform back to its pose is only that the cables' directions change.
+
+    Attributes:
+        robot: that the controller believes in.
+        tension_limits: smallest and largest tension [N]; default: those of ``compensate``.
+    """
+
+    robot: Robot
+    tension_limits: Limits | None = None
+    _course: Course = field(init=False, repr=False)
+
+    def start(self, course: Course) -> Float[np.ndarray, " cables"]:
+        """The lengths of cables that have these tensions at the first pose, or near it."""
+        self._course = course
+        return compensate(self.robot, course.pose(0.0), tension_limits=self.tension_limits).rest_lengths
+
+    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command:
+        """The tensions at ``pose``."""
+        robot = self.robot
+        rotation, free, units = pose.rotation.as_matrix(), robot.free, robot.units
+        inertia = -robot.mass * self._course.acceleration(time)
+        problem = Problem.of(
+            robot, pose, external_wrench=[*inertia, *np.cross(rotation @ robot.center_of_mass, inertia)]
+        )
+        limits = default_limits(problem) if self.tension_limits is None else self.tension_limits
+        lower, upper = checked_limits(robot, limits)
+        W = forces.geometry(robot, pose.translation, rotation).wrench_matrix
+        count = len(free)
+        demand = Demand(
+            wrench_matrix=(W / units[:, None])[free],
+            load=(forces.load_wrench(problem, rotation) / units)[free],
+            lower=lower,
+            upper=upper,
+            stiffness=np.zeros((count, count)),
+            stiffening=np.zeros((robot.cables, count, count)),
+        )
+        tensions = smallest(demand)
+        if tensions is None:
+            tensions = nearest(demand)
+        return Command(problem.rest_lengths, tensions, np.ones(robot.cables, dtype=bool))

@@ -1,0 +1,78 @@
+"""Lengths on some cables, tensions on the others: as many as a platform can do without."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.analysis.compensation import Compensation
+from cdpr_sim.control.plan import Limits, Plan
+from cdpr_sim.core.checks import whole
+from cdpr_sim.core.controller import Command, Course, Sensed
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import forces
+
+LOOKS = 5
+"""Knots of a course at which the choice of cables is judged."""
+
+
+@dataclass
+class LengthsAndTensions:
+    """Some winches hold the tensions of ``compensate`` and the others its lengths.
+
+    With no more cables held by length than the platform has free directions, lengths that do not fit one another cannot
+    pull against each other.
+
+    Attributes:
+        robot: that the controller believes in.
+        by_tension: the cables that are held by tension, counted from 1; default: as many as there are more than free
+            directions, chosen so that the others hold the platform stiffly all along the course.
+        tension_limits: smallest and largest tension [N]; default: those of ``compensate``.
+    """
+
+    robot: Robot
+    by_tension: Sequence[int] | None = None
+    tension_limits: Limits | None = None
+    _plan: Plan = field(init=False, repr=False)
+    _held: Bool[np.ndarray, " cables"] = field(init=False, repr=False)
+
+    def start(self, course: Course) -> Float[np.ndarray, " cables"]:
+        """Compensate along the course, and choose cables if nobody has."""
+        cables = self.robot.cables
+        self._plan = Plan.of(self.robot, course, self.tension_limits)
+        if self.by_tension is None:
+            chosen = _left_to_tension(self.robot, self._plan.compensations)
+        else:
+            chosen = [whole("by_tension", cable, 1, cables) - 1 for cable in self.by_tension]
+            if len(set(chosen)) == cables:
+                raise InvalidInput(f"by_tension: found all {cables} cables, expected some that hold their lengths")
+        self._held = np.isin(np.arange(cables), chosen)
+        return self.robot.rest_lengths(course.pose(0.0)) + self._plan.at(0.0)[0]
+
+    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command:
+        """The lengths at ``pose``, corrected as the course wants it at ``time``; and its tensions then."""
+        correction, tensions = self._plan.at(time)
+        return Command(self.robot.rest_lengths(pose) + correction, tensions, self._held)
+
+
+def _left_to_tension(robot: Robot, compensations: Sequence[Compensation]) -> tuple[int, ...]:
+    """The cables without whose elasticity the platform's softest direction, anywhere on the way, is stiffest."""
+    spare = max(0, robot.cables - len(robot.free))
+    some = np.unique(np.linspace(0, len(compensations) - 1, LOOKS).round().astype(int))
+    found = [compensations[row].equilibrium for row in some]
+    states = [forces.at(one.problem, one.position, one.rotation.as_matrix()) for one in found]
+
+    def softest(chosen: tuple[int, ...]) -> float:
+        """The smallest eigenvalue on the way, of what is left of the stiffness."""
+        held = np.isin(np.arange(robot.cables), chosen)
+        lost = ((one.wrench_matrix * (one.elasticities * held)) @ one.wrench_matrix.T for one in states)
+        pairs = zip(states, lost, strict=True)
+        return min(float(forces.eigenvalues(robot, one.stiffness_matrix - part)[0]) for one, part in pairs)
+
+    return max(itertools.combinations(range(robot.cables), spare), key=softest)

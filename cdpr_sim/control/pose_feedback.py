@@ -1,0 +1,67 @@
+"""Look where the platform is, and want it as far on the other side."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.core.checks import positive
+from cdpr_sim.core.controller import Command, Controller, Course, Sensed
+from cdpr_sim.core.pose import moved
+
+GAIN = 1.0
+"""[1/s] Rate at which a constant error is removed. An integral swings a platform up that is damped more slowly than
+that: DemoBot on its softer cables at 2."""
+
+REACH, TURN = 0.05, 0.3
+"""[m], [rad] Largest correction: beyond, the cables are not at fault, or nothing helps."""
+
+
+@dataclass
+class PoseFeedback:
+    """Another controller, which is told a pose that makes up for the errors seen so far: their integral.
+
+    For controllers that hold lengths. On tensions, which leave the platform swing, an integral swings it up.
+
+    Attributes:
+        inner: makes commands of poses.
+        gain: rate at which a constant error is removed [1/s].
+    """
+
+    inner: Controller
+    gain: float = GAIN
+    _course: Course = field(init=False, repr=False)
+    _correction: Float[np.ndarray, "6"] = field(init=False, repr=False)
+    _seen: float = field(init=False, repr=False)
+    _told: deque[tuple[float, RigidTransform]] = field(init=False, repr=False)
+
+    def start(self, course: Course) -> ArrayLike:
+        """With no correction yet."""
+        positive("gain", self.gain, "1/s")
+        self._course, self._correction, self._seen, self._told = course, np.zeros(6), 0.0, deque()
+        return self.inner.start(course)
+
+    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command | ArrayLike:
+        """What the other commands for a corrected pose; a sample is held against what was wanted when it was taken."""
+        self._told.append((time, pose))
+        if sensed.time > self._seen:
+            wanted = self._wanted(sensed.time)
+            turn = (wanted.rotation * sensed.pose.rotation.inv()).as_rotvec()
+            error = np.concatenate([wanted.translation - sensed.pose.translation, turn])
+            self._correction += self.gain * (sensed.time - self._seen) * error
+            for part, most in ((slice(0, 3), REACH), (slice(3, 6), TURN)):
+                size = float(np.linalg.norm(self._correction[part]))
+                self._correction[part] *= min(1.0, most / size) if size > 0 else 1.0
+            self._seen = sensed.time
+        return self.inner.command(time, moved(pose, self._correction), sensed)
+
+    def _wanted(self, time: float) -> RigidTransform:
+        """What was wanted at ``time`` [s], mostly as it was told then."""
+        while self._told[0][0] < time:
+            self._told.popleft()
+        return self._told[0][1] if self._told[0][0] == time else self._course.pose(time)

@@ -1,0 +1,31 @@
+"""Let out the lengths that rigid cables would have: what DemoBot does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.core.controller import Course, Sensed
+from cdpr_sim.core.robot import Robot
+
+
+@dataclass(frozen=True)
+class RigidLengths:
+    """Winches let out the distance from exit to anchor at the pose that is wanted (paper Eq. 1, 2).
+
+    Attributes:
+        robot: that the controller believes in; of its cables only where they run.
+    """
+
+    robot: Robot
+
+    def start(self, course: Course) -> Float[np.ndarray, " cables"]:
+        """The lengths at the first pose."""
+        return self.robot.rest_lengths(course.pose(0.0))
+
+    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Float[np.ndarray, " cables"]:
+        """The lengths at ``pose``."""
+        return self.robot.rest_lengths(pose)

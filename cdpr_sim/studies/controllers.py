@@ -1,0 +1,200 @@
+"""Control schemes compared: the same motions on the same robots, by controllers whose model is wrong."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from cdpr_sim.analysis.compensation import default_limits
+from cdpr_sim.analysis.workspace.feasibility import feasible
+from cdpr_sim.control.elastic_lengths import ElasticLengths
+from cdpr_sim.control.held_tensions import HeldTensions
+from cdpr_sim.control.lengths_and_tensions import LengthsAndTensions
+from cdpr_sim.control.pose_feedback import PoseFeedback
+from cdpr_sim.control.rigid_lengths import RigidLengths
+from cdpr_sim.core.controller import Controller, Sensors
+from cdpr_sim.core.materials import PAPER_MATERIALS
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.trajectory import PlatformFell, Trajectory
+from cdpr_sim.physics.drive import PEAK
+from cdpr_sim.physics.track import track
+from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.studies.lines import PAPER_LINE
+
+LAYOUTS = ("cogiro", "parallel")
+SPEEDS = (0.05, 0.5)
+"""[m/s] Top speeds; the mean is lower by 1.875."""
+
+HEIGHT, RADIUS, CORNERS = 0.1, 0.1, 120
+"""[m] Of the line and the circle; of the circle about the workspace's middle, and as how many straight lines."""
+
+STIFFNESS_BELIEVED = 0.8
+"""Of the true EA: what the controllers believe."""
+
+EXIT_OFF = (0.005, 0.0, 0.0)
+"""[m] How far from its true place they believe the exit of cable 1 to be."""
+
+PAUSE = 4.0
+"""[s] For which the platform stands before it moves, and which do not count: feedback has done its work by then."""
+
+SENSORS = Sensors(period=0.01, delay=0.01, position_noise=6.5e-5, rotation_noise=1e-3, seed=1)
+"""The paper's tracker is accurate to 0.065 mm, which over half a platform is 1e-3 rad; rate and delay are assumed."""
+
+RIGID, ELASTIC, TENSIONS, MIXED = "rigid lengths", "elastic lengths", "tensions", "lengths and tensions"
+RIGID_FEEDBACK, ELASTIC_FEEDBACK = "rigid, pose feedback", "elastic, pose feedback"
+
+SCHEMES: dict[str, Callable[[Robot], Controller]] = {
+    RIGID: RigidLengths,
+    ELASTIC: ElasticLengths,
+    TENSIONS: HeldTensions,
+    MIXED: LengthsAndTensions,
+    RIGID_FEEDBACK: lambda robot: PoseFeedback(RigidLengths(robot)),
+    ELASTIC_FEEDBACK: lambda robot: PoseFeedback(ElasticLengths(robot)),
+}
+"""By name, from the robot that is believed in."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be done.
+
+    Attributes:
+        layout: name of a robot.
+        material: of its cables.
+        path: "line" or "circle".
+        speed: at the fastest [m/s].
+    """
+
+    layout: str
+    material: str
+    path: str
+    speed: float
+
+    @property
+    def robot(self) -> Robot:
+        """The true one."""
+        return load_robot(self.layout).replace(material=self.material)
+
+    @property
+    def waypoints(self) -> Float[np.ndarray, "waypoints 3"]:
+        """Level positions [m]."""
+        middle = self.robot.home
+        if self.path == "line":
+            return np.array([[x, middle[1], HEIGHT] for x in PAPER_LINE])
+        turned = np.linspace(0, 2 * np.pi, CORNERS + 1)
+        return np.stack([*(middle[:2, None] + RADIUS * np.array([np.cos(turned), np.sin(turned)])),
+                         np.full(len(turned), HEIGHT)], axis=1)  # fmt: skip
+
+    @property
+    def seconds(self) -> float:
+        """Duration of the motion."""
+        return float(PEAK * np.linalg.norm(np.diff(self.waypoints, axis=0), axis=1).sum() / self.speed)
+
+
+def tasks() -> tuple[Task, ...]:
+    """All of them."""
+    return tuple(Task(*one) for one in itertools.product(LAYOUTS, PAPER_MATERIALS, ("line", "circle"), SPEEDS))
+
+
+def believed(robot: Robot) -> Robot:
+    """What the controllers take the robot for."""
+    exits = robot.exits.copy()
+    exits[0] += EXIT_OFF
+    return robot.replace(exits=exits, axial_stiffness=STIFFNESS_BELIEVED * robot.axial_stiffness)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A task done by a scheme; errors and tensions are those after the pause.
+
+    Attributes:
+        task: what was to be done.
+        scheme: by which.
+        trajectory: what came of it.
+        fell: whether the platform fell; the trajectory ends there.
+    """
+
+    task: Task
+    scheme: str
+    trajectory: Trajectory
+    fell: bool
+
+    @property
+    def moving(self) -> Bool[np.ndarray, " states"]:
+        """Which states count; all, if it fell before they began."""
+        counts = self.trajectory.times >= PAUSE
+        return counts if counts.any() else ~counts
+
+    @property
+    def position_errors(self) -> Float[np.ndarray, " counted"]:
+        """Distances from the wanted position [m]."""
+        return np.linalg.norm(self.trajectory.deviation, axis=1)[self.moving]
+
+    @property
+    def tilts(self) -> Float[np.ndarray, " counted"]:
+        """Errors of tilt [rad]: level is what is wanted."""
+        return self.trajectory.tilt[self.moving]
+
+    @property
+    def lowest_tension(self) -> float:
+        """Of any cable [N]."""
+        return float(self.trajectory.tensions[self.moving].min())
+
+    @property
+    def highest_tension(self) -> float:
+        """Of any cable [N]."""
+        return float(self.trajectory.tensions[self.moving].max())
+
+
+def rms(values: Float[np.ndarray, " values"]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def run(task: Task, scheme: str, *, robot: Robot | None = None, wrong: Robot | None = None) -> Run:
+    """One task by one scheme.
+
+    Args:
+        task: what is to be done.
+        scheme: a key of ``SCHEMES``.
+        robot: the true one, if it is at hand.
+        wrong: what the scheme believes in, if it is at hand; plans are kept for the next run with the same one.
+    """
+    robot = task.robot if robot is None else robot
+    controller = SCHEMES[scheme](believed(robot) if wrong is None else wrong)
+    try:
+        done = track(robot, task.waypoints, controller, seconds=task.seconds, pause=PAUSE, sensors=SENSORS)
+    except PlatformFell as error:
+        if error.trajectory is None:
+            raise
+        return Run(task, scheme, error.trajectory, fell=True)
+    return Run(task, scheme, done, fell=False)
+
+
+def runs(progress: Callable[[float], None] | None = None) -> tuple[Run, ...]:
+    """Every task by every scheme."""
+    robots = {(task.layout, task.material): task.robot for task in tasks()}
+    beliefs = {key: believed(robot) for key, robot in robots.items()}
+    pairs = list(itertools.product(tasks(), SCHEMES))
+    found = []
+    for number, (task, scheme) in enumerate(pairs):
+        key = task.layout, task.material
+        found.append(run(task, scheme, robot=robots[key], wrong=beliefs[key]))
+        if progress is not None:
+            progress((number + 1) / len(pairs))
+    return tuple(found)
+
+
+def held(task: Task, poses: int = 200) -> float:
+    """The fraction of the task's path along which tensions within compensation's limits hold the platform level."""
+    robot, waypoints = task.robot, task.waypoints
+    along = np.append(0, np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1)))
+    at = np.linspace(0, along[-1], poses)
+    points = np.stack([np.interp(at, along, column) for column in waypoints.T], axis=1)
+    limits = default_limits(Problem.of(robot, points[0]))
+    return float(np.mean(feasible(robot, points, tension_limits=limits)))

@@ -1,0 +1,65 @@
+"""Control schemes compared: both layouts, both cables, the paper's line and a circle, slow and fast, a wrong model.
+
+Run it: python scripts/compare_controllers.py. It takes some three minutes of one core, a third of them for compensation
+where no lengths hold the platform. It prints a table, draws pictures/controllers.png, and films the best beside the
+worst along the line: pictures/controllers.gif.
+"""
+
+import dataclasses
+import time
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+
+import cdpr_sim as cdpr
+from cdpr_sim.core.files import write_whole
+from cdpr_sim.core.materials import PAPER_MATERIALS
+from cdpr_sim.report.controllers import runs_table, summary_table
+from cdpr_sim.studies.controllers import LAYOUTS, PAUSE, Run, Task, held, rms, runs
+from cdpr_sim.studies.controllers_figures import controllers
+from cdpr_sim.studies.gallery import encoded
+
+FILMED = "line", 0.05  # path, top speed [m/s]
+SIZE, SECONDS, FPS = (800, 450), 9.2, 10.0  # pixel, s of video, frames a second
+FOLDER = Path(__file__).parents[1] / "pictures"
+
+
+def titled(run: Run) -> cdpr.Trajectory:
+    """Its motion after the pause, with its scheme in the robot's name, which heads the picture."""
+    motion = run.trajectory
+    robot = motion.robot.replace(name=f"{run.task.layout}: {run.scheme}", material=run.task.material)
+    rows = np.flatnonzero(run.moving)
+    problems = dataclasses.replace(motion.problems.take(rows), robot=robot)
+    return cdpr.Trajectory.of(
+        problems, motion.times[rows] - PAUSE, motion.poses[rows], motion.lengths[rows], motion.tensions[rows]
+    )
+
+
+def main() -> None:
+    console, begun = Console(), time.process_time()
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("Tracking", total=1.0)
+        found = runs(lambda done: progress.update(task, completed=done))
+    console.print(runs_table(found))
+    console.print(summary_table(found))
+    for layout in LAYOUTS:
+        for path in ("line", "circle"):
+            part = held(Task(layout, PAPER_MATERIALS[0], path, 0.5))
+            console.print(f"{layout}: along {part:.0%} of the {path} some tensions hold the platform level.")
+    console.print(f"{len(found)} runs, {time.process_time() - begun:.0f} s of one core")
+    FOLDER.mkdir(exist_ok=True)
+    write_whole({FOLDER / "controllers.png": encoded(controllers(found), "png")})
+    filmed = sorted(
+        (one for one in found if (one.task.path, one.task.speed) == FILMED), key=lambda one: rms(one.position_errors)
+    )
+    best, worst = filmed[0], filmed[-1]
+    pair = [titled(best), titled(worst)]
+    cdpr.write_video(FOLDER / "controllers.gif", pair, seconds=SECONDS, fps=FPS, size=SIZE, force=True)
+    for one in (best, worst):
+        console.print(f"Filmed: {one.task.layout}, {one.task.material}, {one.scheme}")
+
+
+if __name__ == "__main__":
+    main()

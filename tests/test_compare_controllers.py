@@ -1,0 +1,103 @@
+"""The comparison of control schemes: tasks are what they are called, and table and figure show what was measured."""
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from cdpr_sim.core.trajectory import Trajectory
+from cdpr_sim.report.controllers import runs_table, summary_table
+from cdpr_sim.studies.controllers import (
+    PAUSE,
+    RIGID,
+    RIGID_FEEDBACK,
+    SCHEMES,
+    Run,
+    Task,
+    believed,
+    held,
+    rms,
+    run,
+    tasks,
+)
+from cdpr_sim.studies.controllers_figures import ROWS, controllers
+
+LINE = Task("cogiro", "fishing-0.4mm", "line", 0.5)
+CIRCLE = Task("parallel", "vectran-0.7mm", "circle", 0.05)
+
+
+@pytest.fixture(scope="module")
+def found() -> tuple[Run, ...]:
+    return run(LINE, RIGID), run(LINE, RIGID_FEEDBACK), run(Task("parallel", "vectran-0.7mm", "line", 0.5), RIGID)
+
+
+def test_tasks_are_all_combinations():
+    """Two layouts, two cables, two paths, two speeds; a fifth of the stiffness and 5 mm of one exit are wrong."""
+    assert len(set(tasks())) == 16
+    true, wrong = LINE.robot, believed(LINE.robot)
+    np.testing.assert_allclose(wrong.axial_stiffness, 0.8 * true.axial_stiffness)
+    np.testing.assert_allclose(np.linalg.norm(wrong.exits - true.exits, axis=1), [0.005, *np.zeros(7)], atol=1e-15)
+    assert list(ROWS) == list(SCHEMES)
+
+
+def test_a_circle_is_round_and_closed():
+    """Of 0.1 m about the middle, level; the fastest is what the task says."""
+    points = CIRCLE.waypoints
+    np.testing.assert_allclose(points[0], points[-1], atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(points[:, :2] - CIRCLE.robot.home[:2], axis=1), 0.1)
+    assert np.ptp(points[:, 2]) == 0
+    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    assert length == pytest.approx(2 * np.pi * 0.1, rel=1e-3)
+    assert 1.875 * length / CIRCLE.seconds == pytest.approx(0.05)
+
+
+def test_where_cables_can_hold_the_platform():
+    """The crossed layout all along, the parallel one within some 80 mm of the middle: a third of 0.46 m."""
+    assert held(LINE) == 1.0
+    assert held(Task("parallel", "vectran-0.7mm", "line", 0.5)) == pytest.approx(0.16 / 0.46, abs=0.05)
+
+
+def test_feedback_pays_and_the_pause_does_not_count(found):
+    """Crossed layout, quick line; the speed at the fastest is 0.5 m/s."""
+    rigid, feedback, _ = found
+    assert rms(feedback.position_errors) < 0.8 * rms(rigid.position_errors)
+    assert not feedback.fell
+    motion: Trajectory = rigid.trajectory
+    assert len(rigid.position_errors) == (motion.times >= PAUSE).sum() < len(motion)
+    speeds = np.linalg.norm(np.diff(motion.commanded.translation, axis=0), axis=1) / np.diff(motion.times)
+    assert speeds.max() == pytest.approx(0.5, rel=1e-3)
+    shift = np.linalg.norm(motion.positions - motion.commanded.translation, axis=1)[motion.times >= PAUSE]
+    assert rms(rigid.position_errors) == pytest.approx(np.sqrt((shift**2).mean()))
+
+
+def test_the_table_says_what_was_measured(found):
+    """A row per run under its task, in mm, degrees and newtons."""
+    console = Console(width=120, file=io.StringIO(), record=True)
+    console.print(runs_table(found))
+    text = console.export_text()
+    for one in found:
+        errors, tilts = 1e3 * one.position_errors, np.degrees(one.tilts)
+        numbers = [rms(errors), errors.max(), rms(tilts), tilts.max(), one.lowest_tension, one.highest_tension]
+        row = f"{one.scheme} {' '.join(f'{number:.2f}' for number in numbers)}"
+        assert row in [" ".join(line.split()) for line in text.splitlines()]
+    assert "cogiro, fishing-0.4mm" in text
+    console.print(summary_table(found))
+    (row,) = (line.split() for line in console.export_text().splitlines() if RIGID_FEEDBACK in line)
+    assert row[3:] == [f"{1e3 * rms(found[1].position_errors):.1f}", "to", row[3]]
+    assert "line, up to 0.5 m/s" in text
+
+
+def test_the_figure_shows_what_was_measured(found):
+    """Each run's points stand at its numbers."""
+    figure = controllers(found)
+    shown = {}
+    for ax in figure.axes:
+        for line in ax.get_lines():
+            if (line.get_gid() or "").startswith("rms"):
+                shown.setdefault(ax.get_title(loc="left"), []).append(float(np.asarray(line.get_xdata())[0]))
+    crossed = [1e3 * rms(one.position_errors) for one in found[:2]]
+    np.testing.assert_allclose(shown["crossed cables (cogiro): position"], crossed)
+    np.testing.assert_allclose(shown["parallel cables: position"], [1e3 * rms(found[2].position_errors)])
+    tilts = [np.degrees(rms(one.tilts)) for one in found]
+    np.testing.assert_allclose(sorted(shown["tilt"]), sorted(tilts))

@@ -1,0 +1,207 @@
+"""Controllers, each against what statics or arithmetic says its motion must come to."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+import cdpr_sim as cdpr
+from cdpr_sim.control import ElasticLengths, HeldTensions, LengthsAndTensions, PoseFeedback, RigidLengths
+from cdpr_sim.core.pose import moved
+
+POSE = [0.3, 0.25, 0.1]
+
+CALM: dict[str, Any] = {"seconds": 1.0, "damping": 4.0}
+"""A still target, and enough time and drag, some 40/s per mass, to come to rest there."""
+
+SAME = 1e-8
+"""[m] Between a platform that has come to rest in MuJoCo and its equilibrium by statics: measured below 1e-9 m."""
+
+HELD = 1e-9
+"""[N] By which an ideal motor misses its tension: rounding of some newtons."""
+
+
+def demobot() -> cdpr.Robot:
+    return cdpr.load_robot("cogiro").replace(material="fishing-0.4mm")
+
+
+def wrong(robot: cdpr.Robot) -> cdpr.Robot:
+    """20 % in EA, 5 mm in one exit."""
+    exits = robot.exits.copy()
+    exits[0, 0] += 0.005
+    return robot.replace(exits=exits, axial_stiffness=0.8 * robot.axial_stiffness)
+
+
+@dataclass
+class Aside:
+    """Another controller, whose run begins with two cables 3 mm shorter: it has somewhere to go."""
+
+    inner: cdpr.Controller
+
+    def start(self, course: cdpr.Course) -> np.ndarray:
+        lengths = np.array(self.inner.start(course))
+        lengths[:2] -= 0.003
+        return lengths
+
+    def command(self, time: float, pose: RigidTransform, sensed: cdpr.Sensed):
+        return self.inner.command(time, pose, sensed)
+
+
+def test_rigid_lengths_end_where_statics_says():
+    """The platform comes to the equilibrium of the rigid lengths, from elsewhere; that is not where it is wanted."""
+    robot = demobot()
+    motion = cdpr.track(robot, [POSE], Aside(RigidLengths(robot)), **CALM)
+    rest = cdpr.solve(robot, POSE)
+    assert np.linalg.norm(motion.positions[0] - rest.position) > 1e-3
+    np.testing.assert_allclose(motion.positions[-1], rest.position, atol=SAME)
+    np.testing.assert_allclose(motion.tensions[-1], rest.tensions, atol=1e-5)
+    assert np.linalg.norm(motion.positions[-1] - POSE) > 1e-4
+
+
+def test_elastic_lengths_end_where_statics_says():
+    """With the right model at the pose; with a wrong one where the true robot rests on those lengths."""
+    robot = demobot()
+    right = cdpr.track(robot, [POSE], Aside(ElasticLengths(robot)), **CALM)
+    np.testing.assert_allclose(right.positions[-1], POSE, atol=SAME)
+    believed = wrong(robot)
+    lengths = cdpr.compensate(believed, POSE).rest_lengths
+    off = cdpr.track(robot, [POSE], Aside(ElasticLengths(believed)), **CALM)
+    np.testing.assert_allclose(off.positions[-1], cdpr.solve(robot, POSE, lengths).position, atol=SAME)
+    assert np.linalg.norm(off.positions[-1] - POSE) > 1e-4
+
+
+def test_elastic_lengths_between_compensated_poses():
+    """Along a line the platform stays on it, though compensation is computed every 20 mm only; rigid lengths sag."""
+    robot = demobot()
+    line = [[0.25, 0.25, 0.1], [0.35, 0.25, 0.1]]
+    errors = [
+        np.linalg.norm(cdpr.track(robot, line, one, seconds=2.0, damping=0.0).deviation, axis=1).max()
+        for one in (ElasticLengths(robot), RigidLengths(robot))
+    ]
+    # What is left is the platform's inertia, m a/K = 0.4 kg 0.14 m/s² / 1700 N/m = 3e-5 m, and what rings after it.
+    assert errors[0] < 1e-4
+    assert errors[1] > 4e-4
+
+
+@pytest.mark.parametrize("inner", [RigidLengths, ElasticLengths])
+def test_pose_feedback_removes_a_constant_error_of_the_model(inner):
+    """At the rate it is told: e falls by exp(−gain t); without it the error stays."""
+    robot, gain, seconds = cdpr.load_robot("cogiro"), 3.0, 4.0
+    believed = wrong(robot)
+    without = cdpr.track(robot, [POSE], inner(believed), seconds=0.5)
+    stays = np.linalg.norm(without.deviation, axis=1)
+    assert stays.min() > 1e-3
+    motion = cdpr.track(robot, [POSE], PoseFeedback(inner(believed), gain=gain), seconds=seconds)
+    errors = np.linalg.norm(motion.deviation, axis=1)
+    assert errors[0] == pytest.approx(stays[0], rel=1e-6)
+    expected = errors[0] * np.exp(-gain * seconds)
+    assert expected / 5 < errors[-1] < 5 * expected
+    assert motion.tilt[-1] < 1e-3 * motion.tilt[0]
+
+
+def test_pose_feedback_corrects_no_further_than_it_may():
+    """A target out of reach is given up at 50 mm, and does not wind up cables without end."""
+    robot = cdpr.load_robot("cogiro")
+
+    beside = np.array([0.1, 0, 0, 0, 0, 0])
+
+    class Elsewhere(RigidLengths):
+        """Rigid lengths of another pose, 0.1 m beside."""
+
+        def start(self, course):
+            return self.robot.rest_lengths(moved(course.pose(0.0), beside))
+
+        def command(self, time, pose, sensed):
+            return super().command(time, moved(pose, beside), sensed)
+
+    motion = cdpr.track(robot, [[0.4, 0.25, 0.1]], PoseFeedback(Elsewhere(robot), gain=4.0), seconds=1.0)
+    assert motion.deviation[-1, 0] == pytest.approx(0.05, abs=2e-3)
+
+
+def test_force_control_holds_the_wanted_tensions():
+    """Whatever EA is. Lengths under a wrong EA do not."""
+    robot = demobot()
+    believed = robot.replace(axial_stiffness=0.8 * robot.axial_stiffness)
+    tensions = cdpr.compensate(robot, POSE).tensions
+    motion = cdpr.track(robot, [POSE], HeldTensions(believed), seconds=1.0)
+    np.testing.assert_allclose(motion.tensions[1:], np.broadcast_to(tensions, (100, 8)), atol=HELD)
+    lengths = cdpr.track(robot, [POSE], ElasticLengths(believed), seconds=1.0)
+    assert np.abs(lengths.tensions[-1] - tensions).max() > 1e6 * HELD
+
+
+def test_force_control_carries_the_platforms_inertia():
+    """Along a quick line in vacuum it is where it is wanted; as if it stood still it would be left behind by m a/K.
+
+    That is centimetres, since tensions hold it like a spring of some 2 N/m.
+    """
+    robot = demobot()
+    line = [[0.3, 0.25, 0.1], [0.5, 0.25, 0.1]]
+    motion = cdpr.track(robot, line, HeldTensions(robot), seconds=1.0, damping=0.0)
+    assert np.linalg.norm(motion.deviation, axis=1).max() < 3e-3
+
+    class Standing(HeldTensions):
+        def command(self, time, pose, sensed):
+            return super().command(-1.0, pose, sensed)  # before anything moves
+
+    behind = cdpr.track(robot, line, Standing(robot), seconds=1.0, damping=0.0)
+    assert np.linalg.norm(behind.deviation, axis=1).max() > 3e-2
+
+
+def test_force_control_leaves_what_no_tensions_can_carry():
+    """Outside the parallel layout's feasible workspace it holds what is nearest, within limits, and misses the pose."""
+    robot = cdpr.load_robot("parallel")
+    pose = [0.25, 0.25, 0.1]
+    motion = cdpr.track(robot, [pose], HeldTensions(robot), seconds=1.0)
+    lower = 0.01 * robot.weight
+    assert motion.tensions[1:].min() == pytest.approx(lower, rel=1e-6)
+    assert np.linalg.norm(motion.deviation[-1]) > 0.02
+
+
+def test_a_winch_that_cannot_keep_up_holds_no_tension():
+    """Its cable is then a spring that is wound as fast as the winch turns."""
+    robot = demobot()
+    line = [[0.3, 0.25, 0.1], [0.5, 0.25, 0.1]]
+    motion = cdpr.track(robot, line, HeldTensions(robot), seconds=1.0, winch_speed=0.05)
+    assert np.abs(np.diff(motion.rest_lengths, axis=0)).max() <= 0.05 * 0.01 * (1 + 1e-6)
+    wanted = cdpr.compensate(robot, motion.commanded[50]).tensions
+    assert np.abs(motion.tensions[50] - wanted).max() > 0.1
+
+
+def test_lengths_on_some_cables_and_tensions_on_the_others():
+    """Two of eight cables, as many as there are to spare, have the planned tension; the others the planned length."""
+    robot = demobot()
+    believed = wrong(robot)
+    plan = cdpr.compensate(believed, POSE)
+    motion = cdpr.track(robot, [POSE], LengthsAndTensions(believed), seconds=1.0)
+    by_tension = np.abs(motion.tensions[1:] - plan.tensions).max(0) < HELD
+    assert by_tension.sum() == 2
+    np.testing.assert_allclose(motion.rest_lengths[-1, ~by_tension], plan.rest_lengths[~by_tension], atol=1e-12)
+    assert np.abs(motion.rest_lengths[-1, by_tension] - plan.rest_lengths[by_tension]).min() > 1e-5
+    chosen = cdpr.track(robot, [POSE], LengthsAndTensions(believed, by_tension=[3]), seconds=0.2)
+    np.testing.assert_allclose(chosen.tensions[1:, 2], plan.tensions[2], atol=HELD)
+
+
+@pytest.mark.parametrize(
+    ("cables", "message"), [([0], "by_tension: found 0"), (range(1, 9), "by_tension: found all 8")]
+)
+def test_cables_that_are_not_there_are_refused(cables, message):
+    """They count from 1, and some must hold a length."""
+    robot = demobot()
+    with pytest.raises(cdpr.InvalidInput, match=message):
+        cdpr.track(robot, [POSE], LengthsAndTensions(robot, by_tension=cables), seconds=0.1)
+
+
+def test_controllers_are_controllers():
+    """All of them have what the protocol asks for; a robot does not."""
+    robot = demobot()
+    for one in (
+        RigidLengths,
+        ElasticLengths,
+        HeldTensions,
+        LengthsAndTensions,
+        lambda r: PoseFeedback(RigidLengths(r)),
+    ):
+        assert isinstance(one(robot), cdpr.Controller)
+    assert not isinstance(robot, cdpr.Controller)
