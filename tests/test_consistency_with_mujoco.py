@@ -22,7 +22,7 @@ MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
 
 MOST_FREE = 0.08
 """Largest fraction of poses at which a platform may turn freely about two diagonal cables: only on ``parallel``, where
-5 % do (70 of 1,440 poses with Vectran); see test_newton."""
+70 of these 1,440 do with Vectran; see test_newton."""
 
 
 DIFFERENCED = 1e-5

@@ -267,7 +267,7 @@ def test_large_errors_are_written_like_their_neighbours():
     """37.3 mm is no 3.73e+01; what six decimals would show as nothing keeps its size."""
     robot = cdpr.load_robot("parallel")
     found = cdpr.compensate(robot, (0.45, 0.25, 0.1))
-    table = compensation_table(found, {"Newton": cdpr.solve(robot, (0.2, 0.25, 0.1))}, {"Newton": found.equilibrium})
+    table = compensation_table(found, [cdpr.solve(robot, (0.2, 0.25, 0.1))], [found.equilibrium])
     row = list(table.columns[0].cells).index(r"error of position \[mm]")
     before, after = (list(column.cells)[row] for column in table.columns[1:])
     assert re.fullmatch(r"\d+\.\d{6}", before)

@@ -42,8 +42,9 @@ TAUT = 0.01
 """Default lower limit of tension, as a fraction of the load: keeps every cable taut, so that each one holds."""
 
 HELD = 1e-3
-"""Least stiffness that counts as held, in loads per characteristic length: the softest place of rest of
-DemoBot that is held at all, turned over, has 0.2."""
+"""Least stiffness that counts as held, in loads per characteristic length: with less, a thousandth of the load moves
+the platform by a characteristic length. A choice: of 30,000 poses each, the softest rest of ``cogiro`` has 0.1, and
+of those of ``parallel`` that anything holds, three have less (``scripts/measure_constants.py``)."""
 
 LEAST_ARM = 1e-3
 """Of the characteristic length. Where position alone counts, this much weight on the rotation still chooses the least

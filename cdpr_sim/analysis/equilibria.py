@@ -32,9 +32,9 @@ SAME = 1e-3
 """Two equilibria nearer than this fraction of the characteristic length are one: two solutions of one scatter by
 1e-9 m and less, where it is held."""
 
-LOOSE = 1e-6
+LOOSE = 1e-8
 """Equilibria whose softest direction has this fraction of the stiffest may belong to a family: ``parallel``, hanging on
-two diagonal cables, measures 1e-18, and the softest that is held 1e-4."""
+two diagonal cables, measures 5e-16, and the softest rest that is held 1e-7 (``scripts/measure_constants.py``)."""
 
 BALANCED = 1e-8
 """Unbalanced force of a root, as a fraction of the load."""
@@ -378,9 +378,9 @@ def _roots(
         slope = slope[:, free][:, :, free]
         normal = slope.swapaxes(-1, -2) @ slope
         scale = np.trace(normal, axis1=-2, axis2=-1)[:, None, None] / len(free)
-        gradient = np.einsum("nij,ni->nj", slope, force[rows])
+        gradient = force[rows, None] @ slope
         damped = normal + (dampings[rows, None, None] * scale + 1e-300) * eye
-        step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
+        step = -np.linalg.solve(damped, gradient.swapaxes(-1, -2))[..., 0]
         length = np.linalg.norm(step, axis=1)
         step *= np.minimum(1.0, 2 * robot.characteristic_length / np.maximum(length, 1e-300))[:, None]
         whole = np.zeros((len(rows), 6))

@@ -41,13 +41,14 @@ def compensate(
     """
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
-        with busy("Looking for tensions (the first run on a machine compiles for half a minute)"):
+        with busy("Looking for tensions (the first run on a machine compiles for some 20 seconds)"):
             found = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
             hold = cdpr.confirm(found)
-            roads = {"MuJoCo": cdpr.settle, "Newton": cdpr.solve}
-            before = {name: road(problem) for name, road in roads.items()}
+            roads = cdpr.settle, cdpr.solve
+            before = [road(problem) for road in roads]
             # From where the platform hangs now, so that coming to the commanded pose is its own doing.
-            after = {name: road(problem.robot, before[name].pose, found.rest_lengths) for name, road in roads.items()}
+            hanging = zip(roads, before, strict=True)
+            after = [road(problem.robot, now.pose, found.rest_lengths) for road, now in hanging]
     if as_json:
         print_json(json_of.compensation(problem, found, hold, before, after))
     else:
@@ -68,7 +69,7 @@ def sensitivity(
     """What matters most: mm and degrees per mm of length, per percent of stiffness, per newton; natural frequencies."""
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
-        with busy("Solving (the first run on a machine compiles for half a minute)"):
+        with busy("Solving (the first run on a machine compiles for some 20 seconds)"):
             answer = cdpr.sensitivity(problem)
             effects, modes = answer.effects(), cdpr.natural_modes(answer.equilibrium)
     if as_json:
@@ -94,7 +95,7 @@ def equilibria(
         if starts < 1:
             raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
         memory.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
-        with busy("Looking for equilibria (the first run on a machine compiles for half a minute)"):
+        with busy("Looking for equilibria (the first run on a machine compiles for some 20 seconds)"):
             found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
             followed = cdpr.follow_load(problem)
             reached, _ = found.nearest(followed.reached.pose)
@@ -135,7 +136,7 @@ def identify(
     with errors_as_sentences():
         machine = robot_of(robot, material)
         measurements = cdpr.read_measurements(file)
-        with busy("Fitting (the first run on a machine compiles for half a minute)"):
+        with busy("Fitting (the first run on a machine compiles for some 20 seconds)"):
             found = cdpr.identify(
                 machine,
                 measurements,

@@ -85,12 +85,13 @@ def video(
         wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
         film.check_count(len(wanted))
         machines = [robot_of(name, cables) for name, cables, _ in wanted]
+        for robot in machines:
+            for option, chosen in (("--compensate", compensate), ("--drop", drop)):
+                if chosen:
+                    robot.cabling.refuse_weight(option)
         trajectories = []
         for robot, (_, _, cut) in zip(machines, wanted, strict=True):
             if not robot.cabling.massless:
-                for option, chosen in (("--compensate", cut), ("--drop", drop)):
-                    if chosen:
-                        robot.cabling.refuse_weight(option)
                 trajectories.append(_settled(robot, _line(robot, path, y, z), seconds, states))
                 continue
             waypoints, lengths = _line(robot, path, y, z)[: 1 if drop else None], None

@@ -12,8 +12,8 @@ from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, p
 from cdpr_sim.report import as_json as json_of
 from cdpr_sim.report import crosscheck as report
 
-METHODS = {"Newton": "newton", "SEECR\nfsolve": "fsolve", "SEECR\nleast_sq.": "least_squares"}
-"""The static solvers by their headings."""
+METHODS = "newton", "fsolve", "least_squares"
+"""The static solvers."""
 
 
 def settle(robot: RobotName, pose: Pose = None, material: MaterialName = None, as_json: AsJson = False) -> None:
@@ -25,20 +25,18 @@ def settle(robot: RobotName, pose: Pose = None, material: MaterialName = None, a
         problem = problem_of(robot, pose, material)
         with busy("MuJoCo settles the platform"):
             settled = cdpr.settle(problem)
-        outcomes: dict[str, report.Outcome] = {"MuJoCo": settled}
-        with busy("The static solvers look for equilibrium (the first run on a machine compiles for half a minute)"):
-            outcomes |= {name: _outcome(problem, method) for name, method in METHODS.items()}
-        newton = outcomes["Newton"]
+        with busy("The static solvers look for equilibrium (the first run on a machine compiles for some 20 seconds)"):
+            newton, *seecr = (_outcome(problem, method) for method in METHODS)
         if not isinstance(newton, cdpr.Equilibrium):
             raise newton
         agreement = cdpr.compare(newton, settled)
+    outcomes = [settled, newton, *seecr]
     if as_json:
-        by_method = {METHODS.get(name, "mujoco"): outcome for name, outcome in outcomes.items()}
-        print_json(json_of.crosscheck(problem, by_method, agreement))
+        print_json(json_of.crosscheck(problem, outcomes, agreement))
     else:
         console = Output()
         console.print(report.settle_table(problem, outcomes))
-        for outcome in outcomes.values():
+        for outcome in outcomes:
             if isinstance(outcome, cdpr.NotConverged):
                 console.print(outcome.reason, style="dim", markup=False, highlight=False)
         console.print(report.verdict(agreement), highlight=False)
@@ -55,12 +53,12 @@ def solve(
     """Solve for the static equilibrium with one solver. Exit status 2 if it does not find one."""
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
-        with busy("Solving (the first run on a machine compiles for half a minute)"):
+        with busy("Solving (the first run on a machine compiles for some 20 seconds)"):
             result = cdpr.solve(problem, method=method)  # type: ignore[arg-type]
     if as_json:
         print_json(json_of.solution(result))
     else:
-        Output().print(report.settle_table(problem, {result.source: result}))
+        Output().print(report.settle_table(problem, [result]))
 
 
 def _outcome(problem: cdpr.Problem, method: str) -> report.Outcome:

@@ -27,7 +27,7 @@ TENSION_TOLERANCE = 1e-3
 CROSS_TOLERANCE = 1e-5
 """Largest unbalanced force that either road may find at the other's pose, as a fraction of the load (without load, of
 ``Problem.force_scale``). MuJoCo calls a platform at rest at 1e-6; a model that is wrong by 1 % in one taut cable leaves
-1e-3."""
+8e-5 or more (``scripts/measure_constants.py``)."""
 
 REST_LENGTH_TOLERANCE = 1e-7
 """[m] A cable this close to its rest length counts as taut or as slack, whichever the other road says."""

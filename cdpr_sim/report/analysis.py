@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from rich.markup import escape
@@ -17,24 +17,25 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.words import cables_in_words
 from cdpr_sim.crosscheck.hold import Hold
 from cdpr_sim.physics.release import Release
-from cdpr_sim.report.crosscheck import SLACK
+from cdpr_sim.report.crosscheck import SLACK, heading
 from cdpr_sim.report.tables import new_table
 
 
 def compensation_table(
-    compensation: Compensation, before: Mapping[str, Equilibrium], after: Mapping[str, Equilibrium]
+    compensation: Compensation, before: Sequence[Equilibrium], after: Sequence[Equilibrium]
 ) -> Table:
     """Errors of position and tilt with the rigid and with the compensated lengths, by each road.
 
     Args:
         compensation: what is told to the winches.
-        before: by name of the road, the equilibrium with the rigid lengths.
+        before: each road's equilibrium with the rigid lengths.
         after: likewise with the compensated lengths.
     """
     robot, commanded = compensation.equilibrium.problem.robot, compensation.commanded
     x, y, z = 1e3 * commanded.translation
-    results = {f"before\n{name}": found for name, found in before.items()}
-    results |= {f"after\n{name}": found for name, found in after.items()}
+    results = {
+        f"{when}\n{heading(found)}": found for when, all in (("before", before), ("after", after)) for found in all
+    }
     title = f"{robot.name}, {cables_in_words(robot, 'N')},\ncommanded to ({x:g}, {y:g}, {z:g}) mm"
     table = new_table(title, "", *results, dense=True, roads=True)
     shifts = [1e3 * (found.position - commanded.translation) for found in results.values()]

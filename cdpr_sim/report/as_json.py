@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from cdpr_sim.analysis.compensation import Compensation
@@ -46,14 +46,18 @@ def outcome(found: Outcome) -> dict[str, Any]:
 
 def solution(found: Equilibrium) -> dict[str, Any]:
     """What one solver came to, and of which cables."""
-    return outcome(found) | _cables(found.problem.robot)
+    return outcome(found) | _machine(found.problem.robot)
 
 
-def crosscheck(problem: Problem, outcomes: Mapping[str, Outcome], agreement: Agreement) -> dict[str, Any]:
-    """What each road came to, by its name, and whether they agree."""
+def crosscheck(problem: Problem, outcomes: Sequence[Outcome], agreement: Agreement) -> dict[str, Any]:
+    """What each road came to, by the source that it names, and whether they agree."""
     return _asked(problem) | {
-        "results": {name: outcome(found) for name, found in outcomes.items()},
+        "results": _by_source(outcomes),
         "agrees": agreement.agrees,
+        "position_error": agreement.position_error,
+        "rotation_error": agreement.rotation_error,
+        "tension_error": agreement.tension_error,
+        "same_slack": agreement.same_slack,
         "verdict": agreement.verdict.value,
         "reasons": list(agreement.reasons),
     }
@@ -63,8 +67,8 @@ def compensation(
     problem: Problem,
     found: Compensation,
     hold: Hold,
-    before: Mapping[str, Equilibrium],
-    after: Mapping[str, Equilibrium],
+    before: Sequence[Equilibrium],
+    after: Sequence[Equilibrium],
 ) -> dict[str, Any]:
     """The lengths, and where each road puts the platform with the rigid and with the compensated ones."""
     return _asked(problem) | {
@@ -74,8 +78,8 @@ def compensation(
         "comes_from_commanded": hold.comes,
         "reasons": [*found.reasons, *hold.reasons],
         "rest_lengths": found.rest_lengths.tolist(),
-        "before": {name.lower(): outcome(result) for name, result in before.items()},
-        "after": {name.lower(): outcome(result) for name, result in after.items()},
+        "before": _by_source(before),
+        "after": _by_source(after),
     }
 
 
@@ -117,8 +121,7 @@ def identification(found: Identification) -> dict[str, Any]:
     errors = [error if math.isfinite(error) else None for error in found.standard_errors.tolist()]
     unknowns = zip(found.names, found.values.tolist(), errors, found.units, strict=True)
     return {
-        "robot": found.robot.name,
-        **_cables(found.robot),
+        **_machine(found.robot),
         "unknowns": {
             name: {"value": value, "standard_error": error, "unit": unit} for name, value, error, unit in unknowns
         },
@@ -127,14 +130,25 @@ def identification(found: Identification) -> dict[str, Any]:
     }
 
 
+def _by_source(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Each under the last word of its source: fsolve, of seecr/fsolve."""
+    shown = [outcome(found) for found in outcomes]
+    return {one["source"].rpartition("/")[2]: one for one in shown}
+
+
 def _asked(problem: Problem) -> dict[str, Any]:
-    asked = {"robot": problem.robot.name, "commanded": problem.pose.translation.tolist()}
-    return asked | _cables(problem.robot)
+    return _machine(problem.robot) | {"commanded": problem.pose.translation.tolist()}
 
 
-def _cables(robot: Robot) -> dict[str, Any]:
-    """Weight, law and pulleys of each cable, where there are any."""
+def _machine(robot: Robot) -> dict[str, Any]:
+    """The robot's name, mass and cables: weight, law and pulleys of each, where there are any."""
     cabling, properties = robot.cabling, {}
+    told = {
+        "robot": robot.name,
+        "mass": robot.mass,
+        "material": robot.material,
+        "axial_stiffness": robot.axial_stiffness.tolist(),
+    }
     if not cabling.massless:
         properties["linear_density"] = cabling.linear_density.tolist()
     if not cabling.linear:
@@ -142,4 +156,4 @@ def _cables(robot: Robot) -> dict[str, Any]:
     if cabling.pulleys.any():
         properties["pulley_radius"] = cabling.pulley_radius.tolist()
         properties["pulley_axis"] = cabling.pulley_axis.tolist()
-    return {"cables": properties} if properties else {}
+    return told | {"cables": properties} if properties else told

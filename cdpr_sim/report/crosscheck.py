@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from rich.markup import escape
@@ -11,7 +11,6 @@ from rich.table import Table
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled
 from cdpr_sim.core.pose import euler, tilt
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.words import cables_in_words
 from cdpr_sim.crosscheck.compare import Agreement
 from cdpr_sim.report.tables import new_table
@@ -21,24 +20,37 @@ Outcome = Equilibrium | NotConverged | NotSettled
 
 SLACK = "slack"
 
+HEADINGS = {
+    "mujoco": "MuJoCo",
+    "newton": "Newton",
+    "seecr/fsolve": "SEECR\nfsolve",
+    "seecr/least_squares": "SEECR\nleast_sq.",
+}
+"""Of a column, by the source that its numbers carry: nobody who hands in a result says whose it is."""
+
 
 def best_point(outcome: Outcome) -> Equilibrium | None:
     """The equilibrium, or the best point of a failure."""
     return outcome if isinstance(outcome, Equilibrium) else outcome.equilibrium
 
 
-def settle_table(problem: Problem, outcomes: Mapping[str, Outcome]) -> Table:
+def heading(point: Equilibrium | None) -> str:
+    """Of the column of a result, by its source."""
+    return "" if point is None else HEADINGS.get(point.source, point.source)
+
+
+def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
     """One column per road beside the commanded pose; a road that failed shows its best point, marked as such."""
     robot = problem.robot
     title = f"{robot.name}, {cables_in_words(robot, 'N')}, platform of {robot.mass:g} kg"
     table = new_table(title, "", "commanded", roads=True)
-    points = {name: best_point(outcome) for name, outcome in outcomes.items()}
-    for name, outcome in outcomes.items():
-        found = isinstance(outcome, Equilibrium)
-        table.add_column(escape(name), justify="right", no_wrap=True, style="" if found else "dim")
+    points = [best_point(outcome) for outcome in outcomes]
+    for outcome, point in zip(outcomes, points, strict=True):
+        style = "" if isinstance(outcome, Equilibrium) else "dim"
+        table.add_column(escape(heading(point)), justify="right", no_wrap=True, style=style)
 
     def row(label: str, commanded: str, show: Callable[[Equilibrium], str]) -> None:
-        shown = ("" if point is None else show(point) for point in points.values())
+        shown = ("" if point is None else show(point) for point in points)
         table.add_row(escape(label), commanded, *shown)
 
     start = problem.pose
@@ -56,12 +68,12 @@ def settle_table(problem: Problem, outcomes: Mapping[str, Outcome]) -> Table:
     table.add_section()
     row("unbalanced [N]", "", lambda e: f"{e.residual:.1e}")
     row("iterations", "", lambda e: str(e.iterations))
-    words = (e.stability.name.lower() if isinstance(e, Equilibrium) else "[red]none[/]" for e in outcomes.values())
+    words = (e.stability.name.lower() if isinstance(e, Equilibrium) else "[red]none[/]" for e in outcomes)
     table.add_row("equilibrium", "", *words)
     return table
 
 
-def line_table(title: str, settled: Rests, agreements: Sequence[Agreement]) -> Table:
+def line_table(title: str, settled: Iterable[Equilibrium], agreements: Sequence[Agreement]) -> Table:
     """One row per commanded pose: where the platform ends up, and how far the two roads are apart."""
     table = new_table(
         title,

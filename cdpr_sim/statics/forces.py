@@ -58,8 +58,7 @@ class Geometry:
     @cached_property
     def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
         """W, whose column i is (uᵢ, R bᵢ × uᵢ): the wrench on the platform of unit tension in cable i (Eq. 4)."""
-        wrenches = np.concatenate([self.directions, np.cross(self.arms, self.directions)], axis=-1)
-        return np.swapaxes(wrenches, -1, -2)
+        return _wrenches(self.directions, self.arms)
 
     @cached_property
     def curvatures(self) -> Float[Array, "*batch cables 3 3"]:
@@ -112,10 +111,8 @@ class State:
     def net_wrench(self) -> Float[Array, "*batch 6"]:
         """W tau + w_e, zero at equilibrium (Eq. 3) [N, N m]: minus the slope of the energy."""
         if self.hanging is None:
-            return np.einsum("...ic,...c->...i", self.wrench_matrix, self.tensions) + self.load_wrench
-        pulls = self.hanging.pull
-        wrenches = np.concatenate([pulls, np.cross(self.geometry.arms, pulls)], axis=-1)
-        return wrenches.sum(-2) + self.load_wrench
+            return (self.wrench_matrix @ self.tensions[..., None])[..., 0] + self.load_wrench
+        return _wrenches(self.hanging.pull, self.geometry.arms).sum(-1) + self.load_wrench
 
     @property
     def residual(self) -> Float[Array, "*batch"] | float:
@@ -147,23 +144,31 @@ class State:
         Over the taut cables, K = Σ k ∂lᵀ ∂l + tau ∂²l, and the weight's part; ∂l = −(u, r × u) is minus the wrench
         matrix's column. With D = ∂b = [1, −[r]×] for the anchor's place b and r = R b,
 
-            ∂²l = Dᵀ (∂²l/∂b²) D + [0, (u·r) 1 − ½ (u rᵀ + r uᵀ)].
+            ∂²l = Dᵀ (∂²l/∂b²) D + [0, (u·r) 1 − ½ (u rᵀ + r uᵀ)],
 
+        in which ∂²l/∂b² = (1 − u uᵀ)/s + bend b bᵀ (``Geometry.curvatures``) and Dᵀ u = (u, r × u).
         Exact wherever no cable is just at its rest length, where it jumps.
         """
         robot, geometry, tau = self.problem.robot, self.geometry, self.tensions
-        arms, directions = geometry.arms, geometry.directions
-        W = geometry.wrench_matrix
-        D = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -cross_matrix(arms)], axis=-1)
+        arms, W = geometry.arms, geometry.wrench_matrix
         if self.hanging is None:
-            matrix = (W * self.elasticities[..., None, :]) @ np.swapaxes(W, -1, -2)
-            matrix += (np.swapaxes(D, -1, -2) @ (tau[..., None, None] * geometry.curvatures) @ D).sum(-3)
-            matrix[..., 3:, 3:] += np.einsum("...c,...cij->...ij", tau, _dipole(directions, arms))
+            across = tau / geometry.free_lengths
+            matrix = (W * (self.elasticities - across)[..., None, :]) @ np.swapaxes(W, -1, -2)
+            matrix[..., :3, :3] += across.sum(-1)[..., None, None] * np.eye(3)
+            lever = cross_matrix((across[..., None] * arms).sum(-2))
+            matrix[..., 3:, :3] += lever
+            matrix[..., :3, 3:] -= lever
+            pulls = tau[..., None] * geometry.directions + across[..., None] * arms
+            if robot.cabling.pulleys.any():
+                wheels = _wrenches(geometry.across, arms)
+                matrix += (wheels * (tau * geometry.bends)[..., None, :]) @ np.swapaxes(wheels, -1, -2)
         else:
+            D = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -cross_matrix(arms)], axis=-1)
             matrix = (np.swapaxes(D, -1, -2) @ self.hanging.stiffness @ D).sum(-3)
-            matrix[..., 3:, 3:] += _dipole(self.hanging.pull, arms).sum(-3)
+            pulls = self.hanging.pull
+        matrix[..., 3:, 3:] += _turning(np.swapaxes(pulls, -1, -2) @ arms)
         arm = self.rotation @ robot.center_of_mass
-        matrix[..., 3:, 3:] += _dipole(_weight(self.problem, arm), arm)
+        matrix[..., 3:, 3:] += _turning(_weight(self.problem, arm)[..., :, None] * arm[..., None, :])
         return matrix
 
     @property
@@ -174,7 +179,7 @@ class State:
 
 def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]) -> Geometry:
     """Where the cables of ``robot`` run with the platform at a pose, or many."""
-    arms = np.einsum("...ij,cj->...ci", rotation, robot.anchors)
+    arms = robot.anchors @ np.swapaxes(rotation, -1, -2)
     x, y, z = np.moveaxis(robot.exits - np.asarray(position)[..., None, :] - arms, -1, 0)
     apart = (x, y, z)
     length, x, y, z, free = path(*apart)
@@ -257,7 +262,14 @@ def _weight(problem: Problem | Problems, arm: Float[Array, "*batch 3"]) -> Float
     return np.broadcast_to(pull, np.broadcast_shapes(pull.shape, arm.shape))
 
 
-def _dipole(forces: Float[Array, "*#batch 3"], arms: Float[Array, "*#batch 3"]) -> Float[Array, "*batch 3 3"]:
-    """(f·r) 1 − ½ (f rᵀ + r fᵀ): minus the second derivative of f·exp(φ×) r."""
-    outer = forces[..., :, None] * arms[..., None, :]
-    return np.trace(outer, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - 0.5 * (outer + outer.swapaxes(-1, -2))
+def _turning(moments: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3 3"]:
+    """Of M = Σ f rᵀ: tr(M) 1 − ½ (M + Mᵀ), minus the second derivative of Σ f·exp(φ×) r."""
+    trace = np.trace(moments, axis1=-2, axis2=-1)[..., None, None]
+    return trace * np.eye(3) - 0.5 * (moments + moments.swapaxes(-1, -2))
+
+
+def _wrenches(
+    forces: Float[Array, "*batch cables 3"], arms: Float[Array, "*#batch cables 3"]
+) -> Float[Array, "*batch 6 cables"]:
+    """Of forces at the ends of arms: columns (f, r × f)."""
+    return np.swapaxes(np.concatenate([forces, np.cross(arms, forces)], axis=-1), -1, -2)

@@ -16,6 +16,8 @@ programming, by HiGHS.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
@@ -62,13 +64,7 @@ def shortfall(
     lower, upper = checked_limits(robot, tension_limits)
     loads = checked_wrenches(robot, wrenches)
     at, turned = positions_and_rotations(robot, positions, rotations)
-    with np.errstate(all="ignore"):
-        left = np.asarray(
-            shortfall_gufunc(bent=robot.cabling.bent)(
-                robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
-                robot.characteristic_length, at, turned,
-            )
-        )  # fmt: skip
+    left = _over_poses(shortfall_gufunc, robot, lower, upper, loads, at, turned)
     for index in map(tuple, np.argwhere(np.isposinf(left))):  # the sets cycled
         position = np.broadcast_to(at, (*left.shape, 3))[index]
         rotation = np.broadcast_to(turned, (*left.shape, 3, 3))[index]
@@ -123,16 +119,8 @@ def tension_margin(
         InvalidInput: limits or wrenches that cannot be right.
     """
     robot.cabling.refuse_weight("tension_margin")
-    lower, upper = checked_limits(robot, tension_limits)
-    loads = checked_wrenches(robot, wrenches)
-    at, turned = positions_and_rotations(robot, positions, rotations)
-    with np.errstate(all="ignore"):
-        return np.asarray(
-            margin_gufunc(bent=robot.cabling.bent)(
-                robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
-                robot.characteristic_length, at, turned,
-            )
-        )  # fmt: skip
+    limits, loads = checked_limits(robot, tension_limits), checked_wrenches(robot, wrenches)
+    return _over_poses(margin_gufunc, robot, *limits, loads, *positions_and_rotations(robot, positions, rotations))
 
 
 def feasible_by_linprog(
@@ -155,6 +143,25 @@ def feasible_by_linprog(
         _least_by_linprog(robot, at, turned, lower, upper, load) <= HIGHS_TOLERANCE
         for load in checked_wrenches(robot, wrenches)
     )
+
+
+def _over_poses(
+    gufunc: Callable[..., Callable],
+    robot: Robot,
+    lower: Float[Array, " cables"],
+    upper: Float[Array, " cables"],
+    loads: Float[Array, "sets 6"],
+    positions: Float[Array, "*#batch 3"],
+    rotations: Float[Array, "*#batch 3 3"],
+) -> Float[Array, "*batch"]:
+    """What a compiled function of ``balance_kernel`` says of each pose."""
+    with np.errstate(all="ignore"):
+        return np.asarray(
+            gufunc(bent=robot.cabling.bent)(
+                robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
+                robot.characteristic_length, positions, rotations,
+            )
+        )  # fmt: skip
 
 
 def _least_by_linprog(

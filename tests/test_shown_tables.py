@@ -1,0 +1,389 @@
+"""What a person reads is what was computed: every column with its unit and sign, against numbers worked out by hand.
+
+The results are made up, all of their numbers different, so that no two could be swapped unnoticed.
+"""
+
+import io
+import json
+import math
+
+import mujoco
+import numpy as np
+import pytest
+import xarray as xr
+from rich.console import Console
+from scipy.spatial.transform import RigidTransform, Rotation
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.analysis.compensation import Compensation, Reach
+from cdpr_sim.analysis.equilibria import Equilibria, Following
+from cdpr_sim.analysis.identification import Identification
+from cdpr_sim.analysis.modes import Modes
+from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
+from cdpr_sim.cli import app
+from cdpr_sim.core.status import Status
+from cdpr_sim.crosscheck.check import OUTCOMES, Check
+from cdpr_sim.crosscheck.compare import Agreement, Verdict
+from cdpr_sim.crosscheck.hold import Hold
+from cdpr_sim.physics.release import Release
+from cdpr_sim.report import analysis, as_json, crosscheck, workspace
+
+COMMANDED = (0.4, 0.25, 0.2)
+
+DEGREES = {
+    "mujoco": (3.0, 20.0),
+    "newton": (4.0, 21.0),
+    "seecr/fsolve": (5.0, 22.0),
+    "seecr/least_squares": (6.0, 23.0),
+}
+"""By source, the turns about x and then about y of its made-up result."""
+
+
+def made_up(
+    source: str, tensions=(1.25, 0.0, 2.5, 3.75), eigenvalues=(12.5, 40.0, 90.0), **changes
+) -> cdpr.Equilibrium:
+    """A result of ``source`` for a planar robot's four cables, 11 mm to the right of and 7 mm below the commanded."""
+    turned = Rotation.from_euler("xy", DEGREES[source], degrees=True)
+    number = list(DEGREES).index(source)
+    problem = cdpr.Problem.of(cdpr.load_robot("cogiro"), COMMANDED)
+    place = np.array(COMMANDED) + [0.011, 0.003, -0.007] + np.array([1e-3, 2e-3, -3e-3]) * number
+    values = dict(
+        problem=problem,
+        pose=RigidTransform.from_components(place, turned),
+        tensions=np.tile(tensions, 2) + 0.125 * number * (np.tile(tensions, 2) > 0),
+        lengths=np.full(8, 0.5),
+        residual=1e-9 * 10.0**number,
+        eigenvalues=np.array([*eigenvalues, 100.0, 110.0, 120.0]) + number,
+        iterations=100 + number,
+        source=source,
+    )
+    return cdpr.Equilibrium(**(values | changes))
+
+
+def printed(table) -> list[str]:
+    """Its lines, on a screen of 200 columns."""
+    screen = Console(file=io.StringIO(), width=200)
+    screen.print(table)
+    return screen.file.getvalue().splitlines()
+
+
+def columns(table) -> dict[str, list[str]]:
+    """Cells by heading, the heading on one line."""
+    return {str(c.header).replace("-\n", "").replace("\n", " ").replace("\\", ""): list(c.cells) for c in table.columns}
+
+
+def cells(lines: list[str], label: str, count: int) -> list[str]:
+    """The last ``count`` cells of the printed row that begins with ``label``."""
+    (line,) = (line for line in lines if line.strip().startswith(label))
+    return line.split()[-count:]
+
+
+def test_settle_shows_each_result_under_the_name_of_its_own_source():
+    """All columns and units; the order in which results are handed in does not matter."""
+    results = [made_up(source) for source in DEGREES]
+    problem = results[0].problem
+    lines = printed(crosscheck.settle_table(problem, results))
+    heads = [line for line in lines if "MuJoCo" in line]
+    assert heads[0].split()[-4:] == ["MuJoCo", "Newton", "fsolve", "least_sq."]
+    assert cells(lines, "x [mm]", 5) == ["400.000", "411.000", "412.000", "413.000", "414.000"]
+    assert cells(lines, "y [mm]", 5) == ["250.000", "253.000", "255.000", "257.000", "259.000"]
+    assert cells(lines, "z [mm]", 5) == ["200.000", "193.000", "190.000", "187.000", "184.000"]
+    assert cells(lines, "sag [mm]", 4) == ["7.000", "10.000", "13.000", "16.000"]  # downwards is positive
+    shifts = [math.hypot(11 + n, 3 + 2 * n) for n in range(4)]
+    assert cells(lines, "shift x, y [mm]", 4) == [f"{shift:.3f}" for shift in shifts]
+    # Ry(b) Rx(a) takes the vertical to an angle whose cosine is cos a cos b.
+    tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in DEGREES.values()]
+    assert cells(lines, "tilt [°]", 5) == ["0.000", *(f"{math.degrees(tilt):.3f}" for tilt in tilts)]
+    # Rz Ry Rx = Ry(b) Rx(a) has beta = b.
+    assert cells(lines, "about y [°]", 5) == ["0.000", "20.000", "21.000", "22.000", "23.000"]
+    assert cells(lines, "tension 1 [N]", 4) == ["1.2500", "1.3750", "1.5000", "1.6250"]
+    assert cells(lines, "tension 2 [N]", 4) == ["slack"] * 4
+    assert cells(lines, "tension 8 [N]", 4) == ["3.7500", "3.8750", "4.0000", "4.1250"]
+    assert cells(lines, "slack cables", 12) == ["2", "of", "8"] * 4
+    assert cells(lines, "unbalanced [N]", 4) == ["1.0e-09", "1.0e-08", "1.0e-07", "1.0e-06"]
+    assert cells(lines, "iterations", 4) == ["100", "101", "102", "103"]
+    swapped = columns(crosscheck.settle_table(problem, results[::-1]))
+    assert {name: swapped[name] for name in columns(crosscheck.settle_table(problem, results))} == columns(
+        crosscheck.settle_table(problem, results)
+    )
+
+
+def test_json_says_the_same_under_the_same_names():
+    """In SI units."""
+    results = [made_up(source) for source in DEGREES]
+    everything = as_json.crosscheck(results[0].problem, results[::-1], agreement(Verdict.AGREE))
+    assert (everything["robot"], everything["mass"], everything["material"]) == ("cogiro", 0.4, "vectran-0.7mm")
+    assert everything["axial_stiffness"] == [1e4] * 8
+    assert everything["commanded"] == list(COMMANDED)
+    differences = [everything[f"{what}_error"] for what in ("position", "rotation", "tension")]
+    assert differences == [2e-3, math.radians(3), 4.0]
+    assert everything["same_slack"] is True
+    told = everything["results"]
+    assert sorted(told) == ["fsolve", "least_squares", "mujoco", "newton"]
+    for number, name in enumerate(["mujoco", "newton", "fsolve", "least_squares"]):
+        one = told[name]
+        assert one["position"] == pytest.approx([0.411 + 1e-3 * number, 0.253 + 2e-3 * number, 0.193 - 3e-3 * number])
+        assert one["tilt"] == pytest.approx(
+            math.acos(math.cos(math.radians(3 + number)) * math.cos(math.radians(20 + number)))
+        )
+        assert one["euler"][1] == pytest.approx(math.radians(20 + number))
+        assert one["tensions"][:2] == [1.25 + 0.125 * number, 0.0]
+        assert one["slack"] == [False, True, False, False] * 2
+        assert one["residual"] == 1e-9 * 10.0**number
+        assert one["eigenvalues"][0] == 12.5 + number
+        assert (one["iterations"], one["stability"]) == (100 + number, "stable")
+
+
+def agreement(verdict: Verdict, **changes) -> Agreement:
+    values = dict(
+        verdict=verdict, reasons=(), position_error=2e-3, rotation_error=math.radians(3), tension_error=4.0,
+        same_slack=True, static_in_mujoco=5.0, settled_in_statics=6.0,
+    )  # fmt: skip
+    return Agreement(**(values | changes))
+
+
+def test_the_verdict_gives_its_differences_in_the_units_that_it_names():
+    """Two millimetres, three degrees, four newtons."""
+    text = crosscheck.verdict(agreement(Verdict.DISAGREE, reasons=("because",), same_slack=False))
+    assert "position within 2.0e+00 mm, rotation within 3.0e+00°, tensions within 4.0e+00 N, other cables" in text
+    assert text.startswith("[bold red]")
+    assert text.endswith("  - because")
+    assert crosscheck.verdict(agreement(Verdict.AGREE)).startswith("[bold green]")
+
+
+def broken(problem: cdpr.Problem, settle=cdpr.settle) -> cdpr.Equilibrium:
+    """MuJoCo's road with springs half as stiff."""
+    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(problem.robot, problem.pose))
+    model.tendon_stiffness[:] *= 0.5
+    return settle(problem, model=model)
+
+
+def test_mujocos_column_is_mujocos(monkeypatch):
+    """A model that is broken on purpose shows in its column and its JSON, and nowhere else."""
+    problem = cdpr.Problem.of(cdpr.load_robot("parallel"), (0.2, 0.25, 0.1))
+    physics, statics = broken(problem), cdpr.solve(problem)
+    assert np.abs(physics.position - statics.position)[[0, 2]].min() > 2e-6  # in the last digit that is shown
+    monkeypatch.setattr(cdpr, "settle", broken)
+    words = ["settle", "parallel", "--pose", "0.2", "0.25", "0.1"]
+    lines = CliRunner().invoke(app, words, env={"COLUMNS": "120"}).stdout.splitlines()
+    for axis, name in enumerate("xyz"):
+        shown = cells(lines, f"{name} [mm]", 4)
+        assert shown[0] == f"{1e3 * physics.position[axis]:.3f}"
+        assert shown[1] == f"{1e3 * statics.position[axis]:.3f}"
+    for cable in np.flatnonzero(~physics.slack):
+        shown = cells(lines, f"tension {cable + 1} [N]", 4)
+        assert shown[:2] == [f"{physics.tensions[cable]:.4f}", f"{statics.tensions[cable]:.4f}"]
+    told = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
+    assert told["agrees"] is False
+    assert told["results"]["mujoco"]["position"] == physics.position.tolist()
+    assert told["results"]["mujoco"]["tensions"] == physics.tensions.tolist()
+    assert told["results"]["newton"]["position"] == statics.position.tolist()
+    assert told["results"]["mujoco"]["source"] == "mujoco"
+    assert told["results"]["newton"]["source"] == "newton"
+
+
+def test_a_line_is_listed_with_how_far_the_roads_are_apart():
+    """Millimetres, degrees, cables that are taut, and nanometres."""
+    ends = [made_up("mujoco"), made_up("newton")]
+    agreements = [agreement(Verdict.AGREE, position_error=1.5e-9), agreement(Verdict.DISAGREE, position_error=2.5e-6)]
+    shown = columns(crosscheck.line_table("title", ends, agreements))
+    tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in ((3, 20), (4, 21))]
+    assert shown == {
+        "commanded x [mm]": ["400.00", "400.00"], "x [mm]": ["411.00", "412.00"], "sag [mm]": ["7.000", "10.000"],
+        "tilt [°]": [f"{math.degrees(tilt):.3f}" for tilt in tilts], "about y [°]": ["20.000", "21.000"],
+        "taut cables": ["6", "6"], "roads apart [nm]": ["1.50", "2500.00"], "verdict": ["agree", "[red]differ[/]"],
+    }  # fmt: skip
+
+
+def compensation(**changes) -> Compensation:
+    values = dict(
+        commanded=RigidTransform.from_translation(COMMANDED), equilibrium=made_up("newton"), reach=Reach.NEAREST,
+        distance=0.0123, arm=0.055, reasons=("so it is",), tension_limits=np.ones((2, 8)), reached=None,
+    )  # fmt: skip
+    return Compensation(**(values | changes))
+
+
+def test_compensation_shows_errors_in_millimetres_and_degrees_by_road():
+    """From the commanded pose; the angle of Ry(20°) Rx(3°) is 2 acos(cos 10° cos 1.5°)."""
+    before, after = [made_up("mujoco"), made_up("newton")], [made_up("newton"), made_up("mujoco")]
+    shown = columns(analysis.compensation_table(compensation(), before, after))
+    assert list(shown) == ["", "before MuJoCo", "before Newton", "after Newton", "after MuJoCo"]
+    rows = dict(
+        zip([label.replace("\\", "") for label in shown[""]], zip(*list(shown.values())[1:], strict=True), strict=True)
+    )
+    assert rows["error x [mm]"] == ("11.000000", "12.000000", "12.000000", "11.000000")
+    assert rows["error z [mm]"][:2] == ("-7.000000", "-10.000000")
+    assert rows["error of position [mm]"][0] == f"{math.hypot(11, 3, 7):.6f}"
+    half = math.cos(math.radians(10)) * math.cos(math.radians(1.5))
+    assert rows["error of rotation [°]"][0] == f"{math.degrees(2 * math.acos(half)):.6f}"
+    assert rows["tension 1 [N]"][:2] == ("1.250", "1.375")
+    assert rows["softest [N/m]"][:2] == ("12.5", "13.5")
+    assert rows["equilibrium"] == ("stable",) * 4
+
+
+def test_compensated_cables_are_shorter_by_what_is_said():
+    """Cut by 1 to 8 mm; the verdict names the distance and the arm in millimetres."""
+    robot = cdpr.load_robot("cogiro")
+    cut = robot.rest_lengths(COMMANDED) - 1e-3 * np.arange(1, 9)
+    problem = cdpr.Problem.of(robot, COMMANDED, cut)
+    found = compensation(equilibrium=made_up("newton", problem=problem))
+    text = analysis.compensation_lengths(found).replace("\\", "")
+    assert text == "Cables shorter by [mm]: 1.000, 2.000, 3.000, 4.000, 5.000, 6.000, 7.000, 8.000"
+    said = analysis.compensation_verdict(found, Hold(found, found.equilibrium, found.equilibrium))
+    assert "12.300 mm away (a rotation counts as the way of a point 55 mm from" in said
+    assert "so it is" in said
+
+
+def test_sensitivity_and_modes_name_their_units():
+    """Millimetres, degrees and newtons per unit; hertz."""
+    effect = Effect("exit 3 z", "exits", 8, "mm", 1.5, 2.5, 3.5)
+    shown = columns(analysis.sensitivity_table(Sensitivity(made_up("newton"), {}, {}, 4e-3), [effect]))
+    assert shown == {"": ["exit 3 z"], "per": ["1 mm"], "mm": ["1.5"], "°": ["2.5"], "N": ["3.5"]}
+    assert "taut is 4 mm of its length" in analysis.sensitivity_note(Sensitivity(made_up("newton"), {}, {}, 4e-3))
+    one = made_up("newton")
+    shape = np.zeros((1, 6))
+    shape[0, [0, 4]] = 2.0, 1.0 / one.problem.robot.characteristic_length  # a rotation half as far as the translation
+    table = columns(analysis.modes_table(Modes(one, np.array([7.25]), shape)))
+    assert (table["mode"], table["Hz"], table["x"], table["about y"]) == (["1"], ["7.250"], ["1.00"], ["0.50"])
+    assert table["y"] == table["about x"] == [""]
+
+
+def test_equilibria_are_listed_with_what_mujoco_does_there():
+    """Millijoules, millimetres, degrees; what stays, leaves or neither."""
+    places = (made_up("mujoco"), made_up("newton", eigenvalues=(-3.0, 40.0, 90.0)))
+    found = Equilibria(places[0].problem, places, np.array([0.0125, 0.25]), 10, saddles=True)
+    releases = [Release(1e-6, 1e-6, 2.0), Release(1e-3, 1e-6, 2.0)]
+    shown = columns(analysis.equilibria_table(found, releases, reached=0))
+    assert shown["energy [mJ]"] == ["12.50", "250.00"]
+    assert (shown["x [mm]"], shown["y [mm]"], shown["z [mm]"]) == (
+        ["411.0", "412.0"],
+        ["253.0", "255.0"],
+        ["193.0", "190.0"],
+    )
+    tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in ((3, 20), (4, 21))]
+    assert shown["tilt [°]"] == [f"{math.degrees(tilt):.1f}" for tilt in tilts]
+    assert shown["slack"] == ["2", "2"]
+    assert shown["softest [N/m]"] == ["12.5", "-2"]
+    assert shown["ways down"] == ["", "1"]
+    assert shown["let go in MuJoCo"] == ["stays", "leaves"]
+    told = as_json.equilibria(places[0].problem, found, releases, Following(np.ones(1), places[:1], ()), 0, 1)
+    assert [one["energy"] for one in told["equilibria"]] == [0.0125, 0.25]
+    assert [one["stays_in_mujoco"] for one in told["equilibria"]] == [True, False]
+    assert (told["reached"], told["reached_in_mujoco"], told["imbalance"]) == (0, 1, 0)
+
+
+def identification() -> Identification:
+    return Identification(
+        robot=cdpr.load_robot("cogiro"),
+        names=("axial_stiffness", "rest_length_offset 3", "mass"), units=("N", "m", "kg"),
+        values=np.array([1234.5, 0.0021, 0.4]), standard_errors=np.array([6.7, 0.00031, np.inf]),
+        correlations=np.eye(3), residuals=np.array([[3e-3, 4e-3, np.nan, np.radians(2), np.nan, np.nan]]), spread=1.5,
+        scatters=(5e-3, math.radians(6)), judged=("position", "rotation"), reasons=("mass is unknown",),
+    )  # fmt: skip
+
+
+def test_identification_shows_lengths_in_millimetres_and_the_rest_in_its_unit():
+    """And what the data do not determine; residuals as root mean squares."""
+    shown = analysis.identification_table(identification())
+    table = [list(column.cells) for column in shown.columns]
+    assert table == [
+        ["axial stiffness", "rest length offset 3", "mass"], ["1234.5", "2.1", "0.4"], ["6.7", "0.31", "undetermined"],
+        ["N", "mm", "kg"],
+    ]  # fmt: skip
+    note = analysis.identification_note(identification())
+    assert f"Residuals: {math.sqrt((9 + 16) / 2):.3g} mm and 2° (root mean square)." in note
+    assert "judged from them: 5 mm and 6°" in note
+    told = as_json.identification(identification())
+    assert told["unknowns"]["rest_length_offset 3"] == {"value": 0.0021, "standard_error": 0.00031, "unit": "m"}
+    assert told["unknowns"]["mass"]["standard_error"] is None
+
+
+def over_x(**variables) -> xr.Dataset:
+    """Numbers at four poses along x, of one robot."""
+    data = {name: (("x", "y", "z"), np.array(values).reshape(4, 1, 1)) for name, values in variables.items()}
+    return xr.Dataset(data, coords={"x": range(4), "y": [0], "z": [0], "robot": "mine"})
+
+
+def test_a_sweep_is_summed_up_column_by_column():
+    """Of those solved, in degrees and millimetres; of all, in per cent."""
+    fine, bad = Status.CONVERGED, Status.STALLED
+    dataset = over_x(
+        status=[fine, fine, fine, bad], tilt=[*np.radians([1.0, 2.0, 6.0]), np.nan],
+        distance=[0.010, 0.020, 0.050, np.nan], slack_count=[0, 1, 2, 3], feasible=[True, False, False, False],
+    )  # fmt: skip
+    shown = columns(workspace.sweep_table(dataset))
+    assert {name: values[0] for name, values in shown.items()} == {
+        "robot": "mine", "cables": "own", "solved %": "75", "median tilt °": "2.00", "worst tilt °": "6.00",
+        "median dev. mm": "20.00", "worst dev. mm": "50.00", "slack %": "75", "feas %": "25",
+    }  # fmt: skip
+
+
+def test_a_check_is_counted_outcome_by_outcome():
+    """And the largest differences are those of poses that agree."""
+    agree, apart = OUTCOMES.index("agree"), OUTCOMES.index("disagree")
+    dataset = over_x(
+        outcome=[agree, agree, agree, apart], position_error=[1e-9, 2e-9, 3e-9, 1.0],
+        rotation_error=np.radians([1e-7, 4e-7, 2e-7, 90.0]), tension_error=[5e-8, 1e-8, 2e-8, 9.0],
+    )  # fmt: skip
+    shown = columns(workspace.check_table(Check(dataset, ())))
+    assert shown["agree"] == ["3"]
+    assert shown["disagree"] == ["[red]1[/]"]
+    assert shown["unsettled"] == ["0"]
+    assert (shown["pos. ≤ mm"], shown["rot. ≤ °"], shown["tens. ≤ N"]) == (["3e-06"], ["4e-07"], ["5e-08"])
+
+
+@pytest.mark.parametrize(
+    ("words", "function", "expected"),
+    [
+        (["compensate", "parallel", "--tensions", "1", "9"], "compensate", {"tension_limits": (1.0, 9.0)}),
+        (["compensate", "parallel", "--prefer", "stiffest"], "compensate", {"prefer": "stiffest"}),
+        (["compensate", "parallel", "--arm", "0.5"], "compensate", {"arm": 0.5}),
+        (["solve", "parallel", "--method", "fsolve"], "solve", {"method": "fsolve"}),
+        (["equilibria", "parallel", "--saddles", "--starts", "7"], "find_equilibria", {"saddles": True, "starts": 7}),
+        (["sweep", "parallel", "--limits", "1", "2"], "sweep", {"tension_limits": (1.0, 2.0)}),
+        (["sweep", "parallel", "-o", "there.zarr"], "sweep", {"store": "there.zarr"}),
+        (["map", "parallel", "--limits", "1", "2", "-o", "m.png"], "sweep", {"tension_limits": (1.0, 2.0)}),
+        (["identify", "parallel", "m.csv", "--unknown", "mass"], "identify", {2: ["mass"]}),
+        (["identify", "parallel", "m.csv", "--position-error", "3"], "identify", {"position_error": 0.003}),
+        (["identify", "parallel", "m.csv", "--rotation-error", "2"], "identify", {"rotation_error": math.radians(2)}),
+        (["video", "parallel", "--drive-seconds", "3"], "drive", {"seconds": 3.0}),
+        (["video", "parallel", "--drop"], "drive", {"from_rest": False}),
+        (["video", "parallel", "--seconds", "2", "--fps", "10"], "drive", {"states": 20}),
+    ],
+)  # fmt: skip
+def test_options_reach_what_they_are_for(words, function, expected, monkeypatch, tmp_path):
+    """In the units of the package; positions among the arguments count from 0."""
+
+    class Asked(cdpr.CdprError):
+        pass
+
+    asked: dict = {}
+
+    def record(*args, **options):
+        asked.update(dict(enumerate(args)) | options)
+        raise Asked("asked")
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "m.csv").write_text(
+        "commanded_x [mm],commanded_y [mm],commanded_z [mm],measured_z [mm]\n400,250,100,99\n"
+    )
+    monkeypatch.setattr(cdpr, function, record)
+    assert CliRunner().invoke(app, words).exit_code == 2
+    for name, value in expected.items():
+        found = asked[name]
+        assert (str(found) if isinstance(value, str) else found) == value
+
+
+def test_a_map_lies_where_it_is_asked_for(monkeypatch, tmp_path):
+    """``--at`` in metres, across the plane that ``--plane`` names."""
+    asked = {}
+
+    def record(robots, grid, *args, **options):
+        asked["grid"] = grid
+        raise cdpr.InvalidInput("asked")
+
+    monkeypatch.setattr(cdpr, "sweep", record)
+    CliRunner().invoke(app, ["map", "parallel", "--plane", "yz", "--at", "0.3", "-o", str(tmp_path / "m.png")])
+    assert np.atleast_1d(asked["grid"]["x"]) == pytest.approx([0.3])
+    assert len(asked["grid"]["z"]) > 10
