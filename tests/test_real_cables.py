@@ -323,11 +323,17 @@ def test_roads_agree_on_heavy_cables(name):
         assert (solved.slack == settled.slack).all()
 
 
+def heavy_problem(seed: int) -> cdpr.Problem:
+    """One of the random robots of scripts/attack_real_cables.py that MuJoCo settles."""
+    robot, position, random = random_robot(seed, stiffest=1e6)
+    density = 10 ** random.uniform(-4, -1) * robot.mass / robot.rest_lengths(position).sum()
+    return cdpr.Problem.of(robot.replace(linear_density=density), position)
+
+
 def test_mujoco_rests_where_the_mathematics_of_the_same_chain_does():
     """The second witness: six segments by quadrature, in a model that is handed in, to 1e-9 m. The catenary is off."""
-    robot = cdpr.load_robot("parallel").replace(linear_density=5e-3)
-    problem = cdpr.Problem.of(robot, (0.3, 0.22, 0.15))
-    solved = cdpr.solve(problem)
+    problem = heavy_problem(201)
+    robot, solved = problem.robot, cdpr.solve(problem)
     settled = cdpr.settle(problem, model=mujoco.MjModel.from_xml_string(cdpr.to_mjcf(problem)))
     division, weights = gauss(6), problem.rest_lengths * robot.cable_weights
     position, _, _ = rest_of_chains(
@@ -335,7 +341,7 @@ def test_mujoco_rests_where_the_mathematics_of_the_same_chain_does():
         solved.position, solved.rotation.as_matrix(),
     )  # fmt: skip
     assert np.linalg.norm(settled.position - position) < 1e-9
-    assert np.linalg.norm(settled.position - solved.position) > 1e-8
+    assert np.linalg.norm(settled.position - solved.position) > 1e-6
 
 
 def test_one_percent_more_weight_in_mujoco_alone_is_noticed():
@@ -362,9 +368,7 @@ def test_one_percent_more_weight_in_mujoco_alone_is_noticed():
 )
 def test_robots_on_hard_heavy_cables_settle_where_statics_has_them(seed, why):
     """Of 300 random ones (scripts/attack_real_cables.py) those that did not settle, or settled up to 0.1 mm off."""
-    robot, position, random = random_robot(seed, stiffest=1e6)
-    density = 10 ** random.uniform(-4, -1) * robot.mass / robot.rest_lengths(position).sum()
-    problem = cdpr.Problem.of(robot.replace(linear_density=density), position)
+    problem = heavy_problem(seed)
     found = cdpr.compare(cdpr.solve(problem), cdpr.settle(problem))
     assert found.agrees, why
     assert found.position_error < 3e-7

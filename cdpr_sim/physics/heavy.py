@@ -78,8 +78,8 @@ though by no less than this fraction of the chain's largest; before, all resist 
 CLOSE = 0.01
 """Of the load, and of each chain's weight, what is left unbalanced where a platform begins to ``approach`` its rest."""
 
-APPROACHES, SHORTER = 60, 20
-"""Its steps at most, and how often one is halved at most."""
+APPROACHES, FROM_AFAR, SHORTER = 60, 400, 20
+"""Its steps at most, near rest and from the start; and how often one is halved at most."""
 
 TRUSTED, CLOSER, TURN = 0.1, 0.5, 0.2
 """What a step may leave unbalanced, of the load or of what was; and by how much it may turn the platform [rad]."""
@@ -259,7 +259,7 @@ class Hanging:
             chains.let_out(model, self.robot.cabling, self.axial_stiffness, self.rest_lengths, division)
             self._compile()
             data.qpos[:] = qpos
-            bends[~self._lay(pulls * weights)] = STRAIGHT  # one that hangs folded stays as it is
+            bends[~self.lay(pulls * weights)] = STRAIGHT  # one that hangs folded stays as it is
         return True
 
     def anchor_pulls(self) -> Float[np.ndarray, "chains 3"]:
@@ -311,7 +311,7 @@ class Hanging:
         points = self.data.ten_wrapnum[self.single[np.isin(self.massless, self.swivels.cables)]]
         return bool(self.swivels.off_wheel(self.data.xpos, self.data.xmat, self.data.site_xpos, points).any())
 
-    def approach(self, target: float) -> bool:
+    def approach(self, target: float, steps: int) -> bool:
         """Move on to rest in time steps that are implicit in MuJoCo's own stiffness; whether that leads there.
 
         Such steps may be as long as one likes, and are Newton's then, where damping alone would let a softly held
@@ -320,7 +320,7 @@ class Hanging:
         """
         data = self.data
         before, turn, last = (data.qpos.copy(), data.qvel.copy()), TURN, np.zeros_like(data.qvel[self.angular])
-        for _ in range(APPROACHES):
+        for _ in range(steps):
             residual = self.residual()
             if residual <= target:
                 return True
@@ -336,23 +336,27 @@ class Hanging:
                 mujoco.mj_integratePos(self.model, data.qpos, 0.5**shortened * step, 1)
                 if self.residual() <= CLOSER * residual:
                     break
-                self._lay(pulls)
+                self.lay(pulls)
                 if self.residual() <= max(TRUSTED * self.load, CLOSER * residual):
                     break
         data.qpos[:], data.qvel[:] = before
         return False
 
-    def _lay(self, pulls: Float[np.ndarray, "chains 3"]) -> Bool[np.ndarray, " chains"]:
+    def lay(self, pulls: Float[np.ndarray, "chains 3"]) -> Bool[np.ndarray, " chains"]:
         """Lay chains where they would hang between exit and anchor, as they pull about so on the platform [N].
 
         Those for which that is found; which they are.
         """
         model, data, chains = self.model, self.data, self.chains
         mujoco.mj_kinematics(model, data)
-        spans = self.robot.exits[chains.cables] - data.xpos[chains.ends]
+        spans = self.spans()
         extents, found = chains.hung(model, pulls, spans)
         data.qpos[chains.coordinates[found]] = extents[found] @ data.xmat[self.platform].reshape(3, 3)
         return found
+
+    def spans(self) -> Float[np.ndarray, "chains 3"]:
+        """From anchors to exits [m], as of MuJoCo's last call."""
+        return self.robot.exits[self.chains.cables] - self.data.xpos[self.chains.ends]
 
     def _implicit_step(self) -> Float[np.ndarray, " dofs"] | None:
         """To where forces would balance if they went on as they change here; None where they are not known.
@@ -536,12 +540,20 @@ class HangingRelaxation:
             self._damp()
         if self.status is not Status.CONVERGED:
             data.qpos[:] = good
-            if self.status is Status.ITERATION_LIMIT and self._approach():
-                self.status = Status.CONVERGED
 
-    def _approach(self) -> bool:
+    def approach_from_afar(self) -> bool:
+        """Whether the platform's ``approach`` leads to rest from here, with chains laid that pull by their weight."""
+        hanging = self.hanging
+        hanging.residual()
+        spans = hanging.spans()
+        hanging.lay(self.weights[:, None] * spans / np.linalg.norm(spans, axis=1, keepdims=True))
+        if self._approach(FROM_AFAR):
+            self.status = Status.CONVERGED
+        return self.status is Status.CONVERGED
+
+    def _approach(self, steps: int = APPROACHES) -> bool:
         """Whether the platform's ``approach`` leads to rest, which then is the motion's next state."""
-        rests = self.hanging.approach(self.target)
+        rests = self.hanging.approach(self.target, steps)
         if rests:
             self.steps, self.time = self.steps + 1, self.time + self.longest / self.swing
             if self.frames is not None:
@@ -711,10 +723,13 @@ def released(
 
 
 def _relaxed(hanging: Hanging, start: RigidTransform, frames: Frames | None) -> HangingRelaxation:
-    """In long steps, or else in shorter ones; then with the chains divided where they bend."""
+    """In long steps, or else by approach from the start, or else in shorter ones; then divided where chains bend."""
     relaxation = HangingRelaxation(hanging, frames, STEPS_AT_MOST[0])
     relaxation.run()
     if relaxation.status is not Status.CONVERGED:
+        hanging.let_go(start)
+        if relaxation.approach_from_afar():
+            return relaxation.divide_at_bends()
         hanging.let_go(start)
         relaxation = relaxation.again(STEPS_AT_MOST[1])
         relaxation.run()
