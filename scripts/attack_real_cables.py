@@ -6,6 +6,9 @@ squares from sixty poses anywhere show how much of the load is left unbalanced a
 where the solver has it or at another equilibrium that both roads confirm. Exit status 1 if anything is otherwise.
 """
 
+# pyright: reportMissingImports=false
+# What the tests are made of is imported from their folder.
+
 import argparse
 import sys
 import warnings

@@ -324,6 +324,7 @@ class Chains:
             return segments, spans - segments.sum(1), slope
 
         segments, off, slope = laid(pulls)
+        found = np.zeros(len(pulls), dtype=bool)
         for _ in range(LAYINGS):
             found = np.linalg.norm(off, axis=1) <= CLOSED * rest.sum(1)[:, 0]
             step = np.linalg.solve(slope, off[..., None])[..., 0]

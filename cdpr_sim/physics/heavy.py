@@ -78,8 +78,8 @@ though by no less than this fraction of the chain's largest; before, all resist 
 CLOSE = 0.01
 """Of the load, and of each chain's weight, what is left unbalanced where a platform begins to ``approach`` its rest."""
 
-APPROACHES, FROM_AFAR, SHORTER = 60, 400, 20
-"""Its steps at most, near rest and from the start; and how often one is halved at most."""
+APPROACHES, SHORTER = 400, 20
+"""Its steps at most, of which a handful do; and how often one is halved at most."""
 
 TRUSTED, CLOSER, TURN = 0.1, 0.5, 0.2
 """What a step may leave unbalanced, of the load or of what was; and by how much it may turn the platform [rad]."""
@@ -311,7 +311,7 @@ class Hanging:
         points = self.data.ten_wrapnum[self.single[np.isin(self.massless, self.swivels.cables)]]
         return bool(self.swivels.off_wheel(self.data.xpos, self.data.xmat, self.data.site_xpos, points).any())
 
-    def approach(self, target: float, steps: int) -> bool:
+    def approach(self, target: float) -> bool:
         """Move on to rest in time steps that are implicit in MuJoCo's own stiffness; whether that leads there.
 
         Such steps may be as long as one likes, and are Newton's then, where damping alone would let a softly held
@@ -320,7 +320,7 @@ class Hanging:
         """
         data = self.data
         before, turn, last = (data.qpos.copy(), data.qvel.copy()), TURN, np.zeros_like(data.qvel[self.angular])
-        for _ in range(steps):
+        for _ in range(APPROACHES):
             residual = self.residual()
             if residual <= target:
                 return True
@@ -547,13 +547,13 @@ class HangingRelaxation:
         hanging.residual()
         spans = hanging.spans()
         hanging.lay(self.weights[:, None] * spans / np.linalg.norm(spans, axis=1, keepdims=True))
-        if self._approach(FROM_AFAR):
+        if self._approach():
             self.status = Status.CONVERGED
         return self.status is Status.CONVERGED
 
-    def _approach(self, steps: int = APPROACHES) -> bool:
+    def _approach(self) -> bool:
         """Whether the platform's ``approach`` leads to rest, which then is the motion's next state."""
-        rests = self.hanging.approach(self.target, steps)
+        rests = self.hanging.approach(self.target)
         if rests:
             self.steps, self.time = self.steps + 1, self.time + self.longest / self.swing
             if self.frames is not None:
