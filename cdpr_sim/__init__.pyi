@@ -30,7 +30,9 @@ from .core.errors import RobotFileError as RobotFileError
 from .core.errors import StoreError as StoreError
 from .core.errors import UnknownName as UnknownName
 from .core.materials import MATERIALS as MATERIALS
+from .core.materials import ROPES as ROPES
 from .core.materials import Material as Material
+from .core.materials import Rope as Rope
 from .core.problem import Problem as Problem
 from .core.problem import Problems as Problems
 from .core.rests import Rests as Rests
@@ -45,6 +47,7 @@ from .crosscheck.compare import Verdict as Verdict
 from .crosscheck.compare import compare as compare
 from .crosscheck.hold import Hold as Hold
 from .crosscheck.hold import confirm as confirm
+from .drawing.still import draw as draw
 from .drawing.video.film import show as show
 from .drawing.video.film import write_video as write_video
 from .physics.drive import drive as drive
@@ -56,6 +59,7 @@ from .physics.release import release as release
 from .physics.settle import settle as settle
 from .physics.settle import settle_many as settle_many
 from .physics.settle import settle_trajectory as settle_trajectory
+from .physics.winding import winch_controls as winch_controls
 from .robots.catalogue import list_robots as list_robots
 from .robots.catalogue import load_robot as load_robot
 from .statics.newton import solve_many as solve_many

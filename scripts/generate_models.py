@@ -8,4 +8,4 @@ import sys
 from cdpr_sim.cli import app
 
 if __name__ == "__main__":
-    app(["models", "-o", "models", *(sys.argv[1:] or ["--force"])])
+    app(["models", "-o", "models", "--winches", *(sys.argv[1:] or ["--force"])])

@@ -5,6 +5,8 @@
 A constant whose comment names a measurement stands here with it. Exit status 1 where one no longer holds.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
 import sys
 
 import mujoco
@@ -28,13 +30,19 @@ FREE = 1e-9
 """Loads per characteristic length: what is softer is rounding, as the gap that is printed shows."""
 
 
+def random_poses(robot: cdpr.Robot, count: int) -> np.ndarray:
+    """(count, 3), evenly over the workspace [m]."""
+    low, high = robot.workspace
+    return np.random.default_rng(SEED).uniform(low, high, (count, 3))
+
+
 def stiffnesses() -> dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]:
     """Of every rest, the softest direction in loads per characteristic length, and as a fraction of the stiffest."""
     found = {}
     for name in ("cogiro", "parallel"):
         for material in ("vectran-0.7mm", "fishing-0.4mm"):
             robot = cdpr.load_robot(name).replace(material=material)
-            poses = np.random.default_rng(SEED).uniform(*robot.workspace, (POSES, 3))
+            poses = random_poses(robot, POSES)
             values = cdpr.solve_many(robot, poses).eigenvalues
             softest = values[:, 0] * robot.characteristic_length / robot.weight
             found[name, material] = softest, values[:, 0] / values[:, -1]
@@ -48,7 +56,7 @@ def wrong_cables() -> tuple[float, float]:
     """
     robot = cdpr.load_robot("cogiro")
     right, wrong = [], []
-    for pose in np.random.default_rng(SEED).uniform(*robot.workspace, (20, 3)):
+    for pose in random_poses(robot, 20):
         static = cdpr.solve(robot, pose)
         right.append(residual_of(static.problem, static.pose))
         for cable in np.flatnonzero(~static.slack):

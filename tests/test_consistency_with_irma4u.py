@@ -48,18 +48,8 @@ EQUILIBRIA = np.array([  # x, y, z [m], a, b, c [rad], four tensions [N]
 
 @pytest.fixture(scope="module")
 def irma4u() -> cdpr.Robot:
-    """Its swivel axes lie level: the cables arrive from the middle of the frame, outwards along x."""
-    return cdpr.Robot(
-        exits=[[1.065, -1.155, 1.839], [1.066, 1.155, 1.839], [-1.066, 1.155, 1.839], [-1.065, -1.155, 1.839]],
-        anchors=[[0.075, -0.075, 0.266], [0.075, 0.075, 0.266], [-0.075, 0.075, 0.266], [-0.075, -0.075, 0.266]],
-        axial_stiffness=RIGID,
-        mass=12.992,
-        center_of_mass=(0, 0, 0.173),
-        pulley_radius=0.03,
-        pulley_axis=[[1, 0, 0], [1, 0, 0], [-1, 0, 0], [-1, 0, 0]],
-        platform_size=(0.15, 0.15, 0.53),
-        name="irma4u",
-    )
+    """The zoo's, on cables that do not stretch."""
+    return cdpr.load_robot("irma4u").replace(axial_stiffness=RIGID)
 
 
 def published() -> list[tuple[RigidTransform, np.ndarray]]:

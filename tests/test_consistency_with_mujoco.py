@@ -15,9 +15,9 @@ import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.check import compare_many
 from cdpr_sim.crosscheck.compare import CROSS_TOLERANCE, POSITION_TOLERANCE, TENSION_TOLERANCE, Verdict
 from cdpr_sim.physics.settle import residual_of
+from cdpr_sim.robots.catalogue import PAPER_ROBOTS
 from cdpr_sim.statics import forces, newton
 
-ROBOTS = ["cogiro", "parallel", "planar-horizontal", "planar-vertical", "two-cable"]
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
 
 MOST_FREE = 0.08
@@ -63,7 +63,7 @@ def test_roads_agree_along_the_papers_line(catalogue, name, material):
         np.testing.assert_allclose(settled.eigenvalues, static.eigenvalues, rtol=DIFFERENCED, atol=1e-9 * stiffest)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", PAPER_ROBOTS)
 def test_roads_find_the_same_imbalance_away_from_equilibrium(catalogue, name):
     """Held at poses that are no equilibria, under a wrench: the same unbalanced force, torques over the same length."""
     robot = catalogue[name].replace(center_of_mass=(0.01, 0, -0.005), material="fishing-0.4mm")
@@ -83,7 +83,7 @@ def test_roads_find_the_same_imbalance_away_from_equilibrium(catalogue, name):
 
 
 @pytest.mark.parametrize("material", MATERIALS)
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", PAPER_ROBOTS)
 def test_roads_agree_over_the_workspace(catalogue, name, material):
     """At each of 1,000 poses and more the two agree, or differ only where the platform may turn freely."""
     robot = catalogue[name].replace(material=material)

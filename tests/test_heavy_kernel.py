@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.status import Status
+from cdpr_sim.robots.catalogue import PAPER_ROBOTS
 from cdpr_sim.statics.catenary import catenary
 from cdpr_sim.statics.heavy_kernel import heavy_gufunc
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
@@ -156,7 +157,7 @@ def test_random_heavy_robots_come_to_rest() -> None:
     assert np.mean([case.iterations for case in held]) < 10
 
 
-@pytest.mark.parametrize("name", ["cogiro", "parallel", "planar-vertical", "planar-horizontal", "two-cable"])
+@pytest.mark.parametrize("name", PAPER_ROBOTS)
 @pytest.mark.parametrize("density", [5e-4, 0.05])
 def test_the_catalogues_robots_come_to_rest(name: str, density: float, catalogue: dict[str, cdpr.Robot]) -> None:
     """With cables of half a gramme per metre and of a hundred times that, commanded to places all over their frames."""

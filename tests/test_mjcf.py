@@ -13,7 +13,7 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
 from cdpr_sim.physics.settle import settle
-from cdpr_sim.robots.catalogue import list_robots, load_robot
+from cdpr_sim.robots.catalogue import PAPER_ROBOTS, list_robots, load_robot
 
 ROUNDING = 1e-15
 """MuJoCo diagonalises a full inertia [kg m²] and composes frames [m]: a few rounding errors of numbers below 1."""
@@ -49,7 +49,7 @@ def any_robot(seed: int, cables: int = 6, mobility: str = "spatial") -> Robot:
 
 
 ROBOTS = [
-    *(load_robot(name) for name in list_robots()),
+    *(load_robot(name) for name in PAPER_ROBOTS),
     any_robot(1),
     any_robot(2, cables=3, mobility="planar"),
 ]
@@ -163,7 +163,7 @@ def test_cameras_frame_the_robot_whatever_its_size(camera, scale):
     assert not in_picture(center + 0.5 * (eye - center))
 
 
-@pytest.mark.parametrize("name", list_robots())
+@pytest.mark.parametrize("name", PAPER_ROBOTS)
 def test_the_model_as_delivered_comes_to_the_settled_rest(name):
     """Just stepped, as in the viewer, the model ends where ``settle`` does: its viscosity moves no equilibrium."""
     robot = load_robot(name)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
 from test_cli import run
 
@@ -14,13 +15,14 @@ MODELS = Path(__file__).parents[1] / "models"
 
 @pytest.mark.parametrize("name", cdpr.list_robots())
 def test_models_folder_is_fresh(name):
-    """As `cdpr-sim models --check`: nothing stale, nothing missing."""
-    assert stale_models(MODELS / name, model_files(cdpr.load_robot(name))) == []
+    """As `cdpr-sim models --winches --check`: nothing stale, nothing missing."""
+    robot = cdpr.load_robot(name)
+    assert stale_models(MODELS / name, model_files(robot, winches=robot.cabling.massless)) == []
 
 
 def test_models_folder_holds_nothing_else():
     """No folder is left of a robot that is gone."""
-    assert {path.name for path in MODELS.iterdir()} == set(cdpr.list_robots())
+    assert {path.name for path in MODELS.iterdir()} == {*cdpr.list_robots(), "README.md", "robots.png"}
 
 
 @pytest.mark.parametrize("name", cdpr.list_robots())
@@ -32,12 +34,17 @@ def test_scene_compiles_steps_and_warns_of_nothing(name):
     for _ in range(200):
         mujoco.mj_step(model, data)
     assert not data.warning.number.any()
-    assert model.body_mass.sum() == cdpr.load_robot(name).mass
+    alone = mujoco.MjModel.from_xml_path(str(MODELS / name / "robot.xml"))
+    np.testing.assert_array_equal(model.body_mass, alone.body_mass)
+    assert model.body("platform").mass == cdpr.load_robot(name).mass
 
 
 def test_check_notices_a_stale_file(tmp_path):
-    """Negative control: one character more in one file."""
-    assert run("models", "-o", str(tmp_path)).exit_code == 0
-    file = tmp_path / "cogiro" / "scene.xml"
-    file.write_text(file.read_text() + " ")
-    assert run("models", "-o", str(tmp_path), "--check").exit_code == 1
+    """Negative control: one character more in one file, a picture that is none."""
+    assert run("models", "cogiro", "-o", str(tmp_path)).exit_code == 0
+    for file in ("scene.xml", "robot.png"):
+        fresh = (tmp_path / "cogiro" / file).read_bytes()
+        (tmp_path / "cogiro" / file).write_bytes((fresh + b" ") if file == "scene.xml" else b"")
+        assert run("models", "cogiro", "-o", str(tmp_path), "--check").exit_code == 1
+        (tmp_path / "cogiro" / file).write_bytes(fresh)
+        assert run("models", "cogiro", "-o", str(tmp_path), "--check").exit_code == 0

@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+import numpy as np
+
 import cdpr_sim as cdpr
 
 ROOT = Path(__file__).parents[1]
@@ -16,6 +18,15 @@ def test_python_block_runs_and_agrees():
     exec(block, names)
     assert cdpr.compare(names["static"], names["settled"]).agrees
     assert names["xml"].startswith("<mujoco")
+
+
+def test_the_winches_block_runs_and_comes_to_rest():
+    """As printed; where ``solve`` says."""
+    (block,) = (one for one in re.findall(r"```py\n(.*?)```", README, flags=re.DOTALL) if "winches=True" in one)
+    names: dict = {"cdpr": cdpr}
+    exec(block, names)
+    static = cdpr.solve(names["robot"], (0.3, 0.25, 0.15))
+    np.testing.assert_allclose(names["data"].sensor("position").data, static.position, rtol=0, atol=1e-9)
 
 
 def test_commands_stand_behind_their_markers():

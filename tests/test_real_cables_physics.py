@@ -20,7 +20,7 @@ from cdpr_sim.physics.heavy import Hanging, HangingRelaxation
 from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
 from cdpr_sim.physics.release import grow_gravity, release
 from cdpr_sim.physics.settle import residual_of, settle, settle_many, settle_trajectory
-from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
 
 ROUNDING = 1e-14
 """[m] A few rounding errors of lengths of a metre."""
@@ -150,7 +150,7 @@ def test_a_platform_on_a_wheel_swings_about_the_wheels_own_axes():
     assert_allclose(rest.eigenvalues[3:5], expected, rtol=DIFFERENCED)
 
 
-@pytest.mark.parametrize("name", ["cogiro", "parallel", "planar-vertical", "planar-horizontal", "two-cable"])
+@pytest.mark.parametrize("name", PAPER_ROBOTS)
 @pytest.mark.parametrize("changes", [{}, {"stiffening": (5.0, 20.0)}])
 @pytest.mark.parametrize("axis", [UP, DOWN])
 def test_robots_settle_over_pulleys(name, changes, axis):
@@ -349,7 +349,7 @@ def test_a_bar_on_two_slanting_heavy_cables_hangs_as_the_catenary_says():
     assert_allclose(rest.tensions, ends[0], rtol=1e-7)
 
 
-@pytest.mark.parametrize("name", ["cogiro", "parallel", "planar-vertical", "planar-horizontal", "two-cable"])
+@pytest.mark.parametrize("name", PAPER_ROBOTS)
 @pytest.mark.parametrize("axial_stiffness", [1e3, 1e4])
 def test_robots_settle_on_heavy_cables(name, axial_stiffness):
     """In balance, stable, with every cable's tension more than none; held there, MuJoCo finds the same balance."""

@@ -21,7 +21,7 @@ from cdpr_sim.physics import batch, relaxation
 from cdpr_sim.physics.mjcf import coordinates, to_mjcf
 from cdpr_sim.physics.relaxation import ACCEPTABLE
 from cdpr_sim.physics.settle import residual_of, residuals_of, settle, settle_many, settle_trajectory
-from cdpr_sim.robots.catalogue import list_robots, load_robot
+from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
 
 CLOSED_FORM = 1e-8
 """Relative. At rest 1e-9 of the load is unbalanced; on a pendulum of length l that is 1e-9 l of displacement."""
@@ -65,8 +65,8 @@ def unbalanced(problem: Problem, pose: RigidTransform) -> float:
 # --- where it comes to rest ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", list_robots())
-def test_catalogue_robots_settle_anywhere_in_their_workspace(name):
+@pytest.mark.parametrize("name", PAPER_ROBOTS)
+def test_the_papers_robots_settle_anywhere_in_their_workspace(name):
     """Every random pose ends at rest: forces balance to 1e-6 of the weight, and nothing pulls the platform away."""
     for axial_stiffness in (1e3, 1e4, 1e6):
         robot = load_robot(name).replace(axial_stiffness=axial_stiffness)

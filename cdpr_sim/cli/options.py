@@ -18,7 +18,9 @@ Pose = Annotated[
     tuple[float, float, float] | None,
     typer.Option("--pose", metavar="X Y Z", help="Commanded position [m]; default: the middle of the workspace."),
 ]
-MaterialName = Annotated[str | None, typer.Option("--material", help="Cables: vectran-0.7mm or fishing-0.4mm.")]
+MaterialName = Annotated[
+    str | None, typer.Option("--material", help="Cables: vectran-0.7mm, dyneema-2mm, ...; see robots.")
+]
 MaterialNames = Annotated[list[str] | None, typer.Option("--material", help="Cables; give it again for several.")]
 Grid = Annotated[
     tuple[int, int, int] | None,

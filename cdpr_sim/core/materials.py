@@ -1,20 +1,61 @@
-"""The cables that robots are built with, by name."""
+"""What cables are made of: ropes of any diameter, and the cables of one size that robots here are built with."""
 
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
+from cdpr_sim.core.checks import positive
 from cdpr_sim.core.errors import UnknownName
+
+
+def line_stiffness(modulus: float, diameter: float, fill: float = 1.0) -> float:
+    """EA [N] of a round line: its modulus [Pa] times its section, from its diameter [m] and the part that is filled."""
+    return modulus * fill * math.pi * diameter**2 / 4
 
 
 @dataclass(frozen=True)
 class Material:
-    """A cable: its name, its axial stiffness EA [N], and where that number comes from."""
+    """A cable: its name, its axial stiffness EA [N], and where that number comes from; its mass per length [kg/m]."""
 
     name: str
     axial_stiffness: float
     source: str
+    linear_density: float | None = None
+
+
+@dataclass(frozen=True)
+class Rope:
+    """What cables of any diameter are made of.
+
+    Attributes:
+        name: of the material.
+        modulus: over the section of wires or fibres alone [Pa].
+        fill: that section over the circle of the nominal diameter.
+        density: mass over that section and length [kg/m³].
+        source: where the numbers come from.
+    """
+
+    name: str
+    modulus: float
+    fill: float
+    density: float
+    source: str
+
+    def of(self, diameter: float) -> Material:
+        """The cable of this diameter [m], called ``steel-rope-4mm``.
+
+        Raises:
+            InvalidInput: a diameter that is not positive.
+        """
+        diameter = positive("diameter", diameter, "m")
+        return Material(
+            f"{self.name}-{1e3 * diameter:.6g}mm",
+            line_stiffness(self.modulus, diameter, self.fill),
+            self.source,
+            line_stiffness(self.density, diameter, self.fill),
+        )
 
 
 _ASSUMED = (
@@ -29,11 +70,6 @@ NYLON_FIBRES = (0.6 * 1.14e9, 3.0 * 1.14e9)
 """[Pa] How far drawn nylon lies around that: initial moduli at 65 % humidity of 0.6 N/tex for nylon 6 and 3.0 N/tex for
 nylon 6.6 of medium tenacity (Morton and Hearle, "Physical Properties of Textile Fibres", Table 13.2), times the density
 of nylon, 1.14 g/cm³."""
-
-
-def line_stiffness(modulus: float, diameter: float) -> float:
-    """EA [N] of a round line: its modulus [Pa] times its section, from its diameter [m]."""
-    return modulus * math.pi * diameter**2 / 4
 
 
 _NYLON = (
@@ -54,14 +90,57 @@ MATERIALS = {
 PAPER_MATERIALS = ("vectran-0.7mm", "fishing-0.4mm")
 """What DemoBot was strung with (section IV)."""
 
+_YARNS = "Table 1, synthetic fibre yarn properties (Tension Technology International, tensiontech.com/papers/deep-mor)"
+_MOORPY = "MoorPy's fit of makers' catalogues (github.com/NREL/MoorPy, MoorProps_default.yaml)"
+_PARAFIL = "Parafil Technical Note PF1, issue 4: 25 to 30 % of a parallel core is air"
+
+ROPES = {
+    rope.name: rope
+    for rope in (
+        Rope(
+            "steel-rope", 90e9, 0.572, 8900.0,
+            "6x19 with a steel core: metallic area 0.449 d² and 0.400 kg/m per cm² of d² (EN 12385-4, in Feyrer, Wire "
+            "Ropes, Table 1.9); EA = 40.4 GPa d² (moorwire.py of github.com/ddjokic/Mooring-Line-Properties)",
+        ),
+        Rope(
+            "dyneema", 64e9, 0.65, 970.0,
+            "braided HMPE: 496 kg/m and 32.5 GN (56 times a breaking force of 580 MN) per m² of d², " + _MOORPY + "; "
+            "the yarn alone has 109 to 132 GPa (DSM, fact sheet CIS YA100, SK75 and SK78)",
+        ),
+        Rope(
+            "vectran", 65e9, 0.65, 1410.0,
+            "the yarn's 46 N/tex and 1.41 g/cm³, " + _YARNS + "; a braid is softer; fill assumed to be that of braided "
+            "HMPE, " + _MOORPY,
+        ),
+        Rope(
+            "aramid", 71e9, 0.725, 1440.0,
+            "Kevlar 29's 49 N/tex and 1.44 g/cm³, " + _YARNS + "; fill: " + _PARAFIL + "; a braid is softer",
+        ),
+        Rope(
+            "nylon", NYLON_MODULUS, 1.0, 1140.0,
+            "one filament of nylon 66 in moist air: 1.5 GPa (Toray, AMILAN technical data); 1.14 g/cm³, " + _YARNS,
+        ),
+    )
+}  # fmt: skip
+"""What people string robots with, by name."""
+
+OTHERWISE = "or give axial_stiffness [N], or modulus [Pa] and diameter"
+"""What does without a material."""
+
+_OF_A_DIAMETER = re.compile(r"(.+)-(\d+(?:\.\d+)?)mm")
+
 
 def load_material(name: str) -> Material:
-    """The material called ``name``.
+    """The material called ``name``: of ``MATERIALS``, or one of ``ROPES`` with its diameter, "steel-rope-4mm".
 
     Raises:
-        UnknownName: no such material.
+        UnknownName: no such material, or a rope without its diameter.
+        InvalidInput: a diameter of 0.
     """
-    try:
+    if name in MATERIALS:
         return MATERIALS[name]
-    except KeyError:
-        raise UnknownName("material", name, MATERIALS) from None
+    sized = _OF_A_DIAMETER.fullmatch(name)
+    if sized and sized[1] in ROPES:
+        return ROPES[sized[1]].of(float(sized[2]) / 1e3)
+    known = [*MATERIALS, *(f"{rope}-2mm" for rope in ROPES)]
+    raise UnknownName("material", name, known, f"; a rope has any diameter, dyneema-1.5mm; {OTHERWISE}")

@@ -31,6 +31,7 @@ from cdpr_sim.core.plausibility import doubts, warn
 from cdpr_sim.core.pose import PoseLike, as_pose
 
 Mobility = Literal["spatial", "planar"]
+Kind = Literal["suspended", "fully constrained", "under-actuated"]
 
 FREE_DIRECTIONS: dict[str, tuple[int, ...]] = {"spatial": (0, 1, 2, 3, 4, 5), "planar": (0, 2, 4)}
 """Per mobility, the indices of (x, y, z, rotation about x, about y, about z) in which the platform can move."""
@@ -222,6 +223,14 @@ class Robot:
     def units(self) -> Float[np.ndarray, "6"]:
         """What turns (translation, rotation) into lengths, and (force, torque) into forces: 1 and a length [m]."""
         return frozen(np.repeat([1.0, self.characteristic_length], 3))
+
+    @property
+    def kind(self) -> Kind:
+        """How its cables hold it, amid its workspace: fewer than its freedoms, all from above, or some from below."""
+        if self.cables < len(self.free_directions):
+            return "under-actuated"
+        above = self.exits[:, 2] >= self.home[2] + self.anchors[:, 2]
+        return "suspended" if above.all() else "fully constrained"
 
     @property
     def weight(self) -> float:

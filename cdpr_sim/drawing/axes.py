@@ -46,9 +46,9 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     return in_style
 
 
-def canvas(width: float, height: float, title: str, caption: str) -> Figure:
+def canvas(width: float, height: float, title: str, caption: str, kind: type[Figure] = Figure) -> Figure:
     """A figure [inches] with a title above, which says what it shows, and a caption below, which says how."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = kind(figsize=(width, height), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.06)  # type: ignore[union-attr]
     figure.suptitle(textwrap.fill(title, int(width * style.TITLE_LETTERS)), **style.TITLE)
     figure.supxlabel(textwrap.fill(caption, int(width * style.CAPTION_LETTERS)), **style.CAPTION)
@@ -58,11 +58,12 @@ def canvas(width: float, height: float, title: str, caption: str) -> Figure:
 # In the x-z plane
 
 
-def draw_front(ax: Axes, robot: Robot) -> None:
+def draw_front(ax: Axes, robot: Robot, *, exits: bool = True) -> None:
     """The frame's front and the exits in the x-z plane, to scale [m], with labelled axes."""
     (left, _, bottom), (right, _, top) = robot.frame
     ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, ec=style.FAINT, lw=style.THIN))
-    ax.plot(*robot.exits[:, [0, 2]].T, "o", ms=3.5, color=style.INK, zorder=5, clip_on=False)
+    if exits:
+        ax.plot(*robot.exits[:, [0, 2]].T, "o", ms=3.5, color=style.INK, zorder=5, clip_on=False)
     ax.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
     ax.set_xlim(left - 0.02, right + 0.02)
     ax.set_ylim(bottom - 0.02, top + 0.02)
@@ -157,12 +158,13 @@ def points(color: str, marker: str = "o", **looks) -> dict:
 # In space
 
 
-def draw_space(ax: Axes3D, robot: Robot) -> None:
+def draw_space(ax: Axes3D, robot: Robot, *, exits: bool = True) -> None:
     """The frame and the exits in space [m], to scale."""
     lower, upper = robot.frame
     box = _corners(lower, upper)
     ax.add_collection3d(Line3DCollection([box[list(edge)] for edge in EDGES], colors=style.FAINT, lw=style.THIN))
-    ax.plot(*robot.exits.T, "o", ms=3, color=style.INK)
+    if exits:
+        ax.plot(*robot.exits.T, "o", ms=3, color=style.INK)
     ax.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     ax.set_xlim(lower[0], upper[0])
     ax.set_ylim(lower[1], upper[1])
@@ -214,13 +216,21 @@ def draw_pose_in_space(
             ax.plot(*wheel.arc().T, color=style.WHEEL["ec"], lw=style.WHEEL["lw"])
 
 
-def draw_platform_in_space(ax: Axes3D, robot: Robot, position: np.ndarray, rotation: np.ndarray) -> None:
+def draw_platform_in_space(
+    ax: Axes3D, robot: Robot, position: np.ndarray, rotation: np.ndarray, alpha: float = 1.0
+) -> None:
     """The platform in space."""
     half = robot.platform_size / 2
     corners = position + _corners(-half, half) @ rotation.T
     ax.add_collection3d(
         Poly3DCollection(
-            [corners[list(face)] for face in FACES], fc=style.PLATFORM, ec=style.INK, lw=0.6, shade=False, zorder=4
+            [corners[list(face)] for face in FACES],
+            fc=style.PLATFORM,
+            ec=style.INK,
+            lw=0.6,
+            alpha=alpha,
+            shade=False,
+            zorder=4,
         )
     )
 

@@ -15,6 +15,9 @@ LEFT, RIGHT = BLUE, VERMILLION
 PLATFORM, COMMANDED, SLACK_CABLE = "#9dbfd6", "#8a8a8a", VERMILLION
 """Fill of a platform at rest; outline of the pose that it was commanded to; a slack cable."""
 
+CABLES = (BLUE, VERMILLION, GREEN, ORANGE, SKY, PURPLE, INK, MUTED)
+"""Cables one by one; their numbers stand beside them."""
+
 WHEEL = {"fc": "#e9e9e9", "ec": MUTED, "lw": 0.6}
 """The wheel of a pulley."""
 

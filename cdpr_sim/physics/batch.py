@@ -133,7 +133,7 @@ class Simulations:
         if not len(self.swivels):
             return np.zeros(len(self.qpos), dtype=bool)
         points = self._points[:, self.swivels.cables]
-        return self.swivels.off_wheel(self._xpos, self._xmat, self._anchors, points).any(1)
+        return np.any(self.swivels.off_wheel(self._xpos, self._xmat, self._anchors, points), axis=1)
 
     @property
     def rest_lengths(self) -> Float[np.ndarray, "rows cables"]:

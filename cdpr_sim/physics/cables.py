@@ -27,8 +27,11 @@ from jaxtyping import Float
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import chains, pulleys
+from cdpr_sim.physics import chains, pulleys, winches
 from cdpr_sim.physics.numbers import text
+
+NOTHING = 1e-200
+"""[N/m] MuJoCo draws hanging chains only where there is a spring: one that changes no force, not even by rounding."""
 
 
 def add_exits(world: ET.Element, cabling: Cabling) -> None:
@@ -43,27 +46,44 @@ def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
         ET.SubElement(platform, "site", {"name": f"anchor_{i}", "class": "anchor", "pos": text(position)})
 
 
-def add_tendons(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float) -> None:
-    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]; a heavy cable has several, for this time step."""
+def add_tendons(
+    root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float, *, wound: bool = False
+) -> None:
+    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]; a heavy cable has several, for this time step.
+
+    Where cables are ``wound``, their winches do what their springs would, unless they stiffen and begin at a drum; and
+    ``rope_1``, ... are there to be drawn in their place (``winches.hang``).
+    """
     tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
     stiffnesses = springs(cabling.axial_stiffness, rest_lengths)
     further = polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
-    lengths = rest_lengths + pulleys.entries(cabling)
+    lengths = rest_lengths + (winches.behind(robot) if wound else pulleys.entries(cabling))
     for i, (stiffness, length) in enumerate(zip(stiffnesses, lengths, strict=True), start=1):
         if cabling.linear_density[i - 1] > 0:
             chains.add_segments(tendons, robot, i - 1, rest_lengths[i - 1], step)
             continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
         stiffens = cabling.stiffening[i - 1].any()
-        cable.set("stiffness", text([stiffness, *further[i - 1]] if stiffens else stiffness))
-        cable.set("springlength", text([0, length]))
+        if stiffens or not wound:
+            cable.set("stiffness", text([stiffness, *further[i - 1]] if stiffens else stiffness))
+            cable.set("springlength", text([0, length]))
         if not cabling.massless:
             cable.set("damping", text(step * stiffness))  # this integrator does not know springs
+        if stiffens and wound:
+            ET.SubElement(cable, "site", site=f"drum_{i}")
+        elif cabling.pulleys[i - 1]:
+            ET.SubElement(cable, "site", site=f"entry_{i}")
         if cabling.pulleys[i - 1]:
             pulleys.add_way(cable, i)
         else:
             ET.SubElement(cable, "site", site=f"exit_{i}")
         ET.SubElement(cable, "site", site=f"anchor_{i}")
+        if wound and not cabling.pulleys[i - 1]:
+            rope = ET.SubElement(tendons, "spatial", {"name": f"rope_{i}", "class": "cable", "group": "4"})
+            rope.set("stiffness", text(NOTHING))
+            rope.set("springlength", text([0, rest_lengths[i - 1]]))
+            for end in ("exit", "anchor"):
+                ET.SubElement(rope, "site", site=f"{end}_{i}")
 
 
 def springs(

@@ -10,14 +10,16 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import cables, chains, pulleys
 from cdpr_sim.physics.numbers import text
+from cdpr_sim.physics.winches import add_drums, add_winches
 
 TIMESTEP = 0.002
 """[s] The discrete integrator is implicit in the cables' springs, so that this need not shrink with their stiffness."""
@@ -31,7 +33,13 @@ PULLEY_COLOR = (0.24, 0.26, 0.29, 1)
 BRACKET_COLOR = (0.38, 0.41, 0.45, 1)
 
 
-def to_mjcf(robot: Robot | Problem, pose: PoseLike | None = None, rest_lengths: ArrayLike | None = None) -> str:
+def to_mjcf(
+    robot: Robot | Problem,
+    pose: PoseLike | None = None,
+    rest_lengths: ArrayLike | None = None,
+    *,
+    winches: bool = False,
+) -> str:
     """The robot with its platform at ``pose``, as MJCF text.
 
     Names: body ``platform``; sites ``exit_1`` and ``anchor_1``; tendon ``cable_1`` and its sensor ``length_1``, counted
@@ -43,42 +51,60 @@ def to_mjcf(robot: Robot | Problem, pose: PoseLike | None = None, rest_lengths: 
     The air is made viscous enough to calm the platform's slowest swing without overshoot: that changes how it comes to
     rest, and not where.
 
+    With ``winches`` the model is driven: the actuator ``winch_1`` lets out L/(1 + u) of cable 1 at the control u, with
+    L the rest length that is written (``winch_controls`` turns lengths into controls). It starts at 0, and MuJoCo
+    clamps it silently to ``ctrlrange``, which covers the workspace. Sensors are ``length_1`` [m], ``tension_1`` [N],
+    ``position`` [m] and ``orientation`` (quaternion w x y z) of the platform in the frame of the site ``base``. The air
+    does nothing; its part is done by damping on the platform's joints, in space ``x``, ``y``, ``z`` and the ball
+    ``rotation``, which counts from the written orientation. So nothing is lost where the model becomes a part of
+    another one, and any body can carry it.
+
     Args:
         robot: the robot; or a ``Problem`` that is ready, alone.
         pose: the commanded pose, where the model starts.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
+        winches: let ``ctrl`` wind the cables.
 
     Raises:
-        InvalidInput: a pose or a length that cannot be right.
+        InvalidInput: a pose or a length that cannot be right; winches on cables that weigh something.
     """
     problem = Problem.of(robot, pose, rest_lengths)
     robot = problem.robot
+    if winches:
+        chains.refuse_weight(robot, "a winch in MuJoCo")
+    drag, size = _air(problem)
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
-    ET.SubElement(
-        root,
-        "option",
-        timestep=text(TIMESTEP),
-        integrator="discrete" if robot.cabling.massless else "implicitfast",
-        gravity=text([0, 0, -robot.gravity]),
-        viscosity=text(_viscosity(problem)),
-    )
+    option = ET.SubElement(root, "option", timestep=text(TIMESTEP))
+    option.set("integrator", "discrete" if robot.cabling.massless else "implicitfast")
+    option.set("gravity", text([0, 0, -robot.gravity]))
+    if not winches:
+        option.set("viscosity", text(drag / (3 * np.pi * size)))
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
     cables.add_exits(world, robot.cabling)
-    platform = _platform(robot, problem.pose)
+    paddles = float(np.linalg.norm(robot.platform_size))  # [m] which calms it within a second, and stiff cables too
+    platform = _platform(robot, problem.pose, (drag, drag * paddles**2) if winches else None)
     world.append(platform)
     nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
     chains.add_far(world, robot.cabling, problem.rest_lengths)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
-    cables.add_tendons(root, robot, problem.rest_lengths, TIMESTEP)
+    if winches:
+        add_drums(world, robot, problem.rest_lengths)
+    cables.add_tendons(root, robot, problem.rest_lengths, TIMESTEP, wound=winches)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
+    if winches:
+        add_winches(root, world, robot, problem.rest_lengths)
     keyframes = ET.SubElement(root, "keyframe")
     swivels = robot.cabling.pulleys & (robot.mobility == "spatial")
-    start = np.concatenate([coordinates(robot, problem.pose), nodes, pulleys.angles_at(robot, problem.pose)[swivels]])
+    at = coordinates(robot, problem.pose)
+    if winches and robot.mobility == "spatial":
+        at = since_written(at, at[3:])
+    drums = np.zeros(int(robot.cabling.stiffening.any(1).sum()) if winches else 0)
+    start = np.concatenate([at, nodes, pulleys.angles_at(robot, problem.pose)[swivels], drums])
     ET.SubElement(keyframes, "key", name="commanded", qpos=text(start))
     return _document(root)
 
@@ -125,9 +151,19 @@ def coordinates(robot: Robot, pose: RigidTransform) -> np.ndarray:
     return np.concatenate([pose.translation, pose.rotation.as_quat(scalar_first=True)])
 
 
+def since_written(
+    start: Float[np.ndarray, " coordinates"], written: Float[np.ndarray, "4"]
+) -> Float[np.ndarray, " coordinates"]:
+    """Coordinates of a platform on slides and a ball joint, which counts from the orientation that is written."""
+    turned = Rotation.from_quat(written, scalar_first=True).inv() * Rotation.from_quat(start[3:], scalar_first=True)
+    return np.concatenate([start[:3], turned.as_quat(scalar_first=True)])
+
+
 def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
     """Put one simulation's platform at ``pose`` and what follows it: wheels, and chains as well as one can guess."""
     start = coordinates(robot, pose)
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "rotation") >= 0:
+        start = since_written(start, model.body("platform").quat)
     data.qpos[: len(start)] = start
     if not robot.cabling.massless:
         found = chains.Chains.of(model, robot.cabling)
@@ -137,17 +173,18 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidT
     pulleys.toward_anchors(model, data, robot)
 
 
-def _viscosity(problem: Problem) -> float:
-    """Of the air [Pa s], such that the slowest swing, of a pendulum as long as the cables, is damped critically.
+def _air(problem: Problem) -> tuple[float, float]:
+    """Drag [N s/m] that damps the slowest swing, of a pendulum as long as the cables, critically; and a length [m].
 
-    Damping a free joint would do the same to translation and rotation, whose units differ; a viscous medium tells them
-    apart. MuJoCo's drag on a body is 3 pi d eta v, with d the mean edge of the box that has its mass and inertia.
+    Damping a free joint by one number would do the same to translation and rotation, whose units differ; a viscous
+    medium tells them apart. MuJoCo's drag on a body is 3 pi d eta v, and pi d³ eta against turning, with d the length
+    returned here: the mean edge of the box that has the body's mass and inertia.
     """
     robot = problem.robot
     moments = np.linalg.eigvalsh(robot.inertia)
     edges = np.sqrt(np.maximum(6 / robot.mass * (moments.sum() - 2 * moments), 0))
     swing = np.sqrt((robot.gravity or STANDARD_GRAVITY) / problem.rest_lengths.mean())
-    return float(2 * robot.mass * swing / (3 * np.pi * edges.mean()))
+    return float(2 * robot.mass * swing), float(edges.mean())
 
 
 def _defaults(robot: Robot) -> ET.Element:
@@ -165,17 +202,25 @@ def _defaults(robot: Robot) -> ET.Element:
     return defaults
 
 
-def _platform(robot: Robot, pose: RigidTransform) -> ET.Element:
+def _platform(robot: Robot, pose: RigidTransform, damping: tuple[float, float] | None) -> ET.Element:
+    """The body, free to move in the air, or on joints with this damping [N s/m, N m s]."""
     body = ET.Element("body", name="platform", pos=text(pose.translation))
+    along, turning = damping or (0.0, 0.0)
     if robot.mobility == "planar":
         # The body stays level, so that x and z are exactly the base frame's; ``ref`` makes them its coordinates.
         x, z, _ = coordinates(robot, pose)
-        ET.SubElement(body, "joint", name="x", type="slide", axis="1 0 0", ref=text(x))
-        ET.SubElement(body, "joint", name="z", type="slide", axis="0 0 1", ref=text(z))
-        ET.SubElement(body, "joint", name="beta", type="hinge", axis="0 1 0")
+        _slide(body, "x", np.array([1.0, 0, 0]), x, along)
+        _slide(body, "z", np.array([0, 0, 1.0]), z, along)
+        _damp(ET.SubElement(body, "joint", name="beta", type="hinge", axis="0 1 0"), turning)
     else:
         body.set("quat", text(pose.rotation.as_quat(scalar_first=True)))
-        ET.SubElement(body, "freejoint", name="platform")
+        if damping:
+            # The slides' axes are the base frame's, said in the body's.
+            for name, axis, at in zip("xyz", pose.rotation.as_matrix(), pose.translation, strict=True):
+                _slide(body, name, axis, at, along)
+            _damp(ET.SubElement(body, "joint", name="rotation", type="ball"), turning)
+        else:
+            ET.SubElement(body, "freejoint", name="platform")
     inertial = ET.SubElement(body, "inertial", pos=text(robot.center_of_mass), mass=text(robot.mass))
     inertia = robot.inertia
     if np.array_equal(inertia, np.diag(np.diag(inertia))):
@@ -189,6 +234,16 @@ def _platform(robot: Robot, pose: RigidTransform) -> ET.Element:
     # MuJoCo's xfrc_applied acts at a body's centre of mass; a massless child has its own at the platform's origin.
     ET.SubElement(body, "body", name="origin")
     return body
+
+
+def _slide(body: ET.Element, name: str, axis: Float[np.ndarray, "3"], at: float, damping: float) -> None:
+    joint = ET.SubElement(body, "joint", name=name, type="slide", axis=text(axis), ref=text(at))
+    _damp(joint, damping)
+
+
+def _damp(joint: ET.Element, damping: float) -> None:
+    if damping:
+        joint.set("damping", text(damping))
 
 
 def _assets(diagonal: float) -> ET.Element:

@@ -110,8 +110,7 @@ def angles_at(robot: Robot, pose: RigidTransform) -> Float[np.ndarray, " cables"
 
 
 def add_way(tendon: ET.Element, i: int) -> None:
-    """From the entry over the wheel: what stands before the anchor in the tendon of cable ``i``."""
-    ET.SubElement(tendon, "site", site=f"entry_{i}")
+    """Over the wheel: what stands between entry and anchor in the tendon of cable ``i``."""
     ET.SubElement(tendon, "geom", geom=f"groove_{i}", sidesite=f"side_{i}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import tomllib
 from importlib import resources
@@ -9,18 +10,19 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Strict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 
 from cdpr_sim.core.cable import DOWN, MOST_CABLES
-from cdpr_sim.core.checks import shown
+from cdpr_sim.core.checks import positive, shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileError, UnknownName
 from cdpr_sim.core.files import read_text
-from cdpr_sim.core.materials import load_material
+from cdpr_sim.core.materials import ROPES, Material, line_stiffness, load_material
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
 Pair = tuple[Number, Number]
 Vector = tuple[Number, Number, Number]
+Density = Number | Literal["material"]
 
 LARGEST_FILE = 1_000_000
 """Bytes; a thousand cables, with a line of remarks each, take a tenth of it."""
@@ -29,79 +31,116 @@ METRES = {"m": 1.0, "mm": 1000.0}
 """How many of each unit make a metre."""
 
 
+LENGTH = "m or mm"
+"""The unit of lengths: what the file's ``units`` say."""
+
+
+def _key(meaning: str, unit: str = "", default: Any = ...) -> Any:
+    """A key of a robot file: what it means, its unit, and its default; ... where it has to be there."""
+    return Field(default, description=meaning, json_schema_extra={"unit": unit} if unit else None)
+
+
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class PlatformTable(_Table):
-    """``[platform]``: mass [kg], edges of its box [m], centre of mass [m], inertia [kg m²]."""
+    """The platform."""
 
-    mass: Number
-    size: Vector | None = None
-    center_of_mass: Vector = (0.0, 0.0, 0.0)
-    inertia: Vector | tuple[Vector, Vector, Vector] | None = None
+    mass: Number = _key("Mass.", "kg")
+    size: Vector | None = _key(
+        "Edges of its box, drawn and taken for the inertia unless one is given; by default the box around the anchors.",
+        LENGTH,
+        None,
+    )
+    center_of_mass: Vector = _key("Centre of mass in the platform frame.", LENGTH, (0.0, 0.0, 0.0))
+    inertia: Vector | tuple[Vector, Vector, Vector] | None = _key(
+        "Inertia about the centre of mass in the platform frame, its diagonal or three rows; by default that of a "
+        "uniform box.",
+        "kg m²",
+        None,
+    )
 
 
 class PulleyTable(_Table):
-    """``pulley``: radius of the wheel [m], and the direction in which the cable arrives at it."""
+    """A swivelling wheel at the exit."""
 
-    radius: Number
-    axis: Vector = DOWN
+    radius: Number = _key("Radius of the wheel; 0 is a point.", LENGTH)
+    axis: Vector = _key("The direction in which the cable arrives, and about which the wheel swivels.", "", DOWN)
 
 
 class CableTable(_Table):
-    """One cable: exit A_i in the base frame, anchor B_i in the platform frame [m], and what is its own."""
+    """One cable. What it does not say is as the whole robot has it."""
 
-    exit: Vector
-    anchor: Vector
-    material: str | None = None
-    axial_stiffness: Number | None = None
-    linear_density: Number | None = None
-    stiffening: Pair | None = None
-    pulley: PulleyTable | None = None
+    exit: Vector = _key(
+        "Exit point A_i in the base frame, z up; of a cable over a pulley, where it touches the wheel first.", LENGTH
+    )
+    anchor: Vector = _key("Anchor point B_i in the platform frame.", LENGTH)
+    name: str | None = _key("What this cable is called.", "", None)
+    material: str | None = _key("As for the whole robot.", "", None)
+    axial_stiffness: Number | None = _key("As for the whole robot.", "N", None)
+    modulus: Number | None = _key("As for the whole robot.", "Pa", None)
+    diameter: Number | None = _key("As for the whole robot.", LENGTH, None)
+    linear_density: Density | None = _key("As for the whole robot.", "kg/m", None)
+    stiffening: Pair | None = _key("As for the whole robot.", "", None)
+    pulley: PulleyTable | None = _key("As for the whole robot.", "", None)
 
 
 class BoxTable(_Table):
-    """Two opposite corners [m]."""
+    """A box in the base frame."""
 
-    lower: Vector
-    upper: Vector
+    lower: Vector = _key("One corner.", LENGTH)
+    upper: Vector = _key("The opposite corner.", LENGTH)
 
 
 class RobotTable(_Table):
-    """A whole robot file. What it says of cables holds for every one that says nothing of its own.
+    """The whole robot; what it says of cables holds for every one that says nothing of its own."""
 
-    ``material`` or ``axial_stiffness`` [N], ``linear_density`` [kg/m], ``stiffening`` (a2, a3), ``pulley``.
-    ``units`` are those of exits, anchors, pulleys, size, frame and workspace; all else is in kg, N and kg m².
-    """
-
-    name: str
-    description: str = ""
-    source: str = ""
-    units: Literal["m", "mm"] = "m"
-    mobility: Mobility = "spatial"
-    gravity: Number = STANDARD_GRAVITY
-    material: str | None = None
-    axial_stiffness: Number | None = None
-    linear_density: Number = 0.0
-    stiffening: Pair = (0.0, 0.0)
-    pulley: PulleyTable = PulleyTable(radius=0.0)
-    platform: PlatformTable
-    frame: BoxTable | None = None
-    workspace: BoxTable | None = None
-    cables: list[CableTable]
+    name: str = _key("What tables, models and pictures call the robot.")
+    description: str = _key("One line.", "", "")
+    source: str = _key("Where the numbers come from.", "", "")
+    units: Literal["m", "mm"] = _key("Of every length in the file: exits, anchors, pulleys, diameters, boxes.", "", "m")
+    mobility: Mobility = _key("spatial, or planar: x, z and the rotation about y, all else 0.", "", "spatial")
+    gravity: Number = _key("Acceleration downwards, along -z.", "m/s²", STANDARD_GRAVITY)
+    cable_name: str | None = _key("What the cables are called; by default their material.", "", None)
+    material: str | None = _key(
+        "What the cables are: a rope with its diameter, `dyneema-2mm` or `dyneema` and `diameter`, or a cable of one "
+        "size; `cdpr-sim robots` lists them. Every cable has to have this, or `axial_stiffness`, or `modulus`.",
+        "",
+        None,
+    )
+    axial_stiffness: Number | None = _key("EA.", "N", None)
+    modulus: Number | None = _key("E over the full circle of `diameter`: EA = E π d²/4.", "Pa", None)
+    diameter: Number | None = _key("Of cables given by a rope's `material` or by `modulus`.", LENGTH, None)
+    linear_density: Density = _key(
+        'Mass per length; 0 is a massless cable, `"material"` the rope\'s own. Not with pulleys or stiffening on one '
+        "cable.",
+        "kg/m",
+        0.0,
+    )
+    stiffening: Pair = _key("(a2, a3) of tension = EA (eps + a2 eps² + a3 eps³).", "", (0.0, 0.0))
+    pulley: PulleyTable = _key("The wheel at each exit; by default none.", "", PulleyTable(radius=0.0))
+    platform: PlatformTable = _key("Its mass, and what it is like: `[platform]`.")
+    frame: BoxTable | None = _key("What is drawn; by default the box around the exits, down to the floor.", "", None)
+    workspace: BoxTable | None = _key(
+        "Where studies command the platform, its middle first of all; by default the middle of the frame.", "", None
+    )
+    cables: list[CableTable] = _key("One `[[cables]]` for each cable.")
 
     def robot(self) -> Robot:
         """The robot of this file."""
+        made = [self._made(i, cable) for i, cable in enumerate(self.cables)]
+        names = {material.name for material in made}
+        pulleys = [_own(cable.pulley, self.pulley) for cable in self.cables]
         return Robot(
             exits=[self._metres(cable.exit) for cable in self.cables],
             anchors=[self._metres(cable.anchor) for cable in self.cables],
-            axial_stiffness=[self._stiffness(i, cable) for i, cable in enumerate(self.cables)],
+            axial_stiffness=[material.axial_stiffness for material in made],
             mass=self.platform.mass,
-            linear_density=[_own(cable.linear_density, self.linear_density) for cable in self.cables],
+            linear_density=[self._density(i, cable, made[i]) for i, cable in enumerate(self.cables)],
             stiffening=[_own(cable.stiffening, self.stiffening) for cable in self.cables],
-            pulley_radius=[_own(cable.pulley, self.pulley).radius / METRES[self.units] for cable in self.cables],
-            pulley_axis=[_own(cable.pulley, self.pulley).axis for cable in self.cables],
+            pulley_radius=[pulley.radius / METRES[self.units] for pulley in pulleys],
+            pulley_axis=[pulley.axis for pulley in pulleys],
             center_of_mass=self._metres(self.platform.center_of_mass),
             inertia=self.platform.inertia,
             mobility=self.mobility,
@@ -110,7 +149,7 @@ class RobotTable(_Table):
             platform_size=self.platform.size and self._metres(self.platform.size),
             frame=self.frame and (self._metres(self.frame.lower), self._metres(self.frame.upper)),
             workspace=self.workspace and (self._metres(self.workspace.lower), self._metres(self.workspace.upper)),
-            material=self._common_material(),
+            material=names.pop() or None if len(names) == 1 else None,
             description=self.description,
             source=self.source,
         )
@@ -119,25 +158,66 @@ class RobotTable(_Table):
         x, y, z = (length / METRES[self.units] for length in lengths)
         return x, y, z
 
-    def _stiffness(self, index: int, cable: CableTable) -> float:
+    def _made(self, index: int, cable: CableTable) -> Material:
+        """What a cable is made of: as it says itself, else as the robot does."""
         for where, table in ((f"cable {index + 1}", cable), ("the robot", self)):
-            if table.material is not None and table.axial_stiffness is not None:
-                raise RobotFileError(f"{where}: found both material and axial_stiffness, expected one of them")
-            if table.axial_stiffness is not None:
-                return table.axial_stiffness
-            if table.material is not None:
-                return load_material(table.material).axial_stiffness
+            ways = [way for way in WAYS if getattr(table, way) is not None]
+            if len(ways) > 1:
+                raise RobotFileError(f"{where}: found both {ways[0]} and {ways[1]}, expected one of them")
+            if ways:
+                diameter = _own(cable.diameter, self.diameter)
+                made = self._material(where, table, diameter, _own(table.diameter, cable.diameter))
+                name = _own(cable.name, self.cable_name if table is self else None)
+                return made if name is None else dataclasses.replace(made, name=name)
         raise RobotFileError(
-            f"cable {index + 1}: found neither material nor axial_stiffness, here or for the whole robot"
+            f"cable {index + 1}: found neither material nor axial_stiffness nor modulus, here or for the whole robot"
         )
 
-    def _common_material(self) -> str | None:
-        own = {cable.material for cable in self.cables if cable.material or cable.axial_stiffness is not None}
-        return self.material if not own else None
+    def _material(
+        self, where: str, table: CableTable | RobotTable, diameter: float | None, given: float | None
+    ) -> Material:
+        """Of a table that has one of ``WAYS``; ``given`` is a diameter meant for it alone."""
+        metres = None if diameter is None else diameter / METRES[self.units]
+        if table.modulus is not None or table.material in ROPES:
+            way = "modulus" if table.modulus is not None else f"material {table.material!r}"
+            if metres is None:
+                raise RobotFileError(f"{where}: found {way} without diameter, expected both")
+            if table.modulus is None:
+                return ROPES[str(table.material)].of(metres)
+            stiffness = line_stiffness(positive("modulus", table.modulus, "Pa"), positive("diameter", metres, "m"))
+            return Material("", stiffness, "")
+        if given is not None:
+            raise RobotFileError(
+                f"{where}: found diameter, expected none: it goes with modulus or with a material of "
+                f"{', '.join(sorted(ROPES))}"
+            )
+        if table.material is not None:
+            return load_material(table.material)
+        assert table.axial_stiffness is not None
+        return Material("", table.axial_stiffness, "")
+
+    def _density(self, index: int, cable: CableTable, material: Material) -> float:
+        density = _own(cable.linear_density, self.linear_density)
+        if density != "material":
+            return density
+        if material.linear_density is None:
+            raise RobotFileError(
+                f"cable {index + 1}: linear_density: found 'material', expected a number [kg/m]: the mass of "
+                f"{material.name or 'a cable given by its stiffness'} is not known"
+            )
+        return material.linear_density
+
+
+WAYS = ("material", "axial_stiffness", "modulus")
+"""Of saying what a cable is."""
 
 
 def _own(own, common):
     return common if own is None else own
+
+
+PAPER_ROBOTS = ("cogiro", "parallel", "planar-horizontal", "planar-vertical", "two-cable")
+"""DemoBot, in the paper's layouts."""
 
 
 def list_robots() -> tuple[str, ...]:
@@ -195,16 +275,52 @@ def _parsed(file: Traversable | Path, label: str) -> dict[str, Any]:
         raise RobotFileError(f"{label}: found a whole number of thousands of digits, expected a robot") from None
 
 
+OTHER_WORDS = {
+    "ea": "axial_stiffness", "stiffness": "axial_stiffness", "es": "axial_stiffness", "k": "axial_stiffness",
+    "e": "modulus", "youngs_modulus": "modulus", "elasticity": "modulus", "d": "diameter",
+    "com": "center_of_mass", "cog": "center_of_mass", "centre_of_mass": "center_of_mass", "m": "mass", "weight": "mass",
+    "a": "exit", "base": "exit", "exits": "exit", "anchors": "anchor", "b": "anchor", "attachment": "anchor",
+    "rho": "linear_density", "density": "linear_density", "g": "gravity", "i": "inertia", "cable": "cables",
+}  # fmt: skip
+"""What else is said for keys of a robot file, in small letters."""
+
+TABLES = {
+    "platform": PlatformTable,
+    "cables": CableTable,
+    "pulley": PulleyTable,
+    "frame": BoxTable,
+    "workspace": BoxTable,
+}
+
+
 def _sentence(error: ValidationError) -> str:
     """The first thing that is wrong: where in the file, what was found, what is expected."""
     first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")  # a typo explains what is missing
-    where = _place(first["loc"])
+    path = first["loc"]
     if first["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(str(first["loc"][-1]), _known_keys(first["loc"][:-1]), n=1)
-        return f"{where}: unknown key" + (f", did you mean {near[0]!r}?" if near else "")
+        return f"{_place(path)}: unknown key{_meant(str(path[-1]), path[:-1])}"
+    where = _place(
+        tuple(part for part in path if part != "float" and "[" not in str(part))
+    )  # pydantic's names of types
     if first["type"] == "missing":
         return f"{where}: missing"
     return f"{where}: found {shown(first['input'])}: {first['msg']}"
+
+
+def _meant(key: str, path: tuple[int | str, ...]) -> str:
+    """The key that was meant, in this table or else in another."""
+    names = [part for part in path if isinstance(part, str)]
+    here = TABLES[names[-1]] if names else RobotTable
+    word = OTHER_WORDS.get(key.lower(), key.lower())
+    places: dict[str, type[_Table]] = {"": here, " for the whole robot": RobotTable}
+    places |= {f" in [[{name}]]" if name == "cables" else f" in [{name}]": table for name, table in TABLES.items()}
+    for place, table in places.items():
+        if word in table.model_fields:
+            return f", did you mean {word!r}{place}?"
+    for place, table in places.items():
+        for near in difflib.get_close_matches(key, table.model_fields, n=1):
+            return f", did you mean {near!r}{place}?"
+    return ""
 
 
 def _place(path: tuple[int | str, ...]) -> str:
@@ -216,15 +332,3 @@ def _place(path: tuple[int | str, ...]) -> str:
     return ": ".join(
         filter(None, [head, ".".join(key if len(key) <= LONGEST else f"{key[:LONGEST]}..." for key in keys)])
     )
-
-
-def _known_keys(path: tuple[int | str, ...]) -> list[str]:
-    tables = {
-        "platform": PlatformTable,
-        "cables": CableTable,
-        "pulley": PulleyTable,
-        "frame": BoxTable,
-        "workspace": BoxTable,
-    }
-    names = [part for part in path if isinstance(part, str)]
-    return list((tables[names[-1]] if names else RobotTable).model_fields)

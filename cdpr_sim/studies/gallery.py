@@ -120,7 +120,7 @@ PICTURES: dict[str, Picture] = {
     ),
     "agreement": Picture(
         "",
-        "how far static solver and MuJoCo are apart, over the whole catalogue",
+        "how far static solver and MuJoCo are apart, over the paper's robots",
         solvers.differences,
         solvers_figures.agreement,
     ),

@@ -39,32 +39,8 @@ STIFFENING = (50.0, 0.0)
 
 
 def crane() -> Robot:
-    """A robot like CoGiRo, a suspended crane of 15 m x 11 m x 6 m on 8 crossed cables.
-
-    Exits, anchors, mass, centre of mass and inertia are those of CASPR's model of it (github.com/darwinlau/CASPR,
-    ``CoGiRo_cables.xml`` and ``CoGiRo_bodies.xml``), its origin half a metre higher, amid the platform; the cables are
-    assumed.
-    """
-    return Robot(
-        name="crane",
-        description="A crane like CoGiRo, 15 m x 11 m x 6 m, 8 crossed cables",
-        source="CASPR's CoGiRo: exits, anchors, mass, centre of mass, inertia; cables assumed",
-        exits=[
-            (-7.1775, -5.4361, 5.3911), (-7.4594, -5.1504, 5.3999), (-7.3911, 5.194, 5.3976), (-7.1026, 5.4753, 5.4094),
-            (7.2398, 5.3759, 5.4093), (7.5208, 5.0851, 5.42), (7.4461, -5.2539, 5.3874), (7.1608, -5.5342, 5.3973),
-        ],
-        anchors=[
-            (0.5032, -0.4928, -0.5), (-0.5097, 0.3508, 0.4976), (-0.5032, -0.27, -0.5), (0.496, 0.3561, 0.4996),
-            (-0.5032, 0.4928, -0.5), (0.4998, -0.3404, 0.4991), (0.5021, 0.275, -0.5007), (-0.5045, -0.3463, 0.4976),
-        ],
-        axial_stiffness=CRANE_STIFFNESS,
-        mass=91.058,
-        center_of_mass=(-0.034, -0.013, -0.236),
-        inertia=[[36.598, -0.453, 3.012], [-0.453, 35.982, -1.539], [3.012, -1.539, 25.439]],
-        platform_size=(1.0, 1.0, 1.0),
-        frame=[(-7.6, -5.6, 0.0), (7.6, 5.6, 6.0)],
-        workspace=[(-4.5, -3.0, 1.0), (4.5, 3.0, 3.0)],
-    )  # fmt: skip
+    """CoGiRo, a suspended crane of 15 m x 11 m x 6 m on 8 crossed cables: the zoo's, with plain cables."""
+    return load_robot("cogiro-crane").replace(name="crane", axial_stiffness=CRANE_STIFFNESS, pulley_radius=0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.compare import Verdict, compare
 from cdpr_sim.physics.settle import settle_many
-from cdpr_sim.robots.catalogue import list_robots, load_robot
+from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
 from cdpr_sim.statics import newton
 from cdpr_sim.statics import solve as solvers
 from cdpr_sim.statics.solve import Method
@@ -119,9 +119,9 @@ class Differences:
 
 
 def differences(
-    robots: Sequence[str] = (), materials: Sequence[str] = PAPER_MATERIALS, *, poses: int = 100, seed: int = 2
+    robots: Sequence[str] = PAPER_ROBOTS, materials: Sequence[str] = PAPER_MATERIALS, *, poses: int = 100, seed: int = 2
 ) -> tuple[Differences, ...]:
-    """Both roads from ``poses`` random level poses per robot (default: the catalogue) and material.
+    """Both roads from ``poses`` random level poses per robot (default: the paper's) and material.
 
     Raises:
         NotConverged: the static solver found no rest somewhere.
@@ -129,7 +129,7 @@ def differences(
     """
     rng = np.random.default_rng(seed)
     results = []
-    for name in robots or list_robots():
+    for name in robots:
         agreements = []
         for material in materials:
             robot = load_robot(name).replace(material=material)

@@ -1,0 +1,203 @@
+"""A robot at a commanded pose, drawn still: frame, exits and cables with their numbers, and its platform close up."""
+
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportOptionalMemberAccess=false
+# matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
+from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.words import cables_in_words
+from cdpr_sim.drawing import axes as drawing
+from cdpr_sim.drawing import style
+from cdpr_sim.drawing.axes import canvas, styled
+from cdpr_sim.drawing.cables import course, wheel_of
+
+STAMP = "Source"
+"""The key of a PNG's text that names what it was drawn from."""
+
+
+class Still(Figure):
+    """A figure that a notebook shows."""
+
+    def _repr_png_(self) -> bytes:
+        return encoded(self)
+
+
+def encoded(figure: Figure) -> bytes:
+    """As a PNG."""
+    buffer = io.BytesIO()
+    figure.set_dpi(style.PNG_DPI)
+    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim"})
+    return buffer.getvalue()
+
+
+def small(picture: bytes, stamp: str) -> bytes:
+    """A PNG in a quarter of the bytes, of 64 colours, for a repository; ``stamp`` says what it was drawn from."""
+    buffer, text = io.BytesIO(), PngInfo()
+    text.add_text(STAMP, stamp)
+    Image.open(io.BytesIO(picture)).convert("RGB").quantize(64, Image.Quantize.MAXCOVERAGE).save(
+        buffer, "png", optimize=True, pnginfo=text
+    )
+    return buffer.getvalue()
+
+
+def stamp_of(path: Path) -> str | None:
+    """What ``small`` was told when it made the picture; None where there is no such picture."""
+    try:
+        with Image.open(path) as picture:
+            return picture.info.get(STAMP)
+    except OSError:
+        return None
+
+
+@styled
+def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
+    """A picture of ``robot`` as its winches command it: cables straight, with the numbers that tables give them.
+
+    Args:
+        robot: what to draw.
+        pose: of its platform; default: the middle of its workspace.
+
+    Returns:
+        A matplotlib figure, which a notebook shows; ``figure.savefig("robot.png")`` writes it.
+
+    Raises:
+        InvalidInput: a pose that cannot be right.
+    """
+    at = robot.pose(robot.home if pose is None else pose)
+    position, rotation = at.translation, at.rotation.as_matrix()
+    x, y, z = position
+    figure = canvas(
+        10.0,
+        5.4,
+        f"{robot.name}: {robot.description or f'{robot.cables} cables'}",
+        f"Numbers: the cables, at their exits and at their anchors. Cross: the centre of mass. Commanded to ({x:.4g}, "
+        f"{y:.4g}, {z:.4g}) m. A platform of {robot.mass:g} kg on {robot.cables} {cables_in_words(robot)}; "
+        f"{robot.mobility}.",
+        Still,
+    )
+    for words in figure.texts:
+        words.set_parse_math(False)  # names and descriptions are anybody's
+    grid = figure.add_gridspec(1, 2, width_ratios=(1.55, 1))
+    projection = "3d" if robot.mobility == "spatial" else None
+    whole, close = (figure.add_subplot(place, projection=projection) for place in grid)
+    draw_robot(whole, robot, position, rotation)
+    frame = _with_room(robot).frame
+    _label(whole, robot, robot.exits, frame.mean(0), float(np.linalg.norm(np.ptp(frame, axis=0))))
+    whole.set_title("the robot, as commanded", loc="left")
+    _close_up(close, robot, position, rotation)
+    return figure
+
+
+def draw_robot(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, width: float = style.THIN) -> None:
+    """Frame, exits, cables and platform, in space or in the x-z plane."""
+    in_space = robot.mobility == "spatial"
+    (drawing.draw_space if in_space else drawing.draw_front)(ax, _with_room(robot))
+    _cables(ax, robot, position, rotation, width)
+    (drawing.draw_platform_in_space if in_space else drawing.draw_platform)(ax, robot, position, rotation)
+
+
+def _with_room(robot: Robot) -> Robot:
+    """The robot in a frame that is nowhere too thin to be drawn."""
+    lower, upper = robot.frame
+    least = 0.02 * max(np.linalg.norm(upper - lower), np.linalg.norm(robot.platform_size))
+    pad = np.where(upper - lower < least, least / 2, 0.0)
+    return robot.replace(frame=[lower - pad, upper + pad]) if pad.any() else robot
+
+
+def _cables(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, width: float) -> None:
+    straight = robot.replace(linear_density=0.0).cabling  # what hangs is a result
+    for cable, anchor in enumerate(position + robot.anchors @ rotation.T):
+        _plot(ax, robot, course(straight, cable, anchor), color=_color(cable), lw=width, zorder=3)
+        wheel = wheel_of(straight, cable, anchor)
+        if wheel is not None:
+            _plot(ax, robot, wheel.arc(), color=style.WHEEL["ec"], lw=style.WHEEL["lw"])
+
+
+def _close_up(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray) -> None:
+    """The platform in its own frame; of each cable, its last bit."""
+    exits, origin, level = (robot.exits - position) @ rotation, np.zeros(3), np.eye(3)
+    half = 1.4 * max(float(np.abs(robot.anchors).max()), float(robot.platform_size.max()) / 2)
+    around = robot.replace(frame=[(-half, -half, -half), (half, half, half)])
+    in_space = robot.mobility == "spatial"
+    (drawing.draw_space if in_space else drawing.draw_front)(ax, around, exits=False)
+    for cable, (exit_, anchor) in enumerate(zip(exits, robot.anchors, strict=True)):
+        away = exit_ - anchor
+        end = anchor + away * min(1.0, 0.5 * half / max(float(np.linalg.norm(away)), 1e-12))
+        _plot(ax, robot, np.stack([anchor, end]), color=_color(cable), lw=style.LINE, zorder=3)
+    (drawing.draw_platform_in_space if in_space else drawing.draw_platform)(ax, robot, origin, level, alpha=0.6)
+    _plot(ax, robot, robot.anchors, ls="none", marker="o", ms=3.5, color=style.INK, zorder=6)
+    _plot(ax, robot, robot.center_of_mass[None], ls="none", marker="+", ms=9, color=style.INK, zorder=6)
+    _label(ax, robot, robot.anchors, origin, 2 * half, beside=0.08)
+    ax.set_title("the platform, in its own frame", loc="left")
+    for axis in (ax.xaxis, ax.yaxis, *([ax.zaxis] if in_space else [])):
+        axis.set_major_locator(MaxNLocator(3, prune="both" if in_space else None))
+
+
+def _label(ax: Axes, robot: Robot, points: np.ndarray, middle: np.ndarray, size: float, beside: float = 0.055) -> None:
+    """Cables' numbers beside their points, outwards from the middle; those of one point together."""
+    places: dict[tuple[float, ...], list[int]] = {}
+    for cable, point in enumerate(points):
+        places.setdefault(tuple(np.round(point / size, 3)), []).append(cable)
+    for cables in places.values():
+        point = points[cables[0]]
+        outwards = point - middle
+        outwards = outwards / (np.linalg.norm(outwards) or 1.0)
+        at = point + beside * size * outwards
+        words = ", ".join(str(cable + 1) for cable in cables)
+        color = _color(cables[0]) if len(cables) == 1 else style.INK
+        looks = {"color": color, "fontsize": 8, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 7}
+        if robot.mobility == "spatial":
+            ax.text(*at, words, **looks)
+        else:
+            ax.text(at[0], at[2], words, **looks)
+
+
+def _plot(ax: Axes, robot: Robot, points: np.ndarray, **looks) -> None:
+    ax.plot(*(points.T if robot.mobility == "spatial" else points[:, [0, 2]].T), **looks)
+
+
+def _color(cable: int) -> str:
+    return style.CABLES[cable % len(style.CABLES)]
+
+
+@styled
+def sheet(robots: Sequence[Robot], columns: int = 6) -> Figure:
+    """All ``robots`` on one page, each as commanded to the middle of its workspace."""
+    columns = min(columns, len(robots))
+    rows = -(-len(robots) // columns)
+    figure = canvas(
+        2.1 * columns,
+        2.5 * rows + 0.8,
+        f"{len(robots)} robots, each a file",
+        "Each platform as commanded to the middle of its workspace; each robot at a scale of its own. Below it: kind, "
+        "cables, the platform's mass, the size of the frame.",
+        Still,
+    )
+    figure.get_layout_engine().set(hspace=0.2, rect=(0, 0.03, 1, 0.95))  # room for words below
+    for place, robot in zip(figure.add_gridspec(rows, columns), robots, strict=False):
+        in_space = robot.mobility == "spatial"
+        ax = figure.add_subplot(place, projection="3d" if in_space else None)
+        draw_robot(ax, robot, robot.home, np.eye(3), width=style.HAIR)
+        ax.set_axis_off()
+        ax.set_title(robot.name, loc="center", fontweight="bold", parse_math=False)
+        size = " × ".join(f"{edge:.3g}" for edge in np.ptp(robot.frame, axis=0)[:: 1 if in_space else 2])
+        kind = robot.kind if in_space else f"planar, {robot.kind}"
+        words = f"{kind}, {robot.cables} cables\n{float(f'{robot.mass:.3g}'):,g} kg, {size} m"
+        (ax.text2D if in_space else ax.text)(
+            0.5, -0.03, words, transform=ax.transAxes, ha="center", va="top", fontsize=7, color=style.MUTED
+        )
+    return figure

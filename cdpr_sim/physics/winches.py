@@ -1,0 +1,143 @@
+"""Winches in MuJoCo: what winds the cables of a model, so that ``ctrl`` drives it.
+
+The actuator ``winch_1`` is the whole of cable 1, whose tendon then has no spring of its own. With L the rest length
+that belongs to control 0 and u the control, the rest length is l0 = L/(1 + u): a positive control winds in. The tension
+
+    tau = EA/l0 (l - l0) = (EA/L) l (1 + u) - EA   for l > l0,  else 0          (paper Eq. 10, 11)
+
+is bilinear in l and u, which is what MuJoCo's affine gain and bias are. ``forcerange`` begins at 0, so that no cable
+pushes; ``gear`` -1 counts tension as a positive force. The stiffness is EA/l0, as it has to be: a shorter cable is a
+stiffer one. A cable over a pulley has a tendon that is longer by its straight entry; the constants account for that.
+
+A cable that stiffens keeps its spring, since no actuator of MuJoCo's is more than linear in length. Its tendon begins
+at a drum, a body ``drum_1`` on a slide behind the exit, which the actuator moves: its control q is a length [m], by
+which the cable is drawn in behind the exit. The tension is then the law's at the strain (l + q)/L - 1, which is the
+right one, l/l0 - 1, where q = l (L/l0 - 1). That depends on l; ``winding`` knows it where the platform rests. Moving
+about that rest the cable is as stiff as one of length L, and its sensor of tension feels the drum's inertia as well.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics import pulleys
+from cdpr_sim.physics.numbers import text
+
+DAMPING = 1e-4
+"""[s] A cable's resistance to stretching, as a multiple of its stiffness: quick to calm down, and too little to narrow
+the time steps of integrators that treat it explicitly."""
+
+NO_LIMIT = 1e12
+"""Strain at which an actuator's force would be cut off: none. MuJoCo has no range that is open at one end only; a lower
+limit would keep a motion that has become unstable bounded, so that MuJoCo would not say so."""
+
+SPARE = 0.2
+"""By how much winches can pay out and wind in beyond what a level platform needs in its workspace: for one that is
+tilted, and more than cables stretch."""
+
+SERVO = 1e6
+"""Stiffness of the servo that holds a drum, as a multiple of the cable's: the drum gives way by a millionth of its
+stretch."""
+
+DRUM_SWING = 500.0
+"""[rad/s] How fast a drum follows its control, critically damped; its inertia follows from that."""
+
+HIDDEN = 4
+"""Group of what viewers do not show unless they are asked to."""
+
+SHORTEST = 0.02
+"""Of a winch's range, as a fraction of its longest, where the workspace reaches to the exit."""
+
+
+def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
+    """Shortest and longest rest length that each winch can let out [m]: what the workspace needs, and some more."""
+    lower, upper = robot.workspace
+    ends = robot.exits - robot.anchors  # where the platform's origin would have to be, level, for a length of zero
+    nearest = np.linalg.norm(ends - np.clip(ends, lower, upper), axis=1)
+    furthest = np.linalg.norm(np.maximum(np.abs(ends - lower), np.abs(ends - upper)), axis=1)
+    longest = (1 + SPARE) * (furthest + 2 * np.pi * robot.cabling.pulley_radius)
+    return np.maximum((1 - SPARE) * nearest, SHORTEST * longest), longest
+
+
+def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
+    """By how much each tendon is longer than its cable at control 0 [m]: by what lies behind the exit."""
+    _, longest = reach(robot)
+    return pulleys.entries(robot.cabling) + np.where(robot.cabling.stiffening.any(1), longest, 0)
+
+
+def add_drums(world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
+    """The bodies ``drum_1``, ... of cables that stiffen, on slides along which the cables arrive; the last joints."""
+    for cable in np.flatnonzero(robot.cabling.stiffening.any(1)):
+        i, axis = cable + 1, robot.cabling.pulley_axis[cable]
+        inertia = SERVO * robot.axial_stiffness[cable] / rest_lengths[cable] / DRUM_SWING**2
+        start = robot.exits[cable] - behind(robot)[cable] * axis
+        drum = ET.SubElement(world, "body", name=f"drum_{i}", pos=text(start), gravcomp="1")
+        slide = ET.SubElement(drum, "joint", name=f"drum_{i}", type="slide", axis=text(-axis))
+        slide.set("armature", text(inertia))
+        slide.set("damping", text(2 * DRUM_SWING * inertia))
+        mass = pulleys.LIGHT * robot.mass
+        ET.SubElement(drum, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([mass] * 3))
+        ET.SubElement(drum, "site", {"name": f"drum_{i}", "class": "exit"})
+
+
+def add_winches(root: ET.Element, world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
+    """The actuators ``winch_1``, ..., which with a control of 0 let out ``rest_lengths`` [m]; and what is measured."""
+    actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
+    bounds = np.array([np.minimum(reach(robot)[0], rest_lengths), np.maximum(reach(robot)[1], rest_lengths)])
+    for cable, (stiffness, length) in enumerate(zip(robot.axial_stiffness, rest_lengths, strict=True)):
+        i, slope = cable + 1, stiffness / length
+        shortest, longest = bounds[:, cable]
+        winch = ET.SubElement(actuators, "general", name=f"winch_{i}")
+        if robot.cabling.stiffening[cable].any():
+            winch.set("joint", f"drum_{i}")
+            winch.set("gainprm", text(SERVO * slope))
+            winch.set("biastype", "affine")
+            winch.set("biasprm", text([0, -SERVO * slope, 0]))
+            winch.set("ctrlrange", text([length - longest, length - shortest]))
+        else:
+            entry = pulleys.entries(robot.cabling)[cable]
+            winch.set("tendon", f"cable_{i}")
+            winch.set("gear", "-1")
+            winch.set("gaintype", "affine")
+            winch.set("gainprm", text([-slope * entry, -slope, 0]))
+            winch.set("biastype", "affine")
+            winch.set("biasprm", text([-stiffness - slope * entry, -slope, -DAMPING * slope]))
+            winch.set("forcerange", text([0, NO_LIMIT * stiffness]))
+            winch.set("ctrlrange", text([length / longest - 1, length / shortest - 1]))
+        ET.SubElement(sensors, "actuatorfrc", name=f"tension_{i}", actuator=f"winch_{i}")
+    ET.SubElement(world, "site", name="base", group="4")
+    for kind, name in (("framepos", "position"), ("framequat", "orientation")):
+        sensor = ET.SubElement(sensors, kind, name=name, objtype="xbody", objname="platform")
+        sensor.set("reftype", "site")
+        sensor.set("refname", "base")
+
+
+def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Let MuJoCo draw slack cables as hanging chains and taut ones as lines; to be called before each picture.
+
+    MuJoCo draws no tendon with an actuator as a chain. So each cable has a twin ``rope_1`` that does nothing: it is
+    made as long as the cable now is, and takes its place in the picture where the cable is slack. Cables over pulleys
+    have none: they are drawn taut, as in models without winches.
+    """
+    for winch in range(model.nu):
+        prefix, _, i = model.actuator(winch).name.partition("winch_")
+        rope = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}rope_{i}")
+        if rope < 0:
+            continue
+        cable = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, f"{prefix}cable_{i}")
+        if model.actuator_trntype[winch] == mujoco.mjtTrn.mjTRN_JOINT:
+            silent = model.tendon_lengthspring[cable, 1]
+        else:  # where the law begins to pull
+            control = np.clip(data.ctrl[winch], *model.actuator_ctrlrange[winch])
+            gain, bias = model.actuator_gainprm[winch], model.actuator_biasprm[winch]
+            silent = (gain[0] * control + bias[0]) / (gain[1] * control + bias[1])
+        spare = silent - data.ten_length[cable]
+        model.tendon_lengthspring[rope, 1] = data.ten_length[rope] + spare
+        model.tendon_group[cable], model.tendon_group[rope] = (HIDDEN, 0) if spare > 0 else (0, HIDDEN)

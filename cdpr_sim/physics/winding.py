@@ -1,0 +1,55 @@
+"""What the winches of a model are told: controls, of lengths."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.settle import settle
+from cdpr_sim.physics.winches import SERVO, reach
+
+
+def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Float[np.ndarray, "*rows cables"]:
+    """Controls with which the winches of ``to_mjcf(robot, pose, winches=True)`` let out ``rest_lengths``.
+
+    Args:
+        robot: the robot.
+        pose: at which its model is written, where all controls are 0.
+        rest_lengths: unstretched cable lengths l0, (..., cables) [m].
+
+    Returns:
+        ``ctrl`` of the actuators ``winch_1``, ..., (..., cables): L/l0 - 1 with L the rigid lengths at ``pose``. Of
+        cables that stiffen l (L/l0 - 1) [m], with l their length where MuJoCo's platform settles from ``pose``.
+
+    Raises:
+        InvalidInput: lengths that cannot be right, or that are out of the winches' range.
+        NotSettled: cables stiffen, and the platform does not come to rest on them.
+    """
+    problem = Problem.of(robot, pose)
+    wanted = checked_array("rest_lengths", rest_lengths, None)
+    if wanted.shape[-1:] != (robot.cables,):
+        raise InvalidInput(f"rest_lengths: found an array of shape {wanted.shape}, expected (..., {robot.cables})")
+    lowest, highest = reach(robot)
+    lowest, highest = np.minimum(lowest, problem.rest_lengths), np.maximum(highest, problem.rest_lengths)
+    wrong = ~((wanted >= lowest) & (wanted <= highest))
+    if wrong.any():
+        *_, cable = place = tuple(np.argwhere(wrong)[0])
+        raise InvalidInput(
+            f"rest_lengths: found {wanted[place]:g} m for cable {cable + 1}, expected {lowest[cable]:.4g} to "
+            f"{highest[cable]:.4g} m, which its winch can let out"
+        )
+    controls = problem.rest_lengths / wanted - 1
+    stiffens = robot.cabling.stiffening.any(1)
+    if stiffens.any():
+        servos = SERVO * robot.axial_stiffness / problem.rest_lengths
+        for row in np.ndindex(wanted.shape[:-1]):
+            rest = settle(robot, pose, wanted[row])
+            drawn_in = rest.lengths * controls[row] + rest.tensions / servos  # and what the servos give way
+            controls[row][stiffens] = drawn_in[stiffens]
+    return controls

@@ -1,0 +1,107 @@
+"""The robot file, explained: a table of its keys, a JSON schema for editors, a template to begin with."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from cdpr_sim.core.checks import checked_name
+from cdpr_sim.core.materials import MATERIALS, ROPES
+from cdpr_sim.robots.catalogue import BoxTable, CableTable, PlatformTable, PulleyTable, RobotTable
+
+TABLES: dict[str, type[BaseModel]] = {
+    "The whole robot": RobotTable,
+    "`[platform]`": PlatformTable,
+    "`[[cables]]`, once for each cable": CableTable,
+    "`pulley`, of the whole robot or of a cable": PulleyTable,
+    "`[frame]` and `[workspace]`": BoxTable,
+}
+
+
+def template(name: str) -> str:
+    """A commented robot file that runs as it is, of a robot called ``name``.
+
+    Raises:
+        InvalidInput: a name that no robot can have.
+    """
+    quoted = json.dumps(checked_name("name", name), ensure_ascii=False)  # as TOML quotes
+    text = (resources.files("cdpr_sim.robots") / "template.toml").read_text(encoding="utf-8")
+    return text.replace('"NAME"', quoted).replace("NAME", name)
+
+
+def json_schema() -> str:
+    """The JSON schema of robot files, with which editors check and complete them."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | RobotTable.model_json_schema()
+    return json.dumps(schema | {"title": "Robot file of cdpr_sim"}, indent=2, ensure_ascii=False)
+
+
+def document() -> str:
+    """``docs/robot-file.md``: every key with its unit, default and meaning, and the materials, in Markdown."""
+    parts = [_HEAD]
+    for title, table in TABLES.items():
+        parts.append(f"\n## {title}\n\n| key | unit | default | meaning |\n|---|---|---|---|\n")
+        parts += [
+            f"| `{key}` | {_unit(field)} | {_default(field)} | {field.description} |\n" for key, field in _keys(table)
+        ]
+    parts.append(_MATERIALS)
+    parts += [
+        f"| `{rope.name}` | {rope.modulus / 1e9:g} GPa | {rope.fill:g} | {rope.density:g} kg/m³ | {rope.source} |\n"
+        for rope in ROPES.values()
+    ]
+    parts.append("\nCables of one size, without `diameter`:\n\n| `material` | EA | source |\n|---|---|---|\n")
+    parts += [f"| `{one.name}` | {one.axial_stiffness:g} N | {one.source} |\n" for one in MATERIALS.values()]
+    return "".join(parts)
+
+
+def _keys(table: type[BaseModel]) -> list[tuple[str, FieldInfo]]:
+    return list(table.model_fields.items())
+
+
+def _unit(field: FieldInfo) -> str:
+    extra = field.json_schema_extra
+    return str(extra["unit"]) if isinstance(extra, dict) else ""
+
+
+def _default(field: FieldInfo) -> str:
+    default: Any = field.default
+    if default is PydanticUndefined:
+        return "**required**"
+    if default is None or isinstance(default, BaseModel) or default == "":
+        return ""
+    return f"`{json.dumps(default)}`"
+
+
+_HEAD = """# The robot file
+
+A robot is a [TOML](https://toml.io) file. `cdpr-sim new mine` writes one with comments that runs as it is,
+`cdpr-sim show mine.toml -o mine.png` draws it, and `cdpr-sim settle mine.toml` or `cdpr.load_robot("mine.toml")` read
+it; so does whatever takes a robot. `cdpr-sim schema > robot.schema.json` writes a JSON schema, with which editors check
+and complete robot files (in VS Code with Even Better TOML: first line `#:schema robot.schema.json`).
+
+The base frame has z up; gravity acts along -z. Lengths are in metres, or in millimetres with `units = "mm"`; all else
+is in kg, N, Pa and kg m². What is wrong with a file is said in one sentence: `mine.toml: EA: unknown key, did you mean
+'axial_stiffness'?`
+
+What the cables are is said in one of three ways, for all of them or for one in its `[[cables]]`: by `material` (and
+`diameter`), by `axial_stiffness`, or by `modulus` and `diameter`.
+
+This page is what `cdpr-sim schema --document` prints.
+"""
+
+_MATERIALS = """
+## Materials
+
+`material = "steel-rope"` with `diameter = 0.004`, or `material = "steel-rope-4mm"`; so too on the command line with
+`--material steel-rope-4mm`, and `robot.replace(material="steel-rope-4mm")`. EA is the modulus times the part of the
+circle that is filled, EA = E fill π d²/4; the mass per length, taken with `linear_density = "material"`, is the density
+times the same section. A rope's stiffness depends on its make, its load and its age: a maker's figure, or what
+`cdpr-sim identify` finds, goes before these.
+
+| `material` | modulus | fill | density | source |
+|---|---|---|---|---|
+"""

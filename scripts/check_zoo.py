@@ -1,0 +1,48 @@
+"""Both roads over the whole workspace of every robot of the zoo: python scripts/check_zoo.py [ROBOT...].
+
+Once at the rest lengths of the commanded poses, and of robots that are held from all sides once more with every cable
+shorter by a thousandth.
+"""
+
+import sys
+
+import cdpr_sim as cdpr
+from cdpr_sim.crosscheck.compare import Verdict
+from cdpr_sim.studies.zoo import DRAWN_IN, visit
+
+POSES = 200  # random level ones per robot
+HEAD = (
+    "robot",
+    "drawn in",
+    "agree",
+    "free",
+    "different",
+    "disagree",
+    "no rest",
+    "apart [mm]",
+    "tension [N]",
+    "apart [N]",
+)
+
+
+def main(names: list[str]) -> None:
+    print(f"{POSES} random level poses per row\n")
+    print(f"{HEAD[0]:>22}" + "".join(f"{word:>13}" for word in HEAD[1:]))
+    for name in names or cdpr.list_robots():
+        robot = cdpr.load_robot(name)
+        for drawn_in in (0.0, DRAWN_IN) if robot.kind == "fully constrained" else (0.0,):
+            found = visit(robot, POSES, drawn_in)
+            counts = [found.verdicts[verdict] for verdict in Verdict]
+            print(
+                f"{name:>22}{drawn_in:>13.1%}"
+                + "".join(f"{count:>13}" for count in (*counts, found.unsolved))
+                + f"{1e3 * found.position_error:>13.1e}{found.tension:>13.4g}{found.tension_error:>13.1e}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1:])
+    except cdpr.CdprError as error:
+        sys.exit(f"check_zoo: {error}")
