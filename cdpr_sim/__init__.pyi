@@ -11,12 +11,16 @@ from .analysis.measurements import Measurements as Measurements
 from .analysis.measurements import read_measurements as read_measurements
 from .analysis.modes import Modes as Modes
 from .analysis.modes import natural_modes as natural_modes
+from .analysis.modes import neutral_directions as neutral_directions
 from .analysis.sensitivity import Effect as Effect
 from .analysis.sensitivity import Sensitivity as Sensitivity
 from .analysis.sensitivity import sensitivity as sensitivity
 from .analysis.shapes import cable_shapes as cable_shapes
+from .analysis.workspace.feasibility import closed_form_feasible as closed_form_feasible
 from .analysis.workspace.feasibility import feasible as feasible
 from .analysis.workspace.feasibility import shortfall as shortfall
+from .analysis.workspace.hull import Hull as Hull
+from .analysis.workspace.hull import workspace_hull as workspace_hull
 from .analysis.workspace.store import open_sweep as open_sweep
 from .analysis.workspace.sweep import sweep as sweep
 from .core.equilibrium import Equilibrium as Equilibrium
@@ -62,6 +66,7 @@ from .physics.settle import settle_trajectory as settle_trajectory
 from .physics.winding import winch_controls as winch_controls
 from .robots.catalogue import list_robots as list_robots
 from .robots.catalogue import load_robot as load_robot
+from .robots.importing import import_robot as import_robot
 from .statics.newton import solve_many as solve_many
 from .statics.newton import solve_trajectory as solve_trajectory
 from .statics.solve import solve as solve

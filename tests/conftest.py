@@ -9,8 +9,9 @@ from jaxtyping import install_import_hook
 
 DOORS = {
     "core.cable", "core.checks", "core.limits", "core.pose", "core.problem", "core.robot", "robots.catalogue",
+    "robots.importing", "robots.importers.draft",
     "statics.solve", "statics.two_cable", "analysis.compensation", "analysis.workspace.feasibility",
-    "analysis.workspace.grids", "analysis.workspace.sweep", "drawing.video.film",
+    "analysis.workspace.grids", "analysis.workspace.hull", "analysis.workspace.sweep", "drawing.video.film",
 }  # fmt: skip
 """Where what users give is checked, with messages of its own."""
 
@@ -22,7 +23,7 @@ BEYOND_BEARTYPE = {
 """Where it does not follow."""
 
 COMPILED = {
-    "core.cable_path", "statics.cable_law", "statics.cable_kernel", "statics.matrix_kernel", "statics.newton_kernel",
+    "core.cable_path", "core.cable_law", "statics.cable_kernel", "statics.matrix_kernel", "statics.newton_kernel",
     "statics.stiffness_kernel", "statics.balance_kernel", "statics.heavy_kernel", "statics.catenary",
     "drawing.video.raycast",
 }  # fmt: skip

@@ -25,8 +25,9 @@ WALLS = {
 }
 """What these folders may import besides themselves: a folder of this package, or one module of it."""
 
-BEYOND = {("physics", "core.cable_path")}
-"""(folder, module) that its wall would let through, and must not: where a cable runs, MuJoCo says by its own means."""
+BEYOND = {("physics", "core.cable_path"), ("physics", "core.cable_law")}
+"""(folder, module) that its wall would let through, and must not: where a cable runs and how hard it pulls, MuJoCo says
+by its own means."""
 
 HEAVY = {"xarray", "dask", "distributed", "zarr", "h5netcdf", "matplotlib"}
 """Libraries that take a second to import."""

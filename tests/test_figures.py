@@ -17,6 +17,7 @@ from cdpr_sim.drawing import cables, style
 from cdpr_sim.studies import gallery, two_cable_figures
 from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import lines_figures as figures
+from cdpr_sim.studies import pretension as pretension_studies
 from cdpr_sim.studies import real_cables as real_cables_studies
 from cdpr_sim.studies import solvers as solver_studies
 from cdpr_sim.studies import solvers_figures as solver_figures
@@ -49,6 +50,7 @@ def results() -> dict:
         "convergence": solver_studies.convergence(axial_stiffness=[1e2, 1e4], poses=3),
         "agreement": solver_studies.differences(["parallel", "two-cable"], poses=6),
         "real-cables": real_cables_studies.real_cables(poses=2),
+        "fully-constrained": pretension_studies.pretension(points=21, every=10, errors=11),
         **widths,
     }
 
@@ -87,7 +89,7 @@ def test_every_picture_has_a_title_labels_with_units_and_a_legend(drawn):
         shared_y = not ax.yaxis.get_tick_params().get("labelleft", True)
         rows_named = all(re.search("[a-z]{3}", label.get_text()) for label in ax.get_yticklabels())
         for name, needless in zip(names, (shared_x, shared_y or rows_named, False), strict=False):
-            assert re.search(r"\[(m|mm|°|N|ms|%)\]$", name) or (needless and not name), (ax, names)
+            assert re.search(r"\[(m|mm|°|N|kN/m|ms|%)\]$", name) or (needless and not name), (ax, names)
     assert drawn.legends or any(ax.get_legend() for ax in drawn.axes)
 
 

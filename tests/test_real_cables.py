@@ -8,9 +8,9 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.core import cable_path
+from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.statics import cable_law, derivatives, forces
+from cdpr_sim.statics import derivatives, forces
 from cdpr_sim.statics.chain import gauss, rest_of_chains
 
 SOFT = 1e3

@@ -25,12 +25,14 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.analysis.tensions import Demand, balances, leftover, smallest, stiffest
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core.checks import checked_array, frozen
-from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
+from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import NEUTRAL
+from cdpr_sim.core.words import twist_in_words
 from cdpr_sim.statics import derivatives, forces, newton
 from cdpr_sim.statics.balance_kernel import shortfall_gufunc
 
@@ -39,7 +41,8 @@ Prefer = Literal["smallest", "stiffest"]
 _Start = tuple[RigidTransform, Float[np.ndarray, " cables"]]
 
 TAUT = 0.01
-"""Default lower limit of tension, as a fraction of the load: keeps every cable taut, so that each one holds."""
+"""Default lower limit of tension, as a fraction of the load (without one, of what forces are compared with): keeps
+every cable taut, so that each one holds."""
 
 HELD = 1e-3
 """Least stiffness that counts as held, in loads per characteristic length: with less, a thousandth of the load moves
@@ -130,6 +133,7 @@ def compensate(
     pose: PoseLike | None = None,
     *,
     external_wrench: ArrayLike | None = None,
+    tensions: tuple[ArrayLike, ArrayLike] | np.ndarray | None = None,
     tension_limits: tuple[ArrayLike, ArrayLike] | np.ndarray | None = None,
     prefer: Prefer = "smallest",
     arm: float | None = None,
@@ -140,8 +144,10 @@ def compensate(
         robot: the robot; or a ``Problem`` that is ready, alone, whose rest lengths play no part.
         pose: where the platform should be.
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
-        tension_limits: smallest and largest tension [N], each one number or one per cable; default: from 1 % of the
-            load, which keeps every cable taut, to a strain of 5 %.
+        tensions: smallest and largest tension [N], each one number or one per cable: what a robot with cables from
+            below is pretensioned with. Default: the robot's ``force_min`` and ``force_max``; where it has none, from
+            1 % of the load, which keeps every cable taut, to a strain of 5 %.
+        tension_limits: the same by the name that ``feasible`` and ``sweep`` have for it.
         prefer: of all tensions that do, the "smallest" (by norm) or those that make the platform "stiffest".
         arm: how much rotation counts where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
             0 [m] asks for the position, and of the rotations that go with it for a small one; default: the robot's
@@ -158,28 +164,46 @@ def compensate(
     robot, commanded = asked.robot, asked.pose
     robot.cabling.refuse_weight("compensate")
     rigid = Problem.of(robot, commanded, external_wrench=asked.external_wrench)  # refuses a pose above all exits
-    most = np.maximum(MOST_STRAIN * robot.axial_stiffness, MOST_LOADS * rigid.load)
-    lower, upper = checked_limits(robot, (TAUT * rigid.load, most) if tension_limits is None else tension_limits)
+    if tensions is not None and tension_limits is not None:
+        raise InvalidInput("tensions: found tension_limits beside it, expected one of the two, which are the same")
+    given = tension_limits if tensions is None else tensions
+    lower, upper = _own_limits(rigid) if given is None else checked_limits(robot, given)
     limits = frozen(np.array([lower, upper]))
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
     if arm < 0:
         raise InvalidInput(f"arm: found {arm:g} m, expected 0 or more")
     demand = demand_at(rigid, commanded, lower, upper)
-    floor = HELD * rigid.load / robot.characteristic_length
-    tensions = smallest(demand, floor) if prefer == "smallest" else stiffest(demand, floor)
-    if tensions is not None:
-        cut = _cut(rigid, commanded, tensions)
+    floor = HELD * rigid.force_scale / robot.characteristic_length
+    idle = len(robot.free) - demand.held.shape[1]
+    chosen = smallest(demand, floor) if prefer == "smallest" else stiffest(demand, floor)
+    if chosen is not None:
+        cut = _cut(rigid, commanded, chosen)
         found = forces.equilibrium_at(cut, commanded, iterations=0, source="compensation")
-        if found.stable:
+        if _holds(found, idle):
             return Compensation(commanded, found, Reach.EXACT, 0.0, arm, (), limits, found)
     reasons = _reasons(demand, rigid)
-    found = _nearest(rigid, limits, floor, arm)
+    found = _nearest(rigid, limits, floor, idle, arm)
     try:
         reached = newton.solve(Problem.of(robot, commanded, found.rest_lengths, rigid.external_wrench))
     except NotConverged:
         reached = None
     away = distance(commanded, found.pose, arm)
     return Compensation(commanded, found, Reach.NEAREST, away, arm, reasons, limits, reached)
+
+
+def _own_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
+    """The robot's limits of force; where it has none, those that keep every cable taut and whole."""
+    robot = problem.robot
+    most = np.maximum(MOST_STRAIN * robot.axial_stiffness, MOST_LOADS * problem.load)
+    upper = np.minimum(robot.force_max, np.maximum(most, robot.force_min))
+    lower = np.where(robot.force_min > 0, robot.force_min, np.minimum(TAUT * problem.force_scale, upper))
+    return lower, upper
+
+
+def _holds(found: Equilibrium, idle: int, floor: float = 0.0) -> bool:
+    """Whether the platform comes back from all directions but ``idle`` ones, which nothing holds (``Demand.held``)."""
+    held = found.eigenvalues[idle:]
+    return found.stability is not Stability.UNSTABLE and bool(held[0] > max(floor, NEUTRAL * held[-1]))
 
 
 def demand_at(
@@ -241,20 +265,13 @@ def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
     return (
         why,
         "the load can move the platform without any cable getting longer: "
-        f"along {_twist_in_words(missing / np.linalg.norm(missing), robot)}",
+        f"along {twist_in_words(missing / robot.units, robot)}",
     )
 
 
-def _twist_in_words(twist: Float[np.ndarray, "6"], robot: Robot) -> str:
-    """A small motion, scaled to its largest part: in millimetres and degrees."""
-    motion = 1e-3 * twist / max(np.abs(twist).max(), np.finfo(float).tiny)
-    parts = [f"{1e3 * value:+.2g} mm {axis}" for value, axis in zip(motion[:3], "xyz", strict=True)]
-    degrees = np.degrees(motion[3:] / robot.characteristic_length)
-    parts += [f"{value:+.2g}° about {axis}" for value, axis in zip(degrees, "xyz", strict=True)]
-    return ", ".join(part for part, value in zip(parts, motion, strict=True) if abs(value) >= 1e-5)
-
-
-def _nearest(problem: Problem, limits: Float[np.ndarray, "2 cables"], floor: float, arm: float) -> Equilibrium:
+def _nearest(
+    problem: Problem, limits: Float[np.ndarray, "2 cables"], floor: float, idle: int, arm: float
+) -> Equilibrium:
     """The nearest found to the problem's pose of the stable equilibria of cables cut for tensions within limits.
 
     SLSQP over (step, tensions) with exact gradients, from the commanded pose and from where uncompensated cables of
@@ -271,17 +288,17 @@ def _nearest(problem: Problem, limits: Float[np.ndarray, "2 cables"], floor: flo
         nonlocal best
         not_held = []
         for start in starts:
-            found = _descend(problem, start, limits, None, arm)
+            found = _descend(problem, start, limits, None, idle, arm)
             if found is None:
                 not_held.append((start, np.finfo(float).max))  # tried again only if nothing else is found
-            elif not (found.stable and found.eigenvalues[0] >= 0.5 * floor):
+            elif not _holds(found, idle, 0.5 * floor):
                 not_held.append((start, away(found)))
             elif away(found) < away(best):
                 best = found
         for start, nearest in not_held:
             if nearest < away(best):  # else holding it would only take it further
-                found = _descend(problem, start, limits, floor, arm)
-                if found is not None and found.stable and away(found) < away(best):
+                found = _descend(problem, start, limits, floor, idle, arm)
+                if found is not None and _holds(found, idle) and away(found) < away(best):
                     best = found
 
     search(_starts(problem, limits))
@@ -355,6 +372,7 @@ def _descend(
     start: _Start,
     limits: Float[np.ndarray, "2 cables"],
     floor: float | None,
+    idle: int,
     arm: float,
 ) -> Equilibrium | None:
     """One run of SLSQP over the step from the commanded pose, per characteristic length, and the tensions per load."""
@@ -399,7 +417,7 @@ def _descend(
         return np.hstack([by_step, by_tension])
 
     def held(unknowns: Float[np.ndarray, " unknowns"]) -> float:
-        return float(cut(unknowns).eigenvalues[0] * reach / scale)
+        return float(cut(unknowns).eigenvalues[idle] * reach / scale)
 
     constraints = [{"type": "eq", "fun": balance, "jac": slope}]
     if floor is not None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.linalg import eigh
+from scipy.linalg import eigh, qr
 from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
@@ -19,7 +19,11 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import forces, newton
+
+ROUNDING = 1e-6
+"""Of a unit motion: less of an axis is not part of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +80,27 @@ def natural_modes(
     shapes[:, free] = np.sqrt(2) * vectors.T
     frequencies = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
     return Modes(equilibrium, frequencies, shapes)
+
+
+def neutral_directions(equilibrium: Equilibrium) -> Float[np.ndarray, "neutral 6"]:
+    """The small motions that nothing holds at an equilibrium of either road, by statics; none where it is stable.
+
+    Without gravity and pretension that is every direction; of a mass whose cables meet in one point, its rotations.
+
+    Returns:
+        As many (translation of the origin [m], left-applied rotation vector [rad]) as there are neutral directions,
+        along single axes where possible; ``core.words.twist_in_words`` says them.
+    """
+    problem, free, units = equilibrium.problem, equilibrium.problem.robot.free, equilibrium.problem.robot.units
+    state = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix())
+    values, vectors = np.linalg.eigh((state.stiffness_matrix / np.outer(units, units))[np.ix_(free, free)])
+    spanned = vectors[:, np.abs(values) <= NEUTRAL * np.abs(values).max()].T
+    twists = np.zeros((len(spanned), 6))
+    if len(spanned):  # as single axes: the reduced echelon form of the same space
+        _, _, order = qr(spanned, pivoting=True)  # pyright: ignore[reportAssignmentType]
+        pivots = np.asarray(order)[: len(spanned)]
+        twists[:, free] = (np.linalg.inv(spanned[:, pivots]) @ spanned)[np.argsort(pivots)]
+    return np.where(np.abs(twists) > ROUNDING, twists, 0.0) / units
 
 
 def mass_matrix(robot: Robot, rotation: Rotation) -> Float[np.ndarray, "6 6"]:

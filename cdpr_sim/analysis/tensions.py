@@ -15,6 +15,7 @@ Either may be asked to keep the smallest eigenvalue above a floor: tensions that
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +24,7 @@ from scipy.optimize import linprog, lsq_linear, nnls
 
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.status import NEUTRAL
 
 Array = np.ndarray
 
@@ -53,15 +55,30 @@ class Demand:
     stiffness: Float[Array, "free free"]
     stiffening: Float[Array, "cables free free"]
 
+    @cached_property
+    def held(self) -> Float[Array, "free held"]:
+        """Orthonormal directions in which the load or some cable does anything; all, but of masses on a single point.
+
+        A platform whose anchors all lie in one point turns about it, and nothing that its cables do changes that.
+        """
+        parts = (self.wrench_matrix, self.stiffness, *self.stiffening)
+        sizes = [np.linalg.norm(part) or 1.0 for part in parts]
+        vectors, values, _ = np.linalg.svd(np.hstack([part / size for part, size in zip(parts, sizes, strict=True)]))
+        return vectors[:, values > NEUTRAL * values[0]]
+
     @property
     def scale(self) -> float:
         """The size of the load [N]; of the lower limits where there is none."""
         return float(np.linalg.norm(self.load)) or float(np.linalg.norm(self.lower)) or 1.0
 
     def softest(self, tensions: Float[Array, " cables"]) -> tuple[float, Float[Array, " free"]]:
-        """The smallest eigenvalue [N/m] of the stiffness matrix, all cables taken to be taut, and its direction."""
-        values, vectors = np.linalg.eigh(self.stiffness + np.einsum("c,cij->ij", tensions, self.stiffening))
-        return float(values[0]), vectors[:, 0]
+        """The smallest eigenvalue [N/m] of the stiffness matrix, all cables taken to be taut, and its direction.
+
+        Of the directions in which anything can be held at all.
+        """
+        matrix = self.stiffness + np.einsum("c,cij->ij", tensions, self.stiffening)
+        values, vectors = np.linalg.eigh(self.held.T @ matrix @ self.held)
+        return float(values[0]), self.held @ vectors[:, 0]
 
     def cut(self, direction: Float[Array, " free"]) -> tuple[Float[Array, " cables"], float]:
         """(g, s) such that the stiffness along ``direction`` is s + g·tau: no smallest eigenvalue is above it."""

@@ -29,6 +29,7 @@ COMMANDS = {
     "new": robots.new,
     "schema": robots.schema,
     "show": robots.show,
+    "import": robots.import_file,
     "models": robots.models,
     "view": robots.view,
     "figures": pictures.figures,

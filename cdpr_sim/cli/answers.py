@@ -25,7 +25,7 @@ def compensate(
     material: MaterialName = None,
     limits: Annotated[
         tuple[float, float] | None,
-        typer.Option("--tensions", metavar="MIN MAX", help="Limits of tension [N]; default: 1 % of load, 5 % strain."),
+        typer.Option("--tensions", metavar="MIN MAX", help="Limits of tension [N]; default: the robot's."),
     ] = None,
     prefer: Annotated[str, typer.Option("--prefer", help="smallest tensions, or the stiffest platform.")] = "smallest",
     arm: Annotated[

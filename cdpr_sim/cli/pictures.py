@@ -29,7 +29,7 @@ def figures(
     force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
     names: Annotated[bool, typer.Option("--list", help="List the figures and what they show; draw none.")] = False,
 ) -> None:
-    """Redraw the paper's figures, MuJoCo's points on the static solver's lines, and three figures of our own."""
+    """Redraw the paper's figures, MuJoCo's points on the static solver's lines, and four figures of our own."""
     from cdpr_sim.studies.gallery import paths_of
 
     if names:

@@ -1,4 +1,4 @@
-"""Commands about the robots themselves: robots, new, schema, show, models, view."""
+"""Commands about the robots themselves: robots, new, schema, show, import, models, view."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from cdpr_sim.physics.look import look
 from cdpr_sim.physics.model_files import INDEX, PICTURE, model_files, models_index, stale_models, write_models
 from cdpr_sim.report.tables import new_table
 from cdpr_sim.robots import robot_file
+from cdpr_sim.robots.importing import FORMATS
+from cdpr_sim.robots.writing import as_toml
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -92,6 +94,29 @@ def show(
             figure = still.sheet([robot_of(name, material) for name in robots or everyone])
         write_whole({output: still.encoded(figure)})
     typer.echo(output)
+
+
+def import_file(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help=f"Of {', '.join(one.title for one in FORMATS.values())}.")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Robot file to write; default: the robot's name, with .toml.")
+    ] = None,
+    format: Annotated[
+        str | None, typer.Option("--format", help=f"{', '.join(FORMATS)}; default: what the file looks like.")
+    ] = None,
+    cables: Annotated[str | None, typer.Option("--cables", help="CASPR's id of a set of cables.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+) -> None:
+    """Write another project's robot as a robot file, and say what it left out or assumed."""
+    with errors_as_sentences():
+        robot = cdpr.import_robot(file, format, cables)
+        place = check_place(output or Path(f"{robot.name}.toml"), [".toml"], force=force)
+        write_whole({place: as_toml(robot).encode()})
+    typer.echo(f"{place}: {robot.name}, {robot.mobility}, {robot.cables} cables, {robot.mass:g} kg")
+    for note in robot.notes:
+        typer.echo(f"- {note}")
 
 
 def models(

@@ -9,7 +9,7 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import grids
-from cdpr_sim.cli.options import Grid, Limits, MaterialNames, RobotNames
+from cdpr_sim.cli.options import Grid, Limits, MaterialNames, RobotNames, Wrenches, wrenches_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
 from cdpr_sim.core.files import check_place
 from cdpr_sim.drawing import maps
@@ -32,11 +32,13 @@ def sweep(
             "-o", "--output", help="Keep the result: a new .nc file, or a .zarr folder, which is gone on with."
         ),
     ] = None,
-    limits: Limits = (0.0, float("inf")),
+    limits: Limits = None,
+    wrench: Wrenches = None,
 ) -> None:
     """Solve for the static equilibrium over whole workspaces: tilt, deviation, slack cables, feasibility."""
     with errors_as_sentences():
-        dataset = cdpr.sweep(robot, grid, material or None, tension_limits=limits, store=output, progress=True)
+        held = dict(tension_limits=limits, wrenches=wrenches_of(wrench))
+        dataset = cdpr.sweep(robot, grid, material or None, **held, store=output, progress=True)  # type: ignore[arg-type]
         _print(dataset)
 
 
@@ -49,7 +51,8 @@ def draw_map(
     plane: Annotated[str, typer.Option("--plane", help="xz, xy or yz.")] = "xz",
     at: Annotated[float | None, typer.Option("--at", help="Where [m] the plane lies; default: the middle.")] = None,
     points: Annotated[int, typer.Option("--points", help="Poses along the longer side.")] = 181,
-    limits: Limits = (0.0, float("inf")),
+    limits: Limits = None,
+    wrench: Wrenches = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
     """Draw tilt, deviation, slack cables and feasibility over a plane of the workspace, side by side."""
@@ -64,18 +67,19 @@ def draw_map(
         section = grids.plane(plane, at, points, robots)
         heavy = not all(one.cabling.massless for one in robots)
         wanted = [name for name in maps.QUANTITIES if not heavy or name not in ("feasible", "tension_margin")]
-        dataset = cdpr.sweep(robots, section, material or None, tension_limits=limits, quantities=wanted, progress=True)
-        names = [name for name in maps.ELASTIC if name in dataset]
+        held = dict(tension_limits=limits, wrenches=wrenches_of(wrench), quantities=wanted)
+        dataset = cdpr.sweep(robots, section, material or None, **held, progress=True)  # type: ignore[arg-type]
+        names = [name for name in (*maps.ELASTIC, "wrench_feasible") if name in dataset]
         maps.write(maps.draw_elastic_map(dataset, names=names), output)
         _print(dataset)
     typer.echo(output)
 
 
 def _print(dataset: xr.Dataset) -> None:
-    console, note = Output(), report.sweep_note(dataset)
+    console = Output()
     console.print(report.sweep_table(dataset))
-    if note:
-        console.print(note, highlight=False)
+    for line in report.sweep_lines(dataset):
+        console.print(line, highlight=False)
 
 
 def check(

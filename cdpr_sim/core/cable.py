@@ -1,6 +1,6 @@
 """What cables are: where they run, how stiff and how heavy they are. Data; what a cable does is each road's own matter.
 
-The mathematics says it in ``core.cable_path``, ``statics.cable_law`` and ``statics.catenary``, MuJoCo's side in
+The mathematics says it in ``core.cable_path``, ``core.cable_law`` and ``statics.catenary``, MuJoCo's side in
 ``physics.cables``, ``physics.pulleys`` and ``physics.chains``.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import Frozen, checked_array, frozen, in_range
+from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, in_range
 from cdpr_sim.core.errors import InvalidInput
 
 EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, COLUMNS = 0, 3, 6, 7, 9, 10, 13
@@ -34,6 +34,9 @@ MOST_CABLES = 1000
 MOST_LENGTH = 1e6
 """[m] The largest coordinate that is taken: beyond, double precision does not resolve what stretches."""
 
+ROUNDING = 4e-16
+"""How far from 1 the length of a unit vector of doubles lies."""
+
 STIFFNESS_RANGE = (1e-6, 1e15)
 """[N] Axial stiffnesses that are taken: from spider silk to steel ropes of a metre, and far beyond."""
 
@@ -52,6 +55,9 @@ class Cabling(Frozen):
         pulley_axis: the direction in which the cable arrives at the wheel and about which it swivels, (3,) or
             (cables, 3); made a unit vector.
         stiffening: (a2, a3) of tau = EA (eps + a2 eps² + a3 eps³) for a strain eps > 0, one pair or one per cable.
+        force_min: smallest tension that is wanted [N], one number or one per cable. Limits play no part in where a
+            platform rests: they say which tensions are chosen, and which poses are feasible.
+        force_max: largest tension that the cable or its winch takes [N], likewise; infinite without a limit.
 
     Raises:
         InvalidInput: a field that cannot be right; the message names it.
@@ -64,6 +70,8 @@ class Cabling(Frozen):
     pulley_radius: Float[np.ndarray, " cables"]
     pulley_axis: Float[np.ndarray, "cables 3"]
     stiffening: Float[np.ndarray, "cables 2"]
+    force_min: Float[np.ndarray, " cables"]
+    force_max: Float[np.ndarray, " cables"]
 
     def __init__(
         self,
@@ -74,6 +82,8 @@ class Cabling(Frozen):
         pulley_radius: ArrayLike = 0.0,
         pulley_axis: ArrayLike = DOWN,
         stiffening: ArrayLike = (0.0, 0.0),
+        force_min: ArrayLike = 0.0,
+        force_max: ArrayLike = np.inf,
     ) -> None:
         exits = checked_array("exits", exits, (None, 3))
         cables = len(exits)
@@ -89,6 +99,8 @@ class Cabling(Frozen):
             "pulley_radius": _per_cable("pulley_radius", pulley_radius, (), cables),
             "pulley_axis": _unit(_per_cable("pulley_axis", pulley_axis, (3,), cables)),
             "stiffening": _per_cable("stiffening", stiffening, (2,), cables),
+            "force_min": _per_cable("force_min", force_min, (), cables),
+            "force_max": _limit_per_cable("force_max", force_max, cables),
         }
         in_range("exits", exits, -MOST_LENGTH, MOST_LENGTH, "m")
         in_range("anchors", values["anchors"], -MOST_LENGTH, MOST_LENGTH, "m")
@@ -96,12 +108,19 @@ class Cabling(Frozen):
             least = values["axial_stiffness"].min()
             raise InvalidInput(f"axial_stiffness: found {least:g} N, expected more than 0")
         in_range("axial_stiffness", values["axial_stiffness"], *STIFFNESS_RANGE, "N")
-        for name, unit in (("linear_density", "kg/m"), ("pulley_radius", "m")):
+        for name, unit in (("linear_density", "kg/m"), ("pulley_radius", "m"), ("force_min", "N")):
             cable = int(np.argmin(values[name]))
             if values[name][cable] < 0:
                 raise InvalidInput(
                     f"{name}: found {values[name][cable]:g} {unit} in cable {cable + 1}, expected 0 or more"
                 )
+        above = values["force_min"] > values["force_max"]
+        if above.any():
+            cable = int(np.argmax(above))
+            raise InvalidInput(
+                f"force_min: found {values['force_min'][cable]:g} N above force_max, {values['force_max'][cable]:g} N, "
+                f"in cable {cable + 1}; expected force_min <= force_max"
+            )
         for name, value in values.items():
             object.__setattr__(self, name, frozen(value))
         _refuse_falling_law(self.stiffening)
@@ -175,10 +194,9 @@ class Cabling(Frozen):
         return table
 
     def same_as(self, other: Cabling) -> bool:
-        """Whether both are the very same numbers."""
-        return all(
-            np.array_equal(getattr(self, field.name), getattr(other, field.name)) for field in dataclasses.fields(self)
-        )
+        """Whether both hold a platform in the very same way, to the last bit; limits of force play no part in it."""
+        names = {field.name for field in dataclasses.fields(self)} - {"force_min", "force_max"}
+        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
 
 
 def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int) -> Float[np.ndarray, "..."]:
@@ -189,12 +207,24 @@ def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int)
     return np.broadcast_to(array, (cables, *core)).copy()
 
 
+def _limit_per_cable(field: str, value: ArrayLike, cables: int) -> Float[np.ndarray, " cables"]:
+    """Likewise of upper limits, which may be infinite and are never zero or less."""
+    given = as_numbers(field, value)
+    none = np.isposinf(given)
+    limits = _per_cable(field, np.where(none, 1.0, given), (), cables)
+    if not limits.min() > 0:
+        cable = int(np.argmin(limits))
+        raise InvalidInput(f"{field}: found {limits[cable]:g} N in cable {cable + 1}, expected more than 0")
+    return np.where(none, np.inf, limits)
+
+
 def _unit(axes: Float[np.ndarray, "cables 3"]) -> Float[np.ndarray, "cables 3"]:
     lengths = np.linalg.norm(axes, axis=1)
     if not lengths.min() > 0:
         cable = int(np.argmin(lengths))
         raise InvalidInput(f"pulley_axis: found an axis of length zero in cable {cable + 1}, expected a direction")
-    return axes / lengths[:, None]
+    rounding = np.abs(lengths - 1) < ROUNDING  # a unit vector, written and read again, is the very same
+    return axes / np.where(rounding, 1.0, lengths)[:, None]
 
 
 def _refuse_falling_law(stiffening: Float[np.ndarray, "cables 2"]) -> None:

@@ -63,6 +63,29 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
     )
 
 
+def paths(cabling: Cabling, apart: Float[np.ndarray, "*batch cables 3"]) -> Float[np.ndarray, "10 *batch cables"]:
+    """What ``pulley_path`` says of each cable, by where its exit is from its anchor; of straight ones, ``path``."""
+    x, y, z = np.moveaxis(apart, -1, 0)
+    found = np.zeros((10, *x.shape))
+    found[:5] = path(x, y, z)
+    over = cabling.pulleys
+    if over.any():
+        (ex, ey, ez), radius = cabling.pulley_axis[over].T, cabling.pulley_radius[over]
+        with np.errstate(invalid="ignore"):
+            found[..., over] = pulley_path(x[..., over], y[..., over], z[..., over], ex, ey, ez, radius)
+    return found
+
+
+def wrench_matrix(
+    cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "6 cables"]:
+    """W, whose column i is (uᵢ, R bᵢ × uᵢ): the wrench on the platform of unit tension in cable i (paper Eq. 4)."""
+    arms = cabling.anchors @ rotation.T
+    _, *free_piece, free_length = paths(cabling, cabling.exits - position - arms)[:5]
+    directions = (np.array(free_piece) / free_length).T
+    return np.hstack([directions, np.cross(arms, directions)]).T
+
+
 def lengths(
     cabling: Cabling, positions: Float[np.ndarray, "*#batch 3"], rotations: Float[np.ndarray, "*#batch 3 3"]
 ) -> Float[np.ndarray, "*batch cables"]:

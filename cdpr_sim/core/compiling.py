@@ -32,9 +32,9 @@ from cdpr_sim.core.errors import StoreError
 Built = TypeVar("Built")
 
 SOURCES = (
-    "core/cable.py", "core/cable_path.py", "core/checks.py", "core/compiling.py", "core/errors.py", "core/status.py",
-    "drawing/style.py", "drawing/video/raycast.py", "statics/balance_kernel.py", "statics/cable_kernel.py",
-    "statics/cable_law.py", "statics/catenary.py", "statics/heavy_kernel.py", "statics/matrix_kernel.py",
+    "core/cable.py", "core/cable_law.py", "core/cable_path.py", "core/checks.py", "core/compiling.py",
+    "core/errors.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py", "statics/balance_kernel.py",
+    "statics/cable_kernel.py", "statics/catenary.py", "statics/heavy_kernel.py", "statics/matrix_kernel.py",
     "statics/newton_kernel.py", "statics/stiffness_kernel.py",
 )  # fmt: skip
 """What is compiled, and all that it imports from this package; a test keeps the list whole."""

@@ -23,13 +23,23 @@ def read_text(path: Path, most: int) -> str:
         UnicodeDecodeError: not UTF-8.
         InvalidInput: no file, or one that is too large: a device, a picture, a mistake.
     """
+    return read_bytes(path, most).decode("utf-8-sig")
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """A file of at most ``most`` bytes.
+
+    Raises:
+        OSError: no such file, or one that cannot be read.
+        InvalidInput: no file, or one that is too large: a device, a picture, a mistake.
+    """
     if path.exists() and not (path.is_file() or path.is_fifo()) and not path.is_dir():
         raise InvalidInput(f"{path}: found a device, expected a file")
     with open(path, "rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
         raise InvalidInput(f"{path}: found more than {most / 1e6:g} MB, expected a file of text")
-    return content.decode("utf-8-sig")
+    return content
 
 
 def check_place(path: str | Path, suffixes: Sequence[str], *, force: bool = False, field: str = "") -> Path:

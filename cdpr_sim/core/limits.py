@@ -13,18 +13,17 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import refuse_wrench_out_of_plane
 from cdpr_sim.core.robot import Robot
 
-SLACK_TO_ANYTHING = (0.0, np.inf)
-"""Tension limits [N] of cables that pull as hard as it takes."""
-
 
 def checked_limits(
-    robot: Robot, tension_limits: Sequence[ArrayLike] | np.ndarray
+    robot: Robot, tension_limits: Sequence[ArrayLike] | np.ndarray | None
 ) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """Tension limits, one per cable, (cables,) and (cables,) [N].
+    """Tension limits, one per cable, (cables,) and (cables,) [N]; the robot's own where none are given.
 
     Raises:
         InvalidInput: not a pair, nan, negative, or a smallest tension above the largest.
     """
+    if tension_limits is None:
+        return robot.force_min.copy(), robot.force_max.copy()
     try:
         lower, upper = (
             np.broadcast_to(np.asarray(limit, dtype=float), (robot.cables,)).copy() for limit in tension_limits

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import inspect
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, get_args
@@ -13,7 +14,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core import cable_path
+from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import DOWN, MOST_LENGTH, Cabling
 from cdpr_sim.core.checks import (
     checked_array,
@@ -51,6 +52,9 @@ INERTIA_RANGE = (1e-14, 1e24)
 LEAST_LENGTH = 1e-9
 """[m] The shortest edge of a platform; and how far from its origin one anchor has to be, unless all lie there."""
 
+BALANCED = 1e-3
+"""Of the largest tension: what given tensions may leave unbalanced. Four digits of a printed table are enough."""
+
 MOST_GRAVITY = 1e6
 """[m/s²]"""
 
@@ -68,6 +72,9 @@ class Robot:
         pulley_radius: of the swivelling wheels at the exits [m], one number or one per cable; 0 is a point.
         pulley_axis: the direction in which the cable arrives at its wheel, (3,) or (cables, 3).
         stiffening: (a2, a3) of tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable.
+        force_min: smallest tension that is wanted of a cable [N], one number or one per cable.
+        force_max: largest tension that a cable or its winch takes [N], likewise; infinite without a limit. Both limit
+            what is chosen (``compensate``) and what is feasible (``sweep``), not where a platform rests.
         center_of_mass: in the platform frame, (3,) [m].
         inertia: about the centre of mass in the platform frame [kg m²], (3, 3) or its diagonal (3,);
             default: a uniform box of ``platform_size`` centred there.
@@ -82,6 +89,7 @@ class Robot:
         material: what the cables are called; for display only (``replace(material=...)`` sets the stiffness too).
         description: one line.
         source: where the numbers come from.
+        notes: what another project's file said and this robot has not got, a sentence each; and what was assumed.
 
     Raises:
         InvalidInput: a field that cannot be right; the message names it.
@@ -100,6 +108,7 @@ class Robot:
     material: str | None
     description: str
     source: str
+    notes: tuple[str, ...]
     _given: dict[str, Any] = field(repr=False)
 
     def __init__(
@@ -113,6 +122,8 @@ class Robot:
         pulley_radius: ArrayLike = 0.0,
         pulley_axis: ArrayLike = DOWN,
         stiffening: ArrayLike = (0.0, 0.0),
+        force_min: ArrayLike = 0.0,
+        force_max: ArrayLike = np.inf,
         center_of_mass: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike | None = None,
         mobility: Mobility = "spatial",
@@ -124,14 +135,27 @@ class Robot:
         material: str | None = None,
         description: str = "",
         source: str = "",
+        notes: Sequence[str] = (),
     ) -> None:
         given = {name: value for name, value in locals().items() if name != "self"}
-        cabling = Cabling(exits, anchors, axial_stiffness, linear_density, pulley_radius, pulley_axis, stiffening)
+        cabling = Cabling(
+            exits,
+            anchors,
+            axial_stiffness,
+            linear_density,
+            pulley_radius,
+            pulley_axis,
+            stiffening,
+            force_min,
+            force_max,
+        )
         name = checked_name("name", name)
         if material is not None:
             checked_label("material", material)
         checked_text("description", description)
         checked_text("source", source)
+        for note in notes:
+            checked_text("notes", note)
         if mobility not in get_args(Mobility):
             raise UnknownName("mobility", shown(mobility).strip("'"), get_args(Mobility))
         center_of_mass = checked_array("center_of_mass", center_of_mass, (3,))
@@ -176,6 +200,7 @@ class Robot:
             material=material,
             description=description,
             source=source,
+            notes=tuple(notes),
             _given=copy.deepcopy(given),
         )
         for name, value in values.items():
@@ -203,6 +228,16 @@ class Robot:
     def axial_stiffness(self) -> Float[np.ndarray, " cables"]:
         """EA of each cable, (cables,) [N]."""
         return self.cabling.axial_stiffness
+
+    @property
+    def force_min(self) -> Float[np.ndarray, " cables"]:
+        """Smallest tension that is wanted of each cable, (cables,) [N]."""
+        return self.cabling.force_min
+
+    @property
+    def force_max(self) -> Float[np.ndarray, " cables"]:
+        """Largest tension that each cable or its winch takes, (cables,) [N]; infinite without a limit."""
+        return self.cabling.force_max
 
     @property
     def cables(self) -> int:
@@ -281,12 +316,80 @@ class Robot:
                 )
         return transform
 
-    def rest_lengths(self, pose: PoseLike) -> Float[np.ndarray, " cables"]:
-        """Cable lengths l0 at the commanded pose with rigid cables, (cables,) [m] (paper Eq. 1, 2).
+    def rest_lengths(
+        self, pose: PoseLike, tensions: ArrayLike | None = None, *, external_wrench: ArrayLike | None = None
+    ) -> Float[np.ndarray, " cables"]:
+        """Cable lengths l0 to let out for a pose, (cables,) [m].
+
+        Without tensions, those of rigid cables (paper Eq. 1, 2), on which a platform sags. With tensions, each elastic
+        cable is cut so that it has its tension at the pose, which is then an equilibrium: how a fully constrained
+        robot is pretensioned.
+
+        Args:
+            pose: the commanded pose.
+            tensions: (cables,) [N], which have to balance the load at the pose. Or one number p [N], a pretension:
+                those that balance the load and are nearest to p in every cable, tau = p − W⁺ (W p + w_e) (Pott,
+                Bruckmann, Mikelsons, "Closed-form force distribution for parallel wire robots", Computational
+                Kinematics 2009). ``compensate`` finds any that balance the load within limits.
+            external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity: part of
+                the load that tensions balance.
 
         Raises:
-            InvalidInput: a bad pose, or an exit that lies on its anchor there.
+            InvalidInput: a bad pose, an exit that lies on its anchor there, or tensions that do not balance the load;
+                a pretension near which none do, within the cables' limits of force.
         """
+        lengths = self._path_lengths(pose)
+        if tensions is None:
+            if external_wrench is not None:
+                raise InvalidInput("external_wrench: found one without tensions, expected both or neither")
+            return lengths
+        self.cabling.refuse_weight("rest_lengths for given tensions")
+        frame = self.pose(pose).as_matrix()
+        pulls = self._balancing(frame[:3, 3], frame[:3, :3], tensions, external_wrench)
+        return cable_law.rest_length_for(lengths, pulls, self.axial_stiffness, *self.cabling.stiffening.T)
+
+    def _balancing(
+        self,
+        position: Float[np.ndarray, "3"],
+        rotation: Float[np.ndarray, "3 3"],
+        tensions: ArrayLike,
+        external_wrench: ArrayLike | None,
+    ) -> Float[np.ndarray, " cables"]:
+        """Tensions as ``rest_lengths`` takes them, one per cable and found to balance the load."""
+        wanted = checked_array("tensions", tensions, () if np.ndim(tensions) == 0 else (self.cables,))
+        if wanted.min() < 0:
+            raise InvalidInput(f"tensions: found {wanted.min():g} N, expected 0 or more: cables only pull")
+        weight = np.array([0.0, 0.0, -self.weight])
+        load = np.concatenate([weight, np.cross(rotation @ self.center_of_mass, weight)])
+        if external_wrench is not None:
+            load = load + checked_array("external_wrench", external_wrench, (6,))
+        matrix = (cable_path.wrench_matrix(self.cabling, position, rotation) / self.units[:, None])[self.free]
+        load = (load / self.units)[self.free]
+        pulls = np.broadcast_to(wanted, (self.cables,)).copy()
+        if wanted.ndim == 0:
+            pulls -= np.linalg.pinv(matrix) @ (matrix @ pulls + load)
+        left, scale = np.abs(matrix @ pulls + load).max(), max(np.abs(load).max(), pulls.max())
+        if left > BALANCED * scale:
+            raise InvalidInput(
+                f"tensions: found that they leave {left:.3g} N unbalanced at the pose, expected tensions that balance "
+                "the load there; one number finds the nearest, and compensate any within limits"
+                if wanted.ndim
+                else f"tensions: found none near {wanted:g} N that balance the load at the pose: cables that pull or "
+                f"push leave {left:.3g} N, expected a pose at which they can carry it"
+            )
+        low, high = self.cabling.force_min, self.cabling.force_max
+        beyond = (pulls < low) | (pulls > high)
+        if wanted.ndim == 0 and beyond.any():
+            cable = int(np.argmax(beyond))
+            raise InvalidInput(
+                f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1} where tensions nearest to {wanted:g} N "
+                f"balance the load at the pose, expected {low[cable]:g} to {high[cable]:g} N; another pretension may "
+                "do, and compensate finds any tensions within limits"
+            )
+        return pulls
+
+    def _path_lengths(self, pose: PoseLike) -> Float[np.ndarray, " cables"]:
+        """Of the cables from exit to anchor, (cables,) [m] (paper Eq. 1, 2)."""
         frame = self.pose(pose).as_matrix()
         lengths = cable_path.lengths(self.cabling, frame[:3, 3], frame[:3, :3])
         lost = np.isnan(lengths)

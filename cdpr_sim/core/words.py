@@ -50,6 +50,22 @@ def properties_in_words(robot: Robot) -> tuple[str, ...]:
     return tuple(words)
 
 
+def twist_in_words(twist: Float[np.ndarray, "6"], robot: Robot) -> str:
+    """A small motion (translation [m], rotation vector [rad]), scaled to its largest part: in millimetres and degrees.
+
+    "+1 mm x, -0.57° about y"; a rotation alone about one axis is "rotation about y".
+    """
+    motion = twist * robot.units
+    motion = 1e-3 * motion / max(np.abs(motion).max(), np.finfo(float).tiny)
+    parts = [f"{1e3 * value:+.2g} mm {axis}" for value, axis in zip(motion[:3], "xyz", strict=True)]
+    degrees = np.degrees(motion[3:] / robot.characteristic_length)
+    parts += [f"{value:+.2g}° about {axis}" for value, axis in zip(degrees, "xyz", strict=True)]
+    some = np.flatnonzero(np.abs(motion) >= 1e-5)
+    if len(some) == 1:
+        return f"{'translation along' if some[0] < 3 else 'rotation about'} {'xyzxyz'[some[0]]}"
+    return ", ".join(parts[i] for i in some)
+
+
 def _span(values: Float[np.ndarray, " some"]) -> str:
     """20, or 10 to 20."""
     return " to ".join(f"{end:g}" for end in sorted({float(values.min()), float(values.max())}))

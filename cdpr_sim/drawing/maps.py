@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -401,11 +401,17 @@ def _draw_feasible(row: _Row) -> str:
     return "feasible"
 
 
+def _draw_wrench_feasible(row: _Row) -> str:
+    _draw_feasible(replace(row, margins=row.panels))
+    return "feasible for\nall wrenches"
+
+
 _ELASTIC: dict[str, Callable[[_Row], str]] = {
     "tilt": _draw_tilt,
     "distance": _draw_distance,
     "slack_count": _draw_slack,
     "feasible": _draw_feasible,
+    "wrench_feasible": _draw_wrench_feasible,
 }
 
 

@@ -12,7 +12,7 @@ Three things a tendon could have are left out on purpose. ``range`` would add a 
 stretching; ``damping`` ignores the dead band, so that a slack cable would push, and it turns off the drawing of a
 slack cable as a hanging chain; ``frictionloss`` would hold the platform away from its equilibrium.
 
-This is the law's second coding: the mathematics has its own in ``statics.cable_law``, and neither reads the other's.
+This is the law's second coding: the mathematics has its own in ``core.cable_law``, and neither reads the other's.
 """
 
 # pyright: reportAttributeAccessIssue=false

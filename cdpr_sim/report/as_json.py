@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from cdpr_sim.analysis.compensation import Compensation
 from cdpr_sim.analysis.equilibria import Equilibria, Following
 from cdpr_sim.analysis.identification import Identification
@@ -141,7 +143,7 @@ def _asked(problem: Problem) -> dict[str, Any]:
 
 
 def _machine(robot: Robot) -> dict[str, Any]:
-    """The robot's name, mass and cables: weight, law and pulleys of each, where there are any."""
+    """The robot's name, mass and cables: weight, law, pulleys, limits of each, where there are any."""
     cabling, properties = robot.cabling, {}
     told = {
         "robot": robot.name,
@@ -156,4 +158,8 @@ def _machine(robot: Robot) -> dict[str, Any]:
     if cabling.pulleys.any():
         properties["pulley_radius"] = cabling.pulley_radius.tolist()
         properties["pulley_axis"] = cabling.pulley_axis.tolist()
+    if cabling.force_min.any():
+        properties["force_min"] = cabling.force_min.tolist()
+    if np.isfinite(cabling.force_max).any():
+        properties["force_max"] = [force if math.isfinite(force) else None for force in cabling.force_max.tolist()]
     return told | {"cables": properties} if properties else told

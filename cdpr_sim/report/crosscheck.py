@@ -8,10 +8,11 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from cdpr_sim.analysis.modes import neutral_directions
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled
 from cdpr_sim.core.pose import euler, tilt
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.words import cables_in_words
+from cdpr_sim.core.words import cables_in_words, twist_in_words
 from cdpr_sim.crosscheck.compare import Agreement
 from cdpr_sim.report.tables import new_table
 
@@ -92,6 +93,23 @@ def line_table(title: str, settled: Iterable[Equilibrium], agreements: Sequence[
             "agree" if agreement.agrees else "[red]differ[/]",
         )
     return table
+
+
+def equilibrium_notes(found: Equilibrium) -> list[str]:
+    """What is to be said of an equilibrium below its table: what nothing holds, and tensions beyond the limits."""
+    robot, notes = found.problem.robot, []
+    neutral = neutral_directions(found)
+    if len(neutral):
+        words = "; ".join(twist_in_words(twist, robot) for twist in neutral)
+        notes.append(
+            f"Held by nothing: {words if len(neutral) < len(robot.free) else 'the platform, in any direction'}."
+        )
+    for cable in np.flatnonzero((found.tensions < robot.force_min) | (found.tensions > robot.force_max)):
+        notes.append(
+            f"Cable {cable + 1} pulls {found.tensions[cable]:.4g} N, beyond its limits of {robot.force_min[cable]:g} "
+            f"to {robot.force_max[cable]:g} N."
+        )
+    return notes
 
 
 def verdict(agreement: Agreement) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from cdpr_sim.analysis.workspace.grids import AXES, extent_of
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES, Check
 from cdpr_sim.report.tables import new_table
@@ -24,6 +25,9 @@ _ERRORS = {
     "rotation_error": ("rot.", 180 / np.pi, "°"),
     "tension_error": ("tens.", 1.0, "N"),
 }
+
+_HELD = {"feasible": "as commanded", "wrench_feasible": "against every wrench"}
+"""What rigid cables hold, by variables of a sweep."""
 
 _HEADINGS = {
     "refused": "refused",
@@ -58,11 +62,18 @@ def sweep_table(dataset: xr.Dataset) -> Table:
     return table
 
 
-def sweep_note(dataset: xr.Dataset) -> str:
-    """What the table leaves out, or nothing."""
-    if "feasible" in dataset:
-        return ""
-    return "Cables weigh something here: the static feasible workspace takes no account of that, and is left out."
+def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
+    """How much of the grid rigid cables hold, by robot; or why that is left out."""
+    held = {name: words for name, words in _HELD.items() if name in dataset}
+    unit = ("", "m", "m²", "m³")[sum(dataset.sizes[name] > 1 for name in AXES)]
+    if not held:
+        yield "Cables weigh something here: the static feasible workspace takes no account of that, and is left out."
+    elif unit:
+        for robot in np.atleast_1d(dataset["robot"].values):
+            one = dataset.sel(robot=robot) if "robot" in dataset.dims else dataset
+            parts = ", and ".join(f"{words} in {extent_of(one[name]):.4g}" for name, words in held.items())
+            whole = extent_of(one[next(iter(held))] | True)
+            yield escape(f"Rigid cables hold {robot} {parts}, of {whole:.4g} {unit}.")
 
 
 def check_table(check: Check) -> Table:

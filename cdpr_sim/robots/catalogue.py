@@ -10,6 +10,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 
 from cdpr_sim.core.cable import DOWN, MOST_CABLES
@@ -18,6 +19,7 @@ from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileErro
 from cdpr_sim.core.files import read_text
 from cdpr_sim.core.materials import ROPES, Material, line_stiffness, load_material
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
+from cdpr_sim.robots.importing import IMPORTED, import_robot
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
 Pair = tuple[Number, Number]
@@ -83,6 +85,8 @@ class CableTable(_Table):
     diameter: Number | None = _key("As for the whole robot.", LENGTH, None)
     linear_density: Density | None = _key("As for the whole robot.", "kg/m", None)
     stiffening: Pair | None = _key("As for the whole robot.", "", None)
+    force_min: Number | None = _key("As for the whole robot.", "N", None)
+    force_max: Number | None = _key("As for the whole robot.", "N", None)
     pulley: PulleyTable | None = _key("As for the whole robot.", "", None)
 
 
@@ -119,6 +123,8 @@ class RobotTable(_Table):
         0.0,
     )
     stiffening: Pair = _key("(a2, a3) of tension = EA (eps + a2 eps² + a3 eps³).", "", (0.0, 0.0))
+    force_min: Number = _key("Smallest tension that `compensate` and `sweep` keep in a cable.", "N", 0.0)
+    force_max: Number | None = _key("Largest that a cable or its winch takes; by default without a limit.", "N", None)
     pulley: PulleyTable = _key("The wheel at each exit; by default none.", "", PulleyTable(radius=0.0))
     platform: PlatformTable = _key("Its mass, and what it is like: `[platform]`.")
     frame: BoxTable | None = _key("What is drawn; by default the box around the exits, down to the floor.", "", None)
@@ -139,6 +145,8 @@ class RobotTable(_Table):
             mass=self.platform.mass,
             linear_density=[self._density(i, cable, made[i]) for i, cable in enumerate(self.cables)],
             stiffening=[_own(cable.stiffening, self.stiffening) for cable in self.cables],
+            force_min=[_own(cable.force_min, self.force_min) for cable in self.cables],
+            force_max=[_own(_own(cable.force_max, self.force_max), np.inf) for cable in self.cables],
             pulley_radius=[pulley.radius / METRES[self.units] for pulley in pulleys],
             pulley_axis=[pulley.axis for pulley in pulleys],
             center_of_mass=self._metres(self.platform.center_of_mass),
@@ -226,7 +234,9 @@ def list_robots() -> tuple[str, ...]:
 
 
 def load_robot(name: str | Path) -> Robot:
-    """A robot of the catalogue by name, or any robot by the path of its ``.toml`` file.
+    """A robot of the catalogue by name, or any robot by the path of its ``.toml`` file or of another project's file.
+
+    What ``import_robot`` reads is taken as well, with ``robot.notes``.
 
     Raises:
         UnknownName: no such robot in the catalogue.
@@ -235,6 +245,8 @@ def load_robot(name: str | Path) -> Robot:
     """
     if str(name).endswith(".toml"):
         return _read(Path(name), str(name))
+    if str(name).lower().endswith(IMPORTED):
+        return import_robot(name)
     if str(name) not in list_robots():
         raise UnknownName("robot", str(name), list_robots(), "; a robot of your own is the path of its .toml file")
     return _read(_folder() / f"{name}.toml", f"{name}.toml")

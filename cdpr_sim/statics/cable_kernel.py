@@ -1,6 +1,6 @@
 """Cables in compiled code: their state at a pose, and what they add to energy, slope and curvature.
 
-Path and law are those of ``core.cable_path`` and ``cable_law``, compiled; the kernels of this folder know no other.
+Path and law are those of ``core.cable_path`` and ``core.cable_law``, compiled; the kernels here know no other.
 Cables come in two types: *plain* ones, straight and linear, whose code is compiled on its own so that they cost no more
 than they must, and *bent* ones, over pulleys or with laws that stiffen. Kernels are compiled once for each.
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
@@ -14,9 +14,8 @@ import numpy as np
 from numba import njit
 from numba.extending import overload, register_jitable
 
-from cdpr_sim.core import cable_path
+from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import ANCHOR, AXIS, EXIT, RADIUS, STIFFENING, STIFFNESS
-from cdpr_sim.statics import cable_law
 
 inline = njit(error_model="numpy", forceinline=True)
 """For small functions that take many arrays: the calls would cost more than the work."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from cdpr_sim.core import cable_law
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.statics import cable_law
 from cdpr_sim.statics.forces import State, cross_matrix
 
 Array = np.ndarray

@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.cable_path import path, pulley_path
+from cdpr_sim.core import cable_law
+from cdpr_sim.core.cable_path import paths
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.statics import cable_law
 from cdpr_sim.statics.catenary import Catenary, catenary
 
 Array = np.ndarray
@@ -180,22 +180,10 @@ class State:
 def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]) -> Geometry:
     """Where the cables of ``robot`` run with the platform at a pose, or many."""
     arms = robot.anchors @ np.swapaxes(rotation, -1, -2)
-    x, y, z = np.moveaxis(robot.exits - np.asarray(position)[..., None, :] - arms, -1, 0)
-    apart = (x, y, z)
-    length, x, y, z, free = path(*apart)
-    free = np.maximum(free, NO_LENGTH)
-    across, bends, wraps = np.zeros((*length.shape, 3)), np.zeros(length.shape), np.zeros(length.shape)
-    vectors = np.stack([x, y, z], axis=-1)
-    over = robot.cabling.pulleys
-    if over.any():
-        x, y, z = (coordinate[..., over] for coordinate in apart)
-        ex, ey, ez = robot.cabling.pulley_axis[over].T
-        with np.errstate(invalid="ignore"):
-            length[..., over], *vector, free[..., over], ax, ay, az, bends[..., over], wraps[..., over] = pulley_path(
-                x, y, z, ex, ey, ez, robot.cabling.pulley_radius[over]
-            )
-        vectors[..., over, :], across[..., over, :] = np.stack(vector, axis=-1), np.stack([ax, ay, az], axis=-1)
-    return Geometry(robot, arms, vectors / free[..., None], length, free, across, bends, wraps)
+    found = paths(robot.cabling, robot.exits - np.asarray(position)[..., None, :] - arms)
+    lengths, free, bends, wraps = found[0], np.maximum(found[4], NO_LENGTH), found[8], found[9]
+    directions = np.moveaxis(found[1:4] / free, 0, -1)
+    return Geometry(robot, arms, directions, lengths, free, np.moveaxis(found[5:8], 0, -1), bends, wraps)
 
 
 def at(

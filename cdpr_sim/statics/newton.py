@@ -7,6 +7,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core import cable_law
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem, Problems
@@ -14,7 +15,7 @@ from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.statics import cable_law, forces
+from cdpr_sim.statics import forces
 from cdpr_sim.statics.heavy_kernel import heavy_gufunc
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc

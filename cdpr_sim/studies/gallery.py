@@ -20,6 +20,8 @@ from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.studies import (
     lines,
     lines_figures,
+    pretension,
+    pretension_figures,
     real_cables,
     real_cables_figures,
     solvers,
@@ -129,6 +131,12 @@ PICTURES: dict[str, Picture] = {
         "how far pulleys, weight and stiffening cables move DemoBot and a large crane",
         real_cables.real_cables,
         real_cables_figures.real_cables,
+    ),
+    "fully-constrained": Picture(
+        "",
+        "how pretension stiffens IPAnema 1, where cables go slack, and what one wrong length costs",
+        pretension.pretension,
+        pretension_figures.pretension,
     ),
 }
 """Every picture by name, in the paper's order."""

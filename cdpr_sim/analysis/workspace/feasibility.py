@@ -23,7 +23,8 @@ from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import checked_array
-from cdpr_sim.core.limits import SLACK_TO_ANYTHING, checked_limits, checked_wrenches
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.limits import checked_limits, checked_wrenches
 from cdpr_sim.core.problem import Problem, positions_and_rotations
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
@@ -40,7 +41,7 @@ def shortfall(
     positions: ArrayLike,
     *,
     rotations: ArrayLike | None = None,
-    tension_limits: tuple[ArrayLike, ArrayLike] = SLACK_TO_ANYTHING,
+    tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
 ) -> Float[Array, "*batch"]:
     """What is left of the load when the cables do their best, as a fraction of the load; rounding where feasible.
@@ -49,7 +50,8 @@ def shortfall(
         robot: the robot.
         positions: (..., 3) [m].
         rotations: (..., 3, 3); default: level.
-        tension_limits: smallest and largest tension [N], each one number or one per cable.
+        tension_limits: smallest and largest tension [N], each one number or one per cable; default: the robot's
+            ``force_min`` and ``force_max``.
         wrenches: external forces and torques on the platform's origin besides gravity, (6,) or a set of them (sets, 6)
             [N, N m]; the worst one counts. Default: none.
 
@@ -77,7 +79,7 @@ def feasible(
     positions: ArrayLike,
     *,
     rotations: ArrayLike | None = None,
-    tension_limits: tuple[ArrayLike, ArrayLike] = SLACK_TO_ANYTHING,
+    tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
 ) -> Bool[Array, "*batch"]:
     """Whether rigid cables hold the platform there, with tensions within limits, against its weight and ``wrenches``.
@@ -89,12 +91,47 @@ def feasible(
     return left <= BALANCED
 
 
+def closed_form_feasible(
+    robot: Robot,
+    positions: ArrayLike,
+    *,
+    rotations: ArrayLike | None = None,
+    tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
+    wrenches: ArrayLike | None = None,
+) -> Bool[Array, "*batch"]:
+    """Whether the tensions nearest to the middle of their limits, tau = mid − W⁺ (W mid + w_e), are within them.
+
+    Arguments as in ``shortfall``; limits must be finite. It is quick and continuous, and so what controllers use (Pott,
+    Bruckmann, Mikelsons, "Closed-form force distribution for parallel wire robots", Computational Kinematics 2009), and
+    it gives up on poses that other tensions within limits would hold: a subset of ``feasible``.
+
+    Raises:
+        InvalidInput: as in ``shortfall``, or a limit that is infinite.
+    """
+    robot.cabling.refuse_weight("closed_form_feasible")
+    lower, upper = checked_limits(robot, tension_limits)
+    if not np.isfinite(upper).all():
+        cable = int(np.argmax(~np.isfinite(upper)))
+        raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected one to be amid")
+    at, turned = positions_and_rotations(robot, positions, rotations)
+    W = (forces.geometry(robot, at, turned).wrench_matrix / robot.units[:, None])[..., robot.free, :]
+    middle = (lower + upper) / 2
+    held = np.ones(W.shape[:-2], dtype=bool)
+    for wrench in checked_wrenches(robot, wrenches):
+        asked = Problem(robot, robot.pose(robot.home), np.ones(robot.cables), wrench)
+        load = (forces.load_wrench(asked, turned) / robot.units)[..., robot.free]
+        tensions = middle - np.einsum("...cf,...f->...c", np.linalg.pinv(W), W @ middle + load)
+        left = np.abs(np.einsum("...fc,...c->...f", W, tensions) + load).max(-1)
+        held &= (left <= BALANCED * upper.max()) & ((tensions >= lower) & (tensions <= upper)).all(-1)
+    return held
+
+
 def tension_margin(
     robot: Robot,
     positions: ArrayLike,
     *,
     rotations: ArrayLike | None = None,
-    tension_limits: tuple[ArrayLike, ArrayLike] = SLACK_TO_ANYTHING,
+    tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
 ) -> Float[Array, "*batch"]:
     """By how much all tensions can keep from their limits at once, and still hold the platform there [N].
@@ -128,7 +165,7 @@ def feasible_by_linprog(
     position: ArrayLike,
     rotation: ArrayLike | None = None,
     *,
-    tension_limits: tuple[ArrayLike, ArrayLike] = SLACK_TO_ANYTHING,
+    tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
 ) -> bool:
     """The reference for ``feasible``, at one pose: linear programming by HiGHS, to its tolerance.

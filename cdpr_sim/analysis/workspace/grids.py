@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 GridLike: TypeAlias = Sequence[int] | Mapping[str, Sequence[float] | np.ndarray]
 """Counts (nx, ny, nz) over the robots' workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m]."""
@@ -89,6 +92,19 @@ def plane(name: str, at: float | None, points: int, robots: Sequence[Robot]) -> 
             count = max(2, round(points * (upper[i] - lower[i]) / max(extent)))
             axes[axis] = np.linspace(lower[i], upper[i], count)
     return as_grid(axes, robots)  # type: ignore[return-value]
+
+
+def extent_of(mask: xr.DataArray) -> float:
+    """What a mask over a grid covers [m³; m² or m where the grid is a plane or a line], by the trapezoidal rule.
+
+    Poses on a face of the grid count half, those on an edge a quarter: the volume of where the mask is true, to about
+    the layer of cells that its border runs through. Zero of a grid that is a single pose.
+    """
+    wide = [name for name in AXES if mask.sizes[name] > 1]
+    covered = mask.astype(float)
+    for name in wide:
+        covered = covered.integrate(name)
+    return float(covered.squeeze()) if wide else 0.0
 
 
 def _counts(grid: Sequence[int]) -> list[int]:

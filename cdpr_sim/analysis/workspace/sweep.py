@@ -24,7 +24,7 @@ from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid
 from cdpr_sim.core import memory
 from cdpr_sim.core.checks import checked_array, checked_label
 from cdpr_sim.core.errors import InvalidInput, UnknownName
-from cdpr_sim.core.limits import SLACK_TO_ANYTHING, checked_limits, checked_wrenches
+from cdpr_sim.core.limits import checked_limits, checked_wrenches
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -103,7 +103,7 @@ def sweep(
     *,
     orientation: ArrayLike = (0.0, 0.0, 0.0),
     external_wrench: ArrayLike | None = None,
-    tension_limits: tuple[ArrayLike, ArrayLike] = SLACK_TO_ANYTHING,
+    tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
     quantities: Sequence[str] | None = None,
     chunk: int | None = CHUNK,
@@ -119,7 +119,8 @@ def sweep(
         materials: names of the catalogue, or {name: EA [N]}; they give a dimension ``material``. Default: each robot's.
         orientation: commanded, (alpha, beta, gamma) [rad]; default: level.
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity, (6,).
-        tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each.
+        tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each;
+            default: each robot's ``force_min`` and ``force_max``.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
         quantities: names of ``QUANTITIES`` and "feasible", which are the default as far as the robots' cables allow
             (those that weigh something allow neither "feasible" nor "frequency"); or "tension_margin", which is zero on
@@ -152,8 +153,8 @@ def sweep(
         )
     rotation = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,))).as_matrix()
     wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
+    limits = [checked_limits(robot, tension_limits) for robot in group]
     for robot in group:
-        checked_limits(robot, tension_limits)
         checked_wrenches(robot, wrench)
         if wrenches is not None:
             checked_wrenches(robot, wrenches)
@@ -183,9 +184,10 @@ def sweep(
             part["wrench_feasible"] = _feasible(robot, points, wrenches=np.atleast_2d(wrenches) + wrench, **held)
         parts.append(_with_geometry(part, robot))
     result = _side_by_side(parts) if many else parts[0]
-    _annotate(result, tension_limits)
+    lower, upper = zip(*limits, strict=True)
+    _annotate(result, [float(np.concatenate(lower).min()), float(np.concatenate(upper).max())])
     if store is not None:
-        identity = [group, axes, stiffnesses, rotation, wrench, tension_limits, wrenches, names, blocks]
+        identity = [group, axes, stiffnesses, rotation, wrench, limits, wrenches, names, blocks]
         return stores.written(result, store, identity, progress=progress)
     return stores.computed(result, progress=progress) if compute and chunk is not None else result
 
@@ -432,7 +434,7 @@ def _side_by_side(parts: Sequence[xr.Dataset]) -> xr.Dataset:
     return whole
 
 
-def _annotate(dataset: xr.Dataset, tension_limits: tuple[ArrayLike, ArrayLike]) -> None:
+def _annotate(dataset: xr.Dataset, tension_limits: list[float]) -> None:
     dataset["status"].attrs |= {
         "flag_values": list(STATUSES),
         "flag_meanings": " ".join(STATUSES.values()),
@@ -446,7 +448,5 @@ def _annotate(dataset: xr.Dataset, tension_limits: tuple[ArrayLike, ArrayLike]) 
         "title": "Static equilibria of cable-driven parallel robots over their workspace",
         "source": "cdpr_sim.sweep",
         "Conventions": "CF-1.11",
-        "tension_limits": [
-            float(np.ravel(limit).min() if i == 0 else np.ravel(limit).max()) for i, limit in enumerate(tension_limits)
-        ],
+        "tension_limits": tension_limits,
     }

@@ -1,0 +1,99 @@
+"""Robots of other projects, read from their own files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element
+
+from cdpr_sim.core.errors import CdprError, InvalidInput, RobotFileError, UnknownName
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.robots.importers import bologna, caspr, cdpyr, gazebo, wirex
+from cdpr_sim.robots.importers.draft import Draft
+from cdpr_sim.robots.importers.reading import SYNTAXES, read_document
+
+
+class _Format(NamedTuple):
+    """What it is called, what stands at the top of such a file (root element, or keys), and what reads it."""
+
+    title: str
+    marks: set[str]
+    read: Callable[..., Draft]
+
+
+FORMATS = {
+    name: _Format(module.TITLE, module.MARKS, module.read)
+    for name, module in {
+        "caspr": caspr,
+        "wirex": wirex,
+        "cdpyr": cdpyr,
+        "gazebo": gazebo,
+        "bologna": bologna,  # after gazebo, whose files have a key "cable" as well
+    }.items()
+}
+"""Of other projects, by name."""
+
+IMPORTED = tuple(SYNTAXES)
+"""Suffixes of their files."""
+
+
+def import_robot(path: str | Path, format: str | None = None, cables: str | None = None) -> Robot:
+    """A robot out of another project's file.
+
+    Exits, anchors, pulleys, mass, inertia, elasticity and weight of the cables come along as far as the file has them.
+    ``robot.notes`` says in a sentence each what has no counterpart and was left out, and what had to be assumed; what
+    would change the robot's statics (several platforms, cables through several bodies) is refused.
+
+    Args:
+        path: ``.wcrfx`` (WireX), ``*_bodies.xml`` with ``*_cables.xml`` beside it (CASPR), ``.json`` (cdpyr, Bologna),
+            ``.yaml`` or ``.yml`` (cdpyr, oKermorgant/cdpr).
+        format: "caspr", "wirex", "cdpyr", "bologna" or "gazebo"; default: what the file looks like.
+        cables: CASPR's ``id`` of one set of cables; default: the one that its file has as default.
+
+    Raises:
+        RobotFileError: the file is missing, cannot be read, or does not describe a robot that we know: the message
+            gives the place in the file, what was found and what is expected.
+        UnknownName: no such format.
+    """
+    path = Path(path)
+    if format is not None and format not in FORMATS:
+        raise UnknownName("format", format, FORMATS)
+    try:
+        document = read_document(path)
+    except InvalidInput as error:
+        raise RobotFileError(str(error)) from None
+    try:
+        format = _format_of(document) if format is None else _checked(document, format)
+        if cables is not None and format != "caspr":
+            raise InvalidInput(f"cables: found {cables!r}, but only CASPR's files have sets of cables to choose from")
+        draft = FORMATS[format].read(document, path, **({"cables": cables} if cables else {}))
+        draft.source = draft.source or f"{FORMATS[format].title}, {path.name}"
+        return draft.robot()
+    except CdprError as error:
+        raise RobotFileError(f"{path}: {error}") from None
+
+
+def _marks(document: Any) -> set[str]:
+    if isinstance(document, Element):
+        return {document.tag}
+    return {key for key in document if isinstance(key, str)} if isinstance(document, dict) else set()
+
+
+def _format_of(document: Any) -> str:
+    for name, known in FORMATS.items():
+        if known.marks & _marks(document):
+            return name
+    if isinstance(document, Element) and document.tag == "cables":
+        raise InvalidInput("found CASPR's cables, expected the *_bodies.xml beside it")
+    raise InvalidInput(f"found none of {_words(FORMATS.values())} at the top, expected a robot's file")
+
+
+def _checked(document: Any, format: str) -> str:
+    if not FORMATS[format].marks & _marks(document):
+        raise InvalidInput(f"found no {_words([FORMATS[format]])} at the top, expected {FORMATS[format].title}")
+    return format
+
+
+def _words(formats) -> str:
+    return ", ".join(sorted(set().union(*(one.marks for one in formats))))

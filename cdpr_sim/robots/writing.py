@@ -1,0 +1,81 @@
+"""A robot as a robot file: the TOML that ``load_robot`` reads, with the very same numbers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cdpr_sim.core.cable import DOWN
+from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
+
+
+def as_toml(robot: Robot) -> str:
+    """The text of a robot file, in metres, kilograms and newtons; what stands on its defaults is left out.
+
+    ``robot.notes`` become remarks at its head.
+    """
+    return "\n".join(_lines(robot)) + "\n"
+
+
+def _lines(robot: Robot) -> Iterator[str]:
+    given, cabling = robot._given, robot.cabling
+    for note in robot.notes:
+        yield f"# {' '.join(note.split())}"
+    yield f"name = {_text(robot.name)}"
+    for field in ("description", "source"):
+        if getattr(robot, field):
+            yield f"{field} = {_text(getattr(robot, field))}"
+    if robot.mobility != "spatial":
+        yield f"mobility = {_text(robot.mobility)}"
+    if robot.gravity != STANDARD_GRAVITY:
+        yield f"gravity = {_numbers(robot.gravity)}"
+    common = {
+        "axial_stiffness": cabling.axial_stiffness,
+        "linear_density": cabling.linear_density,
+        "stiffening": cabling.stiffening,
+        "force_min": cabling.force_min,
+        "force_max": cabling.force_max,
+    }
+    own = {name: values for name, values in common.items() if (values != values[0]).any()}
+    for name, values in common.items():
+        if name not in own and values[0].any() and np.isfinite(values[0]).all():
+            yield f"{name} = {_numbers(values[0])}"
+    named = [f"name = {_text(robot.material)}"] if robot.material and "axial_stiffness" in own else []
+    if robot.material and not named:
+        yield f"cable_name = {_text(robot.material)}"
+    yield from ("", "[platform]", f"mass = {_numbers(robot.mass)}")
+    for key, field in (("size", "platform_size"), ("center_of_mass", "center_of_mass"), ("inertia", "inertia")):
+        if given[field] is not None and np.any(given[field]):
+            yield f"{key} = {_numbers(getattr(robot, field))}"
+    for field in ("frame", "workspace"):
+        if given[field] is not None:
+            lower, upper = getattr(robot, field)
+            yield from ("", f"[{field}]", f"lower = {_numbers(lower)}", f"upper = {_numbers(upper)}")
+    for cable in range(robot.cables):
+        yield from ("", "[[cables]]")
+        yield f"exit = {_numbers(cabling.exits[cable])}"
+        yield f"anchor = {_numbers(cabling.anchors[cable])}"
+        yield from named  # a cable's name goes with what it is made of
+        for name, values in own.items():
+            if np.isfinite(values[cable]).all():  # no limit is none
+                yield f"{name} = {_numbers(values[cable])}"
+        if cabling.pulley_radius[cable] > 0 or tuple(cabling.pulley_axis[cable]) != DOWN:
+            yield f"pulley = {_pulley(cabling.pulley_radius[cable], cabling.pulley_axis[cable])}"
+
+
+def _pulley(radius: float, axis: np.ndarray) -> str:
+    arrives = "" if tuple(axis) == DOWN else f", axis = {_numbers(axis)}"
+    return f"{{ radius = {_numbers(radius)}{arrives} }}"
+
+
+def _numbers(values: ArrayLike) -> str:
+    """Numbers that read back as the same: Python's shortest, and no minus before a zero."""
+    return str((np.asarray(values, dtype=float) + 0.0).tolist())
+
+
+def _text(value: str) -> str:
+    """A basic string: JSON's escapes are TOML's."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,32 @@
+"""How pretension stiffens IPAnema 1, where a cable goes slack, and what 1 % of error in one length costs; both roads.
+
+Run it: python scripts/settle_fully_constrained.py. It prints a table, says what it means, and draws
+pictures/fully-constrained.png.
+"""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from cdpr_sim.core.files import write_whole
+from cdpr_sim.report.pretension import conclusions, pretension_table
+from cdpr_sim.studies.gallery import encoded
+from cdpr_sim.studies.pretension import pretension
+from cdpr_sim.studies.pretension_figures import pretension as draw
+
+POINTS = 121  # pretensions between the least at which all cables pull and what the winches take
+OUTPUT = Path(__file__).parent.parent / "pictures" / "fully-constrained.png"
+
+
+def main() -> None:
+    console, study = Console(), pretension(POINTS)
+    console.print(pretension_table(study))
+    for sentence in conclusions(study):
+        console.print(sentence, highlight=False)
+    OUTPUT.parent.mkdir(exist_ok=True)
+    write_whole({OUTPUT: encoded(draw(study), "png")})
+    print(OUTPUT.name)
+
+
+if __name__ == "__main__":
+    main()

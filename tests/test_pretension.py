@@ -1,0 +1,288 @@
+"""Rest lengths that hold a pose with wanted tensions, by both roads; what nothing holds; limits of force."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli import app
+from cdpr_sim.core import cable_path
+from cdpr_sim.core.words import twist_in_words
+from cdpr_sim.statics import forces
+from cdpr_sim.studies.pretension import least_pretension, pretension, taut_from
+
+ROADS = (cdpr.solve, cdpr.settle)
+
+HELD = 1e-9
+"""[m, rad] How close both roads come back to a pretensioned pose; 1e-12 measured."""
+
+PULL = 1e-6
+"""Of a tension, as a fraction: 1e-9 measured; a length cut for an EA 1 % off misses by 1e-2."""
+
+STIFF = 1e-6
+"""Of an eigenvalue: MuJoCo differences its forces to 1e-8 of the largest."""
+
+LENGTH, EA = 1.5, 2e4
+
+
+def string(gravity: float = 0.0, mobility: str = "planar") -> cdpr.Robot:
+    """A mass between two collinear cables along x: a plucked string, with closed forms."""
+    return cdpr.Robot(
+        exits=[(-LENGTH, 0, 0), (LENGTH, 0, 0)],
+        anchors=np.zeros((2, 3)),
+        axial_stiffness=EA,
+        mass=1.0,
+        mobility=mobility,  # type: ignore[arg-type]
+        gravity=gravity,
+        platform_size=(0.1, 0.1, 0.1),
+        frame=[(-LENGTH, -0.5, -0.5), (LENGTH, 0.5, 0.5)],
+        name="string",
+    )
+
+
+def table(gravity: float = 0.0) -> cdpr.Robot:
+    """A planar table: a plate on four cables that cross, without gravity."""
+    return cdpr.Robot(
+        exits=[(x, 0, z) for x in (-1, 1) for z in (-0.8, 0.8)],
+        anchors=[(-0.1, 0, 0.06), (-0.1, 0, -0.06), (0.1, 0, 0.06), (0.1, 0, -0.06)],
+        axial_stiffness=EA,
+        mass=2.0,
+        mobility="planar",
+        gravity=gravity,
+        name="table",
+    )
+
+
+def off(found: cdpr.Equilibrium, pose) -> float:
+    wanted = found.problem.robot.pose(pose)
+    return max(
+        np.linalg.norm(found.position - wanted.translation), (found.rotation * wanted.rotation.inv()).magnitude()
+    )
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_a_string_is_as_stiff_as_its_pretension_makes_it(road):
+    """Along it 2 (EA + p)/L, as k = EA/l0 with l0 = L EA/(EA + p); across it 2 p/L; the mass itself turns freely."""
+    for p in (1.0, 50.0, 700.0):
+        robot = string()
+        found = road(robot, (0, 0, 0), robot.rest_lengths((0, 0, 0), p))
+        assert found.tensions == pytest.approx(p, rel=PULL)
+        stiffest = 2 * (EA + p) / LENGTH
+        assert found.eigenvalues == pytest.approx([0, 2 * p / LENGTH, stiffest], abs=STIFF * stiffest)
+        assert found.stability is cdpr.Stability.NEUTRAL
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_a_string_pulled_along_goes_slack_at_twice_its_pretension(road):
+    """Up to F = 2 p it moves by F L/(2 (EA + p)); then one cable is slack and the other alone gives, twice as much."""
+    robot, p = string(), 100.0
+    lengths = robot.rest_lengths((0, 0, 0), p)
+    k = (EA + p) / LENGTH
+    for force, x, slack in ((199.0, 199 / (2 * k), 0), (201.0, (201 - p) / k, 1), (400.0, 300 / k, 1)):
+        found = road(robot, (0, 0, 0), lengths, external_wrench=[force, 0.0, 0, 0, 0, 0])
+        assert found.position[0] == pytest.approx(x, rel=1e-6)
+        assert found.slack.sum() == slack
+
+
+@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_a_planar_table_is_held_where_it_is_pretensioned(road, gravity):
+    """Away from the middle, turned; from where it is pushed to it comes back. Without pretension nothing holds it."""
+    robot, pose = table(gravity), (0.2, 0, 0.1, 0, 0.05, 0)
+    lengths = robot.rest_lengths(pose, 60.0)
+    found = road(robot, (0.25, 0, 0.05), lengths)
+    assert off(found, pose) < HELD
+    assert found.stable
+    assert cdpr.solve(robot, pose, lengths).tensions.mean() == pytest.approx(60, rel=0.25)
+    if gravity == 0:
+        loose = road(robot, pose)
+        assert loose.stability is cdpr.Stability.NEUTRAL
+        assert len(cdpr.neutral_directions(loose)) == 3
+
+
+@pytest.mark.parametrize("stiffening", [(0.0, 0.0), (40.0, 300.0)])
+@pytest.mark.parametrize("radius", [0.0, 0.05])
+def test_ipanema_is_held_with_any_tensions_that_balance(catalogue, stiffening, radius):
+    """Both roads come to the pose, and each cable has its tension: straight or over pulleys, linear or stiffening."""
+    axis = [(0, 0, 1)] * 4 + [(0, 0, -1)] * 4
+    robot = catalogue["ipanema-1"].replace(stiffening=stiffening, pulley_radius=radius, pulley_axis=axis)
+    pose, wrench = (0.2, -0.15, 1.1, 0.02, -0.03, 0.05), [20.0, 10.0, -50.0, 0.1, -0.1, 0.1]
+    at = robot.pose(pose)
+    chosen = cdpr.compensate(robot, pose, external_wrench=wrench, tensions=(50, 700), prefer="stiffest")
+    assert chosen.exact
+    near = chosen.tensions
+    lengths = robot.rest_lengths(pose, near, external_wrench=wrench)
+    for road in ROADS:
+        found = road(robot, at, lengths, external_wrench=wrench)
+        assert off(found, pose) < HELD
+        assert found.tensions == pytest.approx(near, rel=PULL)
+    # Negative control: cut for cables 1 % stiffer, they pull by some percent less or more.
+    wrong = robot.replace(axial_stiffness=1.01 * robot.axial_stiffness).rest_lengths(pose, near, external_wrench=wrench)
+    assert np.abs(cdpr.settle(robot, at, wrong, external_wrench=wrench).tensions / near - 1).max() > 1000 * PULL
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32 - 1), st.floats(150, 500))
+def test_tensions_nearest_to_a_pretension_balance_and_are_nearest(seed, p):
+    """They balance the load; and what they differ from p by is orthogonal to all that the cables do without effect."""
+    robot = cdpr.load_robot("ipanema-1")
+    pose = np.append(np.random.default_rng(seed).uniform([-0.3, -0.3, 0.8], [0.3, 0.3, 1.2]), [0, 0, 0])
+    found = cdpr.solve(robot, pose, robot.rest_lengths(pose, p))
+    W = forces.geometry(robot, pose[:3], np.eye(3)).wrench_matrix
+    assert np.abs(W @ found.tensions - np.array([0, 0, robot.weight, 0, 0, 0])).max() < 1e-6
+    null = np.linalg.svd(W)[2][6:]
+    assert np.abs(null @ (found.tensions - p)).max() < 1e-6
+
+
+def test_stiffness_is_affine_in_pretension(catalogue):
+    """At one pose all taut, K is affine in the tensions when rest lengths follow them: at thirds of the way as well."""
+    robot = catalogue["ipanema-1"]
+    matrices = []
+    for p in (100.0, 200.0, 400.0):
+        found = cdpr.solve(robot, robot.home, robot.rest_lengths(robot.home, p))
+        matrices.append(forces.at(found.problem, found.position, found.rotation.as_matrix()).stiffness_matrix)
+    low, middle, high = matrices
+    np.testing.assert_allclose(middle, low + (high - low) / 3, atol=1e-9 * high.max())
+
+
+def test_wrench_matrix_of_the_question_is_that_of_the_statics(catalogue):
+    """Over pulleys and straight; and minus the slope of the lengths, by differences."""
+    robot = catalogue["cogiro"].replace(pulley_radius=[0.01, 0] * 4, pulley_axis=(0, 0, 1))
+    at = robot.pose((0.3, 0.2, 0.1, 0.1, -0.2, 0.3))
+    position, rotation = at.translation, at.rotation.as_matrix()
+    matrix = cable_path.wrench_matrix(robot.cabling, position, rotation)
+    np.testing.assert_allclose(matrix, forces.geometry(robot, position, rotation).wrench_matrix, atol=1e-15)
+    step = 1e-6 * np.eye(3)
+    ends = [cable_path.lengths(robot.cabling, position + sign * step, rotation) for sign in (1, -1)]
+    np.testing.assert_allclose((ends[1] - ends[0]) / 2e-6, matrix[:3], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "tensions", "said"),
+    [
+        ({}, -1.0, "found -1 N, expected 0 or more"),
+        ({}, np.nan, "finite numbers"),
+        ({}, [1, 2, 3], r"expected shape \(8,\)"),
+        ({}, [60.0] * 8, "leave 245 N unbalanced at the pose"),
+        ({}, 50.0, "found -30.16 N in cable 5 where tensions nearest to 50 N balance"),
+        ({}, 700.0, "found 780.2 N in cable 1 .* expected 0 to 720 N"),
+        ({"force_min": 40}, 110.0, "found 29.84 N in cable 5 .* expected 40 to 720 N"),
+        ({"linear_density": 0.004}, 100.0, "it does not take their weight into account"),
+    ],
+)  # fmt: skip
+def test_tensions_that_cannot_be_are_refused_in_a_sentence(catalogue, change, tensions, said):
+    """Which field, what was found and what is expected; the robot stays what it was."""
+    robot = catalogue["ipanema-1"].replace(**change)
+    with pytest.raises(cdpr.InvalidInput, match=said):
+        robot.rest_lengths((0, 0, 1), tensions)
+
+
+def test_a_suspended_robot_cannot_be_pretensioned(catalogue):
+    """Nothing pulls it down; the hanging bar on two cables cannot even be balanced there."""
+    with pytest.raises(cdpr.InvalidInput, match="tensions: found -"):
+        catalogue["cogiro"].rest_lengths((0.3, 0.25, 0.1), 50.0)
+    with pytest.raises(cdpr.InvalidInput, match="tensions: found none near 5 N that balance the load"):
+        catalogue["two-cable"].rest_lengths((0.3, 0, 0.1), 5.0)
+    with pytest.raises(cdpr.InvalidInput, match="external_wrench: found one without tensions"):
+        catalogue["cogiro"].rest_lengths((0.3, 0.25, 0.1), external_wrench=np.zeros(6))
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_compensate_holds_a_robot_with_cables_from_below(catalogue, gravity):
+    """Within the limits that it is given, within its own without any; taut without gravity too."""
+    robot = catalogue["ipanema-1"].replace(gravity=gravity)
+    pose = (0.3, 0.2, 1.1)
+    for asked, low, high in (((150, 500), 150, 500), (None, 1e-2, 720)):
+        found = cdpr.compensate(robot, pose, tensions=asked)
+        assert found.exact
+        assert found.equilibrium.stable
+        assert found.tensions.min() >= low * (1 - 1e-9)
+        assert found.tensions.max() <= high
+        assert off(cdpr.settle(robot, (0.31, 0.2, 1.1), found.rest_lengths), pose) < 1e-7
+    own = cdpr.compensate(robot.replace(force_min=200.0), pose)
+    assert own.tensions.min() == pytest.approx(200, rel=1e-9)
+    both = dict(tensions=(150, 500), tension_limits=(150, 500))
+    with pytest.raises(cdpr.InvalidInput, match="tensions: found tension_limits beside it"):
+        cdpr.compensate(robot, pose, **both)
+
+
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_a_point_mass_is_held_in_three_directions_and_turns_freely_in_three(catalogue, gravity):
+    """Both roads: three zeros, three stiffnesses; its rotations are neutral, and said to be. Compensation holds it."""
+    with pytest.warns(cdpr.ImplausibleRobot, match="all anchors in one point"):
+        robot = cdpr.Robot(catalogue["ipanema-1"].exits, np.zeros((8, 3)), 2e5, 5.0, gravity=gravity,
+                           platform_size=(0.1, 0.1, 0.1), name="mass")  # fmt: skip
+    pose = (0.3, 0.2, 1.1)
+    lengths = cdpr.compensate(robot, pose, tensions=(50, 500)).rest_lengths
+    static, settled = cdpr.solve(robot, (0.2, 0.2, 1.0), lengths), cdpr.settle(robot, (0.2, 0.2, 1.0), lengths)
+    for found in (static, settled):
+        assert np.linalg.norm(found.position - pose) < HELD
+        assert found.stability is cdpr.Stability.NEUTRAL
+        assert np.abs(found.eigenvalues[:3]).max() < 1e-6
+        assert found.eigenvalues[3:].min() > 1e4
+        words = [twist_in_words(one, robot) for one in cdpr.neutral_directions(found)]
+        assert words == ["rotation about x", "rotation about y", "rotation about z"]
+    assert cdpr.compare(static, settled).agrees
+    # Hung by its cables from a point above its middle, it swings: only the vertical is left.
+    pendulum = robot.replace(center_of_mass=(0, 0, -0.1), gravity=9.81)
+    found = cdpr.solve(pendulum, pose, pendulum.rest_lengths(pose, 100.0))
+    assert [twist_in_words(one, robot) for one in cdpr.neutral_directions(found)] == ["rotation about z"]
+
+
+def test_what_is_held_is_not_called_neutral(catalogue):
+    """Of a stable platform nothing is; of one whose cables are all slack everything."""
+    robot = catalogue["ipanema-1"]
+    assert len(cdpr.neutral_directions(cdpr.solve(robot, robot.home))) == 0
+    floating = robot.replace(gravity=0.0)
+    assert len(cdpr.neutral_directions(cdpr.settle(floating, robot.home))) == 6
+
+
+def test_the_command_line_pretensions(tmp_path):
+    """`settle` and `solve` hold the pose: no sag, nothing slack; a pretension that cannot be is a sentence."""
+    run = CliRunner().invoke
+    result = run(app, ["settle", "ipanema-1", "--pretension", "200"])
+    assert result.exit_code == 0, result.output
+    assert "0 of 8" in result.stdout
+    assert "the two roads agree" in result.stdout
+    result = run(app, ["solve", "ipanema-1", "--pretension", "20"])
+    assert (result.exit_code, "tensions: found -60.16 N in cable 5" in " ".join(result.stderr.split())) == (2, True)
+
+
+def test_tensions_beyond_their_limits_and_free_directions_are_said(tmp_path):
+    """Below the table, in a line each."""
+    text = (
+        'name = "mass"\naxial_stiffness = 1e4\nforce_max = 5\n[platform]\nmass = 1\nsize = [0.1, 0.1, 0.1]\n'
+        "[[cables]]\nexit = [-1, 0, 2]\nanchor = [0, 0, 0]\nforce_max = 100\n"
+        "[[cables]]\nexit = [1, 0, 2]\nanchor = [0, 0, 0]\n[[cables]]\nexit = [0, 1, 2]\nanchor = [0, 0, 0]\n"
+    )
+    file = tmp_path / "mass.toml"
+    file.write_text(text)
+    result = CliRunner().invoke(app, ["solve", str(file), "--pose", "0", "0.1", "1"])
+    told = " ".join(result.stdout.split())
+    assert "Held by nothing: rotation about x; rotation about y; rotation about z." in told
+    assert "Cable 2 pulls" in told
+    assert "beyond its limits of 0 to 5 N." in told
+    assert "Cable 1 pulls" not in told
+
+
+def test_the_study_finds_what_single_solves_do(catalogue):
+    """Its pretensions, its slack thresholds, its wrong lengths; roads 1e-9 m apart at most."""
+    robot = catalogue["ipanema-1"]
+    study = pretension(points=5, every=2, errors=5)
+    least = study.stiffening.pretensions[0]
+    tensions = robot.weight / 8 * np.linalg.norm(robot.exits[0] - robot.anchors[0] - robot.home)
+    assert least == pytest.approx(tensions, abs=2e-3)  # by symmetry: up against down, along z
+    assert study.apart[0] < 1e-9
+    for push in study.pushes:
+        lengths = [robot.rest_lengths(robot.home, push.taut + more) for more in (-0.1, 0.1)]
+        slack = [cdpr.settle(robot, robot.home, one, external_wrench=push.wrench).slack.sum() for one in lengths]
+        assert slack[0] > 0 == slack[1]
+    wrong = study.wrong[0]
+    lengths = robot.rest_lengths(robot.home, 300.0)
+    lengths[0] *= 0.99
+    found = cdpr.solve(robot, robot.home, lengths)
+    assert wrong.tightest[0] == pytest.approx(found.tensions.max(), rel=1e-9)
+    assert wrong.shifts[0] == pytest.approx(np.linalg.norm(found.deviation), rel=1e-6)
+    assert taut_from(robot, np.zeros(6)) == pytest.approx(least_pretension(robot))
