@@ -77,3 +77,27 @@ def paper_line(robot: cdpr.Robot, points: int = 24) -> np.ndarray:
     """The paper's trajectories: x from 0.17 to 0.63 m at z = 0.1 and 0.2 m, midway in y, (2 points, 3) [m]."""
     y = 0.0 if robot.mobility == "planar" else 0.25
     return np.array([(x, y, z) for z in (0.1, 0.2) for x in np.linspace(0.17, 0.63, points)])
+
+
+def random_robot(seed: int, stiffest: float = 1e7) -> tuple[cdpr.Robot, np.ndarray, np.random.Generator]:
+    """3 to 10 cables from a box above, 1e3 N/m and more, 0.1 to 100 kg, 0.3 to 10 m; every fourth planar.
+
+    And a position, and the generator, to go on with.
+    """
+    random = np.random.default_rng(seed)
+    cables, size = int(random.integers(3, 11)), 10 ** random.uniform(-0.5, 1)
+    exits = np.c_[random.uniform(-size, size, (cables, 2)), random.uniform(0.8 * size, 1.2 * size, cables)]
+    anchors = random.normal(size=(cables, 3))
+    anchors *= (
+        size
+        * random.uniform(0.05, 0.25)
+        * random.uniform(0.3, 1, (cables, 1))
+        / np.linalg.norm(anchors, axis=1)[:, None]
+    )
+    position = size * random.uniform([-0.5, -0.5, -0.2], [0.5, 0.5, 0.4])
+    planar = seed % 4 == 0
+    if planar:
+        exits[:, 1] = anchors[:, 1] = position[1] = 0
+    robot = cdpr.Robot(exits, anchors, 1.0, 10 ** random.uniform(-1, 2), mobility="planar" if planar else "spatial")
+    stiffness = 10 ** random.uniform(3, np.log10(stiffest), cables if random.random() < 0.5 else 1)
+    return robot.replace(axial_stiffness=stiffness * np.ones(cables) * robot.rest_lengths(position)), position, random

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from problems import random_robot
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
@@ -10,6 +11,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.statics import derivatives, forces
+from cdpr_sim.statics.chain import gauss, rest_of_chains
 
 SOFT = 1e3
 """[N] EA with which DemoBot's cables strain by some per mille, so that laws and lengths show."""
@@ -297,3 +299,79 @@ cables = [
     file.write_text(text.replace("radius = 0.03", "radus = 0.03"))
     with pytest.raises(cdpr.RobotFileError, match="did you mean 'radius'"):
         cdpr.load_robot(file)
+
+
+# --- weight on both roads ------------------------------------------------------------------------------------------
+
+
+DEMOBOT = ("cogiro", "parallel", "planar-vertical", "planar-horizontal", "two-cable")
+
+
+def crane() -> cdpr.Robot:
+    """As large as CoGiRo: 15 m, 4 mm steel cables of 0.064 kg/m, a platform of 90 kg."""
+    small = cdpr.load_robot("cogiro")
+    return cdpr.Robot(18.75 * small.exits, 18.75 * small.anchors, 1e6, 90.0, linear_density=0.064, name="crane")
+
+
+@pytest.mark.parametrize("name", [*DEMOBOT, "crane"])
+def test_roads_agree_on_heavy_cables(name):
+    """12 poses each, slack cables among them: DemoBot with 0.5 g/m to 1e-8 m and 1e-7 rad, so the crane of 15 m."""
+    robot = crane() if name == "crane" else cdpr.load_robot(name).replace(linear_density=5e-4)
+    for position in np.random.default_rng(3).uniform(*robot.workspace, (12, 3)):
+        problem = cdpr.Problem.of(robot, position)
+        solved, settled = cdpr.solve(problem), cdpr.settle(problem)
+        assert np.linalg.norm(solved.position - settled.position) < 1e-8
+        assert (solved.rotation * settled.rotation.inv()).magnitude() < 1e-7
+        assert np.abs(solved.tensions - settled.tensions).max() < 1e-6
+        assert (solved.slack == settled.slack).all()
+
+
+def heavy_problem(seed: int) -> cdpr.Problem:
+    """One of the random robots of scripts/attack_real_cables.py that MuJoCo settles."""
+    robot, position, random = random_robot(seed, stiffest=1e6)
+    density = 10 ** random.uniform(-4, -1) * robot.mass / robot.rest_lengths(position).sum()
+    return cdpr.Problem.of(robot.replace(linear_density=density), position)
+
+
+def test_mujoco_rests_where_the_mathematics_of_the_same_chain_does():
+    """The second witness: six segments by quadrature, in a model that is handed in, to 1e-9 m. The catenary is off."""
+    problem = heavy_problem(201)
+    robot, solved = problem.robot, cdpr.solve(problem)
+    settled = cdpr.settle(problem, model=mujoco.MjModel.from_xml_string(cdpr.to_mjcf(problem)))
+    division, weights = gauss(6), problem.rest_lengths * robot.cable_weights
+    position, _, _ = rest_of_chains(
+        problem, np.outer(problem.rest_lengths, division.lengths), np.outer(weights, division.weights),
+        solved.position, solved.rotation.as_matrix(),
+    )  # fmt: skip
+    assert np.linalg.norm(settled.position - position) < 1e-9
+    assert np.linalg.norm(settled.position - solved.position) > 1e-6
+
+
+def test_one_percent_more_weight_in_mujoco_alone_is_noticed():
+    """Negative control: on the crane, whose cables weigh something, and on the same rest lengths."""
+    robot = crane()
+    problem = cdpr.Problem.of(robot, robot.home)
+    solved = cdpr.solve(problem)
+    assert cdpr.compare(solved, cdpr.settle(problem)).verdict is Verdict.AGREE
+    heavier = robot.replace(linear_density=1.01 * robot.cabling.linear_density)
+    xml = cdpr.to_mjcf(heavier, problem.pose, problem.rest_lengths)
+    broken = cdpr.settle(problem, model=mujoco.MjModel.from_xml_string(xml))
+    assert cdpr.compare(solved, broken).verdict is Verdict.DISAGREE
+
+
+@pytest.mark.parametrize(
+    ("seed", "why"),
+    [
+        (98, "one taut cable hardly holds it against turning"),
+        (155, "so does this one, and it starts radians away"),
+        (56, "a slack cable hangs folded, with no pull sideways"),
+        (201, "slack cables bend within a hundredth of their length"),
+        (247, "0.3 N/m hold it, and one cable is a third too long"),
+    ],
+)
+def test_robots_on_hard_heavy_cables_settle_where_statics_has_them(seed, why):
+    """Of 300 random ones (scripts/attack_real_cables.py) those that did not settle, or settled up to 0.1 mm off."""
+    problem = heavy_problem(seed)
+    found = cdpr.compare(cdpr.solve(problem), cdpr.settle(problem))
+    assert found.agrees, why
+    assert found.position_error < 3e-7

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from problems import random_robot
 from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -419,25 +420,9 @@ def test_heavy_and_massless_cables_pulleys_laws_and_a_wrench_on_one_robot():
 @pytest.mark.parametrize("seed", range(16, 36))
 def test_random_robots_settle_on_heavy_cables(seed):
     """Whatever the cables, size and mass, cables of 1e-4 to 1e-1 of the platform's weight: balance, and none beside."""
-    random = np.random.default_rng(seed)
-    cables, size = int(random.integers(3, 11)), 10 ** random.uniform(-0.5, 1)
-    exits = np.c_[random.uniform(-size, size, (cables, 2)), random.uniform(0.8 * size, 1.2 * size, cables)]
-    anchors = random.normal(size=(cables, 3))
-    anchors *= (
-        size
-        * random.uniform(0.05, 0.25)
-        * random.uniform(0.3, 1, (cables, 1))
-        / np.linalg.norm(anchors, axis=1)[:, None]
-    )
-    position = size * random.uniform([-0.5, -0.5, -0.2], [0.5, 0.5, 0.4])
-    planar = seed % 4 == 0
-    if planar:
-        exits[:, 1] = anchors[:, 1] = position[1] = 0
-    robot = Robot(exits, anchors, 1.0, 10 ** random.uniform(-1, 2), mobility="planar" if planar else "spatial")
-    stiffness = 10 ** random.uniform(3, 6, cables if random.random() < 0.5 else 1)
-    lengths = robot.rest_lengths(position)
-    density = 10 ** random.uniform(-4, -1) * robot.mass / lengths.sum()
-    robot = robot.replace(axial_stiffness=stiffness * np.ones(cables) * lengths, linear_density=density)
+    robot, position, random = random_robot(seed, stiffest=1e6)
+    density = 10 ** random.uniform(-4, -1) * robot.mass / robot.rest_lengths(position).sum()
+    robot = robot.replace(linear_density=density)
     rest = settle(robot, position)
     assert rest.residual < 1e-6 * robot.weight
     assert residual_of(rest.problem, rest.pose) < 1e-6 * robot.weight

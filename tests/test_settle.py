@@ -9,6 +9,7 @@ import os
 import mujoco
 import numpy as np
 import pytest
+from problems import random_robot
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.equilibrium import NotSettled, Stability
@@ -42,27 +43,6 @@ SEEDS = 100
 def random_poses(robot: Robot, rows: int, seed: int = 0) -> np.ndarray:
     """Positions anywhere in the workspace, (rows, 3)."""
     return np.random.default_rng(seed).uniform(robot.workspace[0], robot.workspace[1], (rows, 3))
-
-
-def random_robot(seed: int) -> tuple[Robot, np.ndarray]:
-    """3 to 10 cables from a box above, 1e3 to 1e7 N/m, 0.1 to 100 kg, 0.3 to 10 m; every fourth planar; and a pose."""
-    random = np.random.default_rng(seed)
-    cables, size = int(random.integers(3, 11)), 10 ** random.uniform(-0.5, 1)
-    exits = np.c_[random.uniform(-size, size, (cables, 2)), random.uniform(0.8 * size, 1.2 * size, cables)]
-    anchors = random.normal(size=(cables, 3))
-    anchors *= (
-        size
-        * random.uniform(0.05, 0.25)
-        * random.uniform(0.3, 1, (cables, 1))
-        / np.linalg.norm(anchors, axis=1)[:, None]
-    )
-    position = size * random.uniform([-0.5, -0.5, -0.2], [0.5, 0.5, 0.4])
-    planar = seed % 4 == 0
-    if planar:
-        exits[:, 1] = anchors[:, 1] = position[1] = 0
-    robot = Robot(exits, anchors, 1.0, 10 ** random.uniform(-1, 2), mobility="planar" if planar else "spatial")
-    stiffness = 10 ** random.uniform(3, 7, cables if random.random() < 0.5 else 1)
-    return robot.replace(axial_stiffness=stiffness * np.ones(cables) * robot.rest_lengths(position)), position
 
 
 def model_of(problem: Problem) -> mujoco.MjModel:
@@ -100,7 +80,7 @@ def test_the_papers_robots_settle_anywhere_in_their_workspace(name):
 def test_random_robots_settle_where_plain_mujoco_finds_balance():
     """Whatever the cables, size and mass: at rest an independent MjModel finds balance, and 1 mm above it does not."""
     for seed in range(SEEDS):
-        robot, position = random_robot(seed)
+        robot, position, _ = random_robot(seed)
         rest = settle(robot, position)
         assert unbalanced(rest.problem, rest.pose) < ACCEPTABLE * robot.weight, seed
         assert rest.stability is not Stability.UNSTABLE, seed

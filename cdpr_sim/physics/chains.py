@@ -6,6 +6,9 @@ between two of the quadrature's points; what is left beyond the last point is a 
 then pull as that quadrature integrates, which six segments do to some 1e-9 of the length. In chains of equal segments
 the error falls with the square of their number only.
 
+What bends sharply such a division misses by up to some 1e-4 of the length: a slack chain, once it hangs, is divided
+anew, finer where it bends.
+
 The masses are branches of the platform: each moves on three slide joints from the one that is nearer to the anchor, so
 that a coordinate is a segment's own extent, in the platform's frame, and only the first segment reaches the world.
 MuJoCo's implicit integrator knows damping, and not how a taut string resists being plucked. So damping stands for it:
@@ -20,10 +23,11 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.cable import Cabling
@@ -34,11 +38,23 @@ from cdpr_sim.physics.numbers import text
 SEGMENTS = 6
 """Of a chain."""
 
+SHARPEST = 0.02
+"""Of a chain's bends, as a part of its length, the sharpest for which it is divided: segments get no smaller then."""
+
+STRAIGHT = 2.0
+"""A chain that pulls sideways by so many of its weights is divided as straight ones are: they have it to 1e-9 m."""
+
 LEAST_INERTIA = 1e-14
 """[kg m²] Of a point mass: MuJoCo wants some, and nothing that moves along slides feels it."""
 
 LEAST_MASS = 1e-14
 """[kg] Of a point mass: ten times the least that MuJoCo takes."""
+
+LAYINGS, SHORTER = 60, 10
+"""Newton's steps at most when a chain is laid, and how often each is halved at most. A handful do."""
+
+CLOSED, LEAST_PULL = 1e-13, 1e-12
+"""What a chain that is laid may miss its exit by, as a part of its length; and the least pull [N] with a direction."""
 
 FAR = 1e4
 """Distance of a brake's other end, in rest lengths: from there, directions do not change."""
@@ -60,11 +76,46 @@ def refuse_weight(robot: Robot, doing: str) -> None:
         )
 
 
+class Division(NamedTuple):
+    """How chains are divided from exit to anchor: segments' lengths, and masses, the one at the anchor last.
+
+    As parts of the whole. What is missing of the masses would be at the exit.
+    """
+
+    lengths: Float[np.ndarray, "#chains segments"]
+    masses: Float[np.ndarray, "#chains points"]
+
+
 @cache
-def fractions() -> tuple[Float[np.ndarray, " segments"], Float[np.ndarray, " points"]]:
-    """Of a chain from exit to anchor: each segment's part of the length; each mass's, the one at the anchor last."""
+def straight() -> Division:
+    """By the quadrature along the cable."""
+    points, weights = _quadrature()
+    return Division(weights[None] / 2, np.diff((points + 1) / 2, append=1.0)[None])
+
+
+def divisions(level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " chains"]) -> Division:
+    """Of chains that bend: by the quadrature along u, with level + bend sinh(u) as the place along the cable.
+
+    So they are divided more finely where they turn. Those that hardly do are divided as straight ones.
+
+    Args:
+        level: where each would lie level, from the exit, as a part of its length.
+        bend: from there on to where it slants by 45 degrees.
+    """
+    points, weights = _quadrature()
+    level, bend = level[:, None], np.maximum(bend, SHARPEST)[:, None]
+    first, last = np.arcsinh(-level / bend), np.arcsinh((1 - level) / bend)
+    u = (first + last + (last - first) * points) / 2
+    lengths = weights * np.cosh(u)
+    bent = Division(lengths / lengths.sum(1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
+    return Division(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(), strict=True)))
+
+
+@cache
+def _quadrature() -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
+    """Points from -1 to 1, and weights."""
     points, weights = np.polynomial.legendre.leggauss(SEGMENTS)
-    return weights / 2, np.diff((points + 1) / 2, append=1.0)
+    return points, weights
 
 
 def shape(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_length: float) -> Float[np.ndarray, "n 3"]:
@@ -72,7 +123,7 @@ def shape(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_lengt
 
     About as long as the cable; a guess, of which MuJoCo makes the shape.
     """
-    parts, _ = fractions()
+    (parts,) = straight().lengths
     s = np.append(0.0, np.cumsum(parts))
     chord = np.linalg.norm(end - start)
     sag = np.sqrt(3 / 8 * max(rest_length - chord, 0.0) * max(chord, SHALLOWEST * rest_length))
@@ -107,7 +158,7 @@ def add_chains(
         InvalidInput: a cable that is too light.
     """
     cabling = robot.cabling
-    lengths, parts = fractions()
+    (lengths,), (parts,) = straight()
     coordinates = extents(robot, pose, rest_lengths)
     for cable, extent in zip(np.flatnonzero(cabling.linear_density), coordinates, strict=True):
         i, length = cable + 1, rest_lengths[cable]
@@ -146,7 +197,7 @@ def add_segments(tendons: ET.Element, robot: Robot, cable: int, rest_length: flo
     Their damping is for the time step ``step`` [s] of a model that is just stepped. It resists slack segments as well,
     which slows them down and moves no rest.
     """
-    parts, _ = fractions()
+    (parts,) = straight().lengths
     i = cable + 1
     sites = [f"exit_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS)), f"anchor_{i}"]
     for k in range(1, SEGMENTS + 1):
@@ -232,15 +283,61 @@ class Chains:
         cabling: Cabling,
         axial_stiffness: Float[np.ndarray, " cables"],
         rest_lengths: Float[np.ndarray, " cables"],
+        division: Division,
     ) -> None:
-        """Set a model's heavy cables to these rest lengths: springs and masses. ``mj_setConst`` has to follow."""
-        parts, shares = fractions()
+        """Set a model's heavy cables to these rest lengths, divided so: springs and masses. ``mj_setConst`` follows."""
         lengths = rest_lengths[self.cables, None]
-        model.tendon_lengthspring[self.segments, 1] = parts * lengths
-        model.tendon_stiffness[self.segments] = axial_stiffness[self.cables, None] / (parts * lengths)
-        masses = cabling.linear_density[self.cables, None] * lengths * shares
+        model.tendon_lengthspring[self.segments, 1] = division.lengths * lengths
+        model.tendon_stiffness[self.segments] = axial_stiffness[self.cables, None] / (division.lengths * lengths)
+        masses = cabling.linear_density[self.cables, None] * lengths * division.masses
         model.body_mass[self.nodes] = masses[:, -2::-1]
         model.body_mass[self.ends] = masses[:, -1]
+
+    def hung(
+        self, model: mujoco.MjModel, pulls: Float[np.ndarray, "chains 3"], spans: Float[np.ndarray, "chains 3"]
+    ) -> tuple[Float[np.ndarray, "chains nodes 3"], Bool[np.ndarray, " chains"]]:
+        """Extents from anchor to first mass, base frame, of chains that hang, and whether they span what they have to.
+
+        Each segment lies along its own pull, which grows inwards by the weights of the masses, and is stretched by it;
+        Newton's method finds the pulls on the anchors with which they span what they have to. That is where the masses
+        are put, and no more: whether they are at rest there is for MuJoCo to say.
+
+        Args:
+            model: with springs and masses.
+            pulls: on the anchors, about [N].
+            spans: from anchors to exits [m].
+        """
+        masses = np.concatenate([model.body_mass[self.ends, None], model.body_mass[self.nodes]], axis=1)
+        hanging = -masses.cumsum(1)[..., None] * model.opt.gravity
+        rest = model.tendon_lengthspring[self.segments[:, ::-1], 1][..., None]
+        give = 1 / model.tendon_stiffness[self.segments[:, ::-1]][..., None]
+
+        def laid(pulls: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            each = pulls[:, None] + hanging
+            size = np.maximum(np.linalg.norm(each, axis=2, keepdims=True), LEAST_PULL)
+            along = each / size
+            segments = (rest + give * size) * along
+            turning = rest / size
+            slope = ((give + turning).sum(1)[..., None]) * np.eye(3) - np.einsum(
+                "ns,nsi,nsj->nij", turning[..., 0], along, along
+            )
+            return segments, spans - segments.sum(1), slope
+
+        segments, off, slope = laid(pulls)
+        found = np.zeros(len(pulls), dtype=bool)
+        for _ in range(LAYINGS):
+            found = np.linalg.norm(off, axis=1) <= CLOSED * rest.sum(1)[:, 0]
+            step = np.linalg.solve(slope, off[..., None])[..., 0]
+            for _ in range(SHORTER):
+                worse = np.linalg.norm(laid(pulls + step)[1], axis=1) > np.linalg.norm(off, axis=1)
+                if found.all() or not worse.any():
+                    break
+                step[worse] *= 0.5
+            pulls = pulls + step
+            segments, off, slope = laid(pulls)
+            if found.all():
+                break
+        return segments[:, :-1], found
 
 
 def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass: float) -> ET.Element:

@@ -3,7 +3,8 @@
 What ``batch`` and ``relaxation`` are for massless cables. Those would shake a chain (``chains``), whose masses are
 light and whose springs are stiff. Here each step is implicit in all that is stiff: a spring acts as it will at the
 step's end, since a taut tendon is damped by as much as its spring gains in the step; and so does a taut string that is
-plucked. The platform takes steps as long as its slowest swing allows, and with taut cables it rests after twenty.
+plucked. The platform takes steps as long as its slowest swing allows. Near rest they become longer than any swing:
+implicit in the whole stiffness, as MuJoCo shows it when everything is displaced a little.
 
 A slack chain is a row of nearly rigid links, which a step cannot but stretch. While its shape is still wrong it is
 therefore let stretch by a hundredth under its own weight; then it stiffens from step to step, up to what it is.
@@ -16,11 +17,12 @@ from __future__ import annotations
 import copy
 import functools
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.problem import Problems
@@ -28,7 +30,7 @@ from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.physics import cables, pulleys
 from cdpr_sim.physics.batch import HELD, quiet, refuse_own_masses
-from cdpr_sim.physics.chains import Chains, plucked
+from cdpr_sim.physics.chains import STRAIGHT, Chains, divisions, plucked, straight
 from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.relaxation import ACCEPTABLE, ALONG, NUDGES, RESIDUAL, ROUNDING, SPEED
 
@@ -72,6 +74,15 @@ CALM = 0.05
 GENTLE, LEAST_PULL = 0.1, 1e-3
 """With less than this fraction of a chain's weight unbalanced, each segment resists being plucked by its own tension,
 though by no less than this fraction of the chain's largest; before, all resist by the largest."""
+
+CLOSE = 0.01
+"""Of the load, and of each chain's weight, what is left unbalanced where a platform begins to ``approach`` its rest."""
+
+APPROACHES, SHORTER = 400, 20
+"""Its steps at most, of which a handful do; and how often one is halved at most."""
+
+TRUSTED, CLOSER, TURN = 0.1, 0.5, 0.2
+"""What a step may leave unbalanced, of the load or of what was; and by how much it may turn the platform [rad]."""
 
 DIFFERENCE = 1e-7
 """Displacement for differencing forces, as a fraction of the mean cable length: smaller than in ``batch``, since
@@ -127,15 +138,15 @@ class Hanging:
         self.single = np.array([self._id(mujoco.mjtObj.mjOBJ_TENDON, f"cable_{i + 1}") for i in self.massless], int)
         self.swivels = pulleys.Swivels.of(self.model, cabling)
         self.entries = pulleys.entries(cabling)
-        if model is None:
-            self._let_out(axial_stiffness)
+        self.axial_stiffness, self.given = axial_stiffness, model is not None
+        if not self.given:
+            self._let_out()
         self.free, self.length, self.held = len(robot.free), robot.characteristic_length, False
         self.angular = slice(3, 6) if self.free == 6 else slice(2, 3)
         self.inertia = np.concatenate([np.full(3, robot.mass), np.diag(robot.inertia)])[robot.free]
         self.model.dof_armature[self.angular] = TURNING * self.inertia[self.angular]
         self.model.dof_armature[self.swivels.dofs] = HELD * robot.mass * self.length**2
-        mujoco.mj_setConst(self.model, self.data)
-        self.springs = self.model.tendon_stiffness.copy()
+        self._compile()
         self.tendons = np.concatenate([self.chains.segments.ravel(), self.single])
         self.platform = self._id(mujoco.mjtObj.mjOBJ_BODY, "platform")
         self.load = (
@@ -159,13 +170,19 @@ class Hanging:
     def _id(self, kind: mujoco.mjtObj, name: str) -> int:
         return mujoco.mj_name2id(self.model, kind.value, name)
 
-    def _let_out(self, axial_stiffness: Float[np.ndarray, " cables"]) -> None:
-        model, cabling, rest = self.model, self.robot.cabling, self.rest_lengths
-        self.chains.let_out(model, cabling, axial_stiffness, rest)
+    def _let_out(self) -> None:
+        model, cabling, rest, axial_stiffness = self.model, self.robot.cabling, self.rest_lengths, self.axial_stiffness
+        self.chains.let_out(model, cabling, axial_stiffness, rest, straight())
         model.tendon_lengthspring[self.single, 1] = (rest + self.entries)[self.massless]
         model.tendon_stiffness[self.single] = cables.springs(axial_stiffness, rest)[self.massless]
         further = cables.polynomials(axial_stiffness, cabling.stiffening, rest)
         model.tendon_stiffnesspoly[self.single] = further[self.massless]
+
+    def _compile(self) -> None:
+        """What follows from springs and masses."""
+        mujoco.mj_setConst(self.model, self.data)
+        self.springs = self.model.tendon_stiffness.copy()
+        self.reset()
 
     @property
     def pose(self) -> RigidTransform:
@@ -224,37 +241,61 @@ class Hanging:
         if len(self.swivels):
             pulleys.toward_anchors(self.model, self.data, self.robot)
 
+    def divide_at_bends(self) -> bool:
+        """Move the masses of chains that bend to where they do; whether there are any.
+
+        Where it does, MuJoCo's pull on the anchor says: its horizontal part is the same all along the chain, and its
+        vertical part over the weight per length is how far it is to where the chain lies level.
+        """
+        model, data, chains = self.model, self.data, self.chains
+        weights = (self.robot.cabling.linear_density * self.robot.gravity * self.rest_lengths)[chains.cables, None]
+        pulls = self.anchor_pulls() / weights
+        bends = np.hypot(pulls[:, 0], pulls[:, 1])
+        if self.given or not (bends < STRAIGHT).any():
+            return False
+        qpos = data.qpos.copy()
+        for _ in range(2):
+            division = divisions(1 + pulls[:, 2], bends)
+            chains.let_out(model, self.robot.cabling, self.axial_stiffness, self.rest_lengths, division)
+            self._compile()
+            data.qpos[:] = qpos
+            bends[~self.lay(pulls * weights)] = STRAIGHT  # one that hangs folded stays as it is
+        return True
+
+    def anchor_pulls(self) -> Float[np.ndarray, "chains 3"]:
+        """What each chain pulls the platform by [N], base frame: its last segment, and the weight of the mass there."""
+        with self._only(self.chains.segments[:, -1]):
+            pulled = self.data.qfrc_spring[self.chains.dofs[:, 0]] @ self.data.xmat[self.platform].reshape(3, 3).T
+        return self.model.body_mass[self.chains.ends, None] * self.model.opt.gravity - pulled
+
     def tensions(self) -> Float[np.ndarray, " cables"]:
         """Of each cable [N], with the springs that there are; of a heavy one at the platform's end.
 
-        MuJoCo's spring forces with only the segments at the anchors switched on: what they pull the masses next to
-        the anchors by, and the weight of the masses at the anchors. Of a massless cable, its own spring's, along it.
+        Of a massless cable, its own spring's force, along it.
         """
         model, data = self.model, self.data
-        springs, polynomials = model.tendon_stiffness.copy(), model.tendon_stiffnesspoly.copy()
         tensions = np.empty(self.robot.cables)
-
-        def only(tendons: np.ndarray | np.integer) -> None:
-            model.tendon_stiffness[:] = model.tendon_stiffnesspoly[:] = 0
-            model.tendon_stiffness[tendons] = springs[tendons]
-            model.tendon_stiffnesspoly[tendons] = polynomials[tendons]
-            mujoco.mj_fwdPosition(model, data)
-            mujoco.mj_fwdVelocity(model, data)
-
-        only(self.chains.segments[:, -1])
-        pulled = data.qfrc_spring[self.chains.dofs[:, 0]] @ data.xmat[self.platform].reshape(3, 3).T
-        hanging = model.body_mass[self.chains.ends, None] * model.opt.gravity
-        tensions[self.chains.cables] = np.linalg.norm(hanging - pulled, axis=1)
+        tensions[self.chains.cables] = np.linalg.norm(self.anchor_pulls(), axis=1)
         for cable, tendon in zip(self.massless, self.single, strict=True):
-            only(tendon)
             first, entries = model.ten_J_rowadr[tendon], model.ten_J_rownnz[tendon]
-            row, force = (
-                data.ten_J[first : first + entries],
-                data.qfrc_spring[model.ten_J_colind[first : first + entries]],
-            )
-            tensions[cable] = -(row @ force) / max(row @ row, np.finfo(float).tiny) + 0.0
-        model.tendon_stiffness[:], model.tendon_stiffnesspoly[:] = springs, polynomials
+            with self._only(tendon):
+                row = data.ten_J[first : first + entries]
+                force = data.qfrc_spring[model.ten_J_colind[first : first + entries]]
+                tensions[cable] = -(row @ force) / max(row @ row, np.finfo(float).tiny) + 0.0
         return tensions
+
+    @contextmanager
+    def _only(self, tendons: np.ndarray | np.integer) -> Iterator[None]:
+        """MuJoCo's forces with no other springs than these, within the block."""
+        model, data = self.model, self.data
+        springs, polynomials = model.tendon_stiffness.copy(), model.tendon_stiffnesspoly.copy()
+        model.tendon_stiffness[:] = model.tendon_stiffnesspoly[:] = 0
+        model.tendon_stiffness[tendons] = springs[tendons]
+        model.tendon_stiffnesspoly[tendons] = polynomials[tendons]
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        yield
+        model.tendon_stiffness[:], model.tendon_stiffnesspoly[:] = springs, polynomials
 
     def read(self) -> Reading:
         """The present state at zero velocity and with the true springs."""
@@ -270,11 +311,109 @@ class Hanging:
         points = self.data.ten_wrapnum[self.single[np.isin(self.massless, self.swivels.cables)]]
         return bool(self.swivels.off_wheel(self.data.xpos, self.data.xmat, self.data.site_xpos, points).any())
 
+    def approach(self, target: float) -> bool:
+        """Move on to rest in time steps that are implicit in MuJoCo's own stiffness; whether that leads there.
+
+        Such steps may be as long as one likes, and are Newton's then, where damping alone would let a softly held
+        platform creep for ever. The chains are laid anew after each, and it is shortened while that leaves too much
+        unbalanced. Where this does not lead to rest, all is left as it was.
+        """
+        data = self.data
+        before, turn, last = (data.qpos.copy(), data.qvel.copy()), TURN, np.zeros_like(data.qvel[self.angular])
+        for _ in range(APPROACHES):
+            residual = self.residual()
+            if residual <= target:
+                return True
+            step = self._implicit_step()
+            if step is None:
+                break
+            back = step[self.angular] @ last < 0
+            turn, last = turn / 2 if back else turn, step[self.angular]
+            step = step / max(1.0, float(np.abs(last).max()) / turn)
+            start, pulls = data.qpos.copy(), self.anchor_pulls()
+            for shortened in range(SHORTER):
+                data.qpos[:] = start
+                mujoco.mj_integratePos(self.model, data.qpos, 0.5**shortened * step, 1)
+                if self.residual() <= CLOSER * residual:
+                    break
+                self.lay(pulls)
+                if self.residual() <= max(TRUSTED * self.load, CLOSER * residual):
+                    break
+        data.qpos[:], data.qvel[:] = before
+        return False
+
+    def lay(self, pulls: Float[np.ndarray, "chains 3"]) -> Bool[np.ndarray, " chains"]:
+        """Lay chains where they would hang between exit and anchor, as they pull about so on the platform [N].
+
+        Those for which that is found; which they are.
+        """
+        model, data, chains = self.model, self.data, self.chains
+        mujoco.mj_kinematics(model, data)
+        spans = self.spans()
+        extents, found = chains.hung(model, pulls, spans)
+        data.qpos[chains.coordinates[found]] = extents[found] @ data.xmat[self.platform].reshape(3, 3)
+        return found
+
+    def spans(self) -> Float[np.ndarray, "chains 3"]:
+        """From anchors to exits [m], as of MuJoCo's last call."""
+        return self.robot.exits[self.chains.cables] - self.data.xpos[self.chains.ends]
+
+    def _implicit_step(self) -> Float[np.ndarray, " dofs"] | None:
+        """To where forces would balance if they went on as they change here; None where they are not known.
+
+        Along directions in which they repel the platform it goes as far the other way, which is away from a saddle.
+        """
+        direct, across, within = self._slopes()
+        if not (np.isfinite(direct).all() and np.isfinite(within).all()):
+            return None
+        platform, slides = self.forces()
+        loose = np.linalg.pinv(within)
+        alone, follow = np.einsum("nij,nj->ni", loose, slides), loose @ across
+        x = np.zeros(self.free)
+        if not self.held:
+            stiffness = direct - (np.swapaxes(across, 1, 2) @ follow).sum(0)
+            values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+            if values[0] <= 0:
+                stiffness = (vectors * np.maximum(np.abs(values), NEUTRAL * values[-1])) @ vectors.T
+            x = np.linalg.solve(stiffness, platform - np.einsum("nif,ni->f", across, alone))
+        step = self._move(x)
+        step[self.chains.dofs.reshape(alone.shape)] = alone - follow @ x
+        return step
+
+    def _move(self, x: Float[np.ndarray, " free"]) -> Float[np.ndarray, " dofs"]:
+        """The platform's translation and rotation, base frame [m], in MuJoCo's degrees of freedom."""
+        move = np.zeros(self.model.nv)
+        move[: self.free] = x
+        move[self.angular] /= self.length
+        if self.free == 6:
+            move[3:6] = self.data.xmat[self.platform].reshape(3, 3).T @ move[3:6]
+        return move
+
     def _stiffness(self) -> tuple[Float[np.ndarray, " free"], Float[np.ndarray, " free"]]:
         """Eigenvalues [N/m], ascending, of how the force on the platform gives way; and the softest direction.
 
-        Central differences as in ``batch``, with the masses' degrees of freedom condensed out: those of one chain do
-        not feel another's, so that all chains are displaced together.
+        With the masses' degrees of freedom condensed out.
+        """
+        direct, across, within = self._slopes()
+        if not (np.isfinite(direct).all() and np.isfinite(within).all()):
+            return np.full(self.free, np.nan), np.full(self.free, np.nan)
+        stiffness = direct - sum(
+            a.T @ np.linalg.lstsq((k + k.T) / 2, a, rcond=None)[0] for a, k in zip(across, within, strict=True)
+        )
+        values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+        return values, vectors[:, 0]
+
+    def _slopes(
+        self,
+    ) -> tuple[
+        Float[np.ndarray, "free free"],
+        Float[np.ndarray, "chains slides free"],
+        Float[np.ndarray, "chains slides slides"],
+    ]:
+        """How forces fall: on the platform as it moves; on the slides, then; on the slides as they move.
+
+        Central differences as in ``batch``. The slides of one chain do not feel another's, so that all chains are
+        displaced together.
         """
         model, data = self.model, self.data
         band, springs, polynomials = (
@@ -283,7 +422,7 @@ class Hanging:
         taut = self.data.ten_length > band[:, 1]
         model.tendon_lengthspring[:] = np.where(taut, band[:, 1], band[:, 0])[:, None]
         model.tendon_stiffness[~taut] = model.tendon_stiffnesspoly[~taut] = 0
-        rest, rotation = data.qpos.copy(), data.xmat[self.platform].reshape(3, 3).copy()
+        rest = data.qpos.copy()
         step = DIFFERENCE * float(self.rest_lengths.mean())
         slides = self.chains.dofs.reshape(len(self.chains.dofs), -1)
 
@@ -300,12 +439,8 @@ class Hanging:
         direct = np.empty((self.free, self.free))
         across = np.empty((*slides.shape, self.free))
         within = np.empty((*slides.shape, slides.shape[1]))
-        for j in range(self.free):
-            move = np.zeros(model.nv)
-            move[j] = step
-            move[self.angular] /= self.length
-            if self.free == 6:
-                move[3:6] = rotation.T @ move[3:6]
+        moves = [self._move(step * axis) for axis in np.eye(self.free)]
+        for j, move in enumerate(moves):
             direct[:, j], across[:, :, j] = change(move)
         for j in range(slides.shape[1]):
             move = np.zeros(model.nv)
@@ -314,14 +449,8 @@ class Hanging:
         data.qpos[:] = rest
         model.tendon_lengthspring[:], model.tendon_stiffness[:] = band, springs
         model.tendon_stiffnesspoly[:] = polynomials
-        known = np.isfinite(direct).all() and np.isfinite(within).all()
-        if not known:
-            return np.full(self.free, np.nan), np.full(self.free, np.nan)
-        stiffness = direct - sum(
-            a.T @ np.linalg.lstsq((k + k.T) / 2, a, rcond=None)[0] for a, k in zip(across, within, strict=True)
-        )
-        values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
-        return values, vectors[:, 0]
+        mujoco.mj_forward(model, data)
+        return direct, across, within
 
 
 class HangingRelaxation:
@@ -350,6 +479,24 @@ class HangingRelaxation:
         self.film = mujoco.MjData(model)
         self.steps, self.time, self.status = 0, 0.0, Status.ITERATION_LIMIT
 
+    def again(self, longest: float) -> HangingRelaxation:
+        """Another, from where the platform is now, in steps as long as that; time goes on."""
+        other = HangingRelaxation(self.hanging, self.frames, longest)
+        other.steps, other.time = self.steps, self.time
+        return other
+
+    def divide_at_bends(self) -> HangingRelaxation:
+        """Come to rest with the chains divided where they bend: this relaxation, or one that has gone on."""
+        if self.status is not Status.CONVERGED or not self.hanging.divide_at_bends():
+            return self
+        other = self.again(self.longest)
+        other.softness[:] = STIFF  # their shape is right already
+        if other._approach():
+            other.status = Status.CONVERGED
+        else:
+            other.run()
+        return other
+
     def run(self) -> None:
         """Move until the platform has come to rest or will not."""
         hanging, data = self.hanging, self.hanging.data
@@ -357,7 +504,7 @@ class HangingRelaxation:
         self.velocity = np.zeros(hanging.free)
         self.pulls = np.zeros(len(self.slack))
         self._damp()
-        best, patience, good, limit = np.inf, 0, data.qpos.copy(), self.steps + STEPS
+        best, patience, good, limit, close = np.inf, 0, data.qpos.copy(), self.steps + STEPS, CLOSE
         self.status = Status.ITERATION_LIMIT
         while self.steps < limit:
             for _ in range(LOOK):
@@ -373,9 +520,11 @@ class HangingRelaxation:
             residual = hanging.unbalanced()
             self.calm = residual < CALM * hanging.load
             self.gentle = self.true and residual < GENTLE * self.weights.max()
-            if self.true and residual <= self.target and self._at_rest():
+            apart = self._apart() if self.true else np.inf
+            if (residual <= self.target and self.true and self._at_rest()) or (apart <= close and self._approach()):
                 self.status = Status.CONVERGED
                 break
+            close = min(close, 0.1 * apart) if apart <= close else close
             better, slow = residual < BETTER * best, self._slow()
             best, patience = (residual, 0) if better or slow else (best, patience + 1)
             if better:
@@ -391,6 +540,25 @@ class HangingRelaxation:
             self._damp()
         if self.status is not Status.CONVERGED:
             data.qpos[:] = good
+
+    def approach_from_afar(self) -> bool:
+        """Whether the platform's ``approach`` leads to rest from here, with chains laid that pull by their weight."""
+        hanging = self.hanging
+        hanging.residual()
+        spans = hanging.spans()
+        hanging.lay(self.weights[:, None] * spans / np.linalg.norm(spans, axis=1, keepdims=True))
+        if self._approach():
+            self.status = Status.CONVERGED
+        return self.status is Status.CONVERGED
+
+    def _approach(self) -> bool:
+        """Whether the platform's ``approach`` leads to rest, which then is the motion's next state."""
+        rests = self.hanging.approach(self.target)
+        if rests:
+            self.steps, self.time = self.steps + 1, self.time + self.longest / self.swing
+            if self.frames is not None:
+                self._film(self.frames)
+        return rests
 
     def _damp(self) -> None:
         """The platform, by the present ratio."""
@@ -504,6 +672,12 @@ class HangingRelaxation:
         data.qvel[:] = velocity
         return False
 
+    def _apart(self) -> float:
+        """From rest: unbalanced forces, of the load and of each chain's weight."""
+        platform, slides = self.hanging.forces()
+        apart = (np.abs(slides) / self.weights[:, None]).max()
+        return float(apart if self.hanging.held else max(apart, np.abs(platform).max() / self.hanging.load))
+
 
 @functools.lru_cache(maxsize=16)
 def _model_of(robot: Robot) -> mujoco.MjModel:
@@ -549,16 +723,17 @@ def released(
 
 
 def _relaxed(hanging: Hanging, start: RigidTransform, frames: Frames | None) -> HangingRelaxation:
-    """In long steps, or else in shorter ones."""
+    """In long steps, or else by approach from the start, or else in shorter ones; then divided where chains bend."""
     relaxation = HangingRelaxation(hanging, frames, STEPS_AT_MOST[0])
     relaxation.run()
-    if relaxation.status is Status.CONVERGED:
-        return relaxation
-    hanging.let_go(start)
-    again = HangingRelaxation(hanging, frames, STEPS_AT_MOST[1])
-    again.steps, again.time = relaxation.steps, relaxation.time
-    again.run()
-    return again
+    if relaxation.status is not Status.CONVERGED:
+        hanging.let_go(start)
+        if relaxation.approach_from_afar():
+            return relaxation.divide_at_bends()
+        hanging.let_go(start)
+        relaxation = relaxation.again(STEPS_AT_MOST[1])
+        relaxation.run()
+    return relaxation.divide_at_bends()
 
 
 def unbalanced(
@@ -570,7 +745,7 @@ def unbalanced(
         hanging.hold()
         relaxation = HangingRelaxation(hanging)
         relaxation.run()
-        rested = relaxation.status is Status.CONVERGED
+        rested = relaxation.divide_at_bends().status is Status.CONVERGED
         hanging.held = False
         found.append(hanging.unbalanced() if rested else np.nan)
     return np.array(found)

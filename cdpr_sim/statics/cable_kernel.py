@@ -112,18 +112,15 @@ def unpack(table, rest_lengths):
 @inline
 def unpack_bent(table, rest_lengths):
     """The same of bent cables."""
-    m = len(rest_lengths)
-    A, B, l0, k = np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m)
+    m, plain = len(rest_lengths), unpack(table, rest_lengths)
     EA, a2, a3, radius, axis = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty((m, 3))
     for i in range(m):
         for a in range(3):
-            A[i, a], B[i, a], axis[i, a] = table[i, EXIT + a], table[i, ANCHOR + a], table[i, AXIS + a]
-        l0[i] = rest_lengths[i]
-        k[i] = table[i, STIFFNESS] / l0[i]
+            axis[i, a] = table[i, AXIS + a]
         EA[i] = table[i, STIFFNESS]
         a2[i], a3[i] = table[i, STIFFENING], table[i, STIFFENING + 1]
         radius[i] = table[i, RADIUS]
-    return BentCables(A, B, l0, k, EA, a2, a3, radius, axis)
+    return BentCables(plain.A, plain.B, plain.l0, plain.k, EA, a2, a3, radius, axis)
 
 
 def _new_plain_state(cables):
