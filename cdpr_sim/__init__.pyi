@@ -1,3 +1,5 @@
+from .analysis.clearance import Clearances as Clearances
+from .analysis.clearance import clearances as clearances
 from .analysis.compensation import Compensation as Compensation
 from .analysis.compensation import Reach as Reach
 from .analysis.compensation import compensate as compensate
@@ -62,6 +64,13 @@ from .crosscheck.compare import Verdict as Verdict
 from .crosscheck.compare import compare as compare
 from .crosscheck.hold import Hold as Hold
 from .crosscheck.hold import confirm as confirm
+from .crosscheck.layout import Proof as Proof
+from .crosscheck.layout import prove_layout as prove_layout
+from .design.front import Front as Front
+from .design.front import find_front as find_front
+from .design.layout import Layout as Layout
+from .design.moves import Move as Move
+from .design.search import find_layout as find_layout
 from .drawing.still import draw as draw
 from .drawing.video.film import show as show
 from .drawing.video.film import write_video as write_video

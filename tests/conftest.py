@@ -11,7 +11,8 @@ DOORS = {
     "core.cable", "core.checks", "core.controller", "core.limits", "core.pose", "core.problem", "core.robot",
     "robots.catalogue", "robots.importing", "robots.importers.draft", "statics.solve", "statics.two_cable",
     "analysis.compensation", "analysis.workspace.feasibility", "analysis.workspace.grids", "analysis.workspace.hull",
-    "analysis.workspace.sweep", "drawing.video.film", "physics.track",
+    "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.layouts", "design.moves", "design.search",
+    "drawing.video.film", "physics.track",
 }  # fmt: skip
 """Where what users give is checked, with messages of its own."""
 

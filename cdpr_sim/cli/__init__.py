@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from cdpr_sim.cli import answers, pictures, rest, robots, workspace
+from cdpr_sim.cli import answers, design, pictures, rest, robots, workspace
 from cdpr_sim.cli.commands import Command, Commands
 from cdpr_sim.cli.terminal import STATUSES, plain_letters_where_needed
 
@@ -25,6 +25,9 @@ COMMANDS = {
     "sensitivity": answers.sensitivity,
     "equilibria": answers.equilibria,
     "identify": answers.identify,
+    "design": design.design,
+    "front": design.front,
+    "clearances": design.clearances,
     "robots": robots.robots,
     "new": robots.new,
     "schema": robots.schema,

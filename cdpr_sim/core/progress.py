@@ -19,3 +19,15 @@ def bar(what: str, total: float, *, show: bool = True) -> Iterator[Callable[[flo
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
         task = shown.add_task(what, total=total)
         yield lambda amount: shown.advance(task, amount)
+
+
+@contextmanager
+def saying(show: bool = True) -> Iterator[Callable[[str], None]]:
+    """A line on standard error that changes, and the function that changes it; nothing where nobody looks."""
+    if not show:
+        yield lambda words: None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("") as status:
+        yield lambda words: status.update(words)

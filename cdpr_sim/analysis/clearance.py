@@ -1,0 +1,289 @@
+"""How near cables come to one another, to the platform and to the frame, where they rest.
+
+Taut cables are straight; those that are slack or weigh something hang in the curve that ``cable_shapes`` gives them, as
+a chain of straight pieces; over a pulley, what counts is the free piece. Distances are those of centre lines, to the
+platform's box and to the twelve edges of the frame; 0 where a cable passes through the box.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.core.cable_path import pulley_path
+from cdpr_sim.core.checks import Frozen, checked_array, whole
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import catenary
+from cdpr_sim.statics.newton import solve_many
+
+POINTS = 25
+"""Along a hanging cable: its pieces then lie within 1/4600 of its sag."""
+
+SEARCH_POINTS = 9
+"""The same while layouts are searched for."""
+
+ROWS = 64
+"""Poses at a time: their pairs of pieces fill some tens of megabytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances(Frozen):
+    """Distances [m] between centre lines of cables, the platform and the frame; nan where the platform does not rest.
+
+    Attributes:
+        rests: where the platforms are.
+        fitting: length of each cable next to its exit and to its anchor that is left out [m].
+        curves: the cables without those ends, (..., cables, points, 3) [m].
+        cable_cable: (..., pairs) of ``pairs``.
+        cable_platform: (..., cables).
+        cable_frame: (..., cables).
+    """
+
+    rests: Rests
+    fitting: float
+    curves: Float[np.ndarray, "*batch cables points 3"]
+    cable_cable: Float[np.ndarray, "*batch pairs"]
+    cable_platform: Float[np.ndarray, "*batch cables"]
+    cable_frame: Float[np.ndarray, "*batch cables"]
+
+    def __post_init__(self) -> None:
+        self._freeze()
+
+    @property
+    def pairs(self) -> Int[np.ndarray, "pairs 2"]:
+        """Which two cables each distance of ``cable_cable`` is between, counted from 0."""
+        return pairs(self.rests.robot.cables)
+
+    @cached_property
+    def least(self) -> Float[np.ndarray, "*batch"]:
+        """The smallest of all of them."""
+        return np.concatenate([self.cable_cable, self.cable_platform, self.cable_frame], axis=-1).min(
+            -1, keepdims=True
+        )[..., 0]
+
+    def free(self, least: float = 0.0) -> Bool[np.ndarray, "*batch"]:
+        """Where nothing comes nearer to anything than ``least`` [m]: the interference-free workspace."""
+        return np.asarray(self.least > least)
+
+    def nearest(self, row: tuple[int, ...] | int) -> str:
+        """What comes nearest in one row, in words."""
+        found = {
+            f"cables {a + 1} and {b + 1}": float(one)
+            for (a, b), one in zip(self.pairs, self.cable_cable[row], strict=True)
+        }
+        for what, distances in (("platform", self.cable_platform[row]), ("frame", self.cable_frame[row])):
+            found |= {f"cable {i + 1} and the {what}": float(one) for i, one in enumerate(distances)}
+        name = min(found, key=lambda one: found[one])
+        return f"{name}: {1e3 * found[name]:.3g} mm"
+
+
+def clearances(
+    robot: Robot | Rests,
+    poses: RigidTransform | ArrayLike | None = None,
+    *,
+    fitting: float | None = None,
+    points: int = POINTS,
+) -> Clearances:
+    """Distances between cables, platform and frame with everything where it rests.
+
+    Args:
+        robot: the robot; or rests of either road, alone.
+        poses: commanded, as ``solve_many`` takes them.
+        fitting: of each cable, the piece next to its exit and to its anchor that is left out [m], since there it
+            touches what it is fixed to; default: half the characteristic length of the platform.
+        points: along a cable that hangs.
+
+    Raises:
+        InvalidInput: what ``solve_many`` refuses, or a fitting below 0.
+    """
+    rests = robot if isinstance(robot, Rests) else solve_many(robot, poses)
+    if isinstance(robot, Rests) and poses is not None:
+        raise InvalidInput("poses: found them beside rests, expected the rests alone")
+    machine, points = rests.robot, whole("points", points, 2)
+    fitting = default_fitting(machine) if fitting is None else float(checked_array("fitting", fitting, ()))
+    if fitting < 0:
+        raise InvalidInput(f"fitting: found {fitting:g} m, expected 0 or more")
+    curves = cable_curves(
+        machine, machine.exits, machine.anchors, rests.positions, rests.rotations, rests.rest_lengths,
+        rests.problems.axial_stiffness, machine.cable_weights, rests.slack, fitting, points,
+    )  # fmt: skip
+    found = _distances(machine, curves, rests.positions, rests.rotations)
+    lost = ~rests.converged
+    for one in found:
+        one[lost] = np.nan
+    return Clearances(rests, fitting, curves, *found)
+
+
+def default_fitting(robot: Robot) -> float:
+    """Half the characteristic length [m]."""
+    return 0.5 * robot.characteristic_length
+
+
+def least_clearance(
+    robot: Robot,
+    exits: Float[np.ndarray, "*#batch cables 3"],
+    anchors: Float[np.ndarray, "*#batch cables 3"],
+    positions: Float[np.ndarray, "*batch 3"],
+    rotations: Float[np.ndarray, "*batch 3 3"],
+    rest_lengths: Float[np.ndarray, "*#batch cables"],
+    axial_stiffness: Float[np.ndarray, "*#batch cables"],
+    weights: Float[np.ndarray, "*#batch cables"],
+    slack: Bool[np.ndarray, "*batch cables"],
+) -> Float[np.ndarray, "*batch"]:
+    """The smallest distance of all, of many layouts of ``robot`` [m]: its platform and its frame, their cables."""
+    curves = cable_curves(
+        robot, exits, anchors, positions, rotations, rest_lengths, axial_stiffness, weights, slack,
+        default_fitting(robot), SEARCH_POINTS,
+    )  # fmt: skip
+    found = _distances(robot, curves, positions, rotations)
+    return np.concatenate(found, axis=-1).min(-1)
+
+
+def cable_curves(
+    robot: Robot,
+    exits: Float[np.ndarray, "*#batch cables 3"],
+    anchors: Float[np.ndarray, "*#batch cables 3"],
+    positions: Float[np.ndarray, "*batch 3"],
+    rotations: Float[np.ndarray, "*batch 3 3"],
+    rest_lengths: Float[np.ndarray, "*#batch cables"],
+    axial_stiffness: Float[np.ndarray, "*#batch cables"],
+    weights: Float[np.ndarray, "*#batch cables"],
+    slack: Bool[np.ndarray, "*batch cables"],
+    fitting: float,
+    points: int,
+) -> Float[np.ndarray, "*batch cables points 3"]:
+    """Each cable's course without its two ends; of two points where all are straight."""
+    cabling = robot.cabling
+    ends = positions[..., None, :] + np.einsum(
+        "...ij,...mj->...mi", rotations, np.broadcast_to(anchors, (*positions.shape[:-1], robot.cables, 3))
+    )
+    starts = np.broadcast_to(exits, ends.shape).copy()
+    over = cabling.pulleys
+    if over.any():
+        apart = np.moveaxis(starts - ends, -1, 0)[..., over]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            (x, y, z), (ex, ey, ez) = apart, cabling.pulley_axis[over].T
+            _, x, y, z, *_ = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
+        starts[..., over, :] = ends[..., over, :] + np.stack([x, y, z], axis=-1)
+    straight = cabling.massless and not (slack & ~over).any()
+    fractions = np.linspace(0, 1, 2 if straight else points)
+    curves = starts[..., None, :] + fractions[:, None] * (ends - starts)[..., None, :]
+    if not straight:
+        hung = catenary.shape(exits, ends, rest_lengths, axial_stiffness, weights, points)
+        hangs = (slack | ~np.bool_(cabling.massless)) & ~over
+        curves = np.where(hangs[..., None, None], hung, curves)
+    lengths = np.linalg.norm(np.diff(curves, axis=-2), axis=-1).sum(-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cut = np.minimum(fitting / lengths, 0.5)[..., None]
+    at = (cut + fractions * (1 - 2 * cut)) * (len(fractions) - 1)  # along the points, which are equally far apart
+    at = np.nan_to_num(at)
+    before = np.clip(at.astype(int), 0, len(fractions) - 2)
+    part = (at - before)[..., None]
+    low, high = (np.take_along_axis(curves, (before + step)[..., None], axis=-2) for step in (0, 1))
+    return low + part * (high - low)
+
+
+def pairs(cables: int) -> Int[np.ndarray, "pairs 2"]:
+    """All pairs of cables, counted from 0."""
+    return np.array(list(itertools.combinations(range(cables), 2)), dtype=int).reshape(-1, 2)
+
+
+def frame_edges(robot: Robot) -> Float[np.ndarray, "edges 2 3"]:
+    """The edges of the frame, those without length left out."""
+    corners = np.array(list(itertools.product(*robot.frame.T)))
+    edges = [(a, b) for a, b in itertools.combinations(corners, 2) if np.count_nonzero(a != b) == 1]
+    return np.array(edges).reshape(-1, 2, 3)
+
+
+def _distances(
+    robot: Robot,
+    curves: Float[np.ndarray, "*batch cables points 3"],
+    positions: Float[np.ndarray, "*batch 3"],
+    rotations: Float[np.ndarray, "*batch 3 3"],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cable to cable, to platform, to frame; some rows at a time."""
+    shape, cables = curves.shape[:-3], robot.cables
+    rows = curves.reshape(-1, *curves.shape[-3:])
+    at, turned = positions.reshape(-1, 3), rotations.reshape(-1, 3, 3)
+    a, b = pairs(cables).T
+    edges = frame_edges(robot)
+    found = np.empty((len(rows), len(a))), np.empty((len(rows), cables)), np.empty((len(rows), cables))
+    for first in range(0, len(rows), ROWS):
+        some = slice(first, first + ROWS)
+        starts, ends = rows[some, :, :-1], rows[some, :, 1:]
+        between = segment_segment(
+            starts[:, a, :, None], ends[:, a, :, None], starts[:, b, None, :], ends[:, b, None, :]
+        )
+        found[0][some] = between.min((-1, -2))
+        home = np.einsum("rji,rmkj->rmki", turned[some], rows[some] - at[some, None, None])
+        found[1][some] = segment_box(home[:, :, :-1], home[:, :, 1:], robot.platform_size / 2).min(-1)
+        beams = segment_segment(starts[..., None, :], ends[..., None, :], edges[:, 0], edges[:, 1])
+        found[2][some] = beams.min((-1, -2))
+    cable_cable, cable_platform, cable_frame = (one.reshape(*shape, one.shape[-1]) for one in found)
+    return cable_cable, cable_platform, cable_frame
+
+
+def segment_segment(
+    a: Float[np.ndarray, "*#batch 3"],
+    b: Float[np.ndarray, "*#batch 3"],
+    c: Float[np.ndarray, "*#batch 3"],
+    d: Float[np.ndarray, "*#batch 3"],
+) -> Float[np.ndarray, "*batch"]:
+    """Distance between the segments ab and cd: between their lines where both feet lie within, or from an end."""
+    u, v, w = b - a, d - c, a - c
+    uu, vv, uv = _dot(u, u), _dot(v, v), _dot(u, v)
+    uw, vw = _dot(u, w), _dot(v, w)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        square = uu * vv - uv * uv
+        s = np.nan_to_num(np.clip((uv * vw - vv * uw) / square, 0, 1))
+        t = np.nan_to_num(np.clip((uu * vw - uv * uw) / square, 0, 1))
+        lines = np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
+        found = [lines, _point_segment(a, c, v, vv), _point_segment(b, c, v, vv)]
+        found += [_point_segment(c, a, u, uu), _point_segment(d, a, u, uu)]
+    return np.minimum.reduce(np.broadcast_arrays(*found))
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return (a * b).sum(-1)
+
+
+def _point_segment(p: np.ndarray, start: np.ndarray, along: np.ndarray, square: np.ndarray) -> np.ndarray:
+    away = p - start
+    s = np.nan_to_num(np.clip(_dot(away, along) / square, 0, 1))
+    return np.linalg.norm(away - s[..., None] * along, axis=-1)
+
+
+def segment_box(
+    a: Float[np.ndarray, "*batch 3"], b: Float[np.ndarray, "*batch 3"], half: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "*batch"]:
+    """Distance between the segment ab and a box about the origin with these half edges; 0 where they meet.
+
+    Along the segment the squared distance is convex and piecewise quadratic; its pieces end where a coordinate crosses
+    a face. It is least at such an end, or where the slope, linear on a piece, vanishes.
+    """
+    along = b - a
+    with np.errstate(invalid="ignore", divide="ignore"):
+        faces = np.concatenate([(half - a) / along, (-half - a) / along], axis=-1)
+    knots = np.concatenate(
+        [np.nan_to_num(np.clip(faces, 0, 1)), np.zeros((*a.shape[:-1], 1)), np.ones((*a.shape[:-1], 1))], axis=-1
+    )
+    knots = np.sort(knots, axis=-1)
+
+    def outside(t: np.ndarray) -> np.ndarray:
+        at = a[..., None, :] + t[..., None] * along[..., None, :]
+        return at - np.clip(at, -half, half)
+
+    slope = _dot(outside(knots), along[..., None, :])
+    before, after = slope[..., :-1], slope[..., 1:]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        part = np.nan_to_num(np.clip(-before / (after - before), 0, 1))
+    roots = knots[..., :-1] + part * np.diff(knots, axis=-1)
+    return np.linalg.norm(outside(np.concatenate([knots, roots], axis=-1)), axis=-1).min(-1)

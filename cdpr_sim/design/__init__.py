@@ -1,0 +1,1 @@
+"""Better layouts: what may move, what is good, what must hold, and the search for it."""

@@ -1,0 +1,103 @@
+"""What must hold: limits of tension, cables taut, rests stable, clearances, and limits on any objective."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.analysis import clearance
+from cdpr_sim.core.checks import checked_array, shown
+from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.limits import checked_limits
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import NEUTRAL
+from cdpr_sim.design.layouts import LayoutRests
+from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES, Limits
+
+KNOWN = ("tensions", "all taut", "stable", "clearance")
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Something that must hold in every case.
+
+    Attributes:
+        name: as it was asked for, with its limit.
+        missing: (layouts,) by how much it does not, as a fraction of what is asked; 0 where it holds.
+    """
+
+    name: str
+    missing: Callable[[LayoutRests], Float[np.ndarray, " layouts"]]
+
+
+def constraints_of(robot: Robot, asked: Mapping[str, Any] | None) -> tuple[list[Constraint], Limits, float]:
+    """As users give them; and among them, for what asks: the limits of tension [N], and of displacement [m].
+
+    Raises:
+        UnknownName: nothing that can be asked.
+        InvalidInput: a limit that cannot be right.
+    """
+    found, limits, reach = [], NO_LIMITS, np.inf
+    for name, value in ({} if asked is None else asked).items():
+        if name not in (*KNOWN, *OBJECTIVES):
+            raise UnknownName("constraint", str(name), (*KNOWN, *OBJECTIVES))
+        if name == "tensions":
+            limits = checked_limits(robot, value)
+            found.append(_tensions(robot, *limits))
+        elif name in ("all taut", "stable"):
+            if value is not True:
+                raise InvalidInput(f"subject_to[{name!r}]: found {shown(value)}, expected True")
+            if name == "stable":
+                found.append(Constraint("stable rests", lambda rests: 1 - _stable(rests).mean(-1)))
+            else:
+                found.append(Constraint("all cables taut", lambda rests: rests.slack.mean((-1, -2))))
+        else:
+            limit = float(checked_array(f"subject_to[{name!r}]", value, ()))
+            reach = limit if name == "displacement" else reach
+            found.append(_clearance(limit) if name == "clearance" else _limit(robot, name, limit))
+    return found, limits, reach
+
+
+def _stable(rests: LayoutRests) -> np.ndarray:
+    values = rests.eigenvalues
+    return values[..., 0] > NEUTRAL * np.abs(values).max(-1)
+
+
+def _tensions(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> Constraint:
+    scale = robot.weight or 1.0
+    name = f"tensions from {lower.min():g} to {upper.max():g} N"
+    return Constraint(
+        name,
+        lambda rests: np.maximum(np.maximum(lower - rests.tensions, rests.tensions - upper), 0).max((-1, -2)) / scale,
+    )
+
+
+def _clearance(least: float) -> Constraint:
+    if not least > 0:
+        raise InvalidInput(f"subject_to['clearance']: found {least:g} m, expected more than 0")
+
+    def missing(rests: LayoutRests) -> np.ndarray:
+        layouts, problems = rests.layouts, rests.problems
+        found = clearance.least_clearance(
+            rests.robot, layouts.exits[:, None], layouts.anchors[:, None], rests.positions, rests.rotations,
+            problems.rest_lengths, problems.axial_stiffness, layouts.linear_density[:, None] * rests.robot.gravity,
+            rests.slack,
+        )  # fmt: skip
+        return np.maximum(least - found.min(-1), 0) / least
+
+    return Constraint(f"clearance of {1e3 * least:g} mm", missing)
+
+
+def _limit(robot: Robot, name: str, limit: float) -> Constraint:
+    objective = OBJECTIVES[name]
+    objective.refuse_weight(robot)
+    side, scale = (-1.0, abs(limit) or 1.0) if objective.largest else (1.0, abs(limit) or 1.0)
+    words = "at least" if objective.largest else "at most"
+    return Constraint(
+        f"{name} {words} {objective.shown(limit)}",
+        lambda rests: np.maximum(side * (objective.score(rests, NO_LIMITS) - limit), 0) / scale,
+    )

@@ -1,0 +1,266 @@
+"""What may move, and how far: points in a box or along a line, tied to one another by symmetry; stiffness, diameter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.design.layouts import Layouts
+from cdpr_sim.design.symmetry import Symmetry, group
+
+POINTS = ("exits", "pulleys", "anchors", "center_of_mass")
+FACTORS = ("axial_stiffness", "diameter")
+MOVABLE = POINTS + FACTORS
+"""What may move: places; or, cable by cable, the axial stiffness, or the diameter, whose square both stiffness and
+weight grow with. "pulleys" are the exits of the cables that run over one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """Something that may move, and how far.
+
+    Args:
+        what: one of ``MOVABLE``.
+        within: of places [m]: how far from where they are, one number or one along each of x, y and z, (3,); or a box,
+            its two corners (2, 3), that the places stay in. Along a line: how far either way, or from and to, (2,).
+            Of stiffness and diameter: the largest factor, up and down; or the least and the largest, (2,).
+        along: a line's direction, (3,): each place slides along it, as on a rail or a mast.
+        cables: whose, counted from 1; those tied to them by symmetry move with them. Default: all.
+
+    Raises:
+        UnknownName: nothing that can move.
+        InvalidInput: bounds that cannot be right, or crossed.
+    """
+
+    what: str
+    within: ArrayLike | None
+    along: ArrayLike | None = None
+    cables: Sequence[int] | None = None
+
+    def __post_init__(self) -> None:
+        if self.what not in MOVABLE:
+            raise UnknownName("move", str(self.what), MOVABLE)
+        if self.within is None:
+            raise InvalidInput(f"within: found none for {self.what}, expected how far it may move")
+        within = checked_array("within", self.within, None)
+        if self.what in FACTORS:
+            if self.along is not None:
+                raise InvalidInput(f"along: found a line for {self.what}, expected it for places alone")
+            if within.shape not in ((), (2,)) or not (within > 0).all():
+                raise InvalidInput(
+                    f"within: found {within.tolist()} for {self.what}, expected a factor, or two, above 0"
+                )
+            if within.shape == () and within < 1:
+                raise InvalidInput(f"within: found a factor of {within:g} for {self.what}, expected 1 or more")
+        elif self.along is not None:
+            if not np.linalg.norm(checked_array("along", self.along, (3,))) > 0:
+                raise InvalidInput("along: found a direction of length zero, expected one")
+            if within.shape not in ((), (2,)):
+                raise InvalidInput(
+                    f"within: found shape {within.shape} along a line, expected a distance, or from and to"
+                )
+        elif within.shape not in ((), (3,), (2, 3)):
+            raise InvalidInput(f"within: found shape {within.shape}, expected a distance, three, or a box (2, 3)")
+        if within.shape in ((), (3,)) and within.min() < 0:
+            raise InvalidInput(f"within: found {within.min():g} m, expected 0 or more")
+        if within.shape in ((2,), (2, 3)) and not (within[0] <= within[1]).all():
+            crossed = (within[0] - within[1]).argmax()
+            raise InvalidInput(
+                f"within: found bounds crossed for {self.what}, from {np.ravel(within[0])[crossed]:g} to "
+                f"{np.ravel(within[1])[crossed]:g}, expected the lower one first"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """All layouts that may be: numbers within bounds, and the robot that each choice of them makes.
+
+    Places are those of ``robot`` plus a sum over the variables; stiffness and density its own times the exponential of
+    a sum, so that a variable counts doublings and halvings alike.
+
+    Attributes:
+        robot: as it was given.
+        names: of the variables.
+        lower, upper: their bounds, (variables,).
+        exits, anchors: by the variables, (variables, cables, 3).
+        center: centre of mass by the variables, (variables, 3).
+        log_stiffness, log_density: (variables, cables).
+    """
+
+    robot: Robot
+    names: tuple[str, ...]
+    lower: Float[np.ndarray, " variables"]
+    upper: Float[np.ndarray, " variables"]
+    exits: Float[np.ndarray, "variables cables 3"]
+    anchors: Float[np.ndarray, "variables cables 3"]
+    center: Float[np.ndarray, "variables 3"]
+    log_stiffness: Float[np.ndarray, "variables cables"]
+    log_density: Float[np.ndarray, "variables cables"]
+
+    @classmethod
+    def of(cls, robot: Robot, moves: Sequence[Move], symmetry: str | Sequence[str] = "detected") -> Space:
+        """The layouts that ``moves`` allow.
+
+        Raises:
+            UnknownName: no such symmetry.
+            InvalidInput: a symmetry that the robot has not got, bounds that leave no room, nothing that could move.
+        """
+        symmetries = group(robot, symmetry)
+        rows: list[tuple] = []
+        taken: set[tuple[str, int]] = set()
+        for move in moves:
+            what = "exits" if move.what == "pulleys" else move.what
+            cables = _cables(robot, move)
+            if what != "center_of_mass":
+                kind = "axial_stiffness" if what in FACTORS else what
+                twice = [cable + 1 for cable in cables if (kind, cable) in taken]
+                if twice:
+                    raise InvalidInput(f"move: found {move.what} of cable {twice[0]} twice, expected it once")
+            rows += (
+                _factors(robot, move, cables, symmetries, taken)
+                if what in FACTORS
+                else _places(robot, move, what, cables, symmetries, taken)
+            )
+        rows = [row for row in rows if row[2] > row[1] or row[1] != 0]
+        if not any(row[2] > row[1] for row in rows):
+            raise InvalidInput("within: found nothing that can move, expected room within the bounds and the symmetry")
+        columns = list(zip(*rows, strict=True))
+        return cls(robot, columns[0], *(np.array(column, dtype=float) for column in columns[1:]))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def layouts(self, values: Float[np.ndarray, "layouts variables"]) -> Layouts:
+        """The robots that these choices make."""
+        robot = self.robot
+
+        def moved(start: np.ndarray, by: np.ndarray) -> np.ndarray:
+            return start + np.tensordot(values, by, 1)
+
+        def scaled(start: np.ndarray, by: np.ndarray) -> np.ndarray:
+            return start * np.exp(values @ by)
+
+        return Layouts(
+            robot,
+            moved(robot.exits, self.exits),
+            moved(robot.anchors, self.anchors),
+            scaled(robot.axial_stiffness, self.log_stiffness),
+            scaled(robot.cabling.linear_density, self.log_density),
+            moved(robot.center_of_mass, self.center),
+        )
+
+    @property
+    def given(self) -> Float[np.ndarray, " variables"]:
+        """The robot as it was given; where that lies outside of the bounds, the nearest within."""
+        return np.zeros(len(self)).clip(self.lower, self.upper)
+
+
+def _cables(robot: Robot, move: Move) -> list[int]:
+    """Whose, counted from 0."""
+    cables = range(robot.cables) if move.cables is None else [int(cable) - 1 for cable in move.cables]
+    for cable in cables:
+        if not 0 <= cable < robot.cables:
+            raise InvalidInput(f"cables: found cable {cable + 1}, expected 1 to {robot.cables}")
+    if move.what == "pulleys":
+        cables = [cable for cable in cables if robot.cabling.pulleys[cable]]
+        if not cables:
+            raise InvalidInput(f"move: found pulleys, and {robot.name!r} has none there; expected exits")
+    return sorted(cables)
+
+
+def _row(robot: Robot, name: str, bounds: tuple[float, float], **by: np.ndarray) -> tuple:
+    """A variable, as the columns of ``Space`` have it."""
+    m = robot.cables
+    empty = {
+        "exits": np.zeros((m, 3)), "anchors": np.zeros((m, 3)), "center_of_mass": np.zeros(3),
+        "axial_stiffness": np.zeros(m), "linear_density": np.zeros(m),
+    }  # fmt: skip
+    return (name, *bounds, *(empty | by).values())
+
+
+def _factors(
+    robot: Robot, move: Move, cables: list[int], symmetries: list[Symmetry], taken: set[tuple[str, int]]
+) -> list[tuple]:
+    within = np.asarray(move.within, dtype=float)
+    least, most = (1 / within, within) if within.shape == () else within
+    rows = []
+    for leader in cables:
+        if ("axial_stiffness", leader) in taken:
+            continue
+        tied = sorted({int(one.images[leader]) for one in symmetries})
+        taken.update(("axial_stiffness", cable) for cable in tied)
+        one = np.zeros(robot.cables)
+        one[tied] = 1.0
+        name = f"{move.what.replace('_', ' ')} of {_listed(tied)}"
+        if move.what == "diameter":
+            bounds = (float(np.log(least)), float(np.log(most)))
+            rows.append(_row(robot, name, bounds, axial_stiffness=2 * one, linear_density=2 * one))
+        else:
+            rows.append(_row(robot, name, (float(np.log(least)), float(np.log(most))), axial_stiffness=one))
+    return rows
+
+
+def _places(
+    robot: Robot,
+    move: Move,
+    what: str,
+    cables: list[int],
+    symmetries: list[Symmetry],
+    taken: set[tuple[str, int]],
+) -> list[tuple]:
+    points = robot.center_of_mass[None] if what == "center_of_mass" else getattr(robot, what)
+    images = [(one.signs, np.zeros(1, int) if what == "center_of_mass" else one.images) for one in symmetries]
+    within = np.asarray(move.within, dtype=float)
+    if move.along is None:
+        directions = [np.eye(3)[i] for i in range(3) if not (robot.mobility == "planar" and i == 1)]
+    else:
+        line = np.asarray(move.along, dtype=float)
+        directions = [line / np.linalg.norm(line)]
+    rows = []
+    for leader in [0] if what == "center_of_mass" else cables:
+        if (what, leader) in taken:
+            continue
+        orbit = sorted({int(to[leader]) for _, to in images})
+        taken.update((what, one) for one in orbit)
+        boxed = orbit if move.cables is None else [one for one in orbit if one in cables]
+        for direction in directions:
+            by = np.zeros_like(points)
+            for one in orbit:  # of symmetries that lead to the same cable, what they have in common
+                by[one] = np.mean([signs * direction for signs, to in images if to[leader] == one], axis=0)
+            if not by.any():
+                continue
+            axis = None if move.along is not None else int(np.abs(direction).argmax())
+            label = "" if axis is None else f"{'xyz'[axis]} of "
+            name = f"{label}centre of mass" if what == "center_of_mass" else f"{label}{what} {_listed(orbit, '')}"
+            bounds = _bounds(within, axis, points[boxed], by[boxed], name)
+            part = by[0] if what == "center_of_mass" else by
+            rows.append(_row(robot, name, bounds, **{what: part}))
+    return rows
+
+
+def _bounds(within: np.ndarray, axis: int | None, points: np.ndarray, by: np.ndarray, name: str) -> tuple[float, float]:
+    """Of a variable that moves ``points`` along ``by``."""
+    if axis is None or within.ndim < 2:
+        reach = within if within.shape != (3,) else within[axis]
+        lower, upper = (-reach, reach) if np.shape(reach) == () else reach
+        return float(lower), float(upper)
+    room = (within[:, axis] - points[:, axis, None]) / by[:, axis, None]  # of each point, turned where it is mirrored
+    lower, upper = float(room.min(1).max()), float(room.max(1).min())
+    if lower > upper:
+        raise InvalidInput(
+            f"within: found bounds crossed for {name}: no place in the box from {within[0, axis]:g} to "
+            f"{within[1, axis]:g} m has its images there too; expected a box that the symmetry leaves as it "
+            "is, or cables=..."
+        )
+    return lower, upper
+
+
+def _listed(cables: Sequence[int], head: str = "cable ") -> str:
+    return head + ", ".join(str(cable + 1) for cable in cables)

@@ -1,0 +1,160 @@
+"""What is good: a number for each layout, from where its platform rests in all cases."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core.checks import shown
+from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.design.layouts import LayoutRests, feasible_share
+from cdpr_sim.design.slopes import Steps, slopes
+
+Limits = tuple[np.ndarray, np.ndarray]
+Scores = Float[np.ndarray, " layouts"]
+
+
+@dataclass(frozen=True)
+class Objective:
+    """A number to be made small, or large.
+
+    Attributes:
+        name: as it is asked for.
+        unit: that people read.
+        size: SI value of that unit.
+        largest: whether more is better.
+        score: (layouts,) in SI units, of where they rest and the limits of tension.
+        smooth: what a gradient can follow: "tilt", "deviation" or "tensions"; "" where it cannot.
+        rests: whether it asks for a rest in every case.
+        massless: whether it is known of massless cables alone.
+    """
+
+    name: str
+    unit: str
+    size: float
+    score: Callable[[LayoutRests, Limits], Scores]
+    largest: bool = False
+    smooth: str = ""
+    rests: bool = True
+    massless: bool = False
+
+    @classmethod
+    def of(cls, given: Any) -> Objective:
+        """By name, or a function of the user's: ``LayoutRests`` → (layouts,), to be made small.
+
+        Raises:
+            UnknownName: no such objective.
+            InvalidInput: neither a name nor a function.
+        """
+        if isinstance(given, Objective):
+            return given
+        if isinstance(given, str):
+            if given not in OBJECTIVES:
+                raise UnknownName("objective", given, OBJECTIVES)
+            return OBJECTIVES[given]
+        if not callable(given):
+            raise InvalidInput(f"objective: found {shown(given)}, expected a name or a function of the rests")
+        name = getattr(given, "__name__", "your function")
+        return cls(name, "", 1.0, lambda rests, _: _checked(given(rests), name, len(rests)))
+
+    def refuse_weight(self, robot: Robot) -> None:
+        """Where the objective does not know the weight of cables.
+
+        Raises:
+            InvalidInput: some cable weighs something.
+        """
+        if self.massless:
+            robot.cabling.refuse_weight(self.name)
+
+    def shown(self, value: float) -> str:
+        """As people read it; nan is that of a robot that does not rest at every pose."""
+        if np.isnan(value):
+            return "no rest at some pose"
+        return f"{value / self.size:.4g}{'' if self.unit in ('°', '') else ' '}{self.unit}"
+
+    def better(self, a: float, b: float) -> bool:
+        """Whether ``a`` is better than ``b``."""
+        return a > b if self.largest else a < b
+
+
+def _checked(scores: Any, name: str, layouts: int) -> Scores:
+    try:
+        found = np.asarray(scores, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"objective: {name} returned {shown(scores)}, expected numbers") from None
+    if found.shape != (layouts,):
+        raise InvalidInput(
+            f"objective: {name} returned shape {found.shape}, expected ({layouts},), one for each layout"
+        )
+    return found
+
+
+def _tilt(rests: LayoutRests) -> np.ndarray:
+    return rests.tilt
+
+
+def _distance(rests: LayoutRests) -> np.ndarray:
+    return np.linalg.norm(rests.deviation, axis=-1)
+
+
+def _error(rests: LayoutRests) -> np.ndarray:
+    """Root mean square move of the platform per move of each coordinate of exits and anchors, all independent.
+
+    Rotations count by the characteristic length.
+    """
+    steps, found = Steps.errors(rests.robot), np.empty(rests.shape)
+    for row in range(len(rests)):
+        robot = rests.layouts.robot_at(row)
+        by = slopes(
+            robot, rests.cases, rests.positions[row], rests.rotations[row], rests.problems.rest_lengths[row], steps
+        )
+        found[row] = np.sqrt(((by.pose * robot.units) ** 2).sum((-1, -2)))
+    return np.where(np.isnan(found), np.inf, found)
+
+
+def _worst(of: Callable[[LayoutRests], np.ndarray]) -> Callable[[LayoutRests, Limits], Scores]:
+    return lambda rests, _: of(rests).max(-1)
+
+
+def _mean(of: Callable[[LayoutRests], np.ndarray]) -> Callable[[LayoutRests, Limits], Scores]:
+    return lambda rests, _: of(rests).mean(-1)
+
+
+def _least(of: Callable[[LayoutRests], np.ndarray]) -> Callable[[LayoutRests, Limits], Scores]:
+    return lambda rests, _: of(rests).min(-1)
+
+
+def _frame(rests: LayoutRests) -> Scores:
+    return np.linalg.norm(np.ptp(rests.layouts.exits, axis=1), axis=-1)
+
+
+_ALL = (
+    Objective("worst tilt", "°", np.pi / 180, _worst(_tilt), smooth="tilt"),
+    Objective("mean tilt", "°", np.pi / 180, _mean(_tilt)),
+    Objective("worst deviation", "mm", 1e-3, _worst(_distance), smooth="deviation"),
+    Objective("mean deviation", "mm", 1e-3, _mean(_distance)),
+    Objective("most slack cables", "", 1.0, _worst(lambda rests: rests.slack.sum(-1).astype(float))),
+    Objective("mean slack cables", "", 1.0, _mean(lambda rests: rests.slack.sum(-1).astype(float))),
+    Objective("lowest tension", "N", 1.0, _least(lambda r: r.tensions.min(-1)), largest=True, smooth="tensions"),
+    Objective("highest tension", "N", 1.0, _worst(lambda r: r.tensions.max(-1)), smooth="tensions"),
+    Objective("softest stiffness", "N/m", 1.0, _least(lambda r: r.eigenvalues[..., 0]), largest=True),
+    Objective("lowest frequency", "Hz", 1.0, _least(lambda r: r.frequencies), largest=True, massless=True),
+    Objective(
+        "feasible volume", "%", 0.01, lambda rests, limits: feasible_share(rests.layouts, rests.cases, limits),
+        largest=True, rests=False, massless=True,
+    ),
+    Objective("worst sensitivity", "mm/mm", 1.0, _worst(_error), massless=True),
+    Objective("displacement", "mm", 1e-3, lambda rests, _: rests.layouts.displacements),
+    Objective("size of frame", "m", 1.0, lambda rests, _: _frame(rests)),
+)  # fmt: skip
+OBJECTIVES = {one.name: one for one in _ALL}
+"""By name. "feasible volume" is the share of the poses that rigid cables hold within the limits of tension; "worst
+sensitivity" the root mean square move of the platform per move of all coordinates of exits and anchors; "displacement"
+that of the point moved furthest; "size of frame" the diagonal of the box around the exits."""
+
+NO_LIMITS: Limits = (np.array(0.0), np.array(np.inf))

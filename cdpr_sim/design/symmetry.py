@@ -1,0 +1,85 @@
+"""Symmetries of a layout about the vertical: half turn and mirrors, found in a robot, or stated and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.robot import Robot
+
+SIGNS = {"half-turn": (-1.0, -1.0, 1.0), "mirror-x": (-1.0, 1.0, 1.0), "mirror-y": (1.0, -1.0, 1.0)}
+"""What each does to coordinates about the middle of the exits, and in the platform's frame."""
+
+SAME = 1e-6
+"""Of the robot's size: images this close to one another are the same."""
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """One symmetry.
+
+    Attributes:
+        signs: of the coordinates, (3,).
+        images: which cable each one becomes, (cables,).
+    """
+
+    signs: Float[np.ndarray, "3"]
+    images: Int[np.ndarray, " cables"]
+
+
+def group(robot: Robot, wanted: str | Sequence[str]) -> list[Symmetry]:
+    """The symmetries that hold, the identity among them, closed under one after the other.
+
+    Args:
+        robot: the robot.
+        wanted: "detected" for all that the robot has, "none", or names of ``SIGNS``.
+
+    Raises:
+        UnknownName: no such symmetry.
+        InvalidInput: one that the robot has not got.
+    """
+    found = [Symmetry(np.ones(3), np.arange(robot.cables))]
+    if wanted == "none":
+        return found
+    names = list(SIGNS) if wanted == "detected" else [wanted] if isinstance(wanted, str) else list(wanted)
+    for name in names:
+        if name not in SIGNS:
+            raise UnknownName("symmetry", str(name), (*SIGNS, "detected", "none"))
+        symmetry, why = _of(robot, np.array(SIGNS[name]))
+        if symmetry is not None:
+            found.append(symmetry)
+        elif wanted != "detected":
+            raise InvalidInput(
+                f"symmetry: found {name!r}, which {robot.name!r} has not got: {why}; expected none of it"
+            )
+    if len(found) == 3:  # two of them make the third
+        a, b = found[1:]
+        found.append(Symmetry(a.signs * b.signs, b.images[a.images]))
+    return found
+
+
+def _of(robot: Robot, signs: np.ndarray) -> tuple[Symmetry | None, str]:
+    """The symmetry, or what is in its way."""
+    size = float(np.ptp(robot.exits, axis=0).max()) or 1.0
+    middle = np.append(robot.exits[:, :2].mean(0), 0.0)
+    points = np.hstack([robot.exits - middle, robot.anchors])
+    image = points * np.tile(signs, 2)
+    apart = np.abs(image[:, None] - points[None]).max(-1)
+    images = apart.argmin(1)
+    far = apart.min(1)
+    if far.max() > SAME * size or len(set(images)) < robot.cables:
+        cable = int(far.argmax())
+        return None, f"the image of cable {cable + 1} is {1e3 * far[cable]:.3g} mm from the nearest cable"
+    cabling = robot.cabling
+    own = np.column_stack([cabling.axial_stiffness, cabling.linear_density, cabling.pulley_radius, cabling.stiffening])
+    axes = np.where(cabling.pulleys[:, None], cabling.pulley_axis, 0.0)
+    if not np.allclose(own, own[images]) or not np.allclose(axes * signs, axes[images]):
+        cable = int(np.argmax(~np.isclose(own, own[images]).all(1) | ~np.isclose(axes * signs, axes[images]).all(1)))
+        return None, f"cable {cable + 1} is of another kind than its image"
+    if np.abs(robot.center_of_mass * signs - robot.center_of_mass).max() > SAME * size:
+        return None, "the centre of mass is not its own image"
+    return Symmetry(signs, images), ""

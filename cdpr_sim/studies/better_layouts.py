@@ -1,0 +1,162 @@
+"""A layout that was found, shown: numbers by both roads, maps of tilt, the two robots driven side by side."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from cdpr_sim.analysis.clearance import SEARCH_POINTS, clearances
+from cdpr_sim.analysis.shapes import cable_shapes
+from cdpr_sim.analysis.workspace.grids import plane
+from cdpr_sim.analysis.workspace.sweep import sweep
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.trajectory import Trajectory
+from cdpr_sim.crosscheck.layout import Proof, Side
+from cdpr_sim.design.front import Front
+from cdpr_sim.drawing.layouts import draw_better_layout, draw_clearance_map, draw_front
+from cdpr_sim.physics.drive import drive
+from cdpr_sim.physics.settle import settle_many
+
+MAP_POINTS = 121
+"""Along the longer side of a map of tilt."""
+
+CLEARANCE_POINTS = 61
+"""Along the longer side of a map of distances."""
+
+
+def numbers(proof: Proof) -> list[tuple[str, str, str]]:
+    """(what, before, after) in words: all in MuJoCo, at the poses that were asked and midway between them."""
+    of, distance = proof.found.objective, proof.found.distance
+
+    def words(side: Side) -> list[str]:
+        if not side.settled.converged.any():
+            return ["no rest at any pose", *[""] * 4, f"0 of {len(side.agrees)}", ""]
+        tilts, away = np.degrees(_tilt(side)), 1e3 * _away(side)
+        return [
+            of.shown(side.score),
+            f"{np.nanmax(tilts):.3g}°, {np.nanmean(tilts):.3g}°",
+            f"{np.nanmax(away):.3g} mm, {np.nanmean(away):.3g} mm",
+            str(side.settled.slack[side.settled.converged].sum(-1).max(initial=0)),
+            _tensions(side.settled),
+            f"{side.agrees.sum()} of {len(side.agrees)}",
+            "" if side is proof.before else f"{1e3 * distance:.3g} mm",
+        ]
+
+    what = [
+        f"{of.name}, in MuJoCo", "worst, mean tilt", "worst, mean deviation", "most slack cables",
+        "lowest, highest tension", "Newton and MuJoCo agree at", "furthest move of a point",
+    ]  # fmt: skip
+    return list(zip(what, words(proof.before), words(proof.after), strict=True))
+
+
+def _tilt(side: Side) -> np.ndarray:
+    return np.where(side.settled.converged, side.settled.tilt, np.nan)
+
+
+def _away(side: Side) -> np.ndarray:
+    return np.where(side.settled.converged, np.linalg.norm(side.settled.deviation, axis=-1), np.nan)
+
+
+def _tensions(rests: Rests) -> str:
+    found = rests.tensions[rests.converged]
+    return f"{found.min(initial=np.inf):.3g} N, {found.max(initial=0):.3g} N"
+
+
+def picture(proof: Proof) -> Figure:
+    """Both layouts with what moved, the map of tilt through the middle of the poses, and the numbers."""
+    found = proof.found
+    robots = (found.given, found.robot)
+    rests = (proof.before.settled, proof.after.settled)
+    asked = found.cases.positions
+    across = float(np.median(asked[:, 1]))
+    axes = plane("xz", across, MAP_POINTS, [found.given])
+    maps = [sweep(robot, axes, quantities=["tilt"], chunk=None)["tilt"].values for robot in robots]
+    half = [np.diff(axes[name][:2])[0] / 2 for name in ("x", "z")]
+    extent = (axes["x"][0] - half[0], axes["x"][-1] + half[0], axes["z"][0] - half[1], axes["z"][-1] + half[1])
+    row = _worst_row(proof.before)
+    return draw_better_layout(
+        rests, row, (_shapes(rests[0], row), _shapes(rests[1], row)), (maps[0].squeeze(), maps[1].squeeze()), extent,
+        asked, numbers(proof), _title(proof),
+        "Robots as MuJoCo settles them where the given one tilts most. Maps: statics, commanded level at "
+        f"y = {across:.4g} m, grey where nothing rests; the scale ends at 45° at the latest. The numbers are MuJoCo's, "
+        f"at the poses that were asked and midway between them, {len(proof.cases)} cases. Nothing is promised of other "
+        "places, loads and cables.",
+    )  # fmt: skip
+
+
+def _title(proof: Proof) -> str:
+    of, found = proof.found.objective, proof.found
+    return f"{found.given.name}: {of.name} {of.shown(proof.before.score)} → {of.shown(proof.after.score)}"
+
+
+def _worst_row(side: Side) -> int:
+    tilts = _tilt(side)
+    return 0 if np.isnan(tilts).all() else int(np.nanargmax(tilts))
+
+
+def _shapes(rests: Rests, row: int) -> np.ndarray | None:
+    return None if rests.robot.cabling.massless else cable_shapes(rests)[row]
+
+
+def front_picture(front: Front) -> Figure:
+    """The trade-off between its two goals."""
+    one, other = front.objectives
+    sizes = np.array([one.size, other.size])
+    labels = tuple(f"{goal.name} [{goal.unit}]" if goal.unit else goal.name for goal in front.objectives)
+    given = front.before / sizes
+    return draw_front(
+        [(f"NSGA-II, {front.tried:,} layouts", front.scores / sizes)],
+        (labels[0], labels[1]),
+        f"{front.given.name}: {one.name} against {other.name}",
+        f"Each point is a layout, none better than another in both; by statics, at {len(front.cases)} cases.",
+        given=None if np.isnan(given).any() else (float(given[0]), float(given[1])),
+    )
+
+
+def clearance_map(robot: Robot, name: str, at: float | None, enough: float, fitting: float | None) -> Figure:
+    """The interference-free workspace over a plane."""
+    axes = plane(name, at, CLEARANCE_POINTS, [robot])
+    grid = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
+    found = clearances(robot, grid, fitting=fitting, points=SEARCH_POINTS)
+    across = next(i for i, axis in enumerate("xyz") if axis not in name)
+    least = np.take(found.least, 0, axis=across)
+    first, second = sorted(name)
+    ends = [
+        (axes[axis][0] - np.diff(axes[axis][:2])[0] / 2, axes[axis][-1] + np.diff(axes[axis][:2])[0] / 2)
+        for axis in (first, second)
+    ]  # fmt: skip
+    if np.isnan(found.least).all():
+        raise InvalidInput(f"plane: found no pose in it at which {robot.name!r} rests, expected one that it reaches")
+    free = found.free(enough)
+    nearest = tuple(int(i) for i in np.unravel_index(np.nanargmin(found.least), found.least.shape))
+    where = f"{'xyz'[across]} = {float(axes['xyz'[across]][0]):.4g} m"
+    return draw_clearance_map(
+        least, (*ends[0], *ends[1]), (first, second), enough,
+        f"{robot.name}: free of interference at {free.mean():.0%} of these poses",
+        "Smallest distance between centre lines of cables, the platform and the frame, with everything where it rests, "
+        f"at {where}; {1e3 * found.fitting:.3g} mm of each cable next to its ends left out. "
+        f"Nearest: {found.nearest(nearest)}.",
+    )  # fmt: skip
+
+
+def driven(proof: Proof, states: int, seconds: float, drive_seconds: float | None = None) -> list[Trajectory]:
+    """Both robots driven by their winches from pose to pose in MuJoCo, for a video side by side.
+
+    Robots whose cables weigh something are settled at one state after the other, for a film of so many ``seconds``.
+    ``drive_seconds`` is the duration of the drive; default: nearly static.
+    """
+    found = proof.found
+    each = len(found.cases) // int(np.prod(found.cases.shape, dtype=int))
+    line = found.cases.positions[::each]
+    motions = []
+    for robot, what in ((found.given, "before"), (found.robot, "after")):
+        named = robot.replace(name=f"{found.given.name}, {what}")
+        if robot.cabling.massless:
+            motions.append(drive(named, line, seconds=drive_seconds, states=states))
+        else:
+            legs = np.linspace(0, len(line) - 1, states)
+            at = np.column_stack([np.interp(legs, np.arange(len(line)), axis) for axis in line.T])
+            motions.append(Trajectory.through(settle_many(named, at), np.linspace(0, seconds, states)))
+    return motions

@@ -1,0 +1,73 @@
+"""`cdpr-sim design` and `clearances`: files, tables, exit statuses, sentences."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli import app
+
+LINE = ["--line", "0.17", "0.25", "0.1", "0.63", "0.25", "0.1", "--points", "4"]
+QUICK = [*LINE, "--generations", "10"]
+
+
+def run(*words: str):
+    return CliRunner().invoke(app, list(map(str, words)))
+
+
+def test_design_writes_a_robot_that_is_better(tmp_path):
+    """A file that loads, and a picture; the numbers that it prints are those of the file."""
+    output, picture = tmp_path / "better.toml", tmp_path / "better.png"
+    told = run("design", "parallel", *QUICK, "--move", "exits=0.08", "-o", output, "--picture", picture, "--json")
+    assert told.exit_code == 0, told.output
+    found = json.loads(told.stdout)
+    robot = cdpr.load_robot(output)
+    assert robot.exits.tolist() == found["exits"]
+    assert np.abs(robot.exits - cdpr.load_robot("parallel").exits).max() <= 0.08 + 1e-12
+    line = np.linspace((0.17, 0.25, 0.1), (0.63, 0.25, 0.1), 4)
+    assert cdpr.solve_many(robot, line).tilt.max() == pytest.approx(found["after"], abs=1e-9)
+    assert found["after_in_mujoco"] < 0.5 * found["before_in_mujoco"]
+    assert found["poses_in_mujoco"] == 7
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    again = run("design", "parallel", *QUICK, "-o", output)
+    assert again.exit_code == 2
+    assert "exists" in again.stderr
+
+
+def test_design_says_what_it_does_not_promise():
+    """Tables of what moved, of before and after, and the limits of it all."""
+    told = run("design", "parallel", *QUICK, "--along", "0", "0", "1", "--within", "0.02")
+    assert "exit 1 z" in told.stdout
+    assert "exit 1 x" not in told.stdout
+    assert "It was looked for at these poses" in " ".join(told.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--move", "exits=far"], "move: found 'exits=far', expected a name, = and a number"),
+        (["--limit", "displacement"], "limit: found 'displacement', expected a name, = and a number"),
+        (["--limit", "displacment=1"], "unknown constraint 'displacment': did you mean displacement?"),
+        (["--symmetry", "mirror-x"], "symmetry: found 'mirror-x', which 'cogiro' has not got"),
+        (["--grid", "2", "2", "2"], "line: found it beside a grid"),
+        (["-o", "better.txt"], "output: found 'better.txt', expected a name that ends in .toml"),
+        (["--tensions", "100", "200"], "subject_to: found no layout that holds everything"),
+    ],
+)
+def test_design_refuses_in_a_sentence(words, sentence):
+    """Exit status 2, and nothing on standard output."""
+    told = run("design", "cogiro", *LINE, "--generations", "1", *words)
+    assert told.exit_code == 2
+    assert told.stdout == ""
+    assert " ".join(told.stderr.split()).startswith(f"cdpr-sim: {sentence}")
+
+
+def test_clearances_say_what_is_nearest():
+    """Exit status 1 where something comes nearer than it may."""
+    free, tight = (run("clearances", "cogiro", *LINE, "--least", least) for least in (0.001, 0.03))
+    assert (free.exit_code, tight.exit_code) == (0, 1)
+    assert "cable 2 and the platform" in free.stdout
+    assert "at 4 of 4 poses" in free.stdout
+    assert "at 0 of 4 poses" in tight.stdout

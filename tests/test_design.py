@@ -1,0 +1,408 @@
+"""Better layouts: batches over robots, symmetry, bounds, exact slopes, the search, and what MuJoCo says of it."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cdpr_sim as cdpr
+from cdpr_sim.crosscheck.layout import prove_layout
+from cdpr_sim.design import search
+from cdpr_sim.design.layouts import Cases, Layouts, rest
+from cdpr_sim.design.moves import Move, Space
+from cdpr_sim.design.objectives import OBJECTIVES
+from cdpr_sim.design.slopes import Steps, slopes
+from cdpr_sim.design.symmetry import group
+from cdpr_sim.robots.writing import as_toml
+from cdpr_sim.studies.better_layouts import driven
+from cdpr_sim.studies.real_cables import crane
+from tests.problems import symmetric_pair
+
+LINE = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 6)]
+"""Along the paper's line [m]."""
+
+
+@pytest.fixture(scope="module")
+def parallel() -> cdpr.Robot:
+    return cdpr.load_robot("parallel")
+
+
+@pytest.fixture(scope="module")
+def better(parallel) -> cdpr.Layout:
+    return cdpr.find_layout(parallel, LINE, within=0.1, generations=40)
+
+
+@pytest.mark.parametrize("kind", ["plain", "bent", "heavy"])
+def test_a_batch_of_layouts_rests_where_each_robot_does(kind: str, parallel):
+    """Every layout in every case, by the same solver as one robot alone: loads, stiffness and slack cables included."""
+    robot = {
+        "plain": parallel,
+        "bent": parallel.replace(pulley_radius=0.01, pulley_axis=(0, 0, 1), stiffening=(50, 0)),
+        "heavy": parallel.replace(linear_density=0.01),
+    }[kind]
+    space = Space.of(robot, [Move("exits", 0.05), Move("anchors", 0.005), Move("diameter", 1.5)])
+    values = np.random.default_rng(0).uniform(space.lower, space.upper, (3, len(space)))
+    cases = Cases.of(robot, LINE[:3], [np.zeros(6), [0.2, 0, -0.5, 0, 0, 0]], [1.0, 0.3])
+    found = rest(space.layouts(values), cases)
+    assert found.shape == (3, 12)
+    for row in range(3):
+        alone = cdpr.solve_many(cases.problems(found.layouts.robot_at(row)))
+        assert alone.converged.all()
+        assert found.positions[row] == pytest.approx(alone.positions, abs=1e-9)
+        assert found.tensions[row] == pytest.approx(alone.tensions, abs=1e-6)
+        if kind != "heavy":
+            assert found.eigenvalues[row] == pytest.approx(alone.eigenvalues, rel=1e-5, abs=1e-3)
+    one = found[1, 7]
+    assert one.residual == found.residuals[1, 7]
+    assert np.array_equal(one.problem.robot.exits, found.layouts.exits[1])
+
+
+def test_symmetries_are_found_and_not_imagined(parallel):
+    """Parallel has both mirrors and the half turn; Cogiro the half turn alone; one exit 1 mm off has none."""
+    assert [len(group(robot, "detected")) for robot in (parallel, cdpr.load_robot("cogiro"))] == [4, 2]
+    exits = parallel.exits.copy()
+    exits[0, 0] += 1e-3
+    assert len(group(parallel.replace(exits=exits), "detected")) == 1
+    assert len(group(parallel.replace(center_of_mass=(0.001, 0, 0)), "detected")) == 2  # the mirror in y is left
+    assert len(group(parallel, ["mirror-x", "mirror-y"])) == 4
+    with pytest.raises(cdpr.InvalidInput, match="'mirror-x', which 'cogiro' has not got: the image of cable 1 is"):
+        group(cdpr.load_robot("cogiro"), "mirror-x")
+
+
+def test_what_moves_stays_within_bounds_and_symmetric(parallel):
+    """Any choice of the variables: the mirrored exits are each other's images, all in the box."""
+    box = [[0.0, 0.0, 0.4], [0.8, 0.5, 0.5]]
+    space = Space.of(parallel, [Move("exits", box)])
+    assert len(space) == 6  # two exits of a corner, three coordinates each
+    values = np.random.default_rng(0).uniform(space.lower, space.upper, (50, 6))
+    for row in range(50):
+        robot = space.layouts(values).robot_at(row)
+        assert len(group(robot, "detected")) == 4
+        assert (robot.exits >= np.array(box[0]) - 1e-12).all()
+        assert (robot.exits <= np.array(box[1]) + 1e-12).all()
+        assert np.array_equal(robot.anchors, parallel.anchors)
+    corners = space.layouts(np.array([space.lower, space.upper])).exits
+    assert corners.min() == pytest.approx(0.0, abs=1e-12)  # and the box is used up
+    narrow = Space.of(parallel, [Move("exits", [[0.0, 0.0, 0.4], [0.78, 0.5, 0.5]])])  # not symmetric itself
+    exits = narrow.layouts(np.array([narrow.lower, narrow.upper])).exits
+    assert (exits[..., 0].min(), exits[..., 0].max()) == pytest.approx((0.02, 0.78))
+
+
+def test_points_slide_along_lines_and_cables_can_be_named(parallel):
+    """On masts, along z; two cables alone, and those that symmetry ties to them."""
+    space = Space.of(parallel, [Move("exits", (-0.1, 0.0), along=(0, 0, 2), cables=(1,))])
+    (exits,) = space.layouts(np.array([[-0.05]])).exits
+    moved = exits - parallel.exits
+    assert np.flatnonzero(moved.any(1)).tolist() == [0, 2, 4, 6]
+    assert moved[0] == pytest.approx([0, 0, -0.05])
+    assert len(Space.of(parallel, [Move("center_of_mass", 0.01)])) == 1  # up and down; sideways breaks the symmetry
+    assert len(Space.of(parallel, [Move("center_of_mass", 0.01)], "none")) == 3
+    pulleys = parallel.replace(pulley_radius=[0.01, 0, 0, 0, 0, 0, 0, 0], pulley_axis=(0, 0, 1))
+    assert Space.of(pulleys, [Move("pulleys", 0.01)]).names == tuple(f"{axis} of exits 1" for axis in "xyz")
+    thick = Space.of(crane().replace(linear_density=0.1), [Move("diameter", 2.0)], "none").layouts(
+        np.full((1, 8), np.log(2))
+    )
+    assert thick.axial_stiffness == pytest.approx(4e6 * np.ones((1, 8)))
+    assert thick.linear_density == pytest.approx(0.4 * np.ones((1, 8)))
+
+
+@pytest.mark.parametrize("bent", [False, True])
+def test_slopes_are_those_of_differences(bent: bool):
+    """Pose and tensions by every kind of variable, with slack cables, loads with torques, and two stiffnesses.
+
+    Negative control: winches that do not know of the change give other slopes.
+    """
+    robot = cdpr.load_robot("cogiro" if bent else "parallel")
+    if bent:
+        robot = robot.replace(pulley_radius=0.02, pulley_axis=(0, 0, 1), stiffening=(50, 0))
+    moves = [Move("exits", 0.05), Move("anchors", 0.005), Move("center_of_mass", 0.005), Move("axial_stiffness", 2)]
+    space = Space.of(robot, moves, "none")
+    cases = Cases.of(robot, [(0.2, 0.22, 0.12, 0, 0.05, 0.1)], [np.zeros(6), [0.3, 0, 0.1, 0, 0.01, 0.02]], [1, 0.5])
+    here = rest(space.layouts(np.zeros((1, len(space)))), cases, 1)
+    assert here.slack.any() != bent
+    steps = Steps(space.exits, space.anchors, space.log_stiffness * robot.axial_stiffness, space.center)
+    state = here.positions[0], here.rotations[0], here.problems.rest_lengths[0]
+    by = slopes(robot, cases, *state, steps)
+    step = 1e-6
+    after, before = (rest(space.layouts(sign * step * np.eye(len(space))), cases, 1) for sign in (1, -1))
+    for measured, exact in (
+        (after.positions - before.positions, by.pose[..., :3]), (after.tensions - before.tensions, by.tensions),
+    ):  # fmt: skip
+        slope = measured.swapaxes(0, 1) / (2 * step)
+        assert exact == pytest.approx(slope, abs=2e-5 * np.abs(slope).max())  # rounding of the rests over the step
+    unaware = slopes(robot, cases, *state, dataclasses.replace(steps, known=False))
+    assert np.abs(unaware.pose - by.pose).max() > 0.1 * np.abs(by.pose).max()
+
+
+def test_sensitivity_to_errors_is_that_of_single_equilibria(parallel):
+    """The objective against ``sensitivity``, coordinate by coordinate."""
+    cases = Cases.of(parallel, LINE[:2])
+    found = OBJECTIVES["worst sensitivity"].score(rest(Layouts.of([parallel]), cases, 1), (np.zeros(8), np.ones(8)))
+    squares = []
+    for pose in LINE[:2]:
+        by = cdpr.sensitivity(parallel, pose).pose
+        squares.append(sum(((by[name].T * parallel.units) ** 2).sum() for name in ("exits", "anchors")))
+    assert found[0] == pytest.approx(np.sqrt(max(squares)), rel=1e-6)
+
+
+def test_a_level_layout_is_found_and_mujoco_agrees(better, parallel):
+    """From 26° to a few; in MuJoCo, between the poses as well; what it claims is what the robot does."""
+    assert np.degrees(better.before) == pytest.approx(26.42, abs=0.01)
+    assert better.after < 0.3 * better.before
+    assert better.after == pytest.approx(cdpr.solve_many(better.robot, LINE).tilt.max(), abs=1e-9)
+    assert np.abs(better.robot.exits - parallel.exits).max() <= 0.1 + 1e-12
+    assert {one.name for one in better.moved} == {f"exit {c} {a}" for c in range(1, 9) for a in "xyz"}
+    proof = prove_layout(better)
+    assert len(proof.cases) == 2 * len(LINE) - 1
+    assert proof.agrees
+    assert proof.better
+    assert proof.after.score == pytest.approx(np.nanmax(proof.after.solved.tilt), abs=1e-7)
+    # Negative control: the same claim of the robot as it was.
+    false = prove_layout(dataclasses.replace(better, robot=better.given, given=better.robot))
+    assert not false.better
+
+
+def test_poses_twice_as_fine_lie_midway(parallel):
+    """Along each dimension of a grid; rotations turn halfway, whatever the sign of their quaternions."""
+    grid = np.zeros((2, 3, 6))
+    grid[..., 0], grid[..., 2] = [[0.2], [0.4]], 0.1
+    grid[..., 1] = [0.1, 0.2, 0.4]
+    grid[1, :, 5] = 0.4
+    cases = Cases.of(parallel, grid, [np.zeros(6), np.ones(6)], [1, 2])
+    fine = cases.finer()
+    assert fine.shape == (3, 5)
+    assert len(fine) == 15 * 4
+    assert fine.positions[::4].reshape(3, 5, 3)[1, 3] == pytest.approx([0.3, 0.3, 0.1])
+    turned = fine.rotations[::4].reshape(3, 5, 3, 3)
+    assert np.arctan2(turned[:, 0, 1, 0], turned[:, 0, 0, 0]) == pytest.approx([0, 0.2, 0.4])
+    assert np.array_equal(fine.wrench[:4], cases.wrench[:4])
+    assert np.array_equal(fine.factors[4:8], cases.factors[:4])
+
+
+def test_both_layouts_are_driven_side_by_side(better):
+    """The same commands for both, from the first pose to the last."""
+    before, after = driven(prove_layout(better), 4, 1.0, drive_seconds=0.5)
+    assert [one.robot.name for one in (before, after)] == ["parallel, before", "parallel, after"]
+    for motion in (before, after):
+        assert motion.problems.positions[[0, -1]] == pytest.approx(np.array(LINE)[[0, -1]], abs=1e-9)
+
+
+def test_a_seed_repeats_and_a_store_goes_on(better, parallel, tmp_path):
+    """The same layout from the same seed; interrupted and gone on with, the same as in one run."""
+    store = tmp_path / "search.npz"
+    first = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, store=store, polish=False)
+    again = cdpr.find_layout(parallel, LINE, within=0.1, generations=40, store=store)
+    assert np.array_equal(again.robot.exits, better.robot.exits)
+    assert again.after <= first.after
+    done = cdpr.find_layout(parallel, LINE, within=0.1, generations=40, store=store)
+    assert np.array_equal(done.robot.exits, better.robot.exits)
+    assert len(again.history) == 40
+    other = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, seed=1, polish=False)
+    assert not np.array_equal(other.robot.exits, first.robot.exits)
+    with pytest.raises(cdpr.InvalidInput, match="holds the search of another question"):
+        cdpr.find_layout(parallel, LINE, within=0.2, store=store)
+    (tmp_path / "no.npz").write_text("not a store")
+    with pytest.raises(cdpr.InvalidInput, match="is not the store of a search"):
+        cdpr.find_layout(parallel, LINE, within=0.2, store=tmp_path / "no.npz")
+
+
+def test_ctrl_c_keeps_the_best_so_far(parallel, monkeypatch):
+    """And says so."""
+    calls = []
+
+    def interrupted(layouts, cases, threads=None):
+        calls.append(len(layouts))
+        if len(calls) == 8:
+            raise KeyboardInterrupt
+        return rest(layouts, cases, threads)
+
+    monkeypatch.setattr(search, "rest", interrupted)
+    found = cdpr.find_layout(parallel, LINE, within=0.1)
+    assert "Interrupted after 5 generations: this is the best so far." in str(found)
+    assert found.after < found.before
+
+
+def test_the_gradient_goes_on_where_evolution_stops(parallel):
+    """From the same few generations, polished is better; and the tensions keep within their limits."""
+    asked = dict(within=0.05, generations=5, subject_to={"tensions": (0.0, 1.9)})
+    rough, smooth = (cdpr.find_layout(parallel, LINE, polish=polish, **asked) for polish in (False, True))
+    assert smooth.after < 0.99 * rough.after
+    assert smooth.rests.tensions.max() <= 1.9 * (1 + 1e-6)
+
+
+def test_a_robot_that_falls_is_laid_out_so_that_it_does_not(parallel):
+    """A pose above every exit, which masts reach; before, nothing rests there, and that is what is said."""
+    masts = Move("exits", (0, 0.2), along=(0, 0, 1))
+    found = cdpr.find_layout(parallel, [(0.4, 0.25, 0.5), (0.4, 0.25, 0.3)], move=masts, generations=5)
+    assert np.isnan(found.before)
+    assert "no rest at some pose before" in str(found)
+    assert found.rests.converged.all()
+    assert prove_layout(found).better
+
+
+def test_constraints_hold_where_they_bind(parallel):
+    """Without the constraint the best layout breaks it; with it, it does not, and the objective pays."""
+    free = cdpr.find_layout(parallel, LINE, within=0.1, generations=20)
+    assert free.distance > 0.06
+    bound = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, subject_to={"displacement": 0.06})
+    assert bound.distance <= 0.06 * (1 + 1e-8)
+    assert free.after < bound.after < bound.before
+    near = cdpr.find_layout(
+        cdpr.load_robot("cogiro"), LINE[:2], within=0.03, generations=4, subject_to={"clearance": 0.006}
+    )
+    assert cdpr.clearances(near.robot, LINE[:2], points=9).least.min() >= 0.006 * (1 - 1e-9)
+    assert cdpr.clearances(cdpr.load_robot("cogiro"), LINE[:2], points=9).least.min() < 0.006
+
+
+def test_tension_is_least_where_a_closed_form_says():
+    """A point on two equal cables: tau = m g/(2 cos), so that the exits go as far up their masts as they may.
+
+    To what evolution leaves of the bound: nothing holds the point's rotation, and so there is no gradient.
+    """
+    robot = symmetric_pair(axial_stiffness=1e7).robot
+    found = cdpr.find_layout(
+        robot, [(0, 0, 0)], move=Move("exits", 0.2, along=(0, 0, 1)), objective="highest tension", generations=10
+    )
+    x, z = robot.exits[1, [0, 2]]
+    assert found.robot.exits[:, 2] == pytest.approx(z + 0.2, abs=1e-3)
+    assert found.after == pytest.approx(9.81 / 2 * np.hypot(x, z + 0.2) / (z + 0.2), rel=1e-4)
+
+
+@pytest.mark.parametrize("name", sorted(OBJECTIVES))
+def test_every_objective_is_improved(name: str, parallel):
+    """Each by its own sense; "feasible volume" cannot be, since all of these poses are feasible already."""
+    moves = [Move("exits", 0.05), Move("axial_stiffness", 2.0)]
+    found = cdpr.find_layout(parallel, LINE[:2], move=moves, objective=name, generations=2, population=20)
+    assert np.isfinite([found.before, found.after]).all()
+    assert not found.objective.better(found.before, found.after)
+
+
+def test_a_function_of_ones_own_is_an_objective(parallel):
+    """Of all rests at once, (layouts, cases); what it returns is checked."""
+    found = cdpr.find_layout(
+        parallel, LINE, within=0.05, objective=lambda rests: rests.tilt.sum(-1), generations=5, stiffness=[0.5, 2]
+    )
+    assert found.after == pytest.approx(cdpr.solve_many(found.cases.problems(found.robot)).tilt.sum(), abs=1e-7)
+    for wrong, sentence in (
+        (lambda rests: np.full(len(rests), np.nan), "returned nan"), (lambda rests: 1.0, "returned shape ()"),
+        (lambda rests: "no", "expected numbers"),
+    ):  # fmt: skip
+        with pytest.raises(cdpr.InvalidInput, match=sentence.replace("(", r"\(").replace(")", r"\)")):
+            cdpr.find_layout(parallel, LINE, within=0.05, objective=wrong, generations=2)
+
+
+def test_heavy_cables_are_laid_out_as_well():
+    """A crane whose cables weigh something: evolution alone, since there is no gradient."""
+    heavy = crane().replace(linear_density=0.064)
+    poses = [(-3, -2, 1.5), (3, 2, 2.5)]
+    found = cdpr.find_layout(heavy, poses, within=0.3, objective="worst deviation", generations=4, population=12)
+    assert found.after < found.before
+    assert np.linalg.norm(cdpr.solve_many(found.robot, poses).deviation, axis=-1).max() == pytest.approx(found.after)
+
+
+REFUSED = {
+    "crossed": (dict(within=[[0.5, 0, 0], [0.1, 1, 1]]), "within: found bounds crossed for exits"),
+    "no image in the box": (dict(within=[[0, 0, 0.4], [0.3, 0.5, 0.5]]), "within: found bounds crossed for x of exits"),
+    "not the robot's": (dict(within=0.05, symmetry="mirror-z"), "unknown symmetry 'mirror-z'"),
+    "no bounds": (dict(), "within: found none for exits"),
+    "nothing": (dict(within=0.0), "within: found nothing that can move"),
+    "no pulleys": (dict(move="pulleys", within=0.1), "move: found pulleys, and 'parallel' has none"),
+    "twice": (dict(move=["exits", "exits"], within=0.1), "move: found exits of cable 1 twice"),
+    "no such thing": (dict(move="exit", within=0.1), "unknown move 'exit': did you mean exits?"),
+    "no such goal": (
+        dict(within=0.1, objective="worst tlit"),
+        "unknown objective 'worst tlit': did you mean worst tilt or",
+    ),
+    "no such constraint": (dict(within=0.1, subject_to={"taut": True}), "unknown constraint 'taut'"),
+    "below one": (dict(move="diameter", within=0.5), "within: found a factor of 0.5"),
+    "no such cable": (dict(move=Move("exits", 0.1, cables=(9,))), "cables: found cable 9, expected 1 to 8"),
+    "factor": (dict(within=0.1, stiffness=0), "stiffness: found 0"),
+}
+
+
+@pytest.mark.parametrize("why", REFUSED)
+def test_what_cannot_be_is_refused_in_a_sentence(why: str, parallel):
+    """Which field, what was found, what is expected."""
+    asked, sentence = REFUSED[why]
+    with pytest.raises(cdpr.CdprError) as raised:
+        cdpr.find_layout(parallel, LINE, generations=2, **asked)
+    assert str(raised.value).startswith(sentence)
+    assert "\n" not in str(raised.value)
+
+
+def test_what_no_layout_can_do_is_said(parallel):
+    """A pose above every exit; constraints that nothing meets, with the one that is missed the most."""
+    with pytest.raises(cdpr.InvalidInput, match=r"rests at all of them.*at 1 of 2, the first at \(0.4, 0.25, 0.9\) m"):
+        cdpr.find_layout(parallel, [(0.4, 0.25, 0.1), (0.4, 0.25, 0.9)], within=0.05, generations=2)
+    asked = {"tensions": (0.0, 1.5), "lowest tension": 100.0}
+    with pytest.raises(cdpr.InvalidInput, match="misses 'lowest tension at least 100 N' the most") as raised:
+        cdpr.find_layout(parallel, LINE, within=0.02, generations=2, subject_to=asked)
+    assert "and also tensions from 0 to 1.5 N" in str(raised.value)
+    heavy = parallel.replace(linear_density=0.01)
+    with pytest.raises(cdpr.InvalidInput, match="expected massless ones"):
+        cdpr.find_layout(heavy, LINE, within=0.05, objective="lowest frequency", generations=2)
+
+
+@pytest.mark.parametrize("robot", ["better", "mixed", "rope", "label"])
+def test_robot_files_give_back_the_very_same_robot(robot: str, better, tmp_path):
+    """Every number to its last bit; materials by name where they have one."""
+    one = better.robot
+    if robot == "mixed":
+        one = one.replace(
+            axial_stiffness=1e3 * np.arange(1, 9) / 3, pulley_radius=[0.01] + 7 * [0.0], stiffening=(1 / 3, 0),
+            center_of_mass=(0.001, 0, 0), name='a "b" c',
+        )  # fmt: skip
+    if robot == "rope":
+        one = one.replace(material="dyneema-2mm")
+    if robot == "label":
+        one = one.replace(material="fishing-0.4mm", axial_stiffness=999.0)
+    path = tmp_path / "robot.toml"
+    path.write_text(as_toml(one), encoding="utf-8")
+    read = cdpr.load_robot(path)
+    assert read.cabling.same_as(one.cabling)
+    for name in (
+        "mass",
+        "gravity",
+        "inertia",
+        "center_of_mass",
+        "platform_size",
+        "frame",
+        "workspace",
+        "name",
+    ):
+        assert np.array_equal(getattr(read, name), getattr(one, name)), name
+    assert read.material == one.material
+
+
+def test_readmes_example_runs(capsys):
+    """As printed; and the layout is as level as it says."""
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"## A better layout\n.*?```py\n(.*?)```", readme, flags=re.DOTALL)
+    names = {"cdpr": cdpr}
+    exec(block, names)
+    assert "worst tilt 26.42° before" in capsys.readouterr().out
+    assert np.degrees(names["found"].after) < 0.5
+
+
+def test_a_front_trades_displacement_against_tilt(parallel):
+    """Nothing on it is better than another in both; its ends are the robot as given and one that tilts far less."""
+    pytest.importorskip("pymoo")
+    front = cdpr.find_front(parallel, LINE, within=0.1, generations=10, population=20)
+    moved, tilt = front.scores.T
+    assert moved[0] == 0
+    assert tilt[0] == pytest.approx(front.before[1])
+    assert tilt[-1] < 0.8 * tilt[0]
+    better = (front.scores[:, None] <= front.scores).all(-1) & (front.scores[:, None] < front.scores).any(-1)
+    assert not better.any()
+    assert cdpr.solve_many(front.robot(len(front) - 1), LINE).tilt.max() == pytest.approx(tilt[-1], abs=1e-9)
+    with pytest.raises(cdpr.InvalidInput, match="holds everything"):
+        cdpr.find_front(parallel, LINE, within=0.01, generations=1, population=5, subject_to={"lowest tension": 9.0})
+
+
+def test_a_front_without_pymoo_says_how_to_get_it(parallel, monkeypatch):
+    """In a sentence."""
+    monkeypatch.setitem(__import__("sys").modules, "pymoo.optimize", None)
+    with pytest.raises(cdpr.InvalidInput, match=r"pip install 'cdpr-sim\[design\]'"):
+        cdpr.find_front(parallel, LINE, within=0.1)
