@@ -94,7 +94,7 @@ def test_every_model_has_its_picture():
     assert len({stamp_of(picture) for picture in pictures} - {None}) == len(NAMES) + 1
     assert max(picture.stat().st_size for picture in pictures) < 100_000
     assert (image.imread(MODELS / "robots.png")[..., :3].min(-1) < 0.9).mean() > 0.02
-    assert run("models", "ipanema-1", "-o", str(MODELS), "--check").exit_code == 0
+    assert run("models", "ipanema-1", "--winches", "-o", str(MODELS), "--check").exit_code == 0
 
 
 def test_a_page_shows_all_robots(tmp_path):
