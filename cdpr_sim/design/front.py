@@ -160,10 +160,9 @@ def find_front(
             def notify(self, algorithm) -> None:
                 say(f"generation {algorithm.n_gen} of {generations}, {judge.tried:,} layouts")
 
-        result = minimize(
-            Question(), NSGA2(pop_size=len(first), sampling=first), ("n_gen", whole("generations", generations, 1)),
-            seed=seed, callback=Told(),
-        )  # fmt: skip
+        search = NSGA2(pop_size=len(first), sampling=first)  # pyright: ignore[reportArgumentType]  (takes arrays too)
+        ended = "n_gen", whole("generations", generations, 1)
+        result = minimize(Question(), search, ended, seed=seed, callback=Told())
     if result.X is None:
         raise InvalidInput(
             f"subject_to: found no layout that holds everything and rests at every pose among {judge.tried:,} tried; "
