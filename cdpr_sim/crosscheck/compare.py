@@ -6,7 +6,7 @@ import enum
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.equilibrium import Equilibrium
@@ -23,10 +23,6 @@ ROTATION_TOLERANCE = 1e-5
 
 TENSION_TOLERANCE = 1e-3
 """[N]"""
-
-TENSION_FRACTION = 1e-6
-"""Of the largest tension, where that is more: MuJoCo calls a platform at rest at as much of its load. The cables of a
-telescope's cabin, 154 kN each, are found within 0.02 N."""
 
 CROSS_TOLERANCE = 1e-5
 """Largest unbalanced force that either road may find at the other's pose, as a fraction of the load (without load, of
@@ -87,7 +83,7 @@ def compare(
     *,
     position_tolerance: float = POSITION_TOLERANCE,
     rotation_tolerance: float = ROTATION_TOLERANCE,
-    tension_tolerance: float | None = None,
+    tension_tolerance: float = TENSION_TOLERANCE,
 ) -> Agreement:
     """Compare an equilibrium found by statics with one that MuJoCo settled at.
 
@@ -96,7 +92,7 @@ def compare(
         settled: from ``settle``, of the same robot, rest lengths and load.
         position_tolerance: [m].
         rotation_tolerance: [rad].
-        tension_tolerance: [N]; default: 1e-3 N, or a millionth of the largest tension where that is more.
+        tension_tolerance: [N].
 
     Raises:
         InvalidInput: the two answer different problems.
@@ -107,8 +103,6 @@ def compare(
     problem = static.problem
     if not problem.same_as(settled.problem):
         raise InvalidInput("compare: found equilibria of two problems, expected the same robot, rest lengths and load")
-    if tension_tolerance is None:
-        tension_tolerance = float(tension_tolerances(static.tensions))
     differences = {
         "position": (np.linalg.norm(static.position - settled.position), position_tolerance, "m"),
         "rotation": ((static.rotation * settled.rotation.inv()).magnitude(), rotation_tolerance, "rad"),
@@ -159,11 +153,6 @@ def compare(
         static_in_mujoco=cross["MuJoCo at the static pose"],
         settled_in_statics=cross["statics at the settled pose"],
     )
-
-
-def tension_tolerances(tensions: Float[np.ndarray, "*batch cables"]) -> Float[np.ndarray, "*batch"]:
-    """How far tensions may differ [N], for each row of them."""
-    return np.asarray(np.maximum(TENSION_TOLERANCE, TENSION_FRACTION * tensions.max(-1)))
 
 
 def _at_rest_length(equilibrium: Equilibrium) -> Bool[np.ndarray, " cables"]:
