@@ -22,7 +22,10 @@ STRAIN_STEPS = 30
 def tension(stretch, rest_length, axial_stiffness, a2, a3):
     """tau [N]: a cable pulls and never pushes (Eq. 10, 11)."""
     pulled = np.maximum(stretch, 0.0)
-    return axial_stiffness * pulled / rest_length + axial_stiffness * stiffened(pulled / rest_length, a2, a3)
+    linear = axial_stiffness * pulled / rest_length
+    if not (np.any(a2) or np.any(a3)):
+        return linear
+    return linear + axial_stiffness * stiffened(pulled / rest_length, a2, a3)
 
 
 def energy(stretch, rest_length, axial_stiffness, a2, a3):

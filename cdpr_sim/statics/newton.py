@@ -110,7 +110,7 @@ def solve_many(
         np.where(problems.falls[..., None], np.nan, problems.positions) if problems.falls.any() else problems.positions,
         problems.rotations,
     )
-    if not problems.finite.all():
+    if (status != Status.CONVERGED).any() and not problems.finite.all():
         status = np.where(problems.finite, status, Status.NOT_FINITE.value)
     if problems.falls.any():
         status = np.where(problems.falls, Status.FALLS.value, status)
