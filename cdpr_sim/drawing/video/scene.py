@@ -206,6 +206,7 @@ class Stage:
             geom, shape.value, np.asarray(size, float), np.asarray(position, float), matrix, np.array(color, np.float32)
         )
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value
+        geom.objtype = mujoco.mjtObj.mjOBJ_UNKNOWN  # mjv_initGeom leaves there what memory holds
         self.scene.ngeom += 1
         return geom
 
