@@ -54,7 +54,7 @@ def _robot(ax: Axes3D, study: Pretension) -> None:
     """Pushed down, with too little pretension."""
     drawing.draw_space(ax, study.robot)
     drawing.draw_pose_in_space(ax, study.drawn, 0)
-    ax.set_box_aspect(tuple(np.diff(study.robot.frame, axis=0)[0]), zoom=0.9)
+    ax.set_box_aspect(tuple(np.diff(study.robot.frame, axis=0)[0]), zoom=0.78)
     ax.zaxis.labelpad = -6
     for axis, (low, high) in zip((ax.xaxis, ax.yaxis, ax.zaxis), study.robot.frame.T, strict=True):
         axis.set_ticks([0, high] if axis is ax.yaxis else [low, high])
