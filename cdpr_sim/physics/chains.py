@@ -113,9 +113,9 @@ def divisions(level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " cha
 
 @cache
 def _quadrature() -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
-    """Points from -1 to 1, and weights."""
+    """Points from -1 to 1, and weights; rounded, since the last digits differ from one NumPy to the next."""
     points, weights = np.polynomial.legendre.leggauss(SEGMENTS)
-    return points, weights
+    return np.round(points, 14), np.round(weights, 14)
 
 
 def shape(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_length: float) -> Float[np.ndarray, "n 3"]:
