@@ -92,9 +92,9 @@ def test_slack_cables_and_planar_robots_rest_where_forces_balance():
 
 def test_a_balanced_platform_is_left_for_one_that_hangs():
     """What balances with its mass on top turns over; nan stays nan, and a spun platform finds no rest."""
-    top_heavy = cdpr.Robot(
-        [[-0.3, 0, 1], [0.3, 0, 1]], [[-0.3, 0, 0], [0.3, 0, 0]], 1e4, 1.0, mobility="planar",
-        center_of_mass=(0, 0, 1.5), platform_size=(0.6, 0.1, 0.1),
+    top_heavy = cdpr.Robot(  # 2 EA/l0 b² = 1 N m/rad against m g h = 2 N m/rad
+        [[-0.1, 0, 1], [0.1, 0, 1]], [[-0.1, 0, 0], [0.1, 0, 0]], 50.0, 1.0, mobility="planar",
+        center_of_mass=(0, 0, 0.2),
     )  # fmt: skip
     assert cdpr.solve(top_heavy, (0, 0, 0)).tilt > np.radians(90)
     nowhere = cdpr.solve_many(lopsided(), [(np.nan, 0.25, 0.1)])
