@@ -30,6 +30,9 @@ POINTS = 25
 SEARCH_POINTS = 9
 """The same while layouts are searched for."""
 
+BYTES_PER_POINT = 400
+"""That distances take at a pose, for each point along each cable: so much was measured of 5,000 poses."""
+
 ROWS = 64
 """Poses at a time: their pairs of pieces fill some tens of megabytes."""
 
@@ -71,7 +74,7 @@ class Clearances(Frozen):
 
     def free(self, least: float = 0.0) -> Bool[np.ndarray, "*batch"]:
         """Where nothing comes nearer to anything than ``least`` [m]: the interference-free workspace."""
-        return np.asarray(self.least > least)
+        return np.asarray(self.least > checked_array("least", least, ()))
 
     def nearest(self, row: tuple[int, ...] | int) -> str:
         """What comes nearest in one row, in words."""

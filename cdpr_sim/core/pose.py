@@ -15,7 +15,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core.checks import shown
+from cdpr_sim.core.checks import refuse_far, shown
 from cdpr_sim.core.errors import InvalidInput
 
 PoseLike: TypeAlias = ArrayLike | Sequence[float] | RigidTransform
@@ -28,11 +28,12 @@ def as_pose(pose: PoseLike) -> RigidTransform:
         pose: a position (3,) [m] with the platform level, a six-vector (6,) [m, rad], or a ``RigidTransform``.
 
     Raises:
-        InvalidInput: another shape, or a number that is not finite.
+        InvalidInput: another shape, a number that is not finite, or a position beyond any robot.
     """
     if isinstance(pose, RigidTransform):
         if not pose.single:
             raise InvalidInput(f"pose: found a stack of {len(pose)} transforms, expected a single one")
+        _refuse_impossible(pose.translation, pose.rotation.as_quat())
         return pose
     try:
         vector = np.asarray(pose, dtype=float)
@@ -42,10 +43,16 @@ def as_pose(pose: PoseLike) -> RigidTransform:
         raise InvalidInput(
             f"pose: found an array of shape {vector.shape}, expected (x, y, z) or (x, y, z, alpha, beta, gamma)"
         )
-    if not np.isfinite(vector).all():
-        raise InvalidInput(f"pose: found {vector.tolist()}, expected finite numbers")
+    _refuse_impossible(vector[:3], vector[3:])
     rotation = Rotation.from_euler("xyz", vector[3:]) if vector.size == 6 else Rotation.identity()
     return RigidTransform.from_components(vector[:3], rotation)
+
+
+def _refuse_impossible(position: np.ndarray, rotation: np.ndarray) -> None:
+    found = [*position.tolist(), *rotation.tolist()]
+    if not np.isfinite(found).all():
+        raise InvalidInput(f"pose: found {found}, expected finite numbers")
+    refuse_far("pose", position)
 
 
 def euler(rotation: Rotation) -> Float[np.ndarray, "3"]:
