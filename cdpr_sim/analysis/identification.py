@@ -131,6 +131,10 @@ def identify(
         position_error: standard error of a measured coordinate [m]; default: judged from the residuals of positions.
         rotation_error: standard error of a measured angle [rad]; default: judged from the residuals of angles.
 
+    Returns:
+        Values of the unknowns with standard errors in the unit of each, what is left of the residuals, and a robot with
+        what was found.
+
     Raises:
         InvalidInput: measurements of another robot or too few, errors that are not positive, or unknowns that exclude
             each other.

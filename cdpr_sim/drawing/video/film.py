@@ -71,6 +71,9 @@ def write_video(
         force: replace a file that is there.
         progress: called after each frame with the fraction done, 0 to 1.
 
+    Returns:
+        The path of the file that was written.
+
     Raises:
         InvalidInput: a path that cannot be written, a file that is there, an unknown suffix, a size, duration or number
             of frames that cannot be right.
