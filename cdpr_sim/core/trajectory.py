@@ -59,6 +59,13 @@ class Trajectory(Rests):
         """A motion so slow that each state, (steps,), is one of ``rests``; for robots that ``drive`` does not know."""
         return cls(**{field.name: getattr(rests, field.name) for field in dataclasses.fields(rests)}, times=times)
 
+    def __repr__(self) -> str:
+        away = 1e3 * np.linalg.norm(self.deviation, axis=-1).max()
+        return (
+            f"<Trajectory of {self.robot.name!r} by {self.source}: {len(self)} states in {np.ptp(self.times):.3g} s, "
+            f"tilt up to {np.degrees(self.tilt.max()):.3g}°, up to {away:.3g} mm from where it was commanded>"
+        )
+
 
 class PlatformFell(CdprError):
     """MuJoCo's platform fell while it was driven.
