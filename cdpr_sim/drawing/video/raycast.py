@@ -50,7 +50,7 @@ class RayCaster:
         One ray per pixel finds what is where; pixels at whose edge something else begins are cast again, finely. A
         shape that MuJoCo draws and this does not (a mesh, an arrow, text) is left out.
         """
-        with compiling.first_use(__name__):
+        with compiling.first_use("ray caster"):
             return self._draw(scene, width, height)
 
     def _draw(self, scene: mujoco.MjvScene, width: int, height: int) -> UInt8[np.ndarray, "height width 3"]:
