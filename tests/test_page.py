@@ -165,6 +165,22 @@ def test_roads_that_do_not_agree_are_said_first(robot, monkeypatch):
     assert table["1"][-1] != "agree"
 
 
+def test_a_platform_that_does_not_rest_is_said_not_to(found):
+    """Its best point is no answer: nothing is drawn as if it were, and the reason is given."""
+    view = found.first
+    failure = cdpr.NotSettled("it did not come to rest", view.settled)
+    first = dataclasses.replace(view, settled=failure, agreement=None)
+    broken = dataclasses.replace(found, first=first, plane=None, motion=None)
+    text = page.page(broken)
+    shown = scene(text)["views"][0]
+    assert shown["words"].endswith("does not come to rest in MuJoCo.")
+    assert shown["platform"] == shown["commanded"]
+    assert not any(cable["slack"] or cable["words"] for cable in shown["cables"])
+    assert "it did not come to rest" in Page(text).words
+    table = next(table for table in Page(text).tables if "equilibrium" in table)
+    assert table["equilibrium"] == ["", "none", "stable"]
+
+
 def test_what_cannot_be_shown_is_said(robot):
     """A workspace without height has no map, and a sentence says why."""
     flat = robot.workspace.copy()
@@ -207,6 +223,9 @@ def test_the_command_writes_the_page_whole_and_over_nothing(tmp_path, monkeypatc
 
 PHONE = 360
 """[pixel] Width of a small one."""
+
+A4 = 718
+"""[pixel] Between the margins of a sheet: 210 mm less 10 mm on either side, at 96 pixels an inch."""
 
 LEAST_LETTERS = 12.0
 """[pixel] Smaller type is hard to read."""
@@ -410,6 +429,22 @@ def test_it_is_legible(opened, width, scheme):
         seen = opened.execute_script(CONTRASTS)
         whole = min(one[2] for one in seen) >= LEAST_CONTRAST and min(one[3] for one in seen) >= LEAST_LETTERS
         assert not (whole and opened.execute_script(size) == [width, True]), broken
+
+
+def test_on_paper_nothing_is_cut_off(opened):
+    """What scrolls on a screen is whole on a sheet of A4, on white paper even where the screen is dark."""
+    opened.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia",
+        {"media": "print", "features": [{"name": "prefers-color-scheme", "value": "dark"}]},
+    )
+    window(opened, A4)
+    cut = (
+        "return [...document.querySelectorAll('table, img, canvas')].filter((one) => one.checkVisibility()"
+        f" && one.getBoundingClientRect().right > {A4}).map((one) => one.tagName)"
+    )
+    assert opened.execute_script(cut) == []
+    assert opened.execute_script("return getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert not opened.execute_script("return document.querySelector('.controls, video').checkVisibility()")
 
 
 def test_what_is_not_seen_is_said(opened):

@@ -263,7 +263,7 @@ def _maps(portrait: Portrait) -> str:
         across = portrait.check.across()
         agree = int((data["outcome"] == OUTCOMES.index("agree")).sum())
         words = f"Where MuJoCo and the static solver agree: plainly at {agree} of {data['outcome'].size} poses"
-        why = "The worst along y of the poses that were settled in MuJoCo; below, how far the two are apart."
+        why = "The worst along y of the poses that were settled in MuJoCo; beside it, how far the two are apart."
         figures.append(_figure(maps.draw_agreement_map(across), words, why, "both"))
     return f'<div class="maps">{"".join(figures)}</div>' if figures else ""
 
@@ -391,12 +391,13 @@ def _drawn(robot: Robot, view: View) -> dict[str, Any]:
     rest = _rest(view)
     pose = view.problem.pose if rest is None else rest.pose
     anchors = pose.translation + robot.anchors @ pose.rotation.as_matrix().T
+    cabling = robot.cabling if rest is not None else robot.replace(linear_density=0.0).cabling  # no rest, no shape
     cables = []
     for cable, anchor in enumerate(anchors):
         slack = rest is not None and bool(rest.slack[cable])
         length = float(rest.rest_lengths[cable]) if rest is not None and slack else None
         shape = None if view.shapes is None else view.shapes[cable]
-        way = course(robot.cabling, cable, anchor, length, shape)
+        way = course(cabling, cable, anchor, length, shape)
         words = "" if rest is None else crosscheck.SLACK if slack else newtons(float(f"{rest.tensions[cable]:.3g}"))
         cables.append({"way": _rounded(way), "slack": slack, "words": words})
     return {
