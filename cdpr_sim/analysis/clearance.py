@@ -71,11 +71,19 @@ class Clearances(Frozen, Introduced):
         )[..., 0]
 
     def free(self, least: float = 0.0) -> Bool[np.ndarray, "*batch"]:
-        """Where nothing comes nearer to anything than ``least`` [m]: the interference-free workspace."""
+        """Where nothing comes nearer to anything than ``least`` [m]: the interference-free workspace.
+
+        Returns:
+            (...) True where ``least`` is kept; False where the platform does not rest.
+        """
         return np.asarray(self.least > least)
 
     def nearest(self, row: tuple[int, ...] | int) -> str:
-        """What comes nearest in one row, in words."""
+        """What comes nearest in one row, in words.
+
+        Returns:
+            Two parts by name and their distance in millimetres; nan mm where the platform does not rest.
+        """
         found = {
             f"cables {a + 1} and {b + 1}": float(one)
             for (a, b), one in zip(self.pairs, self.cable_cable[row], strict=True)
@@ -106,6 +114,9 @@ def clearances(
         fitting: of each cable, the piece next to its exit and to its anchor that is left out [m], since there it
             touches what it is fixed to; default: half the characteristic length of the platform.
         points: along a cable that hangs.
+
+    Returns:
+        Every distance [m] for each pose, and the curves between which they were measured.
 
     Raises:
         InvalidInput: what ``solve_many`` refuses, or a fitting below 0.

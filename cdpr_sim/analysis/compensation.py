@@ -154,6 +154,9 @@ def compensate(
             0 [m] asks for the position, and of the rotations that go with it for a small one; default: the robot's
             characteristic length.
 
+    Returns:
+        The lengths, the equilibrium that they lead to, and whether that is the commanded pose; if not, why none does.
+
     Raises:
         InvalidInput: an argument that cannot be right; limits that no tension can be within.
         UnknownName: no such preference.

@@ -111,7 +111,11 @@ class Equilibria(Introduced):
         return _imbalance(self.found)
 
     def nearest(self, pose: RigidTransform) -> tuple[int, float]:
-        """Index of the equilibrium nearest to ``pose``, and its distance [m], rotations scaled."""
+        """Index of the equilibrium nearest to ``pose``, and its distance [m], rotations scaled.
+
+        Returns:
+            Its place in ``found``, and the distance sqrt(|translation|² + (characteristic length · angle)²) [m].
+        """
         arm = self.problem.robot.characteristic_length
         distances = [distance(one.pose, pose, arm) for one in self.found]
         index = int(np.argmin(distances))
@@ -173,6 +177,9 @@ def find_equilibria(
             up to 8 times.
         seed: of the starts.
 
+    Returns:
+        All that were found, each with its energy [J]; none is promised to be the last.
+
     Raises:
         InvalidInput: an argument that cannot be right; a load that pulls nowhere.
     """
@@ -213,6 +220,15 @@ def follow_load(
 
     Gravity and wrench grow from a thousandth to the whole, and each equilibrium is the start of the next. Steps are
     halved where the platform moves far; where it still does in the shortest, its equilibrium has ceased to be: a jump.
+
+    Args:
+        robot: the robot; or a ``Problem`` that is ready, alone.
+        pose: the commanded pose, near which the platform starts.
+        rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
+        external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity; it grows too.
+
+    Returns:
+        The equilibria under growing load, (steps,), and the loads at which the platform jumped.
 
     Raises:
         InvalidInput: an argument that cannot be right; a load of nothing.

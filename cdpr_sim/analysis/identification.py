@@ -143,6 +143,10 @@ def identify(
         position_error: standard error of a measured coordinate [m]; default: judged from the residuals of positions.
         rotation_error: standard error of a measured angle [rad]; default: judged from the residuals of angles.
 
+    Returns:
+        Values of the unknowns with standard errors in the unit of each, what is left of the residuals, and a robot with
+        what was found.
+
     Raises:
         InvalidInput: measurements of another robot or too few, errors that are not positive, or unknowns that exclude
             each other.
@@ -237,7 +241,8 @@ def _scatters(
     """Scatters of positions and angles, those that are ``judged`` from their residuals, apart.
 
     Each from the numbers of its kind that the unknowns leave free: their count, less what they take part in fitting
-    (the trace of their block of the hat matrix; Förstner 1979). None below a thousandth of the other by the ``arm``.
+    (the trace of their block of the hat matrix; Förstner 1979). Of kinds that were measured, none is below a thousandth
+    of the other by the ``arm``.
     """
     leverage = _leverages(slope)
     together = np.isin(kinds, judged)
@@ -250,7 +255,8 @@ def _scatters(
         own = np.sqrt(float((residuals[rows] ** 2).sum()) / free) if free > LEAST_FREEDOM else pooled
         found[kind] = max(found[kind] * own, EXACT)
     alike = np.array([1.0, 1.0 / arm])  # scatters of one size: an angle's, of a position's on that arm
-    return np.where(np.isin([0, 1], judged), np.maximum(found, 1e-3 * (found / alike).max() * alike), scatters)
+    least = 1e-3 * (found / alike)[np.unique(kinds)].max() * alike
+    return np.where(np.isin([0, 1], judged), np.maximum(found, least), scatters)
 
 
 def _nearest_to_known(x: Float[np.ndarray, " unknowns"], weighted, slope) -> Float[np.ndarray, " unknowns"]:

@@ -73,6 +73,9 @@ class Measurements:
             rest_lengths: (rows, cables) [m]; default: the rigid ones at each commanded pose.
             robot: what the robot is called; checked when it is identified.
 
+        Returns:
+            Measurements of (rows,) poses, checked; coordinates that were not measured are nan.
+
         Raises:
             InvalidInput: shapes that do not fit, or numbers that are not finite.
             UnknownName: no such coordinate.
@@ -133,6 +136,12 @@ class Measurements:
 
 def read_measurements(path: str | Path) -> Measurements:
     """From a CSV file with named columns and units; see the module.
+
+    Args:
+        path: of the file.
+
+    Returns:
+        A row for each line of the file [m, rad], whatever units its columns have.
 
     Raises:
         InvalidInput: no such file, no rows, an unknown or missing column or unit, or a cell that is not a number; the

@@ -61,6 +61,9 @@ def natural_modes(
         rest_lengths: (cables,) [m]; default: the rigid lengths at ``pose``.
         external_wrench: (6,) [N, N m].
 
+    Returns:
+        (free,) frequencies [Hz], slowest first, and the shape of each.
+
     Raises:
         InvalidInput: the equilibrium is unstable, or held by a torque that keeps its direction in space.
         NotConverged: there is none.

@@ -67,7 +67,11 @@ class Sensitivity(Introduced):
     margin: float
 
     def tilt(self, parameter: str) -> Float[np.ndarray, " parameters"]:
-        """Derivative of the tilt [rad] by each number of ``parameter``; of a level one, how fast it tilts at all."""
+        """Derivative of the tilt [rad] by each number of ``parameter``; of a level one, how fast it tilts at all.
+
+        Returns:
+            (parameters,) [rad] per unit of the parameter, in SI units.
+        """
         turning = self.pose[parameter][3:]
         axis = self.equilibrium.rotation.as_matrix()[:, 2]
         flat = np.hypot(axis[0], axis[1])
@@ -80,6 +84,9 @@ class Sensitivity(Introduced):
         """What a millimetre, a percent or a newton of each number does, the largest move of any anchor first.
 
         Moves and turns are compared by what an anchor at the characteristic length from the origin sees.
+
+        Returns:
+            One for each number of each parameter, in millimetres, degrees and newtons.
         """
         robot = self.equilibrium.problem.robot
         found = []
@@ -123,6 +130,9 @@ def sensitivity(
         pose: the commanded pose.
         rest_lengths: (cables,) [m]; default: the rigid lengths at ``pose``.
         external_wrench: (6,) [N, N m].
+
+    Returns:
+        Derivatives of pose and tensions, by the name of what they are taken by.
 
     Raises:
         InvalidInput: nothing holds some direction, so that the derivatives are infinite.

@@ -56,6 +56,9 @@ class Problem(Frozen, Introduced):
 
         A problem that is ready goes through as it is, and takes nothing beside it.
 
+        Returns:
+            The problem, checked and frozen.
+
         Raises:
             InvalidInput: a pose, a length or a wrench that cannot be right, or a commanded pose at which every
                 exit lies below the platform, so that it falls.
@@ -116,7 +119,11 @@ class Problem(Frozen, Introduced):
         return self.load or IDLE_STRAIN * float(self.axial_stiffness.mean())
 
     def same_as(self, other: Problem) -> bool:
-        """Whether both ask for the same robot, rest lengths and load (the starting pose may differ)."""
+        """Whether both ask for the same robot, rest lengths and load (the starting pose may differ).
+
+        Returns:
+            True if answers to the two can be compared.
+        """
         mine, theirs = self.robot, other.robot
         return (
             np.array_equal(self.rest_lengths, other.rest_lengths)
@@ -193,6 +200,9 @@ class Problems(Frozen):
             axial_stiffness: EA [N], a number, or with the cables last: (..., cables), or (..., 1) for all cables alike.
             mass: (...) [kg].
 
+        Returns:
+            Problems of the shape to which all of these broadcast.
+
         Raises:
             InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
         """
@@ -238,7 +248,11 @@ class Problems(Frozen):
 
     @classmethod
     def stack(cls, problems: Sequence[Problem]) -> Problems:
-        """(rows,) problems of one and the same robot, each ready on its own."""
+        """(rows,) problems of one and the same robot, each ready on its own.
+
+        Returns:
+            (rows,) problems.
+        """
         made = cls(
             robot=problems[0].robot,
             positions=np.array([problem.pose.translation for problem in problems]),
@@ -255,7 +269,11 @@ class Problems(Frozen):
         return made
 
     def take(self, rows: Int[np.ndarray, " some"]) -> Problems:
-        """Some of (rows,) problems."""
+        """Some of (rows,) problems.
+
+        Returns:
+            (some,) problems.
+        """
         return Problems(
             robot=self.robot,
             positions=self._at(self.positions, (rows,), 1),

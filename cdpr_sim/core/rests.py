@@ -84,7 +84,11 @@ class Rests(Frozen, Introduced):
         raise kind.because(status, point)
 
     def point(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Equilibrium:
-        """The row as it is, whether it is an equilibrium or not."""
+        """The row as it is, whether it is an equilibrium or not.
+
+        Returns:
+            That row as an ``Equilibrium``, whose residual [N] says what it is worth.
+        """
         return Equilibrium(
             problem=self.problems[row],
             pose=self._pose(row),

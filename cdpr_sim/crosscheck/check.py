@@ -85,7 +85,11 @@ class Check(Introduced):
         return not self.findings
 
     def across(self, axis: str = "y") -> xr.Dataset:
-        """The worst outcome and the largest error of agreeing poses along ``axis``: a plane, to be drawn as a map."""
+        """The worst outcome and the largest error of agreeing poses along ``axis``: a plane, to be drawn as a map.
+
+        Returns:
+            The dataset without ``axis``.
+        """
         agree = self.dataset["outcome"] == OUTCOMES.index("agree")
         errors = [name for name in _MEANINGS if name != "outcome"]
         worst = self.dataset[errors].where(agree).assign(outcome=self.dataset["outcome"]).max(axis, keep_attrs=True)
@@ -117,6 +121,9 @@ def check(
         materials: names of the catalogue, or {name: EA [N]}; default: each robot's own.
         threads: for MuJoCo; 0 for one per processor.
         progress: show a progress bar on standard error.
+
+    Returns:
+        Outcome and errors at every pose, and each pose at which the two roads do not agree.
 
     Raises:
         InvalidInput: a grid or names that cannot be right.

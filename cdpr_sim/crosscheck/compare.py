@@ -102,6 +102,9 @@ def compare(
         rotation_tolerance: [rad].
         tension_tolerance: [N].
 
+    Returns:
+        The verdict with its reasons, and how far the two are apart [m, rad, N].
+
     Raises:
         InvalidInput: the two answer different problems.
     """

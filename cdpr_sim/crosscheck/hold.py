@@ -73,6 +73,12 @@ def confirm(compensation: Compensation) -> Hold:
     """Let the platform go in MuJoCo on compensated lengths, at the compensated pose and at the commanded one.
 
     The distance between two rests counts rotations by the characteristic length.
+
+    Args:
+        compensation: from ``compensate``.
+
+    Returns:
+        Where MuJoCo's platform rests in either case, and what it does not confirm.
     """
     problem = compensation.equilibrium.problem
 

@@ -92,7 +92,14 @@ class Proof(Introduced):
 
 
 def prove_layout(found: Layout) -> Proof:
-    """Settle both layouts in MuJoCo, at the poses that were asked and midway between them, and compare with statics."""
+    """Settle both layouts in MuJoCo, at the poses that were asked and midway between them, and compare with statics.
+
+    Args:
+        found: from ``find_layout``.
+
+    Returns:
+        What MuJoCo finds of both layouts, and ``sentences`` for people.
+    """
     cases = found.cases.finer()
     return Proof(found, cases, *(_side(robot, cases, found.objective) for robot in (found.given, found.robot)))
 

@@ -54,14 +54,22 @@ class Front(Frozen, Introduced):
         return len(self.scores)
 
     def thinned(self, most: int) -> Front:
-        """At most so many of them, evenly along the front."""
+        """At most so many of them, evenly along the front.
+
+        Returns:
+            A front of ``most`` layouts or fewer.
+        """
         if len(self) <= most:
             return self
         rows = np.linspace(0, len(self) - 1, most).round().astype(int)
         return dataclasses.replace(self, scores=self.scores[rows], layouts=self.layouts.take(rows))
 
     def robot(self, row: int) -> Robot:
-        """One of them."""
+        """One of them.
+
+        Returns:
+            The robot with the layout of that row of ``scores``.
+        """
         return named(self.layouts.robot_at(row), *self.objectives)
 
     def __repr__(self) -> str:
@@ -103,6 +111,9 @@ def find_front(
         population: layouts of each generation, and of the front at most.
         progress: say how far it is on standard error.
         threads: of the compiled solver; default: one for each core.
+
+    Returns:
+        The layouts of the front with their scores, (layouts, 2) in SI units.
 
     Raises:
         InvalidInput: as ``find_layout``; or pymoo is not installed.

@@ -79,6 +79,13 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
 
     Stops as soon as it has left.
 
+    Args:
+        equilibrium: of either road, stable or not.
+        seconds: how long it is watched at most.
+
+    Returns:
+        How far it strayed [m], and so whether it ``stays`` or ``leaves``.
+
     Raises:
         InvalidInput: an equilibrium under an external wrench, or on cables that have weight.
     """
@@ -122,6 +129,9 @@ def grow_gravity(
         pose: where the platform starts.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
         seconds: how long gravity grows.
+
+    Returns:
+        The equilibrium at which MuJoCo's platform comes to rest under all of gravity.
 
     Raises:
         InvalidInput: an argument that cannot be right; cables that have weight.

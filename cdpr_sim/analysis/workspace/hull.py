@@ -103,6 +103,9 @@ def workspace_hull(
             is feasible however deep below the floor.
         tolerance: to which the border is found along each ray [m].
 
+    Returns:
+        A closed surface of 8·4**depth triangles [m]; its ``volume`` is in m³.
+
     Raises:
         InvalidInput: an argument that cannot be right, a planar robot, or a centre that is not feasible itself or
             outside the frame.
