@@ -71,18 +71,27 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', flags=re.DOTALL)
 
 
+PICTURE = re.compile(r'<img [^>]*src="([^"]+)"[^>]*>')
+
+
 def on_page_content(content: str, **_: Any) -> str:
-    """Formulas as MathML."""
+    """Formulas as MathML; and a picture leads to itself, as large as it is."""
     from latex2mathml.converter import convert
 
-    return FORMULA.sub(
+    content = FORMULA.sub(
         lambda match: convert(html.unescape(match[2]), display="block" if match[1] == "div" else "inline"), content
     )
+    return PICTURE.sub(r'<a class="picture" href="\1">\g<0></a>', content)
 
 
 def on_post_page(output: str, page: Any, **_: Any) -> str:
     """The one script that the theme would load from elsewhere comes along."""
     return output.replace(SHIM, posixpath.relpath("iframe-worker.js", posixpath.dirname(page.file.dest_uri) or "."))
+
+
+def on_post_template(output_content: str, **_: Any) -> str:
+    """As ``on_post_page``, of the page that says that there is none."""
+    return output_content.replace(SHIM, "/iframe-worker.js")
 
 
 def commands() -> str:
