@@ -19,6 +19,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.cable_path import pulley_path
 from cdpr_sim.core.checks import Frozen, checked_array, whole
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import catenary
@@ -35,7 +36,7 @@ ROWS = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Clearances(Frozen):
+class Clearances(Frozen, Introduced):
     """Distances [m] between centre lines of cables, the platform and the frame; nan where the platform does not rest.
 
     Attributes:
@@ -91,6 +92,11 @@ class Clearances(Frozen):
             found |= {f"cable {i + 1} and the {what}": float(one) for i, one in enumerate(distances)}
         name = min(found, key=lambda one: found[one])
         return f"{name}: {1e3 * found[name]:.3g} mm"
+
+    def __repr__(self) -> str:
+        known = self.least[np.isfinite(self.least)]
+        least = f"{1e3 * known.min():.3g} mm at the nearest" if known.size else "no rest"
+        return f"<Clearances of {self.rests.robot.name!r}: {self.rests.shape}, {least}>"
 
 
 def clearances(

@@ -27,6 +27,7 @@ from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core.checks import checked_array, frozen
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem
@@ -74,7 +75,7 @@ class Reach(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Compensation:
+class Compensation(Introduced):
     """Rest lengths that put the platform where it was told to be, or as near as any that were found can.
 
     Attributes:

@@ -22,6 +22,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.checks import whole
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import PoseLike, distance
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -63,7 +64,7 @@ JUMP = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibria:
+class Equilibria(Introduced):
     """Equilibria of one problem, lowest energy first. Iterates over them.
 
     Attributes:
@@ -120,9 +121,13 @@ class Equilibria:
         index = int(np.argmin(distances))
         return index, distances[index]
 
+    def __repr__(self) -> str:
+        unstable = f", {len(self.unstable)} unstable" if self.saddles else ""
+        return f"<Equilibria of {self.problem.robot.name!r}: {len(self.stable)} to rest at{unstable}, lowest first>"
+
 
 @dataclass(frozen=True, eq=False)
-class Following:
+class Following(Introduced):
     """How a platform comes to rest while its load grows from nothing.
 
     Attributes:
@@ -139,6 +144,13 @@ class Following:
     def reached(self) -> Equilibrium:
         """Under the full load."""
         return self.equilibria[-1]
+
+    def __repr__(self) -> str:
+        x, y, z = self.reached.position
+        return (
+            f"<Following of {self.reached.problem.robot.name!r}: to ({x:.6f}, {y:.6f}, {z:.6f}) m in "
+            f"{len(self.loads)} steps of the load, with {len(self.jumps)} jumps>"
+        )
 
 
 def find_equilibria(

@@ -23,6 +23,7 @@ from cdpr_sim.analysis.measurements import Measurements
 from cdpr_sim.core.checks import positive
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import derivatives, forces, newton
@@ -58,9 +59,12 @@ RANGE = 1e4
 SCAN = 10.0 ** np.arange(-2, 2.01, 0.25)
 """Factors of EA that are tried before the fit: far from it the platform may hang elsewhere."""
 
+SAID = 3
+"""Unknowns that ``repr`` names one by one."""
+
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Introduced):
     """What the measurements say of the unknowns.
 
     Attributes:
@@ -100,6 +104,14 @@ class Identification:
             raise UnknownName("unknown", name, self.names)
         index = self.names.index(name)
         return float(self.values[index]), float(self.standard_errors[index])
+
+    def __repr__(self) -> str:
+        told = [
+            f"{name} = {value:.6g} ± {error:.2g} {unit}"
+            for name, value, error, unit in zip(self.names, self.values, self.standard_errors, self.units, strict=True)
+        ]
+        more = f"; and {len(told) - SAID} more" if len(told) > SAID else ""
+        return f"<Identification of {self.robot.name!r}: {'; '.join(told[:SAID])}{more}>"
 
 
 @dataclass(frozen=True)

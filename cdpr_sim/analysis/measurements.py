@@ -128,6 +128,11 @@ class Measurements:
                     f"{self.source}: found {found}, but {robot.name!r} is planar: expected only x, z and beta"
                 )
 
+    def __repr__(self) -> str:
+        seen = [name for name, column in zip(COORDINATES, self.measured.T, strict=True) if not np.isnan(column).all()]
+        of = f" of {self.robot!r}" if self.robot else ""
+        return f"<Measurements{of}: {len(self.measured)} rows of {', '.join(seen)}>"
+
 
 def read_measurements(path: str | Path) -> Measurements:
     """From a CSV file with named columns and units; see the module.

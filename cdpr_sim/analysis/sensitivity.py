@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -48,7 +49,7 @@ class Effect:
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivity:
+class Sensitivity(Introduced):
     """First derivatives of an equilibrium, by the name of what it depends on (``derivatives.parameters``).
 
     Exits and anchors are flattened: x, y, z of cable 1, of cable 2, and so on.
@@ -106,6 +107,13 @@ class Sensitivity:
                 )
         arm = 1e3 * robot.characteristic_length
         return sorted(found, key=lambda e: -np.hypot(e.position, arm * np.radians(e.rotation)))
+
+    def __repr__(self) -> str:
+        numbers = sum(matrix.shape[1] for matrix in self.pose.values())
+        return (
+            f"<Sensitivity of {self.equilibrium.problem.robot.name!r} to {numbers} numbers; "
+            f"a cable goes slack or taut within {1e3 * self.margin:.3g} mm of its length>"
+        )
 
 
 def sensitivity(

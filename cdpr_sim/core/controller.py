@@ -74,6 +74,9 @@ class Course:
         before, now, after = self.poses(time + INSTANT * np.array([-1, 0, 1])).translation
         return (before - 2 * now + after) / INSTANT**2
 
+    def __repr__(self) -> str:
+        return f"<Course: {self.seconds:.3g} s, after a pause of {self.pause:.3g} s>"
+
 
 @dataclass(frozen=True, eq=False)
 class Sensed:
@@ -90,6 +93,10 @@ class Sensed:
     pose: RigidTransform
     tensions: Float[np.ndarray, " cables"]
     rest_lengths: Float[np.ndarray, " cables"]
+
+    def __repr__(self) -> str:
+        x, y, z = self.pose.translation
+        return f"<Sensed at {self.time:.4g} s: ({x:.6f}, {y:.6f}, {z:.6f}) m>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +138,10 @@ class Command:
         if not (tensions >= 0).all():
             raise InvalidInput(f"tensions: found {tensions.min():g} N, expected 0 or more: cables only pull")
         return cls(lengths, tensions, by_tension)
+
+    def __repr__(self) -> str:
+        held = int(self.by_tension.sum())
+        return f"<Command: {held} of {len(self.by_tension)} cables by tension, the others by length>"
 
 
 @runtime_checkable

@@ -15,6 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, shown
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
 from cdpr_sim.core.status import IDLE_STRAIN
@@ -28,7 +29,7 @@ coordinates is 1e-7 of strain in such a cable, and the whole of it in one of a m
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Frozen):
+class Problem(Frozen, Introduced):
     """A robot, the pose it starts from, its rest lengths and an external wrench; checked and frozen.
 
     Attributes:
@@ -130,6 +131,15 @@ class Problem(Frozen):
             and (mine.mass, mine.gravity, mine.mobility) == (theirs.mass, theirs.gravity, theirs.mobility)
             and np.array_equal(mine.center_of_mass, theirs.center_of_mass)
             and (mine.cabling is theirs.cabling or mine.cabling.same_as(theirs.cabling))
+        )
+
+    def __repr__(self) -> str:
+        x, y, z = self.pose.translation
+        least, most = self.rest_lengths.min(), self.rest_lengths.max()
+        load = "" if not self.external_wrench.any() else ", under an external wrench"
+        return (
+            f"<Problem of {self.robot.name!r}: commanded to ({x:.6g}, {y:.6g}, {z:.6g}) m, "
+            f"cables of {least:.4g} to {most:.4g} m{load}>"
         )
 
 
@@ -325,6 +335,9 @@ class Problems(Frozen):
     def force_scale(self) -> Float[np.ndarray, "*#batch"]:
         """(...) what an unbalanced force is compared with [N]: the load, or without one a thousandth of the mean EA."""
         return np.where(self.load > 0, self.load, IDLE_STRAIN * self.axial_stiffness.mean(-1))
+
+    def __repr__(self) -> str:
+        return f"<Problems of {self.robot.name!r}: {self.shape}>"
 
 
 def positions_and_rotations(

@@ -27,6 +27,7 @@ from cdpr_sim.core.checks import (
     shown,
 )
 from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.plausibility import doubts, warn
 from cdpr_sim.core.pose import PoseLike, as_pose
@@ -60,7 +61,7 @@ MOST_GRAVITY = 1e6
 
 
 @dataclass(init=False, frozen=True, eq=False, repr=False)
-class Robot:
+class Robot(Introduced):
     """A platform on elastic cables. Arrays are stored read-only; ``replace`` makes a changed copy.
 
     Args:

@@ -67,6 +67,13 @@ class Trajectory(Rests):
         """
         return cls(**{field.name: getattr(rests, field.name) for field in dataclasses.fields(rests)}, times=times)
 
+    def __repr__(self) -> str:
+        away = 1e3 * np.linalg.norm(self.deviation, axis=-1).max()
+        return (
+            f"<Trajectory of {self.robot.name!r} by {self.source}: {len(self)} states in {np.ptp(self.times):.3g} s, "
+            f"tilt up to {np.degrees(self.tilt.max()):.3g}°, up to {away:.3g} mm from where it was commanded>"
+        )
+
 
 class PlatformFell(CdprError):
     """MuJoCo's platform fell while it was driven.

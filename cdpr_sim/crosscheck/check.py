@@ -18,6 +18,7 @@ from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
 from cdpr_sim.core import memory
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.rests import Rests
@@ -66,7 +67,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Check:
+class Check(Introduced):
     """The two roads over a whole workspace.
 
     Attributes:
@@ -96,6 +97,12 @@ class Check:
         worst = worst.expand_dims({axis: [float(middle)]}).assign_coords(frame=self.dataset["frame"])
         worst[axis].attrs = {"units": "m", "section": f"the worst along {axis}"}
         return worst
+
+    def __repr__(self) -> str:
+        poses = self.dataset["outcome"].size
+        robots = ", ".join(repr(str(name)) for name in np.atleast_1d(self.dataset["robot"].values))
+        said = "no disagreement" if self.agrees else f"{len(self.findings):,} poses do not agree"
+        return f"<Check of {robots}: {poses:,} poses, {said}>"
 
 
 def check(

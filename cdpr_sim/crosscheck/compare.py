@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.physics.settle import residual_of
 from cdpr_sim.statics import forces
 
@@ -48,7 +49,7 @@ class Verdict(enum.Enum):
 
 
 @dataclass(frozen=True)
-class Agreement:
+class Agreement(Introduced):
     """Static and physical equilibrium of one problem, side by side.
 
     Attributes:
@@ -75,6 +76,13 @@ class Agreement:
     def agrees(self) -> bool:
         """Whether the two roads agree."""
         return self.verdict in (Verdict.AGREE, Verdict.AGREE_BUT_FREE)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Agreement: {self.verdict.value}: {1e3 * self.position_error:.1e} mm, "
+            f"{np.degrees(self.rotation_error):.1e}° and {self.tension_error:.1e} N apart, "
+            f"{'the same' if self.same_slack else 'other'} cables slack>"
+        )
 
 
 def compare(

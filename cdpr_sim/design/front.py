@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import Frozen, whole
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layouts import Cases, Layouts
@@ -25,7 +26,7 @@ LOST = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Front(Frozen):
+class Front(Frozen, Introduced):
     """Layouts none of which is better in both goals, the best in the first goal first.
 
     Attributes:
@@ -70,6 +71,10 @@ class Front(Frozen):
             The robot with the layout of that row of ``scores``.
         """
         return named(self.layouts.robot_at(row), *self.objectives)
+
+    def __repr__(self) -> str:
+        one, other = self.objectives
+        return f"<Front of {self.given.name!r}: {len(self)} layouts, {one.name} against {other.name}>"
 
 
 def find_front(

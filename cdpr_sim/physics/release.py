@@ -66,6 +66,13 @@ class Release:
         """Whether it strayed a hundred times as far as it was displaced."""
         return self.strayed >= LEAVES * self.nudge
 
+    def __repr__(self) -> str:
+        said = "stays" if self.stays else "leaves" if self.leaves else "neither stays nor leaves"
+        return (
+            f"<Release: {said}: strayed {1e6 * self.strayed:.3g} µm in {self.seconds:.3g} s, nudged by "
+            f"{1e6 * self.nudge:.3g} µm>"
+        )
+
 
 def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     """Displace the platform a micrometre along its softest direction, let it go undamped, and see how far it strays.

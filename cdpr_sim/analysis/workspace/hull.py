@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.analysis.workspace.feasibility import closed_form_feasible, feasible
 from cdpr_sim.core.checks import Frozen, checked_array, positive, whole
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.robot import Robot
 
 MOST_DEPTH = 7
@@ -28,7 +29,7 @@ OCTAHEDRON = ((0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), 
 
 
 @dataclass(frozen=True, eq=False)
-class Hull(Frozen):
+class Hull(Frozen, Introduced):
     """A closed surface of triangles around a workspace.
 
     Attributes:
@@ -70,6 +71,9 @@ class Hull(Frozen):
         """Volume of each triangle's tetrahedron with the centre [m³]."""
         a, b, c = self._corners
         return np.einsum("ij,ij->i", np.cross(a, b), c) / 6
+
+    def __repr__(self) -> str:
+        return f"<Hull: {self.volume:.4g} m³ within {self.surface:.4g} m², {len(self.triangles):,} triangles>"
 
 
 def workspace_hull(
