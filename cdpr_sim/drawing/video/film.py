@@ -76,6 +76,9 @@ def write_video(
         force: replace a file that is there.
         progress: called after each frame with the fraction done, 0 to 1.
 
+    Returns:
+        The path of the file that was written.
+
     Raises:
         InvalidInput: a path that cannot be written, a file that is there, an unknown suffix, a size, duration or number
             of frames that cannot be right.
@@ -127,7 +130,24 @@ def show(
     renderer: Backend = "auto",
     progress: Callable[[float], None] | None = None,
 ) -> None:
-    """Play a trajectory, or several side by side in step, in a notebook; the arguments are those of ``write_video``."""
+    """Play a trajectory, or several side by side in step, in a notebook.
+
+    Args:
+        trajectories: what moves, one or several; each is shown from its first state to its last.
+        static: the static solver's poses for each, a stack of (steps,) or None, drawn as outlines.
+        shapes: how each one's cables hang in each state, (steps, cables, points, 3) [m] from ``cable_shapes``, or None;
+            needed of cables with weight.
+        seconds: how long it plays; the motion is shown faster or slower to fit, and the picture says so.
+        fps: frames per second.
+        size: (width, height) [pixel], even numbers.
+        exaggeration: draw shifts, tilts and slack this many times as large; the picture says so.
+        renderer: "opengl", "raycast", or "auto" for the first that works here.
+        progress: called after each frame with the fraction done, 0 to 1.
+
+    Raises:
+        InvalidInput: a size, duration or number of frames that cannot be right.
+        UnknownName: no such renderer.
+    """
     mediapy = _mediapy()
     pictures = frames(
         trajectories,
