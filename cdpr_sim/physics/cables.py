@@ -112,9 +112,7 @@ def pull(
     return stiffnesses * np.maximum(lengths - bands[:, :, 1], 0)
 
 
-def let_out(
-    model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, "steps cables"]
-) -> Iterator[None]:
+def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, "steps cables"]) -> Iterator[None]:
     """Set a model's cables to one row of ``rest_lengths`` [m] after the other, as winches do."""
     ends, stiffnesses, further = model.tendon_lengthspring[:, 1], model.tendon_stiffness, model.tendon_stiffnesspoly
     lengths = rest_lengths + pulleys.entries(cabling)

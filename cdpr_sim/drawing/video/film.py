@@ -198,8 +198,7 @@ class _Film:
             for trajectory, poses, curves in zip(several, statics, hanging, strict=True)
         ]
         self._numbers = [
-            [getattr(trajectory, name) for trajectory in several]
-            for name in ("tilt", "deviation", "tensions", "slack")
+            [getattr(trajectory, name) for trajectory in several] for name in ("tilt", "deviation", "tensions", "slack")
         ]
         self.page = Page(
             self.size,
