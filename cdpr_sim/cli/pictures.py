@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -80,7 +85,7 @@ def video(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Film platforms driven along a line by their winches, in MuJoCo, with the static solver's pose as an outline."""
-    with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar:
+    with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar, _side_by_side() as start:
         check_place(output, film.SUFFIXES, force=force)
         states = film.check_settings(seconds, fps, size, exaggerate, renderer)
         wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
@@ -90,11 +95,12 @@ def video(
             for option, chosen in (("--compensate", compensate), ("--drop", drop)):
                 if chosen:
                     robot.cabling.refuse_weight(option)
-        trajectories = []
+        motions: list[Callable[[], cdpr.Trajectory]] = []
         for robot, (_, _, cut) in zip(machines, wanted, strict=True):
             if not robot.cabling.massless:
                 ends = _line(robot, path, y, z)
-                trajectories.append(settled_along(robot, np.linspace(ends[0], ends[-1], states), seconds))
+                settled = settled_along(robot, np.linspace(ends[0], ends[-1], states), seconds)
+                motions.append(lambda settled=settled: settled)
                 continue
             waypoints, lengths = _line(robot, path, y, z)[: 1 if drop else None], None
             if cut:
@@ -104,8 +110,8 @@ def video(
                     lengths.append(held(cdpr.compensate(robot, waypoint)).rest_lengths)
                     compensated(len(lengths) / len(waypoints))
                 robot = robot.replace(name=f"{robot.name}, compensated")
-            trajectories.append(
-                cdpr.drive(
+            motions.append(
+                start(
                     robot,
                     waypoints,
                     seconds=drive_seconds,
@@ -115,6 +121,7 @@ def video(
                     progress=bar(f"MuJoCo drives {robot.name}"),
                 )
             )
+        trajectories = [motion() for motion in motions]
         cdpr.write_video(
             output,
             trajectories,
@@ -129,6 +136,31 @@ def video(
             progress=bar("Drawing"),
         )
     typer.echo(output)
+
+
+@contextmanager
+def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
+    """What is called as ``cdpr.drive`` is starts it on a thread; the motion is there when what is returned is called.
+
+    An error, and Ctrl-C, end all drives.
+    """
+    over = threading.Event()
+
+    def start(*asked, progress: Callable[[float], None], **options) -> Callable[[], cdpr.Trajectory]:
+        def go_on(done: float) -> None:
+            if over.is_set():
+                raise CancelledError
+            progress(done)
+
+        return threads.submit(cdpr.drive, *asked, progress=go_on, **options).result
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
+        try:
+            yield start
+        except BaseException:
+            over.set()
+            threads.shutdown(cancel_futures=True)
+            raise
 
 
 def _line(
