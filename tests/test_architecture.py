@@ -32,6 +32,10 @@ BEYOND = {("physics", "core.cable_path"), ("physics", "core.cable_law")}
 """(folder, module) that its wall would let through, and must not: where a cable runs and how hard it pulls, MuJoCo says
 by its own means."""
 
+UPWARD = ("core.introduced", "report.introductions")
+"""The one arrow that runs back up: a result that a notebook asks for its looks has them from the room that makes
+tables, and only then, within a function."""
+
 HEAVY = {"xarray", "dask", "distributed", "zarr", "h5netcdf", "matplotlib"}
 """Libraries that take a second to import."""
 
@@ -44,6 +48,7 @@ def name_of(path: Path) -> str:
 
 TREES = {name_of(path): ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")}
 DOOR = TREES.pop("")  # cdpr_sim/__init__.py
+ENTRY = TREES.pop("__main__")  # of python -m cdpr_sim, and of cdpr-sim
 
 
 def imports(nodes: Iterable[ast.AST]) -> set[str]:
@@ -66,7 +71,9 @@ def own(names: Iterable[str]) -> set[str]:
 
 ANYWHERE = {module: imports(ast.walk(tree)) for module, tree in TREES.items()}
 AT_HEAD = {module: imports(tree.body) for module, tree in TREES.items()}
-GRAPH = {module: own(names) - {module} for module, names in ANYWHERE.items()}
+GRAPH = {
+    module: {one for one in own(names) - {module} if (module, one) != UPWARD} for module, names in ANYWHERE.items()
+}
 """Per module, the modules of this package that it imports: in functions and for type checkers as well."""
 
 
@@ -90,6 +97,19 @@ def test_imports_run_one_way():
     for module, used in GRAPH.items():
         assert {folder(one) for one in used} <= set(FOLDERS[: FOLDERS.index(folder(module)) + 1]), module
     TopologicalSorter(GRAPH).prepare()  # raises CycleError
+
+
+def test_results_reach_up_for_their_looks_only_when_asked():
+    """The exception to the order is one import, and is there: not at the head, where it would be a circle."""
+    module, looks = UPWARD
+    assert own(ANYWHERE[module]) == {looks}
+    assert own(AT_HEAD[module]) == set()
+
+
+def test_the_entry_knows_the_command_line_alone():
+    """And imports it in its function, where an interrupt is caught."""
+    assert imports(ast.walk(ENTRY)) == {"sys", "cdpr_sim.cli.main"}
+    assert imports(ENTRY.body) == {"sys"}
 
 
 def test_walls_stand():

@@ -345,9 +345,9 @@ def test_what_cannot_be_is_refused_before_any_work(tmp_path, monkeypatch, words,
         file.truncate(60_000_000)
     for name in ("solve_many", "settle_many", "drive", "find_equilibria"):
         monkeypatch.setattr(cdpr, name, None)
-    began = time.perf_counter()
+    began = time.process_time()
     result = run(*words)
-    assert time.perf_counter() - began < 2.0
+    assert time.process_time() - began < 2.0
     assert result.exit_code == 2, result.output
     assert re.search(message, result.stderr)
     assert len(result.stderr.strip().splitlines()) == 1

@@ -234,7 +234,7 @@ def clearances(
 
             with busy("Looking for interference"):
                 maps.write(clearance_map(machine, plane, at, least, fitting), picture)
-        with busy("Solving (the first run on a machine compiles for half a minute)"):
+        with busy("Solving"):
             each = machine.cables * clearance.POINTS * clearance.BYTES_PER_POINT
             found = cdpr.clearances(machine, _poses(machine, grid, line, points, each), fitting=fitting)
         free = found.free(least)

@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core import pose as _pose
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.errors import CdprError
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.status import NEUTRAL, Status
 
@@ -25,7 +26,7 @@ class Stability(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium(Frozen):
+class Equilibrium(Frozen, Introduced):
     """A pose, the cables' state there, and the evidence that it is (or is not) a static equilibrium.
 
     Data only: each road fills in its own residual and eigenvalues, by its own means.
