@@ -259,8 +259,8 @@ def _poses(
         if grid is not None:
             raise cdpr.InvalidInput("line: found it beside a grid, expected one of the two")
         memory.refuse_beyond(f"points: {points:,} poses", each * points, "fewer")
-        line = checked_array("line", line, (6,))
-        return np.linspace(line[:3], line[3:], points)
+        ends = checked_array("line", line, (6,))
+        return np.linspace(ends[:3], ends[3:], points)
     if grid is None:
         nx, ny, nz = (1 if edge == 0 else n for edge, n in zip(np.ptp(robot.workspace, axis=0), GRID, strict=True))
         grid = nx, ny, nz

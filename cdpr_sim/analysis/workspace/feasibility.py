@@ -121,7 +121,7 @@ def closed_form_feasible(
         raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected one to be amid")
     at, turned = positions_and_rotations(robot, positions, rotations)
     W = (forces.geometry(robot, at, turned).wrench_matrix / robot.units[:, None])[..., robot.free, :]
-    known = np.isfinite(W).all((-1, -2))
+    known = np.asarray(np.isfinite(W).all((-1, -2)))
     W = np.where(known[..., None, None], W, 0.0)
     middle = (lower + upper) / 2
     held = known.copy()
