@@ -20,6 +20,7 @@ from cdpr_sim.core.files import check_place
 from cdpr_sim.crosscheck.hold import held
 from cdpr_sim.drawing.video import film
 from cdpr_sim.report.tables import new_table
+from cdpr_sim.studies.portrait import settled_along, shapes_of
 
 COMPENSATED_WAYPOINTS = 61
 """Along a line that is filmed with compensated lengths; in between, their corrections change evenly."""
@@ -96,7 +97,8 @@ def video(
         motions: list[Callable[[], cdpr.Trajectory]] = []
         for robot, (_, _, cut) in zip(machines, wanted, strict=True):
             if not robot.cabling.massless:
-                settled = _settled(robot, _line(robot, path, y, z), seconds, states)
+                ends = _line(robot, path, y, z)
+                settled = settled_along(robot, np.linspace(ends[0], ends[-1], states), seconds)
                 motions.append(lambda settled=settled: settled)
                 continue
             waypoints, lengths = _line(robot, path, y, z)[: 1 if drop else None], None
@@ -123,7 +125,7 @@ def video(
             output,
             trajectories,
             [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories],
-            shapes=[_shapes(trajectory) for trajectory in trajectories],
+            shapes=[shapes_of(trajectory) for trajectory in trajectories],
             seconds=seconds,
             fps=fps,
             size=size,
@@ -158,22 +160,6 @@ def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
             over.set()
             threads.shutdown(cancel_futures=True)
             raise
-
-
-def _shapes(trajectory: cdpr.Trajectory) -> np.ndarray | None:
-    return None if trajectory.robot.cabling.massless else cdpr.cable_shapes(trajectory)
-
-
-def _settled(robot: cdpr.Robot, ends: list[tuple[float, float, float]], seconds: float, states: int) -> cdpr.Trajectory:
-    """A robot whose cables have weight is not driven but settled at one waypoint after the other.
-
-    Raises:
-        NotSettled: some platform does not come to rest.
-    """
-    rests = cdpr.settle_many(robot, np.linspace(ends[0], ends[-1], states))
-    for row in np.flatnonzero(~rests.converged):
-        rests[int(row)]  # raises, with the reason
-    return cdpr.Trajectory.through(rests, np.linspace(0.0, seconds, states))
 
 
 def _line(

@@ -114,7 +114,7 @@ class RayCaster:
 
     def _drawn(self, shot: _Shot, backdrop: _Backdrop) -> _Backdrop:
         what, pixels = backdrop.what.copy(), backdrop.pixels.copy()
-        with compiling.first_use(__name__):
+        with compiling.first_use("ray caster"):
             _draw(
                 backdrop.known, shot.kinds, shot.floats, shot.cameras, shot.lights, self._floor, self._sky,
                 style.SUPERSAMPLING, what, pixels,
