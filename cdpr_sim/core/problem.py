@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, shown
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.pose import PoseLike, as_pose, poses_of
+from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
 from cdpr_sim.core.status import IDLE_STRAIN
 
@@ -28,7 +28,7 @@ coordinates is 1e-7 of strain in such a cable, and the whole of it in one of a m
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Frozen):
+class Problem(Posed):
     """A robot, the pose it starts from, its rest lengths and an external wrench; checked and frozen.
 
     Attributes:
@@ -39,7 +39,7 @@ class Problem(Frozen):
     """
 
     robot: Robot
-    pose: RigidTransform
+    pose: PoseField
     rest_lengths: Float[np.ndarray, " cables"]
     external_wrench: Float[np.ndarray, "6"]
 
@@ -69,14 +69,14 @@ class Problem(Frozen):
             raise InvalidInput(f"robot: found {shown(robot)}, expected a Robot or a Problem")
         if pose is None:
             raise InvalidInput("pose: found none, expected (x, y, z), a six-vector or a RigidTransform")
-        transform = robot.pose(pose)
+        at = robot.placed(pose)
         if rest_lengths is None:
-            rest = robot.rest_lengths(transform)
+            rest = robot.rest_lengths(at)
         else:
             rest = checked_array("rest_lengths", rest_lengths, (len(robot.cabling),))
             if not rest.min() > 0:
                 raise InvalidInput(f"rest_lengths: found {rest.min():g} m, expected more than 0")
-        shortest = float(_shortest(robot, transform.translation))
+        shortest = float(_shortest(robot, at.position))
         if not rest.min() > shortest:
             raise InvalidInput(
                 f"{'pose' if rest_lengths is None else 'rest_lengths'}: found a rest length of {rest.min():.1e} m in "
@@ -85,14 +85,12 @@ class Problem(Frozen):
             )
         wrench = checked_array("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, (6,))
         refuse_wrench_out_of_plane(robot, wrench)
-        if rest_lengths is None:
-            frame = transform.as_matrix()
-            if _falls(robot, robot.weight, wrench, frame[:3, 3], frame[:3, :3]):
-                raise InvalidInput(
-                    f"pose: found every exit of {robot.name!r} below the platform, which falls since cables cannot "
-                    "push; expected at least one exit above its anchor"
-                )
-        return cls(robot, transform, frozen(rest), frozen(wrench))
+        if rest_lengths is None and _falls(robot, robot.weight, wrench, at.position, at.rotation_matrix):
+            raise InvalidInput(
+                f"pose: found every exit of {robot.name!r} below the platform, which falls since cables cannot "
+                "push; expected at least one exit above its anchor"
+            )
+        return cls(robot, at, frozen(rest), frozen(wrench))
 
     @property
     def axial_stiffness(self) -> Float[np.ndarray, " cables"]:
@@ -231,8 +229,8 @@ class Problems(Frozen):
         """(rows,) problems of one and the same robot, each ready on its own."""
         made = cls(
             robot=problems[0].robot,
-            positions=np.array([problem.pose.translation for problem in problems]),
-            rotations=np.array([problem.pose.rotation.as_matrix() for problem in problems]),
+            positions=np.array([problem.position for problem in problems]),
+            rotations=np.array([problem.rotation_matrix for problem in problems]),
             rest_lengths=np.array([problem.rest_lengths for problem in problems]),
             external_wrench=np.array([problem.external_wrench for problem in problems]),
             axial_stiffness=problems[0].axial_stiffness,
@@ -275,7 +273,7 @@ class Problems(Frozen):
             changes["axial_stiffness"] = stiffness
         if mass != robot.mass:
             changes["mass"] = mass
-        pose = poses_of(self._at(self.positions, at, 1), self._at(self.rotations, at, 2))
+        pose = Pose(self._at(self.positions, at, 1).copy(), self._at(self.rotations, at, 2).copy())
         rest, wrench = self._at(self.rest_lengths, at, 1).copy(), self._at(self.external_wrench, at, 1).copy()
         return Problem(robot.replace(**changes) if changes else robot, pose, frozen(rest), frozen(wrench))
 

@@ -17,6 +17,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.cable_path import paths
 from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics.catenary import Catenary, catenary
@@ -217,6 +218,11 @@ def eigenvalues(robot: Robot, stiffness_matrix: Float[Array, "*batch 6 6"]) -> F
     return np.linalg.eigvalsh(matrix[..., robot.free, :][..., robot.free])
 
 
+def eigenvalues_at(problem: Problem, pose: Pose) -> Float[Array, " free"]:
+    """Those of ``problem``'s stiffness matrix with the platform at ``pose``."""
+    return at(problem, pose.position, pose.rotation_matrix).eigenvalues
+
+
 def rest_lengths_for(
     robot: Robot, lengths: Float[Array, "*batch cables"], tensions: Float[Array, "*batch cables"]
 ) -> Float[Array, "*batch cables"]:
@@ -226,10 +232,11 @@ def rest_lengths_for(
 
 def equilibrium_at(problem: Problem, pose: RigidTransform, *, iterations: int, source: str) -> Equilibrium:
     """What statics says of the platform at ``pose``: tensions, residual and eigenvalues, as evidence."""
-    state = at(problem, pose.translation, pose.rotation.as_matrix())
+    where = Pose.of(pose)
+    state = at(problem, where.position, where.rotation_matrix)
     return Equilibrium(
         problem=problem,
-        pose=pose,
+        pose=where,
         tensions=state.tensions,
         lengths=state.lengths,
         residual=float(state.residual),
