@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import robot_of
 from cdpr_sim.cli.terminal import Output, busy, errors_as_sentences, progress_bars, tidy_when_terminated
-from cdpr_sim.core.files import check_place
-from cdpr_sim.crosscheck.hold import held
-from cdpr_sim.drawing.video import film
-from cdpr_sim.report.tables import new_table
+
+if TYPE_CHECKING:
+    import numpy as np
 
 COMPENSATED_WAYPOINTS = 61
 """Along a line that is filmed with compensated lengths; in between, their corrections change evenly."""
@@ -30,6 +28,7 @@ def figures(
     names: Annotated[bool, typer.Option("--list", help="List the figures and what they show; draw none.")] = False,
 ) -> None:
     """Redraw the paper's figures, MuJoCo's points on the static solver's lines, and four figures of our own."""
+    from cdpr_sim.report.tables import new_table
     from cdpr_sim.studies.gallery import paths_of
 
     if names:
@@ -79,6 +78,12 @@ def video(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Film platforms driven along a line by their winches, in MuJoCo, with the static solver's pose as an outline."""
+    import numpy as np
+
+    from cdpr_sim.core.files import check_place
+    from cdpr_sim.crosscheck.hold import held
+    from cdpr_sim.drawing.video import film
+
     with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar:
         check_place(output, film.SUFFIXES, force=force)
         states = film.check_settings(seconds, fps, size, exaggerate, renderer)
@@ -139,6 +144,8 @@ def _settled(robot: cdpr.Robot, ends: list[tuple[float, float, float]], seconds:
     Raises:
         NotSettled: some platform does not come to rest.
     """
+    import numpy as np
+
     rests = cdpr.settle_many(robot, np.linspace(ends[0], ends[-1], states))
     for row in np.flatnonzero(~rests.converged):
         rests[int(row)]  # raises, with the reason

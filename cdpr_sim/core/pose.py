@@ -100,14 +100,19 @@ class Posed(Frozen):
     pose = PoseField()
 
     @property
+    def at(self) -> Pose:
+        """The pose as plain arrays."""
+        return Pose.of(vars(self)["pose"])
+
+    @property
     def position(self) -> Float[np.ndarray, "3"]:
         """Of the platform's origin in the base frame, (3,) [m]."""
-        return Pose.of(vars(self)["pose"]).position.copy()
+        return self.at.position.copy()
 
     @property
     def rotation_matrix(self) -> Float[np.ndarray, "3 3"]:
         """From the platform frame to the base frame, (3, 3)."""
-        return Pose.of(vars(self)["pose"]).rotation_matrix
+        return self.at.rotation_matrix
 
 
 def as_pose(pose: PoseLike) -> RigidTransform:
@@ -152,6 +157,13 @@ def tilt_of_matrices(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndar
     """``tilt`` of rotation matrices, (...) [rad]."""
     upright = matrices[..., 2, 2].copy()  # NumPy 2.0's arctan2 of strided numbers differs by an ulp with their address
     return np.arctan2(np.hypot(matrices[..., 0, 2], matrices[..., 1, 2]), upright)
+
+
+def angle_between(one: Float[np.ndarray, "*#batch 3 3"], other: Float[np.ndarray, "*#batch 3 3"]) -> np.ndarray:
+    """The angle of the rotation from one to the other, (...) [rad], by its sine and cosine: exact where it is small."""
+    turn = one @ np.swapaxes(other, -1, -2)
+    sines = [turn[..., i, j] - turn[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
+    return np.arctan2(np.sqrt(sum(sine * sine for sine in sines)), np.trace(turn, axis1=-2, axis2=-1) - 1)
 
 
 def poses_of(positions: Float[np.ndarray, "*batch 3"], matrices: Float[np.ndarray, "*batch 3 3"]) -> RigidTransform:

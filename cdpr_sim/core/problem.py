@@ -227,7 +227,7 @@ class Problems(Frozen):
     @classmethod
     def stack(cls, problems: Sequence[Problem]) -> Problems:
         """(rows,) problems of one and the same robot, each ready on its own."""
-        made = cls(
+        return cls(
             robot=problems[0].robot,
             positions=np.array([problem.position for problem in problems]),
             rotations=np.array([problem.rotation_matrix for problem in problems]),
@@ -239,8 +239,6 @@ class Problems(Frozen):
             falls=np.array(False),
             singles=tuple(problems),
         )
-        made.__dict__["poses"] = RigidTransform.concatenate([problem.pose for problem in problems])
-        return made
 
     def take(self, rows: Int[np.ndarray, " some"]) -> Problems:
         """Some of (rows,) problems."""
@@ -292,6 +290,8 @@ class Problems(Frozen):
     @cached_property
     def poses(self) -> RigidTransform:
         """The commanded poses, a stack of (rows,)."""
+        if self.singles:
+            return RigidTransform.concatenate([problem.pose for problem in self.singles])
         rows = (np.broadcast_to(self.positions, (*self.shape, 3)), np.broadcast_to(self.rotations, (*self.shape, 3, 3)))
         return poses_of(*rows)
 
