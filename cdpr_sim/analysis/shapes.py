@@ -20,6 +20,9 @@ def cable_shapes(rests: Rests, points: int = 25) -> Float[np.ndarray, "*batch ca
         rests: platforms at rest, by either road.
         points: along each cable, 2 or more.
 
+    Returns:
+        (..., cables, points, 3) [m]; nan of cables over pulleys.
+
     Raises:
         InvalidInput: fewer points.
     """

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.core import pose as _pose
 from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.errors import CdprError
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import Posed, PoseField
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.status import NEUTRAL, Status
@@ -51,7 +52,7 @@ class _Held:
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium(_Held, Posed):
+class Equilibrium(_Held, Posed, Introduced):
     """A pose, the cables' state there, and the evidence that it is (or is not) a static equilibrium.
 
     Data only: each road fills in its own residual and eigenvalues, by its own means.

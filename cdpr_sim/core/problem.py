@@ -15,6 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, shown
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
 from cdpr_sim.core.status import IDLE_STRAIN
@@ -28,7 +29,7 @@ coordinates is 1e-7 of strain in such a cable, and the whole of it in one of a m
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Posed):
+class Problem(Posed, Introduced):
     """A robot, the pose it starts from, its rest lengths and an external wrench; checked and frozen.
 
     Attributes:
@@ -54,6 +55,9 @@ class Problem(Posed):
         """The problem that users describe; rest lengths default to the rigid ones at ``pose`` (paper Eq. 1, 2).
 
         A problem that is ready goes through as it is, and takes nothing beside it.
+
+        Returns:
+            The problem, checked and frozen.
 
         Raises:
             InvalidInput: a pose, a length or a wrench that cannot be right, or a commanded pose at which every
@@ -113,7 +117,11 @@ class Problem(Posed):
         return self.load or IDLE_STRAIN * float(self.axial_stiffness.mean())
 
     def same_as(self, other: Problem) -> bool:
-        """Whether both ask for the same robot, rest lengths and load (the starting pose may differ)."""
+        """Whether both ask for the same robot, rest lengths and load (the starting pose may differ).
+
+        Returns:
+            True if answers to the two can be compared.
+        """
         mine, theirs = self.robot, other.robot
         return (
             np.array_equal(self.rest_lengths, other.rest_lengths)
@@ -121,6 +129,15 @@ class Problem(Posed):
             and (mine.mass, mine.gravity, mine.mobility) == (theirs.mass, theirs.gravity, theirs.mobility)
             and np.array_equal(mine.center_of_mass, theirs.center_of_mass)
             and (mine.cabling is theirs.cabling or mine.cabling.same_as(theirs.cabling))
+        )
+
+    def __repr__(self) -> str:
+        x, y, z = self.pose.translation
+        least, most = self.rest_lengths.min(), self.rest_lengths.max()
+        load = "" if not self.external_wrench.any() else ", under an external wrench"
+        return (
+            f"<Problem of {self.robot.name!r}: commanded to ({x:.6g}, {y:.6g}, {z:.6g}) m, "
+            f"cables of {least:.4g} to {most:.4g} m{load}>"
         )
 
 
@@ -181,6 +198,9 @@ class Problems(Frozen):
             axial_stiffness: EA [N], a number, or with the cables last: (..., cables), or (..., 1) for all cables alike.
             mass: (...) [kg].
 
+        Returns:
+            Problems of the shape to which all of these broadcast.
+
         Raises:
             InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
         """
@@ -226,7 +246,11 @@ class Problems(Frozen):
 
     @classmethod
     def stack(cls, problems: Sequence[Problem]) -> Problems:
-        """(rows,) problems of one and the same robot, each ready on its own."""
+        """(rows,) problems of one and the same robot, each ready on its own.
+
+        Returns:
+            (rows,) problems.
+        """
         return cls(
             robot=problems[0].robot,
             positions=np.array([problem.position for problem in problems]),
@@ -241,7 +265,11 @@ class Problems(Frozen):
         )
 
     def take(self, rows: Int[np.ndarray, " some"]) -> Problems:
-        """Some of (rows,) problems."""
+        """Some of (rows,) problems.
+
+        Returns:
+            (some,) problems.
+        """
         return Problems(
             robot=self.robot,
             positions=self._at(self.positions, (rows,), 1),
@@ -305,6 +333,9 @@ class Problems(Frozen):
     def force_scale(self) -> Float[np.ndarray, "*#batch"]:
         """(...) what an unbalanced force is compared with [N]: the load, or without one a thousandth of the mean EA."""
         return np.where(self.load > 0, self.load, IDLE_STRAIN * self.axial_stiffness.mean(-1))
+
+    def __repr__(self) -> str:
+        return f"<Problems of {self.robot.name!r}: {self.shape}>"
 
 
 def positions_and_rotations(

@@ -27,6 +27,7 @@ from cdpr_sim.core.checks import (
     shown,
 )
 from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.plausibility import doubts, warn
 from cdpr_sim.core.pose import Pose, PoseLike
@@ -60,7 +61,7 @@ MOST_GRAVITY = 1e6
 
 
 @dataclass(init=False, frozen=True, eq=False, repr=False)
-class Robot:
+class Robot(Introduced):
     """A platform on elastic cables. Arrays are stored read-only; ``replace`` makes a changed copy.
 
     Args:
@@ -303,6 +304,9 @@ class Robot:
     def pose(self, pose: PoseLike) -> RigidTransform:
         """``pose`` as a ``RigidTransform``, checked to be one this robot can take.
 
+        Returns:
+            The pose: position [m] and rotation of the platform frame in the base frame.
+
         Raises:
             InvalidInput: not a pose, or out of the x-z plane of a planar robot.
         """
@@ -337,6 +341,9 @@ class Robot:
                 Kinematics 2009). ``compensate`` finds any that balance the load within limits.
             external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity: part of
                 the load that tensions balance.
+
+        Returns:
+            (cables,) [m].
 
         Raises:
             InvalidInput: a bad pose, an exit that lies on its anchor there, or tensions that do not balance the load;
@@ -410,6 +417,9 @@ class Robot:
         """A copy with some fields changed; ``material="fishing-0.4mm"`` sets the axial stiffness as well.
 
         What was derived by default (the uniform box's inertia, the frame, the workspace) follows the change.
+
+        Returns:
+            The changed copy; this robot stays as it is.
 
         Raises:
             InvalidInput: a field that cannot be right.

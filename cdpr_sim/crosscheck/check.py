@@ -17,6 +17,7 @@ from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
 from cdpr_sim.core import memory
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import angle_between, poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.progress import bar
@@ -66,7 +67,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Check:
+class Check(Introduced):
     """The two roads over a whole workspace.
 
     Attributes:
@@ -84,7 +85,11 @@ class Check:
         return not self.findings
 
     def across(self, axis: str = "y") -> xr.Dataset:
-        """The worst outcome and the largest error of agreeing poses along ``axis``: a plane, to be drawn as a map."""
+        """The worst outcome and the largest error of agreeing poses along ``axis``: a plane, to be drawn as a map.
+
+        Returns:
+            The dataset without ``axis``.
+        """
         agree = self.dataset["outcome"] == OUTCOMES.index("agree")
         errors = [name for name in _MEANINGS if name != "outcome"]
         worst = self.dataset[errors].where(agree).assign(outcome=self.dataset["outcome"]).max(axis, keep_attrs=True)
@@ -92,6 +97,12 @@ class Check:
         worst = worst.expand_dims({axis: [float(middle)]}).assign_coords(frame=self.dataset["frame"])
         worst[axis].attrs = {"units": "m", "section": f"the worst along {axis}"}
         return worst
+
+    def __repr__(self) -> str:
+        poses = self.dataset["outcome"].size
+        robots = ", ".join(repr(str(name)) for name in np.atleast_1d(self.dataset["robot"].values))
+        said = "no disagreement" if self.agrees else f"{len(self.findings):,} poses do not agree"
+        return f"<Check of {robots}: {poses:,} poses, {said}>"
 
 
 def check(
@@ -110,6 +121,9 @@ def check(
         materials: names of the catalogue, or {name: EA [N]}; default: each robot's own.
         threads: for MuJoCo; 0 for one per processor.
         progress: show a progress bar on standard error.
+
+    Returns:
+        Outcome and errors at every pose, and each pose at which the two roads do not agree.
 
     Raises:
         InvalidInput: a grid or names that cannot be right.

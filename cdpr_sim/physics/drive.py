@@ -86,6 +86,9 @@ def drive(
             in between, their difference from the rigid lengths changes evenly. Default: the rigid lengths.
         progress: called now and then with the fraction done, 0 to 1.
 
+    Returns:
+        The motion, (states,) of them: where MuJoCo's platform was, with its tensions [N], and what was commanded then.
+
     Raises:
         InvalidInput: waypoints, rest lengths, a duration or a number of states that cannot be right; cables that have
             weight.

@@ -65,6 +65,9 @@ def to_mjcf(
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
         winches: let ``ctrl`` wind the cables.
 
+    Returns:
+        An MJCF document, which ``mujoco.MjModel.from_xml_string`` compiles; its numbers parse back to the very same.
+
     Raises:
         InvalidInput: a pose or a length that cannot be right; winches on cables that weigh something.
     """
@@ -113,6 +116,13 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
     """A scene around the model in ``robot_file``: the robot's frame, a floor, light and two cameras, as MJCF text.
 
     Nothing in it collides or has mass: it changes the picture and not the physics.
+
+    Args:
+        robot: the robot.
+        robot_file: the name of the file that ``to_mjcf``'s text is saved in.
+
+    Returns:
+        An MJCF document that includes ``robot_file`` from the folder that it is saved in.
     """
     lower, upper = robot.frame
     center, diagonal = (lower + upper) / 2, float(np.linalg.norm(upper - lower)) or 1.0

@@ -66,11 +66,25 @@ class Release:
         """Whether it strayed a hundred times as far as it was displaced."""
         return self.strayed >= LEAVES * self.nudge
 
+    def __repr__(self) -> str:
+        said = "stays" if self.stays else "leaves" if self.leaves else "neither stays nor leaves"
+        return (
+            f"<Release: {said}: strayed {1e6 * self.strayed:.3g} µm in {self.seconds:.3g} s, nudged by "
+            f"{1e6 * self.nudge:.3g} µm>"
+        )
+
 
 def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     """Displace the platform a micrometre along its softest direction, let it go undamped, and see how far it strays.
 
     Stops as soon as it has left.
+
+    Args:
+        equilibrium: of either road, stable or not.
+        seconds: how long it is watched at most.
+
+    Returns:
+        How far it strayed [m], and so whether it ``stays`` or ``leaves``.
 
     Raises:
         InvalidInput: an equilibrium under an external wrench, or on cables that have weight.
@@ -115,6 +129,9 @@ def grow_gravity(
         pose: where the platform starts.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
         seconds: how long gravity grows.
+
+    Returns:
+        The equilibrium at which MuJoCo's platform comes to rest under all of gravity.
 
     Raises:
         InvalidInput: an argument that cannot be right; cables that have weight.

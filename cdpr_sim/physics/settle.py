@@ -57,6 +57,9 @@ def settle(
         model: settle this model of the robot instead of the generated one, with the springs, masses and gravity that
             it has. Its names must be those of ``to_mjcf``.
 
+    Returns:
+        The equilibrium by MuJoCo's own pose, forces and stiffness; its ``source`` is "mujoco".
+
     Raises:
         InvalidInput: a pose, a length or a wrench that cannot be right.
         NotSettled: it never comes to rest, or MuJoCo warns of its motion; carries the last state.
@@ -74,6 +77,16 @@ def settle_trajectory(
     model: mujoco.MjModel | None = None,
 ) -> tuple[Equilibrium, Trajectory]:
     """``settle``, and the motion that led there, time step by time step (their lengths vary).
+
+    Args:
+        robot: this and the rest as ``settle`` takes them.
+        pose: where the platform starts.
+        rest_lengths: (cables,) [m].
+        external_wrench: (6,) [N, N m].
+        model: settle this one instead.
+
+    Returns:
+        The equilibrium, as by ``settle``; and the motion, (steps,) with times [s].
 
     Raises:
         InvalidInput: a pose, a length or a wrench that cannot be right.

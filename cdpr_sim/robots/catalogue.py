@@ -228,7 +228,11 @@ PAPER_ROBOTS = ("cogiro", "parallel", "planar-horizontal", "planar-vertical", "t
 
 
 def list_robots() -> tuple[str, ...]:
-    """Names of the robots that come with the package."""
+    """Names of the robots that come with the package.
+
+    Returns:
+        What ``load_robot`` knows by name, in alphabetical order.
+    """
     return tuple(sorted(Path(file.name).stem for file in _folder().iterdir() if file.name.endswith(".toml")))
 
 
@@ -236,6 +240,12 @@ def load_robot(name: str | Path) -> Robot:
     """A robot of the catalogue by name, or any robot by the path of its ``.toml`` file or of another project's file.
 
     What ``import_robot`` reads is taken as well, with ``robot.notes``.
+
+    Args:
+        name: of the catalogue (``list_robots()``), or the path of a file.
+
+    Returns:
+        The robot, checked.
 
     Raises:
         UnknownName: no such robot in the catalogue.

@@ -172,7 +172,14 @@ def stiffness_of(rests: Rests) -> tuple[Float[np.ndarray, "*batch free"], Float[
 
 
 def solve_trajectory(trajectory: Trajectory) -> Rests:
-    """The static equilibrium for each state's command, as if the winches had stopped there: (steps,) of them."""
+    """The static equilibrium for each state's command, as if the winches had stopped there: (steps,) of them.
+
+    Args:
+        trajectory: from ``drive``, ``track`` or ``settle_trajectory``.
+
+    Returns:
+        (steps,) rests, to be laid over the motion: ``write_video(path, trajectory, rests.poses)``.
+    """
     return solve_many(trajectory.problems)
 
 

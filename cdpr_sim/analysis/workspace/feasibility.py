@@ -86,6 +86,9 @@ def feasible(
 
     Arguments and errors as in ``shortfall``. Without wrenches this is the static feasible workspace (what ARACHNIS
     computes); with a set of them, the wrench-feasible workspace of their convex hull.
+
+    Returns:
+        (...) True where the tensions leave nothing of the load but rounding.
     """
     left = shortfall(robot, positions, rotations=rotations, tension_limits=tension_limits, wrenches=wrenches)
     return left <= BALANCED
@@ -104,6 +107,9 @@ def closed_form_feasible(
     Arguments as in ``shortfall``; limits must be finite. It is quick and continuous, and so what controllers use (Pott,
     Bruckmann, Mikelsons, "Closed-form force distribution for parallel wire robots", Computational Kinematics 2009), and
     it gives up on poses that other tensions within limits would hold: a subset of ``feasible``.
+
+    Returns:
+        (...) True where these tensions are within their limits under each of the wrenches.
 
     Raises:
         InvalidInput: as in ``shortfall``, or a limit that is infinite.
