@@ -117,7 +117,7 @@ def command(*words: str, **environment: str) -> list[float]:
     """Seconds of processor time and on the clock that the command line takes."""
     before, begun = os.times(), time.perf_counter()
     subprocess.run(
-        [sys.executable, "-c", COMMAND, *words], env=os.environ | environment, capture_output=True, check=True
+        [sys.executable, "-P", "-c", COMMAND, *words], env=os.environ | environment, capture_output=True, check=True
     )
     after, taken = os.times(), time.perf_counter() - begun
     return [sum(after[2:4]) - sum(before[2:4]), taken]
@@ -146,7 +146,8 @@ def kernel() -> list[float]:
 
 def positions(robot: cdpr.Robot, count: int) -> np.ndarray:
     """The same places anywhere in the workspace each time."""
-    return np.random.default_rng(SEED).uniform(*robot.workspace, (count, 3))
+    lower, upper = robot.workspace
+    return np.random.default_rng(SEED).uniform(lower, upper, (count, 3))
 
 
 def each(ask: Callable[[int], object]) -> float:

@@ -40,7 +40,7 @@ class EigenvaluesField:
         if instance is None:
             raise AttributeError(self.name)  # where dataclasses look for a default
         value = vars(instance)[self.name]
-        if callable(value):
+        if not isinstance(value, np.ndarray):
             value = vars(instance)[self.name] = frozen(value())
         return value
 
@@ -59,7 +59,7 @@ class Equilibrium(_Held, Posed, Introduced):
 
     Attributes:
         problem: what was asked.
-        pose: the platform's pose.
+        pose: the platform's pose, a ``RigidTransform``; ``position`` and ``rotation_matrix`` are it as plain arrays.
         tensions: (cables,) [N], 0 where slack.
         lengths: (cables,) [m].
         residual: largest unbalanced force [N] over the free directions, torques divided by the robot's

@@ -20,8 +20,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.checks import Frozen, shown
 from cdpr_sim.core.errors import InvalidInput
 
-PoseLike: TypeAlias = "ArrayLike | Sequence[float] | RigidTransform | Pose"
-
 
 @dataclass(frozen=True, eq=False)
 class Pose(Frozen):
@@ -74,6 +72,9 @@ class Pose(Frozen):
     def transform(self) -> RigidTransform:
         """The same, as SciPy has it."""
         return poses_of(self.position, self.rotation_matrix)
+
+
+PoseLike: TypeAlias = ArrayLike | Sequence[float] | RigidTransform | Pose
 
 
 class PoseField:

@@ -34,7 +34,7 @@ class Problem(Posed, Introduced):
 
     Attributes:
         robot: the robot.
-        pose: the commanded pose, from which both roads start.
+        pose: the commanded pose, from which both roads start, a ``RigidTransform``.
         rest_lengths: unstretched cable lengths l0, (cables,) [m].
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
     """

@@ -101,6 +101,8 @@ class Rests(Frozen, Introduced):
         )
 
     def _pose(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Pose:
+        if "poses" in self.__dict__ and isinstance(row, (int, np.integer)):
+            return Pose.of(self.poses[row])
         return Pose(self.positions[row].copy(), self.rotations[row].copy())
 
     @cached_property

@@ -222,7 +222,7 @@ class Simulations:
         self.batch.forward()
         return Observation(*self._observed())
 
-    def _observed(self) -> tuple[np.ndarray, ...]:
+    def _observed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """What an observation consists of."""
         at, lengths = self._xpos[:, self._platform].copy(), self._lengths - self.entries
         return at, self.rotations.copy(), lengths, self._tensions()
@@ -264,22 +264,22 @@ class Simulations:
         rest, rotations = self.qpos.copy(), self.rotations.copy()
         step = DIFFERENCE * (length - self.entries).mean(1)
         free = self.free
-        moves = np.zeros((2, free, len(rest), self.model.nv))
-        for sign, way in zip((1, -1), moves, strict=True):
-            way[np.arange(free), :, np.arange(free)] = sign * step
+        directions, ways = np.tile(np.arange(free), 2), np.repeat([1.0, -1.0], free)
+        moves = np.zeros((2 * free, len(rest), self.model.nv))
+        moves[np.arange(2 * free), :, directions] = ways[:, None] * step
         moves[..., self.angular] /= self.length
         if free == 6:
             moves[..., 3:6] = (moves[..., None, 3:6] @ rotations)[..., 0, :]
-        pushed, turned = np.empty((*moves.shape[:3], free)), np.empty((*moves.shape[:3], 3, 3))
-        for at in np.ndindex(2, free):
+        pushed, turned = np.empty((2 * free, len(rest), free)), np.empty((2 * free, *rotations.shape))
+        for i, displaced in enumerate(moves):
             self.qpos[:] = rest
-            for row, move in enumerate(moves[at]):
-                mujoco.mj_integratePos(self.model, self.qpos[row], move, 1)
+            for coordinates, move in zip(self.qpos, displaced, strict=True):
+                mujoco.mj_integratePos(self.model, coordinates, move, 1)
             self.turn_wheels()
             self.batch.forward()
-            pushed[at], turned[at] = self.accelerating, self.rotations
-        ahead, behind = self._in_base_frame(pushed, turned)
-        stiffness = np.moveaxis((behind - ahead) / (2 * step[:, None]), 0, -1)
+            pushed[i], turned[i] = self.accelerating, self.rotations
+        forces = self._in_base_frame(pushed, turned)
+        stiffness = np.moveaxis((forces[free:] - forces[:free]) / (2 * step[:, None]), 0, -1)
         self.qpos[:], self.band[:], self.springs[:], self.polynomials[:] = rest, band, springs, polynomials
         known = np.isfinite(stiffness).all((1, 2))
         eigenvalues, directions = np.full((2, len(rest), free), np.nan)

@@ -136,10 +136,8 @@ class Relaxation:
                 load = np.where(self.strained, np.maximum(simulations.pull, self.load), self.load)
                 self.swing = np.sqrt(load / simulations.robot.mass / self.length)
             simulations.timestep[:] = self.step / self.swing
-            simulations.damping[:, : simulations.free] = (
-                2 * (self.ratio * self.swing)[:, None] * self.inertia / simulations.unit
-            )
-            self.qpos[self.live] = simulations.qpos[self.live]
+            simulations.damping[:, : simulations.free] = (self.ratio * self.swing)[:, None] * self.twice_inertia
+            np.copyto(self.qpos, simulations.qpos, where=self.live[:, None])
             self._advance()
             self._judge()
             self._adapt()
@@ -156,7 +154,7 @@ class Relaxation:
                     self.frames.append((float(batch.time[0]), self.simulations.qpos[0].copy()))
         except SimulationError as error:
             self._end(np.isin(np.arange(len(self.live)), error.ids), Status.DIVERGED, self.qpos)
-        self.steps[self.live] += CHUNK
+        self.steps += CHUNK * self.live
         if batch.warning[:, :, 1].any():
             self._end(self.live & batch.warning[:, :, 1].any(1), Status.DIVERGED, self.qpos)
 
@@ -217,7 +215,7 @@ class Relaxation:
         self.heavy = bool((added > 0).any()) or self.heavy
         simulations.armature[:, simulations.angular] += added / simulations.unit
         self.inertia[:, simulations.angular] += added
-        self.root_inertia = np.sqrt(self.inertia)
+        self.root_inertia, self.twice_inertia = np.sqrt(self.inertia), 2 * self.inertia / simulations.unit
 
 
 def _parallel(a: Float[np.ndarray, "rows free"], b: Float[np.ndarray, "rows free"]) -> Bool[np.ndarray, " rows"]:
