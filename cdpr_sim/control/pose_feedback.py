@@ -44,7 +44,7 @@ class PoseFeedback:
         """With no correction yet.
 
         Returns:
-            (cables,) rest lengths [m]: where the other controller starts.
+            (cables,) rest lengths [m], where the other controller starts.
         """
         positive("gain", self.gain, "1/s")
         self._course, self._correction, self._seen, self._told = course, np.zeros(6), 0.0, deque()

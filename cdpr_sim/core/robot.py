@@ -305,7 +305,7 @@ class Robot(Introduced):
         """``pose`` as a ``RigidTransform``, checked to be one this robot can take.
 
         Returns:
-            The pose: position [m] and rotation of the platform frame in the base frame.
+            The pose, position [m] and rotation of the platform frame in the base frame.
 
         Raises:
             InvalidInput: not a pose, or out of the x-z plane of a planar robot.

@@ -178,7 +178,7 @@ def solve_trajectory(trajectory: Trajectory) -> Rests:
         trajectory: from ``drive``, ``track`` or ``settle_trajectory``.
 
     Returns:
-        (steps,) rests, to be laid over the motion: ``write_video(path, trajectory, rests.poses)``.
+        (steps,) rests, to be laid over the motion by ``write_video(path, trajectory, rests.poses)``.
     """
     return solve_many(trajectory.problems)
 

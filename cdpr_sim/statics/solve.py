@@ -34,7 +34,7 @@ def solve(
         method: "newton" (ours: ends at a stable equilibrium), "fsolve" or "least_squares" (the paper's SEECR).
 
     Returns:
-        The equilibrium: pose [m], tensions [N], and the residual [N] and stiffness [N/m] that certify it.
+        The equilibrium, with the residual [N] and the stiffness [N/m] that certify it.
 
     Raises:
         InvalidInput: an argument that cannot be right.
