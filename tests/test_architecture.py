@@ -42,15 +42,15 @@ UPWARD = ("core.introduced", "report.introductions")
 tables, and only then, within a function."""
 
 HEAVY = {
-    "xarray", "dask", "distributed", "zarr", "h5netcdf", "matplotlib", "pandas", "PIL", "mediapy", "pymoo",
+    "xarray", "dask", "distributed", "zarr", "h5netcdf", "matplotlib", "pandas", "PIL", "mediapy", "pymoo", "numba",
     "scipy.stats", "scipy.ndimage", "scipy.interpolate", "scipy.integrate", "scipy.signal",
     "defusedxml", "cdpr_sim.robots.importing", "cdpr_sim.analysis.identification", "cdpr_sim.physics.release",
 }  # fmt: skip
 """What takes long to import, and is there for other commands than ``settle``."""
 
 WAITED_FOR = {
-    "help": (["--help"], HEAVY | {"numpy", "scipy", "numba", "mujoco", "pydantic", "jaxtyping"}, {"typer"}),
-    "settle": (["settle", "parallel"], HEAVY, {"numba", "mujoco", "scipy.optimize", "pydantic"}),
+    "help": (["--help"], HEAVY | {"numpy", "scipy", "mujoco", "pydantic", "jaxtyping"}, {"typer"}),
+    "settle": (["settle", "parallel"], HEAVY, {"mujoco", "scipy.optimize", "pydantic"}),
 }
 """Of a command: its words, what is not loaded when it is done, and what is."""
 
