@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis import clearance
-from cdpr_sim.analysis.workspace.grids import as_grid
 from cdpr_sim.cli.options import AsJson, MaterialName, RobotName, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json, progress_bars
-from cdpr_sim.core import memory
-from cdpr_sim.core.checks import checked_array
-from cdpr_sim.core.files import check_place, new_folder, refuse_existing, write_whole
-from cdpr_sim.drawing import maps
-from cdpr_sim.drawing.video import film
-from cdpr_sim.report import design as report
-from cdpr_sim.robots.writing import as_toml
+
+if TYPE_CHECKING:
+    import numpy as np
 
 GRID = (5, 3, 3)
 VIDEO_SECONDS, VIDEO_FPS = 8.0, 25.0
@@ -103,6 +96,13 @@ def design(
 
     Exit status: 0 if MuJoCo finds it better, at the poses and between them, and agrees with statics; 1 if not.
     """
+    from cdpr_sim.core.files import check_place, write_whole
+    from cdpr_sim.drawing import maps
+    from cdpr_sim.drawing.video import film
+    from cdpr_sim.report import design as report
+    from cdpr_sim.robots.writing import as_toml
+    from cdpr_sim.studies import better_layouts as shown
+
     with errors_as_sentences():
         for path, suffixes, name in (
             (output, (".toml",), "output"), (picture, maps.SUFFIXES, "picture"), (video, film.SUFFIXES, "video"),
@@ -131,8 +131,6 @@ def design(
             proof = cdpr.prove_layout(found)
         if output is not None:
             write_whole({output: as_toml(found.robot).encode()})
-        from cdpr_sim.studies import better_layouts as shown
-
         if picture is not None:
             with busy("Drawing"):
                 maps.write(shown.picture(proof), picture)
@@ -173,6 +171,12 @@ def front(
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
 ) -> None:
     """Trade one goal for another: layouts none of which is better in both, as a table, a figure and robot files."""
+    from cdpr_sim.core.files import new_folder, refuse_existing, write_whole
+    from cdpr_sim.report import design as report
+    from cdpr_sim.robots.writing import as_toml
+    from cdpr_sim.studies.better_layouts import front_picture
+    from cdpr_sim.studies.gallery import encoded
+
     with errors_as_sentences(), new_folder(output):
         machine = robot_of(robot, material)
         picture = output / "front.png"
@@ -188,9 +192,6 @@ def front(
             population=max(most, 100),
             progress=True,
         ).thinned(most)
-        from cdpr_sim.studies.better_layouts import front_picture
-        from cdpr_sim.studies.gallery import encoded
-
         files = {picture: encoded(front_picture(found), "png")}
         files |= {
             output / f"robot-{row + 1}.toml": as_toml(found.robot(row)).encode() for row in range(len(found))
@@ -226,6 +227,11 @@ def clearances(
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
     """Distances between cables, platform and frame, where all of them rest. Exit status 1 if any is below --least."""
+    from cdpr_sim.analysis import clearance
+    from cdpr_sim.core.files import check_place
+    from cdpr_sim.drawing import maps
+    from cdpr_sim.report import design as report
+
     with errors_as_sentences():
         machine = robot_of(robot, material)
         if picture is not None:
@@ -255,6 +261,12 @@ def _poses(
     points: int,
     each: int = BYTES_PER_CASE,
 ) -> np.ndarray:
+    import numpy as np
+
+    from cdpr_sim.analysis.workspace.grids import as_grid
+    from cdpr_sim.core import memory
+    from cdpr_sim.core.checks import checked_array
+
     if line is not None:
         if grid is not None:
             raise cdpr.InvalidInput("line: found it beside a grid, expected one of the two")
