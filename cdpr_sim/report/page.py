@@ -57,6 +57,18 @@ BESIDE = (25.0, 15.0)
 POLICY = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 """What the browser lets the page do: nothing but what is in it."""
 
+_MAPS = {
+    "tilt": ("Tilt of the platform", "How far its upright axis leans from the vertical. Dark is bad."),
+    "distance": ("Deviation", "How far the platform ends up from where it was commanded. Dark is bad."),
+    "slack_count": ("Slack cables", "How many cables carry nothing, and leave the platform to the others."),
+    "feasible": (
+        "Feasibility",
+        "Where cables that pull, and do not stretch, could hold the platform just as commanded (static feasible "
+        "workspace).",
+    ),
+}
+"""What each map shows, and how to read it."""
+
 _HERE = Path(__file__).parent
 
 
@@ -266,18 +278,6 @@ def _maps(portrait: Portrait) -> str:
         why = "The worst along y of the poses that were settled in MuJoCo; beside it, how far the two are apart."
         figures.append(_figure(maps.draw_agreement_map(across), words, why, "both"))
     return f'<div class="maps">{"".join(figures)}</div>' if figures else ""
-
-
-_MAPS = {
-    "tilt": ("Tilt of the platform", "How far its upright axis leans from the vertical. Dark is bad."),
-    "distance": ("Deviation", "How far the platform ends up from where it was commanded. Dark is bad."),
-    "slack_count": ("Slack cables", "How many cables carry nothing, and leave the platform to the others."),
-    "feasible": (
-        "Feasibility",
-        "Where cables that pull, and do not stretch, could hold the platform just as commanded (static feasible "
-        "workspace).",
-    ),
-}
 
 
 def _range(dataset: Any, name: str) -> str:
