@@ -3,10 +3,10 @@
 import dataclasses
 import inspect
 import re
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from page_reader import Page
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.introduced import Introduced
@@ -21,44 +21,6 @@ HOSTILE = '<img src=x onerror="alert(1)"> [bold]& [red]'
 
 LONGEST = 300
 """Letters: a few lines of a terminal."""
-
-VOID = {"img"}
-
-
-class Page(HTMLParser):
-    """What HTML says: its tags, which have to be closed, its tables cell by cell, and its words."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.tags: list[tuple[str, dict]] = []
-        self.rows: dict[str, list[str]] = {}
-        self.words = ""
-        self._row: list[str] = []
-        self.feed(text)
-        assert not self.open
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-        if tag == "tr":
-            self._row = []
-        elif tag in ("td", "th"):
-            self._row.append("")
-        elif tag == "br":
-            self.open.pop()
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-        if tag == "tr":
-            self.rows.setdefault(self._row[0], self._row[1:])
-
-    def handle_data(self, data):
-        if "style" not in self.open:
-            self.words += data
-        if self.open and {"td", "th"} & set(self.open):
-            self._row[-1] += data
 
 
 @pytest.fixture(scope="module")

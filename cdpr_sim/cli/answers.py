@@ -41,7 +41,7 @@ def compensate(
     """
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
-        with busy("Looking for tensions (the first run on a machine compiles for some 20 seconds)"):
+        with busy("Looking for tensions"):
             found = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
             hold = cdpr.confirm(found)
             roads = cdpr.settle, cdpr.solve
@@ -69,7 +69,7 @@ def sensitivity(
     """What matters most: mm and degrees per mm of length, per percent of stiffness, per newton; natural frequencies."""
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
-        with busy("Solving (the first run on a machine compiles for some 20 seconds)"):
+        with busy("Solving"):
             answer = cdpr.sensitivity(problem)
             effects, modes = answer.effects(), cdpr.natural_modes(answer.equilibrium)
     if as_json:
@@ -95,7 +95,7 @@ def equilibria(
         if starts < 1:
             raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
         memory.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
-        with busy("Looking for equilibria (the first run on a machine compiles for some 20 seconds)"):
+        with busy("Looking for equilibria"):
             found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
             followed = cdpr.follow_load(problem)
             reached, _ = found.nearest(followed.reached.pose)
@@ -136,7 +136,7 @@ def identify(
     with errors_as_sentences():
         machine = robot_of(robot, material)
         measurements = cdpr.read_measurements(file)
-        with busy("Fitting (the first run on a machine compiles for some 20 seconds)"):
+        with busy("Fitting"):
             found = cdpr.identify(
                 machine,
                 measurements,

@@ -223,7 +223,7 @@ def clearances(
 
             with busy("Looking for interference"):
                 maps.write(clearance_map(machine, plane, at, least, fitting), picture)
-        with busy("Solving (the first run on a machine compiles for half a minute)"):
+        with busy("Solving"):
             found = cdpr.clearances(machine, _poses(machine, grid, line, points), fitting=fitting)
     free = found.free(least)
     console = Output()

@@ -31,7 +31,7 @@ def settle(
         problem = problem_of(robot, pose, material, pretension)
         with busy("MuJoCo settles the platform"):
             settled = cdpr.settle(problem)
-        with busy("The static solvers look for equilibrium (the first run on a machine compiles for some 20 seconds)"):
+        with busy("The static solvers look for equilibrium"):
             newton, *seecr = (_outcome(problem, method) for method in METHODS)
         if not isinstance(newton, cdpr.Equilibrium):
             raise newton
@@ -62,7 +62,7 @@ def solve(
     """Solve for the static equilibrium with one solver. Exit status 2 if it does not find one."""
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension)
-        with busy("Solving (the first run on a machine compiles for some 20 seconds)"):
+        with busy("Solving"):
             result = cdpr.solve(problem, method=method)  # type: ignore[arg-type]
     if as_json:
         print_json(json_of.solution(result))

@@ -197,6 +197,9 @@ class _Film:
             Stage(trajectory, poses, largest_tension=largest, exaggeration=exaggeration, shapes=curves)
             for trajectory, poses, curves in zip(several, statics, hanging, strict=True)
         ]
+        self._numbers = [
+            [getattr(trajectory, name) for trajectory in several] for name in ("tilt", "deviation", "tensions", "slack")
+        ]
         self.page = Page(
             self.size,
             [trajectory.robot for trajectory in several],
@@ -244,15 +247,8 @@ class _Film:
             close_ups.append(renderer.start(stage.look(stage.close_up()), cell.close_up.width, cell.close_up.height))
 
         def finished() -> Picture:
-            states = [(stage.trajectory, step) for stage, step in zip(self.stages, steps, strict=True)]
-            return self.page.frame(
-                [picture() for picture in views],
-                [picture() for picture in close_ups],
-                [trajectory.tilt[step] for trajectory, step in states],
-                [trajectory.deviation[step] for trajectory, step in states],
-                [trajectory.tensions[step] for trajectory, step in states],
-                [trajectory.slack[step] for trajectory, step in states],
-            )
+            numbers = [[of[step] for of, step in zip(each, steps, strict=True)] for each in self._numbers]
+            return self.page.frame([draw() for draw in views], [draw() for draw in close_ups], *numbers)
 
         return finished
 

@@ -114,7 +114,7 @@ class RayCaster:
 
     def _drawn(self, shot: _Shot, backdrop: _Backdrop) -> _Backdrop:
         what, pixels = backdrop.what.copy(), backdrop.pixels.copy()
-        with compiling.first_use(__name__):
+        with compiling.first_use("ray caster"):
             _draw(
                 backdrop.known, shot.kinds, shot.floats, shot.cameras, shot.lights, self._floor, self._sky,
                 style.SUPERSAMPLING, what, pixels,
@@ -146,10 +146,8 @@ def _geoms(scene: mujoco.MjvScene) -> tuple[np.ndarray, np.ndarray]:
     """Kinds (geoms,), and (geoms, 20) of position, matrix, size, colour, own light; opaque first, then far to near."""
     known = [geom for geom in scene.geoms[: scene.ngeom] if geom.type in SHAPES.values()]
     forward, position = np.array(scene.camera[0].forward), np.array(scene.camera[0].pos)
-    floats = np.empty((len(known), 20))
-    for row, geom in zip(floats, known, strict=True):
-        row[0:3], row[3:12], row[12:15], row[15:19] = geom.pos, geom.mat.ravel(), geom.size, geom.rgba
-        row[19] = geom.emission
+    parts = [[getattr(geom, name) for geom in known] for name in ("pos", "mat", "size", "rgba", "emission")]
+    floats = np.hstack([np.array(part, float).reshape(len(known), -1) for part in parts])
     kinds = np.array([geom.type for geom in known], np.int32)
     clear = floats[:, 18] < 1
     order = np.lexsort((-(floats[:, :3] - position) @ forward, clear))
