@@ -5,37 +5,121 @@ import importlib.util
 import multiprocessing
 import re
 import shutil
+import subprocess
+import sys
 import tempfile
 import threading
 import time
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 from numba.core import config
 from numba.core.dispatcher import Dispatcher
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import compiling
+from cdpr_sim.statics import newton_kernel
 
 PACKAGE = Path(cdpr.__file__).parent
+
+
+# --- late ---------------------------------------------------------------------------------------------------------
+
+
+def sum_of(values, times, total, entries):
+    """An element: scaled sum, and how many entries."""
+    total[0] = 0.0
+    entries[0] = len(values)
+    for value in values:
+        total[0] += times * value
+
+
+def kernel() -> compiling.Kernel:
+    """A new one, of that."""
+    return compiling.Kernel("test sum", sum_of, "(n),()->(),()", ("entries",))
+
+
+@pytest.fixture
+def empty_cache(monkeypatch, tmp_path) -> None:
+    """No machine code, and nothing that was compiled in this process is known."""
+    monkeypatch.setattr(compiling, "_folder", lambda: tmp_path)
+    monkeypatch.setattr(compiling, "_ready", set())
+
+
+def test_few_elements_are_interpreted_and_more_are_compiled(empty_cache):
+    """Up to FEW in all, and with the same answers and shapes; then the machine code is kept."""
+    one, values = kernel(), np.arange(5.0)
+    total, entries = one(values, 2.0)
+    assert (total, entries) == (20.0, 5)
+    assert np.shape(total) == np.shape(entries) == ()
+    many = np.tile(values, (2, 2, 1))
+    np.testing.assert_array_equal(one(many, [1.0, 3.0])[0], [[10.0, 30.0]] * 2)
+    assert one._left == compiling.FEW - 5
+    assert one._compiled is None
+    several, counted = one(np.tile(values, (6, 1)), 1.0)  # more than are left
+    assert one._compiled is not None
+    np.testing.assert_array_equal(several, [10.0] * 6)
+    assert counted.dtype == entries.dtype == np.int64
+    assert one(values, 2.0) == (20.0, 5)
+
+
+def test_that_it_compiles_is_said_once(empty_cache, caplog):
+    """One line as soon as something is compiled; none where it is loaded, and none while few elements are asked for."""
+    kernel()(np.zeros((compiling.FEW, 2)), 1.0)
+    assert not caplog.messages
+    kernel()(np.zeros((compiling.FEW + 1, 2)), 1.0)
+    assert caplog.messages == ["cdpr_sim compiles its test sum: some seconds, once on this machine"]
+    compiling._ready.clear()
+    kernel()(np.zeros((compiling.FEW + 1, 2)), 1.0)
+    assert len(caplog.messages) == 1
+
+
+def test_first_answers_need_no_numba():
+    """Settled, solved by each method and compared: a few poses are there before Numba would be imported."""
+    code = (
+        "import sys, cdpr_sim as cdpr; problem = cdpr.Problem.of(cdpr.load_robot('parallel'), (0.3, 0.25, 0.1)); "
+        "found = [cdpr.solve(problem, method=method) for method in ('newton', 'fsolve', 'least_squares')]; "
+        "assert cdpr.compare(found[0], cdpr.settle(problem)).agrees; "
+        "assert 'numba' not in sys.modules; "
+        "cdpr.solve_many(problem.robot, [(0.3, 0.25, 0.1)] * 11); assert 'numba' in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("name", ["parallel", "planar-vertical", "irma4u"])
+def test_interpreted_and_compiled_answers_are_the_same(catalogue, name, monkeypatch):
+    """To the last bit; over pulleys to rounding, since NumPy has an arctan2 of its own."""
+    robot = catalogue[name]
+    solver = newton_kernel.equilibrium_gufunc(bent=robot.cabling.bent)
+    at = np.random.default_rng(0).uniform(robot.exits.min(0), robot.exits.max(0), (30, 3)) - [0, 0, 0.1]
+    compiled = cdpr.solve_many(robot, at)
+    monkeypatch.setattr(solver, "_compiled", None)
+    monkeypatch.setattr(solver, "_left", len(at))
+    interpreted = cdpr.solve_many(robot, at)
+    assert solver._left == 0
+    tolerance = 1e-12 if robot.cabling.bent else 0.0
+    np.testing.assert_allclose(interpreted.positions, compiled.positions, rtol=0, atol=tolerance)
+    np.testing.assert_allclose(interpreted.rotations, compiled.rotations, rtol=0, atol=tolerance)
+    np.testing.assert_array_equal(interpreted.status, compiled.status)
 
 
 # --- once ---------------------------------------------------------------------------------------------------------
 
 
-def test_builder_runs_once_however_many_threads_ask():
+def test_machine_code_is_built_once_however_many_threads_ask(empty_cache, monkeypatch):
     """Eight threads at once: one build, and all get its result."""
-    built = []
+    built, got, one = [], [], kernel()
+    build = one._built
 
-    @compiling.built_once
-    def build():
+    def slowly():
         time.sleep(0.05)
-        built.append(object())
+        built.append(build())
         return built[0]
 
-    got: list = []
-    threads = [threading.Thread(target=lambda: got.append(build())) for _ in range(8)]
+    monkeypatch.setattr(one, "_built", slowly)
+    threads = [threading.Thread(target=lambda: got.append(one.compiled)) for _ in range(8)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -92,7 +176,7 @@ def imported(path: Path) -> set[Path]:
 
 def test_the_sources_are_all_that_compiled_code_is_made_of():
     """What is compiled, and all that it imports from this package, however far; and nothing beside it."""
-    uses_numba = re.compile(r"^(import numba|from numba import)", re.MULTILINE)
+    uses_numba = re.compile(r"^\s*(import numba|from numba)", re.MULTILINE)
     compiled = {path for path in PACKAGE.rglob("*.py") if uses_numba.search(path.read_text(encoding="utf-8"))}
     others = {PACKAGE / "statics" / "catenary.py", PACKAGE / "drawing" / "video" / "raycast.py"}
     kernels = {*(PACKAGE / "statics").glob("*_kernel.py"), *others}
@@ -138,7 +222,7 @@ def test_machine_code_lies_in_the_folder_of_its_digest(catalogue):
     """Of the solver, of the stiffness and of the ray caster; and none where Numba would have put it by itself."""
     from cdpr_sim.drawing.video import raycast
 
-    assert cdpr.solve_many(catalogue["cogiro"], [(0.4, 0.25, 0.2)]).stable.all()
+    assert cdpr.solve_many(catalogue["cogiro"], [(0.4, 0.25, 0.2)] * (compiling.FEW + 1)).stable.all()
     folder = compiling._folder()
     assert folder.name == compiling.digest()
     kept = {path.name.split(".")[0] for path in folder.rglob("*.nbi")}
@@ -219,9 +303,12 @@ def test_code_of_other_versions_is_cleared_away(places):
 def test_numbas_own_setting_holds_outside(monkeypatch):
     """Users compile functions of their own: those go where Numba is told, also after ours has failed."""
     monkeypatch.setitem(vars(config), "CACHE_DIR", "theirs")
-    with compiling.first_use("test setting"):
+    optimised = config.OPT
+    with compiling.first_use("test setting"), compiling._optimised(1):
         assert vars(config)["CACHE_DIR"] == str(compiling._folder())
+        assert config.OPT == 1 != optimised
     assert vars(config)["CACHE_DIR"] == "theirs"
+    assert vars(config)["OPT"] is optimised
     with pytest.raises(ZeroDivisionError), compiling.first_use("test setting that fails"):
         1 / 0  # noqa: B018
     assert vars(config)["CACHE_DIR"] == "theirs"

@@ -8,11 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import float64, guvectorize, int64
 
-from cdpr_sim.core.compiling import built_once
+from cdpr_sim.core.compiling import Kernel, inline
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import inline, pasted
 
 ROUNDING = 1e-12
 """A slope smaller than this fraction of the load is rounding: that tension is where it should be."""
@@ -34,141 +32,110 @@ MOST_GIVEN = 1e3
 """Loads. Limits that would have to give way by more than this give way for nothing: no tensions balance the load."""
 
 
-def shortfall_gufunc(*, bent: bool = False) -> Callable:
-    """What is left of the load, as a gufunc: inf where the active sets cycle, nan where the input is not finite."""
-    return _bent_shortfall_gufunc() if bent else _plain_shortfall_gufunc()
+def _shortfall(unpack: Callable) -> Callable:
+    """An element of the gufunc, for cables of the type that ``unpack`` makes of the table."""
 
-
-def margin_gufunc(*, bent: bool = False) -> Callable:
-    """How far tensions can keep from their limits [N], as a gufunc: nan as above, and where the active sets cycle."""
-    return _bent_margin_gufunc() if bent else _plain_margin_gufunc()
-
-
-@built_once
-def _plain_shortfall_gufunc() -> Callable:
-    return _gufunc(_plain_shortfall)
-
-
-@built_once
-def _bent_shortfall_gufunc() -> Callable:
-    return _gufunc(_bent_shortfall)
-
-
-@built_once
-def _plain_margin_gufunc() -> Callable:
-    return _gufunc(_plain_margin)
-
-
-@built_once
-def _bent_margin_gufunc() -> Callable:
-    return _gufunc(_bent_margin)
-
-
-def _gufunc(one: Callable) -> Callable:
-    vector, matrix = float64[:], float64[:, :]
-    inputs = (matrix, vector, vector, float64, vector, matrix, int64[:], float64, vector, matrix)
-    return guvectorize(
-        [(*inputs, vector)], "(m,n),(m),(m),(),(c),(k,d),(f),(),(c),(c,c)->()", cache=True
-    )(one)  # fmt: skip
-
-
-def _plain_shortfall(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
-    """One element of the gufunc; how long the cables are plays no part."""
-    cables = ck.unpack(table, np.ones(len(lower)))
-    _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left)
-
-
-def _bent_shortfall(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
-    """The same of bent cables."""
-    cables = ck.unpack_bent(table, np.ones(len(lower)))
-    _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left)
-
-
-def _plain_margin(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
-    """One element of the gufunc; how long the cables are plays no part."""
-    cables = ck.unpack(table, np.ones(len(lower)))
-    _margin(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin)
-
-
-def _bent_margin(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
-    """The same of bent cables."""
-    cables = ck.unpack_bent(table, np.ones(len(lower)))
-    _margin(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin)
-
-
-@pasted
-def _shortfall(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
-    """What is left of the worst load."""
-    m, n = len(lower), len(free)
-    on_free, load, height, r = np.empty((n, m)), np.empty(n), np.empty(m), np.empty(n)
-    if not _fill_pulls(cables, free, scale, position, rotation, on_free):
-        left[0] = np.nan
-        return
-    left[0] = 0.0
-    for k in range(len(wrenches)):
-        norm = _fill_load(wrenches[k], weight, com, rotation, free, scale, load)
-        for i in range(m):
-            height[i] = (upper[i] - lower[i]) / norm
-            for a in range(n):
-                load[a] += on_free[a, i] * (lower[i] / norm)
-        left[0] = max(left[0], _least_squares(on_free, load, height, r))
-        if left[0] == np.inf:
+    def shortfall(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
+        """What is left of the worst load."""
+        cables = unpack(table, np.ones(len(lower)))  # how long they are plays no part
+        m, n = len(lower), len(free)
+        on_free, load, height, r = np.empty((n, m)), np.empty(n), np.empty(m), np.empty(n)
+        if not _fill_pulls(cables, free, scale, position, rotation, on_free):
+            left[0] = np.nan
             return
-
-
-@pasted
-def _margin(cables, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
-    """How far the tensions can keep from their limits: cutting planes, from above.
-
-    Where tensions at least t from their limits do not balance the load, the least squares' residual r is a direction in
-    which they pull too little. How much they can pull along r is linear in t: the t at which it suffices is the next.
-    There are finitely many such directions, and every step leaves one behind.
-    """
-    m, n = len(lower), len(free)
-    on_free, load, shifted = np.empty((n, m)), np.empty(n), np.empty(n)
-    height, r = np.empty(m), np.empty(n)
-    if not _fill_pulls(cables, free, scale, position, rotation, on_free):
-        margin[0] = np.nan
-        return
-    margin[0] = np.inf
-    for k in range(len(wrenches)):
-        norm = _fill_load(wrenches[k], weight, com, rotation, free, scale, load)
-        t = 1.0
-        for i in range(m):
-            t = min(t, (upper[i] - lower[i]) / (2 * norm))
-        for _ in range(MOST_CUTS):
-            for a in range(n):
-                shifted[a] = load[a]
+        left[0] = 0.0
+        for k in range(len(wrenches)):
+            norm = _fill_load(wrenches[k], weight, com, rotation, free, scale, load)
             for i in range(m):
-                height[i] = max(0.0, (upper[i] - lower[i]) / norm - 2 * t)
+                height[i] = (upper[i] - lower[i]) / norm
                 for a in range(n):
-                    shifted[a] += on_free[a, i] * (lower[i] / norm + t)
-            left = _least_squares(on_free, shifted, height, r)
-            if left == np.inf:
-                margin[0] = np.nan
+                    load[a] += on_free[a, i] * (lower[i] / norm)
+            left[0] = max(left[0], _least_squares(on_free, load, height, r))
+            if left[0] == np.inf:
                 return
-            if left <= BALANCED:
-                break
-            needed, pull, size = 0.0, 0.0, 0.0
-            for a in range(n):
-                needed += r[a] * load[a]
-                size += r[a] ** 2
+
+    return shortfall
+
+
+def _margin(unpack: Callable) -> Callable:
+    """The same."""
+
+    def least_distance(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
+        """How far the tensions can keep from their limits: cutting planes, from above.
+
+        Where tensions at least t from their limits do not balance the load, the least squares' residual r is a
+        direction in which they pull too little. How much they can pull along r is linear in t: the t at which it
+        suffices is the next. There are finitely many such directions, and every step leaves one behind.
+        """
+        cables = unpack(table, np.ones(len(lower)))  # how long they are plays no part
+        m, n = len(lower), len(free)
+        on_free, load, shifted = np.empty((n, m)), np.empty(n), np.empty(n)
+        height, r = np.empty(m), np.empty(n)
+        if not _fill_pulls(cables, free, scale, position, rotation, on_free):
+            margin[0] = np.nan
+            return
+        margin[0] = np.inf
+        for k in range(len(wrenches)):
+            norm = _fill_load(wrenches[k], weight, com, rotation, free, scale, load)
+            t = 1.0
             for i in range(m):
-                along = 0.0
+                t = min(t, (upper[i] - lower[i]) / (2 * norm))
+            for _ in range(MOST_CUTS):
                 for a in range(n):
-                    along += r[a] * on_free[a, i]
-                if along <= 0.0 and upper[i] == np.inf:
-                    continue  # rounding: without an upper limit it would pull along r as hard as it takes
-                pull += abs(along)
-                needed += along * (lower[i] if along > 0.0 else upper[i]) / norm
-            if not needed < MOST_GIVEN * pull:
-                t = -np.inf
-                break
-            following = -needed / pull
-            if not following < t:
-                break
-            t = following
-        margin[0] = min(margin[0], t * norm)
+                    shifted[a] = load[a]
+                for i in range(m):
+                    height[i] = max(0.0, (upper[i] - lower[i]) / norm - 2 * t)
+                    for a in range(n):
+                        shifted[a] += on_free[a, i] * (lower[i] / norm + t)
+                left = _least_squares(on_free, shifted, height, r)
+                if left == np.inf:
+                    margin[0] = np.nan
+                    return
+                if left <= BALANCED:
+                    break
+                needed, pull, size = 0.0, 0.0, 0.0
+                for a in range(n):
+                    needed += r[a] * load[a]
+                    size += r[a] ** 2
+                for i in range(m):
+                    along = 0.0
+                    for a in range(n):
+                        along += r[a] * on_free[a, i]
+                    if along <= 0.0 and upper[i] == np.inf:
+                        continue  # rounding: without an upper limit it would pull along r as hard as it takes
+                    pull += abs(along)
+                    needed += along * (lower[i] if along > 0.0 else upper[i]) / norm
+                if not needed < MOST_GIVEN * pull:
+                    t = -np.inf
+                    break
+                following = -needed / pull
+                if not following < t:
+                    break
+                t = following
+            margin[0] = min(margin[0], t * norm)
+
+    return least_distance
+
+
+_LAYOUT = "(m,n),(m),(m),(),(c),(k,d),(f),(),(c),(c,c)->()"
+_SHORTFALLS = [
+    Kernel("balance of forces", _shortfall(ck.unpack), _LAYOUT, ("free",)),
+    Kernel("balance of forces over pulleys", _shortfall(ck.unpack_bent), _LAYOUT, ("free",)),
+]
+_MARGINS = [
+    Kernel("margins of tensions", _margin(ck.unpack), _LAYOUT, ("free",)),
+    Kernel("margins of tensions over pulleys", _margin(ck.unpack_bent), _LAYOUT, ("free",)),
+]
+
+
+def shortfall_gufunc(*, bent: bool = False) -> Kernel:
+    """What is left of the load, as a gufunc: inf where the active sets cycle, nan where the input is not finite."""
+    return _SHORTFALLS[bent]
+
+
+def margin_gufunc(*, bent: bool = False) -> Kernel:
+    """How far tensions can keep from their limits [N], as a gufunc: nan as above, and where the active sets cycle."""
+    return _MARGINS[bent]
 
 
 @inline

@@ -8,30 +8,19 @@ Coordinates are (translation, left-applied rotation vector times ``scale``), six
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-from numba.extending import overload, register_jitable
 
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import ANCHOR, AXIS, EXIT, RADIUS, STIFFENING, STIFFNESS
-
-inline = njit(error_model="numpy", forceinline=True)
-"""For small functions that take many arrays: the calls would cost more than the work."""
-
-pasted = njit(error_model="numpy", inline="always")
-"""For a large one with a single caller: compiled there, and not once more on its own."""
-
-outlined = njit(error_model="numpy")
-"""For what is rarely called."""
+from cdpr_sim.core.compiling import by_type, inline, outlined
 
 _path = inline(cable_path.path)
 _pulley_path = outlined(cable_path.pulley_path)
-register_jitable(cable_law.stiffened)  # which the law calls
+inline(cable_law.stiffened)  # which the law calls
 _energy = inline(cable_law.energy)
 _tangent = inline(cable_law.tangent)
-
 
 NO_LENGTH = np.finfo(float).tiny
 """[m] A slack cable whose anchor touches its exit pulls nowhere, rather than in a direction of 0/0."""
@@ -189,34 +178,9 @@ def _bent_energy(cables, state, V):
     return V
 
 
-_inlined: Any = {"error_model": "numpy", "forceinline": True}
-
-
-def new_state(cables) -> Any:
-    """Room for what is measured of ``cables``."""
-
-
-@overload(new_state, jit_options=_inlined)
-def _new_state(cables):
-    return _new_bent_state if cables.instance_class is BentCables else _new_plain_state
-
-
-def measure(cables, p, R, state) -> Any:
-    """Fill in the cables' state with the platform at p, R (paper Eq. 8, 9)."""
-
-
-@overload(measure, jit_options=_inlined)
-def _measure(cables, p, R, state):
-    return _measure_bent if cables.instance_class is BentCables else _measure_plain
-
-
-def elastic_energy(cables, state, V) -> Any:
-    """V and what all cables add to it [J]."""
-
-
-@overload(elastic_energy, jit_options=_inlined)
-def _elastic_energy(cables, state, V):
-    return _bent_energy if cables.instance_class is BentCables else _plain_energy
+new_state = by_type({Cables: _new_plain_state, BentCables: _new_bent_state})
+measure = by_type({Cables: _measure_plain, BentCables: _measure_bent})
+elastic_energy = by_type({Cables: _plain_energy, BentCables: _bent_energy})
 
 
 @inline
@@ -232,6 +196,7 @@ def fill_jacobian(state, scale, J):
         J[i, 5] = y * u[i, 0] - x * u[i, 1]
 
 
+@inline
 def _add_plain_curvature(state, i, tau, J, scale, K):
     """Add tau ∂²l/∂x² of cable i to the lower half of K, (6, 6).
 
@@ -264,23 +229,14 @@ def _add_plain_curvature(state, i, tau, J, scale, K):
     _add_dipole(t * u[i, 0], t * u[i, 1], t * u[i, 2], x, y, z, K)
 
 
-_straight_curvature = inline(_add_plain_curvature)
-
-
 def _add_bent_curvature(state, i, tau, J, scale, K):
-    _straight_curvature(state, i, tau, J, scale, K)
+    _add_plain_curvature(state, i, tau, J, scale, K)
     if state.bend[i] != 0.0:
         x, y, z = state.r[i, 0] / scale, state.r[i, 1] / scale, state.r[i, 2] / scale
         _add_bend(state.across[i, 0], state.across[i, 1], state.across[i, 2], x, y, z, tau * state.bend[i], K)
 
 
-def add_curvature(state, i, tau, J, scale, K):
-    """Add tau ∂²l/∂x² of cable i to the lower half of K, (6, 6)."""
-
-
-@overload(add_curvature, jit_options=_inlined)
-def _add_curvature(state, i, tau, J, scale, K):
-    return _add_bent_curvature if state.instance_class is BentState else _add_plain_curvature
+add_curvature = by_type({CableState: _add_plain_curvature, BentState: _add_bent_curvature})
 
 
 @outlined

@@ -17,16 +17,13 @@ only pulls.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from numba import float64, guvectorize
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.compiling import built_once
-from cdpr_sim.statics.cable_kernel import inline, outlined
+from cdpr_sim.core.compiling import Kernel, inline, outlined
 
 MASSLESS = 1e-150
 """A cable whose kappa is no more is a spring: its weight is far below the rounding of any tension."""
@@ -116,21 +113,6 @@ def shape(
     return hanging
 
 
-@built_once
-def catenary_gufunc() -> Callable:
-    """The compiled catenary as a NumPy generalised ufunc, which broadcasts and releases the GIL.
-
-    Arguments: exit (3), anchor (3), rest length, axial stiffness, weight per rest length.
-    Results: those of ``Catenary``.
-    """
-    vector, matrix = float64[:], float64[:, :]
-    return guvectorize(
-        [(vector, vector, float64, float64, float64, vector, matrix, vector, vector, vector)],
-        "(c),(c),(),(),()->(c),(c,c),(),(),()",
-        cache=True,
-    )(_one)
-
-
 def _one(exit_, anchor, rest_length, axial_stiffness, weight, pull, stiffness, energy, exit_tension, anchor_tension):
     """One element of the gufunc."""
     dx, dy, dz = anchor[0] - exit_[0], anchor[1] - exit_[1], anchor[2] - exit_[2]
@@ -146,6 +128,18 @@ def _one(exit_, anchor, rest_length, axial_stiffness, weight, pull, stiffness, e
     stiffness[0, 2] = stiffness[2, 0] = Khv * c
     stiffness[1, 2] = stiffness[2, 1] = Khv * s
     stiffness[2, 2] = Kvv
+
+
+_CATENARY = Kernel("hanging cables", _one, "(c),(c),(),(),()->(c),(c,c),(),(),()")
+
+
+def catenary_gufunc() -> Kernel:
+    """The catenary as a NumPy generalised ufunc.
+
+    Arguments: exit (3), anchor (3), rest length, axial stiffness, weight per rest length.
+    Results: those of ``Catenary``.
+    """
+    return _CATENARY
 
 
 @outlined

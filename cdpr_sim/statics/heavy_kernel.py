@@ -20,17 +20,14 @@ Coordinates are those of ``newton_kernel``: translation, and left-applied rotati
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, guvectorize, int64
 
 from cdpr_sim.core.cable import ANCHOR, EXIT, STIFFNESS
-from cdpr_sim.core.compiling import built_once
+from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import inline, outlined
 from cdpr_sim.statics.catenary import hanging
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 from cdpr_sim.statics.newton_kernel import (
@@ -52,26 +49,6 @@ POLISHED = 0.01
 
 _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT)
 _STALLED, _NOT_FINITE = int(Status.STALLED), int(Status.NOT_FINITE)
-
-
-@built_once
-def heavy_gufunc() -> Callable:
-    """The compiled solver as a NumPy generalised ufunc, which broadcasts and releases the GIL.
-
-    Arguments: ``Cabling.packed`` (m,k), of straight and linear cables; their weights per rest length (m) [N/m], 0 for
-    massless ones; rest lengths (m), the platform's weight, centre of mass (3), external wrench (6), free directions as
-    0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
-    Results: position (3), rotation matrix (3,3), chords from exits to anchors (m), tensions at the anchors (m),
-    residual, iterations, status.
-    """
-    vector, matrix = float64[:], float64[:, :]
-    signature = (matrix, vector, vector, float64, vector, vector, vector, float64, vector, matrix)
-    results = (vector, matrix, vector, vector, vector, int64[:], int64[:])
-    return guvectorize(
-        [signature + results],
-        "(m,k),(m),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(m),(),(),()",
-        cache=True,
-    )(_solve_one)
 
 
 def _solve_one(
@@ -100,6 +77,26 @@ def _solve_one(
             rotation[a, b] = rest.R[a, b]
     for i in range(m):
         chords[i], tensions[i] = rest.l[i], rest.tau[i]
+
+
+_HEAVY = Kernel(
+    "static solver for cables that weigh something",
+    _solve_one,
+    "(m,k),(m),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(m),(),(),()",
+    ("iterations", "status"),
+)
+
+
+def heavy_gufunc() -> Kernel:
+    """The solver as a NumPy generalised ufunc.
+
+    Arguments: ``Cabling.packed`` (m,k), of straight and linear cables; their weights per rest length (m) [N/m], 0 for
+    massless ones; rest lengths (m), the platform's weight, centre of mass (3), external wrench (6), free directions as
+    0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
+    Results: position (3), rotation matrix (3,3), chords from exits to anchors (m), tensions at the anchors (m),
+    residual, iterations, status.
+    """
+    return _HEAVY
 
 
 class _Case(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cdpr_sim.statics.cable_kernel import inline
+from cdpr_sim.core.compiling import inline
 
 PIVOT_ROUNDING = 1e-13
 """A Cholesky pivot smaller than this fraction of its diagonal entry is rounding, not stiffness."""
@@ -20,7 +20,7 @@ def factorise(L, n):
         pivot = L[j, j]
         least = PIVOT_ROUNDING * abs(pivot)
         for c in range(j):
-            pivot -= L[j, c] ** 2
+            pivot -= L[j, c] * L[j, c]
         if not pivot > least:
             return False
         pivot = np.sqrt(pivot)
@@ -55,7 +55,8 @@ def eigenvalues_of(S, d, e):
     _tridiagonalise(S, d, e)
     for i in range(n):
         if not (np.isfinite(d[i]) and np.isfinite(e[i])):
-            d[:] = np.nan
+            for j in range(n):
+                d[j] = np.nan
             return
     for first in range(n):
         for _ in range(QL_SWEEPS):
@@ -84,7 +85,7 @@ def _tridiagonalise(S, d, e):
         norm2 = 0.0
         for i in range(k + 1, n):
             v[i] = S[i, k]
-            norm2 += v[i] ** 2
+            norm2 += v[i] * v[i]
         norm = np.sqrt(norm2)
         if norm == 0.0:
             e[k] = 0.0
@@ -92,7 +93,8 @@ def _tridiagonalise(S, d, e):
         alpha = -norm if v[k + 1] > 0 else norm
         e[k] = alpha
         v[k + 1] -= alpha
-        beta = 2.0 / (norm2 + v[k + 1] ** 2 - (v[k + 1] + alpha) ** 2)
+        first, reflected = v[k + 1] + alpha, v[k + 1]
+        beta = 2.0 / (norm2 + reflected * reflected - first * first)
         along = 0.0
         for i in range(k + 1, n):
             w[i] = 0.0

@@ -29,12 +29,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, guvectorize, int64
 
-from cdpr_sim.core.compiling import built_once
+from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableState, inline, outlined, pasted
+from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableState
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 
 MAX_ITERATIONS = 1000
@@ -69,75 +68,41 @@ _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT
 _STALLED, _NOT_FINITE = int(Status.STALLED), int(Status.NOT_FINITE)
 
 
-def equilibrium_gufunc(*, bent: bool = False) -> Callable:
-    """The compiled solver; of robots whose cables run over pulleys or stiffen, another."""
-    return _bent_gufunc() if bent else _plain_gufunc()
+def _element(unpack: Callable) -> Callable:
+    """Of the gufunc, for cables of the type that ``unpack`` makes of the table."""
+
+    def solve(
+        table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
+        rotation, lengths, residual, iterations, status,
+    ):  # fmt: skip
+        """Descend; copies make the compiled inner code work on contiguous arrays."""
+        cables = unpack(table, rest_lengths)
+        case = _Case(cables, weight, ck.copied(center_of_mass), ck.copied(wrench), ck.copied(free), scale)
+        rest, residual[0], iterations[0], status[0] = _descend(case, start_position, start_rotation)
+        for a in range(3):
+            position[a] = rest.p[a]
+            for b in range(3):
+                rotation[a, b] = rest.R[a, b]
+        for i in range(len(lengths)):
+            lengths[i] = rest.c.l[i]
+
+    return solve
 
 
-@built_once
-def _plain_gufunc() -> Callable:
-    """The compiled solver as a NumPy generalised ufunc, which broadcasts and releases the GIL.
+_LAYOUT = "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(),(),()"
+_INTEGERS = "iterations", "status"
+_PLAIN = Kernel("static solver", _element(ck.unpack), _LAYOUT, _INTEGERS)
+_BENT = Kernel("static solver for pulleys and laws that stiffen", _element(ck.unpack_bent), _LAYOUT, _INTEGERS)
 
-    Compiled at the first call and cached on disk, so that importing this module compiles nothing. Arguments:
-    ``Cabling.packed`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
+
+def equilibrium_gufunc(*, bent: bool = False) -> Kernel:
+    """The solver as a NumPy generalised ufunc; of robots whose cables run over pulleys or stiffen, another.
+
+    Arguments: ``Cabling.packed`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
     directions as 0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
     Results: position (3), rotation matrix (3,3), lengths (m), residual, iterations, status.
     """
-    return _gufunc(_solve_plain)
-
-
-@built_once
-def _bent_gufunc() -> Callable:
-    return _gufunc(_solve_bent)
-
-
-def _gufunc(solve_one: Callable) -> Callable:
-    vector, matrix = float64[:], float64[:, :]
-    signature = (matrix, vector, float64, vector, vector, vector, float64, vector, matrix)
-    results = (vector, matrix, vector, vector, int64[:], int64[:])
-    return guvectorize(
-        [signature + results],
-        "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(),(),()",
-        cache=True,
-    )(solve_one)
-
-
-def _solve_plain(
-    table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
-    rotation, lengths, residual, iterations, status,
-):  # fmt: skip
-    """One element of the gufunc."""
-    _answer(
-        ck.unpack(table, rest_lengths), weight, center_of_mass, wrench, free, scale, start_position, start_rotation,
-        position, rotation, lengths, residual, iterations, status,
-    )  # fmt: skip
-
-
-def _solve_bent(
-    table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
-    rotation, lengths, residual, iterations, status,
-):  # fmt: skip
-    """The same of bent cables."""
-    _answer(
-        ck.unpack_bent(table, rest_lengths), weight, center_of_mass, wrench, free, scale, start_position,
-        start_rotation, position, rotation, lengths, residual, iterations, status,
-    )  # fmt: skip
-
-
-@pasted
-def _answer(
-    cables, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position, rotation, lengths,
-    residual, iterations, status,
-):  # fmt: skip
-    """Descend; copies make the compiled inner code work on contiguous arrays."""
-    case = _Case(cables, weight, ck.copied(center_of_mass), ck.copied(wrench), ck.copied(free), scale)
-    rest, residual[0], iterations[0], status[0] = _descend(case, start_position, start_rotation)
-    for a in range(3):
-        position[a] = rest.p[a]
-        for b in range(3):
-            rotation[a, b] = rest.R[a, b]
-    for i in range(len(lengths)):
-        lengths[i] = rest.c.l[i]
+    return _BENT if bent else _PLAIN
 
 
 class _Case(NamedTuple):
@@ -177,7 +142,7 @@ class _Scales(NamedTuple):
     energy: float
 
 
-@pasted
+@inline
 def _descend(case, start_position, start_rotation):
     """Newton iterations from a pose: the point they end at, its residual, their number, and the status."""
     m = len(case.cables.l0)
@@ -274,7 +239,8 @@ def _first_tensions(case, at, tau, taut):
     k, u, e = at.c.k, at.c.u, at.c.e
     upward = 0.0
     for i in range(len(tau)):
-        upward += k[i] * max(u[i, 2], 0.0) ** 2
+        pull = max(u[i, 2], 0.0)
+        upward += k[i] * (pull * pull)
     for i in range(len(tau)):
         tau[i] = k[i] * max(u[i, 2], 0.0) * case.weight / upward if upward > 0 else 0.0
         taut[i] = e[i] >= 0
@@ -440,8 +406,8 @@ def _update_taut(at, model, x, taut):
 @inline
 def _shorten(x, longest, largest):
     """Scale x back to a translation of ``longest`` and a rotation of ``largest`` at most."""
-    translation = np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
-    rotation = np.sqrt(x[3] ** 2 + x[4] ** 2 + x[5] ** 2)
+    translation = np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    rotation = np.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
     factor = max(translation / longest, rotation / largest)
     if factor > 1:
         for a in range(6):
@@ -464,7 +430,8 @@ def _model_decrease(at, model, x, predicted):
         for a in range(6):
             stretch += J[i, a] * x[a]
         predicted[i] = stretch
-        decrease += 0.5 * k[i] * (max(e[i], 0.0) ** 2 - max(stretch, 0.0) ** 2)
+        before, after = max(e[i], 0.0), max(stretch, 0.0)
+        decrease += 0.5 * k[i] * (before * before - after * after)
     return decrease
 
 

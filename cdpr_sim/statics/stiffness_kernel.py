@@ -8,111 +8,89 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import float64, guvectorize, int64
 
-from cdpr_sim.core.compiling import built_once
+from cdpr_sim.core.compiling import Kernel, inline
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import inline, pasted
 from cdpr_sim.statics.matrix_kernel import eigenvalues_of, factorise
 
 
-def stiffness_gufunc(*, bent: bool = False) -> Callable:
-    """How stiffly the platform is held, as a NumPy generalised ufunc, which broadcasts and releases the GIL.
+def _element(unpack: Callable) -> Callable:
+    """Of the gufunc, for cables of the type that ``unpack`` makes of the table."""
+
+    def modes(
+        table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues,
+        frequency,
+    ):  # fmt: skip
+        """Stiffness matrix and mass matrix, and what they say."""
+        cables = unpack(table, rest_lengths)
+        K, M = np.zeros((6, 6)), np.zeros((6, 6))
+        state, J = ck.new_state(cables), np.empty((len(cables.l0), 6))
+        ck.measure(cables, position, rotation, state)
+        ck.fill_jacobian(state, scale, J)
+        ck.add_springs(state, J, K)
+        ck.add_weight_curvature(mass * gravity, center_of_mass, rotation, scale, K)
+        for i in range(len(cables.l0)):
+            if not state.e[i] <= 0:  # nan goes on, and comes out
+                ck.add_curvature(state, i, state.k[i] * state.e[i], J, scale, K)
+        _inertia(mass, center_of_mass, inertia, rotation, M)
+        n = len(free)
+        on_free, reduced = np.empty((n, n)), np.empty((n, n))
+        for a in range(n):
+            for b in range(n):
+                i, j = free[a], free[b]
+                on_free[a, b] = K[max(i, j), min(i, j)]
+                reduced[a, b] = M[i, j] / ((scale if i >= 3 else 1.0) * (scale if j >= 3 else 1.0))
+        d, e = np.empty(n), np.empty(n)
+        # K v = ω² M v is (L⁻¹ K L⁻ᵀ) w = ω² w with M = L Lᵀ.
+        if factorise(reduced, n):
+            L = reduced
+            similar = np.empty((n, n))
+            for a in range(n):
+                for b in range(n):
+                    similar[a, b] = on_free[a, b]
+            for side in range(2):
+                for b in range(n):
+                    for a in range(n):
+                        value = similar[a, b]
+                        for c in range(a):
+                            value -= L[a, c] * similar[c, b]
+                        similar[a, b] = value / L[a, a]
+                if side == 0:
+                    for a in range(n):
+                        for b in range(a):
+                            similar[a, b], similar[b, a] = similar[b, a], similar[a, b]
+            eigenvalues_of(similar, d, e)
+            largest = max(abs(d[0]), abs(d[n - 1]))
+            if d[0] > NEUTRAL * largest:
+                frequency[0] = np.sqrt(d[0]) / (2 * np.pi)
+            else:
+                frequency[0] = 0.0 if d[0] >= -NEUTRAL * largest else np.nan
+        else:
+            frequency[0] = np.nan
+        eigenvalues_of(on_free, d, e)
+        for a in range(n):
+            eigenvalues[a] = d[a]
+
+    return modes
+
+
+_LAYOUT = "(m,k),(m),(),(),(c),(c,c),(f),(),(c),(c,c)->(f),()"
+_PLAIN = Kernel("stiffness and frequencies", _element(ck.unpack), _LAYOUT, ("free",))
+_BENT = Kernel(
+    "stiffness and frequencies with pulleys and laws that stiffen", _element(ck.unpack_bent), _LAYOUT, ("free",)
+)
+
+
+def stiffness_gufunc(*, bent: bool = False) -> Kernel:
+    """How stiffly the platform is held, as a NumPy generalised ufunc.
 
     Arguments: ``Cabling.packed`` (m,k), rest lengths (m), mass, gravity, centre of mass (3), inertia (3,3), indices of
     the free directions (f), characteristic length, position (3), rotation matrix (3,3).
     Results: eigenvalues of the stiffness matrix, ascending, rotations in characteristic lengths (f) [N/m]; the lowest
     natural frequency [Hz], 0 where a direction is held by nothing and nan at a saddle.
     """
-    return _bent_gufunc() if bent else _plain_gufunc()
-
-
-@built_once
-def _plain_gufunc() -> Callable:
-    return _gufunc(_plain_modes)
-
-
-@built_once
-def _bent_gufunc() -> Callable:
-    return _gufunc(_bent_modes)
-
-
-def _gufunc(modes: Callable) -> Callable:
-    vector, matrix = float64[:], float64[:, :]
-    inputs = (matrix, vector, float64, float64, vector, matrix, int64[:], float64, vector, matrix)
-    return guvectorize(
-        [(*inputs, vector, vector)],
-        "(m,k),(m),(),(),(c),(c,c),(f),(),(c),(c,c)->(f),()",
-        cache=True,
-    )(modes)
-
-
-def _plain_modes(
-    table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues,
-    frequency,
-):  # fmt: skip
-    """One element of the gufunc."""
-    cables = ck.unpack(table, rest_lengths)
-    _modes(cables, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues, frequency)
-
-
-def _bent_modes(
-    table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues,
-    frequency,
-):  # fmt: skip
-    """The same of bent cables."""
-    cables = ck.unpack_bent(table, rest_lengths)
-    _modes(cables, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues, frequency)
-
-
-@pasted
-def _modes(cables, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues, frequency):
-    """Stiffness matrix and mass matrix, and what they say."""
-    K, M = np.zeros((6, 6)), np.zeros((6, 6))
-    state, J = ck.new_state(cables), np.empty((len(cables.l0), 6))
-    ck.measure(cables, position, rotation, state)
-    ck.fill_jacobian(state, scale, J)
-    ck.add_springs(state, J, K)
-    ck.add_weight_curvature(mass * gravity, center_of_mass, rotation, scale, K)
-    for i in range(len(cables.l0)):
-        if not state.e[i] <= 0:  # nan goes on, and comes out
-            ck.add_curvature(state, i, state.k[i] * state.e[i], J, scale, K)
-    _inertia(mass, center_of_mass, inertia, rotation, M)
-    n = len(free)
-    on_free, reduced = np.empty((n, n)), np.empty((n, n))
-    for a in range(n):
-        for b in range(n):
-            i, j = free[a], free[b]
-            on_free[a, b] = K[max(i, j), min(i, j)]
-            reduced[a, b] = M[i, j] / ((scale if i >= 3 else 1.0) * (scale if j >= 3 else 1.0))
-    d, e = np.empty(n), np.empty(n)
-    # K v = ω² M v is (L⁻¹ K L⁻ᵀ) w = ω² w with M = L Lᵀ.
-    if factorise(reduced, n):
-        L = reduced
-        similar = on_free.copy()
-        for side in range(2):
-            for b in range(n):
-                for a in range(n):
-                    value = similar[a, b]
-                    for c in range(a):
-                        value -= L[a, c] * similar[c, b]
-                    similar[a, b] = value / L[a, a]
-            if side == 0:
-                for a in range(n):
-                    for b in range(a):
-                        similar[a, b], similar[b, a] = similar[b, a], similar[a, b]
-        eigenvalues_of(similar, d, e)
-        largest = max(abs(d[0]), abs(d[n - 1]))
-        if d[0] > NEUTRAL * largest:
-            frequency[0] = np.sqrt(d[0]) / (2 * np.pi)
-        else:
-            frequency[0] = 0.0 if d[0] >= -NEUTRAL * largest else np.nan
-    else:
-        frequency[0] = np.nan
-    eigenvalues_of(on_free, d, e)
-    for a in range(n):
-        eigenvalues[a] = d[a]
+    return _BENT if bent else _PLAIN
 
 
 @inline
@@ -121,7 +99,7 @@ def _inertia(mass, com, inertia, R, M):
     c = np.empty(3)
     for a in range(3):
         c[a] = R[a, 0] * com[0] + R[a, 1] * com[1] + R[a, 2] * com[2]
-    cc = c[0] ** 2 + c[1] ** 2 + c[2] ** 2
+    cc = c[0] * c[0] + c[1] * c[1] + c[2] * c[2]
     for a in range(3):
         M[a, a] = mass
         M[3 + a, 3 + a] += mass * cc
