@@ -212,64 +212,11 @@ def run_tests(tree: Path, tests: list[str], interpreted: bool, faults: list[Faul
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
     if interpreted:
-        without_numba()
+        from cdpr_sim.core import compiling
+
+        compiling.FEW = sys.maxsize  # kernels stay Python, however much is asked of them
     loop = [Loop(tree, faults, answers, interpreted)] if faults else []
     os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=loop)))
-
-
-def without_numba() -> None:
-    """What Numba would compile runs as Python from here on: no fault takes a minute to be compiled."""
-    import numba
-    import numba.extending
-    import numpy as np
-
-    class Kind(NamedTuple):
-        instance_class: type
-
-    def as_it_is(*given: Any, **_: Any) -> Any:
-        return given[0] if given and isinstance(given[0], FunctionType) else lambda function: function
-
-    def overload(stub: FunctionType, **_: Any) -> Any:
-        def decorate(choose: Any) -> Any:
-            def chosen(*given: Any) -> Any:
-                return choose(*(Kind(type(one)) for one in given))(*given)
-
-            sys.modules[stub.__module__].__dict__[stub.__name__] = chosen
-            return choose
-
-        return decorate
-
-    def guvectorize(signatures: list, layout: str, **_: Any) -> Any:
-        inner, outer = ([part.strip("()") for part in side.split("),(")] for side in layout.split("->"))
-        cores = [[name for name in part.split(",") if name] for part in (*inner, *outer)]
-
-        def decorate(one: Any) -> Any:
-            def loop(*given: Any) -> Any:
-                arrays = [np.asarray(array) for array in given]
-                sizes: dict[str, int] = {}
-                for array, core in zip(arrays, cores, strict=False):
-                    sizes |= dict(zip(core, array.shape[array.ndim - len(core) :], strict=True))
-                batch = np.broadcast_shapes(
-                    *(array.shape[: array.ndim - len(core)] for array, core in zip(arrays, cores, strict=False))
-                )
-                wide = [
-                    np.broadcast_to(array, batch + array.shape[array.ndim - len(core) :])
-                    for array, core in zip(arrays, cores, strict=False)
-                ]
-                shapes = [tuple(sizes[name] for name in core) for core in cores[len(arrays) :]]
-                kinds = ["int64" if "int64" in str(kind) else "float64" for kind in signatures[0][len(arrays) :]]
-                results = [np.empty(batch + (shape or (1,)), kind) for shape, kind in zip(shapes, kinds, strict=True)]
-                for row in np.ndindex(batch):
-                    one(*(array[row] for array in wide), *(result[row] for result in results))
-                shaped = [result if shape else result[..., 0] for result, shape in zip(results, shapes, strict=True)]
-                return shaped[0] if len(shaped) == 1 else tuple(shaped)
-
-            return loop
-
-        return decorate
-
-    numba.njit = numba.jit = numba.extending.register_jitable = as_it_is
-    numba.extending.overload, numba.guvectorize = overload, guvectorize
 
 
 # In the process that counts

@@ -1,4 +1,4 @@
-"""Compiled code against NumPy and SciPy at a few poses each: quick, with Numba and without it.
+"""Kernels against NumPy and SciPy at a few poses each, as the Python that they are when little is asked of them.
 
 Robots are lopsided on purpose, so that no axis, sign or term could be another's.
 """
