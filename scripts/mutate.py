@@ -162,10 +162,11 @@ def _record(session: Any, folder: str, place: Path) -> None:
 
 
 def _functions(code: CodeType) -> Iterator[CodeType]:
-    """Of a module's code: that of its functions and methods, in order."""
+    """Of a module's code: that of its functions, of methods and of those within, in order."""
     for one in code.co_consts:
         if isinstance(one, CodeType):
-            yield from [one] if one.co_flags & 1 else _functions(one)  # optimised: of a function, not of a class
+            yield from [one] if one.co_flags & 1 else []  # optimised: of a function, not of a class
+            yield from _functions(one)
 
 
 def _rest(code: CodeType) -> tuple:
@@ -179,11 +180,8 @@ def _changed(path: Path, right: str, wrong: str, interpreted: bool) -> list[tupl
     before, after = (compile(text, path, "exec") for text in (right, wrong))
     functions = [list(_functions(code)) for code in (before, after)]
     names = [[one.co_qualname for one in some] for some in functions]
-    if (
-        _rest(before) != _rest(after)
-        or names[0] != names[1]
-        or (path.stem.endswith(("_kernel", "catenary")) and not interpreted)
-    ):
+    kernel = path.stem.endswith(("_kernel", "catenary"))
+    if _rest(before) != _rest(after) or names[0] != names[1] or (kernel and not interpreted):
         return None
     return [
         (str(path), a, b) for a, b in zip(*functions, strict=True) if a != b.replace(co_firstlineno=a.co_firstlineno)
