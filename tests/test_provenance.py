@@ -18,6 +18,7 @@ from cdpr_sim.analysis.workspace import sweep as sweeping
 from cdpr_sim.cli import app
 from cdpr_sim.control import RigidLengths
 from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.crosscheck import compare as comparing
 from cdpr_sim.crosscheck import layout as proving
@@ -217,7 +218,7 @@ def test_compare_asks_each_road_about_the_other(monkeypatch):
     agreement = cdpr.compare(static, settled)
     assert agreement.static_in_mujoco == 123.0
     assert len(asked) == 1
-    np.testing.assert_array_equal(asked[0].translation, static.position)
+    np.testing.assert_array_equal(asked[0].position, static.position)
     assert agreement.settled_in_statics < 1e-6
     assert any("MuJoCo at the static pose finds 1.2e+02 N" in reason for reason in agreement.reasons)
 
@@ -255,7 +256,20 @@ def test_the_proof_of_a_layout_is_mujocos(monkeypatch):
     for side in (proof.before, proof.after):
         assert side.score == pytest.approx(np.linalg.norm(side.settled.deviation, axis=-1).max())
         assert side.score > 2.9
+        apart = np.linalg.norm(side.settled.positions - side.solved.positions, axis=-1)
+        assert side.errors["position_error"] == pytest.approx(apart.max())
     assert not proof.agrees
+    monkeypatch.setattr(proving, "settle_many", settle)
+    proof = cdpr.prove_layout(found)
+    assert f"within {1e3 * proof.after.errors['position_error']:.1e} mm" in " ".join(proof.sentences)
+
+    def restless(problems):
+        settled = settle(problems)
+        status = np.where(np.arange(len(settled)) == 1, Status.ITERATION_LIMIT, settled.status)
+        return dataclasses.replace(settled, status=status)
+
+    monkeypatch.setattr(proving, "settle_many", restless)
+    assert np.isnan(cdpr.prove_layout(found).after.score)
 
 
 # --- pictures and motions -----------------------------------------------------------------------------------------
@@ -300,8 +314,21 @@ def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_
     monkeypatch.setattr(cdpr, "drive", drive)
     monkeypatch.setattr(cdpr, "solve_trajectory", solve)
     monkeypatch.setattr(cdpr, "write_video", film)
-    words = ["--drive-seconds", "0.1", "--seconds", "0.2", "--fps", "10", "-o", str(tmp_path / "v.gif")]
-    assert run("video", "cogiro", "parallel", *words).exit_code == 0
+    words = [
+        "--path",
+        "0.4",
+        "0.401",
+        "--drive-seconds",
+        "0.1",
+        "--seconds",
+        "0.2",
+        "--fps",
+        "10",
+        "-o",
+        str(tmp_path / "v.gif"),
+    ]
+    told = run("video", "cogiro", "parallel", *words)
+    assert told.exit_code == 0, told.output
     assert filmed["path"] == Path(tmp_path / "v.gif")
     assert len(motions) == 2
     for shown, motion, outline, static in zip(filmed["trajectories"], motions, outlines, filmed["static"], strict=True):
