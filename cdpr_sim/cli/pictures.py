@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
@@ -11,17 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import robot_of
 from cdpr_sim.cli.terminal import Output, busy, errors_as_sentences, progress_bars, tidy_when_terminated
-from cdpr_sim.core.files import check_place
-from cdpr_sim.crosscheck.hold import held
-from cdpr_sim.drawing.video import film
-from cdpr_sim.report.tables import new_table
-from cdpr_sim.studies.portrait import settled_along, shapes_of
 
 COMPENSATED_WAYPOINTS = 61
 """Along a line that is filmed with compensated lengths; in between, their corrections change evenly."""
@@ -36,6 +29,7 @@ def figures(
     names: Annotated[bool, typer.Option("--list", help="List the figures and what they show; draw none.")] = False,
 ) -> None:
     """Redraw the paper's figures, MuJoCo's points on the static solver's lines, and four figures of our own."""
+    from cdpr_sim.report.tables import new_table
     from cdpr_sim.studies.gallery import paths_of
 
     if names:
@@ -85,6 +79,13 @@ def video(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Film platforms driven along a line by their winches, in MuJoCo, with the static solver's pose as an outline."""
+    import numpy as np
+
+    from cdpr_sim.core.files import check_place
+    from cdpr_sim.crosscheck.hold import held
+    from cdpr_sim.drawing.video import film
+    from cdpr_sim.studies.portrait import settled_along, shapes_of
+
     with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar, _side_by_side() as start:
         check_place(output, film.SUFFIXES, force=force)
         states = film.check_settings(seconds, fps, size, exaggerate, renderer)
@@ -144,6 +145,8 @@ def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
 
     An error, and Ctrl-C, end all drives.
     """
+    from cdpr_sim.drawing.video import film
+
     over = threading.Event()
 
     def start(*asked, progress: Callable[[float], None], **options) -> Callable[[], cdpr.Trajectory]:
@@ -154,7 +157,7 @@ def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
 
         return threads.submit(cdpr.drive, *asked, progress=go_on, **options).result
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
+    with ThreadPoolExecutor(film.MOST_ROBOTS) as threads:
         try:
             yield start
         except BaseException:

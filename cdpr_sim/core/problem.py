@@ -13,15 +13,18 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, shown
+from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, refuse_far, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
-from cdpr_sim.core.pose import PoseLike, as_pose, poses_of
+from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
 from cdpr_sim.core.status import IDLE_STRAIN
 
 ORTHOGONAL = 1e-6
 """How far the rows of a rotation matrix may be from unit length and right angles."""
+
+MOST_FORCE = 1e15
+"""[N], [N m] Of an external wrench: as stiff as the stiffest cables that are taken."""
 
 SHORTEST = 1e-9
 """Least rest length, as a fraction of the largest coordinate of an exit or of the platform: rounding of those
@@ -29,18 +32,18 @@ coordinates is 1e-7 of strain in such a cable, and the whole of it in one of a m
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Frozen, Introduced):
+class Problem(Posed, Introduced):
     """A robot, the pose it starts from, its rest lengths and an external wrench; checked and frozen.
 
     Attributes:
         robot: the robot.
-        pose: the commanded pose, from which both roads start.
+        pose: the commanded pose, from which both roads start, a ``RigidTransform``.
         rest_lengths: unstretched cable lengths l0, (cables,) [m].
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
     """
 
     robot: Robot
-    pose: RigidTransform
+    pose: PoseField
     rest_lengths: Float[np.ndarray, " cables"]
     external_wrench: Float[np.ndarray, "6"]
 
@@ -73,14 +76,14 @@ class Problem(Frozen, Introduced):
             raise InvalidInput(f"robot: found {shown(robot)}, expected a Robot or a Problem")
         if pose is None:
             raise InvalidInput("pose: found none, expected (x, y, z), a six-vector or a RigidTransform")
-        transform = robot.pose(pose)
+        at = robot.placed(pose)
         if rest_lengths is None:
-            rest = robot.rest_lengths(transform)
+            rest = robot.rest_lengths(at)
         else:
             rest = checked_array("rest_lengths", rest_lengths, (len(robot.cabling),))
             if not rest.min() > 0:
                 raise InvalidInput(f"rest_lengths: found {rest.min():g} m, expected more than 0")
-        shortest = float(_shortest(robot, transform.translation))
+        shortest = float(_shortest(robot, at.position))
         if not rest.min() > shortest:
             raise InvalidInput(
                 f"{'pose' if rest_lengths is None else 'rest_lengths'}: found a rest length of {rest.min():.1e} m in "
@@ -89,14 +92,12 @@ class Problem(Frozen, Introduced):
             )
         wrench = checked_array("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, (6,))
         refuse_wrench_out_of_plane(robot, wrench)
-        if rest_lengths is None:
-            frame = transform.as_matrix()
-            if _falls(robot, robot.weight, wrench, frame[:3, 3], frame[:3, :3]):
-                raise InvalidInput(
-                    f"pose: found every exit of {robot.name!r} below the platform, which falls since cables cannot "
-                    "push; expected at least one exit above its anchor"
-                )
-        return cls(robot, transform, frozen(rest), frozen(wrench))
+        if rest_lengths is None and _falls(robot, robot.weight, wrench, at.position, at.rotation_matrix):
+            raise InvalidInput(
+                f"pose: found every exit of {robot.name!r} below the platform, which falls since cables cannot "
+                "push; expected at least one exit above its anchor"
+            )
+        return cls(robot, at, frozen(rest), frozen(wrench))
 
     @property
     def axial_stiffness(self) -> Float[np.ndarray, " cables"]:
@@ -253,10 +254,10 @@ class Problems(Frozen):
         Returns:
             (rows,) problems.
         """
-        made = cls(
+        return cls(
             robot=problems[0].robot,
-            positions=np.array([problem.pose.translation for problem in problems]),
-            rotations=np.array([problem.pose.rotation.as_matrix() for problem in problems]),
+            positions=np.array([problem.position for problem in problems]),
+            rotations=np.array([problem.rotation_matrix for problem in problems]),
             rest_lengths=np.array([problem.rest_lengths for problem in problems]),
             external_wrench=np.array([problem.external_wrench for problem in problems]),
             axial_stiffness=problems[0].axial_stiffness,
@@ -265,8 +266,6 @@ class Problems(Frozen):
             falls=np.array(False),
             singles=tuple(problems),
         )
-        made.__dict__["poses"] = RigidTransform.concatenate([problem.pose for problem in problems])
-        return made
 
     def take(self, rows: Int[np.ndarray, " some"]) -> Problems:
         """Some of (rows,) problems.
@@ -303,7 +302,7 @@ class Problems(Frozen):
             changes["axial_stiffness"] = stiffness
         if mass != robot.mass:
             changes["mass"] = mass
-        pose = poses_of(self._at(self.positions, at, 1), self._at(self.rotations, at, 2))
+        pose = Pose(self._at(self.positions, at, 1).copy(), self._at(self.rotations, at, 2).copy())
         rest, wrench = self._at(self.rest_lengths, at, 1).copy(), self._at(self.external_wrench, at, 1).copy()
         return Problem(robot.replace(**changes) if changes else robot, pose, frozen(rest), frozen(wrench))
 
@@ -322,6 +321,8 @@ class Problems(Frozen):
     @cached_property
     def poses(self) -> RigidTransform:
         """The commanded poses, a stack of (rows,)."""
+        if self.singles:
+            return RigidTransform.concatenate([problem.pose for problem in self.singles])
         rows = (np.broadcast_to(self.positions, (*self.shape, 3)), np.broadcast_to(self.rotations, (*self.shape, 3, 3)))
         return poses_of(*rows)
 
@@ -346,7 +347,7 @@ def positions_and_rotations(
     """Poses as users give them: positions (..., 3) [m] and rotation matrices, of all or of each.
 
     Raises:
-        InvalidInput: not poses, or out of the plane of a planar robot.
+        InvalidInput: not poses, positions beyond any robot, or out of the plane of a planar robot.
     """
     vectors = np.empty(0)
     if not isinstance(poses, RigidTransform):
@@ -372,6 +373,7 @@ def positions_and_rotations(
         raise InvalidInput(f"poses: found an array of shape {vectors.shape}, expected (..., 3) or (..., 6)")
     if 0 in at.shape:
         raise InvalidInput("poses: found none, expected at least one")
+    refuse_far("poses", at)
     _fitting({"poses": at.shape[:-1], "rotations": turned.shape[:-2]})
     if robot.mobility == "planar":
         beside = np.abs(at[..., 1])
@@ -436,11 +438,13 @@ def _place(wrong: Bool[np.ndarray, "..."]) -> str:
 def refuse_wrench_out_of_plane(
     robot: Robot, wrench: Float[np.ndarray, "*batch 6"], field: str = "external_wrench"
 ) -> None:
-    """A planar robot feels forces along x and z and torques about y alone.
+    """A planar robot feels forces along x and z and torques about y alone; and none is beyond ``MOST_FORCE``.
 
     Raises:
         InvalidInput: another.
     """
+    if np.abs(wrench).max(initial=0.0) > MOST_FORCE:
+        raise InvalidInput(f"{field}: found {np.abs(wrench).max():g}, expected at most {MOST_FORCE:g} N or N m")
     if robot.mobility == "planar" and wrench[..., [1, 3, 5]].any():
         rows = wrench.reshape(-1, 6)
         first = rows[rows[:, [1, 3, 5]].any(-1)][0]

@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled, Stability, stability_of
 from cdpr_sim.core.introduced import Introduced
-from cdpr_sim.core.pose import euler_of_matrices, poses_of, tilt_of_matrices
+from cdpr_sim.core.pose import Pose, euler_of_matrices, poses_of, tilt_of_matrices
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -100,10 +100,10 @@ class Rests(Frozen, Introduced):
             source=self.source,
         )
 
-    def _pose(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> RigidTransform:
+    def _pose(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Pose:
         if "poses" in self.__dict__ and isinstance(row, (int, np.integer)):
-            return self.poses[row]
-        return poses_of(self.positions[row], self.rotations[row])
+            return Pose.of(self.poses[row])
+        return Pose(self.positions[row].copy(), self.rotations[row].copy())
 
     @cached_property
     def poses(self) -> RigidTransform:

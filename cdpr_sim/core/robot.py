@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import DOWN, MOST_LENGTH, Cabling
+from cdpr_sim.core.cable import DOWN, Cabling
 from cdpr_sim.core.checks import (
     checked_array,
     checked_label,
@@ -24,13 +24,14 @@ from cdpr_sim.core.checks import (
     frozen,
     in_range,
     positive,
+    refuse_far,
     shown,
 )
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.plausibility import doubts, warn
-from cdpr_sim.core.pose import PoseLike, as_pose
+from cdpr_sim.core.pose import Pose, PoseLike
 
 Mobility = Literal["spatial", "planar"]
 Kind = Literal["suspended", "fully constrained", "under-actuated"]
@@ -160,7 +161,7 @@ class Robot(Introduced):
         if mobility not in get_args(Mobility):
             raise UnknownName("mobility", shown(mobility).strip("'"), get_args(Mobility))
         center_of_mass = checked_array("center_of_mass", center_of_mass, (3,))
-        _refuse_far("center_of_mass", center_of_mass)
+        refuse_far("center_of_mass", center_of_mass)
         mass = positive("mass", mass, "kg")
         in_range("mass", mass, *MASS_RANGE, "kg")
         gravity = float(checked_array("gravity", gravity, ()))
@@ -172,7 +173,7 @@ class Robot(Introduced):
         platform_size = checked_array("platform_size", platform_size, (3,))
         if not (platform_size > 0).all():
             raise InvalidInput(f"platform_size: found {platform_size.tolist()} m, expected three positive edges")
-        _refuse_far("platform_size", platform_size)
+        refuse_far("platform_size", platform_size)
         if platform_size.min() < LEAST_LENGTH:
             raise InvalidInput(f"platform_size: found {platform_size.min():g} m, expected at least {LEAST_LENGTH:g} m")
         inertia = _checked_inertia(_box_inertia(mass, platform_size) if inertia is None else inertia)
@@ -310,15 +311,19 @@ class Robot(Introduced):
         Raises:
             InvalidInput: not a pose, or out of the x-z plane of a planar robot.
         """
-        transform = as_pose(pose)
+        return self.placed(pose).transform
+
+    def placed(self, pose: PoseLike) -> Pose:
+        """``pose`` as plain arrays, checked likewise."""
+        at = Pose.of(pose)
         if self.mobility == "planar":
-            y, sine = transform.translation[1], np.abs(transform.rotation.as_matrix()[1, [0, 2]]).max()
+            y, sine = at.position[1], np.abs(at.rotation_matrix[1, [0, 2]]).max()
             if abs(y) > IN_PLANE or sine > IN_PLANE:
                 found = f"y = {y:g} m" if abs(y) > IN_PLANE else "a rotation about x or z"
                 raise InvalidInput(
                     f"pose: found {found}, but {self.name!r} is planar: expected y = 0 and a rotation about y only"
                 )
-        return transform
+        return at
 
     def rest_lengths(
         self, pose: PoseLike, tensions: ArrayLike | None = None, *, external_wrench: ArrayLike | None = None
@@ -351,26 +356,24 @@ class Robot(Introduced):
                 raise InvalidInput("external_wrench: found one without tensions, expected both or neither")
             return lengths
         self.cabling.refuse_weight("rest_lengths for given tensions")
-        frame = self.pose(pose).as_matrix()
-        pulls = self._balancing(frame[:3, 3], frame[:3, :3], tensions, external_wrench)
+        pulls = self._balancing(self.placed(pose), tensions, external_wrench)
         return cable_law.rest_length_for(lengths, pulls, self.axial_stiffness, *self.cabling.stiffening.T)
 
     def _balancing(
-        self,
-        position: Float[np.ndarray, "3"],
-        rotation: Float[np.ndarray, "3 3"],
-        tensions: ArrayLike,
-        external_wrench: ArrayLike | None,
+        self, at: Pose, tensions: ArrayLike, external_wrench: ArrayLike | None
     ) -> Float[np.ndarray, " cables"]:
         """Tensions as ``rest_lengths`` takes them, one per cable and found to balance the load."""
-        wanted = checked_array("tensions", tensions, () if np.ndim(tensions) == 0 else (self.cables,))
+        wanted = checked_array("tensions", tensions, None)
+        if wanted.ndim:
+            wanted = checked_array("tensions", wanted, (self.cables,))
         if wanted.min() < 0:
             raise InvalidInput(f"tensions: found {wanted.min():g} N, expected 0 or more: cables only pull")
         weight = np.array([0.0, 0.0, -self.weight])
-        load = np.concatenate([weight, np.cross(rotation @ self.center_of_mass, weight)])
+        load = np.concatenate([weight, np.cross(at.rotation_matrix @ self.center_of_mass, weight)])
         if external_wrench is not None:
             load = load + checked_array("external_wrench", external_wrench, (6,))
-        matrix = (cable_path.wrench_matrix(self.cabling, position, rotation) / self.units[:, None])[self.free]
+        matrix = cable_path.wrench_matrix(self.cabling, at.position, at.rotation_matrix)
+        matrix = (matrix / self.units[:, None])[self.free]
         load = (load / self.units)[self.free]
         pulls = np.broadcast_to(wanted, (self.cables,)).copy()
         if wanted.ndim == 0:
@@ -397,8 +400,8 @@ class Robot(Introduced):
 
     def _path_lengths(self, pose: PoseLike) -> Float[np.ndarray, " cables"]:
         """Of the cables from exit to anchor, (cables,) [m] (paper Eq. 1, 2)."""
-        frame = self.pose(pose).as_matrix()
-        lengths = cable_path.lengths(self.cabling, frame[:3, 3], frame[:3, :3])
+        at = self.placed(pose)
+        lengths = cable_path.lengths(self.cabling, at.position, at.rotation_matrix)
         lost = np.isnan(lengths)
         if lost.any():
             cable = int(np.argmax(lost))
@@ -467,15 +470,9 @@ def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"
             )
 
 
-def _refuse_far(field: str, lengths: Float[np.ndarray, "..."]) -> None:
-    most = float(np.abs(lengths).max())
-    if most > MOST_LENGTH:
-        raise InvalidInput(f"{field}: found {most:g} m, expected at most {MOST_LENGTH:g} m")
-
-
 def _corners(field: str, value: ArrayLike) -> Float[np.ndarray, "2 3"]:
     corners = checked_array(field, value, (2, 3))
-    _refuse_far(field, corners)
+    refuse_far(field, corners)
     return np.array([corners.min(0), corners.max(0)])
 
 

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
 from cdpr_sim.core import memory
 from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.pose import angle_between, poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.rests import Rests
@@ -222,13 +222,13 @@ def compare_many(
     if not rows.size:
         return columns, within
     problems = solved.problems.take(rows)
-    static, rested = _poses(solved, rows), _poses(settled, rows)
+    static, rested = ((rests.positions[rows], rests.rotations[rows]) for rests in (solved, settled))
     errors = {
-        "position_error": np.linalg.norm(static.translation - rested.translation, axis=-1),
-        "rotation_error": (static.rotation * rested.rotation.inv()).magnitude(),
+        "position_error": np.linalg.norm(static[0] - rested[0], axis=-1),
+        "rotation_error": angle_between(static[1], rested[1]),
         "tension_error": np.abs(solved.tensions[rows] - settled.tensions[rows]).max(-1),
-        "static_in_mujoco": residuals_of(problems, static, threads=threads),
-        "settled_in_statics": np.asarray(forces.at(problems, rested.translation, rested.rotation.as_matrix()).residual),
+        "static_in_mujoco": residuals_of(problems, poses_of(*static), threads=threads),
+        "settled_in_statics": np.asarray(forces.at(problems, *rested).residual),
     }
     near = [np.abs(one.lengths - one.rest_lengths)[rows] <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
     same_slack = ~((solved.slack != settled.slack)[rows] & ~near[0] & ~near[1]).any(-1)
@@ -244,10 +244,6 @@ def compare_many(
     for name, column in errors.items():
         columns[name][rows] = column
     return columns, within
-
-
-def _poses(rests: Rests, rows: np.ndarray) -> RigidTransform:
-    return RigidTransform.from_components(rests.positions[rows], Rotation.from_matrix(rests.rotations[rows]))
 
 
 def _outcome(solved: Rests, settled: Rests, row: int) -> tuple[str, tuple[str, ...]]:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.pose import angle_between
 from cdpr_sim.physics.settle import residual_of
 from cdpr_sim.statics import forces
 
@@ -116,14 +117,12 @@ def compare(
         raise InvalidInput("compare: found equilibria of two problems, expected the same robot, rest lengths and load")
     differences = {
         "position": (np.linalg.norm(static.position - settled.position), position_tolerance, "m"),
-        "rotation": ((static.rotation * settled.rotation.inv()).magnitude(), rotation_tolerance, "rad"),
+        "rotation": (angle_between(static.rotation_matrix, settled.rotation_matrix), rotation_tolerance, "rad"),
         "tension": (np.abs(static.tensions - settled.tensions).max(), tension_tolerance, "N"),
     }
     cross = {
-        "MuJoCo at the static pose": residual_of(problem, static.pose),
-        "statics at the settled pose": float(
-            forces.at(problem, settled.position, settled.rotation.as_matrix()).residual
-        ),
+        "MuJoCo at the static pose": residual_of(problem, static.at),
+        "statics at the settled pose": float(forces.at(problem, settled.position, settled.rotation_matrix).residual),
     }
     slack_differs = (static.slack != settled.slack) & ~(_at_rest_length(static) | _at_rest_length(settled))
 

@@ -153,12 +153,23 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
     return _document(root)
 
 
-def coordinates(robot: Robot, pose: RigidTransform) -> np.ndarray:
+def coordinates(robot: Robot, pose: RigidTransform) -> Float[np.ndarray, " coordinates"]:
     """MuJoCo's ``qpos`` of the platform at ``pose``: (x, y, z, quaternion w x y z), or planar (x, z, beta)."""
+    return coordinates_of(robot, pose.translation, pose.rotation.as_matrix())
+
+
+def coordinates_of(
+    robot: Robot, positions: Float[np.ndarray, "*batch 3"], rotations: Float[np.ndarray, "*#batch 3 3"]
+) -> Float[np.ndarray, "*batch coordinates"]:
+    """``coordinates`` at many poses."""
     if robot.mobility == "planar":
-        along = pose.rotation.as_matrix()[:, 0]
-        return np.array([pose.translation[0], pose.translation[2], np.arctan2(-along[2], along[0])])
-    return np.concatenate([pose.translation, pose.rotation.as_quat(scalar_first=True)])
+        beta = np.arctan2(-rotations[..., 2, 0], rotations[..., 0, 0])
+        return np.stack(np.broadcast_arrays(positions[..., 0], positions[..., 2], beta), axis=-1)
+    quaternions = np.empty((*positions.shape[:-1], 4))
+    matrices = np.broadcast_to(rotations, (*positions.shape, 3))
+    for quaternion, matrix in zip(quaternions.reshape(-1, 4), matrices.reshape(-1, 9), strict=True):
+        mujoco.mju_mat2Quat(quaternion, matrix)
+    return np.concatenate([positions, quaternions], axis=-1)
 
 
 def since_written(

@@ -19,7 +19,6 @@ from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileErro
 from cdpr_sim.core.files import read_text
 from cdpr_sim.core.materials import ROPES, Material, line_stiffness, load_material
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
-from cdpr_sim.robots.importing import IMPORTED, import_robot
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
 Pair = tuple[Number, Number]
@@ -255,11 +254,13 @@ def load_robot(name: str | Path) -> Robot:
     """
     if str(name).endswith(".toml"):
         return _read(Path(name), str(name))
+    if str(name) in list_robots():
+        return _read(_folder() / f"{name}.toml", f"{name}.toml")
+    from cdpr_sim.robots.importing import IMPORTED, import_robot  # parsers that the catalogue does not need
+
     if str(name).lower().endswith(IMPORTED):
         return import_robot(name)
-    if str(name) not in list_robots():
-        raise UnknownName("robot", str(name), list_robots(), "; a robot of your own is the path of its .toml file")
-    return _read(_folder() / f"{name}.toml", f"{name}.toml")
+    raise UnknownName("robot", str(name), list_robots(), "; a robot of your own is the path of its .toml file")
 
 
 def _folder() -> Traversable:
