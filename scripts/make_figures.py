@@ -11,7 +11,9 @@ from cdpr_sim import CdprError, list_figures, write_figures
 
 FOLDER = Path("figures")  # where <name>.svg and <name>.png go; not part of the repository
 MANUAL_FOLDER = Path("pictures")  # part of the repository
-MANUAL_PICTURES = ("paper-line", "parallel", "tilt-condition", "convergence", "agreement")
+MANUAL_PICTURES = (
+    "paper-line", "parallel", "tilt-condition", "two-cable-manifold", "layouts", "convergence", "agreement",
+)  # fmt: skip
 
 
 def main(names: list[str]) -> None:

@@ -63,6 +63,7 @@ def name_of(path: Path) -> str:
 
 TREES = {name_of(path): ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")}
 DOOR = TREES.pop("")  # cdpr_sim/__init__.py
+ENTRY = TREES.pop("__main__")  # of python -m cdpr_sim, and of cdpr-sim
 
 
 def imports(nodes: Iterable[ast.AST]) -> set[str]:
@@ -118,6 +119,12 @@ def test_results_reach_up_for_their_looks_only_when_asked():
     module, looks = UPWARD
     assert own(ANYWHERE[module]) == {looks}
     assert own(AT_HEAD[module]) == set()
+
+
+def test_the_entry_knows_the_command_line_alone():
+    """And imports it in its function, where an interrupt is caught."""
+    assert imports(ast.walk(ENTRY)) == {"sys", "cdpr_sim.cli.main"}
+    assert imports(ENTRY.body) == {"sys"}
 
 
 def test_walls_stand():

@@ -4,7 +4,8 @@ import dataclasses
 import json
 import re
 import shutil
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -483,10 +484,9 @@ def tab_to(browser, name: str) -> None:
     raise AssertionError(f"{name} is not reached by the tabulator")
 
 
-def wait_for(true) -> None:
-    from time import monotonic, sleep
-
-    end = monotonic() + 10
+def wait_for(true: Callable[[], bool]) -> None:
+    """Until something is, for ten seconds."""
+    end = time.monotonic() + 10
     while not true():
-        assert monotonic() < end
-        sleep(0.05)
+        assert time.monotonic() < end
+        time.sleep(0.05)

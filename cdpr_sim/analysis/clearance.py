@@ -31,6 +31,9 @@ POINTS = 25
 SEARCH_POINTS = 9
 """The same while layouts are searched for."""
 
+BYTES_PER_POINT = 400
+"""That distances take at a pose, for each point along each cable: so much was measured of 5,000 poses."""
+
 ROWS = 64
 """Poses at a time: their pairs of pieces fill some tens of megabytes."""
 
@@ -76,7 +79,7 @@ class Clearances(Frozen, Introduced):
         Returns:
             (...) True where ``least`` is kept; False where the platform does not rest.
         """
-        return np.asarray(self.least > least)
+        return np.asarray(self.least > checked_array("least", least, ()))
 
     def nearest(self, row: tuple[int, ...] | int) -> str:
         """What comes nearest in one row, in words.

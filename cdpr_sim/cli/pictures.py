@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
@@ -146,6 +145,8 @@ def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
 
     An error, and Ctrl-C, end all drives.
     """
+    from cdpr_sim.drawing.video import film
+
     over = threading.Event()
 
     def start(*asked, progress: Callable[[float], None], **options) -> Callable[[], cdpr.Trajectory]:
@@ -156,7 +157,7 @@ def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
 
         return threads.submit(cdpr.drive, *asked, progress=go_on, **options).result
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as threads:
+    with ThreadPoolExecutor(film.MOST_ROBOTS) as threads:
         try:
             yield start
         except BaseException:

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core.checks import Frozen, shown
+from cdpr_sim.core.checks import Frozen, refuse_far, shown
 from cdpr_sim.core.errors import InvalidInput
 
 
@@ -44,7 +44,7 @@ class Pose(Frozen):
             pose: a position (3,) [m] with the platform level, a six-vector (6,) [m, rad], or a ``RigidTransform``.
 
         Raises:
-            InvalidInput: another shape, or a number that is not finite.
+            InvalidInput: another shape, a number that is not finite, or a position beyond any robot.
         """
         if isinstance(pose, Pose):
             return pose
@@ -52,6 +52,7 @@ class Pose(Frozen):
             if not pose.single:
                 raise InvalidInput(f"pose: found a stack of {len(pose)} transforms, expected a single one")
             frame = pose.as_matrix()
+            _refuse_impossible(frame[:3, 3], frame[:3, :3].ravel())
             made = cls(frame[:3, 3].copy(), frame[:3, :3].copy())
             made.__dict__["transform"] = pose
             return made
@@ -63,8 +64,7 @@ class Pose(Frozen):
             raise InvalidInput(
                 f"pose: found an array of shape {vector.shape}, expected (x, y, z) or (x, y, z, alpha, beta, gamma)"
             )
-        if not np.isfinite(vector).all():
-            raise InvalidInput(f"pose: found {vector.tolist()}, expected finite numbers")
+        _refuse_impossible(vector[:3], vector[3:])
         level = vector.size == 3
         return cls(vector[:3].copy(), np.eye(3) if level else Rotation.from_euler("xyz", vector[3:]).as_matrix())
 
@@ -120,9 +120,16 @@ def as_pose(pose: PoseLike) -> RigidTransform:
     """The pose that ``pose`` describes, as ``Pose.of`` reads it.
 
     Raises:
-        InvalidInput: another shape, or a number that is not finite.
+        InvalidInput: another shape, a number that is not finite, or a position beyond any robot.
     """
     return Pose.of(pose).transform
+
+
+def _refuse_impossible(position: np.ndarray, rotation: np.ndarray) -> None:
+    found = [*position.tolist(), *rotation.tolist()]
+    if not np.isfinite(found).all():
+        raise InvalidInput(f"pose: found {found}, expected finite numbers")
+    refuse_far("pose", position)
 
 
 def euler(rotation: Rotation) -> Float[np.ndarray, "3"]:

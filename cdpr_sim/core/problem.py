@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, shown
+from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, refuse_far, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
@@ -22,6 +22,9 @@ from cdpr_sim.core.status import IDLE_STRAIN
 
 ORTHOGONAL = 1e-6
 """How far the rows of a rotation matrix may be from unit length and right angles."""
+
+MOST_FORCE = 1e15
+"""[N], [N m] Of an external wrench: as stiff as the stiffest cables that are taken."""
 
 SHORTEST = 1e-9
 """Least rest length, as a fraction of the largest coordinate of an exit or of the platform: rounding of those
@@ -344,7 +347,7 @@ def positions_and_rotations(
     """Poses as users give them: positions (..., 3) [m] and rotation matrices, of all or of each.
 
     Raises:
-        InvalidInput: not poses, or out of the plane of a planar robot.
+        InvalidInput: not poses, positions beyond any robot, or out of the plane of a planar robot.
     """
     vectors = np.empty(0)
     if not isinstance(poses, RigidTransform):
@@ -370,6 +373,7 @@ def positions_and_rotations(
         raise InvalidInput(f"poses: found an array of shape {vectors.shape}, expected (..., 3) or (..., 6)")
     if 0 in at.shape:
         raise InvalidInput("poses: found none, expected at least one")
+    refuse_far("poses", at)
     _fitting({"poses": at.shape[:-1], "rotations": turned.shape[:-2]})
     if robot.mobility == "planar":
         beside = np.abs(at[..., 1])
@@ -434,11 +438,13 @@ def _place(wrong: Bool[np.ndarray, "..."]) -> str:
 def refuse_wrench_out_of_plane(
     robot: Robot, wrench: Float[np.ndarray, "*batch 6"], field: str = "external_wrench"
 ) -> None:
-    """A planar robot feels forces along x and z and torques about y alone.
+    """A planar robot feels forces along x and z and torques about y alone; and none is beyond ``MOST_FORCE``.
 
     Raises:
         InvalidInput: another.
     """
+    if np.abs(wrench).max(initial=0.0) > MOST_FORCE:
+        raise InvalidInput(f"{field}: found {np.abs(wrench).max():g}, expected at most {MOST_FORCE:g} N or N m")
     if robot.mobility == "planar" and wrench[..., [1, 3, 5]].any():
         rows = wrench.reshape(-1, 6)
         first = rows[rows[:, [1, 3, 5]].any(-1)][0]

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import DOWN, MOST_LENGTH, Cabling
+from cdpr_sim.core.cable import DOWN, Cabling
 from cdpr_sim.core.checks import (
     checked_array,
     checked_label,
@@ -24,6 +24,7 @@ from cdpr_sim.core.checks import (
     frozen,
     in_range,
     positive,
+    refuse_far,
     shown,
 )
 from cdpr_sim.core.errors import InvalidInput, UnknownName
@@ -160,7 +161,7 @@ class Robot(Introduced):
         if mobility not in get_args(Mobility):
             raise UnknownName("mobility", shown(mobility).strip("'"), get_args(Mobility))
         center_of_mass = checked_array("center_of_mass", center_of_mass, (3,))
-        _refuse_far("center_of_mass", center_of_mass)
+        refuse_far("center_of_mass", center_of_mass)
         mass = positive("mass", mass, "kg")
         in_range("mass", mass, *MASS_RANGE, "kg")
         gravity = float(checked_array("gravity", gravity, ()))
@@ -172,7 +173,7 @@ class Robot(Introduced):
         platform_size = checked_array("platform_size", platform_size, (3,))
         if not (platform_size > 0).all():
             raise InvalidInput(f"platform_size: found {platform_size.tolist()} m, expected three positive edges")
-        _refuse_far("platform_size", platform_size)
+        refuse_far("platform_size", platform_size)
         if platform_size.min() < LEAST_LENGTH:
             raise InvalidInput(f"platform_size: found {platform_size.min():g} m, expected at least {LEAST_LENGTH:g} m")
         inertia = _checked_inertia(_box_inertia(mass, platform_size) if inertia is None else inertia)
@@ -362,7 +363,9 @@ class Robot(Introduced):
         self, at: Pose, tensions: ArrayLike, external_wrench: ArrayLike | None
     ) -> Float[np.ndarray, " cables"]:
         """Tensions as ``rest_lengths`` takes them, one per cable and found to balance the load."""
-        wanted = checked_array("tensions", tensions, () if np.ndim(tensions) == 0 else (self.cables,))
+        wanted = checked_array("tensions", tensions, None)
+        if wanted.ndim:
+            wanted = checked_array("tensions", wanted, (self.cables,))
         if wanted.min() < 0:
             raise InvalidInput(f"tensions: found {wanted.min():g} N, expected 0 or more: cables only pull")
         weight = np.array([0.0, 0.0, -self.weight])
@@ -467,15 +470,9 @@ def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"
             )
 
 
-def _refuse_far(field: str, lengths: Float[np.ndarray, "..."]) -> None:
-    most = float(np.abs(lengths).max())
-    if most > MOST_LENGTH:
-        raise InvalidInput(f"{field}: found {most:g} m, expected at most {MOST_LENGTH:g} m")
-
-
 def _corners(field: str, value: ArrayLike) -> Float[np.ndarray, "2 3"]:
     corners = checked_array(field, value, (2, 3))
-    _refuse_far(field, corners)
+    refuse_far(field, corners)
     return np.array([corners.min(0), corners.max(0)])
 
 

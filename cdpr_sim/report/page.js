@@ -13,6 +13,8 @@
   const plus = (a, b, s = 1) => a.map((value, i) => value + s * b[i]);
   const dot = (a, b) => a.reduce((sum, value, i) => sum + value * b[i], 0);
   const mix = (a, b, s) => a.map((value, i) => value + s * (b[i] - value));
+  const pieces = (points, count) => points.slice(1).flatMap((end, i) =>
+    [...Array(count).keys()].map((n) => mix(points[i], end, n / count))).concat([points.at(-1)]);
   const middle = mix(robot.frame[0], robot.frame[1], 0.5);
   const half = robot.frame[1].map((value, i) => Math.max((value - robot.frame[0][i]) / 2, robot.platform[i]));
   const footprint = Math.hypot(half[0], half[1]);
@@ -55,13 +57,21 @@
     const { project, towards } = camera(width, height, view);
     const shapes = [];
 
+    // Outside of a box, what lies beyond one of the faces that are seen is in front of it; all else is behind.
+    const columns = [0, 1, 2].map((axis) => view.platform.rotation.map((row) => row[axis]));
+    const seen = FACES.filter(([, axis, sign]) => sign * dot(columns[axis], towards) > 0);
+    const inFront = (point) => {
+      const from = plus(point, view.platform.position, -1);
+      return seen.some(([, axis, sign]) => sign * dot(columns[axis], from) > robot.platform[axis] / 2);
+    };
     const line = (points, stroke, thick, dash = []) => {
       let gone = 0;
       for (let i = 1; i < points.length; i++) {
         const [a, b] = [project(points[i - 1]), project(points[i])];
         const offset = -gone;
         gone += Math.hypot(b[0] - a[0], b[1] - a[1]);
-        shapes.push({ depth: (a[2] + b[2]) / 2, paint() {
+        const layer = inFront(mix(points[i - 1], points[i], 0.5)) ? 2 : 0;
+        shapes.push({ layer, depth: (a[2] + b[2]) / 2, paint() {
           pen.beginPath();
           pen.moveTo(a[0], a[1]);
           pen.lineTo(b[0], b[1]);
@@ -75,7 +85,7 @@
     };
     const spot = (point, size) => {
       const [x, y, depth] = project(point);
-      shapes.push({ depth, paint() {
+      shapes.push({ layer: inFront(point) ? 2 : 0, depth, paint() {
         pen.beginPath();
         pen.arc(x, y, size, 0, 2 * Math.PI);
         pen.fillStyle = color("ink");
@@ -88,20 +98,19 @@
     robot.wheels.forEach((wheel) => line(wheel, color("quiet"), 1));
     robot.exits.forEach((exit) => spot(exit, 3));
     view.cables.forEach(({ way, slack }) => {
-      const fine = way.length > 2 ? way : [...Array(13).keys()].map((i) => mix(way[0], way[1], i / 12));
+      const fine = pieces(way, way.length > 2 ? 2 : 40);
       if (slack) line(fine, color("slack"), 2.4, [1, 5]);
       else line(fine, color("ink"), 1.6);
     });
     if (control.commanded.checked) {
       const ghost = box.map((corner) => placed(view.commanded, corner));
-      for (const [a, b] of EDGES) line([ghost[a], ghost[b]], color("commanded"), 1.2, [4, 3]);
+      for (const [a, b] of EDGES) line(pieces([ghost[a], ghost[b]], 12), color("commanded"), 1.2, [4, 3]);
     }
     const solid = box.map((corner) => placed(view.platform, corner));
-    for (const [face, axis, sign] of FACES) {
-      const normal = view.platform.rotation.map((row) => sign * row[axis]);
-      if (dot(normal, towards) <= 0) continue;
+    for (const [face, axis, sign] of seen) {
+      const normal = columns[axis].map((value) => sign * value);
       const outline = face.map((corner) => project(solid[corner]));
-      shapes.push({ depth: project(view.platform.position)[2], paint() {
+      shapes.push({ layer: 1, depth: 0, paint() {
         pen.beginPath();
         outline.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
         pen.closePath();
@@ -115,7 +124,7 @@
         pen.stroke();
       } });
     }
-    shapes.sort((a, b) => a.depth - b.depth).forEach((shape) => shape.paint());
+    shapes.sort((a, b) => a.layer - b.layer || a.depth - b.depth).forEach((shape) => shape.paint());
     write(view, project, color, width, height);
   }
 
@@ -136,12 +145,13 @@
       pen.fillStyle = ink;
       pen.fillText(text, x, y);
     };
+    const within = ([x, y]) => x > 4 && x < width - 4 && y > 8 && y < height - 8;
     pen.font = "13px system-ui, sans-serif";
     if (control.tensions.checked) {
-      view.cables.forEach(({ slack, words }, cable) => {
-        const [x, y] = project(robot.exits[cable]);
+      view.cables.forEach(({ way, slack, words }, cable) => {
         const text = `${cable + 1}: ${words}`, aside = pen.measureText(text).width / 2 + 8;
-        put(text, x + (x < width / 2 ? -aside : aside), y + 4, color(slack ? "slack" : "ink"));
+        const [x, y] = pieces(way, 40).map(project).find(within) ?? [NaN];  // at its exit, or where it enters the picture
+        if (x) put(text, x + (x < width / 2 ? -aside : aside), y + 4, color(slack ? "slack" : "ink"));
       });
     }
     const [low, high] = robot.frame;
@@ -152,7 +162,7 @@
       if (axis === 1) at[0] = high[0];
       at[axis] = (low[axis] + high[axis]) / 2;
       const [x, y] = project(at);
-      put(`${name}: ${+size.toPrecision(3)} m`, x, y + 16, color("quiet"));
+      if (within([x, y])) put(`${name}: ${+size.toPrecision(3)} m`, x, y + 16, color("quiet"));
     });
   }
 

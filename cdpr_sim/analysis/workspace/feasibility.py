@@ -121,8 +121,10 @@ def closed_form_feasible(
         raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected one to be amid")
     at, turned = positions_and_rotations(robot, positions, rotations)
     W = (forces.geometry(robot, at, turned).wrench_matrix / robot.units[:, None])[..., robot.free, :]
+    known = np.asarray(np.isfinite(W).all((-1, -2)))
+    W = np.where(known[..., None, None], W, 0.0)
     middle = (lower + upper) / 2
-    held = np.ones(W.shape[:-2], dtype=bool)
+    held = known.copy()
     for wrench in checked_wrenches(robot, wrenches):
         asked = Problem(robot, robot.pose(robot.home), np.ones(robot.cables), wrench)
         load = (forces.load_wrench(asked, turned) / robot.units)[..., robot.free]

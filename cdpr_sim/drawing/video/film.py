@@ -40,6 +40,9 @@ AHEAD = 4
 """Frames whose pictures are being drawn while the one before them is put together: more keep no more processors busy,
 since they are begun one by one, and cost memory."""
 
+ENCODERS = 4
+"""Threads of the encoder, whatever the machine: with another number of them H.264 becomes other bytes."""
+
 QUALITY = 18.0
 """Constant rate factor, or quantiser, of H.264: no difference to be seen."""
 
@@ -338,7 +341,7 @@ def _writer(path: Path, film: _Film):
         # One palette, of the first frame (whose legend holds every colour), so that no frame has to wait for the last.
         palette = "split[a][b];[a]trim=end_frame=1,palettegen[p];[b][p]paletteuse=dither=bayer:bayer_scale=4"
         return mediapy.VideoWriter(path, (height, width), fps=film.fps, codec="gif", ffmpeg_args=["-vf", palette])
-    options = ["-preset", "veryfast", "-movflags", "+faststart"]
+    options = ["-preset", "veryfast", "-threads", str(ENCODERS), "-movflags", "+faststart"]
     return mediapy.VideoWriter(path, (height, width), fps=film.fps, crf=QUALITY, ffmpeg_args=options)
 
 

@@ -146,8 +146,10 @@ def _geoms(scene: mujoco.MjvScene) -> tuple[np.ndarray, np.ndarray]:
     """Kinds (geoms,), and (geoms, 20) of position, matrix, size, colour, own light; opaque first, then far to near."""
     known = [geom for geom in scene.geoms[: scene.ngeom] if geom.type in SHAPES.values()]
     forward, position = np.array(scene.camera[0].forward), np.array(scene.camera[0].pos)
-    parts = [[getattr(geom, name) for geom in known] for name in ("pos", "mat", "size", "rgba", "emission")]
-    floats = np.hstack([np.array(part, float).reshape(len(known), -1) for part in parts])
+    parts = {"pos": 3, "mat": 9, "size": 3, "rgba": 4, "emission": 1}
+    floats = np.hstack(
+        [np.array([getattr(geom, name) for geom in known], float).reshape(-1, width) for name, width in parts.items()]
+    )
     kinds = np.array([geom.type for geom in known], np.int32)
     clear = floats[:, 18] < 1
     order = np.lexsort((-(floats[:, :3] - position) @ forward, clear))

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -212,7 +211,7 @@ class Stage:
             geom = self._geom(capsule, _NOWHERE, _NOWHERE, _IDENTITY, shade)
             mujoco.mjv_connector(geom, capsule.value, radius * self.diagonal, start, end)
 
-    def _geom(self, shape: mujoco.mjtGeom, size, position, matrix, color: Sequence[float]) -> mujoco.MjvGeom:
+    def _geom(self, shape: mujoco.mjtGeom, size, position, matrix, color) -> mujoco.MjvGeom:
         geom = self.scene.geoms[self.scene.ngeom]
         mujoco.mjv_initGeom(
             geom, shape.value, np.asarray(size, float), np.asarray(position, float), matrix, np.array(color, np.float32)
