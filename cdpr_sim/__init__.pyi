@@ -85,6 +85,7 @@ from .physics.settle import settle_many as settle_many
 from .physics.settle import settle_trajectory as settle_trajectory
 from .physics.track import track as track
 from .physics.winding import winch_controls as winch_controls
+from .report.page import write_report as write_report
 from .robots.catalogue import list_robots as list_robots
 from .robots.catalogue import load_robot as load_robot
 from .robots.importing import import_robot as import_robot

@@ -16,9 +16,9 @@ from collections import Counter
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 import cdpr_sim as cdpr
+from cdpr_sim.report.tables import new_table
 
 SOLVES, SETTLES = 100_000, 1000
 ROWS = 90  # of one robot in a batch; ten more robots are solved one by one
@@ -229,7 +229,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     warnings.simplefilter("error", RuntimeWarning)
-    table = Table("road", "robots", *VERDICTS, "wrong", title="Hostile robots", title_justify="left")
+    warnings.simplefilter("ignore", cdpr.ImplausibleRobot)
+    table = new_table("Hostile robots", "road", "robots", *VERDICTS, "wrong", words=2)
     complaints = []
     for road, asked in (("solve", options.solves), ("settle", options.settles)):
         counts, wrong = attack(road, asked, options.seed)

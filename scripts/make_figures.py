@@ -1,6 +1,6 @@
 """Draw every figure, or those that are named: ``python scripts/make_figures.py [NAME...]``.
 
-The README's pictures among them are copied to where the README shows them.
+The manual's pictures among them are copied to where it shows them.
 """
 
 import shutil
@@ -10,8 +10,10 @@ from pathlib import Path
 from cdpr_sim import CdprError, list_figures, write_figures
 
 FOLDER = Path("figures")  # where <name>.svg and <name>.png go; not part of the repository
-README_FOLDER = Path("pictures")  # part of the repository
-README_PICTURES = ("paper-line", "parallel", "tilt-condition", "convergence", "agreement")
+MANUAL_FOLDER = Path("pictures")  # part of the repository
+MANUAL_PICTURES = (
+    "paper-line", "parallel", "tilt-condition", "two-cable-manifold", "layouts", "convergence", "agreement",
+)  # fmt: skip
 
 
 def main(names: list[str]) -> None:
@@ -20,9 +22,9 @@ def main(names: list[str]) -> None:
     )
     for name, paths in written.items():
         print(*paths)
-        if name in README_PICTURES:
-            README_FOLDER.mkdir(exist_ok=True)
-            print(shutil.copy(FOLDER / f"{name}.png", README_FOLDER))
+        if name in MANUAL_PICTURES:
+            MANUAL_FOLDER.mkdir(exist_ok=True)
+            print(shutil.copy(FOLDER / f"{name}.png", MANUAL_FOLDER))
 
 
 if __name__ == "__main__":

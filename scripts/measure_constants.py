@@ -87,7 +87,7 @@ def main() -> int:
             )  # fmt: skip
             rows.append(
                 (
-                    "README: 2 to 5 %",
+                    "the manual: 2 to 5 %",
                     f"{name}, {material}: free",
                     f"{100 * free.mean():.1f} %",
                     0.015 < free.mean() < 0.05,

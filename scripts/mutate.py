@@ -1,76 +1,420 @@
 """Put faults in, one at a time, and see whether a test notices: the table that this prints says what is guarded.
 
-    python scripts/mutate.py [ROOM ...]
+    python scripts/mutate.py [FOLDER ...] [--markdown] [--sample COUNT [--seed SEED]]
 
-The faults and the tests that should notice are in mutations.toml. Takes minutes for each room: not part of the tests.
-Exit status 1 if one survives that is not explained.
+The faults and the tests that should notice are in mutations.toml; with ``--sample``, as many faults as that, which a
+machine draws from the same files. Takes seconds for each fault, and is not part of the tests. Exit status 1 if one
+survives that is not explained.
+
+Tests are collected once for a folder. For each fault the process is forked, the changed functions get their new code,
+and the tests that come by them run, the quickest first, until one fails. What is done while modules are imported, and
+what Numba compiles, is tested in a process that imports all of it anew.
 """
 
+import argparse
+import ast
+import datetime
+import gc
+import hashlib
+import multiprocessing
 import os
+import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
+import traceback
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from types import CodeType, FunctionType
+from typing import Any, NamedTuple
 
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 ROOT = Path(__file__).parents[1]
-ROOMS = tomllib.loads(Path(__file__).with_name("mutations.toml").read_text(encoding="utf-8"))
+FOLDERS = tomllib.loads(Path(__file__).with_name("mutations.toml").read_text(encoding="utf-8"))
+PRELOADED = ["numba", "mujoco", "scipy.optimize", "scipy.spatial.transform", "matplotlib.figure", "xarray"]
+PRELOADED += ["dask.array", "pydantic", "typer", "PIL.ImageDraw", "__main__"]
+"""What takes long to import, and is no plugin of pytest's."""
+
+PATIENCE = 10
+"""Tests that take so many times as long as without any fault, and a minute, have noticed it."""
+
+OTHER = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult, ast.Lt: ast.GtE,
+    ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq, ast.And: ast.Or,
+    ast.Or: ast.And, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
+}  # fmt: skip
+"""What a machine puts in place of an operator."""
 
 
-def passes(tree: Path, tests: list[str]) -> bool:
-    """Whether these tests pass in a copy of the repository."""
-    words = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
-    environment = os.environ | {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
-    ended = subprocess.run(words, cwd=tree, env=environment, capture_output=True, text=True)
-    if ended.returncode not in (0, 1):
-        raise RuntimeError(f"pytest ended with {ended.returncode}:\n{ended.stdout[-2000:]}{ended.stderr[-2000:]}")
-    return ended.returncode == 0
+class Fault(NamedTuple):
+    """What is put wrong in a file, from ``line`` on; ``reason``: why nobody could notice."""
+
+    file: str
+    right: str
+    wrong: str
+    reason: str = ""
+    line: int = 0
+
+    def texts(self, tree: Path) -> tuple[Path, str, str]:
+        """The file, as it is, and as it is put wrong."""
+        path = tree / "cdpr_sim" / self.file
+        text = path.read_text(encoding="utf-8")
+        start = sum(map(len, text.splitlines(keepends=True)[: self.line]))
+        if not self.line and text.count(self.right) != 1:
+            raise RuntimeError(f"{self.file}: found {text.count(self.right)} times, expected once: {self.right}")
+        return path, text, text[:start] + text[start:].replace(self.right, self.wrong, 1)
 
 
-def survives(tree: Path, file: str, right: str, wrong: str, tests: list[str]) -> bool:
-    """Whether the tests pass with ``right`` replaced by ``wrong``, which is put right again."""
-    path = tree / "cdpr_sim" / file
-    text = path.read_text(encoding="utf-8")
-    if text.count(right) != 1:
-        raise RuntimeError(f"{file}: found {text.count(right)} times, expected once: {right}")
-    path.write_text(text.replace(right, wrong), encoding="utf-8")
+# In a process of its own, which has what takes long imported already
+
+
+class Loop:
+    """For pytest: the tests without any fault, and then with one after the other, each time in a fork."""
+
+    def __init__(self, tree: Path, faults: list[Fault], answers: Any, interpreted: bool) -> None:
+        self.tree, self.faults, self.answers, self.interpreted = tree, faults, answers, interpreted
+
+    def pytest_runtestloop(self, session: Any) -> bool:
+        """Says to the other process whether each fault goes unnoticed; None where that cannot be said here."""
+        items, place = session.items, self.tree / "passed"
+        place.unlink(missing_ok=True)
+        begin = time.monotonic()
+        alive = self._fork(session, items, lambda: _record(session, f"{self.tree}/cdpr_sim/", place))
+        seconds = 60 + int(PATIENCE * (time.monotonic() - begin))
+        self.answers.put(alive)
+        lines = [line.split("\t") for line in place.read_text(encoding="utf-8").splitlines()] if alive else []
+        took = {who: float(seconds) for who, seconds, *_ in lines}
+        for fault in self.faults if alive else []:
+            changed = _changed(*fault.texts(self.tree), self.interpreted)
+            if changed is None:
+                self.answers.put(None)
+                continue
+            names = {f"{path}:{old.co_qualname}" for path, old, _ in changed}
+            by = {who for who, _, *passed in lines if names & set(passed)}
+            some = [item for item in items if {item.nodeid, item.nodeid.partition("::")[0]} & by]
+            some.sort(key=lambda item: took.get(item.nodeid, 0.0))
+            self.answers.put(not some or self._fork(session, some, lambda: _patch(changed), seconds))  # noqa: B023
+        self.answers.put(self._fork(session, items[:1], lambda: None))
+        return True
+
+    def _fork(self, session: Any, items: list, prepare: Any, seconds: int = 0) -> bool:
+        pid = os.fork()
+        if pid:
+            status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+            if status == 2:
+                raise RuntimeError("a fork failed, and no test")
+            return status == 0
+        from _pytest.main import pytest_runtestloop
+
+        status = 2
+        try:
+            signal.alarm(seconds)
+            session.items = items
+            prepare()
+            with suppress(session.Failed, session.Interrupted):  # by the first test that fails
+                pytest_runtestloop(session)
+            status = int(session.testsfailed > 0)
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(status)
+
+
+def _record(session: Any, folder: str, place: Path) -> None:
+    """Write down by which functions each test comes; what is done to set it up, others of its file may share."""
+    import pytest
+
+    seen: set[str] = set()
+
+    def note(frame: Any, event: str, _: Any) -> None:
+        if event == "call" and frame.f_code.co_filename.startswith(folder):
+            seen.add(f"{frame.f_code.co_filename}:{frame.f_code.co_qualname}")
+
+    def watch(who: str) -> Iterator[Any]:
+        seen.clear()
+        begin = time.monotonic()
+        sys.setprofile(note)
+        try:
+            return (yield)
+        finally:
+            sys.setprofile(None)
+            with open(place, "a", encoding="utf-8") as file:
+                file.write("\t".join([who, f"{time.monotonic() - begin:.3f}", *seen]) + "\n")
+
+    class Watch:
+        @pytest.hookimpl(wrapper=True)
+        def pytest_runtest_setup(self, item: Any) -> Iterator[Any]:
+            return (yield from watch(item.nodeid.partition("::")[0]))
+
+        @pytest.hookimpl(wrapper=True)
+        def pytest_runtest_call(self, item: Any) -> Iterator[Any]:
+            return (yield from watch(item.nodeid))
+
+    session.config.pluginmanager.register(Watch())
+
+
+def _functions(code: CodeType) -> Iterator[CodeType]:
+    """Of a module's code: that of its functions and methods, in order."""
+    for one in code.co_consts:
+        if isinstance(one, CodeType):
+            yield from [one] if one.co_flags & 1 else _functions(one)  # optimised: of a function, not of a class
+
+
+def _rest(code: CodeType) -> tuple:
+    """What a module's code does beside: when it is imported."""
+    there = [one for one in code.co_consts if not (isinstance(one, CodeType) and one.co_flags & 1)]
+    return code.co_code, [_rest(one) if isinstance(one, CodeType) else one for one in there]
+
+
+def _changed(path: Path, right: str, wrong: str, interpreted: bool) -> list[tuple[str, CodeType, CodeType]] | None:
+    """Functions that are another in the second text; None where more than functions is, or what Numba compiles."""
+    before, after = (compile(text, path, "exec") for text in (right, wrong))
+    functions = [list(_functions(code)) for code in (before, after)]
+    names = [[one.co_qualname for one in some] for some in functions]
+    if (
+        _rest(before) != _rest(after)
+        or names[0] != names[1]
+        or (path.stem.endswith(("_kernel", "catenary")) and not interpreted)
+    ):
+        return None
+    return [
+        (str(path), a, b) for a, b in zip(*functions, strict=True) if a != b.replace(co_firstlineno=a.co_firstlineno)
+    ]
+
+
+def _patch(changed: list[tuple[str, CodeType, CodeType]]) -> None:
+    """Give functions their new code, wherever they are referred to."""
+    living = [one for one in gc.get_objects() if isinstance(one, FunctionType)]
+    for path, old, new in changed:
+        for one in living:
+            code = one.__code__
+            same = code.co_filename == path and code.co_qualname == old.co_qualname
+            if same and ("<lambda>" not in old.co_qualname or code.co_firstlineno == old.co_firstlineno):
+                one.__code__ = new
+
+
+def run_tests(tree: Path, tests: list[str], interpreted: bool, faults: list[Fault], answers: Any) -> None:
+    """Pytest's exit status is the process's; with faults, the answers to them are put where they are waited for."""
+    import pytest
+
+    os.chdir(tree)
+    sys.path[:0] = [str(tree)]
+    os.environ["PYTHONPATH"] = str(tree)
+    with open(tree / "output", "w") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    if interpreted:
+        without_numba()
+    loop = [Loop(tree, faults, answers, interpreted)] if faults else []
+    os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=loop)))
+
+
+def without_numba() -> None:
+    """What Numba would compile runs as Python from here on: no fault takes a minute to be compiled."""
+    import numba
+    import numba.extending
+    import numpy as np
+
+    class Kind(NamedTuple):
+        instance_class: type
+
+    def as_it_is(*given: Any, **_: Any) -> Any:
+        return given[0] if given and isinstance(given[0], FunctionType) else lambda function: function
+
+    def overload(stub: FunctionType, **_: Any) -> Any:
+        def decorate(choose: Any) -> Any:
+            def chosen(*given: Any) -> Any:
+                return choose(*(Kind(type(one)) for one in given))(*given)
+
+            sys.modules[stub.__module__].__dict__[stub.__name__] = chosen
+            return choose
+
+        return decorate
+
+    def guvectorize(signatures: list, layout: str, **_: Any) -> Any:
+        inner, outer = ([part.strip("()") for part in side.split("),(")] for side in layout.split("->"))
+        cores = [[name for name in part.split(",") if name] for part in (*inner, *outer)]
+
+        def decorate(one: Any) -> Any:
+            def loop(*given: Any) -> Any:
+                arrays = [np.asarray(array) for array in given]
+                sizes: dict[str, int] = {}
+                for array, core in zip(arrays, cores, strict=False):
+                    sizes |= dict(zip(core, array.shape[array.ndim - len(core) :], strict=True))
+                batch = np.broadcast_shapes(
+                    *(array.shape[: array.ndim - len(core)] for array, core in zip(arrays, cores, strict=False))
+                )
+                wide = [
+                    np.broadcast_to(array, batch + array.shape[array.ndim - len(core) :])
+                    for array, core in zip(arrays, cores, strict=False)
+                ]
+                shapes = [tuple(sizes[name] for name in core) for core in cores[len(arrays) :]]
+                kinds = ["int64" if "int64" in str(kind) else "float64" for kind in signatures[0][len(arrays) :]]
+                results = [np.empty(batch + (shape or (1,)), kind) for shape, kind in zip(shapes, kinds, strict=True)]
+                for row in np.ndindex(batch):
+                    one(*(array[row] for array in wide), *(result[row] for result in results))
+                shaped = [result if shape else result[..., 0] for result, shape in zip(results, shapes, strict=True)]
+                return shaped[0] if len(shaped) == 1 else tuple(shaped)
+
+            return loop
+
+        return decorate
+
+    numba.njit = numba.jit = numba.extending.register_jitable = as_it_is
+    numba.extending.overload, numba.guvectorize = overload, guvectorize
+
+
+# In the process that counts
+
+
+def outcomes(tree: Path, groups: list[tuple[dict, list[Fault]]]) -> Iterator[tuple[Fault, bool]]:
+    """Whether each fault goes unnoticed."""
+    context = multiprocessing.get_context("forkserver")
+    answers, interpreted = context.SimpleQueue(), groups[0][0].get("interpreted", False)
+    tests = list(dict.fromkeys(test for group, _ in groups for test in group["tests"]))
+    faults = [(group, fault) for group, some in groups for fault in some]
+    asked = [fault for _, fault in faults]
+    process = context.Process(target=run_tests, args=(tree, tests, interpreted, asked, answers))
+    begin = time.monotonic()
+    process.start()
+    if not _answer(process, answers, tree):
+        raise RuntimeError(f"tests fail without any fault:\n{(tree / 'output').read_text()[-2000:]}")
+    seconds = 60 + PATIENCE * (time.monotonic() - begin)
+    again = []
+    for group, fault in faults:
+        alive = _answer(process, answers, tree)
+        if alive is None:
+            again.append((group, fault))
+        else:
+            yield fault, alive
+    if not _answer(process, answers, tree):
+        raise RuntimeError("a test that passed fails after all of them, without any fault")
+    process.join()
+    for group, fault in again:
+        yield fault, survives(tree, fault, group["tests"], interpreted, seconds)
+
+
+def _answer(process: Any, answers: Any, tree: Path) -> bool | None:
+    while answers.empty():
+        if not process.is_alive() and answers.empty():
+            raise RuntimeError(f"pytest ended too early:\n{(tree / 'output').read_text()[-2000:]}")
+        time.sleep(0.05)
+    return answers.get()
+
+
+def survives(tree: Path, fault: Fault, tests: list[str], interpreted: bool, seconds: float) -> bool:
+    """Whether the tests pass in a process that imports what is wrong, which is put right again."""
+    path, right, wrong = fault.texts(tree)
+    times = path.stat()
+    compile(wrong, path, "exec")  # what is no Python would be killed by any test
+    path.write_text(wrong, encoding="utf-8")
+    process = multiprocessing.get_context("forkserver").Process(
+        target=run_tests, args=(tree, tests, interpreted, [], None)
+    )
     try:
-        return passes(tree, tests)
+        process.start()
+        process.join(seconds)
+        if process.exitcode is None:
+            process.kill()
+            process.join()
+        return process.exitcode == 0
     finally:
-        path.write_text(text, encoding="utf-8")
+        path.write_text(right, encoding="utf-8")
+        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # what was compiled of it is valid again
 
 
-def main(wanted: list[str]) -> int:
+def drawn(file: str) -> list[Fault]:
+    """All operators and numbers of a file, each put wrong."""
+    text, found = (ROOT / "cdpr_sim" / file).read_text(encoding="utf-8"), []
+    for node in ast.walk(ast.parse(text)):
+        right = ast.get_source_segment(text, node) or ""
+        if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in OTHER:
+            node.op = OTHER[type(node.op)]()
+        elif isinstance(node, ast.Compare) and type(node.ops[0]) in OTHER:
+            node.ops[0] = OTHER[type(node.ops[0])]()
+        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            node.value = node.value + 1 if isinstance(node.value, int) else 2 * node.value + 1e-3
+        else:
+            continue
+        found.append(Fault(file, right, f"({ast.unparse(node)})", line=node.lineno - 1))
+    return found
+
+
+def faults_of(groups: list[dict], count: int, seed: int) -> list[tuple[dict, list[Fault]]]:
+    """Of a folder: those listed, or ``count`` drawn by a machine; with the group whose tests should notice."""
+    if not count:
+        return [(group, [Fault(group["file"], *words) for words in group["faults"]]) for group in groups]
+    all_of_them = [(group, fault) for group in groups for fault in drawn(group["file"])]
+    chosen = random.Random(seed).sample(all_of_them, min(count, len(all_of_them)))
+    return [(group, [fault for own, fault in chosen if own is group]) for group in groups]
+
+
+def count_folder(tree: Path, folder: str, count: int, seed: int) -> Counter:
+    """What came of each of its faults; survivors are printed."""
+    counts: Counter = Counter()
+    everything = faults_of(FOLDERS[folder], count, seed)
+    for interpreted in (False, True):
+        groups = [pair for pair in everything if pair[1] and pair[0].get("interpreted", False) == interpreted]
+        begin = time.monotonic()
+        for fault, alive in outcomes(tree, groups) if groups else []:
+            counts[("equivalent" if fault.reason else "survived") if alive else "killed"] += 1
+            if alive and not fault.reason:
+                print(f"survived: {fault.file}:{fault.line + 1}: {fault.right!r} -> {fault.wrong!r}", flush=True)
+            if counts.total() == 1 or counts.total() % 20 == 0:
+                print(f"{folder}: {counts.total()}, {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
+    return counts
+
+
+def copied_tree() -> Path:
+    """A copy of the repository; always in the same place, so that what is compiled there serves the next time."""
+    tree = (
+        Path(tempfile.gettempdir()).resolve() / f"cdpr_sim-mutate-{hashlib.sha256(str(ROOT).encode()).hexdigest()[:8]}"
+    )
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in listed.splitlines():
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, tree / name)
+    return tree
+
+
+def main() -> int:
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("folders", nargs="*", choices=[*FOLDERS, []], metavar="FOLDER", help=", ".join(FOLDERS))
+    asked.add_argument("--markdown", action="store_true", help="print the table for docs/mutations.md")
+    asked.add_argument("--sample", type=int, default=0, metavar="COUNT", help="faults that a machine draws, a folder")
+    asked.add_argument("--seed", type=int, default=0)
+    options = asked.parse_args()
+    multiprocessing.get_context("forkserver").set_forkserver_preload(PRELOADED)
     counts: dict[str, Counter] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder) / "tree"
-        listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-        for name in listed.stdout.splitlines():
-            (tree / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, tree / name)
-        for room in wanted or ROOMS:
-            tests, counts[room] = ROOMS[room]["tests"], Counter()
-            if not passes(tree, tests):
-                raise RuntimeError(f"{room}: its tests fail without any fault")
-            for file, right, wrong, *reason in track(ROOMS[room]["faults"], room, console=Console(stderr=True)):
-                alive = survives(tree, file, right, wrong, tests)
-                outcome = ("explained" if reason else "survived") if alive else "killed"
-                counts[room][outcome] += 1
-                if alive and not reason:
-                    print(f"survived: {room}: {file}: {right!r} -> {wrong!r}", flush=True)
-    table = Table("room", "faults", "killed", "survived", "explained")
-    for room, count in counts.items():
-        cells = (count.total(), count["killed"], count["survived"], count["explained"])
-        table.add_row(room, *map(str, cells))
-    Console().print(table)
-    return int(any(count["survived"] for count in counts.values()))
+    tree = copied_tree()
+    for name in options.folders or FOLDERS:
+        counts[name] = count_folder(tree, name, options.sample, options.seed)
+    counts["all"] = sum(counts.values(), Counter())
+    rows = [("folder", "faults", "killed", "equivalent", "survived", "% killed")]
+    for name, count in counts.items():
+        numbers = count.total(), count["killed"], count["equivalent"], count["survived"]
+        rate = 100 * count["killed"] / max(count["killed"] + count["survived"], 1)
+        rows.append((name, *map(str, numbers), f"{rate:.0f}"))
+    if options.markdown:
+        commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
+        print(f"{datetime.date.today()}, commit {commit.stdout.strip()}:\n")
+        for row in (rows[0], ("---", *["---:"] * 5), *rows[1:]):
+            print(f"| {' | '.join(row)} |")
+    else:
+        table = Table(*rows[0])
+        for row in rows[1:]:
+            table.add_row(*row)
+        Console().print(table)
+    return int(counts["all"]["survived"] > 0)
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -20,6 +20,7 @@ BEYOND_BEARTYPE = {
     "core.plausibility",  # its warnings count frames
     "drawing.axes", "drawing.video.page",  # arrays among sequences
     "report.tables",  # Rich's own types
+    "core.equilibrium",  # fields that are read in another type than they may be given in
 }  # fmt: skip
 """Where it does not follow."""
 

@@ -1,9 +1,14 @@
 """The flow is the architecture: folders in one order, imports one way, and two walls between the roads."""
 
 import ast
+import os
+import subprocess
+import sys
 from collections.abc import Iterable
 from graphlib import TopologicalSorter
 from pathlib import Path
+
+import pytest
 
 import cdpr_sim as cdpr
 
@@ -32,8 +37,22 @@ BEYOND = {("physics", "core.cable_path"), ("physics", "core.cable_law")}
 """(folder, module) that its wall would let through, and must not: where a cable runs and how hard it pulls, MuJoCo says
 by its own means."""
 
-HEAVY = {"xarray", "dask", "distributed", "zarr", "h5netcdf", "matplotlib"}
-"""Libraries that take a second to import."""
+UPWARD = ("core.introduced", "report.introductions")
+"""The one arrow that runs back up: a result that a notebook asks for its looks has them from the room that makes
+tables, and only then, within a function."""
+
+HEAVY = {
+    "xarray", "dask", "distributed", "zarr", "h5netcdf", "matplotlib", "pandas", "PIL", "mediapy", "pymoo", "numba",
+    "scipy.stats", "scipy.ndimage", "scipy.interpolate", "scipy.integrate", "scipy.signal",
+    "defusedxml", "cdpr_sim.robots.importing", "cdpr_sim.analysis.identification", "cdpr_sim.physics.release",
+}  # fmt: skip
+"""What takes long to import, and is there for other commands than ``settle``."""
+
+WAITED_FOR = {
+    "help": (["--help"], HEAVY | {"numpy", "scipy", "mujoco", "pydantic", "jaxtyping"}, {"typer"}),
+    "settle": (["settle", "parallel"], HEAVY, {"mujoco", "scipy.optimize", "pydantic"}),
+}
+"""Of a command: its words, what is not loaded when it is done, and what is."""
 
 
 def name_of(path: Path) -> str:
@@ -44,6 +63,7 @@ def name_of(path: Path) -> str:
 
 TREES = {name_of(path): ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")}
 DOOR = TREES.pop("")  # cdpr_sim/__init__.py
+ENTRY = TREES.pop("__main__")  # of python -m cdpr_sim, and of cdpr-sim
 
 
 def imports(nodes: Iterable[ast.AST]) -> set[str]:
@@ -66,7 +86,9 @@ def own(names: Iterable[str]) -> set[str]:
 
 ANYWHERE = {module: imports(ast.walk(tree)) for module, tree in TREES.items()}
 AT_HEAD = {module: imports(tree.body) for module, tree in TREES.items()}
-GRAPH = {module: own(names) - {module} for module, names in ANYWHERE.items()}
+GRAPH = {
+    module: {one for one in own(names) - {module} if (module, one) != UPWARD} for module, names in ANYWHERE.items()
+}
 """Per module, the modules of this package that it imports: in functions and for type checkers as well."""
 
 
@@ -92,6 +114,19 @@ def test_imports_run_one_way():
     TopologicalSorter(GRAPH).prepare()  # raises CycleError
 
 
+def test_results_reach_up_for_their_looks_only_when_asked():
+    """The exception to the order is one import, and is there: not at the head, where it would be a circle."""
+    module, looks = UPWARD
+    assert own(ANYWHERE[module]) == {looks}
+    assert own(AT_HEAD[module]) == set()
+
+
+def test_the_entry_knows_the_command_line_alone():
+    """And imports it in its function, where an interrupt is caught."""
+    assert imports(ast.walk(ENTRY)) == {"sys", "cdpr_sim.cli.main"}
+    assert imports(ENTRY.body) == {"sys"}
+
+
 def test_walls_stand():
     """Neither road knows the other, and what draws knows neither."""
     for module, used in GRAPH.items():
@@ -111,18 +146,28 @@ def test_nothing_touches_matplotlibs_global_state():
         assert not any(name.startswith(("matplotlib.pyplot", "pylab")) for name in names), module
 
 
-def test_the_command_line_starts_without_heavy_libraries():
-    """xarray, Dask and matplotlib take a second: nothing that the command line imports has them at its head."""
-    reached, waiting = set(), [module for module in TREES if folder(module) == "cli"]
-    while waiting:
-        module = waiting.pop()
-        reached.add(module)
-        assert not libraries(AT_HEAD[module]) & HEAVY, module
-        waiting += own(AT_HEAD[module]) - reached
-    assert {"analysis.workspace.grids", "physics.mjcf", "drawing.maps"} <= reached
-    # The test can fail: figures do have matplotlib at their head, and are imported when they are drawn.
-    assert "studies.gallery" not in reached
-    assert "matplotlib" in libraries(AT_HEAD["studies.gallery"])
+def test_commands_open_with_nothing_but_words():
+    """What a command computes with is imported inside it; at the head of its module, only what reads words."""
+    light = set(sys.stdlib_module_names) | {"typer", "rich", "cdpr_sim"}
+    for module in TREES:
+        if folder(module) == "cli":
+            assert libraries(AT_HEAD[module]) <= light, module
+            assert {folder(one) for one in own(AT_HEAD[module])} <= {"cli"}, module
+    # The test can fail: inside, they import a lot.
+    assert not libraries(ANYWHERE["cli.design"]) <= light
+    assert "report.crosscheck" in own(ANYWHERE["cli.rest"])
+
+
+@pytest.mark.parametrize(("words", "without", "needed"), WAITED_FOR.values(), ids=WAITED_FOR)
+def test_a_command_waits_for_no_library_that_it_does_not_use(words, without, needed):
+    """In a process of its own, what is loaded when it is done."""
+    command = "from cdpr_sim.cli import app; app(standalone_mode=False)"
+    script = f"import sys; sys.argv[0] = 'cdpr-sim'; {command}; print(*sys.modules, file=sys.stderr)"
+    place = os.environ | {"PYTHONPATH": str(PACKAGE.parent)}
+    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, env=place, check=True)
+    loaded = set(done.stderr.split())
+    assert not loaded & without
+    assert needed <= loaded
 
 
 def test_every_public_name_resolves():

@@ -7,6 +7,7 @@ import inspect
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.compensation import MOST_LOADS, MOST_STRAIN
@@ -171,6 +172,17 @@ TURNED = np.tile(np.eye(3), (2, 1, 1))
         lambda: unchecked(cdpr.drive)(cogiro(), 3),
         lambda: cdpr.grow_gravity(cogiro(), POSES[0], seconds=0),
         lambda: cdpr.grow_gravity(cogiro(), POSES[0], seconds=np.nan),
+        lambda: cdpr.grow_gravity(cogiro(), POSES[0], seconds=1e300),
+        lambda: cdpr.release(cdpr.solve(cogiro(), POSES[0]), seconds=1e300),
+        lambda: cdpr.solve(cogiro(), [1e300, 0, 0]),
+        lambda: cdpr.solve(cogiro(), RigidTransform.from_translation([np.nan, 0, 0])),
+        lambda: cdpr.solve_many(cogiro(), [[1e300, 0, 0]]),
+        lambda: cdpr.settle(cogiro(), POSES[0], external_wrench=[1e300] * 6),
+        lambda: unchecked(cdpr.cable_shapes)(cdpr.solve_many(cogiro(), POSES), points=None),
+        lambda: cogiro().rest_lengths(POSES[0], tensions=[[1, 2], [3]]),
+        lambda: cdpr.clearances(cogiro(), POSES).free(np.nan),
+        lambda: cdpr.Move("exits", 1e300),
+        lambda: cdpr.sweep("cogiro", (10**9, 10**9, 10**9)),
         lambda: cdpr.Measurements.of(POSES, np.ones((3, 2)), coordinates=("x", "x")),
         lambda: cdpr.Measurements.of(POSES, np.ones((3, 0)), coordinates=()),
     ],
@@ -180,6 +192,12 @@ def test_what_cannot_be_right_gets_one_sentence_of_our_own(ask):
     with pytest.raises(cdpr.InvalidInput) as caught:
         ask()
     assert "\n" not in str(caught.value)
+
+
+def test_a_pose_that_is_no_number_is_not_held():
+    """It is a mark, as elsewhere: no LinAlgError of NumPy's."""
+    held = cdpr.closed_form_feasible(cdpr.load_robot("ipanema-1"), [[0, 0, 1], [np.nan, 0, 1]])
+    assert held.tolist() == [True, False]
 
 
 @pytest.mark.parametrize("cells", ["400,250,x,99", "400,250,,99", "400,250,99"])

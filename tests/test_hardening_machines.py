@@ -96,6 +96,10 @@ def test_texts_with_control_characters_are_refused(field, text):
         (dict(exits=["no"] * 100_000), "exits: found ['no', 'no', 'no', 'no', 'no', 'no', ...], expected numbers"),
         (dict(exits=np.zeros((100_000, 3))), "exits: found 100000 cables, expected at most 1000"),
         (dict(mobility="x" * 10_000), "unknown mobility 'xxx"),
+        (dict(pulley_axis=[1e300, 1e300, 1]), "pulley_axis: found 1e+300 in cable 1, expected -1e+06 to 1e+06"),
+        (dict(pulley_radius=1e300), "pulley_radius: found 1e+300 m, expected at most 1e+06 m"),
+        (dict(linear_density=1e300), "linear_density: found 1e+300 kg/m in cable 1, expected 0 to 100000 kg/m"),
+        (dict(stiffening=(1e300, 1e300)), "stiffening: found 1e+300 in cable 1, expected -1e+09 to 1e+09"),
     ],
 )
 def test_what_no_robot_can_be_is_refused_with_the_sensible_range(changes, words):

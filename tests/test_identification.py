@@ -135,6 +135,19 @@ def test_standard_errors_are_as_large_as_the_errors(robot):
     assert low <= spreads <= high
 
 
+def test_positions_alone_are_judged_by_themselves(robot):
+    """No angle was measured: what an angle's scatter might be has no part in the standard errors."""
+    truth = robot.replace(axial_stiffness=850.0)
+    rng = np.random.default_rng(3)
+    measured = exact_poses(truth, commanded())[:, :3] + rng.normal(size=(12, 3)) * NOISE
+    measurements = cdpr.Measurements.of(commanded(), measured, coordinates="xyz")
+    judged = cdpr.identify(robot, measurements)
+    stated = cdpr.identify(robot, measurements, position_error=judged.scatters[0])
+    assert judged.judged == ("position",)
+    assert 0.5 < judged.scatters[0] / NOISE < 2
+    assert judged.standard_errors == pytest.approx(stated.standard_errors, rel=WEIGHED)
+
+
 def test_stiffness_and_mass_cannot_be_told_apart_and_it_says_so(robot):
     """Doubling both moves nothing: their errors are infinite, their ratio is right, and a sentence names the two."""
     measurements = cdpr.Measurements.of(commanded(), exact_poses(robot.replace(axial_stiffness=800.0), commanded()))

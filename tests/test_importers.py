@@ -13,6 +13,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.robots.importers.draft import Draft
+from cdpr_sim.robots.importing import FORMATS
 from cdpr_sim.robots.writing import as_toml
 
 FILES = Path(__file__).parent / "imported"
@@ -421,6 +422,14 @@ def test_damaged_files_give_a_robot_or_a_sentence(name, tmp_path):
 
 
 runner = CliRunner()
+
+
+def test_help_names_every_format():
+    """In words of its own, so that ``--help`` need not load what reads them."""
+    shown = " ".join(runner.invoke(app, ["import", "--help"], env={"COLUMNS": "200"}).output.split())
+    for name, one in FORMATS.items():
+        assert one.title in shown
+        assert name in shown.partition("--format")[2]
 
 
 def test_import_writes_a_robot_file_that_settles(tmp_path):

@@ -1,3 +1,6 @@
+import copy
+import dataclasses
+import pickle
 import subprocess
 import sys
 
@@ -9,6 +12,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
+from cdpr_sim.core import pose as core_pose
 from cdpr_sim.statics import forces, newton
 from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, ROUNDING, equilibrium_gufunc
 
@@ -257,3 +261,43 @@ def test_importing_the_package_is_light_and_compiles_nothing():
         "from cdpr_sim.core import compiling; assert not compiling._ready"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+# --- what is computed when it is asked for ---------------------------------------------------------------------------
+
+
+def test_solving_computes_nothing_that_nobody_asked_for(catalogue, monkeypatch):
+    """Neither SciPy's poses nor the stiffness matrix: they take many times as long as the solver."""
+    problem = cdpr.Problem.of(catalogue["parallel"], (0.3, 0.25, 0.1))
+
+    def refused(*_):
+        raise AssertionError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(core_pose, "poses_of", refused)
+        patch.setattr(forces, "at", refused)
+        found = cdpr.solve(problem)
+        assert found.position[2] < 0.1
+        with pytest.raises(AssertionError):
+            found.pose  # noqa: B018
+        with pytest.raises(AssertionError):
+            found.stable  # noqa: B018
+    assert found.stable
+    assert found.eigenvalues is found.eigenvalues
+    assert not found.eigenvalues.flags.writeable
+    np.testing.assert_array_equal(found.pose.translation, found.position)
+
+
+def test_an_equilibrium_is_copied_whole_before_and_after_it_was_asked(catalogue):
+    """Pickled, deep-copied or with a changed field, all that it says is the same."""
+    rest = cdpr.solve(catalogue["cogiro"], (0.3, 0.25, 0.1))
+    copies = [pickle.loads(pickle.dumps(rest)), copy.deepcopy(rest), dataclasses.replace(rest)]
+    assert rest.stable
+    copies += [pickle.loads(pickle.dumps(rest)), copy.deepcopy(rest), cdpr.Equilibrium(**vars(rest))]
+    for one in copies:
+        np.testing.assert_array_equal(one.eigenvalues, rest.eigenvalues)
+        np.testing.assert_array_equal(one.pose.as_matrix(), rest.pose.as_matrix())
+        np.testing.assert_array_equal(one.tensions, rest.tensions)
+    elsewhere = dataclasses.replace(rest, pose=rest.problem.pose)
+    np.testing.assert_array_equal(elsewhere.position, [0.3, 0.25, 0.1])
+    assert elsewhere.pose is rest.problem.pose

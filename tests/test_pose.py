@@ -48,3 +48,23 @@ def test_euler_at_gimbal_lock_is_quiet_and_right():
     rotation = Rotation.from_euler("xyz", [0.2, np.pi / 2, 0.5])
     again = Rotation.from_euler("xyz", pose.euler(rotation))
     assert (again * rotation.inv()).magnitude() < 1e-7
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-7, 0.3, np.pi / 2, np.pi - 1e-7, np.pi])
+def test_the_angle_between_rotations_is_scipys(angle):
+    """To rounding, however small or large; of many as of one."""
+    one, turn = Rotation.from_euler("xyz", [0.3, -0.2, 2.0]), Rotation.from_rotvec(angle * np.array([0.6, 0, 0.8]))
+    matrices = np.array([(turn * one).as_matrix(), one.as_matrix()])
+    found = pose.angle_between(matrices, one.as_matrix())
+    np.testing.assert_allclose(found, [(turn).magnitude(), 0], atol=1e-15)
+
+
+def test_a_pose_reads_as_what_it_was_given_as():
+    """As arrays and as SciPy's object, which is made once, and is the one that was given."""
+    given = pose.as_pose([1, 2, 3, 0.1, 0.2, 0.3])
+    arrays = pose.Pose(given.translation, given.rotation.as_matrix())
+    assert pose.Pose.of(given).transform is given
+    assert arrays.transform is arrays.transform
+    np.testing.assert_allclose(arrays.transform.as_matrix(), given.as_matrix(), atol=1e-15)
+    with pytest.raises(ValueError, match="read-only"):
+        arrays.position[0] = 0.0

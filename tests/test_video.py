@@ -1,11 +1,13 @@
 """Videos: as many frames as asked for, showing what the trajectory says, by either renderer, whole or not there."""
 
 import base64
+import itertools
 import os
 import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -148,6 +150,57 @@ def test_each_shape_is_cast_as_opengl_draws_it(kind):
     assert np.median(np.abs(drawn - cast).max(2)[both]) < SAME_SHADE
 
 
+def test_what_stands_still_is_not_drawn_again_and_looks_the_same(parallel, static):
+    """Every picture of a caster that has drawn others before is, bit for bit, that of one that has not."""
+    stage = scene.Stage(parallel, static, largest_tension=2.0)
+    used = raycast.RayCaster(stage.model)
+    whole, floor = stage.whole(4 / 3), stage.model.geom("floor").id
+    moves = {
+        "a rod of the frame": lambda geoms: geoms[5].pos.__setitem__(0, geoms[5].pos[0] + 0.1),
+        "the floor's colour": lambda geoms: geoms[floor].rgba.__setitem__(0, 0.5),
+        "a light": lambda geoms: stage.scene.lights[0].diffuse.__setitem__(slice(None), 0.2),
+    }
+    known = []
+    other = stage.whole(2.0)
+    shots = [(whole, False), (whole, False), (other, False), (other, False), (other, True)]
+    for step, (move, (camera, now)) in enumerate(itertools.product(moves, shots)):
+        stage.set(step)
+        stage.look(camera)
+        if now:
+            moves[move](stage.scene.geoms)
+        fresh = raycast.RayCaster(stage.model)
+        np.testing.assert_array_equal(used.draw(stage.scene, *VIEW), fresh.draw(stage.scene, *VIEW), err_msg=move)
+        known.append(used._backdrops[VIEW].known)
+        fresh.close()
+    used.close()
+    assert max(known) > 10  # that much of the frame was not drawn again
+
+
+def test_a_film_is_the_same_on_any_number_of_processors(tmp_path, parallel, static, monkeypatch):
+    """Byte for byte, drawn and encoded on one and on many."""
+    films = []
+    everywhere = os.sched_getaffinity(0) if hasattr(os, "sched_setaffinity") else None
+    for processors in (1, 5):
+        monkeypatch.setattr(os, "cpu_count", lambda count=processors: count)
+        try:
+            if everywhere and processors == 1:
+                os.sched_setaffinity(0, {min(everywhere)})  # which the encoder inherits
+            path = cdpr.write_video(
+                tmp_path / f"{processors}.mp4",
+                [parallel, parallel],
+                [static, None],
+                seconds=1.5,
+                fps=10,
+                size=(322, 242),
+                renderer="raycast",
+            )
+        finally:
+            if everywhere:
+                os.sched_setaffinity(0, everywhere)
+        films.append(path.read_bytes())
+    assert films[0] == films[1]
+
+
 def test_the_platforms_pixels_move_as_its_pose_does(parallel, static):
     """The blue of the platform goes where MuJoCo's pose projects, and is not where it was commanded."""
     stage = scene.Stage(parallel, static, largest_tension=2.0)
@@ -271,7 +324,7 @@ def test_the_page_says_what_is_shown(parallel):
 
 
 @pytest.mark.parametrize("size", [(320, 240), (640, 480), (1280, 720), (400, 900), (1920, 300)])
-@pytest.mark.parametrize("robots", [1, 2, 4])
+@pytest.mark.parametrize("robots", [1, 2, 4, 6])
 def test_a_page_of_any_size_has_room_for_everything(size, robots):
     """No box is empty or leaves the page, and no two of a cell overlap."""
     robot = cdpr.load_robot("parallel")
@@ -290,6 +343,13 @@ def test_a_page_of_any_size_has_room_for_everything(size, robots):
             for other in boxes[:i]:
                 apart = box.left >= other.right or other.left >= box.right
                 assert apart or box.top >= other.bottom or other.top >= box.bottom
+    views, close_ups = (
+        [np.zeros((box.height, box.width, 3), np.uint8) for box in boxes]
+        for boxes in ([cell.view for cell in page.cells], [cell.close_up for cell in page.cells])
+    )
+    tensions, slack = np.linspace(0, 2, robot.cables), np.arange(robot.cables) == 0
+    each = [[what] * robots for what in (0.1, np.zeros(3), tensions, slack)]
+    assert page.frame(views, close_ups, *each).shape == (size[1], size[0], 3)
 
 
 @pytest.mark.parametrize(("value", "end"), [(1.8, 2), (2.0, 2), (0.11, 0.12), (71, 80), (0.0, 1), (9.1e-5, 1e-4)])
@@ -431,6 +491,28 @@ def test_the_command_makes_a_video(tmp_path):
     assert result.exit_code == 0, result.output
     assert "v.mp4" in result.stdout
     assert np.asarray(mediapy.read_video(output)).shape == (2, 240, 400, 3)
+
+
+def test_ctrl_c_ends_all_drives_at_once(tmp_path, monkeypatch):
+    """One is interrupted; the other, which would go on for ever, is told; and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    both, ended = threading.Barrier(2), []
+
+    def drive(robot, *_, progress, **__):
+        both.wait(timeout=60)
+        while robot.name == "parallel":
+            try:
+                progress(0.5)
+            except BaseException:
+                ended.append(robot.name)
+                raise
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cdpr, "drive", drive)
+    result = CliRunner().invoke(app, ["video", "cogiro", "parallel"])
+    assert result.exit_code == 128 + signal.SIGINT
+    assert ended == ["parallel"]
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.cable_path import pulley_path
 from cdpr_sim.core.checks import Frozen, checked_array, whole
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import catenary
@@ -30,12 +31,15 @@ POINTS = 25
 SEARCH_POINTS = 9
 """The same while layouts are searched for."""
 
+BYTES_PER_POINT = 400
+"""That distances take at a pose, for each point along each cable: so much was measured of 5,000 poses."""
+
 ROWS = 64
 """Poses at a time: their pairs of pieces fill some tens of megabytes."""
 
 
 @dataclass(frozen=True, eq=False)
-class Clearances(Frozen):
+class Clearances(Frozen, Introduced):
     """Distances [m] between centre lines of cables, the platform and the frame; nan where the platform does not rest.
 
     Attributes:
@@ -70,11 +74,19 @@ class Clearances(Frozen):
         )[..., 0]
 
     def free(self, least: float = 0.0) -> Bool[np.ndarray, "*batch"]:
-        """Where nothing comes nearer to anything than ``least`` [m]: the interference-free workspace."""
-        return np.asarray(self.least > least)
+        """Where nothing comes nearer to anything than ``least`` [m]: the interference-free workspace.
+
+        Returns:
+            (...) True where ``least`` is kept; False where the platform does not rest.
+        """
+        return np.asarray(self.least > checked_array("least", least, ()))
 
     def nearest(self, row: tuple[int, ...] | int) -> str:
-        """What comes nearest in one row, in words."""
+        """What comes nearest in one row, in words.
+
+        Returns:
+            Two parts by name and their distance in millimetres; nan mm where the platform does not rest.
+        """
         found = {
             f"cables {a + 1} and {b + 1}": float(one)
             for (a, b), one in zip(self.pairs, self.cable_cable[row], strict=True)
@@ -83,6 +95,11 @@ class Clearances(Frozen):
             found |= {f"cable {i + 1} and the {what}": float(one) for i, one in enumerate(distances)}
         name = min(found, key=lambda one: found[one])
         return f"{name}: {1e3 * found[name]:.3g} mm"
+
+    def __repr__(self) -> str:
+        known = self.least[np.isfinite(self.least)]
+        least = f"{1e3 * known.min():.3g} mm at the nearest" if known.size else "no rest"
+        return f"<Clearances of {self.rests.robot.name!r}: {self.rests.shape}, {least}>"
 
 
 def clearances(
@@ -100,6 +117,9 @@ def clearances(
         fitting: of each cable, the piece next to its exit and to its anchor that is left out [m], since there it
             touches what it is fixed to; default: half the characteristic length of the platform.
         points: along a cable that hangs.
+
+    Returns:
+        Every distance [m] for each pose, and the curves between which they were measured.
 
     Raises:
         InvalidInput: what ``solve_many`` refuses, or a fitting below 0.

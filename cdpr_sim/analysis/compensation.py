@@ -27,6 +27,7 @@ from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core.checks import checked_array, frozen
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem
@@ -74,7 +75,7 @@ class Reach(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Compensation:
+class Compensation(Introduced):
     """Rest lengths that put the platform where it was told to be, or as near as any that were found can.
 
     Attributes:
@@ -152,6 +153,9 @@ def compensate(
         arm: how much rotation counts where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
             0 [m] asks for the position, and of the rotations that go with it for a small one; default: the robot's
             characteristic length.
+
+    Returns:
+        The lengths, the equilibrium that they lead to, and whether that is the commanded pose; if not, why none does.
 
     Raises:
         InvalidInput: an argument that cannot be right; limits that no tension can be within.

@@ -22,6 +22,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.checks import whole
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import PoseLike, distance
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -63,7 +64,7 @@ JUMP = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibria:
+class Equilibria(Introduced):
     """Equilibria of one problem, lowest energy first. Iterates over them.
 
     Attributes:
@@ -110,15 +111,23 @@ class Equilibria:
         return _imbalance(self.found)
 
     def nearest(self, pose: RigidTransform) -> tuple[int, float]:
-        """Index of the equilibrium nearest to ``pose``, and its distance [m], rotations scaled."""
+        """Index of the equilibrium nearest to ``pose``, and its distance [m], rotations scaled.
+
+        Returns:
+            Its place in ``found``, and the distance sqrt(|translation|² + (characteristic length · angle)²) [m].
+        """
         arm = self.problem.robot.characteristic_length
         distances = [distance(one.pose, pose, arm) for one in self.found]
         index = int(np.argmin(distances))
         return index, distances[index]
 
+    def __repr__(self) -> str:
+        unstable = f", {len(self.unstable)} unstable" if self.saddles else ""
+        return f"<Equilibria of {self.problem.robot.name!r}: {len(self.stable)} to rest at{unstable}, lowest first>"
+
 
 @dataclass(frozen=True, eq=False)
-class Following:
+class Following(Introduced):
     """How a platform comes to rest while its load grows from nothing.
 
     Attributes:
@@ -135,6 +144,13 @@ class Following:
     def reached(self) -> Equilibrium:
         """Under the full load."""
         return self.equilibria[-1]
+
+    def __repr__(self) -> str:
+        x, y, z = self.reached.position
+        return (
+            f"<Following of {self.reached.problem.robot.name!r}: to ({x:.6f}, {y:.6f}, {z:.6f}) m in "
+            f"{len(self.loads)} steps of the load, with {len(self.jumps)} jumps>"
+        )
 
 
 def find_equilibria(
@@ -160,6 +176,9 @@ def find_equilibria(
         starts: how many poses to start from. For saddles, as many again and again, while some are known to be missing,
             up to 8 times.
         seed: of the starts.
+
+    Returns:
+        All that were found, each with its energy [J]; none is promised to be the last.
 
     Raises:
         InvalidInput: an argument that cannot be right; a load that pulls nowhere.
@@ -201,6 +220,15 @@ def follow_load(
 
     Gravity and wrench grow from a thousandth to the whole, and each equilibrium is the start of the next. Steps are
     halved where the platform moves far; where it still does in the shortest, its equilibrium has ceased to be: a jump.
+
+    Args:
+        robot: the robot; or a ``Problem`` that is ready, alone.
+        pose: the commanded pose, near which the platform starts.
+        rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
+        external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity; it grows too.
+
+    Returns:
+        The equilibria under growing load, (steps,), and the loads at which the platform jumped.
 
     Raises:
         InvalidInput: an argument that cannot be right; a load of nothing.

@@ -23,6 +23,7 @@ from cdpr_sim.analysis.measurements import Measurements
 from cdpr_sim.core.checks import positive
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import derivatives, forces, newton
@@ -58,9 +59,12 @@ RANGE = 1e4
 SCAN = 10.0 ** np.arange(-2, 2.01, 0.25)
 """Factors of EA that are tried before the fit: far from it the platform may hang elsewhere."""
 
+SAID = 3
+"""Unknowns that ``repr`` names one by one."""
+
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Introduced):
     """What the measurements say of the unknowns.
 
     Attributes:
@@ -101,6 +105,14 @@ class Identification:
         index = self.names.index(name)
         return float(self.values[index]), float(self.standard_errors[index])
 
+    def __repr__(self) -> str:
+        told = [
+            f"{name} = {value:.6g} ± {error:.2g} {unit}"
+            for name, value, error, unit in zip(self.names, self.values, self.standard_errors, self.units, strict=True)
+        ]
+        more = f"; and {len(told) - SAID} more" if len(told) > SAID else ""
+        return f"<Identification of {self.robot.name!r}: {'; '.join(told[:SAID])}{more}>"
+
 
 @dataclass(frozen=True)
 class _Unknown:
@@ -130,6 +142,10 @@ def identify(
         unknowns: any of ``UNKNOWNS``.
         position_error: standard error of a measured coordinate [m]; default: judged from the residuals of positions.
         rotation_error: standard error of a measured angle [rad]; default: judged from the residuals of angles.
+
+    Returns:
+        Values of the unknowns with standard errors in the unit of each, what is left of the residuals, and a robot with
+        what was found.
 
     Raises:
         InvalidInput: measurements of another robot or too few, errors that are not positive, or unknowns that exclude
@@ -225,7 +241,8 @@ def _scatters(
     """Scatters of positions and angles, those that are ``judged`` from their residuals, apart.
 
     Each from the numbers of its kind that the unknowns leave free: their count, less what they take part in fitting
-    (the trace of their block of the hat matrix; Förstner 1979). None below a thousandth of the other by the ``arm``.
+    (the trace of their block of the hat matrix; Förstner 1979). Of kinds that were measured, none is below a thousandth
+    of the other by the ``arm``.
     """
     leverage = _leverages(slope)
     together = np.isin(kinds, judged)
@@ -238,7 +255,8 @@ def _scatters(
         own = np.sqrt(float((residuals[rows] ** 2).sum()) / free) if free > LEAST_FREEDOM else pooled
         found[kind] = max(found[kind] * own, EXACT)
     alike = np.array([1.0, 1.0 / arm])  # scatters of one size: an angle's, of a position's on that arm
-    return np.where(np.isin([0, 1], judged), np.maximum(found, 1e-3 * (found / alike).max() * alike), scatters)
+    least = 1e-3 * (found / alike)[np.unique(kinds)].max() * alike
+    return np.where(np.isin([0, 1], judged), np.maximum(found, least), scatters)
 
 
 def _nearest_to_known(x: Float[np.ndarray, " unknowns"], weighted, slope) -> Float[np.ndarray, " unknowns"]:

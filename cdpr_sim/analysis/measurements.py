@@ -73,6 +73,9 @@ class Measurements:
             rest_lengths: (rows, cables) [m]; default: the rigid ones at each commanded pose.
             robot: what the robot is called; checked when it is identified.
 
+        Returns:
+            Measurements of (rows,) poses, checked; coordinates that were not measured are nan.
+
         Raises:
             InvalidInput: shapes that do not fit, or numbers that are not finite.
             UnknownName: no such coordinate.
@@ -125,9 +128,20 @@ class Measurements:
                     f"{self.source}: found {found}, but {robot.name!r} is planar: expected only x, z and beta"
                 )
 
+    def __repr__(self) -> str:
+        seen = [name for name, column in zip(COORDINATES, self.measured.T, strict=True) if not np.isnan(column).all()]
+        of = f" of {self.robot!r}" if self.robot else ""
+        return f"<Measurements{of}: {len(self.measured)} rows of {', '.join(seen)}>"
+
 
 def read_measurements(path: str | Path) -> Measurements:
     """From a CSV file with named columns and units; see the module.
+
+    Args:
+        path: of the file.
+
+    Returns:
+        A row for each line of the file [m, rad], whatever units its columns have.
 
     Raises:
         InvalidInput: no such file, no rows, an unknown or missing column or unit, or a cell that is not a number; the

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -27,7 +28,7 @@ ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class Modes(Introduced):
     """Natural frequencies and mode shapes, slowest first.
 
     Attributes:
@@ -39,6 +40,10 @@ class Modes:
     equilibrium: Equilibrium
     frequencies: Float[np.ndarray, " free"]
     shapes: Float[np.ndarray, "free 6"]
+
+    def __repr__(self) -> str:
+        frequencies = ", ".join(f"{one:.3g}" for one in self.frequencies)
+        return f"<Modes of {self.equilibrium.problem.robot.name!r}: {frequencies} Hz>"
 
 
 def natural_modes(
@@ -55,6 +60,9 @@ def natural_modes(
         pose: the commanded pose.
         rest_lengths: (cables,) [m]; default: the rigid lengths at ``pose``.
         external_wrench: (6,) [N, N m].
+
+    Returns:
+        (free,) frequencies [Hz], slowest first, and the shape of each.
 
     Raises:
         InvalidInput: the equilibrium is unstable, or held by a torque that keeps its direction in space.

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -48,7 +49,7 @@ class Effect:
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivity:
+class Sensitivity(Introduced):
     """First derivatives of an equilibrium, by the name of what it depends on (``derivatives.parameters``).
 
     Exits and anchors are flattened: x, y, z of cable 1, of cable 2, and so on.
@@ -66,7 +67,11 @@ class Sensitivity:
     margin: float
 
     def tilt(self, parameter: str) -> Float[np.ndarray, " parameters"]:
-        """Derivative of the tilt [rad] by each number of ``parameter``; of a level one, how fast it tilts at all."""
+        """Derivative of the tilt [rad] by each number of ``parameter``; of a level one, how fast it tilts at all.
+
+        Returns:
+            (parameters,) [rad] per unit of the parameter, in SI units.
+        """
         turning = self.pose[parameter][3:]
         axis = self.equilibrium.rotation.as_matrix()[:, 2]
         flat = np.hypot(axis[0], axis[1])
@@ -79,6 +84,9 @@ class Sensitivity:
         """What a millimetre, a percent or a newton of each number does, the largest move of any anchor first.
 
         Moves and turns are compared by what an anchor at the characteristic length from the origin sees.
+
+        Returns:
+            One for each number of each parameter, in millimetres, degrees and newtons.
         """
         robot = self.equilibrium.problem.robot
         found = []
@@ -100,6 +108,13 @@ class Sensitivity:
         arm = 1e3 * robot.characteristic_length
         return sorted(found, key=lambda e: -np.hypot(e.position, arm * np.radians(e.rotation)))
 
+    def __repr__(self) -> str:
+        numbers = sum(matrix.shape[1] for matrix in self.pose.values())
+        return (
+            f"<Sensitivity of {self.equilibrium.problem.robot.name!r} to {numbers} numbers; "
+            f"a cable goes slack or taut within {1e3 * self.margin:.3g} mm of its length>"
+        )
+
 
 def sensitivity(
     equilibrium: Equilibrium | Problem | Robot,
@@ -115,6 +130,9 @@ def sensitivity(
         pose: the commanded pose.
         rest_lengths: (cables,) [m]; default: the rigid lengths at ``pose``.
         external_wrench: (6,) [N, N m].
+
+    Returns:
+        Derivatives of pose and tensions, by the name of what they are taken by.
 
     Raises:
         InvalidInput: nothing holds some direction, so that the derivatives are infinite.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.checks import whole
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.statics import catenary
 
@@ -20,11 +20,13 @@ def cable_shapes(rests: Rests, points: int = 25) -> Float[np.ndarray, "*batch ca
         rests: platforms at rest, by either road.
         points: along each cable, 2 or more.
 
+    Returns:
+        (..., cables, points, 3) [m]; nan of cables over pulleys.
+
     Raises:
-        InvalidInput: fewer points.
+        InvalidInput: fewer points, or no whole number of them.
     """
-    if points < 2:
-        raise InvalidInput(f"points: found {points}, expected 2 or more along each cable")
+    whole("points", points, 2)
     robot = rests.robot
     anchors = rests.positions[..., None, :] + robot.anchors @ np.swapaxes(rests.rotations, -1, -2)
     shapes = catenary.shape(

@@ -11,9 +11,6 @@ import typer
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
-from cdpr_sim.core import memory
-from cdpr_sim.report import analysis as report
-from cdpr_sim.report import as_json as json_of
 
 BYTES_PER_START = 1000
 """That looking for equilibria takes: 600 were measured between 1,000 and 50,000 starts."""
@@ -39,6 +36,9 @@ def compensate(
     Exit status: 0 if the commanded pose is held, 1 if only a pose near it can be or MuJoCo does not confirm it, 2 for
     input that cannot be right.
     """
+    from cdpr_sim.report import analysis as report
+    from cdpr_sim.report import as_json as json_of
+
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
         with busy("Looking for tensions"):
@@ -67,6 +67,9 @@ def sensitivity(
     as_json: AsJson = False,
 ) -> None:
     """What matters most: mm and degrees per mm of length, per percent of stiffness, per newton; natural frequencies."""
+    from cdpr_sim.report import analysis as report
+    from cdpr_sim.report import as_json as json_of
+
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
         with busy("Solving"):
@@ -90,6 +93,10 @@ def equilibria(
     as_json: AsJson = False,
 ) -> None:
     """All places to rest on the cable lengths of the commanded pose, and which of them the robot reaches."""
+    from cdpr_sim.core import memory
+    from cdpr_sim.report import analysis as report
+    from cdpr_sim.report import as_json as json_of
+
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
         if starts < 1:
@@ -133,6 +140,9 @@ def identify(
     Columns of the file: commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_beta [deg], and
     so on; rest_length_1 [mm], ...; robot.
     """
+    from cdpr_sim.report import analysis as report
+    from cdpr_sim.report import as_json as json_of
+
     with errors_as_sentences():
         machine = robot_of(robot, material)
         measurements = cdpr.read_measurements(file)

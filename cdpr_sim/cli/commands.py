@@ -24,15 +24,18 @@ class Commands(TyperGroup):
 
 
 class Command(TyperCommand):
-    """A command whose coordinates may be given with commas as well, ``--pose 0.1,0.2,0.3``."""
+    """A command whose coordinates may be given with commas as well, ``--pose 0.1,0.2,0.3``, with a blank or with =."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """With what commas hold together taken apart."""
         counts = {name: option.nargs for option in self.params for name in option.opts if option.nargs > 1}
         spread = []
         for before, word in zip([None, *args], args, strict=False):
-            parts = [part.strip() for part in word.split(",")]
-            spread += parts if len(parts) > 1 and len(parts) == counts.get(before or "") else [word]
+            option, equals, value = word.partition("=")
+            name, value = (option, value) if equals and option in counts else (before, word)
+            parts = [part.strip() for part in value.split(",")]
+            apart = len(parts) > 1 and len(parts) == counts.get(name or "")
+            spread += [*([option] if value != word else []), *parts] if apart else [word]
         return super().parse_args(ctx, spread)
 
     def get_short_help_str(self, limit: int = 45) -> str:

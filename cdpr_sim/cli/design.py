@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.workspace.grids import as_grid
 from cdpr_sim.cli.options import AsJson, MaterialName, RobotName, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json, progress_bars
-from cdpr_sim.core.files import check_place, make_folder, refuse_existing, write_whole
-from cdpr_sim.drawing import maps
-from cdpr_sim.drawing.video import film
-from cdpr_sim.report import design as report
-from cdpr_sim.robots.writing import as_toml
+
+if TYPE_CHECKING:
+    import numpy as np
 
 GRID = (5, 3, 3)
 VIDEO_SECONDS, VIDEO_FPS = 8.0, 25.0
+
+MOST_FILES = 1000
+"""That a front is written as; its picture shows no more."""
+
+BYTES_PER_CASE = 200
+"""Of a pose that layouts are searched for, before any is looked at."""
 
 Positions = Annotated[
     tuple[int, int, int] | None,
@@ -93,6 +96,13 @@ def design(
 
     Exit status: 0 if MuJoCo finds it better, at the poses and between them, and agrees with statics; 1 if not.
     """
+    from cdpr_sim.core.files import check_place, write_whole
+    from cdpr_sim.drawing import maps
+    from cdpr_sim.drawing.video import film
+    from cdpr_sim.report import design as report
+    from cdpr_sim.robots.writing import as_toml
+    from cdpr_sim.studies import better_layouts as shown
+
     with errors_as_sentences():
         for path, suffixes, name in (
             (output, (".toml",), "output"), (picture, maps.SUFFIXES, "picture"), (video, film.SUFFIXES, "video"),
@@ -121,8 +131,6 @@ def design(
             proof = cdpr.prove_layout(found)
         if output is not None:
             write_whole({output: as_toml(found.robot).encode()})
-        from cdpr_sim.studies import better_layouts as shown
-
         if picture is not None:
             with busy("Drawing"):
                 maps.write(shown.picture(proof), picture)
@@ -157,12 +165,19 @@ def front(
     material: MaterialName = None,
     seed: Seed = 0,
     generations: Generations = 200,
-    most: Annotated[int, typer.Option("--most", min=2, help="Robot files along the front, at most.")] = 20,
+    most: Annotated[
+        int, typer.Option("--most", min=2, max=MOST_FILES, help="Robot files along the front, at most.")
+    ] = 20,
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
 ) -> None:
     """Trade one goal for another: layouts none of which is better in both, as a table, a figure and robot files."""
-    with errors_as_sentences():
-        make_folder(output)
+    from cdpr_sim.core.files import new_folder, refuse_existing, write_whole
+    from cdpr_sim.report import design as report
+    from cdpr_sim.robots.writing import as_toml
+    from cdpr_sim.studies.better_layouts import front_picture
+    from cdpr_sim.studies.gallery import encoded
+
+    with errors_as_sentences(), new_folder(output):
         machine = robot_of(robot, material)
         picture = output / "front.png"
         refuse_existing([picture, *(output / f"robot-{number}.toml" for number in range(1, most + 1))], force=force)
@@ -177,9 +192,6 @@ def front(
             population=max(most, 100),
             progress=True,
         ).thinned(most)
-        from cdpr_sim.studies.better_layouts import front_picture
-        from cdpr_sim.studies.gallery import encoded
-
         files = {picture: encoded(front_picture(found), "png")}
         files |= {
             output / f"robot-{row + 1}.toml": as_toml(found.robot(row)).encode() for row in range(len(found))
@@ -215,6 +227,11 @@ def clearances(
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
     """Distances between cables, platform and frame, where all of them rest. Exit status 1 if any is below --least."""
+    from cdpr_sim.analysis import clearance
+    from cdpr_sim.core.files import check_place
+    from cdpr_sim.drawing import maps
+    from cdpr_sim.report import design as report
+
     with errors_as_sentences():
         machine = robot_of(robot, material)
         if picture is not None:
@@ -224,8 +241,9 @@ def clearances(
             with busy("Looking for interference"):
                 maps.write(clearance_map(machine, plane, at, least, fitting), picture)
         with busy("Solving"):
-            found = cdpr.clearances(machine, _poses(machine, grid, line, points), fitting=fitting)
-    free = found.free(least)
+            each = machine.cables * clearance.POINTS * clearance.BYTES_PER_POINT
+            found = cdpr.clearances(machine, _poses(machine, grid, line, points, each), fitting=fitting)
+        free = found.free(least)
     console = Output()
     console.print(report.clearance_table(found))
     console.print(
@@ -237,16 +255,30 @@ def clearances(
 
 
 def _poses(
-    robot: cdpr.Robot, grid: tuple[int, int, int] | None, line: tuple[float, ...] | None, points: int
+    robot: cdpr.Robot,
+    grid: tuple[int, int, int] | None,
+    line: tuple[float, ...] | None,
+    points: int,
+    each: int = BYTES_PER_CASE,
 ) -> np.ndarray:
+    import numpy as np
+
+    from cdpr_sim.analysis.workspace.grids import as_grid
+    from cdpr_sim.core import memory
+    from cdpr_sim.core.checks import checked_array
+
     if line is not None:
         if grid is not None:
             raise cdpr.InvalidInput("line: found it beside a grid, expected one of the two")
-        return np.linspace(line[:3], line[3:], points)
+        memory.refuse_beyond(f"points: {points:,} poses", each * points, "fewer")
+        ends = checked_array("line", line, (6,))
+        return np.linspace(ends[:3], ends[3:], points)
     if grid is None:
         nx, ny, nz = (1 if edge == 0 else n for edge, n in zip(np.ptp(robot.workspace, axis=0), GRID, strict=True))
         grid = nx, ny, nz
     axes = as_grid(grid, [robot])
+    count = math.prod(len(values) for values in axes.values())
+    memory.refuse_beyond(f"grid: {count:,} poses", each * count, "fewer")
     return np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
 
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import itertools
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import robot_of
 from cdpr_sim.cli.terminal import Output, busy, errors_as_sentences, progress_bars, tidy_when_terminated
-from cdpr_sim.core.files import check_place
-from cdpr_sim.crosscheck.hold import held
-from cdpr_sim.drawing.video import film
-from cdpr_sim.report.tables import new_table
 
 COMPENSATED_WAYPOINTS = 61
 """Along a line that is filmed with compensated lengths; in between, their corrections change evenly."""
@@ -30,6 +29,7 @@ def figures(
     names: Annotated[bool, typer.Option("--list", help="List the figures and what they show; draw none.")] = False,
 ) -> None:
     """Redraw the paper's figures, MuJoCo's points on the static solver's lines, and four figures of our own."""
+    from cdpr_sim.report.tables import new_table
     from cdpr_sim.studies.gallery import paths_of
 
     if names:
@@ -79,7 +79,14 @@ def video(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Film platforms driven along a line by their winches, in MuJoCo, with the static solver's pose as an outline."""
-    with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar:
+    import numpy as np
+
+    from cdpr_sim.core.files import check_place
+    from cdpr_sim.crosscheck.hold import held
+    from cdpr_sim.drawing.video import film
+    from cdpr_sim.studies.portrait import settled_along, shapes_of
+
+    with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar, _side_by_side() as start:
         check_place(output, film.SUFFIXES, force=force)
         states = film.check_settings(seconds, fps, size, exaggerate, renderer)
         wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
@@ -89,10 +96,12 @@ def video(
             for option, chosen in (("--compensate", compensate), ("--drop", drop)):
                 if chosen:
                     robot.cabling.refuse_weight(option)
-        trajectories = []
+        motions: list[Callable[[], cdpr.Trajectory]] = []
         for robot, (_, _, cut) in zip(machines, wanted, strict=True):
             if not robot.cabling.massless:
-                trajectories.append(_settled(robot, _line(robot, path, y, z), seconds, states))
+                ends = _line(robot, path, y, z)
+                settled = settled_along(robot, np.linspace(ends[0], ends[-1], states), seconds)
+                motions.append(lambda settled=settled: settled)
                 continue
             waypoints, lengths = _line(robot, path, y, z)[: 1 if drop else None], None
             if cut:
@@ -102,8 +111,8 @@ def video(
                     lengths.append(held(cdpr.compensate(robot, waypoint)).rest_lengths)
                     compensated(len(lengths) / len(waypoints))
                 robot = robot.replace(name=f"{robot.name}, compensated")
-            trajectories.append(
-                cdpr.drive(
+            motions.append(
+                start(
                     robot,
                     waypoints,
                     seconds=drive_seconds,
@@ -113,11 +122,12 @@ def video(
                     progress=bar(f"MuJoCo drives {robot.name}"),
                 )
             )
+        trajectories = [motion() for motion in motions]
         cdpr.write_video(
             output,
             trajectories,
             [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories],
-            shapes=[_shapes(trajectory) for trajectory in trajectories],
+            shapes=[shapes_of(trajectory) for trajectory in trajectories],
             seconds=seconds,
             fps=fps,
             size=size,
@@ -129,20 +139,31 @@ def video(
     typer.echo(output)
 
 
-def _shapes(trajectory: cdpr.Trajectory) -> np.ndarray | None:
-    return None if trajectory.robot.cabling.massless else cdpr.cable_shapes(trajectory)
+@contextmanager
+def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
+    """What is called as ``cdpr.drive`` is starts it on a thread; the motion is there when what is returned is called.
 
-
-def _settled(robot: cdpr.Robot, ends: list[tuple[float, float, float]], seconds: float, states: int) -> cdpr.Trajectory:
-    """A robot whose cables have weight is not driven but settled at one waypoint after the other.
-
-    Raises:
-        NotSettled: some platform does not come to rest.
+    An error, and Ctrl-C, end all drives.
     """
-    rests = cdpr.settle_many(robot, np.linspace(ends[0], ends[-1], states))
-    for row in np.flatnonzero(~rests.converged):
-        rests[int(row)]  # raises, with the reason
-    return cdpr.Trajectory.through(rests, np.linspace(0.0, seconds, states))
+    from cdpr_sim.drawing.video import film
+
+    over = threading.Event()
+
+    def start(*asked, progress: Callable[[float], None], **options) -> Callable[[], cdpr.Trajectory]:
+        def go_on(done: float) -> None:
+            if over.is_set():
+                raise CancelledError
+            progress(done)
+
+        return threads.submit(cdpr.drive, *asked, progress=go_on, **options).result
+
+    with ThreadPoolExecutor(film.MOST_ROBOTS) as threads:
+        try:
+            yield start
+        except BaseException:
+            over.set()
+            threads.shutdown(cancel_futures=True)
+            raise
 
 
 def _line(

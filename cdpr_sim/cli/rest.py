@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, Pretension, RobotName, problem_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
-from cdpr_sim.report import as_json as json_of
-from cdpr_sim.report import crosscheck as report
+
+if TYPE_CHECKING:
+    from cdpr_sim.report.crosscheck import Outcome
 
 METHODS = "newton", "fsolve", "least_squares"
 """The static solvers."""
@@ -27,6 +28,9 @@ def settle(
 
     Exit status: 0 if they agree, 1 if they do not, 2 for input that cannot be right or a platform that does not rest.
     """
+    from cdpr_sim.report import as_json as json_of
+    from cdpr_sim.report import crosscheck as report
+
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension)
         with busy("MuJoCo settles the platform"):
@@ -60,6 +64,9 @@ def solve(
     as_json: AsJson = False,
 ) -> None:
     """Solve for the static equilibrium with one solver. Exit status 2 if it does not find one."""
+    from cdpr_sim.report import as_json as json_of
+    from cdpr_sim.report import crosscheck as report
+
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension)
         with busy("Solving"):
@@ -73,7 +80,7 @@ def solve(
             console.print(note, highlight=False)
 
 
-def _outcome(problem: cdpr.Problem, method: str) -> report.Outcome:
+def _outcome(problem: cdpr.Problem, method: str) -> Outcome:
     try:
         return cdpr.solve(problem, method=method)  # type: ignore[arg-type]
     except cdpr.NotConverged as failure:

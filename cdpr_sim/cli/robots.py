@@ -13,14 +13,6 @@ import typer
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import MaterialName, Pose, RobotName, problem_of, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
-from cdpr_sim.core.files import check_place, refuse_existing, write_whole
-from cdpr_sim.core.robot import Kind
-from cdpr_sim.physics.look import look
-from cdpr_sim.physics.model_files import INDEX, PICTURE, model_files, models_index, stale_models, write_models
-from cdpr_sim.report.tables import new_table
-from cdpr_sim.robots import robot_file
-from cdpr_sim.robots.importing import FORMATS
-from cdpr_sim.robots.writing import as_toml
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,6 +20,8 @@ if TYPE_CHECKING:
 
 def robots() -> None:
     """List the robots of the catalogue and the materials of cables."""
+    from cdpr_sim.report.tables import new_table
+
     console = Output()
     for kind, machines in _by_kind().items():
         table = new_table(f"Robots: {kind}", "robot", "mobility", "cables", "mass", words=2)
@@ -54,6 +48,9 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Write a robot file to begin with, with comments, that runs as it is."""
+    from cdpr_sim.core.files import check_place, write_whole
+    from cdpr_sim.robots import robot_file
+
     with errors_as_sentences():
         path = Path(name if name.endswith(".toml") else f"{name}.toml")
         text = robot_file.template(path.stem)
@@ -65,6 +62,8 @@ def schema(
     document: Annotated[bool, typer.Option("--document", help="Print the page that explains robot files.")] = False,
 ) -> None:
     """Print the JSON schema of robot files, with which editors check and complete them."""
+    from cdpr_sim.robots import robot_file
+
     typer.echo(robot_file.document() if document else robot_file.json_schema(), nl=not document)
 
 
@@ -80,6 +79,7 @@ def show(
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Draw a robot as commanded, with the numbers of its cables at exits and anchors; several on one page."""
+    from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.drawing import still
 
     with errors_as_sentences():
@@ -98,18 +98,27 @@ def show(
 
 def import_file(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help=f"Of {', '.join(one.title for one in FORMATS.values())}.")
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Of CASPR's XML, WireX's wcrfx, cdpyr's JSON or YAML, oKermorgant/cdpr's YAML, the Bologna group's "
+            "JSON.",
+        ),
     ],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Robot file to write; default: the robot's name, with .toml.")
     ] = None,
     format: Annotated[
-        str | None, typer.Option("--format", help=f"{', '.join(FORMATS)}; default: what the file looks like.")
+        str | None,
+        typer.Option("--format", help="caspr, wirex, cdpyr, gazebo, bologna; default: what the file looks like."),
     ] = None,
     cables: Annotated[str | None, typer.Option("--cables", help="CASPR's id of a set of cables.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
     """Write another project's robot as a robot file, and say what it left out or assumed."""
+    from cdpr_sim.core.files import check_place, write_whole
+    from cdpr_sim.robots.writing import as_toml
+
     with errors_as_sentences():
         robot = cdpr.import_robot(file, format, cables)
         place = check_place(output or Path(f"{robot.name}.toml"), [".toml"], force=force)
@@ -134,6 +143,7 @@ def models(
 ) -> None:
     """Write each robot as a MuJoCo model: robot.xml, scene.xml, a README, and a picture."""
     from cdpr_sim.drawing import still
+    from cdpr_sim.physics.model_files import INDEX, PICTURE, model_files, models_index
 
     stale, sources = [], []
     with errors_as_sentences():
@@ -163,6 +173,8 @@ def view(robot: RobotName, pose: Pose = None, material: MaterialName = None) -> 
 
     The sliders' 0 is the length at the commanded pose; to the right the cable is wound in.
     """
+    from cdpr_sim.physics.look import look
+
     with errors_as_sentences():
         look(problem_of(robot, pose, material))
 
@@ -182,7 +194,9 @@ def _renewed(
     Raises:
         InvalidInput: a file that is there differs, and ``force`` is off.
     """
+    from cdpr_sim.core.files import refuse_existing, write_whole
     from cdpr_sim.drawing import still
+    from cdpr_sim.physics.model_files import stale_models, write_models
 
     stamp = hashlib.sha256(source.encode()).hexdigest()
     drawn = still.stamp_of(picture) == stamp
@@ -198,6 +212,8 @@ def _renewed(
 
 def _by_kind() -> dict[str, list[cdpr.Robot]]:
     """The catalogue, each kind of robot together."""
+    from cdpr_sim.core.robot import Kind
+
     kinds: dict[str, list[cdpr.Robot]] = {kind: [] for kind in get_args(Kind)}
     for name in cdpr.list_robots():
         robot = cdpr.load_robot(name)

@@ -10,14 +10,15 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.status import Status
 
 import cdpr_sim as cdpr
+
+if TYPE_CHECKING:
+    from rich.status import Status
 
 
 class Output(Console):
@@ -124,6 +125,8 @@ def progress_bars() -> Iterator[Callable[[str], Callable[[float], None]]]:
 
     ``bar = bars(what)`` adds one, and ``bar(fraction)`` moves it to the fraction that is done, 0 to 1.
     """
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
     console = Console(stderr=True)
     text = TextColumn("{task.description}", markup=False)
     columns = text, BarColumn(), TaskProgressColumn(), TimeRemainingColumn()

@@ -8,12 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.cli.options import Grid, Limits, MaterialNames, RobotNames, Wrenches, wrenches_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
-from cdpr_sim.core.files import check_place
-from cdpr_sim.drawing import maps
-from cdpr_sim.report import workspace as report
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -56,6 +52,10 @@ def draw_map(
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
     """Draw tilt, deviation, slack cables and feasibility over a plane of the workspace, side by side."""
+    from cdpr_sim.analysis.workspace import grids
+    from cdpr_sim.core.files import check_place
+    from cdpr_sim.drawing import maps
+
     with errors_as_sentences():
         check_place(output, maps.SUFFIXES, force=force, field="output")
         robots = [cdpr.load_robot(name) for name in robot]
@@ -76,6 +76,8 @@ def draw_map(
 
 
 def _print(dataset: xr.Dataset) -> None:
+    from cdpr_sim.report import workspace as report
+
     console = Output()
     console.print(report.sweep_table(dataset))
     for line in report.sweep_lines(dataset):
@@ -92,6 +94,10 @@ def check(
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
     """Settle every pose of a grid in MuJoCo and compare each with the solver. Exit status 1 if any disagrees."""
+    from cdpr_sim.core.files import check_place
+    from cdpr_sim.drawing import maps
+    from cdpr_sim.report import workspace as report
+
     with errors_as_sentences():
         if output is not None:
             check_place(output, maps.SUFFIXES, force=force, field="output")

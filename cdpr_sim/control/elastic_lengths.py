@@ -27,10 +27,18 @@ class ElasticLengths:
     _plan: Plan = field(init=False, repr=False)
 
     def start(self, course: Course) -> Float[np.ndarray, " cables"]:
-        """Compensate along the course."""
+        """Compensate along the course.
+
+        Returns:
+            (cables,) [m], the compensated rest lengths at the first pose.
+        """
         self._plan = Plan.of(self.robot, course, self.tension_limits)
         return self.robot.rest_lengths(course.pose(0.0)) + self._plan.at(0.0)[0]
 
     def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Float[np.ndarray, " cables"]:
-        """The lengths at ``pose``, corrected as the course wants it at ``time``."""
+        """The lengths at ``pose``, corrected as the course wants it at ``time``.
+
+        Returns:
+            (cables,) rest lengths [m].
+        """
         return self.robot.rest_lengths(pose) + self._plan.at(time)[0]

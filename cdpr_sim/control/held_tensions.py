@@ -35,12 +35,20 @@ class HeldTensions:
     _course: Course = field(init=False, repr=False)
 
     def start(self, course: Course) -> Float[np.ndarray, " cables"]:
-        """The lengths of cables that have these tensions at the first pose, or near it."""
+        """The lengths of cables that have these tensions at the first pose, or near it.
+
+        Returns:
+            (cables,) rest lengths [m].
+        """
         self._course = course
         return compensate(self.robot, course.pose(0.0), tension_limits=self.tension_limits).rest_lengths
 
     def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command:
-        """The tensions at ``pose``."""
+        """The tensions at ``pose``.
+
+        Returns:
+            Tensions [N] for all winches.
+        """
         robot = self.robot
         rotation, free, units = pose.rotation.as_matrix(), robot.free, robot.units
         inertia = -robot.mass * self._course.acceleration(time)

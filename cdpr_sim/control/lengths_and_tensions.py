@@ -43,7 +43,11 @@ class LengthsAndTensions:
     _held: Bool[np.ndarray, " cables"] = field(init=False, repr=False)
 
     def start(self, course: Course) -> Float[np.ndarray, " cables"]:
-        """Compensate along the course, and choose cables if nobody has."""
+        """Compensate along the course, and choose cables if nobody has.
+
+        Returns:
+            (cables,) rest lengths [m].
+        """
         cables = self.robot.cables
         self._plan = Plan.of(self.robot, course, self.tension_limits)
         if self.by_tension is None:
@@ -56,7 +60,11 @@ class LengthsAndTensions:
         return self.robot.rest_lengths(course.pose(0.0)) + self._plan.at(0.0)[0]
 
     def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command:
-        """The lengths at ``pose``, corrected as the course wants it at ``time``; and its tensions then."""
+        """The lengths at ``pose``, corrected as the course wants it at ``time``; and its tensions then.
+
+        Returns:
+            Lengths [m] for some winches and tensions [N] for the others.
+        """
         correction, tensions = self._plan.at(time)
         return Command(self.robot.rest_lengths(pose) + correction, tensions, self._held)
 

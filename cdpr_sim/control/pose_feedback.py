@@ -41,13 +41,21 @@ class PoseFeedback:
     _told: deque[tuple[float, RigidTransform]] = field(init=False, repr=False)
 
     def start(self, course: Course) -> ArrayLike:
-        """With no correction yet."""
+        """With no correction yet.
+
+        Returns:
+            (cables,) rest lengths [m], where the other controller starts.
+        """
         positive("gain", self.gain, "1/s")
         self._course, self._correction, self._seen, self._told = course, np.zeros(6), 0.0, deque()
         return self.inner.start(course)
 
     def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command | ArrayLike:
-        """What the other commands for a corrected pose; a sample is held against what was wanted when it was taken."""
+        """What the other commands for a corrected pose; a sample is held against what was wanted when it was taken.
+
+        Returns:
+            The other controller's answer.
+        """
         self._told.append((time, pose))
         if sensed.time > self._seen:
             wanted = self._wanted(sensed.time)

@@ -23,9 +23,17 @@ class RigidLengths:
     robot: Robot
 
     def start(self, course: Course) -> Float[np.ndarray, " cables"]:
-        """The lengths at the first pose."""
+        """The lengths at the first pose.
+
+        Returns:
+            (cables,) rest lengths [m].
+        """
         return self.robot.rest_lengths(course.pose(0.0))
 
     def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Float[np.ndarray, " cables"]:
-        """The lengths at ``pose``."""
+        """The lengths at ``pose``.
+
+        Returns:
+            (cables,) rest lengths [m].
+        """
         return self.robot.rest_lengths(pose)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, in_range
+from cdpr_sim.core.checks import MOST_LENGTH, Frozen, as_numbers, checked_array, frozen, in_range, refuse_far
 from cdpr_sim.core.errors import InvalidInput
 
 EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, COLUMNS = 0, 3, 6, 7, 9, 10, 13
@@ -31,8 +31,11 @@ MOST_STRAIN = 0.2
 MOST_CABLES = 1000
 """Of one robot; real ones have up to some dozens."""
 
-MOST_LENGTH = 1e6
-"""[m] The largest coordinate that is taken: beyond, double precision does not resolve what stretches."""
+MOST_DENSITY = 1e5
+"""[kg/m] A steel rope of a metre has 6e3."""
+
+MOST_STIFFENING = 1e9
+"""Of either coefficient; measured ones are some hundreds."""
 
 ROUNDING = 4e-16
 """How far from 1 the length of a unit vector of doubles lies."""
@@ -114,6 +117,9 @@ class Cabling(Frozen):
                 raise InvalidInput(
                     f"{name}: found {values[name][cable]:g} {unit} in cable {cable + 1}, expected 0 or more"
                 )
+        refuse_far("pulley_radius", values["pulley_radius"])
+        in_range("linear_density", values["linear_density"], 0, MOST_DENSITY, "kg/m")
+        in_range("stiffening", values["stiffening"], -MOST_STIFFENING, MOST_STIFFENING, "")
         above = values["force_min"] > values["force_max"]
         if above.any():
             cable = int(np.argmax(above))
@@ -219,6 +225,7 @@ def _limit_per_cable(field: str, value: ArrayLike, cables: int) -> Float[np.ndar
 
 
 def _unit(axes: Float[np.ndarray, "cables 3"]) -> Float[np.ndarray, "cables 3"]:
+    in_range("pulley_axis", axes, -MOST_LENGTH, MOST_LENGTH, "")
     lengths = np.linalg.norm(axes, axis=1)
     if not lengths.min() > 0:
         cable = int(np.argmin(lengths))

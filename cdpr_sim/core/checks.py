@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.errors import InvalidInput
 
+MOST_LENGTH = 1e6
+"""[m] The largest coordinate that is taken: beyond, double precision does not resolve what stretches."""
+
 LONGEST_NAME = 100
 """Characters of a name: it heads tables, and names folders."""
 
@@ -97,8 +100,21 @@ def in_range(field: str, value: Float[np.ndarray, "..."] | float, least: float, 
     if beyond.any():
         where = f" in cable {int(np.argwhere(beyond)[0, 0]) + 1}" if numbers.ndim else ""
         raise InvalidInput(
-            f"{field}: found {numbers[beyond].flat[0]:g} {unit}{where}, expected {least:g} to {most:g} {unit}"
+            f"{field}: found {numbers[beyond].flat[0]:g} {unit}{where}, expected {least:g} to {most:g} {unit}".replace(
+                "  ", " "
+            ).rstrip()
         )
+
+
+def refuse_far(field: str, lengths: Float[np.ndarray, "..."]) -> None:
+    """Refuse lengths and coordinates that are beyond any robot; what is no number is another check's matter.
+
+    Raises:
+        InvalidInput: one beyond ``MOST_LENGTH``.
+    """
+    most = np.abs(lengths[np.isfinite(lengths)]).max(initial=0.0)
+    if most > MOST_LENGTH:
+        raise InvalidInput(f"{field}: found {most:g} m, expected at most {MOST_LENGTH:g} m")
 
 
 def checked_array(field: str, value: ArrayLike, shape: tuple[int | None, ...] | None) -> Float[np.ndarray, "..."]:

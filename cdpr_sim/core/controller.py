@@ -42,21 +42,40 @@ class Course:
         return self.pause + self.seconds
 
     def fractions(self, times: ArrayLike) -> Float[np.ndarray, " times"]:
-        """Of the path's time that have passed at these ``times`` [s]: 0 before it begins, 1 after its end."""
+        """Of the path's time that have passed at these ``times`` [s]: 0 before it begins, 1 after its end.
+
+        Returns:
+            (times,) between 0 and 1.
+        """
         return np.clip((np.atleast_1d(times) - self.pause) / self.seconds, 0, 1)
 
     def poses(self, times: ArrayLike) -> RigidTransform:
-        """What is wanted at these ``times`` [s], a stack."""
+        """What is wanted at these ``times`` [s], a stack.
+
+        Returns:
+            A stack of (times,) poses [m].
+        """
         return self.path.at(self.fractions(times))
 
     def pose(self, time: float) -> RigidTransform:
-        """What is wanted at ``time`` [s]."""
+        """What is wanted at ``time`` [s].
+
+        Returns:
+            A single pose [m].
+        """
         return self.poses(time)[0]
 
     def acceleration(self, time: float) -> Float[np.ndarray, "3"]:
-        """Of the wanted position at ``time`` [m/s²]; where the path bends, over an instant."""
+        """Of the wanted position at ``time`` [m/s²]; where the path bends, over an instant.
+
+        Returns:
+            (3,) [m/s²], base frame.
+        """
         before, now, after = self.poses(time + INSTANT * np.array([-1, 0, 1])).translation
         return (before - 2 * now + after) / INSTANT**2
+
+    def __repr__(self) -> str:
+        return f"<Course: {self.seconds:.3g} s, after a pause of {self.pause:.3g} s>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +93,10 @@ class Sensed:
     pose: RigidTransform
     tensions: Float[np.ndarray, " cables"]
     rest_lengths: Float[np.ndarray, " cables"]
+
+    def __repr__(self) -> str:
+        x, y, z = self.pose.translation
+        return f"<Sensed at {self.time:.4g} s: ({x:.6f}, {y:.6f}, {z:.6f}) m>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +117,9 @@ class Command:
     def of(cls, answer: Command | ArrayLike, cables: int) -> Command:
         """A controller's answer, checked; plain numbers are lengths.
 
+        Returns:
+            The command, with one entry for each of the ``cables``.
+
         Raises:
             InvalidInput: what no winch can hold.
         """
@@ -112,6 +138,10 @@ class Command:
         if not (tensions >= 0).all():
             raise InvalidInput(f"tensions: found {tensions.min():g} N, expected 0 or more: cables only pull")
         return cls(lengths, tensions, by_tension)
+
+    def __repr__(self) -> str:
+        held = int(self.by_tension.sum())
+        return f"<Command: {held} of {len(self.by_tension)} cables by tension, the others by length>"
 
 
 @runtime_checkable

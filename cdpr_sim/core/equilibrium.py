@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core import pose as _pose
-from cdpr_sim.core.checks import Frozen
+from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.errors import CdprError
+from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.pose import Posed, PoseField
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.status import NEUTRAL, Status
 
@@ -24,15 +27,39 @@ class Stability(enum.Enum):
     UNSTABLE = "it leaves: the point is a saddle or a maximum of the energy"
 
 
+class EigenvaluesField:
+    """The field of a frozen dataclass that takes an array, or what computes it when it is first read."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __set__(self, instance: object, value: np.ndarray | Callable[[], np.ndarray]) -> None:
+        vars(instance)[self.name] = value
+
+    def __get__(self, instance: object | None, owner: type) -> np.ndarray:
+        if instance is None:
+            raise AttributeError(self.name)  # where dataclasses look for a default
+        value = vars(instance)[self.name]
+        if not isinstance(value, np.ndarray):
+            value = vars(instance)[self.name] = frozen(value())
+        return value
+
+
+class _Held:
+    """What has the field ``eigenvalues``."""
+
+    eigenvalues = EigenvaluesField()
+
+
 @dataclass(frozen=True, eq=False)
-class Equilibrium(Frozen):
+class Equilibrium(_Held, Posed, Introduced):
     """A pose, the cables' state there, and the evidence that it is (or is not) a static equilibrium.
 
     Data only: each road fills in its own residual and eigenvalues, by its own means.
 
     Attributes:
         problem: what was asked.
-        pose: the platform's pose.
+        pose: the platform's pose, a ``RigidTransform``; ``position`` and ``rotation_matrix`` are it as plain arrays.
         tensions: (cables,) [N], 0 where slack.
         lengths: (cables,) [m].
         residual: largest unbalanced force [N] over the free directions, torques divided by the robot's
@@ -44,21 +71,16 @@ class Equilibrium(Frozen):
     """
 
     problem: Problem
-    pose: RigidTransform
+    pose: PoseField
     tensions: Float[np.ndarray, " cables"]
     lengths: Float[np.ndarray, " cables"]
     residual: float
-    eigenvalues: Float[np.ndarray, " free"]
+    eigenvalues: EigenvaluesField
     iterations: int
     source: str
 
     def __post_init__(self) -> None:
         self._freeze()
-
-    @property
-    def position(self) -> Float[np.ndarray, "3"]:
-        """Of the platform's origin in the base frame [m]."""
-        return self.pose.translation
 
     @property
     def rotation(self) -> Rotation:
@@ -73,12 +95,12 @@ class Equilibrium(Frozen):
     @property
     def tilt(self) -> float:
         """The angle [rad] between the platform's z axis and the vertical."""
-        return _pose.tilt(self.rotation)
+        return float(_pose.tilt_of_matrices(self.rotation_matrix))
 
     @property
     def deviation(self) -> Float[np.ndarray, "3"]:
         """Position minus commanded position [m]; its z is minus the sag."""
-        return self.position - self.problem.pose.translation
+        return self.position - self.problem.position
 
     @property
     def rest_lengths(self) -> Float[np.ndarray, " cables"]:

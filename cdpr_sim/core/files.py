@@ -117,6 +117,24 @@ def make_folder(folder: Path) -> None:
 
 
 @contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """``folder``, made and found to be writable; where it was made in vain, it is gone again.
+
+    Raises:
+        InvalidInput: it cannot be made or written to.
+    """
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    make_folder(folder)
+    try:
+        yield folder
+    except BaseException:
+        with suppress(OSError):
+            for place in made:
+                place.rmdir()  # only where it is empty
+        raise
+
+
+@contextmanager
 def appearing(*paths: Path) -> Iterator[list[Path]]:
     """Temporary files beside ``paths``, to write to; they take their places when all went well, and else are gone.
 

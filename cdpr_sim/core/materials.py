@@ -46,6 +46,9 @@ class Rope:
     def of(self, diameter: float) -> Material:
         """The cable of this diameter [m], called ``steel-rope-4mm``.
 
+        Returns:
+            Its axial stiffness EA = E fill π d²/4 [N] and its mass per length [kg/m].
+
         Raises:
             InvalidInput: a diameter that is not positive.
         """

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -15,37 +17,119 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core.checks import shown
+from cdpr_sim.core.checks import Frozen, refuse_far, shown
 from cdpr_sim.core.errors import InvalidInput
 
-PoseLike: TypeAlias = ArrayLike | Sequence[float] | RigidTransform
+
+@dataclass(frozen=True, eq=False)
+class Pose(Frozen):
+    """A pose as plain arrays; a ``RigidTransform`` for who asks, since making one takes longer than solving.
+
+    Attributes:
+        position: of the platform's origin in the base frame, (3,) [m].
+        rotation_matrix: from the platform frame to the base frame, (3, 3).
+    """
+
+    position: Float[np.ndarray, "3"]
+    rotation_matrix: Float[np.ndarray, "3 3"]
+
+    def __post_init__(self) -> None:
+        self._freeze()
+
+    @classmethod
+    def of(cls, pose: PoseLike) -> Pose:
+        """The pose that ``pose`` describes.
+
+        Args:
+            pose: a position (3,) [m] with the platform level, a six-vector (6,) [m, rad], or a ``RigidTransform``.
+
+        Raises:
+            InvalidInput: another shape, a number that is not finite, or a position beyond any robot.
+        """
+        if isinstance(pose, Pose):
+            return pose
+        if isinstance(pose, RigidTransform):
+            if not pose.single:
+                raise InvalidInput(f"pose: found a stack of {len(pose)} transforms, expected a single one")
+            frame = pose.as_matrix()
+            _refuse_impossible(frame[:3, 3], frame[:3, :3].ravel())
+            made = cls(frame[:3, 3].copy(), frame[:3, :3].copy())
+            made.__dict__["transform"] = pose
+            return made
+        try:
+            vector = np.array(pose, dtype=float)
+        except (TypeError, ValueError, OverflowError):
+            raise InvalidInput(f"pose: found {shown(pose)}, expected 3 or 6 numbers or a RigidTransform") from None
+        if vector.shape not in {(3,), (6,)}:
+            raise InvalidInput(
+                f"pose: found an array of shape {vector.shape}, expected (x, y, z) or (x, y, z, alpha, beta, gamma)"
+            )
+        _refuse_impossible(vector[:3], vector[3:])
+        level = vector.size == 3
+        return cls(vector[:3].copy(), np.eye(3) if level else Rotation.from_euler("xyz", vector[3:]).as_matrix())
+
+    @cached_property
+    def transform(self) -> RigidTransform:
+        """The same, as SciPy has it."""
+        return poses_of(self.position, self.rotation_matrix)
+
+
+PoseLike: TypeAlias = ArrayLike | Sequence[float] | RigidTransform | Pose
+
+
+class PoseField:
+    """The field of a frozen dataclass that takes a ``RigidTransform`` or a ``Pose``, and reads as the former.
+
+    It stands in a base class of the dataclass, which would take it for the field's default.
+    """
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __set__(self, instance: object, pose: RigidTransform | Pose) -> None:
+        vars(instance)[self.name] = Pose.of(pose)
+
+    def __get__(self, instance: object | None, owner: type) -> RigidTransform:
+        if instance is None:
+            raise AttributeError(self.name)  # where dataclasses look for a default
+        return Pose.of(vars(instance)[self.name]).transform
+
+
+class Posed(Frozen):
+    """What has the field ``pose``: as plain arrays as well."""
+
+    pose = PoseField()
+
+    @property
+    def at(self) -> Pose:
+        """The pose as plain arrays."""
+        return Pose.of(vars(self)["pose"])
+
+    @property
+    def position(self) -> Float[np.ndarray, "3"]:
+        """Of the platform's origin in the base frame, (3,) [m]."""
+        return self.at.position.copy()
+
+    @property
+    def rotation_matrix(self) -> Float[np.ndarray, "3 3"]:
+        """From the platform frame to the base frame, (3, 3)."""
+        return self.at.rotation_matrix
 
 
 def as_pose(pose: PoseLike) -> RigidTransform:
-    """The pose that ``pose`` describes.
-
-    Args:
-        pose: a position (3,) [m] with the platform level, a six-vector (6,) [m, rad], or a ``RigidTransform``.
+    """The pose that ``pose`` describes, as ``Pose.of`` reads it.
 
     Raises:
-        InvalidInput: another shape, or a number that is not finite.
+        InvalidInput: another shape, a number that is not finite, or a position beyond any robot.
     """
-    if isinstance(pose, RigidTransform):
-        if not pose.single:
-            raise InvalidInput(f"pose: found a stack of {len(pose)} transforms, expected a single one")
-        return pose
-    try:
-        vector = np.asarray(pose, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise InvalidInput(f"pose: found {shown(pose)}, expected 3 or 6 numbers or a RigidTransform") from None
-    if vector.shape not in {(3,), (6,)}:
-        raise InvalidInput(
-            f"pose: found an array of shape {vector.shape}, expected (x, y, z) or (x, y, z, alpha, beta, gamma)"
-        )
-    if not np.isfinite(vector).all():
-        raise InvalidInput(f"pose: found {vector.tolist()}, expected finite numbers")
-    rotation = Rotation.from_euler("xyz", vector[3:]) if vector.size == 6 else Rotation.identity()
-    return RigidTransform.from_components(vector[:3], rotation)
+    return Pose.of(pose).transform
+
+
+def _refuse_impossible(position: np.ndarray, rotation: np.ndarray) -> None:
+    found = [*position.tolist(), *rotation.tolist()]
+    if not np.isfinite(found).all():
+        raise InvalidInput(f"pose: found {found}, expected finite numbers")
+    refuse_far("pose", position)
 
 
 def euler(rotation: Rotation) -> Float[np.ndarray, "3"]:
@@ -81,6 +165,13 @@ def tilt_of_matrices(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndar
     """``tilt`` of rotation matrices, (...) [rad]."""
     upright = matrices[..., 2, 2].copy()  # NumPy 2.0's arctan2 of strided numbers differs by an ulp with their address
     return np.arctan2(np.hypot(matrices[..., 0, 2], matrices[..., 1, 2]), upright)
+
+
+def angle_between(one: Float[np.ndarray, "*#batch 3 3"], other: Float[np.ndarray, "*#batch 3 3"]) -> np.ndarray:
+    """The angle of the rotation from one to the other, (...) [rad], by its sine and cosine: exact where it is small."""
+    turn = one @ np.swapaxes(other, -1, -2)
+    sines = [turn[..., i, j] - turn[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
+    return np.arctan2(np.sqrt(sum(sine * sine for sine in sines)), np.trace(turn, axis1=-2, axis2=-1) - 1)
 
 
 def poses_of(positions: Float[np.ndarray, "*batch 3"], matrices: Float[np.ndarray, "*batch 3 3"]) -> RigidTransform:

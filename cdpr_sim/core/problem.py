@@ -13,14 +13,18 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, shown
+from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, refuse_far, shown
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.pose import PoseLike, as_pose, poses_of
+from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
 from cdpr_sim.core.status import IDLE_STRAIN
 
 ORTHOGONAL = 1e-6
 """How far the rows of a rotation matrix may be from unit length and right angles."""
+
+MOST_FORCE = 1e15
+"""[N], [N m] Of an external wrench: as stiff as the stiffest cables that are taken."""
 
 SHORTEST = 1e-9
 """Least rest length, as a fraction of the largest coordinate of an exit or of the platform: rounding of those
@@ -28,18 +32,18 @@ coordinates is 1e-7 of strain in such a cable, and the whole of it in one of a m
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Frozen):
+class Problem(Posed, Introduced):
     """A robot, the pose it starts from, its rest lengths and an external wrench; checked and frozen.
 
     Attributes:
         robot: the robot.
-        pose: the commanded pose, from which both roads start.
+        pose: the commanded pose, from which both roads start, a ``RigidTransform``.
         rest_lengths: unstretched cable lengths l0, (cables,) [m].
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
     """
 
     robot: Robot
-    pose: RigidTransform
+    pose: PoseField
     rest_lengths: Float[np.ndarray, " cables"]
     external_wrench: Float[np.ndarray, "6"]
 
@@ -55,6 +59,9 @@ class Problem(Frozen):
 
         A problem that is ready goes through as it is, and takes nothing beside it.
 
+        Returns:
+            The problem, checked and frozen.
+
         Raises:
             InvalidInput: a pose, a length or a wrench that cannot be right, or a commanded pose at which every
                 exit lies below the platform, so that it falls.
@@ -69,14 +76,14 @@ class Problem(Frozen):
             raise InvalidInput(f"robot: found {shown(robot)}, expected a Robot or a Problem")
         if pose is None:
             raise InvalidInput("pose: found none, expected (x, y, z), a six-vector or a RigidTransform")
-        transform = robot.pose(pose)
+        at = robot.placed(pose)
         if rest_lengths is None:
-            rest = robot.rest_lengths(transform)
+            rest = robot.rest_lengths(at)
         else:
             rest = checked_array("rest_lengths", rest_lengths, (len(robot.cabling),))
             if not rest.min() > 0:
                 raise InvalidInput(f"rest_lengths: found {rest.min():g} m, expected more than 0")
-        shortest = float(_shortest(robot, transform.translation))
+        shortest = float(_shortest(robot, at.position))
         if not rest.min() > shortest:
             raise InvalidInput(
                 f"{'pose' if rest_lengths is None else 'rest_lengths'}: found a rest length of {rest.min():.1e} m in "
@@ -85,14 +92,12 @@ class Problem(Frozen):
             )
         wrench = checked_array("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, (6,))
         refuse_wrench_out_of_plane(robot, wrench)
-        if rest_lengths is None:
-            frame = transform.as_matrix()
-            if _falls(robot, robot.weight, wrench, frame[:3, 3], frame[:3, :3]):
-                raise InvalidInput(
-                    f"pose: found every exit of {robot.name!r} below the platform, which falls since cables cannot "
-                    "push; expected at least one exit above its anchor"
-                )
-        return cls(robot, transform, frozen(rest), frozen(wrench))
+        if rest_lengths is None and _falls(robot, robot.weight, wrench, at.position, at.rotation_matrix):
+            raise InvalidInput(
+                f"pose: found every exit of {robot.name!r} below the platform, which falls since cables cannot "
+                "push; expected at least one exit above its anchor"
+            )
+        return cls(robot, at, frozen(rest), frozen(wrench))
 
     @property
     def axial_stiffness(self) -> Float[np.ndarray, " cables"]:
@@ -115,7 +120,11 @@ class Problem(Frozen):
         return self.load or IDLE_STRAIN * float(self.axial_stiffness.mean())
 
     def same_as(self, other: Problem) -> bool:
-        """Whether both ask for the same robot, rest lengths and load (the starting pose may differ)."""
+        """Whether both ask for the same robot, rest lengths and load (the starting pose may differ).
+
+        Returns:
+            True if answers to the two can be compared.
+        """
         mine, theirs = self.robot, other.robot
         return (
             np.array_equal(self.rest_lengths, other.rest_lengths)
@@ -123,6 +132,15 @@ class Problem(Frozen):
             and (mine.mass, mine.gravity, mine.mobility) == (theirs.mass, theirs.gravity, theirs.mobility)
             and np.array_equal(mine.center_of_mass, theirs.center_of_mass)
             and (mine.cabling is theirs.cabling or mine.cabling.same_as(theirs.cabling))
+        )
+
+    def __repr__(self) -> str:
+        x, y, z = self.pose.translation
+        least, most = self.rest_lengths.min(), self.rest_lengths.max()
+        load = "" if not self.external_wrench.any() else ", under an external wrench"
+        return (
+            f"<Problem of {self.robot.name!r}: commanded to ({x:.6g}, {y:.6g}, {z:.6g}) m, "
+            f"cables of {least:.4g} to {most:.4g} m{load}>"
         )
 
 
@@ -183,6 +201,9 @@ class Problems(Frozen):
             axial_stiffness: EA [N], a number, or with the cables last: (..., cables), or (..., 1) for all cables alike.
             mass: (...) [kg].
 
+        Returns:
+            Problems of the shape to which all of these broadcast.
+
         Raises:
             InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
         """
@@ -228,11 +249,15 @@ class Problems(Frozen):
 
     @classmethod
     def stack(cls, problems: Sequence[Problem]) -> Problems:
-        """(rows,) problems of one and the same robot, each ready on its own."""
-        made = cls(
+        """(rows,) problems of one and the same robot, each ready on its own.
+
+        Returns:
+            (rows,) problems.
+        """
+        return cls(
             robot=problems[0].robot,
-            positions=np.array([problem.pose.translation for problem in problems]),
-            rotations=np.array([problem.pose.rotation.as_matrix() for problem in problems]),
+            positions=np.array([problem.position for problem in problems]),
+            rotations=np.array([problem.rotation_matrix for problem in problems]),
             rest_lengths=np.array([problem.rest_lengths for problem in problems]),
             external_wrench=np.array([problem.external_wrench for problem in problems]),
             axial_stiffness=problems[0].axial_stiffness,
@@ -241,11 +266,13 @@ class Problems(Frozen):
             falls=np.array(False),
             singles=tuple(problems),
         )
-        made.__dict__["poses"] = RigidTransform.concatenate([problem.pose for problem in problems])
-        return made
 
     def take(self, rows: Int[np.ndarray, " some"]) -> Problems:
-        """Some of (rows,) problems."""
+        """Some of (rows,) problems.
+
+        Returns:
+            (some,) problems.
+        """
         return Problems(
             robot=self.robot,
             positions=self._at(self.positions, (rows,), 1),
@@ -275,7 +302,7 @@ class Problems(Frozen):
             changes["axial_stiffness"] = stiffness
         if mass != robot.mass:
             changes["mass"] = mass
-        pose = poses_of(self._at(self.positions, at, 1), self._at(self.rotations, at, 2))
+        pose = Pose(self._at(self.positions, at, 1).copy(), self._at(self.rotations, at, 2).copy())
         rest, wrench = self._at(self.rest_lengths, at, 1).copy(), self._at(self.external_wrench, at, 1).copy()
         return Problem(robot.replace(**changes) if changes else robot, pose, frozen(rest), frozen(wrench))
 
@@ -294,6 +321,8 @@ class Problems(Frozen):
     @cached_property
     def poses(self) -> RigidTransform:
         """The commanded poses, a stack of (rows,)."""
+        if self.singles:
+            return RigidTransform.concatenate([problem.pose for problem in self.singles])
         rows = (np.broadcast_to(self.positions, (*self.shape, 3)), np.broadcast_to(self.rotations, (*self.shape, 3, 3)))
         return poses_of(*rows)
 
@@ -308,6 +337,9 @@ class Problems(Frozen):
         """(...) what an unbalanced force is compared with [N]: the load, or without one a thousandth of the mean EA."""
         return np.where(self.load > 0, self.load, IDLE_STRAIN * self.axial_stiffness.mean(-1))
 
+    def __repr__(self) -> str:
+        return f"<Problems of {self.robot.name!r}: {self.shape}>"
+
 
 def positions_and_rotations(
     robot: Robot, poses: RigidTransform | ArrayLike, rotations: ArrayLike | None
@@ -315,7 +347,7 @@ def positions_and_rotations(
     """Poses as users give them: positions (..., 3) [m] and rotation matrices, of all or of each.
 
     Raises:
-        InvalidInput: not poses, or out of the plane of a planar robot.
+        InvalidInput: not poses, positions beyond any robot, or out of the plane of a planar robot.
     """
     vectors = np.empty(0)
     if not isinstance(poses, RigidTransform):
@@ -341,6 +373,7 @@ def positions_and_rotations(
         raise InvalidInput(f"poses: found an array of shape {vectors.shape}, expected (..., 3) or (..., 6)")
     if 0 in at.shape:
         raise InvalidInput("poses: found none, expected at least one")
+    refuse_far("poses", at)
     _fitting({"poses": at.shape[:-1], "rotations": turned.shape[:-2]})
     if robot.mobility == "planar":
         beside = np.abs(at[..., 1])
@@ -405,11 +438,13 @@ def _place(wrong: Bool[np.ndarray, "..."]) -> str:
 def refuse_wrench_out_of_plane(
     robot: Robot, wrench: Float[np.ndarray, "*batch 6"], field: str = "external_wrench"
 ) -> None:
-    """A planar robot feels forces along x and z and torques about y alone.
+    """A planar robot feels forces along x and z and torques about y alone; and none is beyond ``MOST_FORCE``.
 
     Raises:
         InvalidInput: another.
     """
+    if np.abs(wrench).max(initial=0.0) > MOST_FORCE:
+        raise InvalidInput(f"{field}: found {np.abs(wrench).max():g}, expected at most {MOST_FORCE:g} N or N m")
     if robot.mobility == "planar" and wrench[..., [1, 3, 5]].any():
         rows = wrench.reshape(-1, 6)
         first = rows[rows[:, [1, 3, 5]].any(-1)][0]

@@ -13,14 +13,15 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled, Stability, stability_of
-from cdpr_sim.core.pose import euler_of_matrices, poses_of, tilt_of_matrices
+from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.pose import Pose, euler_of_matrices, poses_of, tilt_of_matrices
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 
 
 @dataclass(frozen=True, eq=False)
-class Rests(Frozen):
+class Rests(Frozen, Introduced):
     """Where platforms rest, as arrays over the dimensions of the problems.
 
     Indexing gives a single ``Equilibrium``, and raises where there is none. Data only: each road fills in its own
@@ -83,7 +84,11 @@ class Rests(Frozen):
         raise kind.because(status, point)
 
     def point(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Equilibrium:
-        """The row as it is, whether it is an equilibrium or not."""
+        """The row as it is, whether it is an equilibrium or not.
+
+        Returns:
+            That row as an ``Equilibrium``, whose residual [N] says what it is worth.
+        """
         return Equilibrium(
             problem=self.problems[row],
             pose=self._pose(row),
@@ -95,10 +100,10 @@ class Rests(Frozen):
             source=self.source,
         )
 
-    def _pose(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> RigidTransform:
+    def _pose(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Pose:
         if "poses" in self.__dict__ and isinstance(row, (int, np.integer)):
-            return self.poses[row]
-        return poses_of(self.positions[row], self.rotations[row])
+            return Pose.of(self.poses[row])
+        return Pose(self.positions[row].copy(), self.rotations[row].copy())
 
     @cached_property
     def poses(self) -> RigidTransform:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import DOWN, MOST_LENGTH, Cabling
+from cdpr_sim.core.cable import DOWN, Cabling
 from cdpr_sim.core.checks import (
     checked_array,
     checked_label,
@@ -24,12 +24,14 @@ from cdpr_sim.core.checks import (
     frozen,
     in_range,
     positive,
+    refuse_far,
     shown,
 )
 from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.plausibility import doubts, warn
-from cdpr_sim.core.pose import PoseLike, as_pose
+from cdpr_sim.core.pose import Pose, PoseLike
 
 Mobility = Literal["spatial", "planar"]
 Kind = Literal["suspended", "fully constrained", "under-actuated"]
@@ -60,7 +62,7 @@ MOST_GRAVITY = 1e6
 
 
 @dataclass(init=False, frozen=True, eq=False, repr=False)
-class Robot:
+class Robot(Introduced):
     """A platform on elastic cables. Arrays are stored read-only; ``replace`` makes a changed copy.
 
     Args:
@@ -159,7 +161,7 @@ class Robot:
         if mobility not in get_args(Mobility):
             raise UnknownName("mobility", shown(mobility).strip("'"), get_args(Mobility))
         center_of_mass = checked_array("center_of_mass", center_of_mass, (3,))
-        _refuse_far("center_of_mass", center_of_mass)
+        refuse_far("center_of_mass", center_of_mass)
         mass = positive("mass", mass, "kg")
         in_range("mass", mass, *MASS_RANGE, "kg")
         gravity = float(checked_array("gravity", gravity, ()))
@@ -171,7 +173,7 @@ class Robot:
         platform_size = checked_array("platform_size", platform_size, (3,))
         if not (platform_size > 0).all():
             raise InvalidInput(f"platform_size: found {platform_size.tolist()} m, expected three positive edges")
-        _refuse_far("platform_size", platform_size)
+        refuse_far("platform_size", platform_size)
         if platform_size.min() < LEAST_LENGTH:
             raise InvalidInput(f"platform_size: found {platform_size.min():g} m, expected at least {LEAST_LENGTH:g} m")
         inertia = _checked_inertia(_box_inertia(mass, platform_size) if inertia is None else inertia)
@@ -303,18 +305,25 @@ class Robot:
     def pose(self, pose: PoseLike) -> RigidTransform:
         """``pose`` as a ``RigidTransform``, checked to be one this robot can take.
 
+        Returns:
+            The pose, position [m] and rotation of the platform frame in the base frame.
+
         Raises:
             InvalidInput: not a pose, or out of the x-z plane of a planar robot.
         """
-        transform = as_pose(pose)
+        return self.placed(pose).transform
+
+    def placed(self, pose: PoseLike) -> Pose:
+        """``pose`` as plain arrays, checked likewise."""
+        at = Pose.of(pose)
         if self.mobility == "planar":
-            y, sine = transform.translation[1], np.abs(transform.rotation.as_matrix()[1, [0, 2]]).max()
+            y, sine = at.position[1], np.abs(at.rotation_matrix[1, [0, 2]]).max()
             if abs(y) > IN_PLANE or sine > IN_PLANE:
                 found = f"y = {y:g} m" if abs(y) > IN_PLANE else "a rotation about x or z"
                 raise InvalidInput(
                     f"pose: found {found}, but {self.name!r} is planar: expected y = 0 and a rotation about y only"
                 )
-        return transform
+        return at
 
     def rest_lengths(
         self, pose: PoseLike, tensions: ArrayLike | None = None, *, external_wrench: ArrayLike | None = None
@@ -334,6 +343,9 @@ class Robot:
             external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity: part of
                 the load that tensions balance.
 
+        Returns:
+            (cables,) [m].
+
         Raises:
             InvalidInput: a bad pose, an exit that lies on its anchor there, or tensions that do not balance the load;
                 a pretension near which none do, within the cables' limits of force.
@@ -344,26 +356,24 @@ class Robot:
                 raise InvalidInput("external_wrench: found one without tensions, expected both or neither")
             return lengths
         self.cabling.refuse_weight("rest_lengths for given tensions")
-        frame = self.pose(pose).as_matrix()
-        pulls = self._balancing(frame[:3, 3], frame[:3, :3], tensions, external_wrench)
+        pulls = self._balancing(self.placed(pose), tensions, external_wrench)
         return cable_law.rest_length_for(lengths, pulls, self.axial_stiffness, *self.cabling.stiffening.T)
 
     def _balancing(
-        self,
-        position: Float[np.ndarray, "3"],
-        rotation: Float[np.ndarray, "3 3"],
-        tensions: ArrayLike,
-        external_wrench: ArrayLike | None,
+        self, at: Pose, tensions: ArrayLike, external_wrench: ArrayLike | None
     ) -> Float[np.ndarray, " cables"]:
         """Tensions as ``rest_lengths`` takes them, one per cable and found to balance the load."""
-        wanted = checked_array("tensions", tensions, () if np.ndim(tensions) == 0 else (self.cables,))
+        wanted = checked_array("tensions", tensions, None)
+        if wanted.ndim:
+            wanted = checked_array("tensions", wanted, (self.cables,))
         if wanted.min() < 0:
             raise InvalidInput(f"tensions: found {wanted.min():g} N, expected 0 or more: cables only pull")
         weight = np.array([0.0, 0.0, -self.weight])
-        load = np.concatenate([weight, np.cross(rotation @ self.center_of_mass, weight)])
+        load = np.concatenate([weight, np.cross(at.rotation_matrix @ self.center_of_mass, weight)])
         if external_wrench is not None:
             load = load + checked_array("external_wrench", external_wrench, (6,))
-        matrix = (cable_path.wrench_matrix(self.cabling, position, rotation) / self.units[:, None])[self.free]
+        matrix = cable_path.wrench_matrix(self.cabling, at.position, at.rotation_matrix)
+        matrix = (matrix / self.units[:, None])[self.free]
         load = (load / self.units)[self.free]
         pulls = np.broadcast_to(wanted, (self.cables,)).copy()
         if wanted.ndim == 0:
@@ -390,8 +400,8 @@ class Robot:
 
     def _path_lengths(self, pose: PoseLike) -> Float[np.ndarray, " cables"]:
         """Of the cables from exit to anchor, (cables,) [m] (paper Eq. 1, 2)."""
-        frame = self.pose(pose).as_matrix()
-        lengths = cable_path.lengths(self.cabling, frame[:3, 3], frame[:3, :3])
+        at = self.placed(pose)
+        lengths = cable_path.lengths(self.cabling, at.position, at.rotation_matrix)
         lost = np.isnan(lengths)
         if lost.any():
             cable = int(np.argmax(lost))
@@ -410,6 +420,9 @@ class Robot:
         """A copy with some fields changed; ``material="fishing-0.4mm"`` sets the axial stiffness as well.
 
         What was derived by default (the uniform box's inertia, the frame, the workspace) follows the change.
+
+        Returns:
+            The changed copy; this robot stays as it is.
 
         Raises:
             InvalidInput: a field that cannot be right.
@@ -457,15 +470,9 @@ def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"
             )
 
 
-def _refuse_far(field: str, lengths: Float[np.ndarray, "..."]) -> None:
-    most = float(np.abs(lengths).max())
-    if most > MOST_LENGTH:
-        raise InvalidInput(f"{field}: found {most:g} m, expected at most {MOST_LENGTH:g} m")
-
-
 def _corners(field: str, value: ArrayLike) -> Float[np.ndarray, "2 3"]:
     corners = checked_array(field, value, (2, 3))
-    _refuse_far(field, corners)
+    refuse_far(field, corners)
     return np.array([corners.min(0), corners.max(0)])
 
 

@@ -36,7 +36,11 @@ class Trajectory(Rests):
         lengths: Float[np.ndarray, "steps cables"],
         tensions: Float[np.ndarray, "steps cables"],
     ) -> Trajectory:
-        """From what MuJoCo shows: ``problems`` are the commands and the rest lengths that the winches had let out."""
+        """From what MuJoCo shows: ``problems`` are the commands and the rest lengths that the winches had let out.
+
+        Returns:
+            A motion of (steps,) states.
+        """
         steps = len(times)
         motion = cls(
             problems=problems,
@@ -56,8 +60,19 @@ class Trajectory(Rests):
 
     @classmethod
     def through(cls, rests: Rests, times: Float[np.ndarray, " steps"]) -> Trajectory:
-        """A motion so slow that each state, (steps,), is one of ``rests``; for robots that ``drive`` does not know."""
+        """A motion so slow that each state, (steps,), is one of ``rests``; for robots that ``drive`` does not know.
+
+        Returns:
+            A motion of (steps,) states, each at rest.
+        """
         return cls(**{field.name: getattr(rests, field.name) for field in dataclasses.fields(rests)}, times=times)
+
+    def __repr__(self) -> str:
+        away = 1e3 * np.linalg.norm(self.deviation, axis=-1).max()
+        return (
+            f"<Trajectory of {self.robot.name!r} by {self.source}: {len(self)} states in {np.ptp(self.times):.3g} s, "
+            f"tilt up to {np.degrees(self.tilt.max()):.3g}°, up to {away:.3g} mm from where it was commanded>"
+        )
 
 
 class PlatformFell(CdprError):

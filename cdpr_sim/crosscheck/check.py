@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
 from cdpr_sim.core import memory
+from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.pose import angle_between, poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.rests import Rests
@@ -66,7 +67,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Check:
+class Check(Introduced):
     """The two roads over a whole workspace.
 
     Attributes:
@@ -84,7 +85,11 @@ class Check:
         return not self.findings
 
     def across(self, axis: str = "y") -> xr.Dataset:
-        """The worst outcome and the largest error of agreeing poses along ``axis``: a plane, to be drawn as a map."""
+        """The worst outcome and the largest error of agreeing poses along ``axis``: a plane, to be drawn as a map.
+
+        Returns:
+            The dataset without ``axis``.
+        """
         agree = self.dataset["outcome"] == OUTCOMES.index("agree")
         errors = [name for name in _MEANINGS if name != "outcome"]
         worst = self.dataset[errors].where(agree).assign(outcome=self.dataset["outcome"]).max(axis, keep_attrs=True)
@@ -92,6 +97,12 @@ class Check:
         worst = worst.expand_dims({axis: [float(middle)]}).assign_coords(frame=self.dataset["frame"])
         worst[axis].attrs = {"units": "m", "section": f"the worst along {axis}"}
         return worst
+
+    def __repr__(self) -> str:
+        poses = self.dataset["outcome"].size
+        robots = ", ".join(repr(str(name)) for name in np.atleast_1d(self.dataset["robot"].values))
+        said = "no disagreement" if self.agrees else f"{len(self.findings):,} poses do not agree"
+        return f"<Check of {robots}: {poses:,} poses, {said}>"
 
 
 def check(
@@ -110,6 +121,9 @@ def check(
         materials: names of the catalogue, or {name: EA [N]}; default: each robot's own.
         threads: for MuJoCo; 0 for one per processor.
         progress: show a progress bar on standard error.
+
+    Returns:
+        Outcome and errors at every pose, and each pose at which the two roads do not agree.
 
     Raises:
         InvalidInput: a grid or names that cannot be right.
@@ -208,13 +222,13 @@ def compare_many(
     if not rows.size:
         return columns, within
     problems = solved.problems.take(rows)
-    static, rested = _poses(solved, rows), _poses(settled, rows)
+    static, rested = ((rests.positions[rows], rests.rotations[rows]) for rests in (solved, settled))
     errors = {
-        "position_error": np.linalg.norm(static.translation - rested.translation, axis=-1),
-        "rotation_error": (static.rotation * rested.rotation.inv()).magnitude(),
+        "position_error": np.linalg.norm(static[0] - rested[0], axis=-1),
+        "rotation_error": angle_between(static[1], rested[1]),
         "tension_error": np.abs(solved.tensions[rows] - settled.tensions[rows]).max(-1),
-        "static_in_mujoco": residuals_of(problems, static, threads=threads),
-        "settled_in_statics": np.asarray(forces.at(problems, rested.translation, rested.rotation.as_matrix()).residual),
+        "static_in_mujoco": residuals_of(problems, poses_of(*static), threads=threads),
+        "settled_in_statics": np.asarray(forces.at(problems, *rested).residual),
     }
     near = [np.abs(one.lengths - one.rest_lengths)[rows] <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
     same_slack = ~((solved.slack != settled.slack)[rows] & ~near[0] & ~near[1]).any(-1)
@@ -230,10 +244,6 @@ def compare_many(
     for name, column in errors.items():
         columns[name][rows] = column
     return columns, within
-
-
-def _poses(rests: Rests, rows: np.ndarray) -> RigidTransform:
-    return RigidTransform.from_components(rests.positions[rows], Rotation.from_matrix(rests.rotations[rows]))
 
 
 def _outcome(solved: Rests, settled: Rests, row: int) -> tuple[str, tuple[str, ...]]:

@@ -11,6 +11,8 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.pose import angle_between
 from cdpr_sim.physics.settle import residual_of
 from cdpr_sim.statics import forces
 
@@ -48,7 +50,7 @@ class Verdict(enum.Enum):
 
 
 @dataclass(frozen=True)
-class Agreement:
+class Agreement(Introduced):
     """Static and physical equilibrium of one problem, side by side.
 
     Attributes:
@@ -76,6 +78,13 @@ class Agreement:
         """Whether the two roads agree."""
         return self.verdict in (Verdict.AGREE, Verdict.AGREE_BUT_FREE)
 
+    def __repr__(self) -> str:
+        return (
+            f"<Agreement: {self.verdict.value}: {1e3 * self.position_error:.1e} mm, "
+            f"{np.degrees(self.rotation_error):.1e}° and {self.tension_error:.1e} N apart, "
+            f"{'the same' if self.same_slack else 'other'} cables slack>"
+        )
+
 
 def compare(
     static: Equilibrium,
@@ -94,6 +103,9 @@ def compare(
         rotation_tolerance: [rad].
         tension_tolerance: [N].
 
+    Returns:
+        The verdict with its reasons, and how far the two are apart [m, rad, N].
+
     Raises:
         InvalidInput: the two answer different problems.
     """
@@ -105,14 +117,12 @@ def compare(
         raise InvalidInput("compare: found equilibria of two problems, expected the same robot, rest lengths and load")
     differences = {
         "position": (np.linalg.norm(static.position - settled.position), position_tolerance, "m"),
-        "rotation": ((static.rotation * settled.rotation.inv()).magnitude(), rotation_tolerance, "rad"),
+        "rotation": (angle_between(static.rotation_matrix, settled.rotation_matrix), rotation_tolerance, "rad"),
         "tension": (np.abs(static.tensions - settled.tensions).max(), tension_tolerance, "N"),
     }
     cross = {
-        "MuJoCo at the static pose": residual_of(problem, static.pose),
-        "statics at the settled pose": float(
-            forces.at(problem, settled.position, settled.rotation.as_matrix()).residual
-        ),
+        "MuJoCo at the static pose": residual_of(problem, static.at),
+        "statics at the settled pose": float(forces.at(problem, settled.position, settled.rotation_matrix).residual),
     }
     slack_differs = (static.slack != settled.slack) & ~(_at_rest_length(static) | _at_rest_length(settled))
 

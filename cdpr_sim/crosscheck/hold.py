@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from cdpr_sim.analysis.compensation import Compensation
 from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import distance
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.physics.settle import settle
@@ -16,7 +17,7 @@ the edge of what is reachable, where one direction is hardly held, 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
-class Hold:
+class Hold(Introduced):
     """What MuJoCo says of a compensation.
 
     Attributes:
@@ -62,11 +63,22 @@ class Hold:
         arm = self.compensation.equilibrium.problem.robot.characteristic_length
         return f"rests {1e3 * distance(rest.pose, self.compensation.pose, arm):.3g} mm from there"
 
+    def __repr__(self) -> str:
+        return (
+            f"<Hold: MuJoCo {'confirms the compensation' if not self.reasons else 'says: ' + '; '.join(self.reasons)}>"
+        )
+
 
 def confirm(compensation: Compensation) -> Hold:
     """Let the platform go in MuJoCo on compensated lengths, at the compensated pose and at the commanded one.
 
     The distance between two rests counts rotations by the characteristic length.
+
+    Args:
+        compensation: from ``compensate``.
+
+    Returns:
+        Where MuJoCo's platform rests in either case, and what it does not confirm.
     """
     problem = compensation.equilibrium.problem
 

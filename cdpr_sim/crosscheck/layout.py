@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.check import compare_many
@@ -40,7 +41,7 @@ class Side:
 
 
 @dataclass(frozen=True, eq=False)
-class Proof:
+class Proof(Introduced):
     """Both layouts settled in MuJoCo, at the poses that were asked and midway between them.
 
     Attributes:
@@ -84,9 +85,21 @@ class Proof:
             told.append("Between the poses it is no better than before: ask for more poses.")
         return (*told, PROMISE)
 
+    def __repr__(self) -> str:
+        said = "both roads agree" if self.agrees else "the roads do not agree"
+        name, poses = self.found.given.name, len(self.cases)
+        return f"<Proof of {name!r}: {'better' if self.better else 'no better'} in MuJoCo at {poses} poses, {said}>"
+
 
 def prove_layout(found: Layout) -> Proof:
-    """Settle both layouts in MuJoCo, at the poses that were asked and midway between them, and compare with statics."""
+    """Settle both layouts in MuJoCo, at the poses that were asked and midway between them, and compare with statics.
+
+    Args:
+        found: from ``find_layout``.
+
+    Returns:
+        What MuJoCo finds of both layouts, and ``sentences`` for people.
+    """
     cases = found.cases.finer()
     return Proof(found, cases, *(_side(robot, cases, found.objective) for robot in (found.given, found.robot)))
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import Frozen, whole
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layouts import Cases, Layouts
@@ -25,7 +26,7 @@ LOST = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Front(Frozen):
+class Front(Frozen, Introduced):
     """Layouts none of which is better in both goals, the best in the first goal first.
 
     Attributes:
@@ -53,15 +54,27 @@ class Front(Frozen):
         return len(self.scores)
 
     def thinned(self, most: int) -> Front:
-        """At most so many of them, evenly along the front."""
+        """At most so many of them, evenly along the front.
+
+        Returns:
+            A front of ``most`` layouts or fewer.
+        """
         if len(self) <= most:
             return self
         rows = np.linspace(0, len(self) - 1, most).round().astype(int)
         return dataclasses.replace(self, scores=self.scores[rows], layouts=self.layouts.take(rows))
 
     def robot(self, row: int) -> Robot:
-        """One of them."""
+        """One of them.
+
+        Returns:
+            The robot with the layout of that row of ``scores``.
+        """
         return named(self.layouts.robot_at(row), *self.objectives)
+
+    def __repr__(self) -> str:
+        one, other = self.objectives
+        return f"<Front of {self.given.name!r}: {len(self)} layouts, {one.name} against {other.name}>"
 
 
 def find_front(
@@ -98,6 +111,9 @@ def find_front(
         population: layouts of each generation, and of the front at most.
         progress: say how far it is on standard error.
         threads: of the compiled solver; default: one for each core.
+
+    Returns:
+        The layouts of the front with their scores, (layouts, 2) in SI units.
 
     Raises:
         InvalidInput: as ``find_layout``; or pymoo is not installed.

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core.checks import Frozen
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layouts import Cases, LayoutRests
 from cdpr_sim.design.objectives import Objective
@@ -34,7 +35,7 @@ class Moved:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout(Frozen):
+class Layout(Frozen, Introduced):
     """The best layout that was found.
 
     Attributes:
@@ -96,4 +97,11 @@ class Layout(Frozen):
         return (
             f"{self.given.name}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, with points "
             f"moved by at most {1e3 * self.distance:.3g} mm. {self.message} {PROMISE}"
+        )
+
+    def __repr__(self) -> str:
+        of = self.objective
+        return (
+            f"<Layout of {self.given.name!r}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, "
+            f"points moved by at most {1e3 * self.distance:.3g} mm>"
         )

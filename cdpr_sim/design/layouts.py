@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from cdpr_sim.core import cable_law
+from cdpr_sim.core import cable_law, memory
 from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS
 from cdpr_sim.core.cable_path import path, pulley_path
 from cdpr_sim.core.checks import Frozen, checked_array
@@ -31,6 +31,9 @@ from cdpr_sim.statics.balance_kernel import BALANCED, shortfall_gufunc
 from cdpr_sim.statics.heavy_kernel import heavy_gufunc
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
+
+BYTES_PER_CABLE = 100
+"""Of one rest, for each cable: so much was measured of searches over 2,000 poses."""
 
 LEAST_WORK = 2000
 """Equilibria per thread: some ten milliseconds, long beside what starting a thread takes."""
@@ -281,7 +284,14 @@ def rest(layouts: Layouts, cases: Cases, threads: int | None = None) -> LayoutRe
         layouts: the robots.
         cases: what each is asked.
         threads: how many; default: one for each core.
+
+    Raises:
+        InvalidInput: more than fit into memory.
     """
+    need = float(len(layouts)) * len(cases) * layouts.robot.cables * BYTES_PER_CABLE
+    if need > 1e8:
+        what = f"poses: {len(cases):,} of them in each of {len(layouts):,} layouts"
+        memory.refuse_beyond(what, need, "fewer poses or layouts")
     threads = (os.cpu_count() or 1) if threads is None else threads
     pieces = max(1, min(2 * threads, len(layouts), len(layouts) * len(cases) // LEAST_WORK))
     if pieces == 1 or threads == 1:

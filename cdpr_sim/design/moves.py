@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.checks import checked_array, refuse_far
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layouts import Layouts
@@ -50,6 +50,7 @@ class Move:
         if self.within is None:
             raise InvalidInput(f"within: found none for {self.what}, expected how far it may move")
         within = checked_array("within", self.within, None)
+        refuse_far("within", within)
         if self.what in FACTORS:
             if self.along is not None:
                 raise InvalidInput(f"along: found a line for {self.what}, expected it for places alone")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -389,11 +391,13 @@ def _resumed(store: Path, identity: str) -> tuple[int, np.ndarray, np.ndarray]:
     Raises:
         InvalidInput: no such file, or that of another question.
     """
+    if not store.is_file():
+        raise InvalidInput(f"{store}: found a folder, a pipe or a device, expected the store of a search or a new name")
     try:
-        with np.load(store, allow_pickle=False) as kept:
+        with open(store, "rb") as file, np.load(file, allow_pickle=False) as kept:
             same, found = str(kept["identity"]), (int(kept["done"]), kept["crowd"], kept["history"])
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise InvalidInput(f"{store}: is not the store of a search for a layout: {error}") from None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+        raise InvalidInput(f"{store}: found a file that is not the store of a search, or a damaged one") from None
     if same != identity:
         raise InvalidInput(
             f"{store}: holds the search of another question (robot, poses, bounds, objective or seed), expected the "

@@ -18,13 +18,14 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
 from mujoco.batch import Batch
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.pose import poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import cables, pulleys
-from cdpr_sim.physics.mjcf import coordinates, to_mjcf
+from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 
 MASS_IN_UNITS = 2.0**30
 """The platform's mass, in the unit of mass that MuJoCo is given. Its discrete integrator ends each step's iteration
@@ -48,9 +49,15 @@ Only at the end it must not want to: what turns a wheel belongs to the residual.
 class Observation:
     """What MuJoCo says of each row's pose and cables."""
 
-    poses: RigidTransform
+    positions: Float[np.ndarray, "rows 3"]
+    rotations: Float[np.ndarray, "rows 3 3"]
     lengths: Float[np.ndarray, "rows cables"]
     tensions: Float[np.ndarray, "rows cables"]
+
+    @property
+    def poses(self) -> RigidTransform:
+        """The poses, a stack of (rows,)."""
+        return poses_of(self.positions, self.rotations)
 
 
 @dataclass(frozen=True)
@@ -80,8 +87,9 @@ class Simulations:
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self._smooth, self._damper = self.batch.bind("qfrc_smooth"), self.batch.bind("qfrc_damper")
         self._spring, self._jacobian = self.batch.bind("qfrc_spring"), self.batch.bind("ten_J")
+        self._entry_cables = np.repeat(np.arange(model.ntendon), model.ten_J_rownnz)
         self._lengths = self.batch.bind("ten_length")
-        self._xpos, self._xquat, self._xmat = (self.batch.bind(name) for name in ("xpos", "xquat", "xmat"))
+        self._xpos, self._xmat = self.batch.bind("xpos"), self.batch.bind("xmat")
         self._loads = self.batch.bind("xfrc_applied")
         if len(self.swivels):
             self._anchors, self._quaternions = self.batch.bind("site_xpos"), self.batch.expand("body_quat")
@@ -93,7 +101,7 @@ class Simulations:
     def start(self, problems: Problems, *, own_springs: bool) -> None:
         """Put each row at its problem's pose, with zero velocity, its load and, unless ``own_springs``, its springs."""
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        self.place(problems.poses)
+        self.place(problems.positions, problems.rotations)
         self.wrenches = np.broadcast_to(problems.external_wrench, (len(problems), 6))
         if self.wrenches.any():
             if self._origin < 0:
@@ -107,10 +115,10 @@ class Simulations:
                 self.polynomials[:] = cables.polynomials(stiffness, self.robot.cabling.stiffening, rest) / self.unit
         self.armature[:] = self.model.dof_armature
 
-    def place(self, poses: RigidTransform) -> None:
+    def place(self, positions: Float[np.ndarray, "*#rows 3"], rotations: Float[np.ndarray, "*#rows 3 3"]) -> None:
         """Put each row's platform at its pose, with the wheels turned towards it."""
-        starts = np.array([coordinates(self.robot, pose) for pose in poses])
-        self.qpos[:, : starts.shape[1]] = starts
+        starts = coordinates_of(self.robot, positions, rotations)
+        self.qpos[:, : starts.shape[-1]] = starts
         self.turn_wheels()
 
     def turn_wheels(self, rows: Bool[np.ndarray, " rows"] | None = None) -> None:
@@ -163,10 +171,15 @@ class Simulations:
 
         Torques are divided by the robot's characteristic length.
         """
-        forces = self.accelerating
+        return self._in_base_frame(self.accelerating, self.rotations)
+
+    def _in_base_frame(
+        self, forces: Float[np.ndarray, "*batch free"], rotations: Float[np.ndarray, "*batch 3 3"]
+    ) -> Float[np.ndarray, "*batch free"]:
+        """``forces`` of accelerating ones, which are overwritten, on platforms that are turned so."""
         if self.robot.mobility == "spatial":  # a free joint's torque is in the body frame
-            forces[:, 3:] = np.einsum("nij,nj->ni", self.rotations, forces[:, 3:])
-        forces[:, self.angular] /= self.length
+            forces[..., 3:] = (rotations @ forces[..., 3:, None])[..., 0]
+        forces[..., self.angular] /= self.length
         return forces
 
     @property
@@ -201,20 +214,18 @@ class Simulations:
         self.qpos[:] = qpos
         residuals = self.residuals()
         seen, off_wheel = self._observed(), self.off_wheel
-        return Reading(seen.poses, seen.lengths, seen.tensions, residuals, *self._stiffness(), off_wheel)
+        return Reading(*seen, residuals, *self._stiffness(), off_wheel)
 
     def observe(self, qpos: Float[np.ndarray, "rows coordinates"]) -> Observation:
         """Each row's pose and cables at ``qpos``: ``read`` without the balance, for motions of many states."""
         self.qpos[:], self.qvel[:] = qpos, 0
         self.batch.forward()
-        return self._observed()
+        return Observation(*self._observed())
 
-    def _observed(self) -> Observation:
-        lengths = self._lengths - self.entries
-        poses = RigidTransform.from_components(
-            self._xpos[:, self._platform], Rotation.from_quat(self._xquat[:, self._platform], scalar_first=True)
-        )
-        return Observation(poses, lengths, self._tensions())
+    def _observed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """What an observation consists of."""
+        at, lengths = self._xpos[:, self._platform].copy(), self._lengths - self.entries
+        return at, self.rotations.copy(), lengths, self._tensions()
 
     def _tensions(self) -> Float[np.ndarray, "rows cables"]:
         """Tension [N] of each cable: MuJoCo's spring force with only that spring switched on, along its tendon.
@@ -222,18 +233,19 @@ class Simulations:
         qfrc_spring = -J' tau, hence tau = -(J . qfrc_spring) / (J . J): negative, were a cable to push.
         """
         all_springs, all_polynomials = self.springs.copy(), self.polynomials.copy()
-        tensions = np.empty_like(all_springs)
+        forces = np.empty((self.robot.cables, *self._spring.shape))
         for cable in range(self.robot.cables):
             self.springs[:] = self.polynomials[:] = 0
             self.springs[:, cable], self.polynomials[:, cable] = all_springs[:, cable], all_polynomials[:, cable]
             self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
-            first, entries = self.model.ten_J_rowadr[cable], self.model.ten_J_rownnz[cable]
-            row = self._jacobian[:, first : first + entries]
-            force = self._spring[:, self.model.ten_J_colind[first : first + entries]]
-            # The two are parallel. Where J vanishes, at an anchor on its exit, so does the spring's force.
-            tensions[:, cable] = -(row * force).sum(1) / np.maximum((row * row).sum(1), np.finfo(float).tiny)
+            forces[cable] = self._spring
         self.springs[:], self.polynomials[:] = all_springs, all_polynomials
-        return tensions * self.unit + 0.0  # no negative zero
+        jacobian = np.zeros_like(forces)
+        jacobian[self._entry_cables, :, self.model.ten_J_colind] = self._jacobian.T
+        # The two are parallel. Where J vanishes, at an anchor on its exit, so does the spring's force.
+        squares = (jacobian * jacobian).sum(-1)
+        tensions = -(jacobian * forces).sum(-1) / np.maximum(squares, np.finfo(float).tiny)
+        return tensions.T * self.unit + 0.0  # no negative zero
 
     def _stiffness(self) -> tuple[Float[np.ndarray, "rows free"], Float[np.ndarray, "rows free"]]:
         """Eigenvalues [N/m], ascending, of how MuJoCo's force gives way at the present poses; the softest direction.
@@ -252,21 +264,22 @@ class Simulations:
         rest, rotations = self.qpos.copy(), self.rotations.copy()
         step = DIFFERENCE * (length - self.entries).mean(1)
         free = self.free
-        stiffness = np.empty((len(rest), free, free))
-        for j, sign in ((j, sign) for j in range(free) for sign in (1, -1)):
-            moves = np.zeros((len(rest), self.model.nv))
-            moves[:, j] = sign * step
-            moves[:, self.angular] /= self.length
-            if free == 6:
-                moves[:, 3:6] = np.einsum("nji,nj->ni", rotations, moves[:, 3:6])
-            for row, move in enumerate(moves):
-                moved = rest[row].copy()
-                mujoco.mj_integratePos(self.model, moved, move, 1)
-                self.qpos[row] = moved
+        directions, ways = np.tile(np.arange(free), 2), np.repeat([1.0, -1.0], free)
+        moves = np.zeros((2 * free, len(rest), self.model.nv))
+        moves[np.arange(2 * free), :, directions] = ways[:, None] * step
+        moves[..., self.angular] /= self.length
+        if free == 6:
+            moves[..., 3:6] = (moves[..., None, 3:6] @ rotations)[..., 0, :]
+        pushed, turned = np.empty((2 * free, len(rest), free)), np.empty((2 * free, *rotations.shape))
+        for i, displaced in enumerate(moves):
+            self.qpos[:] = rest
+            for coordinates, move in zip(self.qpos, displaced, strict=True):
+                mujoco.mj_integratePos(self.model, coordinates, move, 1)
             self.turn_wheels()
             self.batch.forward()
-            change = -self.forces / (2 * step[:, None])
-            stiffness[:, :, j] = change if sign > 0 else stiffness[:, :, j] - change
+            pushed[i], turned[i] = self.accelerating, self.rotations
+        forces = self._in_base_frame(pushed, turned)
+        stiffness = np.moveaxis((forces[free:] - forces[:free]) / (2 * step[:, None]), 0, -1)
         self.qpos[:], self.band[:], self.springs[:], self.polynomials[:] = rest, band, springs, polynomials
         known = np.isfinite(stiffness).all((1, 2))
         eigenvalues, directions = np.full((2, len(rest), free), np.nan)

@@ -20,6 +20,7 @@ This is the law's second coding: the mathematics has its own in ``core.cable_law
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
@@ -111,8 +112,14 @@ def pull(
     return stiffnesses * np.maximum(lengths - bands[:, :, 1], 0)
 
 
-def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, " cables"]) -> None:
-    """Set a model's cables to ``rest_lengths`` [m], as winches do."""
-    model.tendon_lengthspring[:, 1] = rest_lengths + pulleys.entries(cabling)
-    model.tendon_stiffness[:] = springs(cabling.axial_stiffness, rest_lengths)
-    model.tendon_stiffnesspoly[:] = polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
+def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, "steps cables"]) -> Iterator[None]:
+    """Set a model's cables to one row of ``rest_lengths`` [m] after the other, as winches do."""
+    ends, stiffnesses, further = model.tendon_lengthspring[:, 1], model.tendon_stiffness, model.tendon_stiffnesspoly
+    lengths = rest_lengths + pulleys.entries(cabling)
+    pulls = springs(cabling.axial_stiffness, rest_lengths)
+    bends = None if cabling.linear else polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
+    for step in range(len(lengths)):
+        ends[:], stiffnesses[:] = lengths[step], pulls[step]
+        if bends is not None:
+            further[:] = bends[step]
+        yield

@@ -86,6 +86,9 @@ def drive(
             in between, their difference from the rigid lengths changes evenly. Default: the rigid lengths.
         progress: called now and then with the fraction done, 0 to 1.
 
+    Returns:
+        The motion, (states,) of them, where MuJoCo's platform was, with its tensions [N], and what was commanded then.
+
     Raises:
         InvalidInput: waypoints, rest lengths, a duration or a number of states that cannot be right; cables that have
             weight.
@@ -170,8 +173,8 @@ def _simulate(
     for k, rest_lengths in enumerate(problems.rest_lengths):
         if k > 0:
             # The lengths that hold at the end of each time step, as an implicit integrator wants them.
-            for rest in path.winches((k - 1 + np.arange(1, steps + 1) / steps) / intervals):
-                let_out(model, robot.cabling, rest)
+            rest = path.winches((k - 1 + np.arange(1, steps + 1) / steps) / intervals)
+            for _ in let_out(model, robot.cabling, rest):
                 mujoco.mj_step(model, data)
         qpos[k] = data.qpos
         mujoco.mj_kinematics(model, data)

@@ -65,6 +65,9 @@ def to_mjcf(
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
         winches: let ``ctrl`` wind the cables.
 
+    Returns:
+        An MJCF document, which ``mujoco.MjModel.from_xml_string`` compiles; its numbers parse back to the very same.
+
     Raises:
         InvalidInput: a pose or a length that cannot be right; winches on cables that weigh something.
     """
@@ -113,6 +116,13 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
     """A scene around the model in ``robot_file``: the robot's frame, a floor, light and two cameras, as MJCF text.
 
     Nothing in it collides or has mass: it changes the picture and not the physics.
+
+    Args:
+        robot: the robot.
+        robot_file: the name of the file that ``to_mjcf``'s text is saved in.
+
+    Returns:
+        An MJCF document that includes ``robot_file`` from the folder that it is saved in.
     """
     lower, upper = robot.frame
     center, diagonal = (lower + upper) / 2, float(np.linalg.norm(upper - lower)) or 1.0
@@ -143,12 +153,23 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
     return _document(root)
 
 
-def coordinates(robot: Robot, pose: RigidTransform) -> np.ndarray:
+def coordinates(robot: Robot, pose: RigidTransform) -> Float[np.ndarray, " coordinates"]:
     """MuJoCo's ``qpos`` of the platform at ``pose``: (x, y, z, quaternion w x y z), or planar (x, z, beta)."""
+    return coordinates_of(robot, pose.translation, pose.rotation.as_matrix())
+
+
+def coordinates_of(
+    robot: Robot, positions: Float[np.ndarray, "*batch 3"], rotations: Float[np.ndarray, "*#batch 3 3"]
+) -> Float[np.ndarray, "*batch coordinates"]:
+    """``coordinates`` at many poses."""
     if robot.mobility == "planar":
-        along = pose.rotation.as_matrix()[:, 0]
-        return np.array([pose.translation[0], pose.translation[2], np.arctan2(-along[2], along[0])])
-    return np.concatenate([pose.translation, pose.rotation.as_quat(scalar_first=True)])
+        beta = np.arctan2(-rotations[..., 2, 0], rotations[..., 0, 0])
+        return np.stack(np.broadcast_arrays(positions[..., 0], positions[..., 2], beta), axis=-1)
+    quaternions = np.empty((*positions.shape[:-1], 4))
+    matrices = np.broadcast_to(rotations, (*positions.shape, 3))
+    for quaternion, matrix in zip(quaternions.reshape(-1, 4), matrices.reshape(-1, 9), strict=True):
+        mujoco.mju_mat2Quat(quaternion, matrix)
+    return np.concatenate([positions, quaternions], axis=-1)
 
 
 def since_written(

@@ -6,13 +6,16 @@ and cables, from the commanded pose at zero velocity, in a medium whose damping 
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from jaxtyping import Bool, Float
 from mujoco.batch import SimulationError
 
+from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, Status
-from cdpr_sim.physics.batch import Simulations
+from cdpr_sim.physics.batch import MOST_IDLE, Simulations
 
 RESIDUAL = 1e-9
 """Largest unbalanced force at rest, as a fraction of the load (the weight, or the external wrench where larger)."""
@@ -133,10 +136,8 @@ class Relaxation:
                 load = np.where(self.strained, np.maximum(simulations.pull, self.load), self.load)
                 self.swing = np.sqrt(load / simulations.robot.mass / self.length)
             simulations.timestep[:] = self.step / self.swing
-            simulations.damping[:, : simulations.free] = (
-                2 * (self.ratio * self.swing)[:, None] * self.inertia / simulations.unit
-            )
-            self.qpos[self.live] = simulations.qpos[self.live]
+            simulations.damping[:, : simulations.free] = (self.ratio * self.swing)[:, None] * self.twice_inertia
+            np.copyto(self.qpos, simulations.qpos, where=self.live[:, None])
             self._advance()
             self._judge()
             self._adapt()
@@ -153,7 +154,7 @@ class Relaxation:
                     self.frames.append((float(batch.time[0]), self.simulations.qpos[0].copy()))
         except SimulationError as error:
             self._end(np.isin(np.arange(len(self.live)), error.ids), Status.DIVERGED, self.qpos)
-        self.steps[self.live] += CHUNK
+        self.steps += CHUNK * self.live
         if batch.warning[:, :, 1].any():
             self._end(self.live & batch.warning[:, :, 1].any(1), Status.DIVERGED, self.qpos)
 
@@ -183,18 +184,20 @@ class Relaxation:
         self.status[rows] = status
 
     def _adapt(self) -> None:
-        force = self.simulations.accelerating / self.root_inertia
         velocity = self.simulations.qvel[:, : self.simulations.free] * self.root_inertia
         better = self.residual < BETTER * self.best
-        slow = ~better & _parallel(force, velocity) & _parallel(velocity, self.velocity)
+        slow = ~better
+        if slow.any():
+            force = self.simulations.accelerating / self.root_inertia
+            slow &= _parallel(force, velocity) & _parallel(velocity, self.velocity)
         self.velocity = velocity
         going = better | slow
         self.patience = np.where(going, 0, self.patience + 1)
         rattling = self.patience >= PATIENCE
-        self.step = np.clip(self.step * np.where(rattling, 0.6, np.where(going, 1.2, 1.0)), SHORTEST_STEP, LONGEST_STEP)
-        self.ratio = np.clip(
-            self.ratio * np.where(rattling, 1.5, np.where(slow, 0.9, 1.0)), LEAST_DAMPING, MOST_DAMPING
-        )
+        longer, thinner = np.where(rattling, 0.6, np.where(going, 1.2, 1.0)), np.where(slow, 0.9, 1.0)
+        self.step = np.minimum(np.maximum(self.step * longer, SHORTEST_STEP), LONGEST_STEP)
+        self.ratio = self.ratio * np.where(rattling, 1.5, thinner)
+        self.ratio = np.minimum(np.maximum(self.ratio, LEAST_DAMPING), MOST_DAMPING)
         self.best = np.where(going | rattling, self.residual, self.best)
         self.patience[rattling] = 0
         if not (self.heavy or rattling.any()):
@@ -212,15 +215,16 @@ class Relaxation:
         self.heavy = bool((added > 0).any()) or self.heavy
         simulations.armature[:, simulations.angular] += added / simulations.unit
         self.inertia[:, simulations.angular] += added
-        self.root_inertia = np.sqrt(self.inertia)
+        self.root_inertia, self.twice_inertia = np.sqrt(self.inertia), 2 * self.inertia / simulations.unit
 
 
 def _parallel(a: Float[np.ndarray, "rows free"], b: Float[np.ndarray, "rows free"]) -> Bool[np.ndarray, " rows"]:
-    return (a * b).sum(1) > ALONG * np.sqrt((a * a).sum(1) * (b * b).sum(1))
+    return np.vecdot(a, b) > ALONG * np.sqrt(np.vecdot(a, a) * np.vecdot(b, b))
 
 
+@functools.lru_cache(maxsize=MOST_IDLE)
 def _inertias(robot: Robot) -> Float[np.ndarray, " free"]:
     """Mass [kg] and moments of inertia about the platform's axes [kg m²], per free direction, for the damping."""
     offset = robot.center_of_mass
     about_origin = robot.inertia + robot.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
-    return np.concatenate([np.full(3, robot.mass), np.diag(about_origin)])[list(robot.free_directions)]
+    return frozen(np.concatenate([np.full(3, robot.mass), np.diag(about_origin)])[robot.free])

@@ -24,6 +24,7 @@ from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import chains, pulleys
 from cdpr_sim.physics.batch import simulations_of
+from cdpr_sim.physics.drive import MOST_SECONDS
 from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.settle import settle
 
@@ -66,11 +67,25 @@ class Release:
         """Whether it strayed a hundred times as far as it was displaced."""
         return self.strayed >= LEAVES * self.nudge
 
+    def __repr__(self) -> str:
+        said = "stays" if self.stays else "leaves" if self.leaves else "neither stays nor leaves"
+        return (
+            f"<Release: {said}: strayed {1e6 * self.strayed:.3g} µm in {self.seconds:.3g} s, nudged by "
+            f"{1e6 * self.nudge:.3g} µm>"
+        )
+
 
 def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     """Displace the platform a micrometre along its softest direction, let it go undamped, and see how far it strays.
 
     Stops as soon as it has left.
+
+    Args:
+        equilibrium: of either road, stable or not.
+        seconds: how long it is watched at most.
+
+    Returns:
+        How far it strayed [m], and so whether it ``stays`` or ``leaves``.
 
     Raises:
         InvalidInput: an equilibrium under an external wrench, or on cables that have weight.
@@ -79,7 +94,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     robot, pose = problem.robot, equilibrium.pose
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity alone")
-    seconds, arm = positive("seconds", seconds, "s"), robot.characteristic_length
+    seconds, arm = _duration(seconds), robot.characteristic_length
     chains.refuse_weight(robot, "releasing a platform")
     with simulations_of(Problems.stack([dataclasses.replace(problem, pose=pose)])) as simulations:
         softest = simulations.read(simulations.qpos.copy()).softest[0]
@@ -116,6 +131,9 @@ def grow_gravity(
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
         seconds: how long gravity grows.
 
+    Returns:
+        The equilibrium at which MuJoCo's platform comes to rest under all of gravity.
+
     Raises:
         InvalidInput: an argument that cannot be right; cables that have weight.
         NotSettled: it does not come to rest, or MuJoCo warns of its motion.
@@ -123,8 +141,7 @@ def grow_gravity(
     problem = Problem.of(robot, pose, rest_lengths)
     if problem.external_wrench.any():
         raise InvalidInput("external_wrench: found one, expected gravity alone, which grows")
-    seconds = positive("seconds", seconds, "s")
-    robot = problem.robot
+    seconds, robot = _duration(seconds), problem.robot
     chains.refuse_weight(robot, "growing gravity")
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, problem.pose, problem.rest_lengths))
     data = mujoco.MjData(model)
@@ -137,6 +154,12 @@ def grow_gravity(
     if any(warning.number for warning in data.warning):
         raise NotSettled(f"{robot.name}: MuJoCo found its motion unstable while gravity grew")
     return settle(robot, _pose(data), problem.rest_lengths)
+
+
+def _duration(seconds: float) -> float:
+    if positive("seconds", seconds, "s") > MOST_SECONDS:
+        raise InvalidInput(f"seconds: found {seconds:g}, expected more than 0 and at most {MOST_SECONDS:g}")
+    return float(seconds)
 
 
 def _pose(data: mujoco.MjData) -> RigidTransform:

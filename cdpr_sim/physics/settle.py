@@ -22,7 +22,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.checks import whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose import PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
@@ -57,6 +57,9 @@ def settle(
         model: settle this model of the robot instead of the generated one, with the springs, masses and gravity that
             it has. Its names must be those of ``to_mjcf``.
 
+    Returns:
+        The equilibrium by MuJoCo's own pose, forces and stiffness; its ``source`` is "mujoco".
+
     Raises:
         InvalidInput: a pose, a length or a wrench that cannot be right.
         NotSettled: it never comes to rest, or MuJoCo warns of its motion; carries the last state.
@@ -74,6 +77,16 @@ def settle_trajectory(
     model: mujoco.MjModel | None = None,
 ) -> tuple[Equilibrium, Trajectory]:
     """``settle``, and the motion that led there, time step by time step (their lengths vary).
+
+    Args:
+        robot: this and the rest as ``settle`` takes them.
+        pose: where the platform starts.
+        rest_lengths: (cables,) [m].
+        external_wrench: (6,) [N, N m].
+        model: settle this one instead.
+
+    Returns:
+        The equilibrium, as by ``settle``; and the motion, (steps,) with times [s].
 
     Raises:
         InvalidInput: a pose, a length or a wrench that cannot be right.
@@ -168,12 +181,9 @@ def residual_of(problem: Problem, pose: PoseLike, *, model: mujoco.MjModel | Non
     Raises:
         InvalidInput: a pose that cannot be right.
     """
-    at = RigidTransform.from_matrix(problem.robot.pose(pose).as_matrix()[None])
-    if _weighs(problem.robot, model):
-        return float(heavy.unbalanced(Problems.stack([problem]), at, model=model)[0])
-    with simulations_of(_without_weight(Problems.stack([problem])), model) as simulations:
-        simulations.place(at)
-        return float(simulations.residuals()[0])
+    at = problem.robot.placed(pose)
+    where = at.position[None], at.rotation_matrix[None]
+    return float(_residuals(Problems.stack([problem]), *where, model, threads=1)[0])
 
 
 def residuals_of(problems: Problems, poses: RigidTransform, *, threads: int = 0) -> Float[np.ndarray, " rows"]:
@@ -184,11 +194,20 @@ def residuals_of(problems: Problems, poses: RigidTransform, *, threads: int = 0)
         poses: a stack, one for each.
         threads: 0 for one per processor.
     """
-    if _weighs(problems.robot):
-        return heavy.unbalanced(problems, poses)
-    problems = _without_weight(problems)
-    with simulations_of(problems, None, threads) as simulations:
-        simulations.place(poses)
+    return _residuals(problems, poses.translation, poses.rotation.as_matrix(), None, threads)
+
+
+def _residuals(
+    problems: Problems,
+    positions: Float[np.ndarray, "rows 3"],
+    rotations: Float[np.ndarray, "rows 3 3"],
+    model: mujoco.MjModel | None,
+    threads: int,
+) -> Float[np.ndarray, " rows"]:
+    if _weighs(problems.robot, model):
+        return heavy.unbalanced(problems, poses_of(positions, rotations), model=model)
+    with simulations_of(_without_weight(problems), model, threads) as simulations:
+        simulations.place(positions, rotations)
         return simulations.residuals()
 
 
@@ -216,10 +235,10 @@ def _settled(
             reading = simulations.read(relaxation.qpos)
     # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
     relaxation.status[reading.off_wheel] = Status.DIVERGED
-    rests = Rests(
+    return Rests(
         problems=asked,
-        positions=np.array(reading.poses.translation),
-        rotations=reading.poses.rotation.as_matrix(),
+        positions=reading.positions,
+        rotations=reading.rotations,
         lengths=reading.lengths,
         tensions=reading.tensions,
         residuals=reading.residuals,
@@ -228,8 +247,6 @@ def _settled(
         source="mujoco",
         stiffness=reading.eigenvalues,
     )
-    rests.__dict__["poses"] = reading.poses
-    return rests
 
 
 def _settled_heavy(

@@ -24,7 +24,7 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
         rest_lengths: unstretched cable lengths l0, (..., cables) [m].
 
     Returns:
-        ``ctrl`` of the actuators ``winch_1``, ..., (..., cables): L/l0 - 1 with L the rigid lengths at ``pose``. Of
+        ``ctrl`` of the actuators ``winch_1``, ..., (..., cables), L/l0 - 1 with L the rigid lengths at ``pose``. Of
         cables that stiffen l (L/l0 - 1) [m], with l their length where MuJoCo's platform settles from ``pose``.
 
     Raises:

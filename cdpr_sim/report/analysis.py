@@ -68,15 +68,16 @@ def compensation_lengths(compensation: Compensation) -> str:
     return escape("Cables shorter by [mm]: ") + ", ".join(f"{value:.3f}" for value in shorter)
 
 
-def compensation_verdict(compensation: Compensation, hold: Hold) -> str:
-    """What compensation came to, and why, and what MuJoCo does not confirm, in a line each."""
-    color = "green" if compensation.exact and hold.held else "yellow" if hold.held else "red"
-    found = compensation.reach.value if hold.held else "what statics finds is not held in MuJoCo"
+def compensation_verdict(compensation: Compensation, hold: Hold | None = None) -> str:
+    """What compensation came to, and why, and what MuJoCo does not confirm if it was asked, in a line each."""
+    held = hold is None or hold.held
+    color = "green" if compensation.exact and held else "yellow" if held else "red"
+    found = compensation.reach.value if held else "what statics finds is not held in MuJoCo"
     head = f"[bold {color}]{found[0].upper() + found[1:]}[/]"
     if not compensation.exact:
         arm = f"a rotation counts as the way of a point {1e3 * compensation.arm:.0f} mm from the platform's origin"
         head += f": {1e3 * compensation.distance:.3f} mm away ({arm if compensation.arm else 'in position alone'})"
-    reasons = (*compensation.reasons, *hold.reasons)
+    reasons = (*compensation.reasons, *(hold.reasons if hold else ()))
     return "\n".join([head + ".", *(f"  - {escape(reason)}" for reason in reasons)])
 
 
@@ -118,15 +119,15 @@ def modes_table(modes: Modes) -> Table:
     return table
 
 
-def equilibria_table(found: Equilibria, releases: Sequence[Release], reached: int | None) -> Table:
-    """Lowest energy first, with what MuJoCo's platform does when it is let go there."""
+def equilibria_table(found: Equilibria, releases: Sequence[Release] = (), reached: int | None = None) -> Table:
+    """Lowest energy first, with what MuJoCo's platform does when it is let go there, if it was."""
     robot = found.problem.robot
     table = new_table(
         f"{robot.name}, {cables_in_words(robot, 'N')}:\nequilibria of the same cable lengths",
         "", "energy\n[mJ]", "x\n[mm]", "y\n[mm]", "z\n[mm]", "tilt\n[°]", "slack", "softest\n[N/m]", "ways\ndown",
-        "let go in\nMuJoCo", dense=True,
+        *(["let go in\nMuJoCo"] if releases else []), dense=True,
     )  # fmt: skip
-    for number, (one, energy, release) in enumerate(zip(found, found.energies, releases, strict=True)):
+    for number, (one, energy) in enumerate(zip(found, found.energies, strict=True)):
         x, y, z = 1e3 * one.position
         table.add_row(
             str(number + 1),
@@ -138,7 +139,7 @@ def equilibria_table(found: Equilibria, releases: Sequence[Release], reached: in
             str(int(one.slack.sum())),
             f"{one.eigenvalues[0]:.3g}",
             str(unstable_directions(one) or ""),
-            "stays" if release.stays else "leaves" if release.leaves else "neither",
+            *("stays" if one.stays else "leaves" if one.leaves else "neither" for one in releases[number : number + 1]),
             style="bold" if number == reached else "" if one.stable else "dim",
         )
     return table

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cdpr_sim.analysis.compensation import Compensation
-from cdpr_sim.analysis.equilibria import Equilibria, Following
-from cdpr_sim.analysis.identification import Identification
-from cdpr_sim.analysis.modes import Modes
-from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
 from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.robot import Robot
-from cdpr_sim.crosscheck.compare import Agreement
-from cdpr_sim.crosscheck.hold import Hold
-from cdpr_sim.physics.release import Release
 from cdpr_sim.report.crosscheck import Outcome, best_point
+
+if TYPE_CHECKING:
+    from cdpr_sim.analysis.compensation import Compensation
+    from cdpr_sim.analysis.equilibria import Equilibria, Following
+    from cdpr_sim.analysis.identification import Identification
+    from cdpr_sim.analysis.modes import Modes
+    from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
+    from cdpr_sim.core.problem import Problem
+    from cdpr_sim.core.robot import Robot
+    from cdpr_sim.crosscheck.compare import Agreement
+    from cdpr_sim.crosscheck.hold import Hold
+    from cdpr_sim.physics.release import Release
 
 
 def outcome(found: Outcome) -> dict[str, Any]:

@@ -74,6 +74,39 @@ def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
     return table
 
 
+def problem_table(problem: Problem) -> Table:
+    """What is asked: the commanded pose, how long each cable is, and the load."""
+    robot, wrench = problem.robot, problem.external_wrench
+    table = new_table(f"{robot.name}, {cables_in_words(robot, 'N')}, platform of {robot.mass:g} kg", "", "commanded")
+    for axis, value in zip("xyz", problem.pose.translation, strict=True):
+        table.add_row(escape(f"{axis} [mm]"), f"{1e3 * value:.3f}")
+    for axis, angle in zip("xyz", euler(problem.pose.rotation), strict=True):
+        table.add_row(escape(f"about {axis} [°]"), f"{np.degrees(angle):.3f}")
+    table.add_section()
+    for cable, length in enumerate(problem.rest_lengths, start=1):
+        table.add_row(escape(f"rest length {cable} [mm]"), f"{1e3 * length:.3f}")
+    table.add_section()
+    table.add_row(escape("weight [N]"), f"{robot.weight:.4f}")
+    if wrench.any():
+        for axis, force, torque in zip("xyz", wrench[:3], wrench[3:], strict=True):
+            table.add_row(escape(f"force along {axis} [N]"), f"{force:.4f}")
+            table.add_row(escape(f"torque about {axis} [N m]"), f"{torque:.4f}")
+    return table
+
+
+def agreement_table(agreement: Agreement) -> Table:
+    """How far the two roads are apart, and how much of the load each leaves unbalanced where the other rests."""
+    table = new_table("Statics and MuJoCo", "", "apart by")
+    table.add_row(escape("position [mm]"), f"{1e3 * agreement.position_error:.1e}")
+    table.add_row(escape("rotation [°]"), f"{np.degrees(agreement.rotation_error):.1e}")
+    table.add_row(escape("tension [N]"), f"{agreement.tension_error:.1e}")
+    table.add_row("slack cables", "the same" if agreement.same_slack else "[red]others[/]")
+    table.add_section()
+    table.add_row(escape("MuJoCo finds unbalanced where statics rests [N]"), f"{agreement.static_in_mujoco:.1e}")
+    table.add_row(escape("statics finds unbalanced where MuJoCo rests [N]"), f"{agreement.settled_in_statics:.1e}")
+    return table
+
+
 def line_table(title: str, settled: Iterable[Equilibrium], agreements: Sequence[Agreement]) -> Table:
     """One row per commanded pose: where the platform ends up, and how far the two roads are apart."""
     table = new_table(
@@ -110,6 +143,12 @@ def equilibrium_notes(found: Equilibrium) -> list[str]:
             f"to {robot.force_max[cable]:g} N."
         )
     return notes
+
+
+def said(agreement: Agreement) -> str:
+    """The verdict as a sentence."""
+    found = agreement.verdict.value
+    return f"[bold {'green' if agreement.agrees else 'red'}]{found[0].upper() + found[1:]}.[/]"
 
 
 def verdict(agreement: Agreement) -> str:

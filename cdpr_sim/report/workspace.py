@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from cdpr_sim.analysis.workspace.grids import AXES, extent_of
+from cdpr_sim.analysis.workspace.hull import Hull
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES, Check
 from cdpr_sim.report.tables import new_table
@@ -112,6 +113,16 @@ def check_lines(check: Check) -> Iterator[str]:
         yield escape(f"  {where}: {finding.outcome.replace('_', ' ')}{why}")
     if len(check.findings) > MOST_FINDINGS:
         yield f"  and {len(check.findings) - MOST_FINDINGS:,} more"
+
+
+def hull_table(hull: Hull) -> Table:
+    """The surface around a workspace in a few numbers."""
+    table = new_table("The border of a workspace", "", "")
+    table.add_row(escape("volume [m³]"), f"{hull.volume:.6g}")
+    table.add_row(escape("surface [m²]"), f"{hull.surface:.6g}")
+    table.add_row(escape("centroid [m]"), ", ".join(f"{value:.4g}" for value in hull.centroid))
+    table.add_row("triangles", f"{len(hull.triangles):,}")
+    return table
 
 
 def _median_and_worst(values: xr.DataArray) -> tuple[float, float]:

@@ -19,7 +19,6 @@ from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileErro
 from cdpr_sim.core.files import read_text
 from cdpr_sim.core.materials import ROPES, Material, line_stiffness, load_material
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
-from cdpr_sim.robots.importing import IMPORTED, import_robot
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
 Pair = tuple[Number, Number]
@@ -229,7 +228,11 @@ PAPER_ROBOTS = ("cogiro", "parallel", "planar-horizontal", "planar-vertical", "t
 
 
 def list_robots() -> tuple[str, ...]:
-    """Names of the robots that come with the package."""
+    """Names of the robots that come with the package.
+
+    Returns:
+        What ``load_robot`` knows by name, in alphabetical order.
+    """
     return tuple(sorted(Path(file.name).stem for file in _folder().iterdir() if file.name.endswith(".toml")))
 
 
@@ -238,6 +241,12 @@ def load_robot(name: str | Path) -> Robot:
 
     What ``import_robot`` reads is taken as well, with ``robot.notes``.
 
+    Args:
+        name: of the catalogue (``list_robots()``), or the path of a file.
+
+    Returns:
+        The robot, checked.
+
     Raises:
         UnknownName: no such robot in the catalogue.
         RobotFileError: the file is missing, is not TOML, or does not describe a robot: the message gives the
@@ -245,11 +254,13 @@ def load_robot(name: str | Path) -> Robot:
     """
     if str(name).endswith(".toml"):
         return _read(Path(name), str(name))
+    if str(name) in list_robots():
+        return _read(_folder() / f"{name}.toml", f"{name}.toml")
+    from cdpr_sim.robots.importing import IMPORTED, import_robot  # parsers that the catalogue does not need
+
     if str(name).lower().endswith(IMPORTED):
         return import_robot(name)
-    if str(name) not in list_robots():
-        raise UnknownName("robot", str(name), list_robots(), "; a robot of your own is the path of its .toml file")
-    return _read(_folder() / f"{name}.toml", f"{name}.toml")
+    raise UnknownName("robot", str(name), list_robots(), "; a robot of your own is the path of its .toml file")
 
 
 def _folder() -> Traversable:

@@ -51,6 +51,9 @@ def import_robot(path: str | Path, format: str | None = None, cables: str | None
         format: "caspr", "wirex", "cdpyr", "bologna" or "gazebo"; default: what the file looks like.
         cables: CASPR's ``id`` of one set of cables; default: the one that its file has as default.
 
+    Returns:
+        The robot, in SI units and z up, with ``notes``.
+
     Raises:
         RobotFileError: the file is missing, cannot be read, or does not describe a robot that we know: the message
             gives the place in the file, what was found and what is expected.

@@ -17,6 +17,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.cable_path import paths
 from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics.catenary import Catenary, catenary
@@ -80,7 +81,6 @@ class State:
         rotation: (..., 3, 3).
         geometry: where the cables run.
         tensions: (..., cables) [N], 0 where slack (Eq. 10, 11); of a cable with weight, at the platform's end.
-        elasticities: ∂tau/∂l, (..., cables) [N/m], 0 where slack; nan of robots whose cables weigh something.
         hanging: what cables do of which some weigh something.
     """
 
@@ -89,7 +89,6 @@ class State:
     rotation: Float[Array, "*#batch 3 3"]
     geometry: Geometry
     tensions: Float[Array, "*batch cables"]
-    elasticities: Float[Array, "*batch cables"]
     hanging: Catenary | None = None
 
     @property
@@ -101,6 +100,14 @@ class State:
     def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
         """W (Eq. 4)."""
         return self.geometry.wrench_matrix
+
+    @cached_property
+    def elasticities(self) -> Float[Array, "*batch cables"]:
+        """∂tau/∂l, (..., cables) [N/m], 0 where slack; nan of robots whose cables weigh something."""
+        if self.hanging is not None:
+            return np.full(self.lengths.shape, np.nan)
+        k, _ = cable_law.tangent(self.lengths - self.problem.rest_lengths, *_law(self.problem))
+        return k * (self.tensions > 0)
 
     @cached_property
     def load_wrench(self) -> Float[Array, "*batch 6"]:
@@ -129,9 +136,7 @@ class State:
         problem, robot = self.problem, self.problem.robot
         height = self.position[..., 2] + np.einsum("...j,j->...", self.rotation[..., 2, :], robot.center_of_mass)
         if self.hanging is None:
-            stretch = self.lengths - problem.rest_lengths
-            law = problem.rest_lengths, problem.axial_stiffness, *robot.cabling.stiffening.T
-            elastic = cable_law.energy(stretch, *law).sum(-1)
+            elastic = cable_law.energy(self.lengths - problem.rest_lengths, *_law(problem)).sum(-1)
         else:
             elastic = self.hanging.energy.sum(-1)
         work = np.einsum("...i,...i->...", self.position, problem.external_wrench[..., :3])
@@ -195,26 +200,29 @@ def at(
     if not problem.robot.cabling.massless:
         anchors = np.asarray(position)[..., None, :] + cables.arms
         hanging = catenary(problem.robot.exits, anchors, rest, stiffness, problem.robot.cable_weights)
-        unknown = np.full(cables.lengths.shape, np.nan)
-        return State(problem, np.asarray(position), rotation, cables, hanging.anchor_tension, unknown, hanging)
-    stretch = cables.lengths - rest
-    law = rest, stiffness, *problem.robot.cabling.stiffening.T
-    tau = cable_law.tension(stretch, *law)
-    k, _ = cable_law.tangent(stretch, *law)
-    return State(problem, np.asarray(position), rotation, cables, tau, k * (tau > 0))
+        return State(problem, np.asarray(position), rotation, cables, hanging.anchor_tension, hanging)
+    tau = cable_law.tension(cables.lengths - rest, *_law(problem))
+    return State(problem, np.asarray(position), rotation, cables, tau)
 
 
 def load_wrench(problem: Problem | Problems, rotation: Float[Array, "*#batch 3 3"]) -> Float[Array, "*batch 6"]:
     """Gravity at the centre of mass plus the external wrench, about the origin: w_e of Eq. 3 [N, N m]."""
     arm = rotation @ problem.robot.center_of_mass
-    weight = _weight(problem, arm)
-    return np.concatenate([weight, np.cross(arm, weight)], axis=-1) + problem.external_wrench
+    weight = np.asarray(problem.mass * problem.robot.gravity)
+    wrench = np.zeros((*np.broadcast_shapes(arm.shape[:-1], weight.shape), 6))
+    wrench[..., 2], wrench[..., 3], wrench[..., 4] = -weight, -weight * arm[..., 1], weight * arm[..., 0]
+    return wrench + problem.external_wrench
 
 
 def eigenvalues(robot: Robot, stiffness_matrix: Float[Array, "*batch 6 6"]) -> Float[Array, "*batch free"]:
     """Of a stiffness matrix on the free directions, ascending [N/m]; rotations in characteristic lengths."""
     matrix = stiffness_matrix / np.outer(robot.units, robot.units)
     return np.linalg.eigvalsh(matrix[..., robot.free, :][..., robot.free])
+
+
+def eigenvalues_at(problem: Problem, pose: Pose) -> Float[Array, " free"]:
+    """Those of ``problem``'s stiffness matrix with the platform at ``pose``."""
+    return at(problem, pose.position, pose.rotation_matrix).eigenvalues
 
 
 def rest_lengths_for(
@@ -226,10 +234,11 @@ def rest_lengths_for(
 
 def equilibrium_at(problem: Problem, pose: RigidTransform, *, iterations: int, source: str) -> Equilibrium:
     """What statics says of the platform at ``pose``: tensions, residual and eigenvalues, as evidence."""
-    state = at(problem, pose.translation, pose.rotation.as_matrix())
+    where = Pose.of(pose)
+    state = at(problem, where.position, where.rotation_matrix)
     return Equilibrium(
         problem=problem,
-        pose=pose,
+        pose=where,
         tensions=state.tensions,
         lengths=state.lengths,
         residual=float(state.residual),
@@ -242,6 +251,11 @@ def equilibrium_at(problem: Problem, pose: RigidTransform, *, iterations: int, s
 def cross_matrix(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
     """[v]× with [v]× w = v × w."""
     return np.einsum("ijk,...j->...ik", _LEVI_CIVITA, vectors)
+
+
+def _law(problem: Problem | Problems) -> tuple[Array, ...]:
+    """What ``cable_law`` wants to know besides stretches."""
+    return problem.rest_lengths, problem.axial_stiffness, *problem.robot.cabling.stiffening.T
 
 
 def _weight(problem: Problem | Problems, arm: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
-from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
@@ -20,6 +22,10 @@ from cdpr_sim.statics.heavy_kernel import heavy_gufunc
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
+FELT = 1e-2 * ACCEPTABLE
+"""Unbalanced force at convergence, as a fraction of the load, above which rounding is felt: then a pose counts as it
+reads, its rotation normalised once more."""
+
 
 def solve(problem: Problem) -> Equilibrium:
     """The stable equilibrium that descent from the commanded pose leads to.
@@ -28,21 +34,32 @@ def solve(problem: Problem) -> Equilibrium:
         NotConverged: forces do not balance at the best point found, which the exception carries.
     """
     robot = problem.robot
-    position, rotation, _, _, _, iterations, status = _solve(
+    position, rotation, lengths, tensions, residual, iterations, ended = _solve(
         robot,
         robot.axial_stiffness,
         problem.rest_lengths,
         robot.weight,
         problem.external_wrench,
-        problem.pose.translation,
-        problem.pose.rotation.as_matrix(),
+        problem.position,
+        problem.rotation_matrix,
     )
-    pose = RigidTransform.from_components(position, Rotation.from_matrix(rotation))
-    result = forces.equilibrium_at(problem, pose, iterations=int(iterations), source="newton")
-    if status == Status.CONVERGED and not result.residual <= ACCEPTABLE * problem.force_scale:
-        status = Status.STALLED  # in the pose as it is returned, a rotation that is normalised once more
-    if status != Status.CONVERGED:
-        raise NotConverged.because(Status(int(status)), result)
+    pose, status = Pose(position, rotation), Status(int(ended))
+    result = Equilibrium(
+        problem=problem,
+        pose=pose,
+        tensions=tensions,
+        lengths=lengths,
+        residual=float(residual),
+        eigenvalues=partial(forces.eigenvalues_at, problem, pose),
+        iterations=int(iterations),
+        source="newton",
+    )
+    if status is Status.CONVERGED and not residual <= FELT * problem.force_scale:
+        result = forces.equilibrium_at(problem, pose.transform, iterations=int(iterations), source="newton")
+        if not result.residual <= ACCEPTABLE * problem.force_scale:
+            status = Status.STALLED
+    if status is not Status.CONVERGED:
+        raise NotConverged.because(status, result)
     return result
 
 
@@ -155,7 +172,14 @@ def stiffness_of(rests: Rests) -> tuple[Float[np.ndarray, "*batch free"], Float[
 
 
 def solve_trajectory(trajectory: Trajectory) -> Rests:
-    """The static equilibrium for each state's command, as if the winches had stopped there: (steps,) of them."""
+    """The static equilibrium for each state's command, as if the winches had stopped there: (steps,) of them.
+
+    Args:
+        trajectory: from ``drive``, ``track`` or ``settle_trajectory``.
+
+    Returns:
+        (steps,) rests, to be laid over the motion by ``write_video(path, trajectory, rests.poses)``.
+    """
     return solve_many(trajectory.problems)
 
 

@@ -33,6 +33,9 @@ def solve(
         external_wrench: constant force [N] and torque [N m] on the platform's origin, base frame, (6,).
         method: "newton" (ours: ends at a stable equilibrium), "fsolve" or "least_squares" (the paper's SEECR).
 
+    Returns:
+        The equilibrium, with the residual [N] and the stiffness [N/m] that certify it.
+
     Raises:
         InvalidInput: an argument that cannot be right.
         UnknownName: no such method.

@@ -145,7 +145,11 @@ KINDS = ("svg", "png")
 
 
 def list_figures() -> tuple[str, ...]:
-    """Names of the figures that ``write_figures`` can write."""
+    """Names of the figures that ``write_figures`` can write.
+
+    Returns:
+        As ``write_figures`` and ``cdpr-sim figures`` take them.
+    """
     return tuple(PICTURES)
 
 
@@ -172,6 +176,9 @@ def write_figures(
         kinds: "svg", "png" or both.
         force: replace files that are there.
         progress: called after each figure, when its files are there, with the fraction done, 0 to 1.
+
+    Returns:
+        The paths of each figure's files, by its name.
 
     Raises:
         UnknownName: no such figure, or no such kind of file.

@@ -86,6 +86,9 @@ def feasible(
 
     Arguments and errors as in ``shortfall``. Without wrenches this is the static feasible workspace (what ARACHNIS
     computes); with a set of them, the wrench-feasible workspace of their convex hull.
+
+    Returns:
+        (...) True where the tensions leave nothing of the load but rounding.
     """
     left = shortfall(robot, positions, rotations=rotations, tension_limits=tension_limits, wrenches=wrenches)
     return left <= BALANCED
@@ -105,6 +108,9 @@ def closed_form_feasible(
     Bruckmann, Mikelsons, "Closed-form force distribution for parallel wire robots", Computational Kinematics 2009), and
     it gives up on poses that other tensions within limits would hold: a subset of ``feasible``.
 
+    Returns:
+        (...) True where these tensions are within their limits under each of the wrenches.
+
     Raises:
         InvalidInput: as in ``shortfall``, or a limit that is infinite.
     """
@@ -115,8 +121,10 @@ def closed_form_feasible(
         raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected one to be amid")
     at, turned = positions_and_rotations(robot, positions, rotations)
     W = (forces.geometry(robot, at, turned).wrench_matrix / robot.units[:, None])[..., robot.free, :]
+    known = np.asarray(np.isfinite(W).all((-1, -2)))
+    W = np.where(known[..., None, None], W, 0.0)
     middle = (lower + upper) / 2
-    held = np.ones(W.shape[:-2], dtype=bool)
+    held = known.copy()
     for wrench in checked_wrenches(robot, wrenches):
         asked = Problem(robot, robot.pose(robot.home), np.ones(robot.cables), wrench)
         load = (forces.load_wrench(asked, turned) / robot.units)[..., robot.free]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from cdpr_sim.core import memory
 from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
@@ -24,6 +26,10 @@ AXES = ("x", "y", "z")
 
 MOST_POSES = 10**10
 """More is a slip of the keyboard: it would take hours and hundreds of gigabytes."""
+
+
+LEAST_BYTES = 100.0
+"""That any answer takes for a pose."""
 
 
 def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndarray]:
@@ -44,20 +50,24 @@ def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndar
         given = {name: _coordinates(name, values) for name, values in grid.items()}
     else:
         given = dict(zip(AXES, _counts(DEFAULT if grid is None else grid), strict=True))
-    axes = {}
+    axes, spread = {}, {}
     for i, name in enumerate(AXES):
         value = given.get(name, 1)
         if not isinstance(value, np.ndarray):
             lower, upper = _shared_workspace(robots)[:, i]
-            several = value > 1 and upper > lower
-            value = np.linspace(lower, upper, value) if several else np.array([(lower + upper) / 2])
+            if value > 1 and upper > lower:
+                spread[name] = lower, upper, value
+            value = np.array([(lower + upper) / 2])
         axes[name] = value
+    poses = math.prod(float(spread[name][2] if name in spread else len(axes[name])) for name in AXES)
+    if poses > MOST_POSES:
+        raise InvalidInput(f"grid: found {poses:.1e} positions, expected {MOST_POSES:.0e} at most")
+    for name, (lower, upper, count) in spread.items():
+        memory.refuse_beyond(f"grid: {count:,} coordinates {name}", LEAST_BYTES * count, "fewer")
+        axes[name] = np.linspace(lower, upper, count)
     for robot in robots:
         if robot.mobility == "planar" and axes["y"].any():
             raise InvalidInput(f"grid: found y = {axes['y'][-1]:g} m, but {robot.name!r} is planar: expected y = 0")
-    poses = np.prod([float(len(values)) for values in axes.values()])
-    if poses > MOST_POSES:
-        raise InvalidInput(f"grid: found {poses:.1e} positions, expected {MOST_POSES:.0e} at most")
     return axes
 
 

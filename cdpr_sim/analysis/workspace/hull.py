@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.analysis.workspace.feasibility import closed_form_feasible, feasible
 from cdpr_sim.core.checks import Frozen, checked_array, positive, whole
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.robot import Robot
 
 MOST_DEPTH = 7
@@ -28,7 +29,7 @@ OCTAHEDRON = ((0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), 
 
 
 @dataclass(frozen=True, eq=False)
-class Hull(Frozen):
+class Hull(Frozen, Introduced):
     """A closed surface of triangles around a workspace.
 
     Attributes:
@@ -71,6 +72,9 @@ class Hull(Frozen):
         a, b, c = self._corners
         return np.einsum("ij,ij->i", np.cross(a, b), c) / 6
 
+    def __repr__(self) -> str:
+        return f"<Hull: {self.volume:.4g} m³ within {self.surface:.4g} m², {len(self.triangles):,} triangles>"
+
 
 def workspace_hull(
     robot: Robot,
@@ -98,6 +102,9 @@ def workspace_hull(
         reach: how far the rays go at most [m]; default: to the faces of the robot's frame, since what hangs from above
             is feasible however deep below the floor.
         tolerance: to which the border is found along each ray [m].
+
+    Returns:
+        A closed surface of 8·4**depth triangles [m]; its ``volume`` is in m³.
 
     Raises:
         InvalidInput: an argument that cannot be right, a planar robot, or a centre that is not feasible itself or

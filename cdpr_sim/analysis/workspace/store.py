@@ -62,6 +62,12 @@ def checked_path(store: str | Path) -> Path:
 def open_sweep(store: str | Path) -> xr.Dataset:
     """A finished sweep, read piece by piece as it is used.
 
+    Args:
+        store: the .nc file or the .zarr folder that ``sweep`` was told to write.
+
+    Returns:
+        What ``sweep`` returned, backed by the file.
+
     Raises:
         InvalidInput: no sweep is there, or it is unfinished.
         StoreError: a chunk of it is lost or corrupt: here, or when it is read.

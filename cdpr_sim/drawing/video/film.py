@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.errors import InvalidInput, StoreError, UnknownName
@@ -17,7 +18,7 @@ from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.core.words import properties_in_words, stiffness_in_words
 from cdpr_sim.drawing.video.page import Page, nice_above
-from cdpr_sim.drawing.video.render import Backend, Renderer, open_renderer
+from cdpr_sim.drawing.video.render import Backend, Picture, Renderer, open_renderer
 from cdpr_sim.drawing.video.scene import Stage
 
 SIZE = (1280, 720)
@@ -34,6 +35,13 @@ MOST_EXAGGERATION = 1e4
 MOST_ROBOTS = 6
 
 Shapes = Float[np.ndarray, "steps cables points 3"]
+
+AHEAD = 4
+"""Frames whose pictures are being drawn while the one before them is put together: more keep no more processors busy,
+since they are begun one by one, and cost memory."""
+
+ENCODERS = 4
+"""Threads of the encoder, whatever the machine: with another number of them H.264 becomes other bytes."""
 
 QUALITY = 18.0
 """Constant rate factor, or quantiser, of H.264: no difference to be seen."""
@@ -71,6 +79,9 @@ def write_video(
         force: replace a file that is there.
         progress: called after each frame with the fraction done, 0 to 1.
 
+    Returns:
+        The path of the file that was written.
+
     Raises:
         InvalidInput: a path that cannot be written, a file that is there, an unknown suffix, a size, duration or number
             of frames that cannot be right.
@@ -100,7 +111,7 @@ def frames(
     exaggeration: float = 1.0,
     renderer: Backend = "auto",
     progress: Callable[[float], None] | None = None,
-) -> Iterator[UInt8[np.ndarray, "height width 3"]]:
+) -> Iterator[Picture]:
     """The frames of ``write_video``, one by one.
 
     Raises:
@@ -122,7 +133,24 @@ def show(
     renderer: Backend = "auto",
     progress: Callable[[float], None] | None = None,
 ) -> None:
-    """Play a trajectory, or several side by side in step, in a notebook; the arguments are those of ``write_video``."""
+    """Play a trajectory, or several side by side in step, in a notebook.
+
+    Args:
+        trajectories: what moves, one or several; each is shown from its first state to its last.
+        static: the static solver's poses for each, a stack of (steps,) or None, drawn as outlines.
+        shapes: how each one's cables hang in each state, (steps, cables, points, 3) [m] from ``cable_shapes``, or None;
+            needed of cables with weight.
+        seconds: how long it plays; the motion is shown faster or slower to fit, and the picture says so.
+        fps: frames per second.
+        size: (width, height) [pixel], even numbers.
+        exaggeration: draw shifts, tilts and slack this many times as large; the picture says so.
+        renderer: "opengl", "raycast", or "auto" for the first that works here.
+        progress: called after each frame with the fraction done, 0 to 1.
+
+    Raises:
+        InvalidInput: a size, duration or number of frames that cannot be right.
+        UnknownName: no such renderer.
+    """
     mediapy = _mediapy()
     pictures = frames(
         trajectories,
@@ -172,6 +200,9 @@ class _Film:
             Stage(trajectory, poses, largest_tension=largest, exaggeration=exaggeration, shapes=curves)
             for trajectory, poses, curves in zip(several, statics, hanging, strict=True)
         ]
+        self._numbers = [
+            [getattr(trajectory, name) for trajectory in several] for name in ("tilt", "deviation", "tensions", "slack")
+        ]
         self.page = Page(
             self.size,
             [trajectory.robot for trajectory in several],
@@ -181,6 +212,10 @@ class _Film:
             warning="" if exaggeration == 1 else f"Deviations drawn {exaggeration:g} × as large; the numbers are true",
             outlined=any(poses is not None for poses in statics),
         )
+        self._wholes = [
+            stage.whole(cell.view.width / cell.view.height)
+            for stage, cell in zip(self.stages, self.page.cells, strict=True)
+        ]
         self._backend: Backend = renderer
         self._renderers: list[Renderer] = []
 
@@ -192,34 +227,43 @@ class _Film:
             renderer.close()
         self._renderers = []
 
-    def frames(self, progress: Callable[[float], None] | None = None) -> Iterator[UInt8[np.ndarray, "height width 3"]]:
+    def frames(self, progress: Callable[[float], None] | None = None) -> Iterator[Picture]:
         """One after the other; each trajectory's states at even fractions of its own duration."""
-        boxes = [(cell.view, cell.close_up) for cell in self.page.cells]
-        width = max(box.width for pair in boxes for box in pair)
-        height = max(box.height for pair in boxes for box in pair)
+        boxes = [box for cell in self.page.cells for box in (cell.view, cell.close_up)]
+        width, height = max(box.width for box in boxes), max(box.height for box in boxes)
         self._renderers = [open_renderer(stage.model, width, height, self._backend) for stage in self.stages]
-        wholes = [stage.whole(view.width / view.height) for stage, (view, _) in zip(self.stages, boxes, strict=True)]
-        for done, fraction in enumerate(np.linspace(0, 1, self.count), start=1):
-            views, close_ups = [], []
-            for stage, renderer, whole, (view, close) in zip(self.stages, self._renderers, wholes, boxes, strict=True):
-                stage.set(_state_at(stage.trajectory, float(fraction)))
-                views.append(_picture(renderer, stage, whole, view))
-                close_ups.append(_picture(renderer, stage, stage.close_up(), close))
-            states = [(stage.trajectory, stage.step) for stage in self.stages]
-            yield self.page.frame(
-                views,
-                close_ups,
-                [trajectory.tilt[step] for trajectory, step in states],
-                [trajectory.deviation[step] for trajectory, step in states],
-                [trajectory.tensions[step] for trajectory, step in states],
-                [trajectory.slack[step] for trajectory, step in states],
-            )
+        begun = (self._begun(float(fraction)) for fraction in np.linspace(0, 1, self.count))
+        for done, finished in enumerate(_ahead(begun), start=1):
+            yield finished()
             if progress is not None:
                 progress(done / self.count)
 
+    def _begun(self, fraction: float) -> Callable[[], Picture]:
+        """Have the pictures of one frame drawn; the frame is there when what is returned is called."""
+        steps, views, close_ups = [], [], []
+        for stage, renderer, camera, cell in zip(
+            self.stages, self._renderers, self._wholes, self.page.cells, strict=True
+        ):
+            steps.append(_state_at(stage.trajectory, fraction))
+            stage.set(steps[-1])
+            views.append(renderer.start(stage.look(camera), cell.view.width, cell.view.height))
+            close_ups.append(renderer.start(stage.look(stage.close_up()), cell.close_up.width, cell.close_up.height))
 
-def _picture(renderer: Renderer, stage: Stage, camera, box) -> UInt8[np.ndarray, "height width 3"]:
-    return renderer.draw(stage.look(camera), box.width, box.height)
+        def finished() -> Picture:
+            numbers = [[of[step] for of, step in zip(each, steps, strict=True)] for each in self._numbers]
+            return self.page.frame([draw() for draw in views], [draw() for draw in close_ups], *numbers)
+
+        return finished
+
+
+def _ahead(begun: Iterable[Callable[[], Picture]]) -> Iterator[Callable[[], Picture]]:
+    """The same in the same order, each when ``AHEAD`` more have been begun."""
+    waiting = deque()
+    for frame in begun:
+        waiting.append(frame)
+        if len(waiting) > AHEAD:
+            yield waiting.popleft()
+    yield from waiting
 
 
 def _state_at(trajectory: Trajectory, fraction: float) -> int:
@@ -297,7 +341,7 @@ def _writer(path: Path, film: _Film):
         # One palette, of the first frame (whose legend holds every colour), so that no frame has to wait for the last.
         palette = "split[a][b];[a]trim=end_frame=1,palettegen[p];[b][p]paletteuse=dither=bayer:bayer_scale=4"
         return mediapy.VideoWriter(path, (height, width), fps=film.fps, codec="gif", ffmpeg_args=["-vf", palette])
-    options = ["-preset", "veryfast", "-movflags", "+faststart"]
+    options = ["-preset", "veryfast", "-threads", str(ENCODERS), "-movflags", "+faststart"]
     return mediapy.VideoWriter(path, (height, width), fps=film.fps, crf=QUALITY, ffmpeg_args=options)
 
 

@@ -34,6 +34,10 @@ LEGENDS = (
 """From wordy to terse."""
 
 
+LEAST_CHART = 8
+"""[pixel] Height and width below which bars tell nothing."""
+
+
 @dataclass(frozen=True)
 class Box:
     """A rectangle of the page, in pixels."""
@@ -204,6 +208,8 @@ class Page:
 
     def _draw_bar_labels(self, draw: ImageDraw.ImageDraw, box: Box, cables: int) -> None:
         chart, font = self._chart(box), self._font(style.LABEL_HEIGHT)
+        if not _has_room(chart):
+            return
         self._fitted(draw, (chart.left, box.top), "tension [N]", chart.width, style.LABEL_HEIGHT, style.PAGE_FAINT)
         for tension in (0.0, self.largest_tension / 2, self.largest_tension):
             y = chart.bottom - 1 - round((chart.height - 1) * tension / self.largest_tension)
@@ -215,6 +221,8 @@ class Page:
 
     def _draw_bars(self, draw: ImageDraw.ImageDraw, box: Box, tensions: np.ndarray, slack: np.ndarray) -> None:
         chart = self._chart(box)
+        if not _has_room(chart):
+            return
         colors = tension_colors(tensions, self.largest_tension)
         for i, (left, right) in enumerate(_slots(chart, len(tensions))):
             if slack[i]:  # a slack cable: an empty frame, and its number in the colour of slackness
@@ -328,6 +336,11 @@ def nice_above(value: float) -> float:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
     return float(next(step * power for step in (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10) if step * power >= value))
+
+
+def _has_room(chart: Box) -> bool:
+    """Whether bars fit there: many robots on a small page go without."""
+    return min(chart.width, chart.height) >= LEAST_CHART
 
 
 def _slots(chart: Box, cables: int) -> list[tuple[float, float]]:

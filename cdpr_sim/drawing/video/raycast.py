@@ -4,6 +4,9 @@ MuJoCo reduces a simulation's state to a list of a few hundred simple geoms (``m
 OpenGL. For each geom the rows and columns of the picture that its bounding box covers are found first; only there are
 rays cast. Light is MuJoCo's: what shapes emit, and the ambient and diffuse light of directional lights and the
 headlight; no shadows, no mirror images, no highlights, and no texture but the floor's checkers.
+
+From picture to picture little moves. What does not, the floor and the frame, is drawn once; from then on rays are cast
+only where something else is.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -12,11 +15,13 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int32, UInt8
 
 from cdpr_sim.core import compiling
 from cdpr_sim.drawing import style
@@ -28,14 +33,45 @@ SHAPES = {
 PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX = SHAPES.values()
 DIRECTIONAL = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL.value
 
-BAND = 16
-"""Rows that a thread draws at a time."""
-
 jit = compiling.jit(nogil=True, fastmath=True)
+
+Picture = UInt8[np.ndarray, "height width 3"]
+
+
+@dataclass(frozen=True)
+class _Shot:
+    """What a picture is made from: shapes, by which cameras they are seen, coarse and fine, and how they are lit."""
+
+    kinds: Int32[np.ndarray, " shapes"]
+    floats: Float[np.ndarray, "shapes 20"]
+    cameras: Float[np.ndarray, "2 5 3"]
+    lights: Float[np.ndarray, "lights 13"]
+
+    def alike(self, other: _Shot) -> int:
+        """How many of the first shapes look the same in both; none do where camera or lights have moved."""
+        if not (np.array_equal(self.cameras, other.cameras) and np.array_equal(self.lights, other.lights)):
+            return 0
+        count = min(len(self.kinds), len(other.kinds))
+        same = (self.kinds[:count] == other.kinds[:count]) & (self.floats[:count] == other.floats[:count]).all(1)
+        return int(np.argmin(np.append(same, False)))
+
+    def first(self, count: int) -> _Shot:
+        """Of its shapes only the first."""
+        return _Shot(self.kinds[:count], self.floats[:count], self.cameras, self.lights)
+
+
+@dataclass(frozen=True)
+class _Backdrop:
+    """The shapes that have not moved since a picture was drawn, alone: ``known`` of them, or 0 after the first one."""
+
+    shot: _Shot
+    known: int
+    what: Int32[np.ndarray, "height width"]
+    pixels: Picture
 
 
 class RayCaster:
-    """Draws scenes of one model on all processors."""
+    """Draws scenes of one model: a picture on one processor, and several at a time on all of them."""
 
     name = "raycast"
 
@@ -43,47 +79,47 @@ class RayCaster:
         self._threads = ThreadPoolExecutor(os.cpu_count() or 1)
         self._floor = _checkers(model)
         self._sky = np.array([model.vis.rgba.haze[:3], _top_of_sky(model)], dtype=float)
+        self._backdrops: dict[tuple[int, int], _Backdrop] = {}
 
-    def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> UInt8[np.ndarray, "height width 3"]:
+    def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> Picture:
         """The scene, from its own camera.
 
         One ray per pixel finds what is where; pixels at whose edge something else begins are cast again, finely. A
         shape that MuJoCo draws and this does not (a mesh, an arrow, text) is left out.
         """
-        with compiling.first_use("ray caster"):
-            return self._draw(scene, width, height)
+        return self.start(scene, width, height)()
 
-    def _draw(self, scene: mujoco.MjvScene, width: int, height: int) -> UInt8[np.ndarray, "height width 3"]:
-        kinds, floats = _geoms(scene)
-        what = np.zeros((height, width), np.int32)
-        mixed = np.ones((height, width), np.bool_)
-        pixels = np.empty((height, width, 3), np.uint8)
-        self._cast(scene, kinds, floats, 1, mixed, what, pixels)
-        _find_edges(what, mixed)
+    def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
+        """``draw`` the scene as it is now, meanwhile: the picture is there when what is returned is called."""
         scale = style.SUPERSAMPLING
-        fine = np.empty((scale * height, scale * width, 3), np.uint8)
-        self._cast(scene, kinds, floats, scale, mixed, what, fine)
-        _average(fine, scale, mixed, pixels)
-        return pixels
-
-    def _cast(self, scene: mujoco.MjvScene, kinds, floats, scale: int, wanted, what, pixels) -> None:
-        """Cast ``scale`` x ``scale`` rays through the ``wanted`` pixels."""
-        rows, columns = pixels.shape[:2]
-        camera, lights = _camera(scene, columns, rows), _lights(scene)
-        ranges = np.empty((2, len(kinds), rows), np.int32)
-        _cover(kinds, floats, camera, columns, ranges)
-
-        def band(first: int) -> None:
-            _draw_rows(
-                first, min(first + BAND, rows), kinds, floats, ranges, camera, lights, self._floor, self._sky,
-                scale, wanted, what, pixels,
-            )  # fmt: skip
-
-        list(self._threads.map(band, range(0, rows, BAND)))
+        cameras = np.array([_camera(scene, width, height), _camera(scene, scale * width, scale * height)])
+        shot = _Shot(*_geoms(scene), cameras, _lights(scene))
+        drawing = self._threads.submit(self._drawn, shot, self._backdrop(shot, width, height))
+        return lambda: drawing.result().pixels
 
     def close(self) -> None:
         """Let the threads go."""
-        self._threads.shutdown()
+        self._threads.shutdown(cancel_futures=True)
+
+    def _backdrop(self, shot: _Shot, width: int, height: int) -> _Backdrop:
+        """What stands still since the last pictures of this size."""
+        size = width, height
+        before = self._backdrops.get(size)
+        alike = shot.alike(before.shot) if before else 0
+        if before and 0 < alike == before.known:
+            return before
+        nothing = _Backdrop(shot, 0, np.empty((height, width), np.int32), np.empty((height, width, 3), np.uint8))
+        self._backdrops[size] = self._drawn(shot.first(alike), nothing) if alike else nothing
+        return self._backdrops[size]
+
+    def _drawn(self, shot: _Shot, backdrop: _Backdrop) -> _Backdrop:
+        what, pixels = backdrop.what.copy(), backdrop.pixels.copy()
+        with compiling.first_use("ray caster"):
+            _draw(
+                backdrop.known, shot.kinds, shot.floats, shot.cameras, shot.lights, self._floor, self._sky,
+                style.SUPERSAMPLING, what, pixels,
+            )  # fmt: skip
+        return _Backdrop(shot, len(shot.kinds), what, pixels)
 
 
 def averaged(pixels: UInt8[np.ndarray, "rows columns 3"], scale: int) -> UInt8[np.ndarray, "height width 3"]:
@@ -110,10 +146,10 @@ def _geoms(scene: mujoco.MjvScene) -> tuple[np.ndarray, np.ndarray]:
     """Kinds (geoms,), and (geoms, 20) of position, matrix, size, colour, own light; opaque first, then far to near."""
     known = [geom for geom in scene.geoms[: scene.ngeom] if geom.type in SHAPES.values()]
     forward, position = np.array(scene.camera[0].forward), np.array(scene.camera[0].pos)
-    floats = np.empty((len(known), 20))
-    for row, geom in zip(floats, known, strict=True):
-        row[0:3], row[3:12], row[12:15], row[15:19] = geom.pos, geom.mat.ravel(), geom.size, geom.rgba
-        row[19] = geom.emission
+    parts = {"pos": 3, "mat": 9, "size": 3, "rgba": 4, "emission": 1}
+    floats = np.hstack(
+        [np.array([getattr(geom, name) for geom in known], float).reshape(-1, width) for name, width in parts.items()]
+    )
     kinds = np.array([geom.type for geom in known], np.int32)
     clear = floats[:, 18] < 1
     order = np.lexsort((-(floats[:, :3] - position) @ forward, clear))
@@ -171,21 +207,6 @@ def _average(pixels, scale, wanted, result):
 
 
 @jit
-def _find_edges(what, mixed):
-    """Which pixels have a neighbour that shows something else."""
-    rows, columns = what.shape
-    for i in range(rows):
-        for j in range(columns):
-            mine = what[i, j]
-            mixed[i, j] = (
-                mine != what[max(i - 1, 0), j]
-                or mine != what[min(i + 1, rows - 1), j]
-                or mine != what[i, max(j - 1, 0)]
-                or mine != what[i, min(j + 1, columns - 1)]
-            )
-
-
-@jit
 def _extent(kind, size):
     """Half edges of the box around a shape in its own frame."""
     if kind == CAPSULE:
@@ -198,8 +219,8 @@ def _extent(kind, size):
 @jit
 def _cover(kinds, floats, camera, columns, ranges):
     """Per shape and row, the first and last column that its bounding box covers; none where first > last."""
-    rows = ranges.shape[2]
-    ranges[0], ranges[1] = columns, -1
+    rows = len(ranges)
+    ranges[:, :, 0], ranges[:, :, 1] = columns, -1
     x, y, depth = np.empty(8), np.empty(8), np.empty(8)
     pixel = math.sqrt((camera[1] ** 2).sum())
     for g in range(len(kinds)):
@@ -218,7 +239,7 @@ def _cover(kinds, floats, camera, columns, ranges):
             x[k] = (px * camera[1, 0] + py * camera[1, 1] + pz * camera[1, 2]) * scale - camera[4, 0]
             y[k] = camera[4, 1] - (px * camera[2, 0] + py * camera[2, 1] + pz * camera[2, 2]) * scale
         if everywhere:
-            ranges[0, g], ranges[1, g] = 0, columns - 1
+            ranges[:, g, 0], ranges[:, g, 1] = 0, columns - 1
             continue
         for k in range(8):
             for bit in (1, 2, 4):
@@ -235,8 +256,8 @@ def _cover(kinds, floats, camera, columns, ranges):
                         u = ax + slope * (max(row - 1.0, ay) - ay)
                         v = ax + slope * (min(row + 1.0, by) - ay)
                         left, right = min(u, v), max(u, v)
-                    ranges[0, g, row] = min(ranges[0, g, row], max(0, math.floor(left)))
-                    ranges[1, g, row] = max(ranges[1, g, row], min(columns - 1, math.ceil(right)))
+                    ranges[row, g, 0] = min(ranges[row, g, 0], max(0, math.floor(left)))
+                    ranges[row, g, 1] = max(ranges[row, g, 1], min(columns - 1, math.ceil(right)))
 
 
 @jit
@@ -334,82 +355,161 @@ def _checker(x, y, floor, footprint):
 
 
 @jit
-def _draw_rows(first, last, kinds, floats, ranges, camera, lights, floor, sky, scale, wanted, what, pixels):
-    """Rows ``first`` to ``last``, where ``wanted``; at one ray per pixel also a number for what each pixel shows."""
-    columns = pixels.shape[1]
-    depth, color, now = np.empty(columns), np.empty((columns, 3)), np.empty(columns, np.bool_)
+def _draw(known, kinds, floats, cameras, lights, floor, sky, scale, what, pixels):
+    """Draw all shapes over a picture, and numbers for what each pixel shows, of the first ``known`` alone."""
+    rows, columns = what.shape
+    coarse, fine = np.empty((rows, len(kinds), 2), np.int32), np.empty((scale * rows, len(kinds), 2), np.int32)
+    _cover(kinds, floats, cameras[0], columns, coarse)
+    _cover(kinds, floats, cameras[1], scale * columns, fine)
+    touched = np.empty((rows, columns), np.bool_)
+    _touch(known, coarse, touched)
+    most = scale * columns
+    wanted, color, number = np.empty(most, np.int32), np.empty((most, 3), np.uint8), np.empty(most, np.int32)
+    total = np.empty((columns, 3), np.int32)
+    for row in range(rows):
+        count = 0
+        for column in range(columns):
+            if touched[row, column]:
+                wanted[count] = column
+                count += 1
+        _cast(row, wanted[:count], kinds, floats, coarse, cameras[0], lights, floor, sky, color, number)
+        for k in range(count):
+            what[row, wanted[k]] = number[k]
+            for c in range(3):
+                pixels[row, wanted[k], c] = color[k, c]
+    for row in range(rows):
+        count = 0
+        for column in range(columns):
+            if touched[row, column] and _is_edge(what, row, column):
+                for b in range(scale):
+                    wanted[count + b] = scale * column + b
+                count += scale
+        total[:] = 0
+        for line in range(scale * row, scale * (row + 1)):
+            _cast(line, wanted[:count], kinds, floats, fine, cameras[1], lights, floor, sky, color, number)
+            for k in range(count):
+                for c in range(3):
+                    total[k // scale, c] += color[k, c]
+        for k in range(count // scale):
+            for c in range(3):
+                pixels[row, wanted[scale * k] // scale, c] = (total[k, c] + scale * scale // 2) // (scale * scale)
+
+
+@jit
+def _touch(known, ranges, touched):
+    """Which pixels shapes beyond the first ``known`` may show in, or change the edges of: all where none are known."""
+    rows, columns = touched.shape
+    touched[:] = known == 0
+    for row in range(rows):
+        for g in range(known, ranges.shape[1]):
+            left, right = ranges[row, g, 0], ranges[row, g, 1]
+            if left > right:
+                continue
+            for near in range(max(0, row - 1), min(rows, row + 2)):
+                for column in range(max(0, left - 1), min(columns, right + 2)):
+                    touched[near, column] = True
+
+
+@jit
+def _is_edge(what, row, column):
+    """Whether a pixel has a neighbour that shows something else."""
+    rows, columns = what.shape
+    mine = what[row, column]
+    return (
+        mine != what[max(row - 1, 0), column]
+        or mine != what[min(row + 1, rows - 1), column]
+        or mine != what[row, max(column - 1, 0)]
+        or mine != what[row, min(column + 1, columns - 1)]
+    )
+
+
+@jit
+def _place(wanted, column):
+    """How many of the wanted columns lie left of this one."""
+    low, high = 0, len(wanted)
+    while low < high:
+        middle = (low + high) // 2
+        if wanted[middle] < column:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@jit
+def _cast(row, wanted, kinds, floats, ranges, camera, lights, floor, sky, pixels, what):
+    """One ray through each of a row's ``wanted`` columns, which ascend: its colour, and a number for what it hits."""
+    count = len(wanted)
+    if count == 0:
+        return
+    depth, color = np.full(count, 1e30), np.empty((count, 3))
+    what[:count] = 0
     o, d0, du = np.empty(3), np.empty(3), np.empty(3)
     pixel = math.sqrt((camera[1] ** 2).sum())
-    for row in range(first, last):
-        v = camera[4, 1] - row
-        rise = v * camera[2, 2] + camera[3, 2]
-        upwards = min(1.0, max(0.0, rise))
-        for column in range(columns):
-            now[column] = wanted[row // scale, column // scale]
-            depth[column] = 1e30
-            for c in range(3):
-                color[column, c] = sky[0, c] * (1 - upwards) + sky[1, c] * upwards
-        for g in range(len(kinds)):
-            if ranges[0, g, row] > ranges[1, g, row]:
+    v = camera[4, 1] - row
+    rise = v * camera[2, 2] + camera[3, 2]
+    upwards = min(1.0, max(0.0, rise))
+    for k in range(count):
+        for c in range(3):
+            color[k, c] = sky[0, c] * (1 - upwards) + sky[1, c] * upwards
+    for g in range(len(kinds)):
+        if ranges[row, g, 0] > ranges[row, g, 1]:
+            continue
+        first, last = _place(wanted, ranges[row, g, 0]), _place(wanted, ranges[row, g, 1] + 1)
+        if first == last:
+            continue
+        # The ray in the shape's own frame: from o along d0 + u du.
+        shape, kind = floats[g], kinds[g]
+        for i in range(3):
+            o[i], d0[i], du[i] = 0.0, 0.0, 0.0
+            for j in range(3):
+                axis = shape[3 + 3 * j + i]
+                o[i] += axis * (camera[0, j] - shape[j])
+                d0[i] += axis * (v * camera[2, j] + camera[3, j])
+                du[i] += axis * camera[1, j]
+        ox, oy, oz, opaque = o[0], o[1], o[2], shape[18] >= 1
+        a, b, c = shape[12], shape[13], shape[14]
+        for k in range(first, last):
+            u = camera[4, 0] + wanted[k]
+            dx, dy, dz = d0[0] + u * du[0], d0[1] + u * du[1], d0[2] + u * du[2]
+            t, nx, ny, nz = _hit(kind, ox, oy, oz, dx, dy, dz, a, b, c)
+            if t <= 0 or t >= depth[k]:
                 continue
-            # The ray in the shape's own frame: from o along d0 + u du.
-            shape, kind = floats[g], kinds[g]
-            for i in range(3):
-                o[i], d0[i], du[i] = 0.0, 0.0, 0.0
-                for j in range(3):
-                    axis = shape[3 + 3 * j + i]
-                    o[i] += axis * (camera[0, j] - shape[j])
-                    d0[i] += axis * (v * camera[2, j] + camera[3, j])
-                    du[i] += axis * camera[1, j]
-            ox, oy, oz, opaque = o[0], o[1], o[2], shape[18] >= 1
-            a, b, c = shape[12], shape[13], shape[14]
-            for column in range(ranges[0, g, row], ranges[1, g, row] + 1):
-                if not now[column]:
-                    continue
-                u = camera[4, 0] + column
-                dx, dy, dz = d0[0] + u * du[0], d0[1] + u * du[1], d0[2] + u * du[2]
-                t, nx, ny, nz = _hit(kind, ox, oy, oz, dx, dy, dz, a, b, c)
-                if t <= 0 or t >= depth[column]:
-                    continue
-                if opaque:
-                    depth[column] = t
-                if scale == 1:
-                    # Faces of a box count as different things, and so does what is seen through a clear one.
-                    side = int(abs(nx) + 2 * abs(ny)) if kind == BOX else 0
-                    what[row, column] = 16 * (g + 1) + 4 * side + (0 if opaque else 1021 * what[row, column])
-                norm = 1 / math.sqrt(nx * nx + ny * ny + nz * nz)
-                x = (shape[3] * nx + shape[4] * ny + shape[5] * nz) * norm
-                y = (shape[6] * nx + shape[7] * ny + shape[8] * nz) * norm
-                z = (shape[9] * nx + shape[10] * ny + shape[11] * nz) * norm
-                px = camera[0, 0] + t * (u * camera[1, 0] + v * camera[2, 0] + camera[3, 0])
-                py = camera[0, 1] + t * (u * camera[1, 1] + v * camera[2, 1] + camera[3, 1])
-                pz = camera[0, 2] + t * (u * camera[1, 2] + v * camera[2, 2] + camera[3, 2])
-                red, green, blue = shape[19], shape[19], shape[19]
-                for k in range(len(lights)):
-                    lx, ly, lz = -lights[k, 4], -lights[k, 5], -lights[k, 6]
-                    if lights[k, 0] == 0:
-                        lx = lights[k, 1] - px
-                        ly = lights[k, 2] - py
-                        lz = lights[k, 3] - pz
-                    cosine = max(0.0, (lx * x + ly * y + lz * z) / math.sqrt(lx * lx + ly * ly + lz * lz))
-                    red += lights[k, 7] + lights[k, 10] * cosine
-                    green += lights[k, 8] + lights[k, 11] * cosine
-                    blue += lights[k, 9] + lights[k, 12] * cosine
-                red, green, blue = min(1.0, red * shape[15]), min(1.0, green * shape[16]), min(1.0, blue * shape[17])
-                if kind == PLANE and floor[2, 0] > 0:
-                    footprint = t * pixel / max(1e-3, abs(dz))
-                    odd = _checker(px, py, floor, footprint)
-                    if scale == 1:
-                        what[row, column] += int(2 * odd + 0.5)
-                    red *= floor[0, 0] + odd * (floor[1, 0] - floor[0, 0])
-                    green *= floor[0, 1] + odd * (floor[1, 1] - floor[0, 1])
-                    blue *= floor[0, 2] + odd * (floor[1, 2] - floor[0, 2])
-                clear = max(0.0, 1 - shape[18]) ** 2  # MuJoCo draws the near and the far side of what is clear
-                color[column, 0] = red + (color[column, 0] - red) * clear
-                color[column, 1] = green + (color[column, 1] - green) * clear
-                color[column, 2] = blue + (color[column, 2] - blue) * clear
-        for column in range(columns):
-            if not now[column]:
-                continue
-            for c in range(3):
-                pixels[row, column, c] = np.uint8(255 * min(1.0, max(0.0, color[column, c])) + 0.5)
+            if opaque:
+                depth[k] = t
+            # Faces of a box count as different things, and so does what is seen through a clear one.
+            side = int(abs(nx) + 2 * abs(ny)) if kind == BOX else 0
+            what[k] = 16 * (g + 1) + 4 * side + (0 if opaque else 1021 * what[k])
+            norm = 1 / math.sqrt(nx * nx + ny * ny + nz * nz)
+            x = (shape[3] * nx + shape[4] * ny + shape[5] * nz) * norm
+            y = (shape[6] * nx + shape[7] * ny + shape[8] * nz) * norm
+            z = (shape[9] * nx + shape[10] * ny + shape[11] * nz) * norm
+            px = camera[0, 0] + t * (u * camera[1, 0] + v * camera[2, 0] + camera[3, 0])
+            py = camera[0, 1] + t * (u * camera[1, 1] + v * camera[2, 1] + camera[3, 1])
+            pz = camera[0, 2] + t * (u * camera[1, 2] + v * camera[2, 2] + camera[3, 2])
+            red, green, blue = shape[19], shape[19], shape[19]
+            for light in range(len(lights)):
+                lx, ly, lz = -lights[light, 4], -lights[light, 5], -lights[light, 6]
+                if lights[light, 0] == 0:
+                    lx = lights[light, 1] - px
+                    ly = lights[light, 2] - py
+                    lz = lights[light, 3] - pz
+                cosine = max(0.0, (lx * x + ly * y + lz * z) / math.sqrt(lx * lx + ly * ly + lz * lz))
+                red += lights[light, 7] + lights[light, 10] * cosine
+                green += lights[light, 8] + lights[light, 11] * cosine
+                blue += lights[light, 9] + lights[light, 12] * cosine
+            red, green, blue = min(1.0, red * shape[15]), min(1.0, green * shape[16]), min(1.0, blue * shape[17])
+            if kind == PLANE and floor[2, 0] > 0:
+                footprint = t * pixel / max(1e-3, abs(dz))
+                odd = _checker(px, py, floor, footprint)
+                what[k] += int(2 * odd + 0.5)
+                red *= floor[0, 0] + odd * (floor[1, 0] - floor[0, 0])
+                green *= floor[0, 1] + odd * (floor[1, 1] - floor[0, 1])
+                blue *= floor[0, 2] + odd * (floor[1, 2] - floor[0, 2])
+            clear = max(0.0, 1 - shape[18]) ** 2  # MuJoCo draws the near and the far side of what is clear
+            color[k, 0] = red + (color[k, 0] - red) * clear
+            color[k, 1] = green + (color[k, 1] - green) * clear
+            color[k, 2] = blue + (color[k, 2] - blue) * clear
+    for k in range(count):
+        for c in range(3):
+            pixels[k, c] = np.uint8(255 * min(1.0, max(0.0, color[k, c])) + 0.5)

@@ -7,15 +7,15 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from collections.abc import Callable
 from typing import Literal, Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
-from jaxtyping import UInt8
 
 from cdpr_sim.core.errors import CdprError
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.video.raycast import RayCaster, averaged
+from cdpr_sim.drawing.video.raycast import Picture, RayCaster, averaged
 
 Backend = Literal["auto", "opengl", "raycast"]
 
@@ -33,8 +33,12 @@ class Renderer(Protocol):
 
     name: str
 
-    def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> UInt8[np.ndarray, "height width 3"]:
+    def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> Picture:
         """The scene, from its own camera."""
+        ...
+
+    def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
+        """``draw`` the scene as it is now, meanwhile where that can be; what is returned gives the picture."""
         ...
 
     def close(self) -> None:
@@ -75,7 +79,7 @@ class OpenGL:
             self._window.free()
             raise OpenGLUnavailable(f"OpenGL: MuJoCo cannot draw with {self.name}: {error}") from None
 
-    def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> UInt8[np.ndarray, "height width 3"]:
+    def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> Picture:
         """The scene, from its own camera."""
         scale = style.SUPERSAMPLING
         self._window.make_current()
@@ -84,6 +88,11 @@ class OpenGL:
         mujoco.mjr_render(rectangle, scene, self._context)
         mujoco.mjr_readPixels(pixels, None, rectangle, self._context)
         return averaged(pixels, scale)[::-1]
+
+    def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
+        """``draw`` the scene at once: a context belongs to one thread."""
+        picture = self.draw(scene, width, height)
+        return lambda: picture
 
     def close(self) -> None:
         """Free MuJoCo's and OpenGL's objects."""

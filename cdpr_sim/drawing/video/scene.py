@@ -10,8 +10,9 @@ from a static solver, and how cables hang that weigh something from ``cable_shap
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -26,6 +27,9 @@ from cdpr_sim.drawing import style
 from cdpr_sim.drawing.cables import course
 from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
 
+if TYPE_CHECKING:
+    from matplotlib.colors import Colormap
+
 PIECES = 48
 """Straight pieces that draw a path."""
 
@@ -34,7 +38,7 @@ MOST_GEOMS = 4000
 HIDDEN = 5
 """Group of tendons that MuJoCo does not draw."""
 
-_IDENTITY = np.eye(3).ravel()
+_NOWHERE, _IDENTITY = np.zeros(3), np.eye(3).ravel()
 
 
 class Stage:
@@ -76,23 +80,30 @@ class Stage:
         self.diagonal = float(np.linalg.norm(np.ptp(robot.frame, axis=0))) or 1.0
         self.poses = exaggerated(trajectory.poses, trajectory.commanded, exaggeration)
         self.static = None if static is None else exaggerated(static, trajectory.commanded, exaggeration)
-        self.step = 0
+        self._slack = trajectory.slack
+        self._way, self._trail = trajectory.commanded.translation, self.poses.translation
+        self._any_camera = self.whole(1.5)
+        self._look_at(0)
 
     def set(self, step: int) -> None:
         """Show state ``step`` of the trajectory."""
-        self.step = step
-        place(self.model, self.data, self._massless, self.poses[step])
+        self._look_at(step)
+        place(self.model, self.data, self._massless, self._pose)
         self._set_cables(step)
         mujoco.mj_fwdPosition(self.model, self.data)
         self._set_lengths(step)
-        camera, everything = self.whole(1.5), mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self.model, self.data, self._options, None, camera, everything, self.scene)
+        everything = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(self.model, self.data, self._options, None, self._any_camera, everything, self.scene)
         self._light_slack(step)
         self._draw_cables(step)
         self._draw_paths(step)
-        self._draw_commanded(step)
+        self._draw_commanded()
         if self.static is not None and np.isfinite(self.static[step].translation).all():
             self._draw_outline(self.static[step])
+
+    def _look_at(self, step: int) -> None:
+        self.step = step
+        self._pose, self._commanded = self.poses[step], self.trajectory.commanded[step]
 
     def look(self, camera: mujoco.MjvCamera) -> mujoco.MjvScene:
         """The scene as ``camera`` sees it."""
@@ -117,7 +128,7 @@ class Stage:
     def close_up(self) -> mujoco.MjvCamera:
         """A camera that follows the command closely, so that what the platform does otherwise shows."""
         size = float(np.linalg.norm(self.robot.platform_size))
-        both = self.trajectory.commanded[self.step].translation, self.poses[self.step].translation
+        both = self._commanded.translation, self._pose.translation
         apart = float(np.linalg.norm(both[1] - both[0]))
         height = max(style.CLOSE_UP * size, apart + 1.6 * size)
         return _camera(np.mean(both, axis=0), height / 2 / np.tan(np.radians(style.FIELD_OF_VIEW) / 2))
@@ -126,32 +137,33 @@ class Stage:
         model = self.model
         model.tendon_rgba[:, 3] = 1
         model.tendon_rgba[:, :3] = tension_colors(self.trajectory.tensions[step], self.largest_tension)
-        model.tendon_rgba[self.trajectory.slack[step], :3] = style.SLACK_COLOR
+        model.tendon_rgba[self._slack[step], :3] = style.SLACK_COLOR
         model.tendon_lengthspring[:] = 0
 
     def _set_lengths(self, step: int) -> None:
         """MuJoCo draws a cable as a hanging chain of its rest length, where that is longer than the distance."""
         trajectory, distance = self.trajectory, self.data.ten_length
         spare = np.maximum(trajectory.rest_lengths[step] - trajectory.lengths[step], 0)
-        spare *= np.where(trajectory.slack[step], self.exaggeration, 0)
+        spare *= np.where(self._slack[step], self.exaggeration, 0)
         self.model.tendon_lengthspring[:, 1] = np.where(spare > 0, distance + spare, 0)
 
     def _light_slack(self, step: int) -> None:
         """Slack cables shine by themselves, so that in shade as well they have the legend's colour."""
+        slack = self._slack[step]
         for geom in self.scene.geoms[: self.scene.ngeom]:
-            if geom.objtype == mujoco.mjtObj.mjOBJ_TENDON and self.trajectory.slack[step, geom.objid]:
+            if geom.objtype == mujoco.mjtObj.mjOBJ_TENDON and slack[geom.objid]:
                 geom.emission = style.SLACK_SHINE
                 geom.rgba[:3] = np.array(style.SLACK_COLOR) / (1 + style.SLACK_SHINE)
 
     def _draw_cables(self, step: int) -> None:
         """Those that MuJoCo would draw otherwise: straight, or from before their pulleys."""
         trajectory, robot = self.trajectory, self.robot
-        pose = self.poses[step]
+        pose = self._pose
         anchors = pose.apply(robot.anchors)
         ways = cable_path.lengths(robot.cabling, pose.translation, pose.rotation.as_matrix())
         for cable in self._drawn:
             length = None
-            if trajectory.slack[step, cable]:
+            if self._slack[step, cable]:
                 true = trajectory.lengths[step, cable]
                 spare = self.exaggeration * max(0.0, float(trajectory.rest_lengths[step, cable] - true))
                 length = float(ways[cable]) + spare
@@ -161,14 +173,13 @@ class Stage:
 
     def _draw_paths(self, step: int) -> None:
         every = max(1, len(self.trajectory) // PIECES)
-        commanded, positions = self.trajectory.commanded.translation, self.poses.translation
-        path = commanded[[*range(0, len(commanded), every), len(commanded) - 1]]
+        path = self._way[[*range(0, len(self._way), every), len(self._way) - 1]]
         self._line(path, style.PATH_RADIUS, (*style.COMMANDED_COLOR, style.PATH_ALPHA))
-        trail = positions[[*range(0, step, every), step]]
+        trail = self._trail[[*range(0, step, every), step]]
         self._line(trail, style.TRAIL_RADIUS, (*style.PLATFORM_COLOR, 1))
 
-    def _draw_commanded(self, step: int) -> None:
-        commanded = self.trajectory.commanded[step]
+    def _draw_commanded(self) -> None:
+        commanded, pose = self._commanded, self._pose
         box = self.robot.platform_size / 2
         inside = style.GHOST_SIZE * box
         matrix = commanded.rotation.as_matrix().ravel()
@@ -181,8 +192,8 @@ class Stage:
         )
         # A dark patch on the floor under the platform tells how high it hangs and where it is.
         floor = self.data.geom("floor").xpos[2]
-        x, y, _ = self.poses[step].translation
-        turn = Rotation.from_euler("z", self.poses[step].rotation.as_euler("zyx")[0]).as_matrix().ravel()
+        x, y, _ = pose.translation
+        turn = Rotation.from_euler("z", pose.rotation.as_euler("zyx")[0]).as_matrix().ravel()
         flat = np.array([box[0], box[1], 1e-4 * self.diagonal])
         self._geom(mujoco.mjtGeom.mjGEOM_BOX, flat, [x, y, floor], turn, (0, 0, 0, style.SHADOW_ALPHA))
 
@@ -194,13 +205,13 @@ class Stage:
                 self._line(points[[a, b]], style.STATIC_RADIUS, (*style.STATIC_COLOR, 1))
 
     def _line(self, points: Float[np.ndarray, "points 3"], radius: float, color: tuple[float, ...]) -> None:
-        for start, end in itertools.pairwise(points):
-            if (start != end).any():
-                geom = self._geom(mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), _IDENTITY, color)
-                capsule = mujoco.mjtGeom.mjGEOM_CAPSULE.value
-                mujoco.mjv_connector(geom, capsule, radius * self.diagonal, start.copy(), end.copy())
+        capsule, shade = mujoco.mjtGeom.mjGEOM_CAPSULE, np.array(color, np.float32)
+        moves = (points[1:] != points[:-1]).any(1)
+        for start, end in zip(points[:-1][moves], points[1:][moves], strict=True):
+            geom = self._geom(capsule, _NOWHERE, _NOWHERE, _IDENTITY, shade)
+            mujoco.mjv_connector(geom, capsule.value, radius * self.diagonal, start, end)
 
-    def _geom(self, shape: mujoco.mjtGeom, size, position, matrix, color: Sequence[float]) -> mujoco.MjvGeom:
+    def _geom(self, shape: mujoco.mjtGeom, size, position, matrix, color) -> mujoco.MjvGeom:
         geom = self.scene.geoms[self.scene.ngeom]
         mujoco.mjv_initGeom(
             geom, shape.value, np.asarray(size, float), np.asarray(position, float), matrix, np.array(color, np.float32)
@@ -239,11 +250,17 @@ def exaggerated(poses: RigidTransform, commanded: RigidTransform, times: float) 
 
 def tension_colors(tensions: Float[np.ndarray, " n"], largest: float) -> Float[np.ndarray, "n 3"]:
     """Colours on the perceptually uniform scale from no tension to ``largest`` [N]."""
-    import matplotlib
-
     fractions = np.clip(np.asarray(tensions) / largest, 0, 1)
     start, end = style.TENSION_RANGE
-    return matplotlib.colormaps[style.TENSION_MAP](start + fractions * (end - start))[..., :3]
+    return _tension_map()(start + fractions * (end - start))[..., :3]
+
+
+@functools.cache
+def _tension_map() -> Colormap:
+    """Kept, since matplotlib hands out a copy that has everything still to compute."""
+    import matplotlib
+
+    return matplotlib.colormaps[style.TENSION_MAP]
 
 
 def _model(robot: Robot, pose: RigidTransform) -> mujoco.MjModel:

@@ -1,0 +1,41 @@
+"""The command that writes a page to hand on: report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli.options import MaterialName, Pose, RobotName, robot_of
+from cdpr_sim.cli.terminal import busy, errors_as_sentences, tidy_when_terminated
+
+
+def report(
+    robot: RobotName,
+    output: Annotated[Path, typer.Option("-o", "--output", help="File: .html.")] = Path("report.html"),
+    pose: Pose = None,
+    material: MaterialName = None,
+    grid: Annotated[
+        tuple[int, int, int] | None,
+        typer.Option("--grid", metavar="NX NY NZ", help="Poses that are settled in MuJoCo; default: 7 5 4."),
+    ] = None,
+    video: Annotated[bool, typer.Option("--video/--no-video", help="Film a drive across the workspace.")] = True,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+) -> None:
+    """Write a page to hand on: one file with the robot to turn in 3D, its worst poses, maps, numbers and a film.
+
+    Any browser opens it, without network access.
+    """
+    with errors_as_sentences(), tidy_when_terminated(), busy("Loading") as status:
+        cdpr.write_report(
+            output,
+            robot_of(robot, material),
+            pose,
+            grid=grid,
+            video=video,
+            force=force,
+            progress=lambda what: status.update(f"{what} ..."),
+        )
+    typer.echo(output)

@@ -1,0 +1,108 @@
+"""Tables, sentences and pictures as HTML, for notebooks and for the page to hand on: all text escaped, no address."""
+
+from __future__ import annotations
+
+import base64
+from html import escape
+from itertools import pairwise
+
+from rich.markup import escape as plain
+from rich.table import Table
+from rich.text import Text
+
+STYLE = """
+.cdpr-sim { overflow-x: auto; }
+.cdpr-sim table { border-collapse: collapse; border: 0; margin: 0.6em 0; font-variant-numeric: tabular-nums; }
+.cdpr-sim caption { text-align: left; font-weight: 600; padding: 0.2em 0; caption-side: top; color: inherit; }
+.cdpr-sim :is(th, td) { padding: 0.15em 0.7em; border: 0; text-align: right; white-space: nowrap;
+  vertical-align: top; background: none; color: inherit; }
+.cdpr-sim thead th { vertical-align: bottom; font-weight: 600; border-bottom: 1px solid currentColor; }
+.cdpr-sim tbody th { font-weight: normal; }
+.cdpr-sim .words { text-align: left; }
+.cdpr-sim .long { white-space: normal; min-width: 12em; max-width: 45em; }
+.cdpr-sim tbody + tbody tr:first-child > * { border-top: 1px solid color-mix(in srgb, currentColor 30%, transparent); }
+.cdpr-sim .bold { font-weight: 600; }
+.cdpr-sim .dim { opacity: 0.75; }
+.cdpr-sim .red { color: color-mix(in srgb, currentColor 40%, #e02000); }
+.cdpr-sim .green { color: color-mix(in srgb, currentColor 40%, #00a050); }
+.cdpr-sim .yellow { color: color-mix(in srgb, currentColor 40%, #c08000); }
+.cdpr-sim img { max-width: 100%; height: auto; background: white; border-radius: 4px; }
+.cdpr-sim p { margin: 0.4em 0; max-width: 60em; }
+"""
+"""No colour of its own but the pictures' white paper: the rest takes that of the text around it, dark or light."""
+
+__all__ = ["data", "fragment", "picture", "plain", "sentences", "table"]
+
+LONG = 40
+"""Letters of a cell that may be broken."""
+
+
+def fragment(*parts: str) -> str:
+    """Parts of HTML together, with how they look: what a notebook takes for an object."""
+    return f'<div class="cdpr-sim"><style>{STYLE}</style>{"".join(parts)}</div>'
+
+
+def table(sheet: Table) -> str:
+    """A table for people, as the command line prints it: the same words and numbers, cell by cell."""
+    words = getattr(sheet, "words", 1)
+    columns = [list(column.cells) for column in sheet.columns]
+    headings = [str(column.header) for column in sheet.columns]
+    parts = [f"<caption>{_lines(str(sheet.title))}</caption>" if sheet.title else ""]
+    if any(headings):
+        cells = (
+            f'<th scope="col"{_kind(place < words)}>{_lines(heading)}</th>' for place, heading in enumerate(headings)
+        )
+        parts.append(f"<thead><tr>{''.join(cells)}</tr></thead>")
+    parts.append("<tbody>")
+    for number, row in enumerate(sheet.rows):
+        cells = []
+        for place, (column, described) in enumerate(zip(columns, sheet.columns, strict=True)):
+            cell = str(column[number])
+            flush = place < words or described.justify == "left"
+            kind = _kind(flush, long=len(cell) > LONG, look=str(described.style))
+            cells.append(
+                f'<th scope="row"{kind}>{_inline(cell)}</th>' if place == 0 else f"<td{kind}>{_inline(cell)}</td>"
+            )
+        look = f' class="{escape(str(row.style))}"' if row.style else ""
+        parts.append(f"<tr{look}>{''.join(cells)}</tr>")
+        if row.end_section and number + 1 < len(sheet.rows):
+            parts.append("</tbody><tbody>")
+    return f"<table>{''.join(parts)}</tbody></table>"
+
+
+def sentences(*markup: str) -> str:
+    """Lines as the command line prints them, a paragraph each."""
+    lines = (line.strip() for text in markup for line in text.splitlines())
+    return "".join(f"<p>{_inline(line)}</p>" for line in lines if line)
+
+
+def picture(png: bytes, words: str) -> str:
+    """A picture within the page; ``words`` say what it shows to those who do not see it."""
+    return f'<img alt="{escape(words)}" src="{data(png, "image/png")}">'
+
+
+def data(content: bytes, kind: str) -> str:
+    """Bytes as an address that holds them."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def _kind(flush_left: bool, *, long: bool = False, look: str = "") -> str:
+    names = " ".join(filter(None, ["words" if flush_left else "", "long" if long else "", escape(look)]))
+    return f' class="{names}"' if names else ""
+
+
+def _lines(markup: str) -> str:
+    """Of a heading."""
+    return "<br>".join(_inline(line) for line in markup.split("\n"))
+
+
+def _inline(markup: str) -> str:
+    """rich's markup as HTML."""
+    text = Text.from_markup(markup)
+    edges = sorted({0, len(text), *(edge for span in text.spans for edge in (span.start, span.end))})
+    parts = []
+    for start, end in pairwise(edges):
+        looks = " ".join(str(span.style) for span in text.spans if span.start <= start and end <= span.end)
+        words = escape(text.plain[start:end])
+        parts.append(f'<span class="{escape(looks)}">{words}</span>' if looks else words)
+    return "".join(parts)

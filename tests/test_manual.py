@@ -1,0 +1,162 @@
+"""README and the manual say what is so: their Python and their commands run, their links lead somewhere."""
+
+import importlib.util
+import inspect
+import re
+import shlex
+import tomllib
+from pathlib import Path
+from types import ModuleType
+from typing import get_type_hints
+
+import pytest
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli import COMMANDS, app
+
+ROOT = Path(__file__).parents[1]
+FILES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in FILES}
+README = PAGES["README.md"]
+
+BLOCK = re.compile(r"^ *```(\w*)([^\n]*)\n(.*?)^ *```$", flags=re.DOTALL | re.MULTILINE)
+"""A fenced block: its language, what stands beside that, its text."""
+
+LINK = re.compile(r"\]\((?!\w+:|#)([^)#\s]+)")
+
+ELSEWHERE = ("python3 -m venv", ".venv/bin/", "pip install", ".ci/run")
+"""Commands that install, test or build: .ci/run has them."""
+
+DATA = {"", "text", "csv", "toml", "yaml"}
+"""What is shown and not run; a ``title`` makes it a file for what follows."""
+
+
+def said(command: str) -> str:
+    """What a command of ``cdpr-sim`` prints."""
+    result = CliRunner().invoke(app, shlex.split(command)[1:], env={"COLUMNS": "100"})
+    assert result.exit_code == 0, f"{command}: {result.stderr or result.exception!r}"
+    return result.stdout
+
+
+def without_numbers(text: str) -> str:
+    """Last digits, and the iterations of solvers that stall, differ from one machine to the next."""
+    return " ".join(re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", "#", text).split())
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if BLOCK.search(PAGES[page])])
+def test_blocks_run_as_printed(page, tmp_path, monkeypatch):
+    """From the first to the last, in a folder of their own: Python, commands, and what they are shown to print."""
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    printed = ""
+    for language, beside, text in BLOCK.findall(PAGES[page]):
+        title = re.search(r'title="([^"]+)"', beside)
+        if language == "python":
+            exec(compile(text, f"{page}: Python", "exec"), names)
+        elif language == "sh":
+            for command in text.replace("\\\n", " ").splitlines():
+                if command.startswith("cdpr-sim "):
+                    printed = said(command)
+                elif command.startswith("python scripts/"):
+                    assert (ROOT / shlex.split(command)[1]).is_file(), command
+                else:
+                    assert command.startswith(ELSEWHERE), f"{page}: nothing runs {command!r}"
+        else:
+            assert language in DATA, f"{page}: nothing runs {language!r}"
+            if language == "toml":
+                tomllib.loads(text)
+            if title and title[1] == "prints":
+                assert without_numbers(text) == without_numbers(printed)
+            elif title:
+                Path(title[1]).write_text(text, encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_to_files(page):
+    """Every relative link, where the repository is browsed; of the manual that is built, mkdocs checks them."""
+    here = (ROOT / page).parent
+    assert [link for link in LINK.findall(PAGES[page]) if not (here / link).exists()] == []
+
+
+def test_readme_is_short_and_its_commands_stand_behind_their_markers():
+    """.ci/run takes the two commands from README by these."""
+    assert README.count("\n") <= 150
+    for marker, word in (("main job", "cdpr-sim settle"), ("tests", "pytest")):
+        assert re.search(rf"<!-- {marker} -->\n```sh\n.*{word}.*\n```\n", README)
+    assert "libegl1" in README  # what OpenGL needs of the system
+
+
+def test_readmes_numbers_are_the_main_jobs():
+    """To the digit: what was commanded, what MuJoCo says, and what Newton says; SEECR stalls anywhere."""
+    printed = [line.split()[:5] for line in said("cdpr-sim settle parallel --pose 0.17 0.25 0.1").splitlines()]
+    (shown,) = (text for language, _, text in BLOCK.findall(README) if language == "text")
+    rows = [line.split()[:5] for line in shown.splitlines() if re.match(r" (x|y|z|tilt) \[", line)]
+    assert len(rows) == 4
+    assert all(row in printed for row in rows)
+
+
+def test_every_picture_is_in_the_gallery_with_a_command():
+    """Beside each, or above the next one's title, stands what made it."""
+    gallery = PAGES["docs/gallery.md"]
+    shown = re.findall(r"\(\.\./(pictures/[^)]+)\)", gallery)
+    assert sorted(shown) == sorted(f"pictures/{path.name}" for path in (ROOT / "pictures").iterdir())
+    for name in shown:
+        assert re.match(r"\)\n\n(!\[[^\n]*\n\n)?```sh\n(python scripts/|cdpr-sim )", gallery.partition(name)[2]), name
+
+
+def test_every_figure_that_the_gallery_names_is_one():
+    """And what its command is given."""
+    named = re.findall(r"^\| `([\w-]+)` \|", PAGES["docs/gallery.md"], flags=re.MULTILINE)
+    named += re.findall(r"make_figures\.py ([\w-]+)", PAGES["docs/gallery.md"])
+    assert set(named) <= set(cdpr.list_figures())
+
+
+def test_every_robot_is_on_its_page():
+    """Once each."""
+    named = re.findall(r"`([\w-]+)`(?=[,` |])", "\n".join(re.findall(r"^\|([^|]+)\|", PAGES["docs/robots.md"], re.M)))
+    assert sorted(named) == sorted(cdpr.list_robots())
+
+
+def test_every_public_name_is_in_the_api():
+    """Once each."""
+    named = re.findall(r"^::: cdpr_sim\.(\w+)$", "\n".join(PAGES.values()), flags=re.MULTILINE)
+    assert sorted(named) == sorted(cdpr.__all__)
+
+
+def test_public_functions_say_what_they_return():
+    """A section of the docstring, but where nothing is returned."""
+    functions = [(name, getattr(cdpr, name)) for name in cdpr.__all__]
+    for name, one in list(functions):
+        if inspect.isclass(one):
+            functions += [(f"{name}.{of}", method) for of, method in vars(one).items() if not of.startswith("_")]
+    checked = 0
+    for name, one in functions:
+        function = getattr(one, "__func__", one)
+        if inspect.isfunction(function) and function.__module__.startswith("cdpr_sim"):
+            returns = function.__annotations__.get("return")
+            assert returns in ("None", None) or "\nReturns:" in inspect.getdoc(function), name
+            checked += 1
+    assert checked > 80
+
+
+@pytest.fixture(scope="module")
+def hooks() -> ModuleType:
+    """What builds the manual."""
+    spec = importlib.util.spec_from_file_location("hooks", ROOT / "docs" / "hooks.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_page_of_commands_has_every_option(hooks):
+    """As typer knows them."""
+    page = hooks.commands()
+    for name, command in COMMANDS.items():
+        assert f"\n## {name}\n" in page
+        section = page.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
+        for hint in get_type_hints(command, include_extras=True).values():
+            for flag in getattr(next(iter(getattr(hint, "__metadata__", ())), None), "param_decls", None) or ():
+                assert flag in section, (name, flag)

@@ -1,0 +1,249 @@
+"""Every option of every command reaches what it is for, in the units of the package; and none has no test."""
+
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli import app
+from cdpr_sim.cli import robots as cli_robots
+from cdpr_sim.drawing import still
+
+TESTS = Path(__file__).parent
+COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+FILES = TESTS / "imported"
+
+AT = [0.3, 0.2, 0.1]
+SOFT = "fishing-0.4mm"
+
+
+class Asked(cdpr.CdprError):
+    """Raised in place of the work."""
+
+
+def place(problem: cdpr.Problem) -> list[float]:
+    return problem.pose.translation.tolist()
+
+
+def cables(problem: cdpr.Problem) -> str | None:
+    return problem.robot.material
+
+
+def moves(found) -> list[tuple]:
+    return [(one.what, one.within, one.along) for one in found]
+
+
+REACHED = [
+    # command and option, what is called, its arguments: by name or position, perhaps as a function sees them
+    ("settle parallel --pose 0.3 0.2 0.1", "settle", {(0, place): AT}),
+    ("settle parallel --material fishing-0.4mm", "settle", {(0, cables): SOFT}),
+    ("solve parallel --pose 0.3 0.2 0.1", "solve", {(0, place): AT}),
+    ("solve parallel --material fishing-0.4mm", "solve", {(0, cables): SOFT}),
+    ("solve parallel --method fsolve", "solve", {"method": "fsolve"}),
+    ("compensate parallel --pose 0.3 0.2 0.1", "compensate", {(0, place): AT}),
+    ("compensate parallel --material fishing-0.4mm", "compensate", {(0, cables): SOFT}),
+    ("compensate parallel --tensions 1 9", "compensate", {"tension_limits": (1.0, 9.0)}),
+    ("compensate parallel --prefer stiffest", "compensate", {"prefer": "stiffest"}),
+    ("compensate parallel --arm 0.5", "compensate", {"arm": 0.5}),
+    ("sensitivity parallel --pose 0.3 0.2 0.1", "sensitivity", {(0, place): AT}),
+    ("sensitivity parallel --material fishing-0.4mm", "sensitivity", {(0, cables): SOFT}),
+    ("equilibria parallel --pose 0.3 0.2 0.1", "find_equilibria", {(0, place): AT}),
+    ("equilibria parallel --material fishing-0.4mm", "find_equilibria", {(0, cables): SOFT}),
+    ("equilibria parallel --saddles", "find_equilibria", {"saddles": True}),
+    ("equilibria parallel --starts 7", "find_equilibria", {"starts": 7}),
+    ("identify parallel m.csv --unknown mass", "identify", {2: ["mass"]}),
+    ("identify parallel m.csv --material fishing-0.4mm", "identify", {(0, lambda robot: robot.material): SOFT}),
+    ("identify parallel m.csv --position-error 3", "identify", {"position_error": 0.003}),
+    ("identify parallel m.csv --rotation-error 2", "identify", {"rotation_error": math.radians(2)}),
+    ("design parallel --move anchors=0.01 --move exits", "find_layout",
+     {("move", moves): [("anchors", 0.01, None), ("exits", 0.05, None)]}),
+    ("design parallel --within 0.02", "find_layout", {("move", moves): [("exits", 0.02, None)]}),
+    ("design parallel --along 0 0 1", "find_layout", {("move", moves): [("exits", 0.05, (0.0, 0.0, 1.0))]}),
+    ("design parallel --symmetry none", "find_layout", {"symmetry": "none"}),
+    ("design parallel --objective mean_tilt", "find_layout", {"objective": "mean_tilt"}),
+    ("design parallel --grid 2 3 4", "find_layout", {(1, np.shape): (2, 3, 4, 3)}),
+    ("design parallel --line 0.2 0.3 0.1 0.4 0.3 0.1 --points 3", "find_layout",
+     {(1, np.ndarray.tolist): [[0.2, 0.3, 0.1], [pytest.approx(0.3), 0.3, 0.1], [0.4, 0.3, 0.1]]}),
+    ("design parallel --tensions 1 9", "find_layout", {("subject_to", dict.items): {("tensions", (1.0, 9.0))}}),
+    ("design parallel --taut", "find_layout", {("subject_to", dict.items): {("all taut", True)}}),
+    ("design parallel --stable", "find_layout", {("subject_to", dict.items): {("stable", True)}}),
+    ("design parallel --clearance 0.01", "find_layout", {("subject_to", dict.items): {("clearance", 0.01)}}),
+    ("design parallel --limit displacement=0.02", "find_layout",
+     {("subject_to", dict.items): {("displacement", 0.02)}}),
+    ("design parallel --stiffness 0.5 --stiffness 2", "find_layout", {"stiffness": [0.5, 2.0]}),
+    ("design parallel --material fishing-0.4mm", "find_layout", {(0, lambda robot: robot.material): SOFT}),
+    ("design parallel --seed 5", "find_layout", {"seed": 5}),
+    ("design parallel --generations 7", "find_layout", {"generations": 7}),
+    ("design parallel --store there.npz", "find_layout", {("store", str): "there.npz"}),
+    ("design parallel -o full/robot-1.toml --picture full/old.png --video full/old.gif --force", "find_layout", {}),
+    ("front parallel -o there --goals displacement mean_tilt", "find_front", {2: ("displacement", "mean_tilt")}),
+    ("front parallel -o there --move anchors=0.01", "find_front", {("move", moves): [("anchors", 0.01, None)]}),
+    ("front parallel -o there --within 0.02", "find_front", {("move", moves): [("exits", 0.02, None)]}),
+    ("front parallel -o there --along 0 0 1", "find_front", {("move", moves): [("exits", 0.05, (0.0, 0.0, 1.0))]}),
+    ("front parallel -o there --symmetry none", "find_front", {"symmetry": "none"}),
+    ("front parallel -o there --grid 2 3 4", "find_front", {(1, np.shape): (2, 3, 4, 3)}),
+    ("front parallel -o there --line 0.2 0.3 0.1 0.4 0.3 0.1 --points 3", "find_front", {(1, np.shape): (3, 3)}),
+    ("front parallel -o there --material fishing-0.4mm", "find_front", {(0, lambda robot: robot.material): SOFT}),
+    ("front parallel -o there --seed 5", "find_front", {"seed": 5}),
+    ("front parallel -o there --generations 7", "find_front", {"generations": 7}),
+    ("front parallel -o there --most 150", "find_front", {"population": 150}),
+    ("front parallel -o full --force", "find_front", {}),
+    ("clearances parallel --grid 2 3 4", "clearances", {(1, np.shape): (2, 3, 4, 3)}),
+    ("clearances parallel --line 0.2 0.3 0.1 0.4 0.3 0.1 --points 3", "clearances", {(1, np.shape): (3, 3)}),
+    ("clearances parallel --fitting 0.02", "clearances", {"fitting": 0.02}),
+    ("clearances parallel --material fishing-0.4mm", "clearances", {(0, lambda robot: robot.material): SOFT}),
+    ("import m.csv --format wirex", "import_robot", {1: "wirex"}),
+    ("import m.csv --cables short", "import_robot", {2: "short"}),
+    ("sweep parallel --grid 2 3 4", "sweep", {1: (2, 3, 4)}),
+    ("sweep parallel --material fishing-0.4mm", "sweep", {2: [SOFT]}),
+    ("sweep parallel -o there.zarr", "sweep", {("store", str): "there.zarr"}),
+    ("sweep parallel --limits 1 2", "sweep", {"tension_limits": (1.0, 2.0)}),
+    ("sweep parallel --wrench 1,2,3,4,5,6", "sweep", {"wrenches": [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]}),
+    ("map parallel --material fishing-0.4mm", "sweep", {2: [SOFT]}),
+    ("map parallel --plane yz --at 0.3 --points 21", "sweep",
+     {(1, lambda grid: (grid["x"].tolist(), len(grid["y"]), len(grid["z"]))): ([0.3], 18, 21)}),
+    ("map parallel --limits 1 2", "sweep", {"tension_limits": (1.0, 2.0)}),
+    ("map parallel --wrench 1,2,3,4,5,6", "sweep", {"wrenches": [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]}),
+    ("map parallel -o full/old.png --force", "sweep", {}),
+    ("check parallel --grid 2 3 4", "check", {1: (2, 3, 4)}),
+    ("check parallel --material fishing-0.4mm", "check", {2: [SOFT]}),
+    ("check parallel -o full/old.png --force", "check", {}),
+    ("video parallel --path 0.3 0.4", "drive", {(1, lambda line: [x for x, _, _ in line]): [0.3, 0.4]}),
+    ("video parallel --y 0.2 --z 0.1", "drive", {(1, lambda line: [at[1:] for at in line]): [(0.2, 0.1)] * 2}),
+    ("video parallel --drop", "drive", {"from_rest": False, (1, len): 1}),
+    ("video parallel --material fishing-0.4mm", "drive", {(0, lambda robot: robot.material): SOFT}),
+    ("video parallel --drive-seconds 3", "drive", {"seconds": 3.0}),
+    ("video parallel --seconds 2 --fps 10", "drive", {"states": 20}),
+    ("video parallel -o full/old.gif --force", "drive", {}),
+]  # fmt: skip
+
+
+@pytest.fixture
+def folder(monkeypatch, tmp_path) -> Path:
+    """To work in: measurements, and a folder with results of before."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "m.csv").write_text(
+        "commanded_x [mm],commanded_y [mm],commanded_z [mm],measured_z [mm]\n400,250,100,99\n"
+    )
+    (tmp_path / "full").mkdir()
+    for name in ("old.png", "old.gif", "front.png", "robot-1.toml"):
+        (tmp_path / "full" / name).write_text("old")
+    return tmp_path
+
+
+@pytest.mark.parametrize(("words", "function", "expected"), REACHED, ids=[words for words, *_ in REACHED])
+def test_options_reach_what_they_are_for(words, function, expected, folder, monkeypatch):
+    """In the units of the package; positions among the arguments count from 0."""
+    asked: dict = {}
+
+    def record(*args, **options):
+        asked.update(dict(enumerate(args)) | options)
+        raise Asked("asked")
+
+    monkeypatch.setattr(cdpr, function, record)
+    told = CliRunner().invoke(app, words.split())
+    assert (told.exit_code, told.stderr) == (2, "cdpr-sim: asked\n")
+    for name, value in expected.items():
+        name, seen = name if isinstance(name, tuple) else (name, lambda found: found)
+        found = seen(asked[name])
+        assert (set(found) if isinstance(value, set) else found) == value
+
+
+def test_settings_of_a_film_reach_the_film(folder, monkeypatch):
+    """Size, exaggeration and renderer; compensated lengths beside rigid ones, by robots of that name."""
+    driven, filmed = [], {}
+    monkeypatch.setattr(cdpr, "drive", lambda robot, *args, **options: driven.append((robot, options)) or robot)
+    monkeypatch.setattr(cdpr, "solve_trajectory", lambda robot: cdpr.solve_many(robot, [robot.home]))
+    monkeypatch.setattr(cdpr, "compensate", lambda robot, at: (robot, at))
+    monkeypatch.setattr("cdpr_sim.cli.pictures.held", lambda asked: cdpr.solve(*asked))
+    monkeypatch.setattr("cdpr_sim.cli.pictures._shapes", lambda robot: None)
+    monkeypatch.setattr(cdpr, "write_video", lambda path, *args, **options: filmed.update(options | {"path": path}))
+    words = "video cogiro --path 0.3 0.4 --compensate --size 400 240 --exaggerate 5 --renderer raycast -o new.gif"
+    told = CliRunner().invoke(app, words.split())
+    assert (told.exit_code, told.stdout) == (0, "new.gif\n")
+    assert (filmed["size"], filmed["exaggeration"], filmed["renderer"]) == ((400, 240), 5.0, "raycast")
+    assert (filmed["path"], filmed["force"]) == (Path("new.gif"), False)
+    assert [robot.name for robot, _ in driven] == ["cogiro", "cogiro, compensated"]
+    lengths = [options["rest_lengths"] for _, options in driven]
+    assert lengths[0] is None
+    robot = cdpr.load_robot("cogiro")
+    wanted = np.linspace((0.3, *robot.home[1:]), (0.4, *robot.home[1:]), len(lengths[1]))
+    np.testing.assert_allclose(lengths[1], [robot.rest_lengths(at) for at in wanted], rtol=1e-14)
+
+
+def test_a_picture_is_of_the_robot_at_the_pose_on_the_cables_that_are_asked(folder, monkeypatch):
+    """`show`, `view`; `models` write the model there."""
+    drawn: list = []
+    with monkeypatch.context() as patch:
+        patch.setattr(still, "draw", lambda robot, pose: drawn.append((robot, pose)) or still.Still())
+        patch.setattr(cli_robots, "look", lambda problem: drawn.append((problem.robot, problem.pose)))
+        for words in (
+            "show cogiro --pose 0.3 0.2 0.1 --material fishing-0.4mm -o new.png",
+            "view cogiro --pose 0.3 0.2 0.1 --material fishing-0.4mm",
+        ):
+            assert CliRunner().invoke(app, words.split()).exit_code == 0
+            robot, pose = drawn.pop()
+            assert (robot.material, pose.translation.tolist()) == (SOFT, AT)
+    words = "models two-cable --pose 0.3 0 0.1 --material fishing-0.4mm --winches -o ."
+    assert CliRunner().invoke(app, words.split()).exit_code == 0
+    robot = cdpr.load_robot("two-cable").replace(material=SOFT)
+    written = folder / "two-cable"
+    assert (written / "robot.xml").read_text() == cdpr.to_mjcf(robot, (0.3, 0, 0.1))
+    assert (written / "winch.xml").read_text() == cdpr.to_mjcf(robot, (0.3, 0, 0.1), winches=True)
+
+
+def test_files_that_are_there_are_replaced_with_force_alone(folder):
+    """By `new`, `show` and `figures`."""
+    (folder / "tilt-condition.svg").write_text("mine")
+    assert CliRunner().invoke(app, ["figures", "tilt-condition", "-o", ".", "--force"]).exit_code == 0
+    assert (folder / "tilt-condition.svg").read_text().startswith("<?xml")
+    for words, name in (("new mine --force", "mine.toml"), ("show two-cable -o mine.png --force", "mine.png")):
+        (folder / name).write_text("mine")
+        assert CliRunner().invoke(app, words.split()[:-1]).exit_code == 2
+        assert (folder / name).read_text() == "mine"
+        assert CliRunner().invoke(app, words.split()).exit_code == 0
+        assert (folder / name).read_bytes() != b"mine"
+
+
+def test_the_interference_free_workspace_is_drawn_where_it_is_asked_for(folder, monkeypatch):
+    """Plane, place, least distance and fitting; the table counts by the same distance."""
+    asked = []
+    monkeypatch.setattr(
+        "cdpr_sim.studies.better_layouts.clearance_map", lambda *args: asked.append(args) or still.Still()
+    )
+    words = "clearances cogiro --plane yz --at 0.4 --least 0.002 --fitting 0.01 -o full/old.png --force --grid 1 1 1"
+    told = CliRunner().invoke(app, words.split())
+    assert asked[0][1:] == ("yz", 0.4, 0.002, 0.01)
+    assert "(more than 2 mm) at 1 of 1 poses; 10 mm of each cable" in " ".join(told.stdout.split())
+    assert (folder / "full" / "old.png").read_bytes().startswith(b"\x89PNG")
+
+
+def words_of(node: ast.AST) -> list[str]:
+    """The constant words of a list, a tuple, a call or a string, in order."""
+    if isinstance(node, ast.Constant):
+        return node.value.split() if isinstance(node.value, str) else []
+    parts = node.elts if isinstance(node, ast.List | ast.Tuple) else node.args if isinstance(node, ast.Call) else []
+    return [word for part in parts for word in words_of(part)]
+
+
+def test_every_option_is_named_in_a_test():
+    """With its command, in one list, call or string of words: an option that is new needs a test of its own."""
+    named: dict[str, set[str]] = {command: set() for command in COMMANDS}
+    for file in TESTS.glob("test_*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            words = words_of(node)
+            for command in COMMANDS:
+                if command in words[:2]:
+                    named[command] |= set(words)
+    forgotten = [
+        f"{command} {option.opts[-1]}"
+        for command, made in COMMANDS.items()
+        for option in made.params
+        if option.opts[0].startswith("-") and not named[command] & set(option.opts)
+    ]
+    assert forgotten == []

@@ -1,0 +1,326 @@
+"""Every number that is shown as MuJoCo's comes from MuJoCo's road, and every solver's from that solver.
+
+The roads are replaced by recorders, which answer with numbers that they make up: those, and no others, are to be shown.
+"""
+
+import dataclasses
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.analysis.workspace import sweep as sweeping
+from cdpr_sim.cli import app
+from cdpr_sim.core.rests import Rests
+from cdpr_sim.crosscheck import check as checking
+from cdpr_sim.crosscheck import compare as comparing
+from cdpr_sim.crosscheck import layout as proving
+from cdpr_sim.crosscheck.hold import Hold
+from cdpr_sim.design.objectives import NO_LIMITS
+from cdpr_sim.drawing import maps
+from cdpr_sim.physics import sensing
+from cdpr_sim.physics.release import Release
+from cdpr_sim.studies import lines as studies
+from cdpr_sim.studies import lines_figures as figures
+
+FIRST = {"mujoco": 1.0, "newton": 2.0, "fsolve": 3.0, "least_squares": 4.0}
+"""Of each road's numbers the first digit."""
+
+HEADS = {"mujoco": "MuJoCo", "newton": "Newton", "fsolve": "fsolve", "least_squares": "least_sq."}
+
+
+class Recorder:
+    """A road that answers with numbers of its own: another 0.01 m, 0.001 m, 1 N and 1 N/m with each call."""
+
+    def __init__(self) -> None:
+        self.told: list[cdpr.Equilibrium] = []
+
+    def made_up(self, problem: cdpr.Problem, road: str) -> cdpr.Equilibrium:
+        calls = len(self.told)
+        first, cables = FIRST[road] + 0.01 * calls, problem.robot.cables
+        turned = Rotation.from_euler("xy", [first, 10 * first], degrees=True)
+        found = cdpr.Equilibrium(
+            problem=problem,
+            pose=RigidTransform.from_components([first, first + 0.1, first + 0.2], turned),
+            tensions=100 * first + np.arange(cables) + calls,
+            lengths=first + 0.001 * np.arange(cables),
+            residual=first * 1e-9,
+            eigenvalues=1000 * first + np.arange(6) + calls,
+            iterations=int(100 * FIRST[road]) + calls,
+            source={"mujoco": "mujoco", "newton": "newton"}.get(road, f"seecr/{road}"),
+        )
+        self.told.append(found)
+        return found
+
+    def settle(self, *asked) -> cdpr.Equilibrium:
+        return self.made_up(cdpr.Problem.of(*asked), "mujoco")
+
+    def solve(self, *asked, method: str = "newton") -> cdpr.Equilibrium:
+        return self.made_up(cdpr.Problem.of(*asked), method)
+
+
+@pytest.fixture
+def roads(monkeypatch) -> Recorder:
+    """Both roads, made up."""
+    recorder = Recorder()
+    monkeypatch.setattr(cdpr, "settle", recorder.settle)
+    monkeypatch.setattr(cdpr, "solve", recorder.solve)
+    return recorder
+
+
+def run(*words: str):
+    return CliRunner().invoke(app, list(words), env={"COLUMNS": "200"})
+
+
+def cells(text: str, label: str, count: int) -> list[str]:
+    """The last ``count`` cells of the row that begins with ``label``."""
+    (line,) = (line for line in text.splitlines() if line.strip().startswith(label))
+    return line.split()[-count:]
+
+
+def is_told(shown: dict, found: cdpr.Equilibrium) -> None:
+    """Whether a JSON's entry has the numbers of this result, and no others."""
+    assert shown["source"] == found.source
+    for name in ("position", "euler", "tensions", "lengths", "eigenvalues", "rest_lengths", "slack"):
+        assert shown[name] == getattr(found, name).tolist(), name
+    for name in ("tilt", "residual", "iterations"):
+        assert shown[name] == getattr(found, name), name
+    assert shown["stability"] == found.stability.name.lower()
+
+
+def test_settle_shows_what_each_road_says(roads):
+    """All four of them, in the table and in JSON; the verdict is about MuJoCo's and Newton's."""
+    text = run("settle", "cogiro").stdout
+    by_road = {one.source.rpartition("/")[2]: one for one in roads.told}
+    assert list(by_road) == list(FIRST)
+    assert [HEADS[road] for road in by_road] == cells(text, "commanded", 4)
+    for axis, name in enumerate("xyz"):
+        assert cells(text, f"{name} [mm]", 4) == [f"{1e3 * one.position[axis]:.3f}" for one in by_road.values()]
+    for cable in range(8):
+        shown = [f"{one.tensions[cable]:.4f}" for one in by_road.values()]
+        assert cells(text, f"tension {cable + 1} [N]", 4) == shown
+    assert cells(text, "unbalanced [N]", 4) == [f"{one.residual:.1e}" for one in by_road.values()]
+    assert cells(text, "iterations", 4) == [str(one.iterations) for one in by_road.values()]
+    apart = np.linalg.norm(by_road["newton"].position - by_road["mujoco"].position)
+    assert f"MuJoCo and Newton: the two roads disagree: position within {1e3 * apart:.1e} mm" in " ".join(text.split())
+    roads.told.clear()
+    told = json.loads(run("settle", "cogiro", "--json").stdout)
+    assert told["position_error"] == pytest.approx(apart)
+    assert told["tension_error"] == pytest.approx(np.abs(roads.told[1].tensions - roads.told[0].tensions).max())
+    for road, one in zip(FIRST, roads.told, strict=True):
+        is_told(told["results"][road], one)
+
+
+@pytest.mark.parametrize("road", ["newton", "fsolve", "least_squares"])
+def test_solve_shows_the_solver_that_is_asked(roads, road):
+    """Under its own name."""
+    text = run("solve", "cogiro", "--method", road).stdout
+    assert cells(text, "commanded", 1) == [HEADS[road]]
+    assert cells(text, "x [mm]", 1) == [f"{1e3 * roads.told[0].position[0]:.3f}"]
+    is_told(json.loads(run("solve", "cogiro", "--method", road, "--json").stdout), roads.told[1])
+
+
+def test_compensate_shows_each_road_before_and_after(roads, monkeypatch):
+    """Four columns; whether it is held is what MuJoCo's ``confirm`` says, and not what statics says."""
+    monkeypatch.setattr(cdpr, "confirm", lambda found: Hold(found, None, None))
+    result = run("compensate", "cogiro")
+    assert result.exit_code == 1
+    assert "What statics finds is not held in MuJoCo" in result.stdout
+    told = roads.told
+    assert [one.source for one in told] == ["mujoco", "newton"] * 2
+    home = cdpr.load_robot("cogiro").home
+    for axis, name in enumerate("xyz"):
+        shown = [f"{1e3 * (one.position[axis] - home[axis]):.6f}" for one in told]
+        assert cells(result.stdout, f"error {name} [mm]", 4) == shown
+    assert cells(result.stdout, "tension 8 [N]", 4) == [f"{one.tensions[7]:.3f}" for one in told]
+    assert cells(result.stdout, "softest [N/m]", 4) == [f"{one.eigenvalues[0]:.3g}" for one in told]
+    rigid, cut = told[0].rest_lengths, told[2].rest_lengths
+    np.testing.assert_array_equal(rigid, cdpr.load_robot("cogiro").rest_lengths(home))
+    assert (cut < rigid).all()
+    told.clear()
+    shown = json.loads(run("compensate", "cogiro", "--json").stdout)
+    assert (shown["held"], shown["comes_from_commanded"]) == (False, False)
+    for (when, road), one in zip(itertools.product(("before", "after"), ("mujoco", "newton")), told, strict=True):
+        is_told(shown[when][road], one)
+    assert shown["rest_lengths"] == told[2].rest_lengths.tolist()
+
+
+def test_equilibria_shows_what_mujocos_platforms_do(monkeypatch):
+    """Which of them stay, and to which one MuJoCo's comes while gravity grows."""
+    found = cdpr.find_equilibria(cdpr.load_robot("two-cable"), (0.3, 0, 0.2), saddles=True)
+    assert len(found) > 2
+    answers = [Release(strayed, 1.0, 1.0) for strayed in (1.0, 500.0, 10.0)]
+    said = itertools.cycle(answers)
+    monkeypatch.setattr(cdpr, "release", lambda one, seconds: next(said))
+    monkeypatch.setattr(cdpr, "grow_gravity", lambda problem: found[1])
+    words = ["equilibria", "two-cable", "--pose", "0.3", "0", "0.2", "--saddles"]
+    result = run(*words)
+    rows = [line.split() for line in result.stdout.splitlines() if line.split()[:1] and line.split()[0].isdigit()]
+    assert [row[-1] for row in rows[:3]] == ["stays", "leaves", "neither"]
+    assert "MuJoCo comes to 2 instead" in result.stdout
+    assert result.exit_code == 1
+    said = itertools.cycle(answers)
+    told = json.loads(run(*words, "--json").stdout)
+    assert [one["stays_in_mujoco"] for one in told["equilibria"]][:3] == [True, False, False]
+    assert (told["reached"], told["reached_in_mujoco"]) == (0, 1)
+
+
+# --- whole workspaces ---------------------------------------------------------------------------------------------
+
+
+def shifted(rests: Rests, by: float) -> Rests:
+    """Every platform moved by 1, 2, ... times ``by`` [m] along x, every tension by as many N."""
+    rows = by * np.arange(1, len(rests) + 1)
+    return dataclasses.replace(
+        rests, positions=rests.positions + rows[:, None] * [1.0, 0, 0], tensions=rests.tensions + rows[:, None]
+    )
+
+
+def test_check_compares_what_both_roads_say(monkeypatch):
+    """Errors are MuJoCo's answers less the solver's; cross residuals are each road's at the other's poses."""
+    settle, solve, seen = checking.settle_many, checking.solve_many, {}
+
+    def settled(problems, threads):
+        seen["settled"] = shifted(settle(problems, threads=threads), 1e-8)
+        return seen["settled"]
+
+    def solved(problems):
+        seen["solved"] = shifted(solve(problems), -2e-8)
+        return seen["solved"]
+
+    def residuals(problems, poses, threads):
+        seen["asked"] = poses.translation
+        return 7e-9 * np.arange(1, len(problems) + 1)
+
+    monkeypatch.setattr(checking, "settle_many", settled)
+    monkeypatch.setattr(checking, "solve_many", solved)
+    monkeypatch.setattr(checking, "residuals_of", residuals)
+    dataset = cdpr.check("cogiro", {"x": [0.3, 0.4, 0.5]}).dataset
+    apart = np.linalg.norm(seen["settled"].positions - seen["solved"].positions, axis=1)
+    assert apart == pytest.approx([3e-8, 6e-8, 9e-8], abs=5e-9)
+    assert dataset["position_error"].values.ravel().tolist() == apart.tolist()
+    tensions = np.abs(seen["settled"].tensions - seen["solved"].tensions).max(1)
+    assert dataset["tension_error"].values.ravel().tolist() == tensions.tolist()
+    np.testing.assert_array_equal(seen["asked"], seen["solved"].positions)
+    assert dataset["static_in_mujoco"].values.ravel().tolist() == [7e-9, 14e-9, 21e-9]
+    (bar,) = (ax for ax in maps.draw_agreement_map(dataset.isel(y=[0], z=[0, 0])).axes[2:3])
+    del bar
+
+
+def test_compare_asks_each_road_about_the_other(monkeypatch):
+    """MuJoCo's recorder is asked about the static pose, and its number is what is said of it."""
+    robot = cdpr.load_robot("cogiro")
+    static, settled = cdpr.solve(robot, (0.3, 0.25, 0.1)), cdpr.settle(robot, (0.3, 0.25, 0.1))
+    asked = []
+    monkeypatch.setattr(comparing, "residual_of", lambda problem, pose: asked.append(pose) or 123.0)
+    agreement = cdpr.compare(static, settled)
+    assert agreement.static_in_mujoco == 123.0
+    assert asked == [static.pose]
+    assert agreement.settled_in_statics < 1e-6
+    assert any("MuJoCo at the static pose finds 1.2e+02 N" in reason for reason in agreement.reasons)
+
+
+def test_sweep_and_map_show_what_the_solver_says(monkeypatch):
+    """Every variable, and every colour in the map."""
+    solve, seen = sweeping.solve_many, []
+
+    def solved(*args, **options):
+        seen.append(shifted(solve(*args, **options), 1e-3))
+        return seen[-1]
+
+    monkeypatch.setattr(sweeping, "solve_many", solved)
+    monkeypatch.setattr(sweeping, "_blocks", lambda *_: {"x": 3, "y": 1, "z": 2})
+    dataset = cdpr.sweep("cogiro", {"x": [0.3, 0.4, 0.5], "z": [0.1, 0.2]}, chunk=None)
+    (rests,) = seen
+    assert dataset["distance"].values.ravel() == pytest.approx(np.linalg.norm(rests.deviation, axis=-1).ravel())
+    for name, values in (("tilt", rests.tilt), ("tensions", rests.tensions), ("residual", rests.residuals)):
+        assert dataset[name].values.ravel().tolist() == np.ravel(values).tolist()
+    figure = maps.draw_elastic_map(dataset, names=["distance", "tilt"])
+    drawn = [np.asarray(ax.collections[0].get_array()).T for ax in figure.axes if ax.get_label() == "panel"]
+    assert drawn[0].ravel() == pytest.approx(1e3 * dataset["distance"].values.ravel())
+    assert drawn[1].ravel() == pytest.approx(np.degrees(dataset["tilt"].values.ravel()))
+
+
+def test_the_proof_of_a_layout_is_mujocos(monkeypatch):
+    """Its score is that of where MuJoCo's platforms rest, and not of where the solver has them."""
+    found = cdpr.find_layout(
+        cdpr.load_robot("parallel"), [(0.3, 0.25, 0.1), (0.5, 0.25, 0.1)], objective="worst deviation", generations=1
+    )
+    settle = proving.settle_many
+    monkeypatch.setattr(proving, "settle_many", lambda problems: shifted(settle(problems), 1.0))
+    proof = cdpr.prove_layout(found)
+    for side in (proof.before, proof.after):
+        assert side.score == pytest.approx(np.linalg.norm(side.settled.deviation, axis=-1).max())
+        assert side.score > 2.9
+    assert not proof.agrees
+    assert found.objective.score is not NO_LIMITS
+
+
+# --- pictures and motions -----------------------------------------------------------------------------------------
+
+
+def test_figures_draw_each_road_as_itself(monkeypatch):
+    """Points are MuJoCo's answers and lines the solver's, along the paper's line and across the width."""
+    settle, solve = studies.settle_many, studies.solve_many
+    monkeypatch.setattr(studies, "settle_many", lambda *asked: shifted(settle(*asked), 1e-2))
+    monkeypatch.setattr(studies, "solve_many", lambda *asked: shifted(solve(*asked), -1e-3))
+    robot = cdpr.load_robot("parallel")
+    line = studies.line(robot, 0.1, (0.3, 0.5), static_rows=5, settled_rows=3)
+    assert {line.static.source, line.settled.source} == {"newton", "mujoco"}
+    drawn = {a.get_gid(): a for ax in figures.paper_line([line]).axes for a in ax.lines if a.get_gid()}
+    label = f"{robot.name}, {robot.material}"
+    for road, rests in (("static", line.static), ("mujoco", line.settled)):
+        assert drawn[f"{road} {label}"].get_xdata().tolist() == rests.positions[:, 0].tolist()
+        assert drawn[f"{road} {label}"].get_ydata().tolist() == np.degrees(rests.euler[:, 1]).tolist()
+    width = studies.Width(line.static, (line,), np.empty((0, 3)))
+    drawn = {a.get_gid(): a for ax in figures.spatial(width).axes for a in ax.lines if a.get_gid()}
+    for cable in range(8):
+        assert drawn[f"mujoco {cable}"].get_ydata().tolist() == line.settled.tensions[:, cable].tolist()
+    assert drawn["static 0"].get_ydata().tolist() == line.static.tensions[:, 0].tolist()
+
+
+def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_path):
+    """What is filmed is what ``drive`` returns; what is outlined, what ``solve_trajectory`` says of it."""
+    motions, outlines, filmed = [], [], {}
+
+    def drive(*args, **options):
+        motions.append(shifted(cdpr_drive(*args, **options), 1e-3))
+        return motions[-1]
+
+    def solve(motion):
+        outlines.append(shifted(cdpr_solve(motion), -1e-3))
+        return outlines[-1]
+
+    def film(path, trajectories, static, **options):
+        filmed.update(trajectories=trajectories, static=static, path=path)
+
+    cdpr_drive, cdpr_solve = cdpr.drive, cdpr.solve_trajectory
+    monkeypatch.setattr(cdpr, "drive", drive)
+    monkeypatch.setattr(cdpr, "solve_trajectory", solve)
+    monkeypatch.setattr(cdpr, "write_video", film)
+    words = ["--drive-seconds", "0.1", "--seconds", "0.2", "--fps", "10", "-o", str(tmp_path / "v.gif")]
+    assert run("video", "cogiro", "parallel", *words).exit_code == 0
+    assert filmed["path"] == Path(tmp_path / "v.gif")
+    assert len(motions) == 2
+    for shown, motion, outline, static in zip(filmed["trajectories"], motions, outlines, filmed["static"], strict=True):
+        assert shown is motion
+        np.testing.assert_array_equal(static.translation, outline.positions)
+
+
+def test_a_tracked_trajectory_is_what_mujocos_sensors_say(monkeypatch):
+    """Poses, lengths and tensions; what the controller commands shows in the rest lengths alone."""
+    monkeypatch.setattr(sensing.Readings, "pose", lambda self, data: np.array([1.0, 2.0, 3.0, 1.0, 0, 0, 0]))
+    monkeypatch.setattr(sensing.Readings, "lengths", lambda self, data: 10.0 + np.arange(8))
+    monkeypatch.setattr(sensing.Readings, "tensions", lambda self, data: 20.0 + np.arange(8))
+    robot = cdpr.load_robot("cogiro")
+    tracked = cdpr.track(robot, [robot.home], cdpr.control.RigidLengths(robot), seconds=0.03)
+    assert tracked.source == "mujoco"
+    assert (tracked.positions == [1.0, 2.0, 3.0]).all()
+    assert (tracked.lengths == 10.0 + np.arange(8)).all()
+    assert (tracked.tensions == 20.0 + np.arange(8)).all()
+    np.testing.assert_allclose(tracked.rest_lengths, np.tile(robot.rest_lengths(robot.home), (4, 1)), rtol=1e-12)
