@@ -6,8 +6,8 @@ The faults and the tests that should notice are in mutations.toml; with ``--samp
 machine draws from the same files. Takes seconds for each fault, and is not part of the tests. Exit status 1 if one
 survives that is not explained.
 
-Tests are collected once for a file. For each fault the process is forked, the changed functions get their new code, and
-those tests that come by the changed code run, the quickest first, until one fails. What is done while modules are imported, and
+Tests are collected once for a folder. For each fault the process is forked, the changed functions get their new code,
+and the tests that come by them run, the quickest first, until one fails. What is done while modules are imported, and
 what Numba compiles, is tested in a process that imports all of it anew.
 """
 
@@ -79,8 +79,8 @@ class Fault(NamedTuple):
 class Loop:
     """For pytest: the tests without any fault, and then with one after the other, each time in a fork."""
 
-    def __init__(self, tree: Path, faults: list[Fault], answers: Any) -> None:
-        self.tree, self.faults, self.answers = tree, faults, answers
+    def __init__(self, tree: Path, faults: list[Fault], answers: Any, interpreted: bool) -> None:
+        self.tree, self.faults, self.answers, self.interpreted = tree, faults, answers, interpreted
 
     def pytest_runtestloop(self, session: Any) -> bool:
         """Says to the other process whether each fault goes unnoticed; None where that cannot be said here."""
@@ -93,14 +93,14 @@ class Loop:
         lines = [line.split("\t") for line in place.read_text(encoding="utf-8").splitlines()] if alive else []
         took = {who: float(seconds) for who, seconds, *_ in lines}
         for fault in self.faults if alive else []:
-            changed = _changed(*fault.texts(self.tree))
+            changed = _changed(*fault.texts(self.tree), self.interpreted)
             if changed is None:
                 self.answers.put(None)
                 continue
             names = {f"{path}:{old.co_qualname}" for path, old, _ in changed}
             by = {who for who, _, *passed in lines if names & set(passed)}
             some = [item for item in items if {item.nodeid, item.nodeid.partition("::")[0]} & by]
-            some.sort(key=lambda item: took[item.nodeid])
+            some.sort(key=lambda item: took.get(item.nodeid, 0.0))
             self.answers.put(not some or self._fork(session, some, lambda: _patch(changed), seconds))  # noqa: B023
         self.answers.put(self._fork(session, items[:1], lambda: None))
         return True
@@ -174,12 +174,16 @@ def _rest(code: CodeType) -> tuple:
     return code.co_code, [_rest(one) if isinstance(one, CodeType) else one for one in there]
 
 
-def _changed(path: Path, right: str, wrong: str) -> list[tuple[str, CodeType, CodeType]] | None:
+def _changed(path: Path, right: str, wrong: str, interpreted: bool) -> list[tuple[str, CodeType, CodeType]] | None:
     """Functions that are another in the second text; None where more than functions is, or what Numba compiles."""
     before, after = (compile(text, path, "exec") for text in (right, wrong))
     functions = [list(_functions(code)) for code in (before, after)]
     names = [[one.co_qualname for one in some] for some in functions]
-    if _rest(before) != _rest(after) or names[0] != names[1] or path.stem.endswith("_kernel"):
+    if (
+        _rest(before) != _rest(after)
+        or names[0] != names[1]
+        or (path.stem.endswith(("_kernel", "catenary")) and not interpreted)
+    ):
         return None
     return [
         (str(path), a, b) for a, b in zip(*functions, strict=True) if a != b.replace(co_firstlineno=a.co_firstlineno)
@@ -208,12 +212,64 @@ def run_tests(tree: Path, tests: list[str], interpreted: bool, faults: list[Faul
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
     if interpreted:
-        import numba
-
-        os.environ["NUMBA_DISABLE_JIT"] = "1"
-        numba.core.config.reload_config()
-    loop = [Loop(tree, faults, answers)] if faults else []
+        without_numba()
+    loop = [Loop(tree, faults, answers, interpreted)] if faults else []
     os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=loop)))
+
+
+def without_numba() -> None:
+    """What Numba would compile runs as Python from here on: no fault takes a minute to be compiled."""
+    import numba
+    import numba.extending
+    import numpy as np
+
+    class Kind(NamedTuple):
+        instance_class: type
+
+    def as_it_is(*given: Any, **_: Any) -> Any:
+        return given[0] if given and isinstance(given[0], FunctionType) else lambda function: function
+
+    def overload(stub: FunctionType, **_: Any) -> Any:
+        def decorate(choose: Any) -> Any:
+            def chosen(*given: Any) -> Any:
+                return choose(*(Kind(type(one)) for one in given))(*given)
+
+            sys.modules[stub.__module__].__dict__[stub.__name__] = chosen
+            return choose
+
+        return decorate
+
+    def guvectorize(signatures: list, layout: str, **_: Any) -> Any:
+        inner, outer = ([part.strip("()") for part in side.split("),(")] for side in layout.split("->"))
+        cores = [[name for name in part.split(",") if name] for part in (*inner, *outer)]
+
+        def decorate(one: Any) -> Any:
+            def loop(*given: Any) -> Any:
+                arrays = [np.asarray(array) for array in given]
+                sizes: dict[str, int] = {}
+                for array, core in zip(arrays, cores, strict=False):
+                    sizes |= dict(zip(core, array.shape[array.ndim - len(core) :], strict=True))
+                batch = np.broadcast_shapes(
+                    *(array.shape[: array.ndim - len(core)] for array, core in zip(arrays, cores, strict=False))
+                )
+                wide = [
+                    np.broadcast_to(array, batch + array.shape[array.ndim - len(core) :])
+                    for array, core in zip(arrays, cores, strict=False)
+                ]
+                shapes = [tuple(sizes[name] for name in core) for core in cores[len(arrays) :]]
+                kinds = ["int64" if "int64" in str(kind) else "float64" for kind in signatures[0][len(arrays) :]]
+                results = [np.empty(batch + (shape or (1,)), kind) for shape, kind in zip(shapes, kinds, strict=True)]
+                for row in np.ndindex(batch):
+                    one(*(array[row] for array in wide), *(result[row] for result in results))
+                shaped = [result if shape else result[..., 0] for result, shape in zip(results, shapes, strict=True)]
+                return shaped[0] if len(shaped) == 1 else tuple(shaped)
+
+            return loop
+
+        return decorate
+
+    numba.njit = numba.jit = numba.extending.register_jitable = as_it_is
+    numba.extending.overload, numba.guvectorize = overload, guvectorize
 
 
 # In the process that counts

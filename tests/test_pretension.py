@@ -136,6 +136,17 @@ def test_tensions_nearest_to_a_pretension_balance_and_are_nearest(seed, p):
     assert np.abs(null @ (found.tensions - p)).max() < 1e-6
 
 
+def test_the_weight_turns_a_tilted_platform_about_its_origin(catalogue):
+    """Tensions chosen for a centre of mass beside the origin, which tilts with the platform, balance the load there."""
+    robot = catalogue["ipanema-1"].replace(center_of_mass=(0.1, -0.05, 0.2))
+    pose = np.array([*robot.home, 0.1, -0.15, 0.05])
+    wrench = np.array([5.0, -3.0, -20.0, 1.0, 2.0, -1.0])
+    rest = robot.rest_lengths(pose, 300.0, external_wrench=wrench)
+    found = cdpr.solve(robot, pose, rest, external_wrench=wrench)
+    assert np.abs(found.deviation).max() < 1e-9
+    assert found.rotation.approx_equal(robot.pose(pose).rotation, atol=1e-8)
+
+
 def test_stiffness_is_affine_in_pretension(catalogue):
     """At one pose all taut, K is affine in the tensions when rest lengths follow them: at thirds of the way as well."""
     robot = catalogue["ipanema-1"]

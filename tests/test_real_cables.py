@@ -113,6 +113,7 @@ def test_law_is_the_polynomial_and_its_energy_the_integral(coefficients):
             slope = (cable_law.tension(stretch + 1e-6, *law) - cable_law.tension(stretch - 1e-6, *law)) / 2e-6
             assert k == pytest.approx(slope, rel=1e-7)
             assert cable_law.rest_length_for(1.3 + stretch, tension, 100.0, a2, a3) == pytest.approx(1.3, rel=1e-12)
+            assert cable_law.per_axial_stiffness(stretch, 1.3, a2, a3) == pytest.approx(tension / 100, rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -256,6 +257,7 @@ def test_weight_that_a_room_does_not_know_is_refused():
         (dict(pulley_radius=0.02, pulley_axis=(0, 0, 0)), "pulley_axis: found an axis of length zero in cable 1"),
         (dict(stiffening=(-3.0, 0.0)), "stiffening: .* tension falls before a strain of 20%"),
         (dict(stiffening=(0.0, -9.0)), "stiffening: .* tension falls"),
+        (dict(stiffening=(-13.0, 50.0)), "stiffening: .* tension falls"),  # by 1 − 26 eps + 150 eps², amid
         (dict(linear_density=0.1, pulley_radius=0.02), "linear_density: found 0.1 kg/m and a pulley in cable 1"),
         (dict(linear_density=0.1, stiffening=(1.0, 0.0)), "and a stiffening law in cable 1"),
         (dict(stiffening=(1.0, 0.0, 0.0)), "stiffening: found an array of shape"),

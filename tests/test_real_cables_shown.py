@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.core.words import cables_in_words, properties_in_words
+from cdpr_sim.core.words import cables_in_words, properties_in_words, twist_in_words
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.video.film import _caption, _footnote
@@ -57,6 +57,15 @@ def test_words_say_what_the_cables_are(real):
         linear_density=[0.064] + [0.0] * 7, pulley_radius=[0.0] + [0.01] * 6 + [0.02], material=None
     )
     assert properties_in_words(mixed) == ("64 g/m (1 of 8)", "over pulleys of 10 to 20 mm radius (7 of 8)")
+
+
+def test_a_motion_is_told_in_millimetres_and_degrees(catalogue):
+    """A millimetre, and the angle that is as far at the characteristic length."""
+    robot = catalogue["cogiro"]
+    twist = np.array([robot.characteristic_length, 0, 0, 0, -1.0, 0])
+    angle = np.degrees(1e-3 / robot.characteristic_length)
+    assert twist_in_words(twist, robot) == f"+1 mm x, -{angle:.2g}° about y"
+    assert twist_in_words(np.eye(6)[4], robot) == "rotation about y"
 
 
 def test_plain_cables_are_described_as_ever(catalogue):

@@ -206,3 +206,21 @@ def test_values_are_frozen_and_so_are_their_copies(catalogue, make):
         for name, array in same.items():
             np.testing.assert_array_equal(array, arrays[name])
             assert not array.flags.writeable, name
+
+
+def test_a_heavy_cable_is_slack_where_it_is_longer_than_its_way(catalogue):
+    """It always pulls by its weight: what says so is its length; of massless cables, the tension."""
+    light = catalogue["parallel"]
+    slack = cdpr.solve(light, TILTED).slack
+    heavy = light.replace(linear_density=1e-4)
+    found = cdpr.solve_many(heavy, [TILTED])
+    assert (found.tensions > 0).all()
+    np.testing.assert_array_equal(found.slack[0], slack)
+    np.testing.assert_array_equal(found[0].slack, slack)
+    np.testing.assert_array_equal(found[0].slack, found[0].lengths <= found[0].rest_lengths)
+    assert 0 < slack.sum() < 8
+
+
+def test_what_an_equilibrium_says_of_itself_is_in_degrees(catalogue):
+    """26° at the end of the paper's line, and four cables slack."""
+    assert "tilt 26.420°, 4 of 8 cables slack" in repr(cdpr.solve(catalogue["parallel"], TILTED))

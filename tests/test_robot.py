@@ -157,3 +157,16 @@ def test_planar_robot_refuses_a_pose_out_of_its_plane(pose):
 def test_rest_lengths_are_distances_at_the_commanded_pose():
     """Eq. 1 and 2, by Pythagoras: exit (-1, 0, 1), anchor at (-0.1, 0, 0)."""
     assert robot().rest_lengths((0, 0, 0))[0] == pytest.approx(np.hypot(0.9, 1.0))
+
+
+def test_rotations_are_compared_by_the_anchors_distance():
+    """Root mean square of 30, 40 and 50 mm; half the platform's diagonal where all anchors lie at the origin."""
+    anchors = [[0.03, 0, 0], [0, 0.04, 0], [0.03, 0, -0.04]]
+    assert robot(anchors=anchors).characteristic_length == pytest.approx(np.sqrt((9 + 16 + 25) / 3) / 100)
+    point = robot(anchors=np.zeros((3, 3)), platform_size=(0.02, 0.03, 0.06))
+    assert point.characteristic_length == pytest.approx(0.035)
+
+
+def test_a_law_that_just_rises_is_taken():
+    """1 − 24 eps² is 0.04 at a strain of 20 %."""
+    assert robot(stiffening=(0.0, -8.0)).cabling.stiffening.tolist() == [[0.0, -8.0]] * 3
