@@ -14,6 +14,7 @@ what Numba compiles, is tested in a process that imports all of it anew.
 import argparse
 import ast
 import datetime
+import functools
 import gc
 import hashlib
 import multiprocessing
@@ -101,7 +102,7 @@ class Loop:
             by = {who for who, _, *passed in lines if names & set(passed)}
             some = [item for item in items if {item.nodeid, item.nodeid.partition("::")[0]} & by]
             some.sort(key=lambda item: took.get(item.nodeid, 0.0))
-            self.answers.put(not some or self._fork(session, some, lambda: _patch(changed), seconds))  # noqa: B023
+            self.answers.put(not some or self._fork(session, some, functools.partial(_patch, changed), seconds))
         self.answers.put(self._fork(session, items[:1], lambda: None))
         return True
 
@@ -286,7 +287,8 @@ def drawn(file: str) -> list[Fault]:
         elif isinstance(node, ast.Compare) and type(node.ops[0]) in OTHER:
             node.ops[0] = OTHER[type(node.ops[0])]()
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            node.value = node.value + 1 if isinstance(node.value, int) else 2 * node.value + 1e-3
+            number: float = node.value
+            node.value = number + 1 if isinstance(number, int) else 2 * number + 1e-3
         else:
             continue
         found.append(Fault(file, right, f"({ast.unparse(node)})", line=node.lineno - 1))
@@ -343,7 +345,7 @@ def main() -> int:
     for name in options.folders or FOLDERS:
         counts[name] = count_folder(tree, name, options.sample, options.seed)
     counts["all"] = sum(counts.values(), Counter())
-    rows = [("folder", "faults", "killed", "equivalent", "survived", "% killed")]
+    rows: list[tuple[str, ...]] = [("folder", "faults", "killed", "equivalent", "survived", "% killed")]
     for name, count in counts.items():
         numbers = count.total(), count["killed"], count["equivalent"], count["survived"]
         rate = 100 * count["killed"] / max(count["killed"] + count["survived"], 1)

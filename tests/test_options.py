@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.drawing import still
+from cdpr_sim.physics import look
 
 TESTS = Path(__file__).parent
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
@@ -119,6 +120,12 @@ REACHED = [
     ("video parallel --drive-seconds 3", "drive", {"seconds": 3.0}),
     ("video parallel --seconds 2 --fps 10", "drive", {"states": 20}),
     ("video parallel -o full/old.gif --force", "drive", {}),
+    ("report parallel --pose 0.3 0.2 0.1", "write_report", {2: (0.3, 0.2, 0.1)}),
+    ("report parallel --material fishing-0.4mm", "write_report", {(1, lambda robot: robot.material): SOFT}),
+    ("report parallel --grid 2 3 4", "write_report", {"grid": (2, 3, 4)}),
+    ("report parallel --video", "write_report", {"video": True}),
+    ("report parallel --no-video", "write_report", {"video": False}),
+    ("report parallel -o there.html --force", "write_report", {(0, str): "there.html", "force": True}),
 ]  # fmt: skip
 
 
@@ -180,7 +187,7 @@ def test_a_picture_is_of_the_robot_at_the_pose_on_the_cables_that_are_asked(fold
     drawn: list = []
     with monkeypatch.context() as patch:
         patch.setattr(still, "draw", lambda robot, pose: drawn.append((robot, pose)) or still.Still())
-        patch.setattr("cdpr_sim.physics.look.look", lambda problem: drawn.append((problem.robot, problem.pose)))
+        patch.setattr(look, "look", lambda problem: drawn.append((problem.robot, problem.pose)))
         for words in (
             "show cogiro --pose 0.3 0.2 0.1 --material fishing-0.4mm -o new.png",
             "view cogiro --pose 0.3 0.2 0.1 --material fishing-0.4mm",

@@ -107,7 +107,7 @@ def write_report(
         StoreError: a full disk.
     """
     path = check_place(path, SUFFIXES, force=force)
-    machine = load_robot(robot) if isinstance(robot, str) else robot
+    machine = robot if isinstance(robot, Robot) else load_robot(robot)
     portrait = portray(machine, pose, grid=grid, motion=video, progress=progress)
     progress("Drawing")
     write_whole({path: page(portrait).encode()})
@@ -147,17 +147,16 @@ def page(portrait: Portrait) -> str:
 
 
 def _summary(portrait: Portrait) -> str:
-    """What a stranger should take along, in three sentences."""
+    """What a stranger should take along: where it rests here, where it is worst, and whether the two roads agree."""
     poses = portrait.check.dataset["outcome"].size
     lines = list(workspace.check_lines(portrait.check))
     told = [_words(portrait.robot, portrait.first)]
-    if portrait.worst:
-        rest = _rest(portrait.worst[0])
-        if rest is not None:
-            away, tilt = _short(1e3 * float(np.linalg.norm(rest.deviation))), _short(math.degrees(rest.tilt))
-            told.append(
-                f"At the worst of the {poses:,} poses that were settled it is {away} mm away and tilted by {tilt}°."
-            )
+    worst = _rest(portrait.worst[0]) if portrait.worst else None
+    if worst is not None and portrait.check.agrees:
+        away, tilt = _short(1e3 * float(np.linalg.norm(worst.deviation))), _short(math.degrees(worst.tilt))
+        told.append(
+            f"At the worst of the {poses:,} poses that were settled it is {away} mm away and tilted by {tilt}°."
+        )
     no = "" if portrait.check.agrees else " no"
     return f'<div class="verdict{no}">{html.sentences(*map(plain, told), *lines)}</div>'
 
@@ -172,13 +171,14 @@ def _scene(portrait: Portrait, views: tuple[View, ...]) -> str:
         f'<div data-view="{number}"{" hidden" if number else ""}>{_answer(view)}</div>'
         for number, view in enumerate(views)
     )
+    road = crosscheck.heading(crosscheck.best_point(views[0].settled))
     return f"""
 <div class="side"><figure>
 <canvas id="robot" tabindex="0" role="img" aria-label="{escape(_words(portrait.robot, views[0]))}"
  aria-describedby="keys"></canvas>
 <ul class="legend">
 <li><svg viewBox="0 0 30 14" aria-hidden="true"><rect x="4" y="2" width="22" height="10" fill="var(--platform)"
- stroke="var(--ink)"/></svg>platform at rest, in MuJoCo</li>
+ stroke="var(--ink)"/></svg>platform at rest, by {escape(road)}</li>
 <li><svg viewBox="0 0 30 14" aria-hidden="true"><rect x="4" y="2" width="22" height="10" fill="none"
  stroke="var(--commanded)" stroke-dasharray="4 3"/></svg>where it was commanded</li>
 <li><svg viewBox="0 0 30 14" aria-hidden="true"><path d="M1 7H29" stroke="var(--ink)" stroke-width="1.6"/></svg>taut

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cdpr_sim.core.compiling import inline
@@ -23,7 +25,7 @@ def factorise(L, n):
             pivot -= L[j, c] * L[j, c]
         if not pivot > least:
             return False
-        pivot = np.sqrt(pivot)
+        pivot = math.sqrt(pivot)
         L[j, j] = pivot
         for i in range(j + 1, n):
             entry = L[i, j]
@@ -35,7 +37,7 @@ def factorise(L, n):
 
 @inline
 def substitute(L, rhs, x):
-    """Solve L Lᵀ x = rhs."""
+    """Solve L Lᵀ x = rhs; x may be rhs itself."""
     for i in range(6):
         value = rhs[i]
         for c in range(i):
@@ -54,7 +56,7 @@ def eigenvalues_of(S, d, e):
     n = len(S)
     _tridiagonalise(S, d, e)
     for i in range(n):
-        if not (np.isfinite(d[i]) and np.isfinite(e[i])):
+        if not (math.isfinite(d[i]) and math.isfinite(e[i])):
             for j in range(n):
                 d[j] = np.nan
             return
@@ -86,7 +88,7 @@ def _tridiagonalise(S, d, e):
         for i in range(k + 1, n):
             v[i] = S[i, k]
             norm2 += v[i] * v[i]
-        norm = np.sqrt(norm2)
+        norm = math.sqrt(norm2)
         if norm == 0.0:
             e[k] = 0.0
             continue

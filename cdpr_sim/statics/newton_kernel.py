@@ -25,6 +25,7 @@ coordinates are lengths.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -68,43 +69,6 @@ _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT
 _STALLED, _NOT_FINITE = int(Status.STALLED), int(Status.NOT_FINITE)
 
 
-def _element(unpack: Callable) -> Callable:
-    """Of the gufunc, for cables of the type that ``unpack`` makes of the table."""
-
-    def solve(
-        table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
-        rotation, lengths, residual, iterations, status,
-    ):  # fmt: skip
-        """Descend; copies make the compiled inner code work on contiguous arrays."""
-        cables = unpack(table, rest_lengths)
-        case = _Case(cables, weight, ck.copied(center_of_mass), ck.copied(wrench), ck.copied(free), scale)
-        rest, residual[0], iterations[0], status[0] = _descend(case, start_position, start_rotation)
-        for a in range(3):
-            position[a] = rest.p[a]
-            for b in range(3):
-                rotation[a, b] = rest.R[a, b]
-        for i in range(len(lengths)):
-            lengths[i] = rest.c.l[i]
-
-    return solve
-
-
-_LAYOUT = "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(),(),()"
-_INTEGERS = "iterations", "status"
-_PLAIN = Kernel("static solver", _element(ck.unpack), _LAYOUT, _INTEGERS)
-_BENT = Kernel("static solver for pulleys and laws that stiffen", _element(ck.unpack_bent), _LAYOUT, _INTEGERS)
-
-
-def equilibrium_gufunc(*, bent: bool = False) -> Kernel:
-    """The solver as a NumPy generalised ufunc; of robots whose cables run over pulleys or stiffen, another.
-
-    Arguments: ``Cabling.packed`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
-    directions as 0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
-    Results: position (3), rotation matrix (3,3), lengths (m), residual, iterations, status.
-    """
-    return _BENT if bent else _PLAIN
-
-
 class _Case(NamedTuple):
     """What is given. free: 1 where the platform moves; scale: length of rotations."""
 
@@ -142,75 +106,107 @@ class _Scales(NamedTuple):
     energy: float
 
 
-@inline
-def _descend(case, start_position, start_rotation):
-    """Newton iterations from a pose: the point they end at, its residual, their number, and the status."""
-    m = len(case.cables.l0)
-    here, trial = _new_point(case), _new_point(case)
-    model = _Model(np.empty((m, 6)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
-    x, taut, tau, predicted = np.empty(6), np.empty(m, np.bool_), np.empty(m), np.empty(m)
+def _descent(unpack: Callable) -> Callable:
+    """The solver of one problem, for cables of the type that ``unpack`` makes of the table."""
 
-    for a in range(3):
-        here.p[a] = start_position[a]
-        for b in range(3):
-            here.R[a, b] = start_rotation[a, b]
-    V = _measure(case, here)
-    scales = _scales(case, here)
-    if not np.isfinite(V + scales.force):
-        return here, np.nan, 0, _NOT_FINITE
-    _first_tensions(case, here, tau, taut)
-    shift, residual, certified = 0.0, np.inf, False
-    least_reach = LEAST_REACH * ck.mean(case.cables.l0)
-    for iteration in range(MAX_ITERATIONS):
-        residual = _slopes(case, here, model)
-        if residual <= scales.force:
-            if certified:
-                return here, residual, iteration, _CONVERGED
-            _spring_tensions(here, tau, taut)
-            _curvature(case, here, tau, model)
-            if _is_minimum(here, model) or not _leave_saddle(case, here, model, V, trial):
-                return here, residual, iteration, _CONVERGED
-            here, trial = trial, here
-            V = _measure(case, here)
-            _spring_tensions(here, tau, taut)
-            shift = 0.0
-            continue
-        _curvature(case, here, tau, model)
-        accepted, decrease, V_trial = False, 0.0, V
-        longest = MAX_TRANSLATION * max(ck.mean(here.c.l), least_reach)
-        # Inside this function, since only there the compiler knows that the arrays do not overlap: 1.4 times as fast.
-        for _ in range(MAX_TRIALS):
-            decrease = -np.inf
-            if _model_minimum(here, model, shift, taut, x):
-                _shorten(x, longest, MAX_ROTATION * case.scale)
-                decrease = _model_decrease(here, model, x, predicted)
-            # A step that changes the energy by no more than its rounding is judged by the forces, next time round.
-            rounding = abs(decrease) <= max(scales.energy, ENERGY_ROUNDING * abs(V))
-            if decrease > 0 or rounding:
-                for attempt in range(3):
-                    V_trial = _measure_at(case, here, x, trial)
-                    if rounding or V - V_trial >= 0.3 * decrease or attempt == 2:
-                        break
-                    _retract(trial, model, predicted, x)
-                if rounding or V - V_trial >= 0.05 * decrease:
-                    accepted = True
+    def descend(
+        table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
+        rotation, lengths, residual, iterations, status,
+    ):  # fmt: skip
+        """Newton iterations from a pose; arrays are few, since making one costs time."""
+        m, cables = len(rest_lengths), unpack(table, rest_lengths)
+        case = _Case(cables, weight, center_of_mass, wrench, free, scale)
+        here, trial = _new_point(case), _new_point(case)
+        model = _Model(np.empty((m, 6)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
+        x, taut, tau, predicted = np.empty(6), np.empty(m, np.bool_), np.empty(m), np.empty(m)
+
+        for a in range(3):
+            here.p[a] = start_position[a]
+            for b in range(3):
+                here.R[a, b] = start_rotation[a, b]
+        V = _measure(case, here)
+        scales = _scales(case, here)
+        _first_tensions(case, here, tau, taut)
+        unbalanced, iterations[0], status[0] = np.nan, MAX_ITERATIONS, _ITERATION_LIMIT
+        if not math.isfinite(V + scales.force):
+            iterations[0], status[0] = 0, _NOT_FINITE
+        shift, certified = 0.0, False
+        least_reach = LEAST_REACH * ck.mean(cables.l0)
+        for iteration in range(iterations[0]):
+            unbalanced = _slopes(case, here, model)
+            if unbalanced <= scales.force:
+                if not certified:
+                    _spring_tensions(here, tau, taut)
+                    _curvature(case, here, tau, model)
+                if certified or _is_minimum(here, model) or not _leave_saddle(case, here, model, V, trial):
+                    iterations[0], status[0] = iteration, _CONVERGED
                     break
-            shift = max(4 * shift, scales.least_shift)
+                here, trial = trial, here
+                V = _energy(case, here)
+                _spring_tensions(here, tau, taut)
+                shift = 0.0
+                continue
+            _curvature(case, here, tau, model)
+            accepted, decrease, V_trial = False, 0.0, V
+            longest = MAX_TRANSLATION * max(ck.mean(here.c.l), least_reach)
+            # Inside this function, since only there the compiler knows that arrays do not overlap: 1.4 times as fast.
+            for _ in range(MAX_TRIALS):
+                decrease = -np.inf
+                if _model_minimum(here, model, shift, taut, x):
+                    _shorten(x, longest, MAX_ROTATION * case.scale)
+                    decrease = _model_decrease(here, model, x, predicted)
+                # A step that changes the energy by no more than its rounding is judged by the forces, next time round.
+                rounding = abs(decrease) <= max(scales.energy, ENERGY_ROUNDING * abs(V))
+                if decrease > 0 or rounding:
+                    for attempt in range(3):
+                        V_trial = _measure_at(case, here, x, trial)
+                        if rounding or V - V_trial >= 0.3 * decrease or attempt == 2:
+                            break
+                        _retract(trial, model, predicted, x)
+                    if rounding or V - V_trial >= 0.05 * decrease:
+                        accepted = True
+                        break
+                shift = max(4 * shift, scales.least_shift)
+                for i in range(m):
+                    taut[i] = tau[i] > 0
+            if not accepted:
+                iterations[0], status[0] = iteration, _STALLED
+                break
+            certified = shift == 0.0  # where forces balance next, the model that led there had a minimum...
+            if V - V_trial > 0.5 * decrease:
+                shift = shift / 8 if shift > scales.least_shift / 64 else 0.0
             for i in range(m):
-                taut[i] = tau[i] > 0
-        if not accepted:
-            return here, residual, iteration, _STALLED
-        certified = shift == 0.0  # where forces balance next, the model that led there had a minimum...
-        if V - V_trial > 0.5 * decrease:
-            shift = shift / 8 if shift > scales.least_shift / 64 else 0.0
+                tau[i] = here.c.k[i] * max(predicted[i], 0.0)
+            here, trial = trial, here
+            V = _energy(case, here)
+            for i in range(m):
+                certified &= taut[i] == (here.c.e[i] > 0)  # ...with the cables that really are taut
+                taut[i] = predicted[i] > 0
+        residual[0] = unbalanced
+        for a in range(3):
+            position[a] = here.p[a]
+            for b in range(3):
+                rotation[a, b] = here.R[a, b]
         for i in range(m):
-            tau[i] = here.c.k[i] * max(predicted[i], 0.0)
-        here, trial = trial, here
-        V = _energy(case, here)
-        for i in range(m):
-            certified &= taut[i] == (here.c.e[i] > 0)  # ...with the cables that really are taut
-            taut[i] = predicted[i] > 0
-    return here, residual, MAX_ITERATIONS, _ITERATION_LIMIT
+            lengths[i] = here.c.l[i]
+
+    return descend
+
+
+_LAYOUT = "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(),(),()"
+_INTEGERS = "iterations", "status"
+_PLAIN = Kernel("static solver", _descent(ck.unpack), _LAYOUT, _INTEGERS)
+_BENT = Kernel("static solver for pulleys and laws that stiffen", _descent(ck.unpack_bent), _LAYOUT, _INTEGERS)
+
+
+def equilibrium_gufunc(*, bent: bool = False) -> Kernel:
+    """The solver as a NumPy generalised ufunc; of robots whose cables run over pulleys or stiffen, another.
+
+    Arguments: ``Cabling.packed`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
+    directions as 0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
+    Results: position (3), rotation matrix (3,3), lengths (m), residual, iterations, status.
+    """
+    return _BENT if bent else _PLAIN
 
 
 @inline
@@ -294,7 +290,7 @@ def _measure_at(case, here, x, trial):
 def _rotate(R, a, b, c, out):
     """out = exp([a b c]×) R, by Rodrigues' formula."""
     angle2 = a * a + b * b + c * c
-    angle = np.sqrt(angle2)
+    angle = math.sqrt(angle2)
     if angle > 1e-4:
         sine, versine = np.sin(angle) / angle, (1 - np.cos(angle)) / angle2
     else:
@@ -406,8 +402,8 @@ def _update_taut(at, model, x, taut):
 @inline
 def _shorten(x, longest, largest):
     """Scale x back to a translation of ``longest`` and a rotation of ``largest`` at most."""
-    translation = np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
-    rotation = np.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
+    translation = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    rotation = math.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
     factor = max(translation / longest, rotation / largest)
     if factor > 1:
         for a in range(6):
@@ -444,10 +440,9 @@ def _retract(trial, model, predicted, x):
         rhs[a] = 0.0
         for i in range(len(k)):
             rhs[a] -= k[i] * (max(e[i], 0.0) - max(predicted[i], 0.0)) * J[i, a]
-    correction = np.empty(6)
-    substitute(L, rhs, correction)
+    substitute(L, rhs, rhs)
     for a in range(6):
-        x[a] += correction[a]
+        x[a] += rhs[a]
 
 
 @inline
