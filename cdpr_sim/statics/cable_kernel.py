@@ -89,13 +89,12 @@ class BentState(NamedTuple):
 def unpack(table, rest_lengths):
     """``Cabling.packed`` and rest lengths, as arrays that compiled code reads fast."""
     m = len(rest_lengths)
-    A, B, l0, k = np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m)
+    A, B, k = np.empty((m, 3)), np.empty((m, 3)), np.empty(m)
     for i in range(m):
         for a in range(3):
             A[i, a], B[i, a] = table[i, EXIT + a], table[i, ANCHOR + a]
-        l0[i] = rest_lengths[i]
-        k[i] = table[i, STIFFNESS] / l0[i]
-    return Cables(A, B, l0, k)
+        k[i] = table[i, STIFFNESS] / rest_lengths[i]
+    return Cables(A, B, rest_lengths, k)
 
 
 @inline

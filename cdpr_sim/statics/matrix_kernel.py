@@ -37,7 +37,7 @@ def factorise(L, n):
 
 @inline
 def substitute(L, rhs, x):
-    """Solve L Lᵀ x = rhs."""
+    """Solve L Lᵀ x = rhs; x may be rhs itself."""
     for i in range(6):
         value = rhs[i]
         for c in range(i):

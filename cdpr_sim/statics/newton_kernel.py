@@ -113,9 +113,9 @@ def _descent(unpack: Callable) -> Callable:
         table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
         rotation, lengths, residual, iterations, status,
     ):  # fmt: skip
-        """Newton iterations from a pose; copies make the compiled inner code work on contiguous arrays."""
+        """Newton iterations from a pose; arrays are few, since making one costs time."""
         m, cables = len(rest_lengths), unpack(table, rest_lengths)
-        case = _Case(cables, weight, ck.copied(center_of_mass), ck.copied(wrench), ck.copied(free), scale)
+        case = _Case(cables, weight, center_of_mass, wrench, free, scale)
         here, trial = _new_point(case), _new_point(case)
         model = _Model(np.empty((m, 6)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
         x, taut, tau, predicted = np.empty(6), np.empty(m, np.bool_), np.empty(m), np.empty(m)
@@ -440,10 +440,9 @@ def _retract(trial, model, predicted, x):
         rhs[a] = 0.0
         for i in range(len(k)):
             rhs[a] -= k[i] * (max(e[i], 0.0) - max(predicted[i], 0.0)) * J[i, a]
-    correction = np.empty(6)
-    substitute(L, rhs, correction)
+    substitute(L, rhs, rhs)
     for a in range(6):
-        x[a] += correction[a]
+        x[a] += rhs[a]
 
 
 @inline
