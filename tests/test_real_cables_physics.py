@@ -16,7 +16,8 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.physics.chains import SEGMENTS
 from cdpr_sim.physics.drive import drive
-from cdpr_sim.physics.heavy import Hanging, HangingRelaxation
+from cdpr_sim.physics.heavy.hanging import Hanging
+from cdpr_sim.physics.heavy.relaxation import HangingRelaxation
 from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
 from cdpr_sim.physics.release import grow_gravity, release
 from cdpr_sim.physics.settle import residual_of, settle, settle_many, settle_trajectory

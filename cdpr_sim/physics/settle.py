@@ -28,8 +28,8 @@ from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.physics import heavy
 from cdpr_sim.physics.batch import simulations_of
+from cdpr_sim.physics.heavy import settle as heavy
 from cdpr_sim.physics.relaxation import NUDGES, Relaxation
 
 Frames = list[tuple[float, np.ndarray]]

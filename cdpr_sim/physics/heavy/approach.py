@@ -1,0 +1,79 @@
+"""The last steps of a platform on heavy cables to its rest: longer than any swing, and Newton's then."""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core.status import NEUTRAL
+from cdpr_sim.physics.heavy.hanging import Hanging
+from cdpr_sim.physics.heavy.slopes import Slopes
+
+APPROACHES, SHORTER = 400, 20
+"""Steps at most, of which a handful do; and how often one is halved at most."""
+
+TRUSTED, CLOSER, TURN = 0.1, 0.5, 0.2
+"""What a step may leave unbalanced, of the load or of what was; and by how much it may turn the platform [rad]."""
+
+
+def approach(hanging: Hanging, target: float) -> bool:
+    """Move on to rest in time steps that are implicit in MuJoCo's own stiffness; whether that leads there.
+
+    Such steps may be as long as one likes, and are Newton's then, where damping alone would let a softly held
+    platform creep for ever. The chains are laid anew after each, and it is shortened while that leaves too much
+    unbalanced. Where this does not lead to rest, all is left as it was.
+
+    Args:
+        hanging: the platform.
+        target: the largest force [N] that may be left over at rest.
+    """
+    data, angular = hanging.data, hanging.angular
+    before, turn, last = (data.qpos.copy(), data.qvel.copy()), TURN, np.zeros_like(data.qvel[angular])
+    for _ in range(APPROACHES):
+        residual = hanging.residual()
+        if residual <= target:
+            return True
+        step = _implicit_step(hanging)
+        if step is None:
+            break
+        back = step[angular] @ last < 0
+        turn, last = turn / 2 if back else turn, step[angular]
+        step = step / max(1.0, float(np.abs(last).max()) / turn)
+        start, pulls = data.qpos.copy(), hanging.anchor_pulls()
+        for shortened in range(SHORTER):
+            data.qpos[:] = start
+            mujoco.mj_integratePos(hanging.model, data.qpos, 0.5**shortened * step, 1)
+            if hanging.residual() <= CLOSER * residual:
+                break
+            hanging.lay(pulls)
+            if hanging.residual() <= max(TRUSTED * hanging.load, CLOSER * residual):
+                break
+    data.qpos[:], data.qvel[:] = before
+    return False
+
+
+def _implicit_step(hanging: Hanging) -> Float[np.ndarray, " dofs"] | None:
+    """To where forces would balance if they went on as they change here; None where they are not known.
+
+    Along directions in which they repel the platform it goes as far the other way, which is away from a saddle.
+    """
+    slopes = Slopes.of(hanging)
+    if not slopes.known:
+        return None
+    direct, across, within = slopes
+    platform, slides = hanging.forces()
+    loose = np.linalg.pinv(within)
+    alone, follow = np.einsum("nij,nj->ni", loose, slides), loose @ across
+    x = np.zeros(hanging.free)
+    if not hanging.held:
+        stiffness = direct - (np.swapaxes(across, 1, 2) @ follow).sum(0)
+        values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+        if values[0] <= 0:
+            stiffness = (vectors * np.maximum(np.abs(values), NEUTRAL * values[-1])) @ vectors.T
+        x = np.linalg.solve(stiffness, platform - np.einsum("nif,ni->f", across, alone))
+    step = hanging.in_dofs(x)
+    step[hanging.slides] = alone - follow @ x
+    return step
