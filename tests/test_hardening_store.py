@@ -238,7 +238,7 @@ def test_the_estimate_of_memory_is_right_within_a_factor_of_three():
         cdpr.sweep("cogiro", (20, 10, 10))
     finally:
         sweeping.memory.refuse_beyond = kept
-    assert 1 < said[0] / dataset.nbytes < 3
+    assert 1 < said[-1] / dataset.nbytes < 3  # the first is of the grid's coordinates alone
 
 
 def test_more_cables_than_bits_are_not_told_apart_wrongly():
