@@ -287,7 +287,7 @@ def drawn(file: str) -> list[Fault]:
         elif isinstance(node, ast.Compare) and type(node.ops[0]) in OTHER:
             node.ops[0] = OTHER[type(node.ops[0])]()
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            number: float = node.value
+            number: Any = node.value
             node.value = number + 1 if isinstance(number, int) else 2 * number + 1e-3
         else:
             continue
@@ -341,6 +341,7 @@ def main() -> int:
     options = asked.parse_args()
     multiprocessing.get_context("forkserver").set_forkserver_preload(PRELOADED)
     counts: dict[str, Counter] = {}
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
     tree = copied_tree()
     for name in options.folders or FOLDERS:
         counts[name] = count_folder(tree, name, options.sample, options.seed)
@@ -351,7 +352,6 @@ def main() -> int:
         rate = 100 * count["killed"] / max(count["killed"] + count["survived"], 1)
         rows.append((name, *map(str, numbers), f"{rate:.0f}"))
     if options.markdown:
-        commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
         print(f"{datetime.date.today()}, commit {commit.stdout.strip()}:\n")
         for row in (rows[0], ("---", *["---:"] * 5), *rows[1:]):
             print(f"| {' | '.join(row)} |")

@@ -225,6 +225,8 @@ def test_compensation_shows_errors_in_millimetres_and_degrees_by_road():
     half = math.cos(math.radians(10)) * math.cos(math.radians(1.5))
     assert rows["error of rotation [°]"][0] == f"{math.degrees(2 * math.acos(half)):.6f}"
     assert rows["tension 1 [N]"][:2] == ("1.250", "1.375")
+    tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in ((3, 20), (4, 21))]
+    assert rows["tilt [°]"][:2] == tuple(f"{math.degrees(tilt):.6f}" for tilt in tilts)
     assert rows["softest [N/m]"][:2] == ("12.5", "13.5")
     assert rows["equilibrium"] == ("stable",) * 4
 
@@ -254,6 +256,8 @@ def test_sensitivity_and_modes_name_their_units():
     table = columns(analysis.modes_table(Modes(one, np.array([7.25]), shape)))
     assert (table["mode"], table["Hz"], table["x"], table["about y"]) == (["1"], ["7.250"], ["1.00"], ["0.50"])
     assert table["y"] == table["about x"] == [""]
+    told = as_json.sensitivity(Sensitivity(one, {}, {}, 4e-3), [effect], Modes(one, np.array([7.25]), shape))
+    assert (told["margin"], told["frequencies"], told["shapes"]) == (4e-3, [7.25], shape.tolist())
 
 
 def test_equilibria_are_listed_with_what_mujoco_does_there():
@@ -274,10 +278,10 @@ def test_equilibria_are_listed_with_what_mujoco_does_there():
     assert shown["softest [N/m]"] == ["12.5", "-2"]
     assert shown["ways down"] == ["", "1"]
     assert shown["let go in MuJoCo"] == ["stays", "leaves"]
-    told = as_json.equilibria(places[0].problem, found, releases, Following(np.ones(1), places[:1], ()), 0, 1)
+    told = as_json.equilibria(places[0].problem, found, releases, Following(np.ones(1), places[:1], (0.5,)), 0, 1)
     assert [one["energy"] for one in told["equilibria"]] == [0.0125, 0.25]
     assert [one["stays_in_mujoco"] for one in told["equilibria"]] == [True, False]
-    assert (told["reached"], told["reached_in_mujoco"], told["imbalance"]) == (0, 1, 0)
+    assert (told["reached"], told["reached_in_mujoco"], told["imbalance"], told["jumps"]) == (0, 1, 0, [0.5])
 
 
 def identification() -> Identification:
@@ -338,3 +342,12 @@ def test_a_check_is_counted_outcome_by_outcome():
     assert shown["disagree"] == ["[red]1[/]"]
     assert shown["unsettled"] == ["0"]
     assert (shown["pos. ≤ mm"], shown["rot. ≤ °"], shown["tens. ≤ N"]) == (["3e-06"], ["4e-07"], ["5e-08"])
+
+
+def test_json_says_why_there_is_none_and_what_cables_take():
+    """The reason of a failure; limits of force, of which an infinite one is none."""
+    failed = as_json.outcome(cdpr.NotConverged("because", made_up("newton")))
+    assert (failed["equilibrium"], failed["reason"]) == (False, "because")
+    robot = cdpr.load_robot("cogiro").replace(force_min=0.5, force_max=[7.0] * 7 + [np.inf])
+    told = as_json.solution(made_up("newton", problem=cdpr.Problem.of(robot, COMMANDED)))
+    assert told["cables"] == {"force_min": [0.5] * 8, "force_max": [7.0] * 7 + [None]}
