@@ -26,6 +26,7 @@ POSES = 100_000  # random commanded positions in the robot's workspace
 SCIPY_POSES = 60  # of the same positions, for the paper's solvers
 SETTLES = 300  # one by one
 BATCH = 2_000  # side by side
+LINES = 100  # through the workspace along x, a pose each millimetre
 REPETITIONS = 3
 SEED = 2024
 
@@ -37,6 +38,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="a tenth of the poses")
     share = 10 if parser.parse_args().quick else 1
     static(POSES // share, max(SCIPY_POSES // share, 10))
+    neighbours(LINES // share)
     physics(SETTLES // share, BATCH // share)
 
 
@@ -55,7 +57,7 @@ def static(poses: int, scipy_poses: int) -> None:
         robot = cdpr.load_robot(name)
         lower, upper = robot.workspace
         positions = np.random.default_rng(SEED).uniform(lower, upper, (poses, 3))
-        newton.solve_many(robot, positions[:10])  # compile
+        newton.solve_many(robot, positions[:100])  # compile
         for stiffness in STIFFNESSES:
             stiff = robot.replace(axial_stiffness=stiffness)
             seconds = [timed(newton.solve_many, stiff, positions) for _ in range(REPETITIONS)]
@@ -82,6 +84,38 @@ def static(poses: int, scipy_poses: int) -> None:
             )
     console.print(ours)
     console.print(theirs)
+
+
+def neighbours(lines: int) -> None:
+    """Is a pose solved sooner from its neighbour's answer, and is it the same answer?"""
+    rows = table(
+        f"Newton along {lines} lines, a pose each millimetre, started where it is commanded or from the answer before",
+        "robot", "poses", "iterations", "from the neighbour", "other answers",
+    )  # fmt: skip
+    for name in ROBOTS:
+        robot = cdpr.load_robot(name)
+        lower, upper = robot.workspace
+        starts = np.random.default_rng(SEED).uniform(lower, upper, (lines, 3))
+        along = np.arange(lower[0], upper[0], 1e-3)
+        counts, iterations, others = [], [], 0
+        before = found = None
+        for x in along:
+            starts[:, 0] = x
+            own = cdpr.solve_many(robot, starts)
+            if before is not None:
+                lengths = own.rest_lengths
+                found = cdpr.solve_many(robot, before.positions, rotations=before.rotations, rest_lengths=lengths)
+                turned = np.linalg.norm(found.rotations - own.rotations, axis=(-1, -2))
+                moved = np.linalg.norm(found.positions - own.positions, axis=-1)
+                others += int(((moved > 1e-6) | (turned > 1e-5)).sum())
+                counts.append(own.iterations.mean())
+                iterations.append(found.iterations.mean())
+            before = own if before is None else found
+        poses = lines * (len(along) - 1)
+        rows.add_row(
+            name, f"{poses:,}", f"{np.mean(counts):.2f}", f"{np.mean(iterations):.2f}", f"{others / poses:.1%}"
+        )
+    console.print(rows)
 
 
 def stabilities(found: Rests) -> tuple[float, float]:

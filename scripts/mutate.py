@@ -14,6 +14,7 @@ what Numba compiles, is tested in a process that imports all of it anew.
 import argparse
 import ast
 import datetime
+import functools
 import gc
 import hashlib
 import multiprocessing
@@ -101,7 +102,7 @@ class Loop:
             by = {who for who, _, *passed in lines if names & set(passed)}
             some = [item for item in items if {item.nodeid, item.nodeid.partition("::")[0]} & by]
             some.sort(key=lambda item: took.get(item.nodeid, 0.0))
-            self.answers.put(not some or self._fork(session, some, lambda: _patch(changed), seconds))  # noqa: B023
+            self.answers.put(not some or self._fork(session, some, functools.partial(_patch, changed), seconds))
         self.answers.put(self._fork(session, items[:1], lambda: None))
         return True
 
@@ -162,10 +163,11 @@ def _record(session: Any, folder: str, place: Path) -> None:
 
 
 def _functions(code: CodeType) -> Iterator[CodeType]:
-    """Of a module's code: that of its functions and methods, in order."""
+    """Of a module's code: that of its functions, of methods and of those within, in order."""
     for one in code.co_consts:
         if isinstance(one, CodeType):
-            yield from [one] if one.co_flags & 1 else _functions(one)  # optimised: of a function, not of a class
+            yield from [one] if one.co_flags & 1 else []  # optimised: of a function, not of a class
+            yield from _functions(one)
 
 
 def _rest(code: CodeType) -> tuple:
@@ -179,11 +181,8 @@ def _changed(path: Path, right: str, wrong: str, interpreted: bool) -> list[tupl
     before, after = (compile(text, path, "exec") for text in (right, wrong))
     functions = [list(_functions(code)) for code in (before, after)]
     names = [[one.co_qualname for one in some] for some in functions]
-    if (
-        _rest(before) != _rest(after)
-        or names[0] != names[1]
-        or (path.stem.endswith(("_kernel", "catenary")) and not interpreted)
-    ):
+    kernel = path.stem.endswith(("_kernel", "catenary"))
+    if _rest(before) != _rest(after) or names[0] != names[1] or (kernel and not interpreted):
         return None
     return [
         (str(path), a, b) for a, b in zip(*functions, strict=True) if a != b.replace(co_firstlineno=a.co_firstlineno)
@@ -212,64 +211,11 @@ def run_tests(tree: Path, tests: list[str], interpreted: bool, faults: list[Faul
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
     if interpreted:
-        without_numba()
+        from cdpr_sim.core import compiling
+
+        compiling.FEW = sys.maxsize  # kernels stay Python, however much is asked of them
     loop = [Loop(tree, faults, answers, interpreted)] if faults else []
     os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=loop)))
-
-
-def without_numba() -> None:
-    """What Numba would compile runs as Python from here on: no fault takes a minute to be compiled."""
-    import numba
-    import numba.extending
-    import numpy as np
-
-    class Kind(NamedTuple):
-        instance_class: type
-
-    def as_it_is(*given: Any, **_: Any) -> Any:
-        return given[0] if given and isinstance(given[0], FunctionType) else lambda function: function
-
-    def overload(stub: FunctionType, **_: Any) -> Any:
-        def decorate(choose: Any) -> Any:
-            def chosen(*given: Any) -> Any:
-                return choose(*(Kind(type(one)) for one in given))(*given)
-
-            sys.modules[stub.__module__].__dict__[stub.__name__] = chosen
-            return choose
-
-        return decorate
-
-    def guvectorize(signatures: list, layout: str, **_: Any) -> Any:
-        inner, outer = ([part.strip("()") for part in side.split("),(")] for side in layout.split("->"))
-        cores = [[name for name in part.split(",") if name] for part in (*inner, *outer)]
-
-        def decorate(one: Any) -> Any:
-            def loop(*given: Any) -> Any:
-                arrays = [np.asarray(array) for array in given]
-                sizes: dict[str, int] = {}
-                for array, core in zip(arrays, cores, strict=False):
-                    sizes |= dict(zip(core, array.shape[array.ndim - len(core) :], strict=True))
-                batch = np.broadcast_shapes(
-                    *(array.shape[: array.ndim - len(core)] for array, core in zip(arrays, cores, strict=False))
-                )
-                wide = [
-                    np.broadcast_to(array, batch + array.shape[array.ndim - len(core) :])
-                    for array, core in zip(arrays, cores, strict=False)
-                ]
-                shapes = [tuple(sizes[name] for name in core) for core in cores[len(arrays) :]]
-                kinds = ["int64" if "int64" in str(kind) else "float64" for kind in signatures[0][len(arrays) :]]
-                results = [np.empty(batch + (shape or (1,)), kind) for shape, kind in zip(shapes, kinds, strict=True)]
-                for row in np.ndindex(batch):
-                    one(*(array[row] for array in wide), *(result[row] for result in results))
-                shaped = [result if shape else result[..., 0] for result, shape in zip(results, shapes, strict=True)]
-                return shaped[0] if len(shaped) == 1 else tuple(shaped)
-
-            return loop
-
-        return decorate
-
-    numba.njit = numba.jit = numba.extending.register_jitable = as_it_is
-    numba.extending.overload, numba.guvectorize = overload, guvectorize
 
 
 # In the process that counts
@@ -341,7 +287,8 @@ def drawn(file: str) -> list[Fault]:
         elif isinstance(node, ast.Compare) and type(node.ops[0]) in OTHER:
             node.ops[0] = OTHER[type(node.ops[0])]()
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            node.value = node.value + 1 if isinstance(node.value, int) else 2 * node.value + 1e-3
+            number: float = node.value
+            node.value = number + 1 if isinstance(number, int) else 2 * number + 1e-3
         else:
             continue
         found.append(Fault(file, right, f"({ast.unparse(node)})", line=node.lineno - 1))
@@ -398,7 +345,7 @@ def main() -> int:
     for name in options.folders or FOLDERS:
         counts[name] = count_folder(tree, name, options.sample, options.seed)
     counts["all"] = sum(counts.values(), Counter())
-    rows = [("folder", "faults", "killed", "equivalent", "survived", "% killed")]
+    rows: list[tuple[str, ...]] = [("folder", "faults", "killed", "equivalent", "survived", "% killed")]
     for name, count in counts.items():
         numbers = count.total(), count["killed"], count["equivalent"], count["survived"]
         rate = 100 * count["killed"] / max(count["killed"] + count["survived"], 1)

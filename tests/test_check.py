@@ -5,9 +5,11 @@ import pytest
 from problems import grid
 
 import cdpr_sim as cdpr
+from cdpr_sim.core import pose
 from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.crosscheck import compare
 from cdpr_sim.crosscheck.check import OUTCOMES, compare_many
+from cdpr_sim.crosscheck.hold import Hold
 from cdpr_sim.physics import relaxation
 
 GRID = (6, 3, 4)
@@ -178,3 +180,52 @@ def test_check_refuses_what_cannot_be_right(asked, message):
     """Before anything settles."""
     with pytest.raises(cdpr.CdprError, match=message):
         cdpr.check(**(dict(robots="cogiro") | asked))
+
+
+def test_cross_residuals_are_compared_with_the_load(monkeypatch, catalogue):
+    """A hundred-thousandth of the weight: a little less agrees, a little more does not."""
+    robot = catalogue["cogiro"]
+    problems = cdpr.Problems.of(robot, [(0.3, 0.25, 0.1)])
+    solved, settled = cdpr.solve_many(problems), cdpr.settle_many(problems)
+    for share, within in ((0.9, True), (1.1, False)):
+        left = np.array([share * 1e-5 * robot.weight])
+        monkeypatch.setattr(checking, "residuals_of", lambda *asked, threads, left=left: left)
+        assert checking.compare_many(solved, settled)[1].tolist() == [within]
+
+
+def test_both_roads_are_asked_about_the_cables_that_are_named(monkeypatch):
+    """And findings of all blocks of rows are kept."""
+    asked, settle, solve = [], checking.settle_many, checking.solve_many
+
+    def recorded(problems, threads):
+        asked.append(problems)
+        return settle(problems, threads=threads)
+
+    def wrong(problems):
+        asked.append(problems)
+        solved = solve(problems)
+        return dataclasses.replace(solved, positions=solved.positions + 1e-3)
+
+    monkeypatch.setattr(checking, "ROWS", 2)
+    monkeypatch.setattr(checking, "settle_many", recorded)
+    monkeypatch.setattr(checking, "solve_many", wrong)
+    found = cdpr.check("cogiro", {"x": [0.3, 0.4, 0.5]}, ["fishing-0.4mm"])
+    assert [problems.axial_stiffness.max() for problems in asked] == [1e3] * 4
+    assert [finding.position[0] for finding in found.findings] == [0.3, 0.4, 0.5]
+
+
+def test_across_an_axis_errors_are_those_of_poses_that_agree():
+    """A pose that does not agree gives the outcome, and no error."""
+    found = cdpr.check("cogiro", {"y": [0.2, 0.3]})
+    found.dataset["outcome"][..., 1, :] = checking.OUTCOMES.index("disagree")
+    found.dataset["position_error"][:] = np.reshape([1e-9, 1.0], found.dataset["position_error"].shape)
+    worst = found.across()
+    assert worst["position_error"].item() == 1e-9
+    assert worst["outcome"].item() == checking.OUTCOMES.index("disagree")
+
+
+def test_how_far_from_where_it_should_be_a_platform_rests_is_said_in_millimetres(catalogue):
+    """Three of them."""
+    found = cdpr.compensate(catalogue["cogiro"], (0.4, 0.25, 0.2))
+    away = dataclasses.replace(found.equilibrium, pose=pose.moved(found.pose, 0.003 * np.eye(6)[0]))
+    assert "MuJoCo's platform rests 3 mm from there: it is not held" in Hold(found, away, away).reasons[0]

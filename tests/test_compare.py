@@ -6,6 +6,7 @@ from scipy.spatial.transform import RigidTransform
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.pose import moved
+from cdpr_sim.crosscheck import compare
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.statics import forces
 
@@ -60,6 +61,7 @@ def test_cable_at_its_rest_length_counts_as_slack_or_taut(pair, beyond, same):
     tensions[slack], lengths[slack] = 1e-4, settled.rest_lengths[slack] + beyond
     agreement = cdpr.compare(static, dataclasses.replace(settled, tensions=tensions, lengths=lengths))
     assert agreement.same_slack is same
+    assert agreement.agrees == same
 
 
 def test_two_stable_equilibria_are_different_and_no_disagreement(catalogue):
@@ -128,3 +130,14 @@ def test_different_problems_are_not_compared(catalogue):
     same = robot.replace(name="the same in another place", workspace=[[0, 0, 0], [1, 1, 1]])
     from_elsewhere = cdpr.settle(same, (0.32, 0.25, 0.12), static.rest_lengths)
     assert cdpr.compare(static, from_elsewhere).verdict is Verdict.AGREE
+
+
+def test_poses_are_of_one_family_where_the_energy_is_level_between(catalogue):
+    """A mass on one cable turns freely; not when it is lifted by a millimetre, nor against a torque that does work."""
+    robot = cdpr.Robot([[0, 0, 1]], [[0, 0, 0]], 1e3, 1.0, platform_size=(0.1, 0.1, 0.1))
+    for torque, lift, connected in ((0.0, 0.0, True), (0.0, 1e-3, False), (0.1, 0.0, False)):
+        hanging = cdpr.solve(robot, (0, 0, 0.2))
+        problem = cdpr.Problem.of(robot, (0, 0, 0.2), external_wrench=[0, 0, 0, 0, 0, torque])
+        static = dataclasses.replace(hanging, problem=problem)
+        turned = moved(static.pose, np.array([0, 0, lift, 0, 0, 0.5]))
+        assert compare._connected(static, dataclasses.replace(static, pose=turned)) == connected

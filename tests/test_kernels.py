@@ -1,4 +1,4 @@
-"""Compiled code against NumPy and SciPy at a few poses each: quick, with Numba and without it.
+"""Kernels against NumPy and SciPy at a few poses each, as the Python that they are when little is asked of them.
 
 Robots are lopsided on purpose, so that no axis, sign or term could be another's.
 """
@@ -122,9 +122,10 @@ def test_feasibility_and_margins_are_those_of_linear_programming(kind, limits):
     for pose, margin in zip(poses, margins, strict=True):  # just held with limits that are moved by the margin
         for inside, moved in ((True, margin - 1e-6), (False, margin + 1e-6)):
             low, high = limits[0] + moved, limits[1] - moved
-            assert feasibility.feasible_by_linprog(
-                robot, pose, tension_limits=(max(low, 0.0), high), wrenches=wrenches
-            ) == inside or low < 0  # fmt: skip
+            if low >= 0:
+                asked = dict(tension_limits=(low, high), wrenches=wrenches)
+                assert feasibility.feasible_by_linprog(robot, pose, **asked) == inside
+                assert bool(cdpr.feasible(robot, pose, **asked)) == inside
 
 
 def test_heavy_cables_rest_where_catenaries_balance():

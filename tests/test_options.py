@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.cli import robots as cli_robots
 from cdpr_sim.drawing import still
+from cdpr_sim.physics import look
 
 TESTS = Path(__file__).parent
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
@@ -120,6 +120,12 @@ REACHED = [
     ("video parallel --drive-seconds 3", "drive", {"seconds": 3.0}),
     ("video parallel --seconds 2 --fps 10", "drive", {"states": 20}),
     ("video parallel -o full/old.gif --force", "drive", {}),
+    ("report parallel --pose 0.3 0.2 0.1", "write_report", {2: (0.3, 0.2, 0.1)}),
+    ("report parallel --material fishing-0.4mm", "write_report", {(1, lambda robot: robot.material): SOFT}),
+    ("report parallel --grid 2 3 4", "write_report", {"grid": (2, 3, 4)}),
+    ("report parallel --video", "write_report", {"video": True}),
+    ("report parallel --no-video", "write_report", {"video": False}),
+    ("report parallel -o there.html --force", "write_report", {(0, str): "there.html", "force": True}),
 ]  # fmt: skip
 
 
@@ -160,8 +166,8 @@ def test_settings_of_a_film_reach_the_film(folder, monkeypatch):
     monkeypatch.setattr(cdpr, "drive", lambda robot, *args, **options: driven.append((robot, options)) or robot)
     monkeypatch.setattr(cdpr, "solve_trajectory", lambda robot: cdpr.solve_many(robot, [robot.home]))
     monkeypatch.setattr(cdpr, "compensate", lambda robot, at: (robot, at))
-    monkeypatch.setattr("cdpr_sim.cli.pictures.held", lambda asked: cdpr.solve(*asked))
-    monkeypatch.setattr("cdpr_sim.cli.pictures._shapes", lambda robot: None)
+    monkeypatch.setattr("cdpr_sim.crosscheck.hold.held", lambda asked: cdpr.solve(*asked))
+    monkeypatch.setattr("cdpr_sim.studies.portrait.shapes_of", lambda robot: None)
     monkeypatch.setattr(cdpr, "write_video", lambda path, *args, **options: filmed.update(options | {"path": path}))
     words = "video cogiro --path 0.3 0.4 --compensate --size 400 240 --exaggerate 5 --renderer raycast -o new.gif"
     told = CliRunner().invoke(app, words.split())
@@ -181,7 +187,7 @@ def test_a_picture_is_of_the_robot_at_the_pose_on_the_cables_that_are_asked(fold
     drawn: list = []
     with monkeypatch.context() as patch:
         patch.setattr(still, "draw", lambda robot, pose: drawn.append((robot, pose)) or still.Still())
-        patch.setattr(cli_robots, "look", lambda problem: drawn.append((problem.robot, problem.pose)))
+        patch.setattr(look, "look", lambda problem: drawn.append((problem.robot, problem.pose)))
         for words in (
             "show cogiro --pose 0.3 0.2 0.1 --material fishing-0.4mm -o new.png",
             "view cogiro --pose 0.3 0.2 0.1 --material fishing-0.4mm",

@@ -109,6 +109,13 @@ def test_settle_shows_each_result_under_the_name_of_its_own_source():
     )
 
 
+def test_a_commanded_tilt_is_in_degrees():
+    """25° about y, commanded: 25° of tilt."""
+    problem = cdpr.Problem.of(cdpr.load_robot("cogiro"), (*COMMANDED, 0, math.radians(25), 0))
+    lines = printed(crosscheck.settle_table(problem, []))
+    assert cells(lines, "tilt [°]", 1) == cells(lines, "about y [°]", 1) == ["25.000"]
+
+
 def test_json_says_the_same_under_the_same_names():
     """In SI units."""
     results = [made_up(source) for source in DEGREES]

@@ -33,7 +33,8 @@ UNKNOWNS = ("axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "m
 
 UNSEEN = 1e-6
 """A singular value below this fraction of the largest, with columns of unit length, is rounding: EA and mass together,
-which have exactly the same effect, measure 5e-9; EA, offsets and centre of mass, told apart by 12 poses, 5e-3."""
+which have exactly the same effect, measure 6e-11; EA, offsets and centre of mass, told apart by 12 poses, 0.02
+(``scripts/measure_constants.py``)."""
 
 REWEIGHTINGS = 20
 """Fits, each weighted by the scatters that the last one left; they settle in three or four."""

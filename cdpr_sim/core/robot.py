@@ -314,7 +314,11 @@ class Robot(Introduced):
         return self.placed(pose).transform
 
     def placed(self, pose: PoseLike) -> Pose:
-        """``pose`` as plain arrays, checked likewise."""
+        """``pose`` as plain arrays, checked likewise.
+
+        Returns:
+            The pose, with position (3,) [m] and rotation matrix (3, 3).
+        """
         at = Pose.of(pose)
         if self.mobility == "planar":
             y, sine = at.position[1], np.abs(at.rotation_matrix[1, [0, 2]]).max()

@@ -38,7 +38,7 @@ from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableSt
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 
 MAX_ITERATIONS = 1000
-"""Tens do for all but the oddest robots: a pendulum of many cables from one point needs hundreds."""
+"""Twelve do at random poses of DemoBot (``scripts/measure_constants.py``); the oddest robots need many more."""
 
 MAX_TRANSLATION = 0.5
 """Longest step, as a fraction of the mean cable length."""
