@@ -131,11 +131,8 @@ def clearances(
     fitting = default_fitting(machine) if fitting is None else float(checked_array("fitting", fitting, ()))
     if fitting < 0:
         raise InvalidInput(f"fitting: found {fitting:g} m, expected 0 or more")
-    curves = cable_curves(
-        machine, machine.exits, machine.anchors, rests.positions, rests.rotations, rests.rest_lengths,
-        rests.problems.axial_stiffness, machine.cable_weights, rests.slack, fitting, points,
-    )  # fmt: skip
-    found = _distances(machine, curves, rests.positions, rests.rotations)
+    curves = cable_curves(rests, machine.exits, machine.anchors, machine.cable_weights, fitting, points)
+    found = _distances(rests, curves)
     lost = ~rests.converged
     for one in found:
         one[lost] = np.nan
@@ -148,42 +145,29 @@ def default_fitting(robot: Robot) -> float:
 
 
 def least_clearance(
-    robot: Robot,
+    rests: Rests,
     exits: Float[np.ndarray, "*#batch cables 3"],
     anchors: Float[np.ndarray, "*#batch cables 3"],
-    positions: Float[np.ndarray, "*batch 3"],
-    rotations: Float[np.ndarray, "*batch 3 3"],
-    rest_lengths: Float[np.ndarray, "*#batch cables"],
-    axial_stiffness: Float[np.ndarray, "*#batch cables"],
     weights: Float[np.ndarray, "*#batch cables"],
-    slack: Bool[np.ndarray, "*batch cables"],
 ) -> Float[np.ndarray, "*batch"]:
-    """The smallest distance of all, of many layouts of ``robot`` [m]: its platform and its frame, their cables."""
-    curves = cable_curves(
-        robot, exits, anchors, positions, rotations, rest_lengths, axial_stiffness, weights, slack,
-        default_fitting(robot), SEARCH_POINTS,
-    )  # fmt: skip
-    found = _distances(robot, curves, positions, rotations)
-    return np.concatenate(found, axis=-1).min(-1)
+    """The smallest distance of all [m], where each row has a layout of its own: exits, anchors, weights per length."""
+    curves = cable_curves(rests, exits, anchors, weights, default_fitting(rests.robot), SEARCH_POINTS)
+    return np.concatenate(_distances(rests, curves), axis=-1).min(-1)
 
 
 def cable_curves(
-    robot: Robot,
+    rests: Rests,
     exits: Float[np.ndarray, "*#batch cables 3"],
     anchors: Float[np.ndarray, "*#batch cables 3"],
-    positions: Float[np.ndarray, "*batch 3"],
-    rotations: Float[np.ndarray, "*batch 3 3"],
-    rest_lengths: Float[np.ndarray, "*#batch cables"],
-    axial_stiffness: Float[np.ndarray, "*#batch cables"],
     weights: Float[np.ndarray, "*#batch cables"],
-    slack: Bool[np.ndarray, "*batch cables"],
     fitting: float,
     points: int,
 ) -> Float[np.ndarray, "*batch cables points 3"]:
     """Each cable's course without its two ends; of two points where all are straight."""
+    robot, positions, slack = rests.robot, rests.positions, rests.slack
     cabling = robot.cabling
     ends = positions[..., None, :] + np.einsum(
-        "...ij,...mj->...mi", rotations, np.broadcast_to(anchors, (*positions.shape[:-1], robot.cables, 3))
+        "...ij,...mj->...mi", rests.rotations, np.broadcast_to(anchors, (*positions.shape[:-1], robot.cables, 3))
     )
     starts = np.broadcast_to(exits, ends.shape).copy()
     over = cabling.pulleys
@@ -197,7 +181,7 @@ def cable_curves(
     fractions = np.linspace(0, 1, 2 if straight else points)
     curves = starts[..., None, :] + fractions[:, None] * (ends - starts)[..., None, :]
     if not straight:
-        hung = catenary.shape(exits, ends, rest_lengths, axial_stiffness, weights, points)
+        hung = catenary.shape(exits, ends, rests.rest_lengths, rests.problems.axial_stiffness, weights, points)
         hangs = (slack | ~np.bool_(cabling.massless)) & ~over
         curves = np.where(hangs[..., None, None], hung, curves)
     lengths = np.linalg.norm(np.diff(curves, axis=-2), axis=-1).sum(-1)
@@ -224,15 +208,13 @@ def frame_edges(robot: Robot) -> Float[np.ndarray, "edges 2 3"]:
 
 
 def _distances(
-    robot: Robot,
-    curves: Float[np.ndarray, "*batch cables points 3"],
-    positions: Float[np.ndarray, "*batch 3"],
-    rotations: Float[np.ndarray, "*batch 3 3"],
+    rests: Rests, curves: Float[np.ndarray, "*batch cables points 3"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cable to cable, to platform, to frame; some rows at a time."""
+    robot = rests.robot
     shape, cables = curves.shape[:-3], robot.cables
     rows = curves.reshape(-1, *curves.shape[-3:])
-    at, turned = positions.reshape(-1, 3), rotations.reshape(-1, 3, 3)
+    at, turned = rests.positions.reshape(-1, 3), rests.rotations.reshape(-1, 3, 3)
     a, b = pairs(cables).T
     edges = frame_edges(robot)
     found = np.empty((len(rows), len(a))), np.empty((len(rows), cables)), np.empty((len(rows), cables))

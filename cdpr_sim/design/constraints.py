@@ -81,12 +81,9 @@ def _clearance(least: float) -> Constraint:
         raise InvalidInput(f"subject_to['clearance']: found {least:g} m, expected more than 0")
 
     def missing(rests: LayoutRests) -> np.ndarray:
-        layouts, problems = rests.layouts, rests.problems
-        found = clearance.least_clearance(
-            rests.robot, layouts.exits[:, None], layouts.anchors[:, None], rests.positions, rests.rotations,
-            problems.rest_lengths, problems.axial_stiffness, layouts.linear_density[:, None] * rests.robot.gravity,
-            rests.slack,
-        )  # fmt: skip
+        layouts = rests.layouts
+        weights = layouts.linear_density[:, None] * rests.robot.gravity
+        found = clearance.least_clearance(rests, layouts.exits[:, None], layouts.anchors[:, None], weights)
         return np.maximum(least - found.min(-1), 0) / least
 
     return Constraint(f"clearance of {1e3 * least:g} mm", missing)
