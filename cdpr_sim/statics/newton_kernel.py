@@ -292,7 +292,7 @@ def _rotate(R, a, b, c, out):
     angle2 = a * a + b * b + c * c
     angle = math.sqrt(angle2)
     if angle > 1e-4:
-        sine, versine = np.sin(angle) / angle, (1 - np.cos(angle)) / angle2
+        sine, versine = math.sin(angle) / angle, (1 - math.cos(angle)) / angle2
     else:
         sine, versine = 1 - angle2 / 6, 0.5 - angle2 / 24
     for j in range(3):
