@@ -3,6 +3,7 @@
 import ast
 import importlib.util
 import multiprocessing
+import os
 import re
 import shutil
 import subprocess
@@ -154,6 +155,34 @@ def test_nested_first_uses_do_not_wait_for_themselves():
     with compiling.first_use("test outer"), compiling.first_use("test inner"):
         assert {"test outer", "test inner"}.isdisjoint(compiling._ready)
     assert {"test outer", "test inner"} <= compiling._ready
+
+
+VARIANTS = """
+import sys
+from cdpr_sim.core.compiling import Kernel
+
+def times(factor):
+    def scaled(value, result):
+        result[0] = factor * value
+    return scaled
+
+kernels = {"double": Kernel("twofold", times(2.0), "()->()"), "triple": Kernel("threefold", times(3.0), "()->()")}
+print(*(kernels[name].compiled(1.0) for name in sys.argv[1:]))
+"""
+
+
+def test_what_two_processes_compiled_of_one_function_is_told_apart(tmp_path):
+    """Numba names code by its function and how many came before it: one of the two was taken for the other."""
+    (tmp_path / "variants.py").write_text(VARIANTS)
+    environment = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def said_by_a_process(*names: str) -> list[str]:
+        words = [sys.executable, "variants.py", *names]
+        return subprocess.check_output(words, cwd=tmp_path, env=environment, text=True).split()
+
+    assert said_by_a_process("double") == ["2.0"]
+    assert said_by_a_process("triple") == ["3.0"]
+    assert said_by_a_process("double", "triple") == ["2.0", "3.0"]
 
 
 # --- of these sources ---------------------------------------------------------------------------------------------

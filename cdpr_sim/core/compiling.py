@@ -84,6 +84,8 @@ class Kernel:
             integers: the names of those that are whole numbers; all others are floats.
         """
         self._what, self._function, self._layout, self._left = what, function, layout, FEW
+        # Numba names machine code after this: with one name, what two processes compiled is taken for the same code.
+        function.__qualname__ = f"{function.__name__}_{re.sub(r'[^a-z]+', '_', what)}"
         kinds = ["int64" if name in integers else "float64" for name in inspect.signature(function).parameters]
         core = [re.findall(r"\w+", dims) for dims in re.findall(r"\(.*?\)", layout)]
         arguments, inputs = list(zip(kinds, core, strict=True)), layout.split("->")[0].count("(")
