@@ -1,4 +1,4 @@
-"""Stiffness and natural frequencies at many equilibria: one compiled gufunc, a few microseconds per pose.
+"""Stiffness and natural frequencies at many equilibria: one compiled gufunc.
 
 The stiffness matrix is that of ``forces``, the reference that this is tested against.
 """
