@@ -188,3 +188,20 @@ def test_everything_broadcasts_over_poses_and_over_problems():
             np.testing.assert_allclose(
                 getattr(together, name)[1, 2], getattr(single, name), rtol=1e-12, atol=1e-12, err_msg=name
             )
+
+
+# --- over pulleys ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_curvatures_over_pulleys_are_how_directions_turn(seed):
+    """∂l/∂b is minus the direction u, so that ∂²l/∂b² is minus ∂u/∂b: differenced, moving all anchors alike."""
+    robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.05)
+    at = np.random.default_rng(seed).uniform(*robot.workspace)
+    step, turning = 1e-6, np.empty((robot.cables, 3, 3))
+    for axis, away in enumerate(step * np.eye(3)):
+        ahead, behind = (forces.geometry(robot, at + one, np.eye(3)).directions for one in (away, -away))
+        turning[..., axis] = (behind - ahead) / (2 * step)
+    found = forces.geometry(robot, at, np.eye(3))
+    np.testing.assert_allclose(found.curvatures, turning, atol=1e-8 * turning.max())
+    assert np.abs(found.bends).min() > 1e-2 * turning.max()

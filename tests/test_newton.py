@@ -301,3 +301,20 @@ def test_an_equilibrium_is_copied_whole_before_and_after_it_was_asked(catalogue)
     elsewhere = dataclasses.replace(rest, pose=rest.problem.pose)
     np.testing.assert_array_equal(elsewhere.position, [0.3, 0.25, 0.1])
     assert elsewhere.pose is rest.problem.pose
+
+
+def test_a_planar_robot_stays_in_its_plane():
+    """Its mass high above its anchors would turn it over sideways, where nothing but the plane holds it."""
+    robot = cdpr.load_robot("planar-vertical").replace(center_of_mass=(0.0, 0.0, 0.05))
+    found = cdpr.solve(robot, robot.home)
+    np.testing.assert_allclose(found.rotation_matrix[1], [0, 1, 0], atol=1e-12)
+    assert found.position[1] == 0
+    assert cdpr.compare(found, cdpr.settle(robot, robot.home)).agrees
+    sideways = robot.replace(mobility="spatial", inertia=np.eye(3) * 1e-4)
+    assert cdpr.solve(sideways, robot.home).rotation_matrix[1, 1] < 0.5  # the negative control: free, it turns over
+
+
+def test_an_equilibrium_is_taken_as_it_is():
+    """It is not solved for anew."""
+    found = cdpr.solve(cdpr.load_robot("cogiro"), (0.3, 0.25, 0.1))
+    assert newton.equilibrium_of(found) is found
