@@ -297,11 +297,11 @@ def test_figures_draw_each_road_as_itself(monkeypatch):
 
 def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_path):
     """What is filmed is what ``drive`` returns; what is outlined, what ``solve_trajectory`` says of it."""
-    motions, outlines, filmed = [], [], {}
+    motions, outlines, filmed = {}, [], {}
 
-    def drive(*args, **options):
-        motions.append(shifted(cdpr_drive(*args, **options), 1e-3))
-        return motions[-1]
+    def drive(robot, *args, **options):  # on threads, in any order
+        motions[robot.name] = shifted(cdpr_drive(robot, *args, **options), 1e-3)
+        return motions[robot.name]
 
     def solve(motion):
         outlines.append(shifted(cdpr_solve(motion), -1e-3))
@@ -330,8 +330,10 @@ def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_
     told = run("video", "cogiro", "parallel", *words)
     assert told.exit_code == 0, told.output
     assert filmed["path"] == Path(tmp_path / "v.gif")
-    assert len(motions) == 2
-    for shown, motion, outline, static in zip(filmed["trajectories"], motions, outlines, filmed["static"], strict=True):
+    in_order = [motions["cogiro"], motions["parallel"]]
+    for shown, motion, outline, static in zip(
+        filmed["trajectories"], in_order, outlines, filmed["static"], strict=True
+    ):
         assert shown is motion
         np.testing.assert_array_equal(static.translation, outline.positions)
 
