@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.words import stiffness_in_words
 
 EXITS = [[-1, 0, 1], [1, 0, 1], [0, 1, 1.0]]
 ANCHORS = [[-0.1, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]
@@ -170,3 +171,12 @@ def test_rotations_are_compared_by_the_anchors_distance():
 def test_a_law_that_just_rises_is_taken():
     """1 − 24 eps² is 0.04 at a strain of 20 %."""
     assert robot(stiffening=(0.0, -8.0)).cabling.stiffening.tolist() == [[0.0, -8.0]] * 3
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "words"),
+    [(999.0, "999 N"), (500.0, "500 N"), (1e3, "1 kN"), (1.5e4, "15 kN"), (1e6, "1 MN"), (5e5, "500 kN")],
+)
+def test_a_force_is_said_in_the_unit_that_suits_its_size(stiffness, words):
+    """From 1 of a unit up."""
+    assert stiffness_in_words(robot(axial_stiffness=stiffness)) == f"EA = {words}"
