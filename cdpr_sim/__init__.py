@@ -6,6 +6,8 @@ and where they live is in ``__init__.pyi``.
 
 import lazy_loader
 
+from cdpr_sim.core.introduced import Introduced as _Introduced
+
 _attribute, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
@@ -19,3 +21,13 @@ def __getattr__(name: str) -> object:
         except PackageNotFoundError:  # run from its sources
             return "unknown"
     return _attribute(name)
+
+
+def _in_html(result: object) -> str:
+    """What a notebook shows of a result; tables are loaded when the first is shown."""
+    from cdpr_sim.report.introductions import introduce
+
+    return introduce(result)
+
+
+_Introduced._in_html = staticmethod(_in_html)

@@ -37,10 +37,6 @@ BEYOND = {("physics", "core.cable_path"), ("physics", "core.cable_law")}
 """(folder, module) that its wall would let through, and must not: where a cable runs and how hard it pulls, MuJoCo says
 by its own means."""
 
-UPWARD = ("core.introduced", "report.introductions")
-"""The one arrow that runs back up: a result that a notebook asks for its looks has them from the room that makes
-tables, and only then, within a function."""
-
 HEAVY = {
     "xarray", "dask", "distributed", "zarr", "h5netcdf", "matplotlib", "pandas", "PIL", "mediapy", "pymoo", "numba",
     "scipy.stats", "scipy.ndimage", "scipy.interpolate", "scipy.integrate", "scipy.signal",
@@ -86,9 +82,7 @@ def own(names: Iterable[str]) -> set[str]:
 
 ANYWHERE = {module: imports(ast.walk(tree)) for module, tree in TREES.items()}
 AT_HEAD = {module: imports(tree.body) for module, tree in TREES.items()}
-GRAPH = {
-    module: {one for one in own(names) - {module} if (module, one) != UPWARD} for module, names in ANYWHERE.items()
-}
+GRAPH = {module: own(names) - {module} for module, names in ANYWHERE.items()}
 """Per module, the modules of this package that it imports: in functions and for type checkers as well."""
 
 
@@ -112,19 +106,6 @@ def test_imports_run_one_way():
     for module, used in GRAPH.items():
         assert {folder(one) for one in used} <= set(FOLDERS[: FOLDERS.index(folder(module)) + 1]), module
     TopologicalSorter(GRAPH).prepare()  # raises CycleError
-
-
-def test_results_reach_up_for_their_looks_only_when_asked():
-    """The exception to the order is one import, and is there: not at the head, where it would be a circle."""
-    module, looks = UPWARD
-    assert own(ANYWHERE[module]) == {looks}
-    assert own(AT_HEAD[module]) == set()
-
-
-def test_the_entry_knows_the_command_line_alone():
-    """And imports it in its function, where an interrupt is caught."""
-    assert imports(ast.walk(ENTRY)) == {"sys", "cdpr_sim.cli.main"}
-    assert imports(ENTRY.body) == {"sys"}
 
 
 def test_walls_stand():

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import ClassVar
+
 
 class Introduced:
-    """What a notebook shows as tables and pictures.
+    """What a notebook shows as tables and pictures: by words of a room above, which the package hands down."""
 
-    The words for that live in ``report/``, above. This is the one place that reaches up, and only when it is asked.
-    """
+    _in_html: ClassVar[Callable[[object], str]]
 
     def _repr_html_(self) -> str:
-        from cdpr_sim.report.introductions import introduce
-
-        return introduce(self)
+        return type(self)._in_html(self)
