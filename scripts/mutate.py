@@ -17,6 +17,7 @@ import datetime
 import functools
 import gc
 import hashlib
+import importlib
 import multiprocessing
 import os
 import random
@@ -190,14 +191,20 @@ def _changed(path: Path, right: str, wrong: str, interpreted: bool) -> list[tupl
 
 
 def _patch(changed: list[tuple[str, CodeType, CodeType]]) -> None:
-    """Give functions their new code, wherever they are referred to."""
+    """Give functions their new code, wherever they are referred to; what nothing has imported yet, is imported."""
+    for path, *_ in changed:
+        importlib.import_module(".".join(Path(path).relative_to(Path.cwd()).with_suffix("").parts))
     living = [one for one in gc.get_objects() if isinstance(one, FunctionType)]
+    patched = 0
     for path, old, new in changed:
         for one in living:
             code = one.__code__
             same = code.co_filename == path and code.co_qualname == old.co_qualname
             if same and ("<lambda>" not in old.co_qualname or code.co_firstlineno == old.co_firstlineno):
                 one.__code__ = new
+                patched += 1
+    if not patched:
+        raise RuntimeError(f"nothing runs the code of {changed[0][0]} that was changed")
 
 
 def run_tests(tree: Path, tests: list[str], interpreted: bool, faults: list[Fault], answers: Any) -> None:
