@@ -45,8 +45,8 @@ PRELOADED = ["numba", "mujoco", "scipy.optimize", "scipy.spatial.transform", "ma
 PRELOADED += ["dask.array", "pydantic", "typer", "PIL.ImageDraw", "__main__"]
 """What takes long to import, and is no plugin of pytest's."""
 
-PATIENCE = 10
-"""Tests that take so many times as long as without any fault, and a minute, have noticed it."""
+PATIENCE = 5
+"""Tests that take so many times as long as without any fault, and half a minute, have noticed it."""
 
 OTHER = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult, ast.Lt: ast.GtE,
@@ -88,12 +88,12 @@ class Loop:
         """Says to the other process whether each fault goes unnoticed; None where that cannot be said here."""
         items, place = session.items, self.tree / "passed"
         place.unlink(missing_ok=True)
-        begin = time.monotonic()
         alive = self._fork(session, items, lambda: _record(session, f"{self.tree}/cdpr_sim/", place))
-        seconds = 60 + int(PATIENCE * (time.monotonic() - begin))
         self.answers.put(alive)
         lines = [line.split("\t") for line in place.read_text(encoding="utf-8").splitlines()] if alive else []
-        took = {who: float(seconds) for who, seconds, *_ in lines}
+        took: Counter = Counter()
+        for who, seconds, *_ in lines:
+            took[who] += float(seconds)
         for fault in self.faults if alive else []:
             changed = _changed(*fault.texts(self.tree), self.interpreted)
             if changed is None:
@@ -102,7 +102,9 @@ class Loop:
             names = {f"{path}:{old.co_qualname}" for path, old, _ in changed}
             by = {who for who, _, *passed in lines if names & set(passed)}
             some = [item for item in items if {item.nodeid, item.nodeid.partition("::")[0]} & by]
-            some.sort(key=lambda item: took.get(item.nodeid, 0.0))
+            some.sort(key=lambda item: took[item.nodeid])
+            files = {item.nodeid.partition("::")[0] for item in some}
+            seconds = 30 + int(PATIENCE * sum(took[who] for who in files.union(item.nodeid for item in some)))
             self.answers.put(not some or self._fork(session, some, functools.partial(_patch, changed), seconds))
         self.answers.put(self._fork(session, items[:1], lambda: None))
         return True
@@ -240,7 +242,7 @@ def outcomes(tree: Path, groups: list[tuple[dict, list[Fault]]]) -> Iterator[tup
     process.start()
     if not _answer(process, answers, tree):
         raise RuntimeError(f"tests fail without any fault:\n{(tree / 'output').read_text()[-2000:]}")
-    seconds = 60 + PATIENCE * (time.monotonic() - begin)
+    seconds = 30 + PATIENCE * (time.monotonic() - begin)
     again = []
     for group, fault in faults:
         alive = _answer(process, answers, tree)
