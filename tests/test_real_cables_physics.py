@@ -14,6 +14,7 @@ from cdpr_sim.core.equilibrium import NotSettled
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
+from cdpr_sim.physics.cables import let_out
 from cdpr_sim.physics.chains import SEGMENTS
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.heavy.hanging import Hanging
@@ -90,6 +91,17 @@ def test_mujocos_spring_follows_the_law(stiffening, strain):
     eps = (0.8 - rest) / rest
     expected = 700 * (eps + stiffening[0] * eps**2 + stiffening[1] * eps**3) if strain > 0 else 0.0
     assert_allclose(data.qfrc_spring[2], expected, rtol=LAW)
+
+
+def test_a_winch_lets_out_cable_of_the_same_law():
+    """Each length makes a spring of its own: EA (eps + a2 eps² + a3 eps³), eps by the length that is out now."""
+    robot = Robot([[0, 0, 2]], [[0, 0, 0]], 700.0, 1.0, stiffening=(4.0, 9.0), platform_size=(0.1, 0.1, 0.1))
+    model, data = simulated(robot, [0, 0, 1.2], [0.79])
+    rests = np.array([[0.79], [0.7], [0.6]])
+    for rest, _ in zip(rests[:, 0], let_out(model, robot.cabling, rests), strict=False):
+        mujoco.mj_forward(model, data)
+        eps = (0.8 - rest) / rest
+        assert_allclose(data.qfrc_spring[2], 700 * (eps + 4 * eps**2 + 9 * eps**3), rtol=LAW)
 
 
 def test_a_platform_hangs_where_the_law_says():
