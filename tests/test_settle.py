@@ -287,6 +287,14 @@ def test_rest_is_what_is_said_of_it(name, axial_stiffness):
     assert rests.residuals.max() <= 1e-9 * robot.weight
 
 
+def test_another_mass_in_every_row_is_refused():
+    """MuJoCo has one model for all rows; statics takes them."""
+    robot = load_robot("cogiro")
+    problems = Problems.of(robot, [robot.home] * 2, mass=[0.4, 0.5])
+    with pytest.raises(InvalidInput, match="mass: found one per problem"):
+        settle_many(problems)
+
+
 def test_a_model_without_the_origin_body_refuses_a_wrench():
     """A model of one's own that has no body to apply the wrench to: one sentence, and no silent neglect."""
     robot = load_robot("cogiro")
