@@ -418,6 +418,18 @@ def test_the_model_as_delivered_comes_to_the_settled_rest_with_heavy_cables(robo
     assert np.linalg.norm(rest.deviation) > 1e-5
 
 
+def test_what_is_left_over_is_counted_with_the_true_springs():
+    """Softer ones, which are as good on the way to rest, must not be those that say that it has come."""
+    robot = heavy("cogiro")
+    rest = settle(robot, robot.home)
+    hanging = Hanging(robot, rest.rest_lengths, robot.axial_stiffness, np.zeros(6), rest.pose)
+    right = hanging.residual()
+    hanging.model.tendon_stiffness[:] *= 0.5
+    assert not hanging.true
+    assert hanging.residual() == right
+    assert hanging.true
+
+
 def test_stiffness_of_heavy_cables_is_how_the_held_platforms_force_changes():
     """Eigenvalues of the planar robot, against forces of a platform that is held a little aside, its chains at rest."""
     robot = heavy("two-cable", linear_density=5e-3, axial_stiffness=1e3)
