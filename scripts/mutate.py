@@ -313,8 +313,8 @@ def faults_of(groups: list[dict], count: int, seed: int) -> list[tuple[dict, lis
     return [(group, [fault for own, fault in chosen if own is group]) for group in groups]
 
 
-def count_folder(tree: Path, folder: str, count: int, seed: int) -> Counter:
-    """What came of each of its faults; survivors are printed."""
+def count_folder(tree: Path, folder: str, count: int, seed: int, equivalent: list[Fault]) -> Counter:
+    """What came of each of its faults; survivors are printed, or added to those that nobody could notice."""
     counts: Counter = Counter()
     everything = faults_of(FOLDERS[folder], count, seed)
     for interpreted in (False, True):
@@ -322,7 +322,9 @@ def count_folder(tree: Path, folder: str, count: int, seed: int) -> Counter:
         begin = time.monotonic()
         for fault, alive in outcomes(tree, groups) if groups else []:
             counts[("equivalent" if fault.reason else "survived") if alive else "killed"] += 1
-            if alive and not fault.reason:
+            if alive and fault.reason:
+                equivalent.append(fault)
+            elif alive:
                 print(f"survived: {fault.file}:{fault.line + 1}: {fault.right!r} -> {fault.wrong!r}", flush=True)
             if counts.total() == 1 or counts.total() % 20 == 0:
                 print(f"{folder}: {counts.total()}, {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
@@ -341,6 +343,10 @@ def copied_tree() -> Path:
     return tree
 
 
+def _line(code: str) -> str:
+    return " ".join(code.split())
+
+
 def main() -> int:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("folders", nargs="*", choices=[*FOLDERS, []], metavar="FOLDER", help=", ".join(FOLDERS))
@@ -350,10 +356,11 @@ def main() -> int:
     options = asked.parse_args()
     multiprocessing.get_context("forkserver").set_forkserver_preload(PRELOADED)
     counts: dict[str, Counter] = {}
+    equivalent: list[Fault] = []
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
     tree = copied_tree()
     for name in options.folders or FOLDERS:
-        counts[name] = count_folder(tree, name, options.sample, options.seed)
+        counts[name] = count_folder(tree, name, options.sample, options.seed, equivalent)
     counts["all"] = sum(counts.values(), Counter())
     rows: list[tuple[str, ...]] = [("folder", "faults", "killed", "equivalent", "survived", "% killed")]
     for name, count in counts.items():
@@ -364,6 +371,8 @@ def main() -> int:
         print(f"{datetime.date.today()}, commit {commit.stdout.strip()}:\n")
         for row in (rows[0], ("---", *["---:"] * 5), *rows[1:]):
             print(f"| {' | '.join(row)} |")
+        for fault in equivalent:
+            print(f"- {fault.file}, `{_line(fault.right)}` put as `{_line(fault.wrong)}`: {fault.reason}.")
     else:
         table = Table(*rows[0])
         for row in rows[1:]:
