@@ -26,6 +26,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import tomllib
 import traceback
@@ -141,6 +142,8 @@ def _record(session: Any, folder: str, place: Path) -> None:
     def note(frame: Any, event: str, _: Any) -> None:
         if event == "call" and frame.f_code.co_filename.startswith(folder):
             seen.add(f"{frame.f_code.co_filename}:{frame.f_code.co_qualname}")
+
+    threading.setprofile(note)  # of threads that begin from now on, for as long as they live
 
     def watch(who: str) -> Iterator[Any]:
         seen.clear()
@@ -287,9 +290,14 @@ def survives(tree: Path, fault: Fault, tests: list[str], interpreted: bool, seco
 
 
 def drawn(file: str) -> list[Fault]:
-    """All operators and numbers of a file, each put wrong."""
+    """All operators and numbers of a file but those of types, each put wrong."""
     text, found = (ROOT / "cdpr_sim" / file).read_text(encoding="utf-8"), []
-    for node in ast.walk(ast.parse(text)):
+    nodes = list(ast.walk(ast.parse(text)))
+    types = [getattr(node, name, None) for node in nodes for name in ("annotation", "returns")]
+    no_code = {id(node) for one in types if one is not None for node in ast.walk(one)}
+    for node in nodes:
+        if id(node) in no_code:
+            continue
         right = ast.get_source_segment(text, node) or ""
         if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in OTHER:
             node.op = OTHER[type(node.op)]()
