@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import NamedTuple
 from unittest.mock import patch
 
-import dask
 import mujoco
 import numpy as np
+from dask.config import set as configured
 from rich.console import Console
 from rich.markup import escape
 
@@ -37,6 +37,7 @@ from cdpr_sim.core.status import ACCEPTABLE, NEUTRAL
 from cdpr_sim.crosscheck.compare import CROSS_TOLERANCE, POSITION_TOLERANCE
 from cdpr_sim.design import layouts
 from cdpr_sim.physics import chains
+from cdpr_sim.physics.release import STAYS
 from cdpr_sim.physics.settle import residual_of
 from cdpr_sim.report.page import FILM_RATE, FILM_SIZE
 from cdpr_sim.report.tables import new_table
@@ -194,7 +195,7 @@ def balances() -> Iterator[Row]:
 
 
 def roads() -> Iterator[Row]:
-    """How far MuJoCo rests from statics; and what it has left over, in loads, where statics is in balance."""
+    """How far MuJoCo rests and strays from statics; and what it has left over, in loads, where statics is in balance."""
     apart = []
     for robot in robots():
         poses = random_poses(robot, 1000)
@@ -205,6 +206,10 @@ def roads() -> Iterator[Row]:
         f"POSITION_TOLERANCE = {POSITION_TOLERANCE:g}", "between the roads at 4,000 random poses [m], at most",
         f"{max(apart):.0e}", max(apart) < POSITION_TOLERANCE / 100,
     )  # fmt: skip
+    solved = [cdpr.solve(robot, pose) for robot in robots() for pose in random_poses(robot, 10)]
+    released = [cdpr.release(one, seconds=2.0) for one in solved if one.stable]
+    strayed = max(one.strayed / one.nudge for one in released)
+    yield Row(f"STAYS = {STAYS:g}", "how far stable platforms stray, in nudges", f"{strayed:.2f}", strayed < 1.01)
     robot = cdpr.load_robot("cogiro")
     right, wrong = [], []
     for pose in random_poses(robot, 20):
@@ -280,7 +285,7 @@ def sizes() -> Iterator[Row]:
     """What is taken of memory, time and pages."""
     robot, each = cdpr.load_robot("parallel"), sweep.CHUNK
     count = round((sweep.TASKS * each) ** (1 / 3))  # along each axis: as many chunks as a small sweep is split into
-    with dask.config.set(scheduler="synchronous"):
+    with configured(scheduler="synchronous"):
         cdpr.sweep(robot, (8, 5, 4))
         start = time.process_time()
         result = cdpr.sweep(robot, (count, count, count))

@@ -47,7 +47,7 @@ Vectran's 33 Hz."""
 
 STEPS = 20
 """Per period of the platform's stiffest motion. The model's own integrator, which is implicit in the springs, is stable
-with far fewer: but it damps them, so that feedback looked stable that is not, and tensions peaked five times too high.
+with far fewer: but it damps them, so that feedback looked stable that is not, and tensions peaked far too high.
 This one is symplectic in the springs, and damps nothing that the model does not."""
 
 ROUNDING = 1e-9
