@@ -26,6 +26,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import tomllib
 import traceback
@@ -45,8 +46,8 @@ PRELOADED = ["numba", "mujoco", "scipy.optimize", "scipy.spatial.transform", "ma
 PRELOADED += ["dask.array", "pydantic", "typer", "PIL.ImageDraw", "__main__"]
 """What takes long to import, and is no plugin of pytest's."""
 
-PATIENCE = 10
-"""Tests that take so many times as long as without any fault, and a minute, have noticed it."""
+PATIENCE = 5
+"""Tests that take so many times as long as without any fault, and half a minute, have noticed it."""
 
 OTHER = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult, ast.Lt: ast.GtE,
@@ -88,12 +89,12 @@ class Loop:
         """Says to the other process whether each fault goes unnoticed; None where that cannot be said here."""
         items, place = session.items, self.tree / "passed"
         place.unlink(missing_ok=True)
-        begin = time.monotonic()
         alive = self._fork(session, items, lambda: _record(session, f"{self.tree}/cdpr_sim/", place))
-        seconds = 60 + int(PATIENCE * (time.monotonic() - begin))
         self.answers.put(alive)
         lines = [line.split("\t") for line in place.read_text(encoding="utf-8").splitlines()] if alive else []
-        took = {who: float(seconds) for who, seconds, *_ in lines}
+        took: Counter = Counter()
+        for who, seconds, *_ in lines:
+            took[who] += float(seconds)
         for fault in self.faults if alive else []:
             changed = _changed(*fault.texts(self.tree), self.interpreted)
             if changed is None:
@@ -102,7 +103,9 @@ class Loop:
             names = {f"{path}:{old.co_qualname}" for path, old, _ in changed}
             by = {who for who, _, *passed in lines if names & set(passed)}
             some = [item for item in items if {item.nodeid, item.nodeid.partition("::")[0]} & by]
-            some.sort(key=lambda item: took.get(item.nodeid, 0.0))
+            some.sort(key=lambda item: took[item.nodeid])
+            files = {item.nodeid.partition("::")[0] for item in some}
+            seconds = 30 + int(PATIENCE * sum(took[who] for who in files.union(item.nodeid for item in some)))
             self.answers.put(not some or self._fork(session, some, functools.partial(_patch, changed), seconds))
         self.answers.put(self._fork(session, items[:1], lambda: None))
         return True
@@ -139,6 +142,8 @@ def _record(session: Any, folder: str, place: Path) -> None:
     def note(frame: Any, event: str, _: Any) -> None:
         if event == "call" and frame.f_code.co_filename.startswith(folder):
             seen.add(f"{frame.f_code.co_filename}:{frame.f_code.co_qualname}")
+
+    threading.setprofile(note)  # of threads that begin from now on, for as long as they live
 
     def watch(who: str) -> Iterator[Any]:
         seen.clear()
@@ -240,7 +245,7 @@ def outcomes(tree: Path, groups: list[tuple[dict, list[Fault]]]) -> Iterator[tup
     process.start()
     if not _answer(process, answers, tree):
         raise RuntimeError(f"tests fail without any fault:\n{(tree / 'output').read_text()[-2000:]}")
-    seconds = 60 + PATIENCE * (time.monotonic() - begin)
+    seconds = 30 + PATIENCE * (time.monotonic() - begin)
     again = []
     for group, fault in faults:
         alive = _answer(process, answers, tree)
@@ -285,9 +290,14 @@ def survives(tree: Path, fault: Fault, tests: list[str], interpreted: bool, seco
 
 
 def drawn(file: str) -> list[Fault]:
-    """All operators and numbers of a file, each put wrong."""
+    """All operators and numbers of a file but those of types, each put wrong."""
     text, found = (ROOT / "cdpr_sim" / file).read_text(encoding="utf-8"), []
-    for node in ast.walk(ast.parse(text)):
+    nodes = list(ast.walk(ast.parse(text)))
+    types = [getattr(node, name, None) for node in nodes for name in ("annotation", "returns")]
+    no_code = {id(node) for one in types if one is not None for node in ast.walk(one)}
+    for node in nodes:
+        if id(node) in no_code:
+            continue
         right = ast.get_source_segment(text, node) or ""
         if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in OTHER:
             node.op = OTHER[type(node.op)]()
@@ -311,8 +321,8 @@ def faults_of(groups: list[dict], count: int, seed: int) -> list[tuple[dict, lis
     return [(group, [fault for own, fault in chosen if own is group]) for group in groups]
 
 
-def count_folder(tree: Path, folder: str, count: int, seed: int) -> Counter:
-    """What came of each of its faults; survivors are printed."""
+def count_folder(tree: Path, folder: str, count: int, seed: int, equivalent: list[Fault]) -> Counter:
+    """What came of each of its faults; survivors are printed, or added to those that nobody could notice."""
     counts: Counter = Counter()
     everything = faults_of(FOLDERS[folder], count, seed)
     for interpreted in (False, True):
@@ -320,7 +330,9 @@ def count_folder(tree: Path, folder: str, count: int, seed: int) -> Counter:
         begin = time.monotonic()
         for fault, alive in outcomes(tree, groups) if groups else []:
             counts[("equivalent" if fault.reason else "survived") if alive else "killed"] += 1
-            if alive and not fault.reason:
+            if alive and fault.reason:
+                equivalent.append(fault)
+            elif alive:
                 print(f"survived: {fault.file}:{fault.line + 1}: {fault.right!r} -> {fault.wrong!r}", flush=True)
             if counts.total() == 1 or counts.total() % 20 == 0:
                 print(f"{folder}: {counts.total()}, {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
@@ -339,6 +351,10 @@ def copied_tree() -> Path:
     return tree
 
 
+def _line(code: str) -> str:
+    return " ".join(code.split())
+
+
 def main() -> int:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("folders", nargs="*", choices=[*FOLDERS, []], metavar="FOLDER", help=", ".join(FOLDERS))
@@ -348,10 +364,11 @@ def main() -> int:
     options = asked.parse_args()
     multiprocessing.get_context("forkserver").set_forkserver_preload(PRELOADED)
     counts: dict[str, Counter] = {}
+    equivalent: list[Fault] = []
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
     tree = copied_tree()
     for name in options.folders or FOLDERS:
-        counts[name] = count_folder(tree, name, options.sample, options.seed)
+        counts[name] = count_folder(tree, name, options.sample, options.seed, equivalent)
     counts["all"] = sum(counts.values(), Counter())
     rows: list[tuple[str, ...]] = [("folder", "faults", "killed", "equivalent", "survived", "% killed")]
     for name, count in counts.items():
@@ -362,6 +379,8 @@ def main() -> int:
         print(f"{datetime.date.today()}, commit {commit.stdout.strip()}:\n")
         for row in (rows[0], ("---", *["---:"] * 5), *rows[1:]):
             print(f"| {' | '.join(row)} |")
+        for fault in equivalent:
+            print(f"- {fault.file}, `{_line(fault.right)}` put as `{_line(fault.wrong)}`: {fault.reason}.")
     else:
         table = Table(*rows[0])
         for row in rows[1:]:

@@ -8,9 +8,10 @@ import pytest
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.layout import prove_layout
 from cdpr_sim.design import search
-from cdpr_sim.design.layouts import Cases, Layouts, rest
+from cdpr_sim.design.constraints import constraints_of
+from cdpr_sim.design.layouts import Cases, LayoutRests, Layouts, rest
 from cdpr_sim.design.moves import Move, Space
-from cdpr_sim.design.objectives import OBJECTIVES
+from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES
 from cdpr_sim.design.slopes import Steps, slopes
 from cdpr_sim.design.symmetry import group
 from cdpr_sim.robots.writing import as_toml
@@ -67,6 +68,30 @@ def test_symmetries_are_found_and_not_imagined(parallel):
     assert len(group(parallel, ["mirror-x", "mirror-y"])) == 4
     with pytest.raises(cdpr.InvalidInput, match="'mirror-x', which 'cogiro' has not got: the image of cable 1 is"):
         group(cdpr.load_robot("cogiro"), "mirror-x")
+
+
+def test_every_symmetry_takes_each_cable_to_its_image(parallel):
+    """The one that two others make, too; wheels turn along, and what cables are must be the same."""
+    pairs = [["mirror-x", "mirror-y"], ["half-turn", "mirror-y"]]
+    points = np.hstack([parallel.exits - [0.4, 0.25, 0], parallel.anchors])
+    for one in (symmetry for names in pairs for symmetry in group(parallel, names)):
+        assert points * np.tile(one.signs, 2) == pytest.approx(points[one.images], abs=1e-12)
+    outwards = np.sign(points[:, :3]) * [1, 1, 0] + [0, 0, 1]
+    wheels = {"pulley_radius": 0.01, "pulley_axis": outwards}
+    assert len(group(parallel.replace(**wheels), "detected")) == 4
+    wheels["pulley_axis"] = (1, 0, 1)
+    assert len(group(parallel.replace(**wheels), "detected")) == 2  # the mirror that changes y alone
+    stiffer = parallel.replace(axial_stiffness=[1e4] * 7 + [2e4])
+    assert len(group(stiffer, "detected")) == 1
+    with pytest.raises(cdpr.InvalidInput, match="of another kind than its image"):
+        group(stiffer, "half-turn")
+
+
+def test_the_search_begins_at_the_nearest_layout_within_bounds(parallel):
+    """An exit that stands outside of its box is put on its face."""
+    space = Space.of(parallel, [Move("exits", [[0, 0, 0], [0.5, 0.5, 0.4]], cables=(5,))], "none")
+    assert (space.layouts(space.given[None]).exits[0, 4] <= np.array([0.5, 0.5, 0.4]) + 1e-12).all()
+    assert parallel.exits[4, 2] > 0.4
 
 
 def test_what_moves_stays_within_bounds_and_symmetric(parallel):
@@ -238,6 +263,83 @@ def test_a_robot_that_falls_is_laid_out_so_that_it_does_not(parallel):
     assert "no rest at some pose before" in str(found)
     assert found.rests.converged.all()
     assert prove_layout(found).better
+
+
+@pytest.fixture(scope="module")
+def two_layouts(parallel) -> tuple[LayoutRests, list[list[cdpr.Equilibrium]]]:
+    """Rests of two layouts, on a line and at a pose where ``parallel`` turns freely; and those of each robot alone."""
+    low, high = parallel.workspace
+    poses = np.random.default_rng(0).uniform(low, high, (200, 3))
+    free = poses[cdpr.solve_many(parallel, poses).stability == cdpr.Stability.NEUTRAL][0]
+    exits = parallel.exits.copy()
+    exits[0] += (0.03, 0.04, 0.0)
+    robots = [parallel, parallel.replace(exits=exits)]
+    cases = Cases.of(parallel, [*LINE, tuple(free)])
+    alone = [[cdpr.solve(robot, pose) for pose in [*LINE, tuple(free)]] for robot in robots]
+    return rest(Layouts.of(robots), cases, 1), alone
+
+
+def test_objectives_are_what_single_rests_say(two_layouts):
+    """Worst, mean or least over the cases, one layout at a time; the frame is the diagonal of a box."""
+    rests, alone = two_layouts
+    shift = lambda one: np.linalg.norm(one.position - one.problem.pose.translation)  # noqa: E731
+    expected = {
+        "worst tilt": [max(one.tilt for one in row) for row in alone],
+        "mean tilt": [sum(one.tilt for one in row) / 7 for row in alone],
+        "worst deviation": [max(map(shift, row)) for row in alone],
+        "mean deviation": [sum(map(shift, row)) / 7 for row in alone],
+        "most slack cables": [max(sum(one.slack) for one in row) for row in alone],
+        "mean slack cables": [sum(sum(one.slack) for one in row) / 7 for row in alone],
+        "lowest tension": [min(min(one.tensions) for one in row) for row in alone],
+        "highest tension": [max(max(one.tensions) for one in row) for row in alone],
+        "softest stiffness": [min(min(one.eigenvalues) for one in row) for row in alone],
+        "displacement": [0.0, 0.05],
+        "size of frame": [np.sqrt(sum((max(x) - min(x)) ** 2 for x in row[0].problem.robot.exits.T)) for row in alone],
+    }
+    for name, values in expected.items():
+        assert OBJECTIVES[name].score(rests, NO_LIMITS) == pytest.approx(values, rel=1e-5, abs=1e-5), name
+    assert OBJECTIVES["worst sensitivity"].score(rests, NO_LIMITS)[0] == np.inf  # of a platform that turns freely
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "shown"),
+    [
+        ("worst tilt", 0.1, "5.73°"), ("mean tilt", 0.1, "5.73°"), ("worst deviation", 0.0123, "12.3 mm"),
+        ("mean deviation", 0.0123, "12.3 mm"), ("most slack cables", 3, "3"), ("lowest tension", 1.25, "1.25 N"),
+        ("softest stiffness", 1500, "1500 N/m"), ("lowest frequency", 11.5, "11.5 Hz"),
+        ("feasible volume", 0.42, "42 %"), ("worst sensitivity", 2.5, "2.5 mm/mm"), ("displacement", 0.05, "50 mm"),
+        ("size of frame", 1.06, "1.06 m"), ("worst tilt", np.nan, "no rest at some pose"),
+    ],
+)  # fmt: skip
+def test_objectives_are_read_in_their_units(name: str, value: float, shown: str):
+    """SI units inside; degrees, millimetres and percent where somebody reads."""
+    assert OBJECTIVES[name].shown(value) == shown
+
+
+def test_what_is_missing_is_counted_from_single_rests(two_layouts, parallel):
+    """Of every constraint, by how much the worst case misses it: in loads, in shares of cables, rests and limits."""
+    rests, alone = two_layouts
+    asked = {
+        "tensions": (0.3, 2.0), "all taut": True, "stable": True, "worst tilt": 0.1, "lowest tension": 0.5,
+        "displacement": 0.04, "mean slack cables": 8.0,
+    }  # fmt: skip
+    found, (lower, upper), reach = constraints_of(parallel, asked)
+    assert (lower.tolist(), upper.tolist(), reach) == ([0.3] * 8, [2.0] * 8, 0.04)
+    missed = lambda row: max(max(0.3 - min(one.tensions), max(one.tensions) - 2.0) for one in row)  # noqa: E731
+    tilts = [max(one.tilt for one in row) for row in alone]
+    stable = [sum(one.stability is cdpr.Stability.STABLE for one in row) for row in alone]
+    assert stable[0] < 7
+    expected = [
+        [missed(row) / parallel.weight for row in alone],
+        [sum(sum(one.slack) for one in row) / 56 for row in alone],
+        [1 - count / 7 for count in stable],
+        [(tilt - 0.1) / 0.1 for tilt in tilts],
+        [(0.5 - 0) / 0.5] * 2,  # slack cables pull with 0
+        [0, 0.01 / 0.04],
+        [0, 0],
+    ]
+    for constraint, values in zip(found, expected, strict=True):
+        assert constraint.missing(rests) == pytest.approx(values, abs=1e-6), constraint.name
 
 
 def test_constraints_hold_where_they_bind(parallel):

@@ -247,7 +247,7 @@ lower = {mm(robot.workspace[0])}
 upper = {mm(robot.workspace[1])}
 """
     for exit, anchor in zip(robot.exits, robot.anchors, strict=True):
-        text += f"[[cables]]\nexit = {mm(exit)}\nanchor = {mm(anchor)}\n"
+        text += f"[[cables]]\nexit = {mm(exit)}\nanchor = {mm(anchor)}\npulley = {{radius = 20.0, axis = [0, 0, 1]}}\n"
     path = tmp_path / "mm.toml"
     path.write_text(text)
     with warnings.catch_warnings():
@@ -256,6 +256,7 @@ upper = {mm(robot.workspace[1])}
     for name in ("exits", "anchors", "platform_size", "frame", "workspace"):
         np.testing.assert_array_equal(getattr(read, name), getattr(robot, name), err_msg=name)
     assert read.center_of_mass.tolist() == [0, 0, 0.005]
+    assert read.cabling.pulley_radius.tolist() == [0.02] * 8
     path.write_text(text.replace('units = "mm"', ""))
     with pytest.warns(cdpr.ImplausibleRobot, match="millimetres"):
         cdpr.load_robot(path)

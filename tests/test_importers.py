@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -260,6 +261,12 @@ def test_gravity_along_another_axis_turns_the_base(tmp_path):
     assert any("turned by 36.9 degrees" in note for note in robot.notes)
 
 
+def test_gravity_is_as_strong_as_its_axis_is_long(tmp_path):
+    """In Bologna's files; a sixth, and a crane stands on the moon."""
+    path = changed(tmp_path, "crane_bologna.json", ("[[0], [0], [1]]", "[[0], [0], [0.166]]"))
+    assert cdpr.import_robot(path).gravity == pytest.approx(0.166 * 9.80665)
+
+
 @pytest.mark.parametrize(("plane", "normal"), [("xy", 2), ("xz", 1), ("yz", 0)])
 def test_planar_robots_of_any_plane_come_to_lie_in_ours(plane, normal):
     """In-plane distances are kept, nothing is mirrored, and the moment about the normal stays with it."""
@@ -278,6 +285,52 @@ def test_planar_robots_of_any_plane_come_to_lie_in_ours(plane, normal):
     points[0, normal] += 1e-6
     with pytest.raises(cdpr.InvalidInput, match="leave the plane by 1e-06 m"):
         Draft("table", points, anchors, 2.0, plane=plane).robot()
+
+
+@pytest.mark.parametrize(("plane", "axes"), [("xy", [(0, 1), (2, -1), (1, 1)]), ("yz", [(1, 1), (0, -1), (2, 1)])])
+def test_mass_turns_with_the_plane_it_is_in(plane, axes):
+    """Each of our axes is one of the file's, or its opposite: for centre of mass and every entry of the inertia."""
+    normal = axes[1][0]
+    points = np.insert(np.array([[-1.0, -1], [1, -1], [1, 2], [-1, 2]]), normal, 0.0, axis=1)
+    center = np.insert([0.01, 0.02], normal, 0.0)
+    draft = Draft("table", points, points / 10, 2.0, inertia=INERTIA, center_of_mass=center, plane=plane)
+    robot = draft.robot()
+    turned = [[p * q * INERTIA[i, j] for j, q in axes] for i, p in axes]
+    assert robot.inertia == pytest.approx(np.array(turned), abs=ROUNDING)
+    assert robot.center_of_mass.tolist() == [sign * center[axis] for axis, sign in axes]
+
+
+def flattened(folder: Path, name: str, pattern: str, *changes: tuple[str, str]) -> cdpr.Robot:
+    """A crane with all of its points at a height of 0, as a planar robot."""
+    for part in {name, name.replace("_bodies", "_cables")}:
+        text = re.sub(pattern, lambda found: f"{found[1]}0{found[2]}", (FILES / part).read_text(encoding="utf-8"))
+        (folder / part).write_text(text, encoding="utf-8")
+    path = folder / name
+    for old, new in changes:
+        assert old in path.read_text(encoding="utf-8"), old
+        path.write_text(path.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    return cdpr.import_robot(path)
+
+
+def test_planar_robots_that_lie_flat_have_no_weight(tmp_path):
+    """In the x-y plane of WireX and CASPR gravity acts across it; upright ones of CASPR have theirs."""
+    heights = r'(<(?:base|platform) x="\S+" y="\S+" z=")[^"]+(")'
+    wirex = flattened(tmp_path, "crane.wcrfx", heights, ("3R3T", "1R2T"))
+    assert (wirex.mobility, wirex.gravity) == ("planar", 0)
+    heights = r"(location>\S+ \S+ )\S+(</)"
+    caspr = flattened(tmp_path, "crane_bodies.xml", heights, ("SPATIAL_EULER_XYZ", "PLANAR_XY"))
+    assert (caspr.mobility, caspr.gravity) == ("planar", 0)
+    assert caspr.exits == pytest.approx(EXITS[:, [0, 2, 1]] * [1, 0, 1], abs=0)
+    depths = r"(location>\S+ )\S+( \S+</)"
+    upright = flattened(tmp_path, "crane_bodies.xml", depths, ("SPATIAL_EULER_XYZ", "PLANAR_XZ"))
+    assert (upright.mobility, upright.gravity) == ("planar", 9.81)
+
+
+def test_a_wheel_of_wirex_swivels_about_z_unless_it_says_otherwise(tmp_path):
+    """Its third column is the axis, the unit matrix where there is none."""
+    text = re.sub(r' a\d\d="\S+"', "", (FILES / "crane.wcrfx").read_text(encoding="utf-8"))
+    (tmp_path / "upright.wcrfx").write_text(text, encoding="utf-8")
+    assert cdpr.import_robot(tmp_path / "upright.wcrfx").cabling.pulley_axis.tolist() == [[0, 0, 1]] * 4
 
 
 def test_platforms_that_only_shift_are_points_or_refused():

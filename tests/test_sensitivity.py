@@ -130,15 +130,33 @@ def test_a_platform_that_turns_freely_has_no_derivatives():
         cdpr.sensitivity(problem)
 
 
-def test_effects_are_the_derivatives_in_units_of_people(catalogue):
-    """On ``parallel``, off the middle, a millimetre of cable moves the platform by millimetres and turns it."""
-    answer = cdpr.sensitivity(catalogue["parallel"], (0.25, 0.25, 0.1))
+def test_effects_are_what_a_millimetre_a_percent_and_a_newton_do(catalogue):
+    """Every number's name and unit, and its effect in mm, degrees and N; the largest first."""
+    robot = catalogue["parallel"].replace(axial_stiffness=np.linspace(4e3, 6e3, 8))
+    answer = cdpr.sensitivity(robot, (0.25, 0.25, 0.1))
+    meant = {f"rest length {i + 1}": ("rest_lengths", i, "mm", 1e-3) for i in range(8)}
+    meant |= {f"EA of cable {i + 1}": ("axial_stiffness", i, "%", robot.axial_stiffness[i] / 100) for i in range(8)}
+    for which in ("exit", "anchor"):
+        for i, number in enumerate(f"{which} {cable} {axis}" for cable in range(1, 9) for axis in "xyz"):
+            meant[number] = (f"{which}s", i, "mm", 1e-3)
+    meant["mass"] = ("mass", 0, "%", robot.mass / 100)
+    for i, axis in enumerate("xyz"):
+        meant[f"centre of mass {axis}"] = ("center_of_mass", i, "mm", 1e-3)
+        meant[f"force {axis}"] = ("external_wrench", i, "N", 1.0)
+        meant[f"torque {axis}"] = ("external_wrench", 3 + i, "N mm", 1e-3)
     effects = answer.effects()
-    assert len(effects) == 8 + 8 + 24 + 24 + 1 + 3 + 6
-    one = next(effect for effect in effects if effect.name == "rest length 1")
-    column = answer.pose["rest_lengths"][:, 0]
-    assert one.position == pytest.approx(np.linalg.norm(column[:3]))
-    assert one.rotation == pytest.approx(np.degrees(np.linalg.norm(column[3:])) * 1e-3)
+    assert sorted(effect.name for effect in effects) == sorted(meant)
+    for effect in effects:
+        parameter, index, per, size = meant[effect.name]
+        assert (effect.parameter, effect.index, effect.per) == (parameter, index, per)
+        step = size * answer.pose[parameter][:, index]
+        assert effect.position == pytest.approx(1000 * np.linalg.norm(step[:3]))
+        assert effect.rotation == pytest.approx(np.linalg.norm(step[3:]) * 180 / np.pi)
+        assert effect.tension == pytest.approx(size * np.abs(answer.tensions[parameter][:, index]).max())
+    moves = [np.hypot(e.position, np.radians(e.rotation) * 1000 * robot.characteristic_length) for e in effects]
+    assert moves == sorted(moves, reverse=True)
+    stretches = answer.equilibrium.lengths - answer.equilibrium.rest_lengths
+    assert answer.margin == min(abs(stretches))
 
 
 def test_sensitivity_is_asked_of_an_equilibrium_a_problem_or_a_robot_and_a_pose(catalogue):
