@@ -195,7 +195,7 @@ def balances() -> Iterator[Row]:
 
 
 def roads() -> Iterator[Row]:
-    """How far MuJoCo rests and strays from statics; and what it has left over, in loads, where statics is in balance."""
+    """How far MuJoCo rests and strays from statics, and what it has left over where statics is in balance."""
     apart = []
     for robot in robots():
         poses = random_poses(robot, 1000)
