@@ -3,8 +3,8 @@
     python scripts/mutate.py [FOLDER ...] [--markdown] [--sample COUNT [--seed SEED]]
 
 The faults and the tests that should notice are in mutations.toml; with ``--sample``, as many faults as that, which a
-machine draws from the same files. Takes seconds for each fault, and is not part of the tests. Exit status 1 if one
-survives that is not explained.
+machine draws from the same files, and any test may notice. Takes seconds for each fault, and is not part of the tests.
+Exit status 1 if one survives that is not explained.
 
 Tests are collected once for a folder. For each fault the process is forked, the changed functions get their new code,
 and the tests that come by them run, the quickest first, until one fails. What is done while modules are imported, and
@@ -316,6 +316,7 @@ def faults_of(groups: list[dict], count: int, seed: int) -> list[tuple[dict, lis
     """Of a folder: those listed, or ``count`` drawn by a machine; with the group whose tests should notice."""
     if not count:
         return [(group, [Fault(group["file"], *words) for words in group["faults"]]) for group in groups]
+    groups = [group | {"tests": ["tests"]} for group in groups]
     all_of_them = [(group, fault) for group in groups for fault in drawn(group["file"])]
     chosen = random.Random(seed).sample(all_of_them, min(count, len(all_of_them)))
     return [(group, [fault for own, fault in chosen if own is group]) for group in groups]
