@@ -110,6 +110,21 @@ def test_platform_that_turns_freely_agrees_in_all_that_is_held(catalogue):
     assert forces.at(static.problem, halfway.translation, halfway.rotation.as_matrix()).residual < 1e-5 * robot.weight
 
 
+@pytest.mark.parametrize("scale", [1e-4, 1e4])
+def test_verdicts_do_not_depend_on_how_much_a_platform_weighs(catalogue, scale):
+    """Grams or tonnes, on cables as much softer or stiffer: what is level, what is balanced and what is not."""
+    robot = catalogue["parallel"]
+    robot = robot.replace(mass=scale * robot.mass, axial_stiffness=scale * robot.axial_stiffness)
+    free = cdpr.compare(cdpr.solve(robot, (0.1, 0.1, 0.05)), cdpr.settle(robot, (0.1, 0.1, 0.05)))
+    assert free.verdict is Verdict.AGREE_BUT_FREE
+    static, settled = cdpr.solve(robot, POSE), cdpr.settle(robot, POSE)
+    assert cdpr.compare(static, settled).verdict is Verdict.AGREE
+    beside = dataclasses.replace(settled, pose=moved(settled.pose, np.array([5e-7, 0, 0, 0, 0, 0])))
+    agreement = cdpr.compare(static, beside)
+    assert agreement.position_error < compare.POSITION_TOLERANCE
+    assert any("statics at the settled pose finds" in reason for reason in agreement.reasons)
+
+
 def halfway_between(a, b):
     return a.pose * RigidTransform.from_exp_coords((a.pose.inv() * b.pose).as_exp_coords() / 2)
 

@@ -173,6 +173,13 @@ def test_a_law_that_just_rises_is_taken():
     assert robot(stiffening=(0.0, -8.0)).cabling.stiffening.tolist() == [[0.0, -8.0]] * 3
 
 
+def test_a_law_that_falls_in_between_is_refused():
+    """1 − 40 eps + 3 a3 eps² has its least, 1 − 400/(3 a3), at 20/(3 a3): at a3 = 132 below zero, at 135 above."""
+    assert robot(stiffening=(-20.0, 135.0)).cabling.stiffening.tolist() == [[-20.0, 135.0]] * 3
+    with pytest.raises(cdpr.InvalidInput, match="expected a law that rises"):
+        robot(stiffening=(-20.0, 132.0))
+
+
 @pytest.mark.parametrize(
     ("stiffness", "words"),
     [(999.0, "999 N"), (500.0, "500 N"), (1e3, "1 kN"), (1.5e4, "15 kN"), (1e6, "1 MN"), (5e5, "500 kN")],

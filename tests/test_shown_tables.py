@@ -161,6 +161,8 @@ def test_the_verdict_gives_its_differences_in_the_units_that_it_names():
     assert text.startswith("[bold red]")
     assert text.endswith("  - because")
     assert crosscheck.verdict(agreement(Verdict.AGREE)).startswith("[bold green]")
+    said = f"<Agreement: {Verdict.AGREE.value}: 2.0e+00 mm, 3.0e+00° and 4.0e+00 N apart, other cables slack>"
+    assert repr(agreement(Verdict.AGREE, same_slack=False)) == said
 
 
 def broken(problem: cdpr.Problem, settle=cdpr.settle) -> cdpr.Equilibrium:
