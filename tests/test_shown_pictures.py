@@ -6,11 +6,13 @@ from typing import NamedTuple
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.colors import same_color
 from PIL import ImageDraw
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.drawing import maps, style
+from cdpr_sim.drawing import layouts as layout_pictures
+from cdpr_sim.drawing import maps, still, style
 from cdpr_sim.drawing.video import film, page, scene
 
 SIZE = (640, 360)
@@ -257,3 +259,109 @@ def test_the_caption_says_what_is_in_the_frame(moving):
     robot = moving.robot.replace(material="fishing-0.4mm", frame=[[0.0, 0.0, 0.0], [0.8, 0.5, 0.6]])
     caption = film._caption(dataclasses.replace(moving, problems=dataclasses.replace(moving.problems, robot=robot)))
     assert caption == "fishing-0.4mm, EA = 1 kN · platform 0.4 kg · frame 0.8 × 0.5 × 0.6 m"
+
+
+@pytest.fixture(scope="module")
+def layouts() -> tuple[cdpr.Rests, cdpr.Rests]:
+    """`parallel` and the same with two exits lower, at rest at two poses."""
+    robot = cdpr.load_robot("parallel")
+    exits = robot.exits.copy()
+    exits[[0, 6], 2] -= 0.1
+    poses = [(0.4, 0.25, 0.2), (0.2, 0.25, 0.1)]
+    return cdpr.solve_many(robot, poses), cdpr.solve_many(robot.replace(exits=exits), poses)
+
+
+def test_before_and_after_are_not_swapped(layouts):
+    """Each with its exits, its map in degrees and its column of numbers; what moved is drawn on the second alone."""
+    before, _ = layouts
+    tilts = np.radians([[1.0, 2.0, 3.0], [4.0, 5.0, np.nan]])  # over x, and z
+    asked, numbers = before.problems.positions, [("worst tilt", "6°", "3°"), ("sag", "2 mm", "1 mm")]
+    figure = layout_pictures.draw_better_layout(
+        layouts, 1, (None, None), (tilts, tilts / 2), (0.0, 2.0, 0.0, 3.0), asked, numbers, "title", "caption"
+    )
+    spaces = [ax for ax in figure.axes if ax.name == "3d"]
+    assert [ax.get_title() or ax.get_title(loc="left") for ax in spaces] == ["before", "after"]
+    for ax, rests in zip(spaces, layouts, strict=True):
+        exits = next(line for line in ax.lines if same_color(line.get_color(), style.INK) and line.get_marker() == "o")
+        np.testing.assert_array_equal(np.transpose(exits.get_data_3d()), rests.robot.exits)
+    purple = [[line for line in ax.lines if style.PURPLE in (line.get_color(), line.get_mec())] for ax in spaces]
+    moves = [np.transpose(line.get_data_3d()).tolist() for line in purple[1]]
+    was, now = (rests.robot.exits[[0, 6]].tolist() for rests in layouts)
+    assert not purple[0]
+    assert moves == [[was[0], now[0]], [was[0]], [was[1], now[1]], [was[1]]]  # a line, and a circle where it was
+    planes = [ax for ax in figure.axes if ax.images]
+    for ax, times in zip(planes, (1.0, 0.5), strict=True):
+        shown = ax.images[0]
+        assert shown.origin == "lower"
+        assert shown.get_extent() == [0, 2, 0, 3]
+        assert shown.get_clim() == (0, pytest.approx(5.0))
+        np.testing.assert_allclose(np.ma.filled(shown.get_array(), np.nan), times * np.array([[1, 4], [2, 5], [3, np.nan]]))
+        assert (ax.get_xlabel(), ax.get_ylabel()) == ("commanded x [m]", "z [m]")
+        np.testing.assert_array_equal(ax.lines[0].get_xydata(), asked[:, [0, 2]])
+    assert "tilt [°]" in [ax.get_ylabel() for ax in figure.axes]
+    (table,) = (table for ax in figure.axes for table in ax.tables)
+    cells = {place: cell.get_text().get_text() for place, cell in table.get_celld().items()}
+    rows = [[cells[row, column] for column in range(3)] for row in range(3)]
+    assert rows == [["", "before", "after"], *map(list, numbers)]
+
+
+def test_a_map_of_distances_is_in_millimetres_and_red_where_they_are_too_small():
+    """4 mm of 5 needed are red, 12 mm are not; nor is a pose without rest."""
+    least = np.array([[0.004, 0.012, 0.006], [0.0125, np.nan, 0.020]])  # over y, and z
+    figure = layout_pictures.draw_clearance_map(least, (0, 2, 0, 3), ("y", "z"), 0.005, "title", "caption")
+    ax, bar = figure.axes
+    distances, near = ax.images
+    for image, of in ((distances, [[4, 12.5], [12, np.nan], [6, 20]]), (near, [[1, np.nan]] + 2 * [[np.nan] * 2])):
+        assert (image.origin, image.get_extent()) == ("lower", [0, 2, 0, 3])
+        np.testing.assert_allclose(np.ma.filled(image.get_array(), np.nan), of)
+    assert same_color(near.cmap(0.5), style.VERMILLION)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["nearer than 5 mm"]
+    assert same_color(legend.get_patches()[0].get_facecolor(), style.VERMILLION)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("commanded y [m]", "commanded z [m]")
+    assert bar.get_ylabel() == "smallest distance [mm]"
+
+
+def test_a_front_has_its_first_goal_to_the_right():
+    """One series after the other, MuJoCo's and the given robot's beside them, each under its own name."""
+    one, confirmed = np.array([[2.0, 10.0], [1.0, 30.0]]), np.array([[2.1, 11.0], [1.1, 31.0]])
+    figure = layout_pictures.draw_front(
+        [("first", one), ("second", one + 1)], ("tilt [°]", "size [mm]"), "title", "caption", (5.0, 50.0), confirmed
+    )
+    (ax,) = figure.axes
+    drawn = {line.get_label(): line.get_xydata().tolist() for line in ax.lines}
+    assert drawn == {
+        "first": [[1, 30], [2, 10]],
+        "second": [[2, 31], [3, 11]],
+        "in MuJoCo, at poses twice as fine": [[2.1, 11], [1.1, 31]],
+        "as given": [[5, 50]],
+    }
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("tilt [°]", "size [mm]")
+
+
+def test_a_still_shows_cables_where_they_run_and_its_platform_in_its_own_frame():
+    """Turned by 90° about z, the platform sees an exit that stands in front of it on its right."""
+    robot = cdpr.Robot(
+        exits=[[1, 0, 1], [-1, 0, 1], [0, 1, 1]], anchors=[[0, -0.1, 0], [0, 0.1, 0], [0.1, 0, 0.05]],
+        axial_stiffness=1e3, mass=1, platform_size=(0.2, 0.2, 0.1), center_of_mass=(0.02, 0.01, -0.03),
+    )  # fmt: skip
+    figure = still.draw(robot, (0, 0, 0.2, 0, 0, np.pi / 2))
+    whole, close = figure.axes
+    anchors = [[0.1, 0, 0.2], [-0.1, 0, 0.2], [0, 0.1, 0.25]]  # (x, y) to (-y, x), and up
+    for cable in range(3):
+        lines = [line for line in whole.lines if line.get_color() == style.CABLES[cable] and line.get_marker() == "None"]
+        np.testing.assert_allclose(np.transpose(lines[0].get_data_3d()), [robot.exits[cable], anchors[cable]], atol=1e-12)
+    seen = [[0, -1, 0.8], [0, 1, 0.8], [1, 0, 0.8]]  # (x, y) to (y, -x)
+    for cable in range(3):
+        (line,) = (line for line in close.lines if line.get_color() == style.CABLES[cable])
+        start, end = np.transpose(line.get_data_3d())
+        np.testing.assert_allclose(start, robot.anchors[cable])
+        away = np.array(seen[cable]) - robot.anchors[cable]
+        np.testing.assert_allclose((end - start) / np.linalg.norm(end - start), away / np.linalg.norm(away), atol=1e-12)
+    (cross,) = (line for line in close.lines if line.get_marker() == "+")
+    np.testing.assert_allclose(np.ravel(cross.get_data_3d()), [0.02, 0.01, -0.03])
+    for ax, points in ((whole, robot.exits), (close, robot.anchors)):
+        numbers = {int(text.get_text()): np.array(text.get_position_3d()) for text in ax.texts}
+        for number, place in numbers.items():
+            assert np.argmin(np.linalg.norm(points - place, axis=1)) == number - 1
+            assert same_color(next(t for t in ax.texts if t.get_text() == str(number)).get_color(), style.CABLES[number - 1])
