@@ -27,7 +27,7 @@ REST_MOMENT_TOLERANCE = 1e-9
 
 
 def rests_with(slack: list[list[bool]]) -> Rests:
-    """Rests whose cables are slack as given, one row per 0.1 m."""
+    """Rests whose cables are slack as given, one row per 0.1 m, each elsewhere than it was commanded."""
     pattern = np.array(slack)
     rows, cables = pattern.shape
     robot = cdpr.Robot(
@@ -39,7 +39,7 @@ def rests_with(slack: list[list[bool]]) -> Rests:
     positions = np.c_[0.1 * np.arange(rows), np.zeros((rows, 2))]
     return Rests(
         problems=Problems.of(robot, positions),
-        positions=positions,
+        positions=positions + [0.03, 0.0, -0.2],
         rotations=np.tile(np.eye(3), (rows, 1, 1)),
         lengths=np.ones((rows, cables)),
         tensions=np.where(pattern, 0.0, 1.0),
@@ -49,6 +49,12 @@ def rests_with(slack: list[list[bool]]) -> Rests:
         source="",
         stiffness=np.ones((rows, 6)),
     )
+
+
+def test_lines_go_along_x_midway_in_y():
+    """From the first end to the second, at one height."""
+    rows = studies.along_x(cdpr.load_robot("parallel"), 0.1, (0.17, 0.63), 3)
+    assert rows == pytest.approx(np.array([[0.17, 0.25, 0.1], [0.4, 0.25, 0.1], [0.63, 0.25, 0.1]]))
 
 
 def test_zones_are_where_the_number_of_slack_cables_changes():
