@@ -25,6 +25,9 @@ MOMENT_TOLERANCE = 1e-12
 REST_MOMENT_TOLERANCE = 1e-9
 """[N m] What the solver's residual leaves as a moment, 1e-13 measured; held level it is 1e-1."""
 
+LEFT_RIGHT = [(0.17, 0.25, 0.1), (0.63, 0.25, 0.1)]
+"""Both ends of the paper's line at 0.1 m [m]."""
+
 
 def rests_with(slack: list[list[bool]]) -> Rests:
     """Rests whose cables are slack as given, one row per 0.1 m, each elsewhere than it was commanded."""
@@ -83,6 +86,18 @@ def test_both_roads_answer_the_same_line(robot):
     assert np.abs(line.static.tensions - line.settled.tensions).max() < TENSION_TOLERANCE
     softer = studies.rests_by_mujoco(line.robot.replace(axial_stiffness=9e3), line.static.problems.positions)
     assert np.abs(line.static.positions - softer.positions).max() > POSITION_TOLERANCE
+
+
+def test_lines_are_checked_by_the_other_road(monkeypatch):
+    """MuJoCo's rests against statics, which agree; against those of stiffer cables, nowhere."""
+    asked = {"layout": "parallel", "materials": ["fishing-0.4mm"], "heights": [0.1], "rows": 2}
+    (checked,) = studies.checked_lines(**asked).values()
+    assert checked.settled.source == "mujoco"
+    assert [one.verdict for one in checked.agreements] == [Verdict.AGREE] * 2
+    solve = studies.solve_many
+    monkeypatch.setattr(studies, "solve_many", lambda asked: solve(asked.robot.replace(axial_stiffness=2e3), LEFT_RIGHT))
+    (checked,) = studies.checked_lines(**asked).values()
+    assert [one.verdict for one in checked.agreements] == [Verdict.DISAGREE] * 2
 
 
 def test_rests_are_those_of_solve_and_settle():

@@ -1,0 +1,428 @@
+"""What studies' figures say is what was computed: data, units and legends, of results that are made up.
+
+Each road's numbers are its own there, so that one drawn as the other is noticed.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import same_color, to_hex
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from scipy.spatial.transform import Rotation
+
+import cdpr_sim as cdpr
+from cdpr_sim.core.pose import Pose
+from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.rests import Rests
+from cdpr_sim.drawing import style
+from cdpr_sim.studies import (
+    compensation,
+    compensation_figures,
+    lines,
+    lines_figures,
+    pretension,
+    pretension_figures,
+    solvers,
+    solvers_figures,
+    two_cable,
+    two_cable_figures,
+)
+
+RANDOM = np.random.default_rng(15)
+
+
+def made_up(robot: cdpr.Robot, commanded, slack=()) -> Rests:
+    """Somewhere near each command, turned about y alone; ``slack``: (row, cable) of the cables that are."""
+    commanded = np.asarray(commanded, dtype=float)
+    rows = len(commanded)
+    tensions = RANDOM.uniform(0.5, 2.0, (rows, robot.cables))
+    for row, cable in slack:
+        tensions[row, cable] = 0.0
+    problems = Problems.of(robot, commanded)
+    return Rests(
+        problems=problems,
+        positions=commanded + RANDOM.uniform(0.005, 0.02, (rows, 3)) * [1, 0, -1],
+        rotations=Rotation.from_rotvec(RANDOM.uniform(0.05, 0.3, (rows, 1)) * [0, 1, 0]).as_matrix(),
+        lengths=problems.rest_lengths * np.where(tensions > 0, 1.001, 0.98),
+        tensions=tensions,
+        residuals=np.zeros(rows),
+        iterations=np.zeros(rows, dtype=int),
+        status=np.zeros(rows, dtype=int),
+        source="made up",
+        stiffness=np.ones((rows, len(robot.free))),
+    )
+
+
+def by_gid(figure: Figure | Axes) -> dict[str, Line2D]:
+    """Lines that have an id; of those with the same one, the last."""
+    axes = figure.axes if isinstance(figure, Figure) else [figure]
+    return {str(line.get_gid()): line for ax in axes for line in ax.lines if line.get_gid()}
+
+
+def legend(of: Figure | Axes) -> dict[str, Artist]:
+    """What stands before each of its words."""
+    (one,) = of.legends if isinstance(of, Figure) else [of.get_legend()]
+    return dict(zip([text.get_text() for text in one.get_texts()], one.legend_handles, strict=True))
+
+
+def looks(artist: Artist) -> tuple:
+    """By which a reader tells one series from another."""
+    if isinstance(artist, Line2D):
+        return to_hex(artist.get_color()), artist.get_linestyle(), str(artist.get_marker())
+    assert isinstance(artist, Patch)
+    return to_hex(artist.get_facecolor(), keep_alpha=True), to_hex(artist.get_edgecolor())
+
+
+# Tensions along the width, and poses
+
+
+@pytest.fixture(scope="module")
+def width() -> lines.Width:
+    """A planar robot, of whose four cables the first is slack on the left, and none on the right."""
+    robot = cdpr.load_robot("planar-vertical")
+    along = lines.along_x(robot, 0.1, (0.1, 0.7), 7)
+    static, settled = made_up(robot, along, [(0, 0), (1, 0), (2, 0), (0, 1)]), made_up(robot, along[::3])
+    poses = made_up(robot, [(0.2, 0, 0.28), (0.6, 0, 0.1)], [(0, 0), (1, 0)])
+    return lines.Width(poses, (lines.Line(static, settled),), np.empty((0, 3)))
+
+
+def test_a_legend_of_tensions_names_each_cable_and_zone(width):
+    """Numbers from 1, sides by their exits; the look of a name is that of its line."""
+    figure = lines_figures.planar(width)
+    ax = next(ax for ax in figure.axes if ax.get_ylabel() == "tension [N]")
+    names, drawn = legend(ax), by_gid(ax)
+    robot = width.poses.robot
+    for cable in range(4):
+        side = "left" if robot.exits[cable, 0] < 0.4 else "right"
+        entry = names.pop(f"cable {cable + 1} ({side})")
+        assert looks(entry)[:2] == looks(drawn[f"static {cable}"])[:2]
+        assert looks(entry)[2] == looks(drawn[f"mujoco {cable}"])[2]
+        assert looks(entry)[0] == to_hex(style.LEFT if side == "left" else style.RIGHT)
+    zones = {patch.get_gid(): patch for patch in ax.patches if str(patch.get_gid()).startswith("zone")}
+    assert list(names) == ["1 cable slack", "2 cables slack"]
+    for count, entry in zip((1, 2), names.values(), strict=True):
+        assert looks(entry) == looks(zones[f"zone-{count}-slack"])
+    assert "up to 2 of 4 cables go slack" in figure.get_suptitle()
+    assert ax.get_xlabel() == "commanded x [m]"
+
+
+def test_a_legend_of_poses_names_what_is_where(width):
+    """What looks like a platform at rest is where it rests; dashed, where it was commanded; dotted cables are slack."""
+    figure = lines_figures.planar(width)
+    fronts = [ax for ax in figure.axes if ax.get_ylabel() == "z [m]"]
+    names, rests = legend(fronts[-1]), width.poses
+    assert set(names) == {"commanded pose", "platform at rest", "taut cable", "slack cable"}
+    assert fronts[-1].get_xlabel() == "x [m]"
+    for ax, row in zip(fronts, (0, 1), strict=True):  # the higher one above
+        boxes = [patch for patch in ax.patches if len(patch.get_path().vertices) == 5 and hasattr(patch, "get_xy")]
+        middles = {}
+        for what in ("commanded pose", "platform at rest"):
+            (box,) = (box for box in boxes if looks(box) == looks(names[what]) and not hasattr(box, "get_width"))
+            middles[what] = box.get_xy()[:-1].mean(0)
+        np.testing.assert_allclose(middles["commanded pose"], rests.problems.positions[row][[0, 2]])
+        np.testing.assert_allclose(middles["platform at rest"], rests.positions[row][[0, 2]])
+        cables = [line for line in ax.lines if line.get_marker() == "None"]
+        for cable, line in enumerate(cables):
+            what = "slack cable" if cable == 0 else "taut cable"
+            assert looks(line)[0] == looks(names[what])[0]
+            np.testing.assert_allclose(line.get_xydata()[0], rests.robot.exits[cable, [0, 2]])
+
+
+def test_the_papers_line_has_each_series_under_its_name():
+    """Two layouts, two materials: colour and marker of a name are those of its line and its points."""
+    robots = [
+        cdpr.load_robot(name).replace(material=material)
+        for name in ("parallel", "cogiro")
+        for material in ("vectran-0.7mm", "fishing-0.4mm")
+    ]
+    along = lines.along_x(robots[0], 0.1, (0.17, 0.63), 3)
+    figure = lines_figures.paper_line([lines.Line(made_up(one, along), made_up(one, along)) for one in robots])
+    names, drawn = legend(figure.axes[0]), by_gid(figure.axes[0])
+    for one in robots:
+        label = f"{one.name}, {one.material}"
+        assert looks(names[label])[0] == looks(drawn[f"static {label}"])[0]
+        assert looks(names[label])[2] == looks(drawn[f"mujoco {label}"])[2]
+        assert same_color(drawn[f"mujoco {label}"].get_mec(), names[label].get_mec())  # type: ignore[attr-defined]
+        assert names[label].get_linewidth() == drawn[f"static {label}"].get_linewidth()  # type: ignore[attr-defined]
+    assert len({looks(names[f"{one.name}, {one.material}"]) for one in robots}) == 4
+    assert [ax.get_ylabel() for ax in figure.axes] == ["deviation in z [mm]", "rotation about y [°]"]
+
+
+# Two cables
+
+
+@pytest.fixture(scope="module")
+def forms() -> two_cable.ClosedForms:
+    robot = cdpr.load_robot("two-cable")
+    along = lines.along_x(robot, 0.2, (0.2, 0.6), 5)
+    few = [(0.3, 0, 0.3), (0.5, 0, 0.2)]
+    turns = RANDOM.uniform(0.1, 0.4, 5)
+    return two_cable.ClosedForms(
+        lines.Line(made_up(robot, along), made_up(robot, along[::2])),
+        turns, turns - 0.3, made_up(robot, few), made_up(robot, few), np.array([0.3, -0.2]),
+    )  # fmt: skip
+
+
+def test_four_witnesses_of_the_bars_tilt_are_drawn_under_their_names(forms):
+    """In degrees, over the x where the bar rests; below, what the closed forms differ by from the solver."""
+    figure = two_cable_figures.closed_form(forms)
+    top, bottom = figure.axes
+    static, settled = forms.line.static, forms.line.settled
+    beta = np.degrees(static.euler[:, 1])
+    drawn = {str(line.get_label()): line for line in top.lines}
+    for name, x, y in (
+        ("closed form, with the bar's length", static.positions[:, 0], np.degrees(forms.closed_form)),
+        ("closed form of a short bar (paper, mended)", static.positions[:, 0], np.degrees(forms.short_bar)),
+        ("static solver", static.positions[:, 0], beta),
+        ("MuJoCo, settled", settled.positions[:, 0], np.degrees(settled.euler[:, 1])),
+    ):
+        np.testing.assert_allclose(drawn[name].get_xydata(), np.transpose([x, y]))
+    errors = {str(line.get_label()): line.get_ydata() for line in bottom.lines}
+    np.testing.assert_allclose(errors["closed form"], np.degrees(forms.closed_form) - beta)
+    np.testing.assert_allclose(errors["short bar"], np.degrees(forms.short_bar) - beta)
+    most = np.abs(np.degrees(forms.short_bar) - beta).max()
+    assert figure.get_suptitle().replace("\n", " ").endswith(f"costs {most:.1f}° of tilt")
+    assert (bottom.get_xlabel(), bottom.get_ylabel()) == ("x where the bar rests [m]", "minus static solver [°]")
+
+
+def test_the_bars_three_poses_are_drawn_under_their_names(forms):
+    """Level where it was commanded, as it would have to tilt there, and where and how it rests by either road."""
+    figure = two_cable_figures.poses(forms)
+    (ax,) = figure.axes
+    names, rests = legend(ax), forms.poses
+    commanded = rests.problems.positions
+    anchors = rests.robot.anchors[[0, -1]]
+    for name, positions, turns in (
+        ("commanded, level", commanded, np.zeros(2)),
+        ("closed form: tilt it needs there", commanded, forms.balanced),
+        ("static solver: where it rests", rests.positions, rests.euler[:, 1]),
+    ):
+        bars = [line.get_xydata() for line in ax.lines if looks(line) == looks(names[name])]
+        turned = [at + Rotation.from_euler("y", turn).apply(anchors) for at, turn in zip(positions, turns, strict=True)]
+        np.testing.assert_allclose(bars, np.array(turned)[..., [0, 2]], atol=1e-12)
+    settled = forms.settled_poses
+    ends = [settled.positions + settled.rotations @ anchor for anchor in (np.zeros(3), *anchors)]
+    points = np.concatenate([line.get_xydata() for line in ax.lines if line.get_gid() == "mujoco"])
+    np.testing.assert_allclose(points, np.concatenate(ends)[:, [0, 2]])
+    shift = 1e3 * np.abs(rests.positions - commanded)[:, 0].max()
+    assert f"moves up to {shift:.0f} mm" in figure.get_suptitle().replace("\n", " ")
+
+
+def test_the_drifts_colours_are_the_bars():
+    """A piece of the curve has the colour that stands beside its stiffness."""
+    robot = cdpr.load_robot("two-cable")
+    commanded, stiffness = np.array([[0.2, 0, 0.3]]), np.array([1000.0, 100.0, 50.0, 15.0])
+    roads = [tuple(made_up(robot, commanded) for _ in stiffness) for _ in range(2)]
+    x, z = np.linspace(0.1, 0.7, 4), np.linspace(0.1, 0.4, 3)
+    study = two_cable.Manifold(robot, x, z, RANDOM.uniform(-1, 1, (3, 4)), commanded, stiffness, *roads)
+    figure = two_cable_figures.manifold(study)
+    front = next(ax for ax in figure.axes if "from the front" in ax.get_title(loc="left"))
+    bar = next(ax for ax in figure.axes if ax.get_ylabel() == "axial stiffness EA [N]")
+    places = {float(label.get_text()): at for label, at in zip(bar.get_yticklabels(), bar.get_yticks(), strict=True)}
+    (mesh,) = bar.collections[-1:]
+    pieces = [line for line in front.lines if line.get_linewidth() == 3.2]
+    for piece, EA in zip(pieces, stiffness, strict=False):
+        np.testing.assert_allclose(piece.get_color(), np.ravel(mesh.to_rgba([places[EA]])), atol=0.01)
+    for gid, road in (("static 0", study.static), ("mujoco", study.settled)):
+        points = np.concatenate([line.get_xydata() for line in front.lines if line.get_gid() == gid])
+        np.testing.assert_array_equal(points, np.concatenate([one.positions[:, [0, 2]] for one in road]))
+
+
+# Solvers
+
+
+def test_each_solver_is_drawn_under_its_name():
+    """Shares in per cent, and the median and the tenths of its times in milliseconds, in the same colour."""
+    methods = ("newton", "fsolve", "least_squares")
+    solved = dict(zip(methods, np.array([[10, 10], [9, 4], [8, 1]]), strict=True))
+    seconds = {method: RANDOM.uniform(1, 2, (2, 11)) * 10.0**-i for i, method in enumerate(methods)}
+    robot = cdpr.load_robot("parallel")
+    study = solvers.Convergence(robot, np.array([1e2, 1e4]), 10, solved, solved, seconds, np.array([1e-5, 2e-5]))
+    figure = solvers_figures.convergence(study)
+    left, right = figure.axes
+    names = dict(zip(("Newton (ours)", "SEECR, fsolve", "SEECR, least_squares"), methods, strict=True))
+    bars = {str(container[0].get_gid()): container for container in right.containers}
+    assert set(legend(left)) == set(names)
+    for name, entry in legend(left).items():
+        method = names[name]
+        shares = by_gid(left)[method]
+        assert looks(entry) == looks(shares)
+        np.testing.assert_allclose(shares.get_xydata(), np.transpose([[1e2, 1e4], 10 * solved[method]]))
+        middle = bars[method][0]
+        assert looks(middle) == looks(shares)
+        ordered = 1e3 * np.sort(seconds[method])  # of eleven, the sixth, and the second and the tenth
+        np.testing.assert_allclose(middle.get_ydata(), ordered[:, 5])
+        ends = np.array([segment[:, 1] for segment in bars[method][2][0].get_segments()])
+        np.testing.assert_allclose(ends, ordered[:, [1, 9]])
+    np.testing.assert_allclose(by_gid(right)["compiled"].get_ydata(), [1e-2, 2e-2])
+    assert (left.get_ylabel(), right.get_ylabel()) == ("poses solved [%]", "time per pose [ms]")
+    assert "EA = 10 kN, Newton solves 100 %, fsolve 40 %, least_squares 10 %" in figure.get_suptitle().replace("\n", " ")
+
+
+def test_each_difference_of_the_roads_is_drawn_in_its_panel():
+    """Positions in m, rotations in degrees, tensions in N; with what counts as the same, and crosses where free."""
+    agree, free = cdpr.Verdict.AGREE, cdpr.Verdict.AGREE_BUT_FREE
+    study = [
+        solvers.Differences(name, *(scale * 10.0 ** RANDOM.uniform(-12, -9, 4) for scale in (1, 10, 100)),
+                            (agree, agree, agree, free))
+        for name in ("first", "second")
+    ]  # fmt: skip
+    figure = solvers_figures.agreement(study)
+    panels = {
+        "difference in position [m]": ("position_errors", 1.0, 1e-6),
+        "difference in rotation [°]": ("rotation_errors", 180 / np.pi, np.degrees(1e-5)),
+        "largest difference in a tension [N]": ("tension_errors", 1.0, 1e-3),
+    }
+    names = legend(figure)
+    assert [ax.get_xlabel() for ax in figure.axes] == list(panels)
+    for ax, (field, unit, tolerance) in zip(figure.axes, panels.values(), strict=True):
+        for one in study:
+            curve, cross = by_gid(ax)[one.name], by_gid(ax)[f"{one.name} free"]
+            values = unit * getattr(one, field)
+            np.testing.assert_allclose(curve.get_xdata(), np.sort(values[:3]))
+            np.testing.assert_allclose(curve.get_ydata(), [100 / 3, 200 / 3, 100])
+            np.testing.assert_allclose(cross.get_xdata(), values[3:])
+            assert looks(names[one.name])[:2] == looks(curve)[:2]
+        (line,) = (line for line in ax.lines if looks(line)[:2] == looks(names["tolerance"])[:2])
+        np.testing.assert_allclose(line.get_xdata(), tolerance)
+
+
+# Pretension
+
+
+@pytest.fixture(scope="module")
+def stretched() -> pretension.Pretension:
+    robot = cdpr.load_robot("ipanema-1")
+    sizes = np.array([80.0, 150.0, 300.0, 600.0])
+
+    def some(count: int) -> np.ndarray:
+        return np.sort(RANDOM.uniform(1e-3, 9e-3, count))[::-1]
+
+    stiffening = pretension.Stiffening(
+        sizes, np.sort(RANDOM.uniform(1e4, 5e5, (4, 6))), sizes[::2], np.sort(RANDOM.uniform(1e4, 5e5, (2, 6))),
+        ("about x", "about z", "about y", "along y", "along x", "along z"), np.sort(RANDOM.uniform(1e3, 2e3, 6)),
+    )  # fmt: skip
+    pushes = tuple(
+        pretension.Push(what, wrench, some(4), some(4), some(2), some(2), taut)
+        for (what, wrench), taut in zip(pretension.PUSHES.items(), (110.0, 120.0, 130.0, 140.0, 160.0), strict=True)
+    )
+    errors = np.linspace(-0.01, 0.01, 5)
+    wrong = tuple(
+        pretension.WrongLength(
+            cable, errors, some(5), some(5), np.array([1200.0, 700, 300, 400, 500]) - cable, np.array([0, 0, 0, 1, 2]),
+            errors[::2], some(3), some(3), 1e5 * some(3),
+        )
+        for cable in (pretension.ABOVE, pretension.BELOW)
+    )  # fmt: skip
+    drawn = made_up(robot, robot.home[None], [(0, 4), (0, 5)])
+    return pretension.Pretension(robot, stiffening, pushes, wrong, drawn, (3e-9, 2e-7))
+
+
+def test_stiffnesses_and_pushes_are_drawn_in_their_units(stretched):
+    """kN/m by direction, mm by forces, degrees by torques; MuJoCo's points are MuJoCo's."""
+    figure = pretension_figures.pretension(stretched)
+    _, stiffness, forces, torques, *_ = figure.axes
+    one, drawn = stretched.stiffening, by_gid(stiffness)
+    for mode, name in enumerate(one.directions):
+        np.testing.assert_allclose(drawn[f"static {name}"].get_ydata(), one.eigenvalues[:, mode] / 1e3)
+        np.testing.assert_allclose(drawn[f"mujoco {name}"].get_ydata(), one.settled[:, mode] / 1e3)
+        (said,) = (text for text in stiffness.texts if text.get_text() == name)
+        assert same_color(said.get_color(), drawn[f"static {name}"].get_color())
+    assert stiffness.get_ylabel() == "stiffness [kN/m]"
+    assert f"up to {one.eigenvalues[-1, 0] / one.rigid[0]:.0f} times stiffer" in figure.get_suptitle()
+    for ax, field, unit, words in (
+        (forces, "shifts", 1e3, "100 N pushes it, by [mm]"),
+        (torques, "turns", 180 / np.pi, "2 N m turns it, rotation [°]"),
+    ):
+        assert ax.get_ylabel() == words
+        names, drawn = legend(ax), by_gid(ax)
+        pushes = [push for push in stretched.pushes if push.what.startswith("turned") == (ax is torques)]
+        for push in pushes:
+            taut = drawn[f"static {push.what}"]
+            slack, values = one.pretensions <= push.taut, unit * getattr(push, field)
+            np.testing.assert_allclose(taut.get_xdata(), [push.taut, *one.pretensions[~slack]])
+            np.testing.assert_allclose(taut.get_ydata()[1:], values[~slack])
+            dotted = drawn[f"slack {push.what}"]
+            np.testing.assert_allclose(dotted.get_xdata(), [*one.pretensions[slack], push.taut])
+            np.testing.assert_allclose(dotted.get_ydata()[:-1], values[slack])
+            assert dotted.get_linestyle() != taut.get_linestyle() == "-"
+            np.testing.assert_allclose(
+                drawn[f"mujoco {push.what}"].get_ydata(), unit * getattr(push, f"settled_{field}")
+            )
+            entry = names.pop(f"{push.what}: taut from {push.taut:.0f} N")
+            assert looks(entry)[0] == looks(taut)[0]
+            assert looks(entry)[2] == looks(drawn[f"mujoco {push.what}"])[2]
+        assert list(names) == ["dotted: cables slack"]
+
+
+def test_a_wrong_length_is_told_of_the_right_cable(stretched):
+    """Too short on the left; where the platform is, in mm, and how hard the tightest cable pulls, in N, by each road."""
+    figure = pretension_figures.pretension(stretched)
+    misses, overload = figure.axes[4:6]
+    names = legend(misses)
+    assert list(names) == ["a cable from above", "one from below"]
+    for wrong, entry in zip(stretched.wrong, names.values(), strict=True):
+        for ax, static, settled in (
+            (misses, 1e3 * wrong.shifts, 1e3 * wrong.settled_shifts),
+            (overload, wrong.tightest, wrong.settled_tightest),
+        ):
+            line = by_gid(ax)[f"static {wrong.cable}"]
+            assert same_color(line.get_color(), entry.get_color())  # type: ignore[attr-defined]
+            np.testing.assert_allclose(line.get_xydata(), np.transpose([1e3 * wrong.errors, static]))
+            points = [one for one in ax.lines if one.get_mfc() == "white" and same_color(one.get_mec(), line.get_color())]
+            hollow = next(one for one in points if len(one.get_xdata()) == 3)
+            np.testing.assert_allclose(hollow.get_xydata(), np.transpose([1e3 * wrong.settled_errors, settled]))
+    assert misses.get_ylabel() == "the platform is off by [mm]"
+    assert overload.get_ylabel() == "the tightest cable pulls with [N]"
+    limit = float(stretched.robot.force_max[0])
+    short = np.interp(limit, [300, 700, 1200], [0, 5, 10])  # mm
+    said = [text.get_text() for text in overload.texts]
+    assert said == [f"the winches' {limit:g} N", f"{short:.0f} mm short"]
+    length = 1e3 * stretched.robot.rest_lengths(stretched.robot.home)[0]
+    assert f"one length {100 * short / length:.1f} % short overloads it" in figure.get_suptitle().replace("\n", " ")
+
+
+# Compensation
+
+
+def test_before_and_after_compensation_are_drawn_as_they_are():
+    """By either road, in mm and degrees, each under its name."""
+    robot, poses = cdpr.load_robot("cogiro"), [(0.3, 0.25, 0.1), (0.4, 0.25, 0.1)]
+    compensations = [cdpr.compensate(robot, pose) for pose in poses]
+    kinds = ("before", "after", "settled_before", "settled_after")
+    away = {kind: RANDOM.uniform(1e-3, 1e-2, 2) for kind in kinds}
+    turned = {kind: RANDOM.uniform(0.01, 0.1, 2) for kind in kinds}
+
+    def rests(kind: str) -> list[cdpr.Equilibrium]:
+        moved = [
+            Pose(np.array(pose) + [0, 0, -far], Rotation.from_euler("y", turn).as_matrix())
+            for pose, far, turn in zip(poses, away[kind], turned[kind], strict=True)
+        ]
+        return [dataclasses.replace(one.equilibrium, pose=at) for one, at in zip(compensations, moved, strict=True)]
+
+    line = compensation.CompensatedLine("title", *(rests(kind) for kind in kinds), compensations)
+    figure = compensation_figures.draw_compensation([line])
+    words = {
+        "rigid lengths": "before",
+        "… in MuJoCo": "settled_before",
+        "compensated lengths": "after",
+        "… in MuJoCo ": "settled_after",
+    }
+    for ax, label, numbers, unit in zip(
+        figure.axes, ("error of position [mm]", "error of rotation [°]"), (away, turned), (1e3, 180 / np.pi), strict=True
+    ):
+        assert ax.get_ylabel() == label
+        drawn = {str(one.get_label()): one for one in ax.lines}
+        for word, kind in words.items():
+            np.testing.assert_allclose(drawn[word].get_xdata(), [300, 400])
+            np.testing.assert_allclose(drawn[word].get_ydata(), unit * numbers[kind])
+            assert looks(legend(figure)[word]) == looks(drawn[word])
+    assert figure.axes[-1].get_xlabel() == "commanded x [mm]"
+    powers = [int(np.ceil(np.log10(most))) for most in (1e3 * away[kinds[3]].max(), np.degrees(turned[kinds[3]].max()))]
+    said = [ax.texts[0].get_text() for ax in figure.axes]
+    assert said == [f"compensated: at most $10^{{{power}}}${unit}" for power, unit in zip(powers, (" mm", "°"), strict=True)]
