@@ -29,6 +29,7 @@ from cdpr_sim.studies import (
     pretension_figures,
     solvers,
     solvers_figures,
+    tilt_condition,
     two_cable,
     two_cable_figures,
 )
@@ -103,11 +104,17 @@ def test_a_legend_of_tensions_names_each_cable_and_zone(width):
         assert looks(entry)[:2] == looks(drawn[f"static {cable}"])[:2]
         assert looks(entry)[2] == looks(drawn[f"mujoco {cable}"])[2]
         assert looks(entry)[0] == to_hex(style.LEFT if side == "left" else style.RIGHT)
+        for road, rests in (("static", width.lines[0].static), ("mujoco", width.lines[0].settled)):
+            points = np.transpose([rests.problems.positions[:, 0], rests.tensions[:, cable]])
+            np.testing.assert_array_equal(drawn[f"{road} {cable}"].get_xydata(), points)
     zones = {patch.get_gid(): patch for patch in ax.patches if str(patch.get_gid()).startswith("zone")}
     assert list(names) == ["1 cable slack", "2 cables slack"]
     for count, entry in zip((1, 2), names.values(), strict=True):
         assert looks(entry) == looks(zones[f"zone-{count}-slack"])
-    assert "up to 2 of 4 cables go slack" in figure.get_suptitle()
+    rotations = np.concatenate([width.poses.rotations, width.lines[0].static.rotations])
+    tilt = np.degrees(np.arccos(rotations[:, 2, 2])).max()
+    title = f"planar-vertical: up to {tilt:.2g}° of tilt, and up to 2 of 4 cables go slack"
+    assert figure.get_suptitle().replace("\n", " ") == title
     assert ax.get_xlabel() == "commanded x [m]"
 
 
@@ -141,16 +148,72 @@ def test_the_papers_line_has_each_series_under_its_name():
         for material in ("vectran-0.7mm", "fishing-0.4mm")
     ]
     along = lines.along_x(robots[0], 0.1, (0.17, 0.63), 3)
-    figure = lines_figures.paper_line([lines.Line(made_up(one, along), made_up(one, along)) for one in robots])
-    names, drawn = legend(figure.axes[0]), by_gid(figure.axes[0])
-    for one in robots:
+    shown = [lines.Line(made_up(one, along), made_up(one, along)) for one in robots]
+    figure = lines_figures.paper_line(shown)
+    sag, turn = map(by_gid, figure.axes)
+    names, drawn = legend(figure.axes[0]), sag
+    for one, line in zip(robots, shown, strict=True):
         label = f"{one.name}, {one.material}"
+        for road, rests in (("static", line.static), ("mujoco", line.settled)):
+            x, deviation = rests.positions[:, 0], 1e3 * (rests.positions - along)[:, 2]
+            np.testing.assert_allclose(sag[f"{road} {label}"].get_xydata(), np.transpose([x, deviation]))
+            beta = np.degrees(np.arctan2(rests.rotations[:, 0, 2], rests.rotations[:, 0, 0]))
+            np.testing.assert_allclose(turn[f"{road} {label}"].get_xydata(), np.transpose([x, beta]))
         assert looks(names[label])[0] == looks(drawn[f"static {label}"])[0]
         assert looks(names[label])[2] == looks(drawn[f"mujoco {label}"])[2]
         assert same_color(drawn[f"mujoco {label}"].get_mec(), names[label].get_mec())  # type: ignore[attr-defined]
         assert names[label].get_linewidth() == drawn[f"static {label}"].get_linewidth()  # type: ignore[attr-defined]
     assert len({looks(names[f"{one.name}, {one.material}"]) for one in robots}) == 4
     assert [ax.get_ylabel() for ax in figure.axes] == ["deviation in z [mm]", "rotation about y [°]"]
+    bars = [sorted(line.get_ydata()[0] for line in ax.lines if line.get_gid() == "paper") for ax in figure.axes]
+    assert bars == [[-15.0, -15.0], pytest.approx([-20.0, 20.0])]  # "about 15 mm", "approximately 20°"
+    said = []
+    for own in (shown[:2], shown[2:]):
+        turned = np.concatenate([np.arccos(line.static.rotations[:, 2, 2]) for line in own])
+        sags = np.concatenate([(along - line.static.positions)[:, 2] for line in own])
+        said.append((f"{np.degrees(turned.max()):.2g}°", f"{1e3 * sags.max():.2g} mm"))
+    (tilt, fall), (other_tilt, other_fall) = said
+    title = f"parallel tilts {tilt} and sags {fall}, cogiro {other_tilt} and {other_fall}"
+    assert title in figure.get_suptitle().replace("\n", " ")
+
+
+def test_layouts_have_their_cables_to_the_left_and_right():
+    """In the legend's colours, by their exits, from them to the anchors; numbers count from 1."""
+    robots = map(cdpr.load_robot, ("planar-vertical", "planar-horizontal", "parallel", "cogiro"))
+    homes = [made_up(robot, robot.home[None]) for robot in robots]
+    figure = lines_figures.layouts(homes)
+    names = legend(figure.axes[0])
+    for ax, rests in zip(figure.axes, homes, strict=True):
+        lines_drawn = [line for line in ax.lines if line.get_marker() == "None"]
+        assert [text.get_text() for text in ax.texts] == [str(i + 1) for i in range(rests.robot.cables)]
+        anchors = rests.positions[0] + rests.robot.anchors @ rests.rotations[0].T
+        for exit_, anchor, line, number in zip(rests.robot.exits, anchors, lines_drawn, ax.texts, strict=True):
+            color = looks(names["cable to the left" if exit_[0] < 0.4 else "cable to the right"])[0]
+            assert same_color(line.get_color(), color)
+            assert same_color(number.get_color(), color)
+            ends = np.transpose(line.get_data_3d()) if ax.name == "3d" else line.get_xydata()
+            planar = slice(None) if ax.name == "3d" else [0, 2]
+            np.testing.assert_allclose(ends, np.array([exit_, anchor])[:, planar])
+
+
+def test_the_tilt_condition_says_how_far_and_how_much():
+    """Beside the middle the midlines of upright pairs meet 25 mm beside the weight's line: similar triangles."""
+    figure = lines_figures.tilt_condition(tilt_condition.moment_balances())
+    half, drop, reach, beside = 0.0515, 0.468 - 0.2, 0.36, 0.15  # m: exits at 0.04 and 0.76 m, platform at 0.25 m
+    share = half / (reach - half)
+    arm = share * beside  # beyond the anchors, both midlines go on by that share of their way
+    point = [0.4 - beside - arm, 0.2 - share * drop]
+    ax = figure.axes[2]
+    (meeting,) = (line for line in ax.lines if line.get_gid() == "meeting point")
+    np.testing.assert_allclose(meeting.get_xydata()[0], point)
+    moment = 1e3 * 0.4 * 9.81 * arm
+    words = f"gravity passes {1e3 * arm:.0f} mm beside it: 3.92 N × {1e3 * arm:.0f} mm = {moment:.0f} N mm"
+    assert ax.get_title(loc="left").splitlines()[1] == words
+    assert [ax.texts[-1].get_text() for ax in figure.axes] == ["H", "V", "V", "they meet"]
+    names = legend(figure.axes[3])
+    vertical = [line for line in ax.lines if looks(line)[:2] == looks(names["line of the weight"])[:2]]
+    np.testing.assert_allclose([line.get_xdata() for line in vertical], [[0.25, 0.25]])
+    assert len([line for line in ax.lines if looks(line)[:2] == looks(names["line of a side's force"])[:2]]) == 2
 
 
 # Two cables
