@@ -19,8 +19,10 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.rests import Rests
+from cdpr_sim.crosscheck.layout import Proof
 from cdpr_sim.drawing import style
 from cdpr_sim.studies import (
+    better_layouts,
     compensation,
     compensation_figures,
     lines,
@@ -489,3 +491,62 @@ def test_before_and_after_compensation_are_drawn_as_they_are():
     powers = [int(np.ceil(np.log10(most))) for most in (1e3 * away[kinds[3]].max(), np.degrees(turned[kinds[3]].max()))]
     said = [ax.texts[0].get_text() for ax in figure.axes]
     assert said == [f"compensated: at most $10^{{{power}}}${unit}" for power, unit in zip(powers, (" mm", "°"), strict=True)]
+
+
+# Layouts
+
+
+@pytest.fixture(scope="module")
+def proof() -> Proof:
+    """A search that has hardly begun; both robots with rests that are made up."""
+    found = cdpr.find_layout(
+        cdpr.load_robot("parallel"), [(0.3, 0.25, 0.1), (0.5, 0.25, 0.1)], move=[cdpr.Move("exits", 0.01)],
+        objective="worst deviation", generations=1,
+    )  # fmt: skip
+    true = cdpr.prove_layout(found)
+    sides = []
+    for side, slack, agree in ((true.before, [(0, 0), (0, 1), (1, 0)], 1), (true.after, [(2, 3)], 2)):
+        settled = made_up(side.robot, side.settled.problems.positions, slack)
+        agrees = np.arange(len(side.agrees)) < agree
+        sides.append(dataclasses.replace(side, settled=settled, agrees=agrees, score=agree * 0.0123))
+    return dataclasses.replace(true, before=sides[0], after=sides[1])
+
+
+def test_a_layouts_numbers_are_mujocos_before_and_after(proof):
+    """Degrees, millimetres, newtons; the worst before the mean, the lowest before the highest."""
+    rows = {what: words for what, *words in better_layouts.numbers(proof)}
+    expected = {
+        "worst deviation, in MuJoCo": ["12.3 mm", "24.6 mm"],
+        "most slack cables": ["2", "1"],
+        "Newton and MuJoCo agree at": ["1 of 3", "2 of 3"],
+        "furthest move of a point": ["", f"{1e3 * moved(proof.found):.3g} mm"],
+        "worst, mean tilt": [],
+        "worst, mean deviation": [],
+        "lowest, highest tension": [],
+    }
+    for rests in (proof.before.settled, proof.after.settled):
+        tilts = np.degrees(np.arccos(rests.rotations[:, 2, 2]))
+        away = 1e3 * np.linalg.norm(rests.positions - rests.problems.positions, axis=1)
+        expected["worst, mean tilt"].append(f"{tilts.max():.3g}°, {tilts.mean():.3g}°")
+        expected["worst, mean deviation"].append(f"{away.max():.3g} mm, {away.mean():.3g} mm")
+        expected["lowest, highest tension"].append(f"0 N, {rests.tensions.max():.3g} N")
+    assert rows == expected
+
+
+def moved(found: cdpr.Layout) -> float:
+    """[m]"""
+    return np.linalg.norm(found.robot.exits - found.given.exits, axis=1).max()
+
+
+def test_a_front_is_drawn_in_its_goals_units(proof):
+    """Tilt in degrees to the right, deviation in millimetres up; the given robot where it stands."""
+    found = proof.found
+    goals = tuple(dataclasses.replace(found.objective, name=name, unit=unit, size=size)
+                  for name, unit, size in (("tilt", "°", np.pi / 180), ("deviation", "mm", 1e-3)))  # fmt: skip
+    scores = np.array([[0.1, 0.02], [0.2, 0.01]])
+    front = cdpr.Front(found.given, goals, np.array([0.3, 0.03]), scores, found.rests.layouts, found.cases, 99)
+    (ax,) = better_layouts.front_picture(front).axes
+    drawn = {str(line.get_label()): line.get_xydata() for line in ax.lines}
+    np.testing.assert_allclose(drawn["NSGA-II, 99 layouts"], np.transpose([np.degrees([0.1, 0.2]), [20, 10]]))
+    np.testing.assert_allclose(drawn["as given"], [[np.degrees(0.3), 30]])
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("tilt [°]", "deviation [mm]")
