@@ -25,10 +25,14 @@ from cdpr_sim.studies import (
     better_layouts,
     compensation,
     compensation_figures,
+    controllers,
+    controllers_figures,
     lines,
     lines_figures,
     pretension,
     pretension_figures,
+    real_cables,
+    real_cables_figures,
     solvers,
     solvers_figures,
     tilt_condition,
@@ -493,6 +497,101 @@ def test_before_and_after_compensation_are_drawn_as_they_are():
     assert said == [f"compensated: at most $10^{{{power}}}${unit}" for power, unit in zip(powers, (" mm", "°"), strict=True)]
 
 
+# Real cables
+
+
+def test_what_real_cables_do_is_drawn_in_its_row_and_under_its_name():
+    """Medians and 95 % of each property in its row, in the robot's colour; growth with the radius, by either road."""
+    robots = ["DemoBot, crossed (cogiro)", "DemoBot, parallel", "crane of 15 m"]
+    effects = tuple(
+        real_cables.Effect(robot, what, RANDOM.uniform(1e-3, 9e-3, 21), RANDOM.uniform(0, 1, 21), 1e-9, 0)
+        for robot in robots
+        for what in real_cables_figures.ROWS
+    )
+    ax = Figure().add_subplot()
+    real_cables_figures._effects(ax, effects)
+    rows = {label.get_text(): at for label, at in zip(ax.get_yticklabels(), ax.get_yticks(), strict=True)}
+    called = {"elasticity": "elasticity", "weight": "the cables' weight", "stiffening": "a law that stiffens"}
+    names, drawn = legend(ax), by_gid(ax)
+    assert list(names) == robots
+    for one in effects:
+        ordered = 1e3 * np.sort(one.shifts)  # of 21, the eleventh and the twentieth
+        point, reach = drawn[f"median {one.robot} {one.what}"], drawn[f"range {one.robot} {one.what}"]
+        np.testing.assert_allclose(point.get_xdata(), [ordered[10]])
+        np.testing.assert_allclose(reach.get_xdata(), [ordered[10], ordered[19]])
+        assert looks(point)[2] == looks(names[one.robot])[2]
+        assert looks(reach)[0] == looks(names[one.robot])[0]
+        if one.what in called:
+            assert abs(point.get_ydata()[0] - rows[called[one.what]]) < 0.5
+    assert ax.get_xlabel() == "the platform moves by: median, and up to 95 % of poses [mm]"
+
+
+def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_road_has_them():
+    """From below and from above, over radii in mm, with so many mm per mm; the crane in words."""
+    radii = np.array([0.0, 0.01, 0.02])
+    growths = tuple(
+        real_cables.Growth(title, axis, radii, np.outer(radii, RANDOM.uniform(0.5, 1.0, 5)), radii[::2],
+                           np.outer(radii[::2], RANDOM.uniform(0.5, 1.0, 5)))
+        for title, axis in (("DemoBot, parallel", real_cables.BELOW), ("DemoBot, parallel", real_cables.ABOVE),
+                            ("crane of 15 m", real_cables.BELOW))
+    )  # fmt: skip
+    ax = Figure().add_subplot()
+    real_cables_figures._growth(ax, growths)
+    names = legend(ax)
+    rates = [np.median(one.shifts[1]) / 0.01 for one in growths]
+    for one, rate, arriving in zip(growths[:2], rates, ("from below", "from above"), strict=False):
+        static, settled = (by_gid(ax)[f"{road} DemoBot, parallel {arriving}"] for road in ("static", "mujoco"))
+        np.testing.assert_allclose(static.get_xydata(), np.transpose([[0, 10, 20], 1e3 * np.median(one.shifts, axis=1)]))
+        np.testing.assert_allclose(settled.get_xydata(), np.transpose([[0, 20], 1e3 * np.median(one.settled, axis=1)]))
+        assert looks(names.pop(f"parallel, {arriving}: {rate:.2f} mm per mm"))[:2] == looks(static)[:2]
+    assert list(names)[0] == f"not drawn: crane, from below: {rates[2]:.2f} mm per mm"
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("radius of the pulleys [mm]", "error of position [mm]")
+    assert (real_cables.BELOW[2], real_cables.ABOVE[2]) == (1, -1)  # the way a cable goes that arrives from there
+
+
+# Control
+
+
+def test_runs_of_controllers_are_drawn_under_their_names():
+    """Speed by colour, path by marker, cable by filling; errors in mm and degrees, tensions from lowest to highest."""
+    robot = cdpr.load_robot("cogiro")
+    tasks = [
+        controllers.Task(layout, material, path, speed)
+        for layout in ("cogiro", "parallel")
+        for material, path, speed in (("vectran-0.7mm", "line", 0.05), ("fishing-0.4mm", "circle", 0.5))
+    ]
+    runs = []
+    for task in tasks:
+        rests = made_up(robot, np.tile(robot.home, (4, 1)))
+        trajectory = cdpr.Trajectory.through(rests, controllers.PAUSE + np.arange(4.0))
+        runs.append(controllers.Run(task, controllers.TENSIONS, trajectory, False))
+    figure = controllers_figures.controllers(runs)
+    key, *panels = figure.axes
+    names, grid = legend(key), np.reshape(panels, (2, 3))
+    assert [ax.get_xlabel() for ax in grid[1]] == ["error of position [mm]", "error of tilt [°]", "tension [N]"]
+    titles = [ax.get_title(loc="left") or ax.get_title() for ax in grid[:, 0]]
+    assert titles == ["crossed cables (cogiro): position", "parallel cables: position"]
+    for row, layout in zip(grid, ("cogiro", "parallel"), strict=True):
+        own = [run for run in runs if run.task.layout == layout]
+        height = [label.get_text() for label in grid[0, 0].get_yticklabels()].index("tensions\n(force control)")
+        points = [[line for line in ax.lines if line.get_gid() == f"rms {controllers.TENSIONS}"] for ax in row[:2]]
+        ranges = [line for line in row[2].lines if line.get_gid() == f"tensions {controllers.TENSIONS}"]
+        for run, shift, turn, pull in zip(own, *points, ranges, strict=True):
+            rests = run.trajectory
+            away = 1e3 * np.linalg.norm(rests.positions - rests.problems.positions, axis=1)
+            tilts = np.degrees(np.arccos(rests.rotations[:, 2, 2]))
+            for point, values in ((shift, away), (turn, tilts)):
+                np.testing.assert_allclose(point.get_xdata(), [np.sqrt(np.mean(values**2))])
+                assert abs(point.get_ydata()[0] - height) < 0.5
+            np.testing.assert_allclose(pull.get_xdata(), [rests.tensions.min(), rests.tensions.max()])
+            slow, line = run.task.speed == 0.05, run.task.path == "line"
+            speed = names["up to 0.05 m/s" if slow else "up to 0.5 m/s"]
+            assert looks(shift)[0] == looks(turn)[0] == looks(pull)[0] == looks(speed)[0]
+            assert looks(shift)[2] == looks(names["line" if line else "circle"])[2]
+            hollow = [str(artist.get_mfc()) == "white" for artist in (shift, names[run.task.material])]  # type: ignore[attr-defined]
+            assert hollow == [run.task.material == "fishing-0.4mm"] * 2
+
+
 # Layouts
 
 
@@ -550,3 +649,27 @@ def test_a_front_is_drawn_in_its_goals_units(proof):
     np.testing.assert_allclose(drawn["NSGA-II, 99 layouts"], np.transpose([np.degrees([0.1, 0.2]), [20, 10]]))
     np.testing.assert_allclose(drawn["as given"], [[np.degrees(0.3), 30]])
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("tilt [°]", "deviation [mm]")
+
+
+def test_a_clearance_map_is_of_the_poses_that_it_names(monkeypatch):
+    """Each cell is the smallest distance there in mm; a share of those beyond what is enough is free."""
+    monkeypatch.setattr(better_layouts, "CLEARANCE_POINTS", 3)
+    robot = cdpr.load_robot("cogiro")
+    figure = better_layouts.clearance_map(robot, "xz", 0.2, 0.005, None)
+    ax = figure.axes[0]
+    shown = np.asarray(ax.images[0].get_array())
+    x0, x1, z0, z1 = ax.images[0].get_extent()
+    rows, columns = shown.shape
+    poses = [
+        (x0 + (i + 0.5) * (x1 - x0) / columns, 0.2, z0 + (j + 0.5) * (z1 - z0) / rows)
+        for j in range(rows)
+        for i in range(columns)
+    ]
+    least = cdpr.clearances(robot, poses).least
+    np.testing.assert_allclose(shown.ravel(), 1e3 * least, rtol=1e-6)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("commanded x [m]", "commanded z [m]")
+    assert f"at {(least > 0.005).mean():.0%} of these poses" in figure.get_suptitle().replace("\n", " ")
+    assert 0 < (least > 0.005).mean() < 1
+    said = figure.get_supxlabel().replace("\n", " ")
+    assert "y = 0.2 m" in said
+    assert f" {1e3 * least.min():.3g} mm" in said
