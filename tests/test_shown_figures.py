@@ -167,8 +167,8 @@ def test_the_papers_line_has_each_series_under_its_name():
             np.testing.assert_allclose(turn[f"{road} {label}"].get_xydata(), np.transpose([x, beta]))
         assert looks(names[label])[0] == looks(drawn[f"static {label}"])[0]
         assert looks(names[label])[2] == looks(drawn[f"mujoco {label}"])[2]
-        assert same_color(drawn[f"mujoco {label}"].get_mec(), names[label].get_mec())  # type: ignore[attr-defined]
-        assert names[label].get_linewidth() == drawn[f"static {label}"].get_linewidth()  # type: ignore[attr-defined]
+        assert same_color(drawn[f"mujoco {label}"].get_mec(), names[label].get_mec())
+        assert names[label].get_linewidth() == drawn[f"static {label}"].get_linewidth()
     assert len({looks(names[f"{one.name}, {one.material}"]) for one in robots}) == 4
     assert [ax.get_ylabel() for ax in figure.axes] == ["deviation in z [mm]", "rotation about y [°]"]
     bars = [sorted(line.get_ydata()[0] for line in ax.lines if line.get_gid() == "paper") for ax in figure.axes]
@@ -330,7 +330,9 @@ def test_each_solver_is_drawn_under_its_name():
         np.testing.assert_allclose(ends, ordered[:, [1, 9]])
     np.testing.assert_allclose(by_gid(right)["compiled"].get_ydata(), [1e-2, 2e-2])
     assert (left.get_ylabel(), right.get_ylabel()) == ("poses solved [%]", "time per pose [ms]")
-    assert "EA = 10 kN, Newton solves 100 %, fsolve 40 %, least_squares 10 %" in figure.get_suptitle().replace("\n", " ")
+    assert "EA = 10 kN, Newton solves 100 %, fsolve 40 %, least_squares 10 %" in figure.get_suptitle().replace(
+        "\n", " "
+    )
 
 
 def test_each_difference_of_the_roads_is_drawn_in_its_panel():
@@ -430,7 +432,7 @@ def test_stiffnesses_and_pushes_are_drawn_in_their_units(stretched):
 
 
 def test_a_wrong_length_is_told_of_the_right_cable(stretched):
-    """Too short on the left; where the platform is, in mm, and how hard the tightest cable pulls, in N, by each road."""
+    """Where the platform is, in mm, and how hard the tightest cable pulls, in N, by each road; too short is left."""
     figure = pretension_figures.pretension(stretched)
     misses, overload = figure.axes[4:6]
     names = legend(misses)
@@ -441,9 +443,11 @@ def test_a_wrong_length_is_told_of_the_right_cable(stretched):
             (overload, wrong.tightest, wrong.settled_tightest),
         ):
             line = by_gid(ax)[f"static {wrong.cable}"]
-            assert same_color(line.get_color(), entry.get_color())  # type: ignore[attr-defined]
+            assert same_color(line.get_color(), entry.get_color())
             np.testing.assert_allclose(line.get_xydata(), np.transpose([1e3 * wrong.errors, static]))
-            points = [one for one in ax.lines if one.get_mfc() == "white" and same_color(one.get_mec(), line.get_color())]
+            points = [
+                one for one in ax.lines if one.get_mfc() == "white" and same_color(one.get_mec(), line.get_color())
+            ]
             hollow = next(one for one in points if len(one.get_xdata()) == 3)
             np.testing.assert_allclose(hollow.get_xydata(), np.transpose([1e3 * wrong.settled_errors, settled]))
     assert misses.get_ylabel() == "the platform is off by [mm]"
@@ -469,7 +473,7 @@ def test_before_and_after_compensation_are_drawn_as_they_are():
 
     def rests(kind: str) -> list[cdpr.Equilibrium]:
         moved = [
-            Pose(np.array(pose) + [0, 0, -far], Rotation.from_euler("y", turn).as_matrix())
+            Pose(np.array(pose) - np.array([0, 0, far]), Rotation.from_euler("y", turn).as_matrix())
             for pose, far, turn in zip(poses, away[kind], turned[kind], strict=True)
         ]
         return [dataclasses.replace(one.equilibrium, pose=at) for one, at in zip(compensations, moved, strict=True)]
@@ -483,7 +487,11 @@ def test_before_and_after_compensation_are_drawn_as_they_are():
         "… in MuJoCo ": "settled_after",
     }
     for ax, label, numbers, unit in zip(
-        figure.axes, ("error of position [mm]", "error of rotation [°]"), (away, turned), (1e3, 180 / np.pi), strict=True
+        figure.axes,
+        ("error of position [mm]", "error of rotation [°]"),
+        (away, turned),
+        (1e3, 180 / np.pi),
+        strict=True,
     ):
         assert ax.get_ylabel() == label
         drawn = {str(one.get_label()): one for one in ax.lines}
@@ -494,7 +502,9 @@ def test_before_and_after_compensation_are_drawn_as_they_are():
     assert figure.axes[-1].get_xlabel() == "commanded x [mm]"
     powers = [int(np.ceil(np.log10(most))) for most in (1e3 * away[kinds[3]].max(), np.degrees(turned[kinds[3]].max()))]
     said = [ax.texts[0].get_text() for ax in figure.axes]
-    assert said == [f"compensated: at most $10^{{{power}}}${unit}" for power, unit in zip(powers, (" mm", "°"), strict=True)]
+    assert said == [
+        f"compensated: at most $10^{{{power}}}${unit}" for power, unit in zip(powers, (" mm", "°"), strict=True)
+    ]
 
 
 # Real cables
@@ -541,10 +551,12 @@ def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_road_has_them():
     rates = [np.median(one.shifts[1]) / 0.01 for one in growths]
     for one, rate, arriving in zip(growths[:2], rates, ("from below", "from above"), strict=False):
         static, settled = (by_gid(ax)[f"{road} DemoBot, parallel {arriving}"] for road in ("static", "mujoco"))
-        np.testing.assert_allclose(static.get_xydata(), np.transpose([[0, 10, 20], 1e3 * np.median(one.shifts, axis=1)]))
+        np.testing.assert_allclose(
+            static.get_xydata(), np.transpose([[0, 10, 20], 1e3 * np.median(one.shifts, axis=1)])
+        )
         np.testing.assert_allclose(settled.get_xydata(), np.transpose([[0, 20], 1e3 * np.median(one.settled, axis=1)]))
         assert looks(names.pop(f"parallel, {arriving}: {rate:.2f} mm per mm"))[:2] == looks(static)[:2]
-    assert list(names)[0] == f"not drawn: crane, from below: {rates[2]:.2f} mm per mm"
+    assert next(iter(names)) == f"not drawn: crane, from below: {rates[2]:.2f} mm per mm"
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("radius of the pulleys [mm]", "error of position [mm]")
     assert (real_cables.BELOW[2], real_cables.ABOVE[2]) == (1, -1)  # the way a cable goes that arrives from there
 
@@ -588,7 +600,7 @@ def test_runs_of_controllers_are_drawn_under_their_names():
             speed = names["up to 0.05 m/s" if slow else "up to 0.5 m/s"]
             assert looks(shift)[0] == looks(turn)[0] == looks(pull)[0] == looks(speed)[0]
             assert looks(shift)[2] == looks(names["line" if line else "circle"])[2]
-            hollow = [str(artist.get_mfc()) == "white" for artist in (shift, names[run.task.material])]  # type: ignore[attr-defined]
+            hollow = [str(artist.get_mfc()) == "white" for artist in (shift, names[run.task.material])]
             assert hollow == [run.task.material == "fishing-0.4mm"] * 2
 
 
@@ -614,11 +626,12 @@ def proof() -> Proof:
 def test_a_layouts_numbers_are_mujocos_before_and_after(proof):
     """Degrees, millimetres, newtons; the worst before the mean, the lowest before the highest."""
     rows = {what: words for what, *words in better_layouts.numbers(proof)}
+    move = np.linalg.norm(proof.found.robot.exits - proof.found.given.exits, axis=1).max()
     expected = {
         "worst deviation, in MuJoCo": ["12.3 mm", "24.6 mm"],
         "most slack cables": ["2", "1"],
         "Newton and MuJoCo agree at": ["1 of 3", "2 of 3"],
-        "furthest move of a point": ["", f"{1e3 * moved(proof.found):.3g} mm"],
+        "furthest move of a point": ["", f"{1e3 * move:.3g} mm"],
         "worst, mean tilt": [],
         "worst, mean deviation": [],
         "lowest, highest tension": [],
@@ -630,11 +643,6 @@ def test_a_layouts_numbers_are_mujocos_before_and_after(proof):
         expected["worst, mean deviation"].append(f"{away.max():.3g} mm, {away.mean():.3g} mm")
         expected["lowest, highest tension"].append(f"0 N, {rests.tensions.max():.3g} N")
     assert rows == expected
-
-
-def moved(found: cdpr.Layout) -> float:
-    """[m]"""
-    return np.linalg.norm(found.robot.exits - found.given.exits, axis=1).max()
 
 
 def test_a_front_is_drawn_in_its_goals_units(proof):

@@ -295,7 +295,9 @@ def test_before_and_after_are_not_swapped(layouts):
         assert shown.origin == "lower"
         assert shown.get_extent() == [0, 2, 0, 3]
         assert shown.get_clim() == (0, pytest.approx(5.0))
-        np.testing.assert_allclose(np.ma.filled(shown.get_array(), np.nan), times * np.array([[1, 4], [2, 5], [3, np.nan]]))
+        np.testing.assert_allclose(
+            np.ma.filled(shown.get_array(), np.nan), times * np.array([[1, 4], [2, 5], [3, np.nan]])
+        )
         assert (ax.get_xlabel(), ax.get_ylabel()) == ("commanded x [m]", "z [m]")
         np.testing.assert_array_equal(ax.lines[0].get_xydata(), asked[:, [0, 2]])
     assert "tilt [°]" in [ax.get_ylabel() for ax in figure.axes]
@@ -349,8 +351,12 @@ def test_a_still_shows_cables_where_they_run_and_its_platform_in_its_own_frame()
     whole, close = figure.axes
     anchors = [[0.1, 0, 0.2], [-0.1, 0, 0.2], [0, 0.1, 0.25]]  # (x, y) to (-y, x), and up
     for cable in range(3):
-        lines = [line for line in whole.lines if line.get_color() == style.CABLES[cable] and line.get_marker() == "None"]
-        np.testing.assert_allclose(np.transpose(lines[0].get_data_3d()), [robot.exits[cable], anchors[cable]], atol=1e-12)
+        lines = [
+            line for line in whole.lines if line.get_color() == style.CABLES[cable] and line.get_marker() == "None"
+        ]
+        np.testing.assert_allclose(
+            np.transpose(lines[0].get_data_3d()), [robot.exits[cable], anchors[cable]], atol=1e-12
+        )
     seen = [[0, -1, 0.8], [0, 1, 0.8], [1, 0, 0.8]]  # (x, y) to (y, -x)
     for cable in range(3):
         (line,) = (line for line in close.lines if line.get_color() == style.CABLES[cable])
@@ -364,4 +370,6 @@ def test_a_still_shows_cables_where_they_run_and_its_platform_in_its_own_frame()
         numbers = {int(text.get_text()): np.array(text.get_position_3d()) for text in ax.texts}
         for number, place in numbers.items():
             assert np.argmin(np.linalg.norm(points - place, axis=1)) == number - 1
-            assert same_color(next(t for t in ax.texts if t.get_text() == str(number)).get_color(), style.CABLES[number - 1])
+            assert same_color(
+                next(t for t in ax.texts if t.get_text() == str(number)).get_color(), style.CABLES[number - 1]
+            )

@@ -39,7 +39,7 @@ def rests_with(slack: list[list[bool]]) -> Rests:
     positions = np.c_[0.1 * np.arange(rows), np.zeros((rows, 2))]
     return Rests(
         problems=Problems.of(robot, positions),
-        positions=positions + [0.03, 0.0, -0.2],
+        positions=positions + np.array([0.03, 0.0, -0.2]),
         rotations=np.tile(np.eye(3), (rows, 1, 1)),
         lengths=np.ones((rows, cables)),
         tensions=np.where(pattern, 0.0, 1.0),
