@@ -219,7 +219,12 @@ def test_the_tilt_condition_says_how_far_and_how_much():
     names = legend(figure.axes[3])
     vertical = [line for line in ax.lines if looks(line)[:2] == looks(names["line of the weight"])[:2]]
     np.testing.assert_allclose([line.get_xdata() for line in vertical], [[0.25, 0.25]])
-    assert len([line for line in ax.lines if looks(line)[:2] == looks(names["line of a side's force"])[:2]]) == 2
+    sides = [line.get_xydata() for line in ax.lines if looks(line)[:2] == looks(names["line of a side's force"])[:2]]
+    for ends, middle in zip(sides, ((0.04, 0.468), (0.76, 0.468)), strict=True):  # between the two exits of a pair
+        assert ends[:, 1].max() == pytest.approx(0.486)
+        along, there, to_middle = ends[1] - ends[0], point - ends[0], middle - ends[0]
+        assert along[0] * there[1] == pytest.approx(along[1] * there[0], abs=1e-12)
+        assert along[0] * to_middle[1] == pytest.approx(along[1] * to_middle[0], abs=1e-12)
 
 
 # Two cables
@@ -280,6 +285,8 @@ def test_the_bars_three_poses_are_drawn_under_their_names(forms):
     np.testing.assert_allclose(points, np.concatenate(ends)[:, [0, 2]])
     shift = 1e3 * np.abs(rests.positions - commanded)[:, 0].max()
     assert f"moves up to {shift:.0f} mm" in figure.get_suptitle().replace("\n", " ")
+    robot = "two-cable, vectran-0.7mm cables (EA = 10 kN), bar of 102 mm and 0.4 kg, 2 commanded poses"
+    assert figure.get_supxlabel().replace("\n", " ").startswith(robot)
 
 
 def test_the_drifts_colours_are_the_bars():
@@ -405,6 +412,10 @@ def test_stiffnesses_and_pushes_are_drawn_in_their_units(stretched):
         (said,) = (text for text in stiffness.texts if text.get_text() == name)
         assert same_color(said.get_color(), drawn[f"static {name}"].get_color())
     assert stiffness.get_ylabel() == "stiffness [kN/m]"
+    (rigid,) = (text.get_text() for text in stiffness.texts if "rigid" in text.get_text())
+    assert rigid.startswith(f"{one.rigid[0] / 1e3:.2g} kN/m on lengths of rigid")
+    EA, pull = stretched.robot.axial_stiffness[0] / 1e3, stretched.robot.force_max[0]
+    assert f"EA = {EA:.0f} kN, winches of {pull:.0f} N; platform of 25 kg" in figure.get_supxlabel().replace("\n", " ")
     assert f"up to {one.eigenvalues[-1, 0] / one.rigid[0]:.0f} times stiffer" in figure.get_suptitle()
     for ax, field, unit, words in (
         (forces, "shifts", 1e3, "100 N pushes it, by [mm]"),
@@ -561,6 +572,34 @@ def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_road_has_them():
     assert (real_cables.BELOW[2], real_cables.ABOVE[2]) == (1, -1)  # the way a cable goes that arrives from there
 
 
+def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
+    """A platform 5 mm beside where its winches believe it to be; ropes that sag by 3 to 10 mm, each by its own."""
+    robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.02, pulley_axis=(0, 0, 1))
+    rests = made_up(robot, [(0.3, 0.25, 0.1)])
+    rests = dataclasses.replace(rests, positions=np.array([[0.303, 0.25, 0.096]]))
+    ax = Figure().add_subplot()
+    real_cables_figures._pulleys(ax, real_cables.Hanging(rests, np.zeros((8, 2, 3))))
+    assert ax.get_title() == "DemoBot over pulleys of 20 mm that its winches do not know: 5 mm off"
+    names = legend(ax)
+    believed = [line for line in ax.lines if looks(line) == looks(names["as its winches believe"])]
+    for line, exit_, anchor in zip(believed, robot.exits, np.array([0.3, 0.25, 0.1]) + robot.anchors, strict=True):
+        np.testing.assert_allclose(line.get_xydata(), [exit_[[0, 2]], anchor[[0, 2]]])
+    heavy = robot.replace(pulley_radius=0.0, linear_density=0.01)
+    rests = made_up(heavy, [(0.3, 0.25, 0.1)], [(0, 7)])
+    sags = np.linspace(0.003, 0.010, 8)
+    anchors = rests.positions[0] + heavy.anchors @ rests.rotations[0].T
+    middles = (heavy.exits + anchors) / 2 - sags[:, None] * np.array([0, 0, 1])
+    ax = Figure().add_subplot()
+    real_cables_figures._heavy(ax, real_cables.Hanging(rests, np.stack([heavy.exits, middles, anchors], axis=1)))
+    assert ax.get_title() == "The crane on steel ropes, which sag by 3 to 10 mm"
+    (inset,) = ax.child_axes
+    assert inset.get_title() == "below the straight line [mm], from exit to anchor"
+    for line, sag in zip(inset.lines, sags, strict=True):
+        np.testing.assert_allclose(line.get_ydata(), [0, -1e3 * sag, 0], atol=1e-12)
+    slack = [same_color(line.get_color(), legend(ax)["slack rope"].get_color()) for line in inset.lines]
+    assert slack == [False] * 7 + [True]
+
+
 # Control
 
 
@@ -583,6 +622,9 @@ def test_runs_of_controllers_are_drawn_under_their_names():
     assert [ax.get_xlabel() for ax in grid[1]] == ["error of position [mm]", "error of tilt [°]", "tension [N]"]
     titles = [ax.get_title(loc="left") or ax.get_title() for ax in grid[:, 0]]
     assert titles == ["crossed cables (cogiro): position", "parallel cables: position"]
+    ticks = dict(zip([tick.get_text() for tick in grid[1, 2].get_xticklabels()], grid[1, 2].get_xticks(), strict=True))
+    assert ticks.pop("slack") < 0.1
+    assert {float(word): at for word, at in ticks.items()} == {at: at for at in (0.1, 1.0, 10.0)}
     for row, layout in zip(grid, ("cogiro", "parallel"), strict=True):
         own = [run for run in runs if run.task.layout == layout]
         height = [label.get_text() for label in grid[0, 0].get_yticklabels()].index("tensions\n(force control)")
