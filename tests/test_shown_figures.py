@@ -117,6 +117,7 @@ def test_a_legend_of_tensions_names_each_cable_and_zone(width):
     assert list(names) == ["1 cable slack", "2 cables slack"]
     for count, entry in zip((1, 2), names.values(), strict=True):
         assert looks(entry) == looks(zones[f"zone-{count}-slack"])
+        assert looks(entry)[0][:7] == style.ZONES[count - 1][0]  # yellow, and red where more are slack
     rotations = np.concatenate([width.poses.rotations, width.lines[0].static.rotations])
     tilt = np.degrees(np.arccos(rotations[:, 2, 2])).max()
     title = f"planar-vertical: up to {tilt:.2g}° of tilt, and up to 2 of 4 cables go slack"
@@ -392,7 +393,7 @@ def stretched() -> pretension.Pretension:
     errors = np.linspace(-0.01, 0.01, 5)
     wrong = tuple(
         pretension.WrongLength(
-            cable, errors, some(5), some(5), np.array([1200.0, 700, 300, 400, 500]) - cable, np.array([0, 0, 0, 1, 2]),
+            cable, errors, some(5), some(5), np.array([1200.0, 700, 300, 400, 500]) * (1 - cable / 10), np.array([0, 0, 0, 1, 2]),
             errors[::2], some(3), some(3), 1e5 * some(3),
         )
         for cable in (pretension.ABOVE, pretension.BELOW)
