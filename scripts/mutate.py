@@ -3,8 +3,8 @@
     python scripts/mutate.py [FOLDER ...] [--markdown] [--sample COUNT [--seed SEED]]
 
 The faults and the tests that should notice are in mutations.toml; with ``--sample``, as many faults as that, which a
-machine draws from the same files. Takes seconds for each fault, and is not part of the tests. Exit status 1 if one
-survives that is not explained.
+machine draws from the same files, and any test may notice. Takes seconds for each fault, and is not part of the tests.
+Exit status 1 if one survives that is not explained.
 
 Tests are collected once for a folder. For each fault the process is forked, the changed functions get their new code,
 and the tests that come by them run, the quickest first, until one fails. What is done while modules are imported, and
@@ -26,6 +26,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import tomllib
 import traceback
@@ -141,6 +142,8 @@ def _record(session: Any, folder: str, place: Path) -> None:
     def note(frame: Any, event: str, _: Any) -> None:
         if event == "call" and frame.f_code.co_filename.startswith(folder):
             seen.add(f"{frame.f_code.co_filename}:{frame.f_code.co_qualname}")
+
+    threading.setprofile(note)  # of threads that begin from now on, for as long as they live
 
     def watch(who: str) -> Iterator[Any]:
         seen.clear()
@@ -287,9 +290,14 @@ def survives(tree: Path, fault: Fault, tests: list[str], interpreted: bool, seco
 
 
 def drawn(file: str) -> list[Fault]:
-    """All operators and numbers of a file, each put wrong."""
+    """All operators and numbers of a file but those of types, each put wrong."""
     text, found = (ROOT / "cdpr_sim" / file).read_text(encoding="utf-8"), []
-    for node in ast.walk(ast.parse(text)):
+    nodes = list(ast.walk(ast.parse(text)))
+    types = [getattr(node, name, None) for node in nodes for name in ("annotation", "returns")]
+    no_code = {id(node) for one in types if one is not None for node in ast.walk(one)}
+    for node in nodes:
+        if id(node) in no_code:
+            continue
         right = ast.get_source_segment(text, node) or ""
         if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in OTHER:
             node.op = OTHER[type(node.op)]()
@@ -308,13 +316,14 @@ def faults_of(groups: list[dict], count: int, seed: int) -> list[tuple[dict, lis
     """Of a folder: those listed, or ``count`` drawn by a machine; with the group whose tests should notice."""
     if not count:
         return [(group, [Fault(group["file"], *words) for words in group["faults"]]) for group in groups]
+    groups = [group | {"tests": ["tests"]} for group in groups]
     all_of_them = [(group, fault) for group in groups for fault in drawn(group["file"])]
     chosen = random.Random(seed).sample(all_of_them, min(count, len(all_of_them)))
     return [(group, [fault for own, fault in chosen if own is group]) for group in groups]
 
 
-def count_folder(tree: Path, folder: str, count: int, seed: int) -> Counter:
-    """What came of each of its faults; survivors are printed."""
+def count_folder(tree: Path, folder: str, count: int, seed: int, equivalent: list[Fault]) -> Counter:
+    """What came of each of its faults; survivors are printed, or added to those that nobody could notice."""
     counts: Counter = Counter()
     everything = faults_of(FOLDERS[folder], count, seed)
     for interpreted in (False, True):
@@ -322,7 +331,9 @@ def count_folder(tree: Path, folder: str, count: int, seed: int) -> Counter:
         begin = time.monotonic()
         for fault, alive in outcomes(tree, groups) if groups else []:
             counts[("equivalent" if fault.reason else "survived") if alive else "killed"] += 1
-            if alive and not fault.reason:
+            if alive and fault.reason:
+                equivalent.append(fault)
+            elif alive:
                 print(f"survived: {fault.file}:{fault.line + 1}: {fault.right!r} -> {fault.wrong!r}", flush=True)
             if counts.total() == 1 or counts.total() % 20 == 0:
                 print(f"{folder}: {counts.total()}, {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
@@ -341,6 +352,10 @@ def copied_tree() -> Path:
     return tree
 
 
+def _line(code: str) -> str:
+    return " ".join(code.split())
+
+
 def main() -> int:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("folders", nargs="*", choices=[*FOLDERS, []], metavar="FOLDER", help=", ".join(FOLDERS))
@@ -350,10 +365,11 @@ def main() -> int:
     options = asked.parse_args()
     multiprocessing.get_context("forkserver").set_forkserver_preload(PRELOADED)
     counts: dict[str, Counter] = {}
+    equivalent: list[Fault] = []
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
     tree = copied_tree()
     for name in options.folders or FOLDERS:
-        counts[name] = count_folder(tree, name, options.sample, options.seed)
+        counts[name] = count_folder(tree, name, options.sample, options.seed, equivalent)
     counts["all"] = sum(counts.values(), Counter())
     rows: list[tuple[str, ...]] = [("folder", "faults", "killed", "equivalent", "survived", "% killed")]
     for name, count in counts.items():
@@ -364,6 +380,8 @@ def main() -> int:
         print(f"{datetime.date.today()}, commit {commit.stdout.strip()}:\n")
         for row in (rows[0], ("---", *["---:"] * 5), *rows[1:]):
             print(f"| {' | '.join(row)} |")
+        for fault in equivalent:
+            print(f"- {fault.file}, `{_line(fault.right)}` put as `{_line(fault.wrong)}`: {fault.reason}.")
     else:
         table = Table(*rows[0])
         for row in rows[1:]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.statics.catenary import catenary
-from cdpr_sim.statics.chain import Chain, Division, chain, gauss, rest_of_chains, uniform
+from cdpr_sim.statics.chain import Chain, Division, _balance, chain, gauss, rest_of_chains, uniform
 
 PLACES = [(0.4, 0.1, -0.7), (0.9, -0.3, 0.2), (0.2, 0.1, 0.1), (0.6, 0.5, 0.75), (0.1, 0.0, -0.99)]
 """Anchors from an exit at 0, of a cable of length 1: slack, nearly taut and taut ones."""
@@ -82,6 +83,25 @@ def test_without_weight_it_is_one_spring() -> None:
     slack = chain(np.zeros(3), np.array([0.6, 0, 0.3]), np.full(4, 0.25), np.zeros(5), EA)
     np.testing.assert_array_equal(slack.pull, 0)
     np.testing.assert_array_equal(slack.stiffness, 0)
+
+
+def test_the_stiffness_that_finds_the_rest_is_the_slope_of_the_forces() -> None:
+    """At the rest, by central differences; the centre of mass off the origin, so that every arm counts."""
+    robot = cdpr.load_robot("cogiro").replace(linear_density=5e-3, center_of_mass=(0.01, 0.02, -0.015))
+    problem = Problem.of(robot, (0.35, 0.22, 0.15))
+    weights = problem.rest_lengths * robot.cabling.linear_density * robot.gravity
+    division, start = gauss(6), cdpr.solve(problem)
+    chains = np.outer(problem.rest_lengths, division.lengths), np.outer(weights, division.weights)
+    position, rotation, _ = rest_of_chains(problem, *chains, start.position, start.rotation.as_matrix())
+
+    def forces(step: np.ndarray) -> np.ndarray:
+        turned = Rotation.from_rotvec(step[3:] / robot.characteristic_length).as_matrix() @ rotation
+        return _balance(problem, *chains, position + step[:3], turned)[0]
+
+    h = 1e-7
+    slope = np.array([(forces(-step) - forces(step)) / (2 * h) for step in h * np.eye(6)])
+    stiffness = _balance(problem, *chains, position, rotation)[1]
+    np.testing.assert_allclose(stiffness, (slope + slope.T) / 2, atol=1e-6 * np.abs(slope).max())
 
 
 def test_platforms_on_chains_rest_where_those_on_catenaries_do() -> None:

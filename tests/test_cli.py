@@ -1,5 +1,7 @@
 import json
+import re
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -91,6 +93,15 @@ def test_robots_lists_robots_and_materials():
     result = run("robots")
     for name in (*cdpr.list_robots(), *cdpr.MATERIALS):
         assert name in result.stdout
+    wide = runner.invoke(app, ["robots"], env={"COLUMNS": "200"}).stdout
+    ropes = re.findall(r"^ (\S+) +(\S+) GPa +(\S+) +(\S+) kg/m³", wide, re.MULTILINE)
+    assert {name for name, *_ in ropes} == set(cdpr.ROPES)
+    section = np.pi / 4 * 0.002**2  # of the circle that a rope of 2 mm fills in part
+    for name, modulus, fill, density in ropes:
+        robot = cdpr.load_robot("cogiro").replace(material=f"{name}-2mm")
+        expected = 1e9 * float(modulus) * float(fill) * section
+        assert robot.axial_stiffness == pytest.approx(expected, rel=1e-2), name
+        assert 900 < float(density) < 9000  # from polyethylene to steel
 
 
 def test_models_writes_checks_and_protects_what_is_there(tmp_path):

@@ -46,6 +46,8 @@ def test_sensitivity_prints_what_matters_most_and_the_frequencies():
     """A table of effects, largest first, and one of natural frequencies."""
     result = run("sensitivity", "parallel", "--pose", "0.25", "0.25", "0.1", "--rows", "5")
     assert result.exit_code == 0
+    listed = result.stdout.partition("They hold while")[0]
+    assert sum(f" 1 {per} " in line for line in listed.splitlines() for per in ("mm", "%", "N")) == 5
     assert "rest length 1" in result.stdout
     assert "natural frequencies" in result.stdout
     values = json.loads(run("sensitivity", "parallel", "--pose", "0.25", "0.25", "0.1", "--json").stdout)

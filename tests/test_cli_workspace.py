@@ -6,6 +6,7 @@ from typer.testing import CliRunner
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.crosscheck import check as checking
+from cdpr_sim.drawing import maps
 
 runner = CliRunner()
 
@@ -26,13 +27,15 @@ def test_map_writes_a_picture_and_says_the_worst(tmp_path):
     assert all("…" not in cell for row in rows for cell in row)
 
 
-def test_check_prints_zero_disagreements_and_exits_0(tmp_path):
-    """And draws where they agree."""
-    path = tmp_path / "agreement.png"
+def test_check_prints_zero_disagreements_and_exits_0(tmp_path, monkeypatch):
+    """And draws where they agree, seen along y."""
+    path, drawn, draw = tmp_path / "agreement.png", [], maps.draw_agreement_map
+    monkeypatch.setattr(maps, "draw_agreement_map", lambda flat: drawn.append(dict(flat.sizes)) or draw(flat))
     result = run("check", "parallel", "cogiro", "--grid", "3", "2", "2", "-o", str(path))
     assert result.exit_code == 0
     assert "No disagreement at 24 poses, and every platform came to rest." in result.stdout
     assert path.exists()
+    assert (drawn[0]["x"], drawn[0]["y"], drawn[0]["z"]) == (3, 1, 2)
 
 
 def test_check_lists_every_disagreement_and_exits_1(monkeypatch):

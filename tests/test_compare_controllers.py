@@ -1,5 +1,6 @@
 """The comparison of control schemes: tasks are what they are called, and table and figure show what was measured."""
 
+import dataclasses
 import io
 
 import numpy as np
@@ -86,6 +87,12 @@ def test_the_table_says_what_was_measured(found):
     (row,) = (line.split() for line in console.export_text().splitlines() if RIGID_FEEDBACK in line)
     assert row[3:] == [f"{1e3 * rms(found[1].position_errors):.1f}", "to", row[3]]
     assert "line, up to 0.5 m/s" in text
+
+
+def test_a_platform_that_fell_is_said_to_have_fallen(found):
+    """And no other."""
+    rows = runs_table([found[0], dataclasses.replace(found[1], fell=True)]).columns[0].cells
+    assert [row.strip() for row in rows][-2:] == [RIGID, f"{RIGID_FEEDBACK}, falls"]
 
 
 def test_the_figure_shows_what_was_measured(found):

@@ -1,5 +1,6 @@
 """The winches drive, MuJoCo moves: slowly it is statics, quickly it is not."""
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -8,7 +9,8 @@ from cdpr_sim.analysis.compensation import compensate
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import PlatformFell
-from cdpr_sim.physics.drive import NEARLY_STATIC, drive
+from cdpr_sim.physics.drive import NEARLY_STATIC, drive, fallen
+from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.settle import settle, settle_many
 from cdpr_sim.robots.catalogue import load_robot
 
@@ -83,6 +85,18 @@ def test_winches_let_out_the_rigid_lengths_of_the_command():
     for step in (0, 7, STATES - 1):
         expected = robot.rest_lengths(trajectory.commanded[step])
         np.testing.assert_allclose(trajectory.rest_lengths[step], expected, atol=KINEMATICS)
+
+
+@pytest.mark.parametrize(("angle", "why"), [(80, None), (100, "it has turned over")])
+def test_a_platform_that_has_turned_over_has_fallen(angle, why):
+    """Beyond a right angle from how it was commanded; however near it is."""
+    robot = load_robot("cogiro")
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, robot.home))
+    data = mujoco.MjData(model)
+    place(model, data, robot, robot.pose([*robot.home, np.radians(angle), 0, 0]))
+    mujoco.mj_kinematics(model, data)
+    found = fallen(robot.home, np.eye(3), robot.rest_lengths(robot.home), data, model.body("platform").id)
+    assert found == why
 
 
 def test_stiffness_follows_the_length(monkeypatch):

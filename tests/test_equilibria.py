@@ -1,5 +1,7 @@
+import copy
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from problems import hanging_mass
@@ -124,6 +126,39 @@ def test_mujoco_stays_at_every_stable_one_and_leaves_every_saddle(catalogue, nam
     for left_out in range(len(found)):
         fewer = tuple(one for i, one in enumerate(found) if i != left_out)
         assert abs(replace(found, found=fewer).imbalance) == 1
+
+
+@pytest.fixture
+def stepped(monkeypatch) -> list[mujoco.MjModel]:
+    """Copies of the model that MuJoCo is given, one for each call."""
+    given: list[mujoco.MjModel] = []
+    step = mujoco.mj_step
+
+    def recorded(model: mujoco.MjModel, data: mujoco.MjData, **more: int) -> None:
+        given.append(copy.copy(model))
+        step(model, data, **more)
+
+    monkeypatch.setattr(mujoco, "mj_step", recorded)
+    return given
+
+
+def test_a_platform_that_is_let_go_meets_no_resistance(catalogue, stepped):
+    """Neither air nor joints nor cables take energy out of its motion."""
+    robot = catalogue["cogiro"].replace(pulley_radius=0.01, pulley_axis=(0, 0, 1))
+    release(cdpr.solve(robot, robot.home), seconds=0.1)
+    assert stepped
+    for model in stepped:
+        assert model.opt.viscosity == model.opt.density == 0
+        assert not np.concatenate([model.dof_damping, model.tendon_damping, model.jnt_stiffness]).any()
+
+
+def test_gravity_grows_evenly_from_nothing(catalogue, stepped):
+    """To all of it at the last step."""
+    robot = catalogue["cogiro"]
+    grow_gravity(robot, robot.home, seconds=0.2)
+    growing = [model.opt.gravity[2] for model in stepped]
+    assert len(growing) > 20
+    assert growing == pytest.approx(-robot.gravity * np.arange(1, len(growing) + 1) / len(growing))
 
 
 def test_a_pose_that_is_no_equilibrium_does_not_stay(catalogue):

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.grids import extent_of
+from cdpr_sim.analysis.workspace.hull import Hull
 from cdpr_sim.cli import app
 from cdpr_sim.drawing import maps
 
@@ -58,6 +59,23 @@ def test_the_closed_form_gives_up_on_poses_that_other_tensions_hold(wirex):
     assert hull.volume == pytest.approx(9.34, abs=0.01)
     finer = cdpr.workspace_hull(wirex, closed_form=True, depth=5)
     assert WIREX[0] < finer.volume < hull.volume
+
+
+@pytest.mark.parametrize(("most", "holds"), [(9.0, False), (11.0, True)])
+def test_the_closed_form_keeps_the_largest_tension_as_well(most, holds):
+    """A mass of 10 N on one plumb cable."""
+    robot = cdpr.Robot([[0, 0, 2]], [[0, 0, 0]], 1e4, 1.0, gravity=10.0, platform_size=(0.1, 0.1, 0.1))
+    assert cdpr.closed_form_feasible(robot, [0, 0, 1], tension_limits=(0, most)) == holds
+
+
+def test_volume_surface_and_centroid_of_a_hull_do_not_depend_on_where_rays_come_from():
+    """A corner cut off a cube: a sixth of it, three halves of faces and the cut, a quarter of the way to each side."""
+    corner = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    for center in ([0.1, 0.2, 0.3], [0.3, 0.1, 0.05]):
+        hull = Hull(np.array(center), corner, faces)
+        assert (hull.volume, hull.surface) == pytest.approx((1 / 6, 1.5 + np.sqrt(3) / 2))
+        assert hull.centroid == pytest.approx(np.full(3, 0.25))
 
 
 def test_a_mass_on_cables_from_all_corners_can_be_anywhere_between_them(wirex):

@@ -25,6 +25,13 @@ def test_units_and_gaps_are_read_as_written(tmp_path):
     assert found.robot == "parallel"
 
 
+def test_commanded_angles_are_kept():
+    """A six-vector is a position [m] and angles [rad]; a position alone is level."""
+    six, three = np.arange(1.0, 7.0), np.arange(1.0, 4.0)
+    assert cdpr.Measurements.of([six], [[0.5]], coordinates=["z"]).commanded.tolist() == [six.tolist()]
+    assert cdpr.Measurements.of([three], [[0.5]], coordinates=["z"]).commanded.tolist() == [[1, 2, 3, 0, 0, 0]]
+
+
 def test_rest_lengths_are_read_in_the_order_of_their_numbers(tmp_path):
     """Whatever the order of the columns."""
     text = "rest_length_2 [m],commanded_x [m],commanded_y [m],commanded_z [m],rest_length_1 [mm],measured_z [m]\n"

@@ -77,6 +77,9 @@ def test_numbers_parse_back_to_the_very_same_doubles(robot):
     np.testing.assert_array_equal(platform.mass, robot.mass)
     np.testing.assert_array_equal(platform.ipos, robot.center_of_mass)
     np.testing.assert_array_equal(platform.inertia, np.diag(robot.inertia))
+    np.testing.assert_array_equal(
+        model.geom("platform").size, robot.platform_size / 2
+    )  # MuJoCo's boxes have half sizes
     np.testing.assert_array_equal(platform.iquat, [1, 0, 0, 0])
     np.testing.assert_array_equal(model.opt.gravity, [0, 0, -robot.gravity])
     position = pose.translation[[0, 2]] if robot.mobility == "planar" else pose.translation
@@ -113,6 +116,14 @@ def test_cables_are_springs_and_nothing_else(robot):
     assert model.ntendon == robot.cables
     for attribute in ("limited", "damping", "frictionloss", "armature"):
         assert not getattr(model, f"tendon_{attribute}").any()
+
+
+@pytest.mark.parametrize("name", ["cogiro", "planar-vertical"])
+def test_what_is_drawn_weighs_nothing(name):
+    """Wheels neither, so that the model may hang on a body that moves; those that swivel weigh a millionth."""
+    robot = load_robot(name).replace(pulley_radius=0.05, pulley_axis=(0, 0, 1))
+    masses = compiled(to_mjcf(robot, commanded(robot))).body_mass
+    assert masses.sum() == pytest.approx(robot.mass, rel=1e-5)
 
 
 @pytest.mark.parametrize("cables", range(1, 11))

@@ -20,6 +20,7 @@ from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.heavy.hanging import Hanging
 from cdpr_sim.physics.heavy.relaxation import HangingRelaxation
 from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
+from cdpr_sim.physics.pulleys import toward_anchors
 from cdpr_sim.physics.release import grow_gravity, release
 from cdpr_sim.physics.settle import residual_of, settle, settle_many, settle_trajectory
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
@@ -149,6 +150,20 @@ def test_a_tendon_over_a_wheel_is_as_long_and_pulls_as_its_plane_geometry_says(s
     assert_allclose(data.ten_length[0], length + 10 * radius, atol=ROUNDING, rtol=0)
     assert_allclose(data.qfrc_spring[:3], -500 * 0.05 * direction, atol=500 * 1e-12)
     assert abs(data.qfrc_spring[6]) < 500 * 1e-12 * radius
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_planar_robots_wheel_is_delivered_on_the_side_of_its_anchor(side):
+    """It cannot swivel: the model as written has the way over the wheel that plane geometry says."""
+    robot = Robot(
+        [[0, 0, 2]], [[0, 0, 0]], 500.0, 1.0, pulley_radius=0.05, pulley_axis=DOWN, gravity=0.0, mobility="planar",
+        platform_size=(0.1, 0.1, 0.1),
+    )  # fmt: skip
+    anchor = np.array([0.4 * side, 0, 1.2])
+    length, direction = over_a_wheel(robot.exits[0], anchor, np.array(DOWN), 0.05)
+    _, data = simulated(robot, anchor, [length / 1.05])
+    assert_allclose(data.ten_length[0], length + 10 * 0.05, atol=ROUNDING, rtol=0)
+    assert_allclose(data.qfrc_spring[:2], -500 * 0.05 * direction[[0, 2]], atol=500 * 1e-12)
 
 
 def test_a_platform_on_a_wheel_swings_about_the_wheels_own_axes():
@@ -304,6 +319,17 @@ def test_a_cable_that_comes_off_its_wheel_is_no_equilibrium():
         settle(robot, [0.3, 0, 1], [3.0, 1.0])
 
 
+def test_a_slack_cable_whose_anchor_lies_within_its_wheel_is_no_equilibrium():
+    """Another cable holds the platform there. With the wheel further down it has a path, and the platform rests."""
+    for height, rests in ((2.0, False), (1.7, True)):
+        robot = Robot(
+            [[0, 0, height], [0.1, 0, 4]], [[0, 0, 0]] * 2, 1e4, 1.0, pulley_radius=(0.1, 0.0), pulley_axis=UP,
+            platform_size=(0.1, 0.1, 0.1),
+        )  # fmt: skip
+        found = settle_many(robot, [[0.1, 0, 2.05]], [[3.0, 1.95]])
+        assert (found.status[0] == Status.CONVERGED) == rests
+
+
 # --- weight --------------------------------------------------------------------------------------------------------
 
 
@@ -326,8 +352,9 @@ def test_a_chain_weighs_what_the_cable_does():
     for i in range(1, 9):
         masses = [model.body(f"node_{i}_{k}").mass[0] for k in range(1, SEGMENTS)] + [model.body(f"end_{i}").mass[0]]
         assert_allclose(sum(masses), robot.cabling.linear_density[i - 1] * rest[i - 1] * (1 - first), rtol=1e-14)
-        lengths = [model.tendon_lengthspring[model.tendon(f"cable_{i}_{k}").id, 1] for k in range(1, SEGMENTS + 1)]
-        assert_allclose(sum(lengths), rest[i - 1], rtol=1e-14)
+        bands = np.array([model.tendon_lengthspring[model.tendon(f"cable_{i}_{k}").id] for k in range(1, SEGMENTS + 1)])
+        assert_allclose(bands[:, 1].sum(), rest[i - 1], rtol=1e-14)
+        assert not bands[:, 0].any()  # a segment that is shorter does not push
 
 
 def test_a_plumb_heavy_cable_stretches_by_its_load_and_half_its_weight():
@@ -389,6 +416,18 @@ def test_the_model_as_delivered_comes_to_the_settled_rest_with_heavy_cables(robo
     assert not any(warning.number for warning in data.warning)
     assert np.linalg.norm(data.body("platform").xpos - rest.position) < 1e-7
     assert np.linalg.norm(rest.deviation) > 1e-5
+
+
+def test_what_is_left_over_is_counted_with_the_true_springs():
+    """Softer ones, which are as good on the way to rest, must not be those that say that it has come."""
+    robot = heavy("cogiro")
+    rest = settle(robot, robot.home)
+    hanging = Hanging(robot, rest.rest_lengths, robot.axial_stiffness, np.zeros(6), rest.pose)
+    right = hanging.residual()
+    hanging.model.tendon_stiffness[:] *= 0.5
+    assert not hanging.true
+    assert hanging.residual() == right
+    assert hanging.true
 
 
 def test_stiffness_of_heavy_cables_is_how_the_held_platforms_force_changes():
@@ -531,6 +570,22 @@ def test_a_wheel_that_does_not_face_its_anchor_is_out_of_balance():
         assert data.qfrc_spring[6] * turn < 0
         assert abs(data.qfrc_spring[6]) > 1e-3 * 0.015 * rest.tensions[0]
         data.qpos[7] -= turn
+
+
+def test_what_turns_a_wheel_is_out_of_balance_too():
+    """A wheel whose groove lies 0.1 mm beside its swivel's plane: facing the anchor, it is still turned."""
+    robot = with_pulleys("cogiro")
+    pose = [0.4, 0.25, 0.15]
+    rest = settle(robot, pose, lengths_at(robot, pose))
+    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, rest.rest_lengths))
+    model.geom("groove_3").pos[1] += 1e-4
+    data = mujoco.MjData(model)
+    place(model, data, robot, rest.pose)
+    toward_anchors(model, data, robot)
+    mujoco.mj_forward(model, data)
+    turning = abs(data.qfrc_spring[6 + 2]) / 0.015
+    assert turning > 2 * np.abs((data.qfrc_passive - data.qfrc_bias)[:3]).max()
+    assert_allclose(residual_of(rest.problem, rest.pose, model=model), turning, rtol=1e-6)
 
 
 def test_one_percent_more_of_a_weight_shows():

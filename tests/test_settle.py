@@ -270,6 +270,31 @@ def test_in_a_batch_only_the_spinning_rows_are_not_settled():
         rests[3]
 
 
+def test_beside_platforms_that_fall_only_those_at_rest_are_settled():
+    """A batch of which MuJoCo is asked a part: the part that falls, the part that spins and the part that rests."""
+    robot = load_robot("parallel")
+    pose, above, spin = random_poses(robot, 1)[0], [0.4, 0.25, 10], [0, 0, 0, 0, 0, 1]
+    rests = settle_many(robot, [above, pose, pose], external_wrench=[[0] * 6, spin, [0] * 6])
+    assert rests.status.tolist() == [Status.FALLS, Status.ITERATION_LIMIT, Status.CONVERGED]
+
+
+@pytest.mark.parametrize(("name", "axial_stiffness"), [("cogiro", 1e4), ("parallel", 1e6)])
+def test_rest_is_what_is_said_of_it(name, axial_stiffness):
+    """A billionth of the weight is left over, also where forces were that small in passing, at some velocity."""
+    robot = load_robot(name).replace(axial_stiffness=axial_stiffness)
+    rests = settle_many(robot, np.random.default_rng(1).uniform(*robot.workspace, (1000, 3)))
+    assert rests.converged.all()
+    assert rests.residuals.max() <= 1e-9 * robot.weight
+
+
+def test_another_mass_in_every_row_is_refused():
+    """MuJoCo has one model for all rows; statics takes them."""
+    robot = load_robot("cogiro")
+    problems = Problems.of(robot, [robot.home] * 2, mass=[0.4, 0.5])
+    with pytest.raises(InvalidInput, match="mass: found one per problem"):
+        settle_many(problems)
+
+
 def test_a_model_without_the_origin_body_refuses_a_wrench():
     """A model of one's own that has no body to apply the wrench to: one sentence, and no silent neglect."""
     robot = load_robot("cogiro")

@@ -41,11 +41,9 @@ def written(monkeypatch) -> list[Word]:
     return said
 
 
-def a_page(warning: str = "") -> page.Page:
+def a_page() -> page.Page:
     robot = cdpr.load_robot("planar-vertical")
-    return page.Page(
-        SIZE, [robot], ["caption"], largest_tension=2.0, footnote="footnote", outlined=True, warning=warning
-    )
+    return page.Page(SIZE, [robot], ["caption"], largest_tension=2.0, footnote="footnote", outlined=True)
 
 
 def a_frame(of: page.Page, tensions, slack) -> np.ndarray:

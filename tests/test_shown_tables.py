@@ -6,6 +6,7 @@ The results are made up, all of their numbers different, so that no two could be
 import io
 import json
 import math
+from unittest.mock import Mock
 
 import mujoco
 import numpy as np
@@ -26,8 +27,11 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES, Check
 from cdpr_sim.crosscheck.compare import Agreement, Verdict
 from cdpr_sim.crosscheck.hold import Hold
+from cdpr_sim.crosscheck.layout import Proof, Side
+from cdpr_sim.design.layout import Layout, Moved
+from cdpr_sim.design.objectives import OBJECTIVES
 from cdpr_sim.physics.release import Release
-from cdpr_sim.report import analysis, as_json, crosscheck, workspace
+from cdpr_sim.report import analysis, as_json, crosscheck, design, workspace
 
 COMMANDED = (0.4, 0.25, 0.2)
 
@@ -244,6 +248,24 @@ def test_compensated_cables_are_shorter_by_what_is_said():
     assert "so it is" in said
 
 
+@pytest.mark.parametrize(
+    ("exact", "stays", "comes", "color"),
+    [(True, True, True, "green"), (False, True, True, "yellow"), (False, True, False, "yellow"),
+     (True, False, False, "red")],
+)  # fmt: skip
+def test_what_mujoco_confirms_of_a_compensation_is_told(exact, stays, comes, color):
+    """The colour of the verdict, and in JSON whether the pose is held and whether the platform comes there."""
+    reach = Reach.EXACT if exact else Reach.NEAREST
+    found = compensation(reach=reach, distance=0.0 if exact else 0.0123)
+    elsewhere = made_up("seecr/fsolve")
+    hold = Hold(found, found.equilibrium if stays else elsewhere, found.equilibrium if comes else elsewhere)
+    assert analysis.compensation_verdict(found, hold).startswith(f"[bold {color}]")
+    told = as_json.compensation(found.equilibrium.problem, found, hold, [elsewhere], [found.equilibrium])
+    assert (told["held"], told["comes_from_commanded"], told["exact"]) == (stays, comes, exact)
+    assert told["before"]["fsolve"]["position"] == elsewhere.position.tolist()
+    assert told["after"]["newton"]["position"] == found.equilibrium.position.tolist()
+
+
 def test_sensitivity_and_modes_name_their_units():
     """Millimetres, degrees and newtons per unit; hertz."""
     effect = Effect("exit 3 z", "exits", 8, "mm", 1.5, 2.5, 3.5)
@@ -265,7 +287,9 @@ def test_equilibria_are_listed_with_what_mujoco_does_there():
     places = (made_up("mujoco"), made_up("newton", eigenvalues=(-3.0, 40.0, 90.0)))
     found = Equilibria(places[0].problem, places, np.array([0.0125, 0.25]), 10, saddles=True)
     releases = [Release(1e-6, 1e-6, 2.0), Release(1e-3, 1e-6, 2.0)]
-    shown = columns(analysis.equilibria_table(found, releases, reached=0))
+    table = analysis.equilibria_table(found, releases, reached=0)
+    assert [row.style for row in table.rows] == ["bold", "dim"]  # where one gets, and what is not stable
+    shown = columns(table)
     assert shown["energy [mJ]"] == ["12.50", "250.00"]
     assert (shown["x [mm]"], shown["y [mm]"], shown["z [mm]"]) == (
         ["411.0", "412.0"],
@@ -282,6 +306,62 @@ def test_equilibria_are_listed_with_what_mujoco_does_there():
     assert [one["energy"] for one in told["equilibria"]] == [0.0125, 0.25]
     assert [one["stays_in_mujoco"] for one in told["equilibria"]] == [True, False]
     assert (told["reached"], told["reached_in_mujoco"], told["imbalance"], told["jumps"]) == (0, 1, 0, [0.5])
+
+
+def test_equilibria_that_are_missing_are_counted():
+    """Three stable ones without a saddle lack at least three; with as many odd ones nothing is known to be missing."""
+    minima, saddle = [made_up(source) for source in list(DEGREES)[:3]], made_up("newton", eigenvalues=(-3, 40, 90))
+    for places, said in (([*minima], "At least 3 missing"), ([minima[0], saddle], "nothing says that one is missing")):
+        found = Equilibria(minima[0].problem, tuple(places), np.zeros(len(places)), 10, saddles=True)
+        assert said in analysis.equilibria_note(found)
+
+
+def test_what_moved_in_a_layout_is_told_in_its_unit():
+    """Millimetres of points; newtons, kilograms per metre and per cent of cables."""
+    moved = (
+        Moved("exit 3 z", 0.25, 0.2375),
+        Moved("EA of cable 2", 1000.0, 1250.0),
+        Moved("linear density of cable 2", 2.0, 1.0),
+    )
+    layout = Mock(spec=Layout, given=cdpr.load_robot("cogiro"), moved=moved)
+    assert list(columns(design.moved_table(layout)).values()) == [
+        ["exit 3 z", "EA of cable 2", "linear density of cable 2"], ["250.00 mm", "1000 N", "2 kg/m"],
+        ["237.50 mm", "1250 N", "1 kg/m"], ["-12.50 mm", "+25 %", "-50 %"],
+    ]  # fmt: skip
+
+
+def test_a_layouts_json_says_each_number_of_its_own_road():
+    """By statics and by MuJoCo, before and after; what MuJoCo does not confirm is null or false."""
+    given, robot = cdpr.load_robot("parallel"), cdpr.load_robot("cogiro")
+    layout = Mock(
+        spec=Layout, given=given, robot=robot, objective=OBJECTIVES["worst tilt"], before=0.5, after=0.125,
+        cases=[1] * 3, moved=(), distance=0.01, tried=40, history=[0] * 7, message="done",
+    )  # fmt: skip
+    for score, better in ((0.25, True), (np.nan, False)):
+        sides = Mock(spec=Side, score=0.75), Mock(spec=Side, score=score)
+        told = design.design_json(
+            Mock(spec=Proof, found=layout, cases=[1] * 5, before=sides[0], after=sides[1], agrees=True, better=better)
+        )
+        in_mujoco = None if np.isnan(score) else score
+        assert [told[name] for name in ("before", "after", "before_in_mujoco", "after_in_mujoco")] == [
+            0.5, 0.125, 0.75, in_mujoco,
+        ]  # fmt: skip
+        assert (told["agrees"], told["better"], told["poses"], told["poses_in_mujoco"]) == (True, better, 3, 5)
+        assert (told["layouts_tried"], told["generations"], told["furthest_move"]) == (40, 7, 0.01)
+        assert (told["robot"], told["exits"]) == ("parallel", robot.exits.tolist())
+
+
+def test_what_comes_nearest_is_listed_first():
+    """In millimetres, at the pose where it does."""
+    poses = [(0.25, 0.25, 0.1), (0.4, 0.25, 0.1), (0.55, 0.3, 0.2)]
+    found = cdpr.clearances(cdpr.load_robot("cogiro"), poses, points=5)
+    order = sorted(range(3), key=lambda row: found.least[row])
+    assert order != [0, 1, 2]
+    shown = columns(design.clearance_table(found))
+    for axis, name in enumerate("xyz"):
+        assert shown[f"{name} [mm]"] == [f"{1000 * poses[row][axis]:.1f}" for row in order]
+    distances = [float(words.split()[-2]) for words in shown["nearest"]]
+    assert distances == pytest.approx([1000 * found.least[row] for row in order], rel=0.01)
 
 
 def identification() -> Identification:

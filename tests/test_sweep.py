@@ -185,6 +185,16 @@ def test_wrenches_add_the_wrench_feasible_workspace():
     assert 0 < int(dataset["wrench_feasible"].sum()) < dataset["feasible"].size
 
 
+def test_the_wrenches_that_may_come_add_to_the_one_that_is_there():
+    """A push to the right that one to the left makes up for, and the other way round."""
+    robot, right = cdpr.load_robot("cogiro"), np.array([1.5, 0, 0, 0, 0, 0])
+    asked = {"quantities": ["feasible"], "tension_limits": (0, 10)}
+    weight_alone = cdpr.sweep(robot, (6, 5, 4), **asked)["feasible"].values
+    both = cdpr.sweep(robot, (6, 5, 4), external_wrench=right, wrenches=-right, **asked)
+    np.testing.assert_array_equal(both["wrench_feasible"], weight_alone)
+    assert (both["feasible"].values != weight_alone).any()
+
+
 def test_layouts_mirror_symmetry_shows_in_the_map(dataset):
     """`parallel` is symmetric about the frame's middle: so is its tilt, where it is not free."""
     tilt = dataset["tilt"].sel(robot="parallel", material="vectran-0.7mm")

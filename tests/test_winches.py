@@ -264,14 +264,29 @@ def test_ropes_that_are_drawn_change_no_force():
 
 def test_controls_cover_the_workspace_and_say_the_lengths():
     """L/(1 + u) is the rest length that was asked for, one pose or many, and lies in the model's ctrlrange."""
-    for robot in ROBOTS.values():
+    cogiro = ROBOTS["cogiro"]
+    large = cogiro.replace(pulley_radius=0.15, pulley_axis=(0, 0, 1))  # half a metre of cable may lie on such a wheel
+    for robot in (*ROBOTS.values(), large):
         model = model_of(robot)
-        poses = np.random.default_rng(0).uniform(*robot.workspace, (50, 3))
+        poses = np.random.default_rng(0).uniform(*robot.workspace, (300, 3))
         wanted = cdpr.Problems.of(robot, poses).rest_lengths
+        wanted = wanted[np.isfinite(wanted).all(1)]  # cables over large wheels have no way to some places
         controls = cdpr.winch_controls(robot, robot.home, wanted)
         np.testing.assert_allclose(robot.rest_lengths(robot.home) / (1 + controls), wanted, rtol=1e-14)
         np.testing.assert_array_equal(controls[0], cdpr.winch_controls(robot, robot.home, wanted[0]))
         assert ((model.actuator_ctrlrange[:, 0] < controls) & (controls < model.actuator_ctrlrange[:, 1])).all()
+
+
+def test_controls_of_drums_cover_the_workspace():
+    """Metres that are wound in, of cables that stiffen: zero at the pose that is written, both ways from there."""
+    robot = ROBOTS["cogiro"].replace(stiffening=(50, 100))
+    model = model_of(robot)
+    poses = np.random.default_rng(0).uniform(*robot.workspace, (10, 3))
+    lengths = np.array([robot.rest_lengths(pose) for pose in poses])
+    wound_in = robot.rest_lengths(robot.home) - lengths
+    assert (wound_in < 0).any()
+    low, high = model.actuator_ctrlrange.T
+    assert ((low < wound_in) & (wound_in < high)).all()
 
 
 @pytest.mark.parametrize(
