@@ -393,8 +393,8 @@ def stretched() -> pretension.Pretension:
     errors = np.linspace(-0.01, 0.01, 5)
     wrong = tuple(
         pretension.WrongLength(
-            cable, errors, some(5), some(5), np.array([1200.0, 700, 300, 400, 500]) * (1 - cable / 10), np.array([0, 0, 0, 1, 2]),
-            errors[::2], some(3), some(3), 1e5 * some(3),
+            cable, errors, some(5), some(5), np.array([1200.0, 700, 300, 400, 500]) * (1 - cable / 10),
+            np.array([0, 0, 0, 1, 2]), errors[::2], some(3), some(3), 1e5 * some(3),
         )
         for cable in (pretension.ABOVE, pretension.BELOW)
     )  # fmt: skip
