@@ -129,6 +129,9 @@ def test_the_same_results_give_the_same_file_and_others_another(results):
 def test_tensions_are_the_results(name, results):
     """Fig. 7, 8, 10, 11: every cable's line and points, for both materials."""
     figure = gallery.PICTURES[name].draw(results[name])
+    paper = {"planar-vertical": "Fig. 7", "planar-horizontal": "Fig. 8", "cogiro": "Fig. 10", "parallel": "Fig. 11"}
+    assert gallery.PICTURES[name].paper == paper[name]
+    assert figure.get_supxlabel().replace("\n", " ").endswith(f"(Paper, {paper[name]})")
     for panel, line in enumerate(results[name].lines):
         for group in studies.twins(line.static):
             drawn_line = artist(figure, f"static {group[0]}", panel)
@@ -226,6 +229,10 @@ def test_a_pose_in_space_is_drawn_where_it_is(monkeypatch):
     robot, row = cdpr.load_robot("parallel").replace(material="fishing-0.4mm"), 1
     rests = cdpr.solve_many(robot, [(0.4, 0.25, 0.2), (0.2, 0.25, 0.1)])
     ax = Figure().add_subplot(projection="3d")
+    axes.draw_space(ax, robot, exits=False)
+    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == ("x [m]", "y [m]", "z [m]")
+    np.testing.assert_allclose([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()], robot.frame.T)
+    drawn.clear()
     axes.draw_pose_in_space(ax, rests, row)
     half = robot.platform_size / 2
     signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])

@@ -339,6 +339,18 @@ def test_a_front_has_its_first_goal_to_the_right():
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("tilt [°]", "size [mm]")
 
 
+def test_a_sheet_says_what_each_robot_is():
+    """Cables, mass in kg, and width, depth and height of the frame in m, below its name."""
+    robots = [cdpr.load_robot("parallel"), cdpr.load_robot("two-cable")]
+    spatial, planar = (robot.replace(mass=1234.5, frame=[(0, 0, 0), (3, 2 * (i == 0), 1)])
+                       for i, robot in enumerate(robots))  # fmt: skip
+    figure = still.sheet([spatial, planar])
+    assert [ax.get_title() for ax in figure.axes] == ["parallel", "two-cable"]
+    said = [ax.texts[-1].get_text() for ax in figure.axes]
+    assert said[0].splitlines() == [f"{spatial.kind}, 8 cables", "1,230 kg, 3 × 2 × 1 m"]
+    assert said[1].splitlines() == [f"planar, {planar.kind}, 2 cables", "1,230 kg, 3 × 1 m"]
+
+
 def test_a_still_shows_cables_where_they_run_and_its_platform_in_its_own_frame():
     """Turned by 90° about z, the platform sees an exit that stands in front of it on its right."""
     robot = cdpr.Robot(
