@@ -31,6 +31,7 @@ def main() -> None:
         "exits move by [mm]",
         "asked [°]",
         "in MuJoCo, twice as fine [°]",
+        "slack there, at most",
         "MuJoCo − Newton [mm]",
         "layouts tried",
         words=0,
@@ -39,6 +40,7 @@ def main() -> None:
         found = proof.found
         table.add_row(
             f"{1e3 * found.distance:.1f}", f"{np.degrees(found.after):.4g}", f"{np.degrees(proof.after.score):.4g}",
+            f"{proof.after.settled.slack.sum(-1).max()} of {found.robot.cables}",
             f"{1e3 * proof.after.errors['position_error']:.1e}", f"{found.tried:,}",
         )  # fmt: skip
     console.print(table)

@@ -30,7 +30,7 @@ import threading
 import time
 import tomllib
 import traceback
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -92,7 +92,7 @@ class Loop:
         alive = self._fork(session, items, lambda: _record(session, f"{self.tree}/cdpr_sim/", place))
         self.answers.put(alive)
         lines = [line.split("\t") for line in place.read_text(encoding="utf-8").splitlines()] if alive else []
-        took: Counter = Counter()
+        took: defaultdict[str, float] = defaultdict(float)
         for who, seconds, *_ in lines:
             took[who] += float(seconds)
         for fault in self.faults if alive else []:

@@ -44,7 +44,7 @@ def performance() -> None:
             f"{one.solved.sum()} of {len(one.solved)}",
             f"{iterations.min()} to {iterations.max()}",
             *(f"{np.median(iterations[where]):.0f}" for where in (middle, ~middle)),
-            f"{milliseconds.min():.1f} to {milliseconds.max():.0f}",
+            f"{milliseconds.min():.1f} to {milliseconds.max():.1f}",
             *(f"{np.median(milliseconds[where]):.1f}" for where in (middle, ~middle)),
         )
     console.print(rows)

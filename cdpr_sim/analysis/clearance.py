@@ -26,16 +26,18 @@ from cdpr_sim.statics import catenary
 from cdpr_sim.statics.newton import solve_many
 
 POINTS = 25
-"""Along a hanging cable: its pieces then lie within 1/4600 of its sag."""
+"""Along a hanging cable: where it is shallow, its 24 pieces then lie within 1/575 of its sag
+(``scripts/measure_constants.py``); a parabola's, of n pieces, within 1/n²."""
 
 SEARCH_POINTS = 9
 """The same while layouts are searched for."""
 
-BYTES_PER_POINT = 400
-"""That distances take at a pose, for each point along each cable: so much was measured of 5,000 poses."""
+BYTES_PER_POINT = 200
+"""That distances take at a pose, for each point along each cable: 172 are measured of 5,000 poses
+(``scripts/measure_constants.py``)."""
 
-ROWS = 64
-"""Poses at a time: their pairs of pieces fill some tens of megabytes."""
+ROWS = 16
+"""Poses at a time: their pairs of pieces take some 50 MB, with eight cables (``scripts/measure_constants.py``)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,8 @@ of those of ``parallel`` that anything holds, three have less (``scripts/measure
 
 LEAST_ARM = 1e-3
 """Of the characteristic length. Where position alone counts, this much weight on the rotation still chooses the least
-of those that go with it, and moves the position by its square times centimetres: 1e-8 m measured."""
+of those that go with it, and moves the position by its square times centimetres: 8e-9 m
+at most (``scripts/measure_constants.py``)."""
 
 MOST_STRAIN, MOST_LOADS = 0.05, 3.0
 """Default upper limit of tension: what strains a cable by 5 %, where ropes break; or so many loads, if that is more,
@@ -64,7 +65,7 @@ far apart those are, as a fraction of the distance of the nearest."""
 
 _EQUAL = 1e-6
 """[m] Distance between SLSQP's nearest pose and the equilibrium of its rest lengths: it measures below
-1e-12, where SLSQP has converged."""
+1e-12, where SLSQP has converged (``scripts/measure_constants.py``)."""
 
 
 class Reach(enum.Enum):

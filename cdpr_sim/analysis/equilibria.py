@@ -30,8 +30,9 @@ from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import derivatives, forces, newton
 
 SAME = 1e-3
-"""Two equilibria nearer than this fraction of the characteristic length are one: two solutions of one scatter by
-1e-9 m and less, where it is held."""
+"""Two equilibria nearer than this fraction of the characteristic length are one: two solutions of one that is held
+scatter by 3e-8 of it at most, and two that are held are 0.01 of it apart at least, of 120,000 random ones
+(``scripts/measure_constants.py``)."""
 
 LOOSE = 1e-8
 """Equilibria whose softest direction has this fraction of the stiffest may belong to a family: ``parallel``, hanging on

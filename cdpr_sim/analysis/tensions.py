@@ -29,7 +29,7 @@ from cdpr_sim.core.status import NEUTRAL
 Array = np.ndarray
 
 CUTS = 200
-"""Cutting planes before giving up. DemoBot's eight cables need 1 to 3."""
+"""Cutting planes before giving up. DemoBot's eight cables need 1 to 4 (``scripts/measure_constants.py``)."""
 
 GAP = 1e-6
 """Between the stiffest tensions' stiffness and its upper bound, as a fraction."""

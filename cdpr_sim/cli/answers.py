@@ -13,7 +13,7 @@ from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_
 from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
 
 BYTES_PER_START = 1000
-"""That looking for equilibria takes: 600 were measured between 1,000 and 50,000 starts."""
+"""That looking for equilibria takes: some 600 are measured (``scripts/measure_constants.py``)."""
 
 
 def compensate(

@@ -42,7 +42,7 @@ def figures(
     with errors_as_sentences():
         wanted = name or cdpr.list_figures()
         written = iter(paths_of(wanted, output).values())
-        with busy("Computing and drawing, a minute for all (the first run on a machine compiles as long)"):
+        with busy("Computing and drawing, a minute for all"):
             cdpr.write_figures(
                 wanted, output, force=force, progress=lambda _: typer.echo("\n".join(map(str, next(written))))
             )

@@ -17,7 +17,8 @@ SPACING = 0.02
 """[m] Mean distance of the poses that are compensated, along the path; rotations count by the characteristic length."""
 
 KEPT = 4096
-"""Compensations that are kept for the next run: where no lengths hold a pose, finding the nearest takes a second."""
+"""Compensations that are kept for the next run: where no lengths hold a pose, finding the nearest takes tenths of a
+second."""
 
 Limits = tuple[float, float]
 

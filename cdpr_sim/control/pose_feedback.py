@@ -16,7 +16,8 @@ from cdpr_sim.core.pose import moved
 
 GAIN = 1.0
 """[1/s] Rate at which a constant error is removed. An integral swings a platform up that is damped more slowly than
-that: DemoBot on its softer cables at 2."""
+that: ``parallel`` on its softer cables by a centimetre at 2, and slowly at 1; ``cogiro`` comes to rest at either
+(``scripts/measure_constants.py``)."""
 
 REACH, TURN = 0.05, 0.3
 """[m], [rad] Largest correction: beyond, the cables are not at fault, or nothing helps."""

@@ -42,7 +42,7 @@ FEW = 10
 
 PARTS, WHOLE = 1, 2
 """How hard LLVM tries: what a kernel calls is compiled on its own first, and again within the whole. Beyond
-these levels compiling takes a third longer, and the kernels are no faster."""
+these levels compiling takes longer, and the kernels are no faster."""
 
 SOURCES = (
     "core/cable.py", "core/cable_law.py", "core/cable_path.py", "core/checks.py", "core/compiling.py",

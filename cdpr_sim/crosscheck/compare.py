@@ -17,8 +17,8 @@ from cdpr_sim.physics.settle import residual_of
 from cdpr_sim.statics import forces
 
 POSITION_TOLERANCE = 1e-6
-"""[m] A thousandth of a millimetre. Settled poses measure 1e-9 m from the solver's, where a residual of 1e-9 of the
-weight meets the softest platform (a few N/m)."""
+"""[m] A thousandth of a millimetre. DemoBot's settled poses are 1e-9 m from the solver's at most
+(``scripts/measure_constants.py``), where a residual of 1e-9 of the weight meets the softest stiffness (a few N/m)."""
 
 ROTATION_TOLERANCE = 1e-5
 """[rad]"""

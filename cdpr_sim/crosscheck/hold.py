@@ -12,8 +12,8 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.physics.settle import settle
 
 SAME = 1e-5
-"""Of the characteristic length: MuJoCo's platform is back where it was. It measures 1e-9 where it is held well, and at
-the edge of what is reachable, where one direction is hardly held, 1e-6."""
+"""Of the characteristic length: MuJoCo's platform is back where it was. It rests with 1e-9 of the load unbalanced,
+which moves a platform that is as soft as ``compensation.HELD`` by 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)

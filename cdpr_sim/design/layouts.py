@@ -32,8 +32,8 @@ from cdpr_sim.statics.heavy_kernel import heavy_gufunc
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
-BYTES_PER_CABLE = 100
-"""Of one rest, for each cable: so much was measured of searches over 2,000 poses."""
+BYTES_PER_CABLE = 120
+"""Of one rest, for each cable: 87 are measured with eight of them, 117 with four (``scripts/measure_constants.py``)."""
 
 LEAST_WORK = 2000
 """Equilibria per thread: some ten milliseconds, long beside what starting a thread takes."""

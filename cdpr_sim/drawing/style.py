@@ -172,10 +172,10 @@ CLOSE_UP = 2.3
 """Height of the close-up, in diagonals of the platform."""
 
 SUPERSAMPLING = 2
-"""Rays or fragments per pixel and axis. MuJoCo's own multisampling and shadows cost software OpenGL a factor of 8."""
+"""Rays or fragments per pixel and axis. MuJoCo's own multisampling and shadows cost software OpenGL much more."""
 
 SLICES, STACKS, QUADS = 12, 6, 12
-"""Of MuJoCo's round shapes and chains; its default 28 and 16 cost software OpenGL a factor of 4."""
+"""Of MuJoCo's round shapes and chains; its default 28 and 16 cost software OpenGL more."""
 
 # The page around it; sizes are fractions of its shorter side.
 

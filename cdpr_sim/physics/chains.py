@@ -3,11 +3,12 @@
 Segments are as long as the weights of Gauss and Legendre's quadrature times the rest length, each a tendon like a
 massless cable's, ``springlength="0 l"`` and ``stiffness`` EA/l. The masses lie between them, each what the cable weighs
 between two of the quadrature's points; what is left beyond the last point is a mass at the anchor. The chain's ends
-then pull as that quadrature integrates, which six segments do to some 1e-9 of the length. In chains of equal segments
-the error falls with the square of their number only.
+then lie as that quadrature integrates: six segments miss 1e-8 of the length where a cable pulls sideways by its weight,
+and 4e-12 where by twice that (``scripts/measure_constants.py``). In chains of equal segments the error falls with the
+square of their number only.
 
-What bends sharply such a division misses by up to some 1e-4 of the length: a slack chain, once it hangs, is divided
-anew, finer where it bends.
+What bends sharply such a division misses by percents: a slack chain, once it hangs, is divided anew, finer where it
+bends, and misses 3e-7 at most, unless it bends more sharply than ``SHARPEST``.
 
 The masses are branches of the platform: each moves on three slide joints from the one that is nearer to the anchor, so
 that a coordinate is a segment's own extent, in the platform's frame, and only the first segment reaches the world.
@@ -42,7 +43,7 @@ SHARPEST = 0.02
 """Of a chain's bends, as a part of its length, the sharpest for which it is divided: segments get no smaller then."""
 
 STRAIGHT = 2.0
-"""A chain that pulls sideways by so many of its weights is divided as straight ones are: they have it to 1e-9 m."""
+"""A chain that pulls sideways by so many of its weights is divided as straight ones are: they have it to 4e-12."""
 
 LEAST_INERTIA = 1e-14
 """[kg m²] Of a point mass: MuJoCo wants some, and nothing that moves along slides feels it."""

@@ -46,7 +46,7 @@ PAUSE = 3.0
 """[s] Duration of a drive along a path without length, unless the caller says otherwise."""
 
 MOST_STATES = 1_000_000
-"""Of one trajectory: a gigabyte of numbers, and far more than anybody looks at."""
+"""Of one trajectory: half a gigabyte of numbers, and far more than anybody looks at."""
 
 MOST_SECONDS = 1e5
 """Longest drive [s]: fifty million time steps."""

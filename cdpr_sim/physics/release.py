@@ -33,8 +33,8 @@ NUDGE = 1e-6
 stretch, and more than the 1e-9 m that an equilibrium's rounding leaves open."""
 
 STAYS, LEAVES = 3.0, 100.0
-"""In nudges; 1.0 is measured. Energy forbids a stable platform to stray further than it was displaced
-along its softest direction; one that leaves grows exponentially."""
+"""In nudges; 1.0 is measured (``scripts/measure_constants.py``). Energy forbids a stable platform to stray further than
+it was displaced along its softest direction; one that leaves grows exponentially."""
 
 FINEST = 0.1
 """Time step of the undamped motion, over the 1/omega of an upper bound of its fastest swing."""

@@ -42,12 +42,12 @@ DAMPING = 0.05
 for some periods, as platforms on cables do."""
 
 CABLE_DAMPING = 2.5e-4
-"""[s] Assumed: a loss factor of 2 % at the 11 Hz of DemoBot's softest motion on fishing line, of 5 % at Vectran's
-34 Hz."""
+"""[s] Assumed: a loss factor of 2 % at the 10 Hz of ``cogiro``'s softest motion on fishing line, of 5 % at
+Vectran's 33 Hz."""
 
 STEPS = 20
 """Per period of the platform's stiffest motion. The model's own integrator, which is implicit in the springs, is stable
-with far fewer: but it damps them, so that feedback looked stable that is not, and tensions peaked five times too high.
+with far fewer: but it damps them, so that feedback looked stable that is not, and tensions peaked far too high.
 This one is symplectic in the springs, and damps nothing that the model does not."""
 
 ROUNDING = 1e-9

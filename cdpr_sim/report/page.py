@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".html", ".htm")
 
 FILM_SIZE, FILM_RATE = (640, 360), 12.0
-"""[pixel], [frames per second] Some 0.3 MB."""
+"""[pixel], [frames per second] Some 0.3 MB (``scripts/measure_constants.py``)."""
 
 DIGITS = 7
 """Of a coordinate on the page: a tenth of a micrometre of a metre."""

@@ -19,14 +19,14 @@ DEPENDENT = 1e-10
 """A column shorter than this after projection, as a fraction of itself, depends on the others."""
 
 MOST_CHANGES = 100
-"""Of the active set. Eight cables need five to twelve; where rounding makes the sets cycle, HiGHS decides."""
+"""Of the active set. Eight cables need up to some ten; where rounding makes the sets cycle, HiGHS decides."""
 
 BALANCED = 1e-9
 """Unbalanced force, as a fraction of the load, that still counts as balance. Where forces do balance, what is left
-is rounding, 1e-15; at 1e-9 outside the workspace, a micrometre decides."""
+is rounding, 1e-15; so much is left within a nanometre of the border (``scripts/measure_constants.py``)."""
 
 MOST_CUTS = 60
-"""Directions in which the cables are found to pull too little; catalogue robots need two to eight."""
+"""Directions in which the cables are found to pull too little; catalogue robots need a handful."""
 
 MOST_GIVEN = 1e3
 """Loads. Limits that would have to give way by more than this give way for nothing: no tensions balance the load."""

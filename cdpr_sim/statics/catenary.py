@@ -44,7 +44,7 @@ MAX_ITERATIONS = 200
 """Two or three do; bisections alone would need this many."""
 
 SERIES = 0.5
-"""Below it, sinh a − a and a cosh a − sinh a are summed as series: seven terms leave 1e-17 of them."""
+"""Below it, sinh a − a and a cosh a − sinh a are summed as series, of seven terms: the eighth is 1e-17 of them."""
 
 
 class Catenary(NamedTuple):

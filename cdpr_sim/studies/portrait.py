@@ -39,7 +39,7 @@ WORST = 5
 
 ALIKE = 1e-3
 """Two poses of a grid whose platforms are equally far off, but for this fraction, are listed as one. Symmetry leaves
-1e-15, and 2e-5 where nothing holds the platform in some direction."""
+far less, also where nothing holds the platform in some direction."""
 
 POINTS = 61
 """Of a map, along its longer side."""

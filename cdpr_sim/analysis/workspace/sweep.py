@@ -35,7 +35,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CHUNK = 32_768
-"""Poses per task: half a second and 20 MB, long beside what Dask spends on a task and small beside memory."""
+"""Poses per task: half a second and 20 MB (``scripts/measure_constants.py``), long beside what Dask spends on a task
+and small beside memory."""
 
 TASKS, LEAST_CHUNK = 8, 2_500
 """A small sweep is split as well, into so many tasks, unless they would have fewer poses than that."""
@@ -89,7 +90,7 @@ _MARGIN = {
     "units": "N",
     "long_name": "by how much rigid cables' tensions can keep from their limits, as commanded; negative outside",
 }
-"""Of ``tension_margin``, which is computed only where it is asked for: it takes as long as an equilibrium."""
+"""Of ``tension_margin``, which is computed only where it is asked for: it takes longer than an equilibrium."""
 
 _OF_MASSLESS_CABLES = {"feasible", "frequency"}
 

@@ -28,7 +28,7 @@ SECONDS = 10.0
 SUFFIXES = (".mp4", ".gif")
 
 LEAST_SIZE, MOST_SIZE = (320, 240), (3840, 2160)
-"""[pixel] Below nothing can be read; above, a frame takes software OpenGL a minute."""
+"""[pixel] Below nothing can be read; above, a frame takes software OpenGL more than a second."""
 
 MOST_FRAMES, MOST_FPS = 100_000, 240.0
 MOST_EXAGGERATION = 1e4

@@ -20,7 +20,7 @@ from cdpr_sim.physics.heavy.stepping import Stepping
 from cdpr_sim.physics.relaxation import ACCEPTABLE, ALONG, RESIDUAL, ROUNDING, SPEED
 
 STEPS = 10_000
-"""Time steps after which a platform is restless; with taut cables it needs twenty, with slack ones hundreds."""
+"""Time steps after which a platform is restless: on taut cables it needs some ten, on slack ones tens to thousands."""
 
 LOOK = 5
 """Time steps between two looks at the residual."""

@@ -19,7 +19,7 @@ from cdpr_sim.core.errors import LONGEST, InvalidInput
 from cdpr_sim.core.files import read_bytes
 
 LARGEST_FILE = 1_000_000
-"""Bytes; a thousand cables take a third of it in the most talkative of these formats."""
+"""Bytes; a thousand cables take half of it in the most talkative of these formats."""
 
 IRREGULAR = re.compile(r'("(?:[^"\\]|\\.)*")|,(?=\s*[\]}])|(?<=\d)(\.)(?!\d)')
 """Text, which is kept; and what is common and not JSON: commas before closing brackets, numbers that end in a point."""
