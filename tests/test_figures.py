@@ -13,7 +13,7 @@ from matplotlib.text import Text
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
-from cdpr_sim.drawing import cables, style
+from cdpr_sim.drawing import axes, cables, style
 from cdpr_sim.studies import gallery, two_cable_figures
 from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import lines_figures as figures
@@ -129,6 +129,9 @@ def test_the_same_results_give_the_same_file_and_others_another(results):
 def test_tensions_are_the_results(name, results):
     """Fig. 7, 8, 10, 11: every cable's line and points, for both materials."""
     figure = gallery.PICTURES[name].draw(results[name])
+    paper = {"planar-vertical": "Fig. 7", "planar-horizontal": "Fig. 8", "cogiro": "Fig. 10", "parallel": "Fig. 11"}
+    assert gallery.PICTURES[name].paper == paper[name]
+    assert figure.get_supxlabel().replace("\n", " ").endswith(f"(Paper, {paper[name]})")
     for panel, line in enumerate(results[name].lines):
         for group in studies.twins(line.static):
             drawn_line = artist(figure, f"static {group[0]}", panel)
@@ -192,6 +195,60 @@ def test_a_slack_cable_hangs_as_long_as_it_is():
         curve = cables.hanging(start, end, rest, points=201)
         assert curve[[0, -1]] == pytest.approx(np.array([start, end]))
         assert np.linalg.norm(np.diff(curve, axis=0), axis=1).sum() == pytest.approx(rest, rel=LENGTH)
+        below = np.interp(curve[1:-1, 0], [0.0, 0.5], [1.0, 0.7]) - curve[1:-1, 2]
+        assert (below > 1e-4).all() if rest > straight else np.abs(below).max() < 1e-12
+
+
+def test_a_turned_platform_and_its_slack_cables_are_drawn_where_they_are():
+    """In the x-z plane, 30° about y: its right end lower, its top to the right; a slack cable 1.1 times as long."""
+    robot = cdpr.Robot(
+        exits=[[0, 0, 0.6], [1, 0, 1]], anchors=[[-0.2, 0, 0], [0.2, 0, 0]], axial_stiffness=1e3, mass=1,
+        platform_size=(0.4, 0.1, 0.2), mobility="planar",
+    )  # fmt: skip
+    position, c, s = np.array([0.5, 0, 0.4]), np.sqrt(3) / 2, 0.5
+    rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    ax = Figure().add_subplot()
+    outline = axes.draw_platform(ax, robot, position, rotation).get_xy()[:-1]
+    corners = [(x, z) for x in (-0.2, 0.2) for z in (-0.1, 0.1)]
+    expected = [(0.5 + c * x + s * z, 0.4 - s * x + c * z) for x, z in corners]
+    np.testing.assert_allclose(sorted(outline.tolist()), sorted(expected))
+    straight = np.hypot(0.5 - 0.2 * c, 0.6 - 0.4 - 0.2 * s)  # from (0, 0.6) to the left end, which is higher
+    axes.draw_cables(ax, robot, position, rotation, [True, False], [1.1 * straight, 1.0])
+    slack, taut = (line.get_xydata() for line in ax.lines)
+    assert np.linalg.norm(np.diff(slack, axis=0), axis=1).sum() == pytest.approx(1.1 * straight, rel=LENGTH)
+    assert slack[[0, -1]] == pytest.approx(np.array([[0, 0.6], [0.5 - 0.2 * c, 0.4 + 0.2 * s]]))
+    assert taut == pytest.approx(np.array([[1, 1], [0.5 + 0.2 * c, 0.4 - 0.2 * s]]))
+
+
+def test_a_pose_in_space_is_drawn_where_it_is(monkeypatch):
+    """The platform's box where it rests, as large as it is, and the outline where it was commanded, level."""
+    drawn: dict[str, np.ndarray] = {}
+    for kind in ("Poly3DCollection", "Line3DCollection"):
+        make = getattr(axes, kind)
+        monkeypatch.setattr(axes, kind, lambda at, *a, k=kind, m=make, **b: m(drawn.setdefault(k, at), *a, **b))
+    robot, row = cdpr.load_robot("parallel").replace(material="fishing-0.4mm"), 1
+    rests = cdpr.solve_many(robot, [(0.4, 0.25, 0.2), (0.2, 0.25, 0.1)])
+    ax = Figure().add_subplot(projection="3d")
+    axes.draw_space(ax, robot, exits=False)
+    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == ("x [m]", "y [m]", "z [m]")
+    np.testing.assert_allclose([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()], robot.frame.T)
+    drawn.clear()
+    axes.draw_pose_in_space(ax, rests, row)
+    half = robot.platform_size / 2
+    signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    expected = {
+        "Line3DCollection": rests.problems.positions[row] + half * signs,
+        "Poly3DCollection": np.array([rests.positions[row] + rests.rotations[row] @ (half * one) for one in signs]),
+    }
+    for kind, corners in expected.items():
+        found = np.unique(np.round(np.concatenate(drawn[kind]), 9), axis=0)
+        np.testing.assert_allclose(found, np.unique(np.round(corners, 9), axis=0), atol=1e-9)
+    for cable, line in enumerate(ax.lines):
+        curve = np.array(line.get_data_3d()).T
+        anchor = rests.positions[row] + rests.rotations[row] @ robot.anchors[cable]
+        np.testing.assert_allclose(curve[[0, -1]], [robot.exits[cable], anchor], atol=1e-12)
+        slack = bool(rests.slack[row, cable])
+        assert (len(curve) > 2, same_color(line.get_color(), style.SLACK_CABLE)) == (slack, slack)
 
 
 def test_the_papers_line_is_drawn_from_both_roads(results):

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex, to_rgb
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.files import check_place
@@ -132,3 +133,92 @@ def test_picture_that_cannot_be_is_refused(tmp_path, name, message):
     """Before anything is computed."""
     with pytest.raises(cdpr.InvalidInput, match=message):
         check_place(tmp_path / name, maps.SUFFIXES, field="output")
+
+
+def shown(ax) -> np.ndarray:
+    """Colour of each cell of a panel, as it is seen: of the mesh on top that is not transparent there."""
+    seen = None
+    for mesh in meshes(ax):
+        colors = mesh.to_rgba(np.ma.masked_invalid(mesh.get_array()))
+        words = np.vectorize(to_hex, signature="(n)->()")(colors)
+        seen = words if seen is None else np.where(colors[..., 3] > 0, words, seen)
+    assert seen is not None
+    return seen
+
+
+def bar(figure, row: int = 0) -> dict[str, str]:
+    """What each colour of a row's bar is called."""
+    ax = [ax for ax in figure.axes if ax.get_label() == "bar"][row]
+    mesh = meshes(panels(figure)[row])[-1]
+    labels = [label.get_text() for label in ax.get_yticklabels()]
+    return dict(zip(labels, [to_hex(color) for color in mesh.to_rgba(ax.get_yticks())], strict=True))
+
+
+@pytest.fixture(scope="module")
+def four():
+    """A pose in each corner, to be given other numbers."""
+    return cdpr.sweep("cogiro", {"x": [0.3, 0.5], "z": [0.1, 0.2]})
+
+
+def given(dataset, **values):
+    """A copy of the dataset with these numbers at (x, z)."""
+    return dataset.assign({name: dataset[name].copy(data=np.reshape(v, (2, 1, 2))) for name, v in values.items()})
+
+
+def test_notes_say_the_largest_number_in_its_unit(four):
+    """0.4 rad is 22.9°, 12.3 mm are 0.0123 m; half of a degree's thousandth is not told apart."""
+    numbers = {"tilt": [[0.1, 0.2], [0.3, 0.4]], "distance": [[0.0, 0.0], [0.0123, 0.001]]}
+    figure = maps.draw_elastic_map(given(four, **numbers), names=["tilt", "distance"])
+    assert [ax.texts[0].get_text() for ax in panels(figure)] == ["at most 23°", "at most 12 mm"]
+    small = given(four, tilt=np.radians([[0, 0], [0, 5e-4]]))
+    assert panels(maps.draw_elastic_map(small, names=["tilt"]))[0].texts[0].get_text() == "less than 0.001°"
+
+
+def test_feasible_poses_are_green_and_called_yes(four):
+    """The others are not; x goes to the right and z up."""
+    figure = maps.draw_elastic_map(given(four, feasible=[[True, False], [True, True]]), names=["feasible"])
+    yes, no = style.MAP_FEASIBLE, style.MAP_INFEASIBLE
+    assert shown(panels(figure)[0]).tolist() == [[yes, yes], [no, yes]]
+    assert bar(figure) == {"no": no, "yes": yes}
+    green, grey = to_rgb(yes), to_rgb(no)
+    assert green[1] > 1.4 * green[0]
+    assert np.ptp(grey) == 0
+
+
+def test_only_poses_without_equilibrium_are_grey(four):
+    """Nor is one coloured, of slack cables or of tilt; paler to darker as cables go slack."""
+    numbers = {"tilt": [[0.1, np.nan], [0.3, 0.4]], "slack_count": [[0, np.nan], [2, 1]]}
+    tilt, slack = panels(maps.draw_elastic_map(given(four, **numbers), names=["tilt", "slack_count"]))
+    for ax in (tilt, slack):
+        assert (shown(ax) == style.MAP_UNSOLVED).tolist() == [[False, False], [True, False]]
+    assert shown(slack)[[0, 0, 1], [0, 1, 1]].tolist() == [style.MAP_SLACK[n] for n in (0, 2, 1)]
+    darkness = [sum(to_rgb(color)) for color in shown(tilt)[[0, 0, 1], [0, 1, 1]]]
+    assert darkness[0] > darkness[1] > darkness[2]  # 0.1, 0.3 and 0.4 rad
+
+
+def test_each_outcome_has_its_own_colour_and_name():
+    """In the panel as beside the bar, whichever of them there are."""
+    checked = cdpr.check("cogiro", {"x": [0.3, 0.5], "z": [0.1, 0.2]}).dataset
+    code = {name: i for i, name in enumerate(checked["outcome"].attrs["flag_meanings"].split())}
+    words = [["agree", "refused"], ["disagree", "agree_but_free"]]
+    checked["outcome"][:] = np.reshape([code[word] for row in words for word in row], checked["outcome"].shape)
+    figure = maps.draw_agreement_map(checked)
+    assert shown(panels(figure)[0]).tolist() == [[style.MAP_OUTCOMES[row[z]] for row in words] for z in (0, 1)]
+    names = {"agree": "agree", "agree\nbut free": "agree_but_free", "disagree": "disagree", "refused": "refused"}
+    assert bar(figure) == {label: style.MAP_OUTCOMES[name] for label, name in names.items()}
+
+
+def test_maps_label_their_axes_and_their_columns(dataset):
+    """The plane's own two axes, in metres; robots and materials above the panels that show them."""
+    figure = maps.draw_elastic_map(dataset, names=["tilt"])
+    left, *_ = panels(figure)
+    assert (left.get_xlabel(), left.get_ylabel()) == ("x [m]", "z [m]")
+    above = {text.get_text(): text.get_position()[0] for text in figure.texts}
+    middles = [ax.get_position().x0 + ax.get_position().width / 2 for ax in panels(figure)]
+    assert above["parallel"] == pytest.approx(np.mean(middles[:2]))
+    assert above["cogiro"] == pytest.approx(np.mean(middles[2:]))
+    columns = [text for text in figure.texts if text.get_text() in MATERIALS]
+    assert [text.get_text() for text in columns] == MATERIALS * 2
+    assert [text.get_position()[0] for text in columns] == pytest.approx(middles)
+    over = maps.draw_elastic_map(cdpr.sweep("parallel", {"x": [0.3, 0.4], "y": [0.2, 0.3]}), names=["tilt"])
+    assert (panels(over)[0].get_xlabel(), panels(over)[0].get_ylabel()) == ("x [m]", "y [m]")

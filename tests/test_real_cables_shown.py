@@ -20,6 +20,7 @@ from cdpr_sim.cli import app
 from cdpr_sim.core.words import cables_in_words, properties_in_words, twist_in_words
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
+from cdpr_sim.drawing.cables import course
 from cdpr_sim.drawing.video.film import _caption, _footnote
 from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.physics.model_files import model_files
@@ -198,6 +199,13 @@ def test_heavy_cables_hang_in_their_true_shape(catalogue):
         middle = (start + end) / 2
         sag = middle[1] - np.interp(middle[0], *curve[order].T)
         assert sag == pytest.approx(weight * chord * span / (8 * pull), rel=PARABOLA)
+
+
+def test_a_heavy_cable_drawn_to_another_place_is_sheared(real):
+    """Where deviations are exaggerated: its exit stays, its end goes there, its middle half as far."""
+    cabling, shape = real["heavy"].cabling, np.array([[0.0, 0, 1], [0.2, 0, 0.5], [0.4, 0, 0.6]])
+    end = shape[-1] + [0.1, 0.0, -0.2]
+    np.testing.assert_allclose(course(cabling, 0, end, shape=shape), [[0, 0, 1], [0.25, 0, 0.4], [0.5, 0, 0.4]])
 
 
 def test_a_massless_cable_has_a_straight_shape_and_one_over_a_pulley_none(real):

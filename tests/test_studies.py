@@ -27,7 +27,7 @@ REST_MOMENT_TOLERANCE = 1e-9
 
 
 def rests_with(slack: list[list[bool]]) -> Rests:
-    """Rests whose cables are slack as given, one row per 0.1 m."""
+    """Rests whose cables are slack as given, one row per 0.1 m, each elsewhere than it was commanded."""
     pattern = np.array(slack)
     rows, cables = pattern.shape
     robot = cdpr.Robot(
@@ -39,7 +39,7 @@ def rests_with(slack: list[list[bool]]) -> Rests:
     positions = np.c_[0.1 * np.arange(rows), np.zeros((rows, 2))]
     return Rests(
         problems=Problems.of(robot, positions),
-        positions=positions,
+        positions=positions + np.array([0.03, 0.0, -0.2]),
         rotations=np.tile(np.eye(3), (rows, 1, 1)),
         lengths=np.ones((rows, cables)),
         tensions=np.where(pattern, 0.0, 1.0),
@@ -49,6 +49,12 @@ def rests_with(slack: list[list[bool]]) -> Rests:
         source="",
         stiffness=np.ones((rows, 6)),
     )
+
+
+def test_lines_go_along_x_midway_in_y():
+    """From the first end to the second, at one height."""
+    rows = studies.along_x(cdpr.load_robot("parallel"), 0.1, (0.17, 0.63), 3)
+    assert rows == pytest.approx(np.array([[0.17, 0.25, 0.1], [0.4, 0.25, 0.1], [0.63, 0.25, 0.1]]))
 
 
 def test_zones_are_where_the_number_of_slack_cables_changes():
@@ -77,6 +83,23 @@ def test_both_roads_answer_the_same_line(robot):
     assert np.abs(line.static.tensions - line.settled.tensions).max() < TENSION_TOLERANCE
     softer = studies.rests_by_mujoco(line.robot.replace(axial_stiffness=9e3), line.static.problems.positions)
     assert np.abs(line.static.positions - softer.positions).max() > POSITION_TOLERANCE
+
+
+def test_lines_are_checked_by_the_other_road(monkeypatch):
+    """MuJoCo's rests against statics, which agree; against answers a millimetre beside them, nowhere."""
+    asked = {"layout": "parallel", "materials": ["fishing-0.4mm"], "heights": [0.1], "rows": 2}
+    (checked,) = studies.checked_lines(**asked).values()
+    assert checked.settled.source == "mujoco"
+    assert [one.verdict for one in checked.agreements] == [Verdict.AGREE] * 2
+    solve = studies.solve_many
+
+    def beside(problems):
+        found = solve(problems)
+        return dataclasses.replace(found, positions=found.positions + 1e-3)
+
+    monkeypatch.setattr(studies, "solve_many", beside)
+    (checked,) = studies.checked_lines(**asked).values()
+    assert [one.verdict for one in checked.agreements] == [Verdict.DISAGREE] * 2
 
 
 def test_rests_are_those_of_solve_and_settle():
