@@ -58,22 +58,29 @@ OTHER = {
 
 
 class Fault(NamedTuple):
-    """What is put wrong in a file, from ``line`` on; ``reason``: why nobody could notice."""
+    """What is put wrong in a file, at its only place, or at ``place``; ``reason``: why nobody could notice."""
 
     file: str
     right: str
     wrong: str
     reason: str = ""
-    line: int = 0
+    place: int | None = None
 
     def texts(self, tree: Path) -> tuple[Path, str, str]:
         """The file, as it is, and as it is put wrong."""
         path = tree / "cdpr_sim" / self.file
         text = path.read_text(encoding="utf-8")
-        start = sum(map(len, text.splitlines(keepends=True)[: self.line]))
-        if not self.line and text.count(self.right) != 1:
+        if self.place is None and text.count(self.right) != 1:
             raise RuntimeError(f"{self.file}: found {text.count(self.right)} times, expected once: {self.right}")
-        return path, text, text[:start] + text[start:].replace(self.right, self.wrong, 1)
+        start = text.index(self.right) if self.place is None else self.place
+        return path, text, text[:start] + self.wrong + text[start + len(self.right) :]
+
+    def __str__(self) -> str:
+        right, wrong = (" ".join(code.split()) for code in (self.right, self.wrong))
+        if self.place is None:
+            return f"{self.file}: `{right}` put as `{wrong}`"
+        line = self.texts(ROOT)[1][: self.place].count("\n") + 1
+        return f"{self.file}, line {line}: `{right}` put as `{wrong}`"
 
 
 # In a process of its own, which has what takes long imported already
@@ -292,7 +299,7 @@ def survives(tree: Path, fault: Fault, tests: list[str], interpreted: bool, seco
 def drawn(file: str) -> list[Fault]:
     """All operators and numbers of a file but those of types, each put wrong."""
     text, found = (ROOT / "cdpr_sim" / file).read_text(encoding="utf-8"), []
-    nodes = list(ast.walk(ast.parse(text)))
+    nodes, lines = list(ast.walk(ast.parse(text))), text.splitlines(keepends=True)
     types = [getattr(node, name, None) for node in nodes for name in ("annotation", "returns")]
     no_code = {id(node) for one in types if one is not None for node in ast.walk(one)}
     for node in nodes:
@@ -308,7 +315,8 @@ def drawn(file: str) -> list[Fault]:
             node.value = number + 1 if isinstance(number, int) else 2 * number + 1e-3
         else:
             continue
-        found.append(Fault(file, right, f"({ast.unparse(node)})", line=node.lineno - 1))
+        before = lines[: node.lineno - 1], lines[node.lineno - 1].encode()[: node.col_offset].decode()
+        found.append(Fault(file, right, f"({ast.unparse(node)})", place=len("".join(before[0]) + before[1])))
     return found
 
 
@@ -334,7 +342,7 @@ def count_folder(tree: Path, folder: str, count: int, seed: int, equivalent: lis
             if alive and fault.reason:
                 equivalent.append(fault)
             elif alive:
-                print(f"survived: {fault.file}:{fault.line + 1}: {fault.right!r} -> {fault.wrong!r}", flush=True)
+                print(f"survived: {fault}", flush=True)
             if counts.total() == 1 or counts.total() % 20 == 0:
                 print(f"{folder}: {counts.total()}, {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
     return counts
@@ -350,10 +358,6 @@ def copied_tree() -> Path:
         (tree / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, tree / name)
     return tree
-
-
-def _line(code: str) -> str:
-    return " ".join(code.split())
 
 
 def main() -> int:
@@ -381,7 +385,7 @@ def main() -> int:
         for row in (rows[0], ("---", *["---:"] * 5), *rows[1:]):
             print(f"| {' | '.join(row)} |")
         for fault in equivalent:
-            print(f"- {fault.file}, `{_line(fault.right)}` put as `{_line(fault.wrong)}`: {fault.reason}.")
+            print(f"- {fault}: {fault.reason}.")
     else:
         table = Table(*rows[0])
         for row in rows[1:]:

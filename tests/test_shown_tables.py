@@ -262,6 +262,9 @@ def test_what_mujoco_confirms_of_a_compensation_is_told(exact, stays, comes, col
     elsewhere = made_up("seecr/fsolve")
     hold = Hold(found, found.equilibrium if stays else elsewhere, found.equilibrium if comes else elsewhere)
     assert analysis.compensation_verdict(found, hold).startswith(f"[bold {color}]")
+    expected = [] if stays and comes else ["these lengths hold it" if stays else "it is not held"]
+    assert len(hold.reasons) == len(expected)
+    assert all(words in reason for words, reason in zip(expected, hold.reasons, strict=True))
     told = as_json.compensation(found.equilibrium.problem, found, hold, [elsewhere], [found.equilibrium])
     assert (told["held"], told["comes_from_commanded"], told["exact"]) == (stays, comes, exact)
     assert told["before"]["fsolve"]["position"] == elsewhere.position.tolist()
