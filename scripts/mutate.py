@@ -341,6 +341,8 @@ def count_folder(tree: Path, folder: str, count: int, seed: int, equivalent: lis
             counts[("equivalent" if fault.reason else "survived") if alive else "killed"] += 1
             if alive and fault.reason:
                 equivalent.append(fault)
+            elif fault.reason:
+                print(f"noticed after all: {fault}", flush=True)
             elif alive:
                 print(f"survived: {fault}", flush=True)
             if counts.total() == 1 or counts.total() % 20 == 0:
