@@ -29,6 +29,7 @@ def test_agreement_measures_the_differences_it_is_given(pair):
     assert agreement.verdict is Verdict.DISAGREE
     assert any(reason.startswith("position differs by 3.0e-06 m") for reason in agreement.reasons)
     assert any("statics at the settled pose" in reason for reason in agreement.reasons)
+    assert any("unbalanced (tolerance 4e-05)" in reason for reason in agreement.reasons)  # 1e-5 of 3.92 N
 
 
 def test_agreement_notices_a_tension_that_differs(pair):
@@ -156,3 +157,20 @@ def test_poses_are_of_one_family_where_the_energy_is_level_between(catalogue):
         static = dataclasses.replace(hanging, problem=problem)
         turned = moved(static.pose, np.array([0, 0, lift, 0, 0, 0.5]))
         assert compare._connected(static, dataclasses.replace(static, pose=turned)) == connected
+
+
+@pytest.mark.parametrize("size", [0.02, 2.0])
+def test_how_level_is_level_goes_with_load_and_size(size):
+    """A platform above its slack cable, lifted: the work of its weight over that of its load on its length."""
+    robot = cdpr.Robot([[0, 0, 1]], [[0, 0, 0]], 1e3, 2.0, platform_size=(size,) * 3, gravity=10.0)
+    above = dataclasses.replace(cdpr.solve(robot, (0, 0, 0.2)), pose=RigidTransform.from_translation([0, 0, 0.9]))
+    for share, level in ((0.5, True), (2.0, False)):
+        lift = share * compare.LEVEL * robot.characteristic_length
+        lifted = dataclasses.replace(above, pose=RigidTransform.from_translation([0, 0, 0.9 + lift]))
+        assert compare._connected(above, lifted) == level
+    # A torque that turns it does the work that lifts it, one the other way does not.
+    for torque, level in ((20.0 * 0.01 / 0.5, True), (-20.0 * 0.01 / 0.5, False)):
+        problem = cdpr.Problem.of(robot, (0, 0, 0.2), external_wrench=[0, 0, 0, 0, 0, torque])
+        held = dataclasses.replace(above, problem=problem)
+        turned = dataclasses.replace(held, pose=moved(held.pose, np.array([0, 0, 0.01, 0, 0, 0.5])))
+        assert compare._connected(held, turned) == level
