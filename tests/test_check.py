@@ -1,3 +1,4 @@
+import contextlib
 import dataclasses
 
 import numpy as np
@@ -9,7 +10,7 @@ from cdpr_sim.core import pose
 from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.crosscheck import compare
 from cdpr_sim.crosscheck.check import OUTCOMES, compare_many
-from cdpr_sim.crosscheck.hold import Hold
+from cdpr_sim.crosscheck.hold import SAME, Hold
 from cdpr_sim.physics import relaxation
 
 GRID = (6, 3, 4)
@@ -229,3 +230,30 @@ def test_how_far_from_where_it_should_be_a_platform_rests_is_said_in_millimetres
     found = cdpr.compensate(catalogue["cogiro"], (0.4, 0.25, 0.2))
     away = dataclasses.replace(found.equilibrium, pose=pose.moved(found.pose, 0.003 * np.eye(6)[0]))
     assert "MuJoCo's platform rests 3 mm from there: it is not held" in Hold(found, away, away).reasons[0]
+
+
+@pytest.mark.parametrize(("share", "comes"), [(0.5, True), (2.0, False)])
+def test_a_platform_is_there_within_its_tolerance(catalogue, share, comes):
+    """A fraction of the characteristic length away, which is 55 mm here."""
+    robot = catalogue["cogiro"].replace(material="fishing-0.4mm")
+    found = cdpr.compensate(robot, (0.35, 0.25, 0.15))
+    away = [share * SAME * robot.characteristic_length, 0, 0, 0, 0, 0]
+    rest = dataclasses.replace(found.equilibrium, pose=pose.moved(found.pose, np.array(away)))
+    assert Hold(found, found.equilibrium, rest).comes == comes
+
+
+def test_the_bar_counts_poses_and_the_estimate_is_of_all_robots_and_materials(monkeypatch):
+    """Two robots with two materials at 12 poses: 48 in all."""
+    told, counted = [], []
+    monkeypatch.setattr(checking.memory, "refuse_beyond", lambda *asked: told.append(asked))
+
+    @contextlib.contextmanager
+    def bar(what: str, total: float, *, show: bool = True):
+        counted.append(total)
+        yield counted.append
+
+    monkeypatch.setattr(checking, "bar", bar)
+    cdpr.check(["parallel", "cogiro"], (3, 2, 2), ["vectran-0.7mm", "fishing-0.4mm"])
+    sizes = {what: size for what, size, _ in told}
+    assert sizes["grid: a check of 48 poses"] == 12 * checking.BYTES_PER_POSITION + 48 * checking.BYTES_PER_POSE
+    assert counted[0] == sum(counted[1:]) == 48
