@@ -109,7 +109,7 @@ def rests() -> Iterator[Row]:
                 f"NEUTRAL = {NEUTRAL:g}", f"{of}: the same of those free", f"{ratio[free].max():.1e}",
                 np.abs(ratio[free]).max() < min(NEUTRAL, equilibria.LOOSE),
             )  # fmt: skip
-            yield Row("the manual: 2 to 3 %", f"{of}: free", f"{100 * free.mean():.1f} %", 0.015 < free.mean() < 0.035)
+            yield Row("the manual: 2 to 4 %", f"{of}: free", f"{100 * free.mean():.1f} %", 0.015 < free.mean() < 0.045)
         beside = poses + np.random.default_rng(SEED + 1).normal(size=poses.shape) * 0.002
         again = cdpr.solve_many(robot, beside, rest_lengths=found.rest_lengths)
         turned = np.asarray((found.poses.rotation.inv() * again.poses.rotation).magnitude())
