@@ -315,8 +315,9 @@ def drawn(file: str) -> list[Fault]:
             node.value = number + 1 if isinstance(number, int) else 2 * number + 1e-3
         else:
             continue
-        before = lines[: node.lineno - 1], lines[node.lineno - 1].encode()[: node.col_offset].decode()
-        found.append(Fault(file, right, f"({ast.unparse(node)})", place=len("".join(before[0]) + before[1])))
+        column = len(lines[node.lineno - 1].encode()[: node.col_offset].decode())
+        place = sum(map(len, lines[: node.lineno - 1])) + column
+        found.append(Fault(file, right, f"({ast.unparse(node)})", place=place))
     return found
 
 
