@@ -17,8 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.rests import Rests
-from cdpr_sim.statics import forces, newton, seecr
+from cdpr_sim.statics import newton, seecr
 
 ROBOTS = ["cogiro", "parallel"]
 STIFFNESSES = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7]  # [N] EA
@@ -62,13 +61,13 @@ def static(poses: int, scipy_poses: int) -> None:
             stiff = robot.replace(axial_stiffness=stiffness)
             seconds = [timed(newton.solve_many, stiff, positions) for _ in range(REPETITIONS)]
             solutions = newton.solve_many(stiff, positions)
-            stable, free = stabilities(newton.solve_many(stiff, positions[:: max(poses // 2000, 1)]))
+            stability = solutions.stability
             ours.add_row(
                 name,
                 f"{stiffness:.0e}",
                 f"{solutions.converged.sum():,}",
-                f"{stable:.1%}",
-                f"{free:.1%}",
+                f"{(stability == cdpr.Stability.STABLE).mean():.1%}",
+                f"{(stability == cdpr.Stability.NEUTRAL).mean():.1%}",
                 f"{solutions.residuals.max():.1e}",
                 f"{solutions.iterations.mean():.1f}",
                 f"{solutions.iterations.max()}",
@@ -116,13 +115,6 @@ def neighbours(lines: int) -> None:
             name, f"{poses:,}", f"{np.mean(counts):.2f}", f"{np.mean(iterations):.2f}", f"{others / poses:.1%}"
         )
     console.print(rows)
-
-
-def stabilities(found: Rests) -> tuple[float, float]:
-    """Fractions of stable and of free (neutral) equilibria, by the eigenvalues of the NumPy stiffness matrix."""
-    eigenvalues = forces.at(found.problems, found.positions, found.rotations).eigenvalues
-    ratio = eigenvalues[:, 0] / eigenvalues[:, -1]
-    return float((ratio > 1e-9).mean()), float((abs(ratio) <= 1e-9).mean())
 
 
 def failures(solve: Callable[[cdpr.Problem], object], problems: list[cdpr.Problem]) -> tuple[str, str]:

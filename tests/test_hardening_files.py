@@ -1,5 +1,6 @@
 """What lies beside the code: licence, citation, changes, how to contribute; and what an installed package brings."""
 
+import os
 import re
 import subprocess
 import sys
@@ -65,3 +66,30 @@ def test_what_contributors_are_sent_to_is_there():
             assert any(place.startswith(f"cdpr_sim/{folder.name}/") for place in places), folder.name
     for link in re.findall(r"\]\(([^)#:]+)\)", text):
         assert (ROOT / link).exists(), link
+
+
+def test_ci_leaves_the_folder_that_it_is_called_in_as_it_is(tmp_path):
+    """README's tests run in a copy, with what is not committed yet, and a developer's .venv is not touched."""
+    here, beside = tmp_path / "checkout", tmp_path / "beside"
+    (here / ".ci").mkdir(parents=True)
+    (here / ".ci" / "run").write_bytes((ROOT / ".ci" / "run").read_bytes())
+    (here / ".venv").mkdir()
+    (here / ".venv" / "mine").write_text("mine")
+    (here / "new.py").write_text("")
+    (here / "README.md").write_text(
+        "<!-- tests -->\n```sh\nls -A > $SEEN && mkdir .venv && touch made && exit 7\n```\n"
+    )
+    beside.mkdir()
+    for browser in ("chromium", "chromedriver"):  # as if they were installed
+        (beside / browser).touch(0o755)
+    before = {path: path.stat().st_mtime_ns for path in here.rglob("*")}
+    place = os.environ | {
+        "PATH": f"{beside}:{os.environ['PATH']}",
+        "SEEN": str(tmp_path / "seen"),
+        "TMPDIR": str(beside),
+    }
+    done = subprocess.run(["bash", here / ".ci" / "run"], env=place, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 7, done.stderr
+    assert (tmp_path / "seen").read_text().split() == [".ci", "README.md", "new.py"]
+    assert {path: path.stat().st_mtime_ns for path in here.rglob("*")} == before
+    assert {path.name for path in beside.iterdir()} == {"chromium", "chromedriver"}

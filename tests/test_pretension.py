@@ -1,5 +1,7 @@
 """Rest lengths that hold a pose with wanted tensions, by both roads; what nothing holds; limits of force."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +12,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.words import twist_in_words
+from cdpr_sim.report.pretension import conclusions
 from cdpr_sim.statics import forces
 from cdpr_sim.studies.pretension import least_pretension, pretension, taut_from
 
@@ -297,3 +300,30 @@ def test_the_study_finds_what_single_solves_do(catalogue):
     assert wrong.tightest[0] == pytest.approx(found.tensions.max(), rel=1e-9)
     assert wrong.shifts[0] == pytest.approx(np.linalg.norm(found.deviation), rel=1e-6)
     assert taut_from(robot, np.zeros(6)) == pytest.approx(least_pretension(robot))
+
+
+def test_what_pretension_gains_is_said_by_one_baseline(catalogue):
+    """The stiffness on rigid lengths, of the softest and the stiffest direction; the manual says the same numbers."""
+    robot = catalogue["ipanema-1"]
+    rigid = cdpr.solve(robot, robot.home).eigenvalues[[0, -1]]
+    study = pretension(points=3, every=2, errors=3)
+    low, high = study.stiffening.pretensions[[0, -1]]
+    for outside in (low - 0.01, high + 0.01):
+        with pytest.raises(cdpr.InvalidInput, match="another pretension may do"):
+            robot.rest_lengths(robot.home, outside)
+    at = [
+        cdpr.solve(robot, robot.home, robot.rest_lengths(robot.home, one)).eigenvalues[[0, -1]] for one in (low, high)
+    ]
+    softest, stiffest = np.array(at).T / 1e3
+    gains = np.array(at[1]) / rigid
+    page = (Path(__file__).parents[1] / "docs" / "concepts" / "workspaces.md").read_text(encoding="utf-8")
+    numbers = [
+        f"from {low:.1f} to {high:.1f} N",
+        f"{rigid[0] / 1e3:.1f} kN/m",
+        f"stiffest {rigid[1] / 1e3:.0f} kN/m",
+        f"{softest[0]:.0f} to {softest[1]:.0f} kN/m, at most {gains[0]:.0f} times as much",
+        f"{stiffest[0]:.0f} to {stiffest[1]:.0f} kN/m, at most {gains[1]:.2f} times as much",
+    ]
+    for told in (" ".join(conclusions(study)), " ".join(page.split())):
+        for number in numbers:
+            assert number in told.replace(" as on lengths of rigid cables", ""), number

@@ -467,5 +467,6 @@ def _falls(
     rotations: Float[np.ndarray, "*#batch 3 3"],
 ) -> Bool[np.ndarray, "*batch"]:
     """A cable only pulls: with every exit below its anchor, nothing holds a platform that is pushed down."""
-    highest = (robot.exits[:, 2] - rotations[..., 2, :] @ robot.anchors.T).max(-1)
+    turn, (a, b, c) = rotations[..., 2, :, None], robot.anchors.T
+    highest = (robot.exits[:, 2] - (turn[..., 0, :] * a + turn[..., 1, :] * b + turn[..., 2, :] * c)).max(-1)
     return (weight > wrench[..., 2]) & (positions[..., 2] >= highest)

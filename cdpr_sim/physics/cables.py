@@ -100,7 +100,8 @@ def polynomials(
     rest_lengths: Float[np.ndarray, "*#batch cables"],
 ) -> Float[np.ndarray, "*batch cables 2"]:
     """MuJoCo's ``stiffnesspoly`` of each tendon [N/m², N/m³]: of the stretch's square and cube."""
-    return (axial_stiffness[..., None] * stiffening) / rest_lengths[..., None] ** np.array([2, 3])
+    squares = rest_lengths * rest_lengths
+    return (axial_stiffness[..., None] * stiffening) / np.stack([squares, squares * rest_lengths], axis=-1)
 
 
 def pull(

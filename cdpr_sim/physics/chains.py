@@ -34,7 +34,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.numbers import text
+from cdpr_sim.physics.numbers import magnitude, text
 
 SEGMENTS = 6
 """Of a chain."""
@@ -126,7 +126,7 @@ def shape(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_lengt
     """
     (parts,) = straight().lengths
     s = np.append(0.0, np.cumsum(parts))
-    chord = np.linalg.norm(end - start)
+    chord = magnitude(end - start)
     sag = np.sqrt(3 / 8 * max(rest_length - chord, 0.0) * max(chord, SHALLOWEST * rest_length))
     places = start + s[:, None] * (end - start)
     places[:, 2] -= 4 * sag * s * (1 - s)

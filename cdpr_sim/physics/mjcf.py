@@ -18,7 +18,7 @@ from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import cables, chains, pulleys
-from cdpr_sim.physics.numbers import text
+from cdpr_sim.physics.numbers import magnitude, text
 from cdpr_sim.physics.winches import add_drums, add_winches
 
 TIMESTEP = 0.002
@@ -86,8 +86,8 @@ def to_mjcf(
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
     cables.add_exits(world, robot.cabling)
-    paddles = float(np.linalg.norm(robot.platform_size))  # [m] which calms it within a second, and stiff cables too
-    platform = _platform(robot, problem.pose, (drag, drag * paddles**2) if winches else None)
+    paddles = magnitude(robot.platform_size)  # [m] which calms it within a second, and stiff cables too
+    platform = _platform(robot, problem.pose, (drag, drag * paddles * paddles) if winches else None)
     world.append(platform)
     nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
     chains.add_far(world, robot.cabling, problem.rest_lengths)
@@ -102,12 +102,12 @@ def to_mjcf(
     if winches:
         add_winches(root, world, robot, problem.rest_lengths)
     keyframes = ET.SubElement(root, "keyframe")
-    swivels = robot.cabling.pulleys & (robot.mobility == "spatial")
+    swivels = pulleys.facing(robot, problem.pose)[1] if robot.mobility == "spatial" else []
     at = coordinates(robot, problem.pose)
     if winches and robot.mobility == "spatial":
         at = since_written(at, at[3:])
     drums = np.zeros(int(robot.cabling.stiffening.any(1).sum()) if winches else 0)
-    start = np.concatenate([at, nodes, pulleys.angles_at(robot, problem.pose)[swivels], drums])
+    start = np.concatenate([at, nodes, swivels, drums])
     ET.SubElement(keyframes, "key", name="commanded", qpos=text(start))
     return _document(root)
 
@@ -125,7 +125,7 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
         An MJCF document that includes ``robot_file`` from the folder that it is saved in.
     """
     lower, upper = robot.frame
-    center, diagonal = (lower + upper) / 2, float(np.linalg.norm(upper - lower)) or 1.0
+    center, diagonal = (lower + upper) / 2, magnitude(upper - lower) or 1.0
     root = ET.Element("mujoco", model=f"{robot.name} scene")
     ET.SubElement(root, "include", file=robot_file)
     ET.SubElement(root, "statistic", center=text(center), extent=text(0.8 * diagonal))
@@ -146,7 +146,7 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
         _rod(world, start, end, 0.006 * diagonal, FRAME_COLOR)
     for start in np.unique(robot.exits, axis=0):
         end = _nearest_on_frame(start, lower, upper)
-        if np.linalg.norm(end - start) > 1e-3 * diagonal:
+        if magnitude(end - start) > 1e-3 * diagonal:
             _rod(world, start, end, 0.003 * diagonal, BRACKET_COLOR)
     _camera(world, "front", center, np.array([0.0, -1.0, 0.12]), 1.35 * diagonal)
     _camera(world, "iso", center, np.array([0.75, -1.0, 0.55]), 1.35 * diagonal)
@@ -202,14 +202,15 @@ def _air(problem: Problem) -> tuple[float, float]:
     returned here: the mean edge of the box that has the body's mass and inertia.
     """
     robot = problem.robot
-    moments = np.linalg.eigvalsh(robot.inertia)
+    moments = np.empty(3)
+    mujoco.mju_eig3(moments, np.empty(9), np.empty(4), robot.inertia.ravel())  # as MuJoCo finds that box
     edges = np.sqrt(np.maximum(6 / robot.mass * (moments.sum() - 2 * moments), 0))
     swing = np.sqrt((robot.gravity or STANDARD_GRAVITY) / problem.rest_lengths.mean())
     return float(2 * robot.mass * swing), float(edges.mean())
 
 
 def _defaults(robot: Robot) -> ET.Element:
-    scale = float(np.linalg.norm(np.ptp(np.vstack([robot.exits, robot.frame]), axis=0))) or 1.0
+    scale = magnitude(np.ptp(np.vstack([robot.exits, robot.frame]), axis=0)) or 1.0
     defaults = ET.Element("default")
     drawn = ET.SubElement(defaults, "default", {"class": "drawn"})
     ET.SubElement(drawn, "geom", contype="0", conaffinity="0", group="2", mass="0")
@@ -291,7 +292,7 @@ def _edges(lower: np.ndarray, upper: np.ndarray) -> list[tuple[np.ndarray, np.nd
 def _nearest_on_frame(point: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     edges = _edges(lower, upper)
     nearest = [np.clip(point, np.minimum(a, b), np.maximum(a, b)) for a, b in edges] or [point]
-    return min(nearest, key=lambda candidate: float(np.linalg.norm(candidate - point)))
+    return min(nearest, key=lambda candidate: magnitude(candidate - point))
 
 
 def _rod(world: ET.Element, start: np.ndarray, end: np.ndarray, radius: float, color: Sequence[float]) -> None:
@@ -302,9 +303,9 @@ def _rod(world: ET.Element, start: np.ndarray, end: np.ndarray, radius: float, c
 
 def _camera(world: ET.Element, name: str, target: np.ndarray, direction: np.ndarray, distance: float) -> None:
     """A camera that looks at ``target`` from ``direction``, upright."""
-    backwards = direction / np.linalg.norm(direction)
+    backwards = direction / magnitude(direction)
     right = np.cross([0.0, 0.0, 1.0], backwards)
-    right /= np.linalg.norm(right)
+    right /= magnitude(right)
     axes = text(np.round([*right, *np.cross(backwards, right)], 6))
     ET.SubElement(world, "camera", name=name, pos=text(np.round(target + distance * backwards, 6)), xyaxes=axes)
 

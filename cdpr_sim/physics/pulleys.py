@@ -27,7 +27,7 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-from cdpr_sim.physics.numbers import text
+from cdpr_sim.physics.numbers import magnitude, text
 
 ENTRY = 10.0
 """Length of the straight entry, in radii."""
@@ -71,24 +71,23 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
     a direction that belongs to the axis, in all models of a robot the same.
     """
     cabling = robot.cabling
-    load, angles = _load(robot), angles_at(robot, pose)
-    for cable in np.flatnonzero(cabling.pulleys):
+    load, directions, angles = _load(robot), *facing(robot, pose)
+    for cable, outwards, angle in zip(np.flatnonzero(cabling.pulleys), directions, angles, strict=True):
         i, radius = cable + 1, cabling.pulley_radius[cable]
         exit_, axis = cabling.exits[cable], cabling.pulley_axis[cable]
         entry = ET.SubElement(world, "site", {"name": f"entry_{i}", "class": "guide"})
         entry.set("pos", text(exit_ - ENTRY * radius * axis))
-        x, y = _sides(axis)
-        outwards = np.cos(angles[cable]) * x + np.sin(angles[cable]) * y
         body = ET.SubElement(world, "body", name=f"pulley_{i}", pos=text(exit_))
         body.set("xyaxes", text([*outwards, *np.cross(axis, outwards)]))
         if robot.mobility == "spatial":
             armature = load * radius / SWIVELLING**2
             swivel = ET.SubElement(body, "joint", name=f"swivel_{i}", type="hinge", axis="0 0 1")
-            swivel.set("ref", text(angles[cable]))
+            swivel.set("ref", text(angle))
             swivel.set("armature", text(armature))
             swivel.set("damping", text(2 * SWIVEL_DAMPING * SWIVELLING * armature))
             mass = LIGHT * robot.mass
-            ET.SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([mass * radius**2] * 3))
+            turning = text([mass * radius * radius] * 3)
+            ET.SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=turning)
         ET.SubElement(body, "geom", {"name": f"groove_{i}", "class": "guide", "size": text(radius)}).set(
             "pos", text([radius, 0, 0])
         )
@@ -99,14 +98,23 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
         wheel.set("rgba", text(color))
 
 
-def angles_at(robot: Robot, pose: RigidTransform) -> Float[np.ndarray, " cables"]:
-    """Coordinates of the swivels [rad] with the platform at ``pose`` and the wheels turned towards it."""
-    away = pose.apply(robot.anchors) - robot.exits
-    sides = np.array([_sides(axis) for axis in robot.cabling.pulley_axis])
-    x, y = np.einsum("nij,nj->in", sides, away)
+def facing(robot: Robot, pose: RigidTransform) -> tuple[Float[np.ndarray, "pulleys 3"], Float[np.ndarray, " pulleys"]]:
+    """Unit vectors from the exits to the centres of the wheels, turned towards the anchors; the swivels' angles [rad].
+
+    Of the cables that have a pulley. The angles are rounded to 1e-12, since the last digit of an arc tangent
+    differs from one processor to the next. An anchor on the axis leaves its wheel at the angle 0.
+    """
+    cabling = robot.cabling
+    over = np.flatnonzero(cabling.pulleys)
+    away = pose.apply(robot.anchors)[over] - robot.exits[over]
+    sides = np.array([_sides(axis) for axis in cabling.pulley_axis[over]]).reshape(-1, 2, 3)
+    x, y = (sides * away[:, None]).sum(-1).T
     if robot.mobility == "planar":
-        return np.where(x < 0, np.pi, 0.0)
-    return np.arctan2(y, x)
+        y = np.zeros_like(y)
+    size = np.sqrt(x * x + y * y)
+    x = np.where(size > 0, x, 1.0) / np.where(size > 0, size, 1.0)
+    y = y / np.where(size > 0, size, 1.0)
+    return x[:, None] * sides[:, 0] + y[:, None] * sides[:, 1], np.round(np.arctan2(y, x), 12)
 
 
 def add_way(tendon: ET.Element, i: int) -> None:
@@ -222,5 +230,5 @@ def _load(robot: Robot) -> float:
 def _sides(axis: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
     """Unit vectors x and y such that (x, y, axis) is a right-handed frame; x lies in a planar robot's plane."""
     x = np.cross([0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0], axis)
-    x /= np.linalg.norm(x)
+    x /= magnitude(x)
     return x, np.cross(axis, x)

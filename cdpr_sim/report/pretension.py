@@ -32,15 +32,18 @@ def pretension_table(study: Pretension) -> Table:
 def conclusions(study: Pretension) -> Iterator[str]:
     """What the study comes to, a sentence each."""
     one, robot = study.stiffening, study.robot
+    softest, stiffest = one.eigenvalues[[0, -1], 0], one.eigenvalues[[0, -1], -1]
     yield (
-        f"On lengths of rigid cables those from below hang slack, and the softest direction has "
-        f"{one.rigid[0] / 1e3:.2g} kN/m; at {one.pretensions[-1]:.0f} N of pretension "
-        f"{one.eigenvalues[-1, 0] / 1e3:.2g} kN/m, {one.eigenvalues[-1, 0] / one.rigid[0]:.0f} times as much. The "
-        f"stiffest hardly gains: {one.eigenvalues[0, -1] / 1e3:.0f} kN/m where all cables are just taut, "
-        f"{one.eigenvalues[-1, -1] / 1e3:.0f} then."
+        f"On lengths of rigid cables those from below hang slack: the softest direction has {one.rigid[0] / 1e3:.2g} "
+        f"kN/m, the stiffest {one.rigid[-1] / 1e3:.0f} kN/m. Pretensions from {one.pretensions[0]:.1f} to "
+        f"{one.pretensions[-1]:.1f} N keep all cables taut and within the winches' {robot.force_max[0]:.0f} N: the "
+        f"softest direction then has {softest[0] / 1e3:.0f} to {softest[1] / 1e3:.0f} kN/m, at most "
+        f"{softest[1] / one.rigid[0]:.0f} times as much as on lengths of rigid cables, the stiffest "
+        f"{stiffest[0] / 1e3:.0f} to {stiffest[1] / 1e3:.0f} kN/m, at most {stiffest[1] / one.rigid[-1]:.2f} times as "
+        "much."
     )
     taut = "; ".join(f"{push.what}, {push.taut:.0f} N" for push in study.pushes)
-    yield f"The pretension from which on no cable hangs slack: {one.pretensions[0]:.0f} N unloaded; {taut}."
+    yield f"The pretension from which on no cable hangs slack: {one.pretensions[0]:.1f} N unloaded; {taut}."
     for wrong in study.wrong:
         where = "from above" if wrong.cable == ABOVE else "from below"
         yield (

@@ -118,7 +118,7 @@ class State:
     def net_wrench(self) -> Float[Array, "*batch 6"]:
         """W tau + w_e, zero at equilibrium (Eq. 3) [N, N m]: minus the slope of the energy."""
         if self.hanging is None:
-            return (self.wrench_matrix @ self.tensions[..., None])[..., 0] + self.load_wrench
+            return (self.wrench_matrix * self.tensions[..., None, :]).sum(-1) + self.load_wrench
         return _wrenches(self.hanging.pull, self.geometry.arms).sum(-1) + self.load_wrench
 
     @property
@@ -184,7 +184,8 @@ class State:
 
 def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]) -> Geometry:
     """Where the cables of ``robot`` run with the platform at a pose, or many."""
-    arms = robot.anchors @ np.swapaxes(rotation, -1, -2)
+    turn, (a, b, c) = rotation[..., None, :, :], robot.anchors.T[..., None]
+    arms = turn[..., 0] * a + turn[..., 1] * b + turn[..., 2] * c
     found = paths(robot.cabling, robot.exits - np.asarray(position)[..., None, :] - arms)
     lengths, free, bends, wraps = found[0], np.maximum(found[4], NO_LENGTH), found[8], found[9]
     directions = np.moveaxis(found[1:4] / free, 0, -1)
@@ -207,7 +208,7 @@ def at(
 
 def load_wrench(problem: Problem | Problems, rotation: Float[Array, "*#batch 3 3"]) -> Float[Array, "*batch 6"]:
     """Gravity at the centre of mass plus the external wrench, about the origin: w_e of Eq. 3 [N, N m]."""
-    arm = rotation @ problem.robot.center_of_mass
+    arm = (rotation * problem.robot.center_of_mass).sum(-1)
     weight = np.asarray(problem.mass * problem.robot.gravity)
     wrench = np.zeros((*np.broadcast_shapes(arm.shape[:-1], weight.shape), 6))
     wrench[..., 2], wrench[..., 3], wrench[..., 4] = -weight, -weight * arm[..., 1], weight * arm[..., 0]
