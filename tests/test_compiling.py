@@ -1,9 +1,10 @@
 """Machine code is built once, whoever comes first, and is never that of other sources."""
 
 import ast
+import errno
 import importlib.util
-import multiprocessing
 import os
+import pickle
 import re
 import shutil
 import subprocess
@@ -11,16 +12,17 @@ import sys
 import tempfile
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
+import numba
 import numpy as np
 import pytest
 from numba.core import config
-from numba.core.dispatcher import Dispatcher
 
 import cdpr_sim as cdpr
-from cdpr_sim.core import compiling
+from cdpr_sim.core import code_cache, compiling
 from cdpr_sim.statics import newton_kernel
 
 PACKAGE = Path(cdpr.__file__).parent
@@ -44,9 +46,8 @@ def kernel() -> compiling.Kernel:
 
 @pytest.fixture
 def empty_cache(monkeypatch, tmp_path) -> None:
-    """No machine code, and nothing that was compiled in this process is known."""
-    monkeypatch.setattr(compiling, "_folder", lambda: tmp_path)
-    monkeypatch.setattr(compiling, "_ready", set())
+    """A folder without machine code."""
+    monkeypatch.setattr(code_cache, "folder", lambda: tmp_path)
 
 
 def test_few_elements_are_interpreted_and_more_are_compiled(empty_cache):
@@ -71,8 +72,7 @@ def test_that_it_compiles_is_said_once(empty_cache, caplog):
     kernel()(np.zeros((compiling.FEW, 2)), 1.0)
     assert not caplog.messages
     kernel()(np.zeros((compiling.FEW + 1, 2)), 1.0)
-    assert caplog.messages == ["cdpr_sim compiles its test sum: some seconds, once on this machine"]
-    compiling._ready.clear()
+    assert caplog.messages == ["cdpr_sim compiles its test sum: up to half a minute, once on this machine"]
     kernel()(np.zeros((compiling.FEW + 1, 2)), 1.0)
     assert len(caplog.messages) == 1
 
@@ -112,14 +112,14 @@ def test_interpreted_and_compiled_answers_are_the_same(catalogue, name, monkeypa
 def test_machine_code_is_built_once_however_many_threads_ask(empty_cache, monkeypatch):
     """Eight threads at once: one build, and all get its result."""
     built, got, one = [], [], kernel()
-    build = one._built
+    build = one._build
 
     def slowly():
         time.sleep(0.05)
         built.append(build())
         return built[0]
 
-    monkeypatch.setattr(one, "_built", slowly)
+    monkeypatch.setattr(one, "_build", slowly)
     threads = [threading.Thread(target=lambda: got.append(one.compiled)) for _ in range(8)]
     for thread in threads:
         thread.start()
@@ -129,32 +129,95 @@ def test_machine_code_is_built_once_however_many_threads_ask(empty_cache, monkey
     assert got == built * 8
 
 
-def stay_inside(log: str) -> None:
-    with compiling.first_use("test"):
-        with open(log, "a") as file:
-            file.write("in\n")
-        time.sleep(0.2)
-        with open(log, "a") as file:
-            file.write("out\n")
+DOUBLED = """
+import numpy as np
+from cdpr_sim.core import compiling
+
+def doubled(value, result):
+    result[0] = 2.0 * value
+
+kernel, many = compiling.Kernel("double", doubled, "()->()"), np.arange(100.0)
+"""
 
 
-def test_processes_compile_one_after_the_other(tmp_path: Path):
-    """Nobody enters while another is inside."""
-    log = tmp_path / "log"
-    context = multiprocessing.get_context("spawn")
-    processes = [context.Process(target=stay_inside, args=(str(log),)) for _ in range(2)]
-    for process in processes:
-        process.start()
-    for process in processes:
-        process.join()
-    assert log.read_text().split() == ["in", "out"] * 2
+def start(folder: Path, text: str, name: str = "script.py") -> subprocess.Popen:
+    """A script that is run by itself, with the machine code of this folder alone."""
+    (folder / name).write_text(text)
+    environment = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(folder / "cache")}
+    pipes = dict(stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen([sys.executable, name], cwd=folder, env=environment, **pipes)  # type: ignore[call-overload]
 
 
-def test_nested_first_uses_do_not_wait_for_themselves():
-    """One thing may need another while it is being compiled."""
-    with compiling.first_use("test outer"), compiling.first_use("test inner"):
-        assert {"test outer", "test inner"}.isdisjoint(compiling._ready)
-    assert {"test outer", "test inner"} <= compiling._ready
+def finished(process: subprocess.Popen) -> tuple[list[str], str]:
+    """The words that it printed, and what it said beside them; a process that waits for ever is killed."""
+    try:
+        printed, said = process.communicate(timeout=FOREVER)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        pytest.fail(f"it waits for ever, and said {process.communicate()}")
+    assert process.returncode == 0, said
+    return printed.split(), said
+
+
+def test_processes_that_come_at_once_all_compile_and_one_publishes(tmp_path):
+    """Nobody waits, nothing is left but one folder, and the next process loads it."""
+    text = DOUBLED + "print(kernel(many).sum())"
+    for process in [start(tmp_path, text) for _ in range(3)]:
+        printed, said = finished(process)
+        assert printed == ["9900.0"]
+        assert "compiles its double" in said
+    published = [path for place in (tmp_path / "cache" / "cdpr_sim").glob("*/*") for path in place.iterdir()]
+    assert [path.name for path in published] == ["double-0"]
+    before = contents(published[0])
+    assert len(before) == 4  # an index and code, of the function and of its loop
+    assert finished(start(tmp_path, text)) == (["9900.0"], "")
+    assert contents(published[0]) == before
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Of all files in it."""
+    return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("wrong", ["empty", "of another Numba", "of other sources", "lost"])
+def test_a_published_folder_that_cannot_be_used_is_left_as_it_is(empty_cache, tmp_path, wrong):
+    """What is compiled instead is published beside it, and found there from then on."""
+    values, answer = np.ones((compiling.FEW + 1, 2)), np.full(compiling.FEW + 1, 2.0)
+    kernel()(values, 1.0)
+    for index in (tmp_path / "test_sum-0").rglob("*.nbi"):
+        if wrong == "lost":
+            index.unlink()
+        elif wrong == "empty":
+            index.write_bytes(b"")
+        else:
+            version, rest = numba.__version__, index.read_bytes()[len(pickle.dumps(numba.__version__, -1)) :]
+            stamp, names = pickle.loads(rest)
+            found = ("0.1", stamp) if wrong == "of another Numba" else (version, "another")
+            index.write_bytes(pickle.dumps(found[0], -1) + pickle.dumps((found[1], names), -1))
+    before = contents(tmp_path / "test_sum-0")
+    np.testing.assert_array_equal(kernel()(values, 1.0)[0], answer)
+    assert contents(tmp_path / "test_sum-0") == before
+    beside = contents(tmp_path / "test_sum-1")
+    assert len(beside) == 4
+    np.testing.assert_array_equal(kernel()(values, 1.0)[0], answer)
+    assert {path.name for path in tmp_path.iterdir()} == {"test_sum-0", "test_sum-1"}
+    assert contents(tmp_path / "test_sum-1") == beside
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
+def test_a_compilation_that_fails_leaves_nothing(empty_cache, tmp_path, error):
+    """Neither Ctrl-C nor a full disk; the latter is one sentence."""
+
+    def fail():
+        (Path(vars(config)["CACHE_DIR"]) / "part").mkdir(parents=True)
+        raise error
+
+    with pytest.raises((KeyboardInterrupt, cdpr.StoreError)) as raised:
+        code_cache.fetch("test", fail, fail)
+    assert list(tmp_path.iterdir()) == []
+    if isinstance(error, OSError):
+        expected = f"compiled code: cannot be written to {tmp_path}: No space left on device; expected space, or NUMBA"
+        assert str(raised.value).startswith(expected)
 
 
 VARIANTS = """
@@ -185,6 +248,133 @@ def test_what_two_processes_compiled_of_one_function_is_told_apart(tmp_path):
     assert said_by_a_process("double", "triple") == ["2.0", "3.0"]
 
 
+# --- nobody waits for ever ----------------------------------------------------------------------------------------
+
+FOREVER = 120.0
+"""Seconds: the scripts below take three, on a machine that does other things as well thirty."""
+
+IN_THREADS = (
+    DOUBLED
+    + """
+import threading
+threads = [threading.Thread(target=lambda: print(kernel(many).sum())) for _ in range(2)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+"""
+)
+
+
+def test_a_script_called_coverage_is_not_run_by_numbas_import(tmp_path):
+    """It was run again there, and waited for its threads, which waited for that import."""
+    assert finished(start(tmp_path, IN_THREADS, "coverage.py"))[0] == ["9900.0"] * 2
+
+
+FORK = (
+    DOUBLED
+    + """
+import os, sys, threading, time
+import cdpr_sim
+there = threading.Event()
+
+def here(*_):
+    there.set()
+    time.sleep(0.05)
+
+if WHERE == "imports":
+    class Finder:
+        def find_spec(self, name, path=None, target=None):
+            if name == "numba.np.ufunc":
+                here()
+    sys.meta_path.insert(0, Finder())
+else:
+    from numba.core import event
+    class Listener(event.Listener):
+        on_start = on_end = here
+    event.register("numba:run_pass", Listener())
+
+thread = threading.Thread(target=lambda: kernel(many))
+thread.start()
+there.wait()
+child = os.fork()
+if child == 0:
+    try:
+        print(kernel(many).sum(), flush=True)
+    except cdpr_sim.CdprError as error:
+        print(error, flush=True)
+    os._exit(0)
+os.waitpid(child, 0)
+thread.join()
+"""
+)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is nothing to inherit")
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [("imports", "compiled code: this process was forked while another thread of its parent"), ("compiles", "9900.0")],
+)
+def test_a_child_that_is_forked_amid_an_import_refuses_and_amid_a_compilation_computes(tmp_path, where, said):
+    """Locks of Python and of Numba were inherited from a thread that does not exist in the child."""
+    printed, _ = finished(start(tmp_path, f"WHERE = {where!r}" + FORK))
+    assert " ".join(printed).startswith(said)
+
+
+INTERRUPTS = (
+    DOUBLED
+    + """
+import random, signal
+from concurrent.futures import ThreadPoolExecutor
+
+compiling._import_numba()
+compiling.code_cache.fetch = lambda *_: len  # nothing is compiled: all time is spent around the lock
+random.seed(0)
+armed = False
+
+def interrupt(*_):
+    global armed
+    if armed:
+        armed = False
+        raise KeyboardInterrupt
+
+def ask(one):
+    one._compiled = None
+    return one.compiled
+
+signal.signal(signal.SIGALRM, interrupt)
+other, kept, pool = compiling.Kernel("other", doubled, "()->()"), [], ThreadPoolExecutor(1)
+for _ in range(ROUNDS):
+    try:
+        armed = True
+        signal.setitimer(signal.ITIMER_REAL, random.uniform(5e-6, 1e-4))
+        while True:
+            ask(kernel)
+    except KeyboardInterrupt as error:
+        kept.append(error)  # as a notebook keeps the last one: with its frames
+    pool.submit(ask, other).result(timeout=10)
+print(len(kept))
+"""
+)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="alarms are POSIX")
+def test_no_interrupt_leaks_the_lock(tmp_path):
+    """Ctrl-C, wherever it comes: another thread gets what it asks for at once."""
+    rounds = 3000
+    assert finished(start(tmp_path, f"ROUNDS = {rounds}" + INTERRUPTS))[0] == [str(rounds)]
+
+
+def test_waiting_for_another_threads_import_of_numba_is_said_and_ends(monkeypatch, caplog):
+    """It may never finish, for example where it waits for this thread."""
+    unfinished = SimpleNamespace(__spec__=SimpleNamespace(_initializing=True))
+    monkeypatch.setitem(sys.modules, "numba", unfinished)  # type: ignore[arg-type]
+    monkeypatch.setattr(compiling, "PATIENCE", (0.02, 0.1))
+    with pytest.raises(cdpr.CdprError, match=f"another thread of process {os.getpid()} has not finished to import"):
+        compiling._import_numba()
+    assert caplog.messages == [f"cdpr_sim waits for another thread of process {os.getpid()}, which imports Numba"]
+
+
 # --- of these sources ---------------------------------------------------------------------------------------------
 
 
@@ -209,18 +399,18 @@ def test_the_sources_are_all_that_compiled_code_is_made_of():
     compiled = {path for path in PACKAGE.rglob("*.py") if uses_numba.search(path.read_text(encoding="utf-8"))}
     others = {PACKAGE / "statics" / "catenary.py", PACKAGE / "drawing" / "video" / "raycast.py"}
     kernels = {*(PACKAGE / "statics").glob("*_kernel.py"), *others}
-    assert compiled - {PACKAGE / "core" / "compiling.py"} <= kernels
+    assert compiled - {PACKAGE / "core" / "compiling.py", PACKAGE / "core" / "code_cache.py"} <= kernels
     reached, waiting = set(), list(kernels)
     while waiting:
         path = waiting.pop()
         reached.add(path)
         waiting += imported(path) - reached
-    assert {path.relative_to(PACKAGE).as_posix() for path in reached} == set(compiling.SOURCES)
+    assert {path.relative_to(PACKAGE).as_posix() for path in reached} == set(code_cache.SOURCES)
 
 
-def compiling_of(package: Path) -> ModuleType:
-    """``core.compiling`` of a copy of the package."""
-    spec = importlib.util.spec_from_file_location("compiling_of_a_copy", package / "core" / "compiling.py")
+def cache_of(package: Path) -> ModuleType:
+    """``core.code_cache`` of a copy of the package."""
+    spec = importlib.util.spec_from_file_location("cache_of_a_copy", package / "core" / "code_cache.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -232,19 +422,19 @@ def test_another_constant_in_any_source_is_another_digest(tmp_path):
     """Numba looks at one file's date; we look at all texts: one constant more or less is other machine code."""
     package = tmp_path / "cdpr_sim"
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
-    before = compiling_of(package).digest()
-    assert before == compiling.digest()
-    for name in compiling.SOURCES:
+    before = cache_of(package).digest()
+    assert before == code_cache.digest()
+    for name in code_cache.SOURCES:
         file, text = package / name, (package / name).read_text(encoding="utf-8")
         file.write_text(text + "\nONE_MORE = 1\n", encoding="utf-8")
-        assert compiling_of(package).digest() != before, name
+        assert cache_of(package).digest() != before, name
         file.write_text(text, encoding="utf-8")
     status = package / "core" / "status.py"
     changed = status.read_text(encoding="utf-8").replace("NEUTRAL = 1e-9", "NEUTRAL = 2e-9")
     status.write_text(changed, encoding="utf-8")
-    assert compiling_of(package).digest() != before
+    assert cache_of(package).digest() != before
     status.write_text(changed.replace("NEUTRAL = 2e-9", "NEUTRAL = 1e-9"), encoding="utf-8")
-    assert compiling_of(package).digest() == before
+    assert cache_of(package).digest() == before
 
 
 def test_machine_code_lies_in_the_folder_of_its_digest(catalogue):
@@ -252,14 +442,11 @@ def test_machine_code_lies_in_the_folder_of_its_digest(catalogue):
     from cdpr_sim.drawing.video import raycast
 
     assert cdpr.solve_many(catalogue["cogiro"], [(0.4, 0.25, 0.2)] * (compiling.FEW + 1)).stable.all()
-    folder = compiling._folder()
-    assert folder.name == compiling.digest()
+    folder = code_cache.folder()
+    assert folder.name == code_cache.digest()
+    assert raycast._DRAW.compiled
     kept = {path.name.split(".")[0] for path in folder.rglob("*.nbi")}
-    assert {"guf-newton_kernel", "guf-stiffness_kernel"} <= kept
-    functions = [one for one in vars(raycast).values() if isinstance(one, Dispatcher)]
-    assert len(functions) > 5
-    for function in functions:
-        assert Path(function._cache.cache_path).is_relative_to(folder), function  # type: ignore[attr-defined]
+    assert {"guf-newton_kernel", "guf-stiffness_kernel", "raycast"} <= kept
 
 
 # --- where it is kept ---------------------------------------------------------------------------------------------
@@ -271,8 +458,8 @@ def places(monkeypatch, tmp_path) -> dict[str, Path]:
     found = {name: tmp_path / name for name in ("given", "package", "home", "temporary")}
     for place in found.values():
         place.mkdir()
-    compiling.digest()  # of the true package, and kept
-    monkeypatch.setattr(compiling, "_PACKAGE", found["package"])
+    code_cache.digest()  # of the true package, and kept
+    monkeypatch.setattr(code_cache, "_PACKAGE", found["package"])
     monkeypatch.setattr(tempfile, "tempdir", str(found["temporary"]))
     monkeypatch.setenv("HOME", str(found["home"]))
     for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
@@ -288,15 +475,15 @@ def block(place: Path) -> None:
 
 def where() -> Path:
     """The folder that is chosen, anew."""
-    return compiling._folder.__wrapped__()
+    return code_cache.folder.__wrapped__()
 
 
 def test_machine_code_is_kept_with_the_package_or_where_numba_is_told_to(places, monkeypatch):
     """Beside the sources; unless NUMBA_CACHE_DIR says otherwise."""
-    assert where() == places["package"] / "__pycache__" / "compiled" / compiling.digest()
+    assert where() == places["package"] / "__pycache__" / "compiled" / code_cache.digest()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(places["given"]))
     assert where().is_relative_to(places["given"])
-    assert where().name == compiling.digest()
+    assert where().name == code_cache.digest()
 
 
 def test_read_only_package_keeps_its_code_at_home_or_with_temporary_files(places, monkeypatch):
@@ -321,24 +508,44 @@ def test_read_only_package_keeps_its_code_at_home_or_with_temporary_files(places
 
 
 def test_code_of_other_versions_is_cleared_away(places):
-    """A folder for each version of the sources would grow for ever."""
+    """A folder for each version of the sources would grow for ever; so would private ones of killed processes."""
     old = places["package"] / "__pycache__" / "compiled" / "0123456789abcdef"
     old.mkdir(parents=True)
     (old / "newton_kernel.nbi").touch()
-    assert where().is_dir()
+    here = where()
+    assert here.is_dir()
     assert not old.exists()
+    (here / "solver-0").mkdir()
+    for private, age in ((".now", 0.0), (".killed", code_cache.ABANDONED + 60)):
+        (here / private).mkdir()
+        os.utime(here / private, (time.time() - age,) * 2)
+    assert where() == here
+    assert {path.name for path in here.iterdir()} == {"solver-0", ".now"}
 
 
-def test_numbas_own_setting_holds_outside(monkeypatch):
+def test_numbas_own_setting_holds_outside(empty_cache, tmp_path, monkeypatch):
     """Users compile functions of their own: those go where Numba is told, also after ours has failed."""
     monkeypatch.setitem(vars(config), "CACHE_DIR", "theirs")
     optimised = config.OPT
-    with compiling.first_use("test setting"), compiling._optimised(1):
-        assert vars(config)["CACHE_DIR"] == str(compiling._folder())
-        assert config.OPT == 1 != optimised
+
+    def compile():
+        with compiling._optimised(1):
+            assert Path(vars(config)["CACHE_DIR"]).is_relative_to(tmp_path)
+            assert config.OPT == 1 != optimised
+            1 / 0  # noqa: B018
+
+    with pytest.raises(ZeroDivisionError):
+        code_cache.fetch("test", compile, compile)
     assert vars(config)["CACHE_DIR"] == "theirs"
     assert vars(config)["OPT"] is optimised
-    with pytest.raises(ZeroDivisionError), compiling.first_use("test setting that fails"):
-        1 / 0  # noqa: B018
-    assert vars(config)["CACHE_DIR"] == "theirs"
-    assert "test setting that fails" not in compiling._ready
+
+
+def test_loading_forbids_compiling_to_this_thread_alone(empty_cache, tmp_path):
+    """Another thread may compile functions of the user's meanwhile; here it would write to what is published."""
+    (tmp_path / "test-0").mkdir()
+
+    def load():
+        assert ThreadPoolExecutor(1).submit(lambda: numba.njit(lambda x: x + 1)(1)).result() == 2
+        return numba.njit(lambda x: x + 1)(1)
+
+    assert code_cache.fetch("test", load, lambda: "compiled") == "compiled"

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from filelock import FileLock, Timeout
 
 import cdpr_sim as cdpr
-from cdpr_sim.core import checks, compiling
+from cdpr_sim.core import checks, code_cache
 
 SOUND = dict(
     exits=[[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]],
@@ -302,31 +301,13 @@ def test_a_forked_child_compiles_for_itself():
     assert result.returncode == 0, result.stderr
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is nothing to inherit")
-def test_a_child_that_is_forked_while_others_compile_waits_for_them():
-    """Neither does it enter beside them, nor does it let others in when it ends."""
-    with compiling.first_use("test of a fork"):
-        child = os.fork()
-        if child == 0:
-            lock = compiling._process_lock()
-            held = False
-            try:
-                lock.acquire(timeout=0.2)
-            except Timeout:
-                held = True
-            os._exit(0 if held else 1)
-        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-        with pytest.raises(Timeout):
-            FileLock(compiling._process_lock().lock_file).acquire(timeout=0.2)
-
-
 @pytest.fixture
 def no_lasting_folder(tmp_path, monkeypatch):
     """A package and a home that are files, in which not even root makes a folder; and a place for temporary files."""
     (tmp_path / "file").write_text("")
     (tmp_path / "tmp").mkdir()
-    monkeypatch.setattr(compiling, "_PACKAGE", tmp_path / "file")
-    monkeypatch.setattr(compiling, "digest", lambda: "0123")
+    monkeypatch.setattr(code_cache, "_PACKAGE", tmp_path / "file")
+    monkeypatch.setattr(code_cache, "digest", lambda: "0123")
     monkeypatch.setenv("HOME", str(tmp_path / "file"))
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
@@ -336,20 +317,20 @@ def no_lasting_folder(tmp_path, monkeypatch):
 
 def test_without_a_lasting_folder_code_is_kept_in_a_temporary_one_and_that_is_said_once(no_lasting_folder, caplog):
     """A system install, a container with a foreign user."""
-    folder = compiling._folder.__wrapped__()
+    folder = code_cache.folder.__wrapped__()
     assert folder.is_relative_to(no_lasting_folder)
     assert folder.parent.stat().st_mode & 0o077 == 0
     assert len(caplog.messages) == 1
     assert "no lasting folder can be written; set NUMBA_CACHE_DIR" in caplog.messages[0]
-    assert compiling._folder.__wrapped__() == folder
+    assert code_cache.folder.__wrapped__() == folder
     assert len(caplog.messages) == 1
 
 
 def test_a_temporary_folder_that_others_can_write_to_is_not_trusted(no_lasting_folder):
     """Machine code is loaded from it."""
-    folder = compiling._folder.__wrapped__()
+    folder = code_cache.folder.__wrapped__()
     folder.parent.chmod(0o777)
-    other = compiling._folder.__wrapped__()
+    other = code_cache.folder.__wrapped__()
     assert other.parent != folder.parent
     assert other.is_relative_to(no_lasting_folder)
 
@@ -360,15 +341,14 @@ def test_without_any_folder_it_is_one_sentence(no_lasting_folder, monkeypatch):
     with pytest.raises(
         cdpr.StoreError, match=r"found no folder for compiled code that can be written to .* expected NUMBA_CACHE_DIR"
     ):
-        compiling._folder.__wrapped__()
+        code_cache.folder.__wrapped__()
 
 
 def test_a_user_without_a_home_has_none_made(no_lasting_folder, monkeypatch):
     """Where nobody knows whose home ``~`` is, it is no folder's name."""
     monkeypatch.setattr(os.path, "expanduser", lambda path: path)
     monkeypatch.chdir(no_lasting_folder)
-    compiling._folder.__wrapped__()
-    compiling._process_lock.__wrapped__()
+    code_cache.folder.__wrapped__()
     assert not (no_lasting_folder / "~").exists()
 
 

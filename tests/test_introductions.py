@@ -1,8 +1,13 @@
 """Results say what they are: in a line in the terminal, and in a notebook as tables whose numbers are their own."""
 
+import copy
 import dataclasses
+import importlib
 import inspect
+import pickle
+import pkgutil
 import re
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -10,6 +15,7 @@ from page_reader import Page
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.drawing.video import render
 from cdpr_sim.report import html
 from cdpr_sim.report.introductions import introduce
 
@@ -97,6 +103,114 @@ def test_names_are_shown_and_not_obeyed(results):
             assert HOSTILE in page.words or HOSTILE in str(page.tags), name
             assert not any("onerror" in values for _, values in page.tags), name
     assert Page(html.sentences(html.plain(HOSTILE))).words == HOSTILE
+
+
+# --- copies ---------------------------------------------------------------------------------------------------------
+
+
+def parts(value: object, name: str = "") -> Iterator[tuple[str, object]]:
+    """What a value holds, down to arrays, numbers and words, by names."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        yield name, type(value)
+        for field in dataclasses.fields(value):
+            if hasattr(value, field.name):  # a controller has not planned yet
+                yield from parts(getattr(value, field.name), f"{name}.{field.name}")
+    elif isinstance(value, (tuple, list)):
+        yield name, (type(value), len(value))
+        for i, one in enumerate(value):
+            yield from parts(one, f"{name}[{i}]")
+    else:
+        yield name, value if isinstance(value, np.ndarray) else repr(value)
+
+
+def copies(value: object) -> list:
+    """By each way of making one: between processes, and within one."""
+    return [pickle.loads(pickle.dumps(value)), copy.deepcopy(value), copy.copy(value)]
+
+
+def assert_same(one: object, other: object) -> None:
+    """In all that they hold, to the bit; what cannot be written to in one cannot be in the other."""
+    mine, theirs = dict(parts(one)), dict(parts(other))
+    assert mine.keys() == theirs.keys()
+    for name, value in mine.items():
+        if isinstance(value, np.ndarray):
+            np.testing.assert_array_equal(value, theirs[name], err_msg=name)
+            assert value.flags.writeable == theirs[name].flags.writeable, name  # type: ignore[attr-defined]
+        else:
+            assert value == theirs[name], name
+
+
+def worst_reach(rests) -> np.ndarray:
+    """An objective of a user's."""
+    return np.linalg.norm(rests.positions, axis=-1).max(-1)
+
+
+def test_results_survive_pickle_and_copies(results, robot):
+    """Between processes of a pool, and in a notebook: all that they hold is the same; so is what tracks and senses."""
+    rigid = cdpr.RigidLengths(robot)
+    sought = dict(within=0.005, generations=1, population=8, threads=1)
+    others = [
+        robot.cabling, cdpr.solve_many(robot, [POSE]), cdpr.drive(robot, [POSE], seconds=0.1, states=2),
+        rigid, cdpr.ElasticLengths(robot), cdpr.HeldTensions(robot), cdpr.LengthsAndTensions(robot),
+        cdpr.PoseFeedback(rigid), cdpr.Command.of(robot.rest_lengths(POSE), robot.cables), cdpr.Sensors(),
+        cdpr.MATERIALS["vectran-0.7mm"], cdpr.ROPES["dyneema"], cdpr.Move("exits", 0.01), cdpr.Reach.EXACT,
+        cdpr.Stability.STABLE, cdpr.Status.CONVERGED, cdpr.Verdict.AGREE,
+        cdpr.find_layout(robot, [POSE], objective=worst_reach, **sought),
+    ]  # fmt: skip
+    for value in [*results.values(), *others]:
+        for other in copies(value):
+            assert_same(value, other)
+    asked = {type(value).__name__ for value in [*results.values(), *others]}
+    public = {name for name in cdpr.__all__ if inspect.isclass(getattr(cdpr, name))}
+    errors = {name for name in public if issubclass(getattr(cdpr, name), Exception)}
+    assert public - errors - asked == {"Controller", "Course", "Sensed"}  # a protocol, and what only controllers see
+
+
+def all_errors() -> set[type[Exception]]:
+    """Every exception and warning of the package, public or not, but for those that others derive from privately."""
+    for module in pkgutil.walk_packages(cdpr.__path__, "cdpr_sim."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+    found, waiting = set(), [cdpr.CdprError, cdpr.ImplausibleRobot]
+    while waiting:
+        one = waiting.pop()
+        found |= {one} if one.__module__.startswith("cdpr_sim") and not one.__name__.startswith("_") else set()
+        waiting += one.__subclasses__()
+    return found
+
+
+def raised(ask: Callable[[], object]) -> Exception:
+    """What that ends in."""
+    with pytest.raises(Exception) as caught:  # noqa: PT011
+        ask()
+    return caught.value
+
+
+def test_errors_survive_pickle_and_copies(results, robot):
+    """An exception that cannot be pickled hangs a ``multiprocessing.Pool``; all say the same, and carry the same."""
+    trajectory, equilibrium = results["Trajectory"], results["Equilibrium"]
+    errors = [
+        raised(lambda: cdpr.load_robot("cogir")),
+        raised(lambda: cdpr.load_robot("x" * 100)),
+        raised(lambda: cdpr.solve(robot, (np.nan, 0, 0))),
+        raised(lambda: cdpr.load_robot(__file__ + ".toml")),
+        cdpr.NotConverged("stalled", equilibrium), cdpr.NotSettled("sways", equilibrium),
+        cdpr.PlatformFell("fell", trajectory), cdpr.BadCommand("nan", trajectory), cdpr.StoreError("full"),
+        cdpr.CdprError("on purpose"), cdpr.ImplausibleRobot("in millimetres"), cdpr.InvalidInput("mass: found 0"),
+        render.OpenGLUnavailable("none"),
+    ]  # fmt: skip
+    assert {type(error) for error in errors} == all_errors()
+    for error in errors:
+        for other in copies(error):
+            assert type(other) is type(error)
+            assert str(other) == str(error)
+            assert vars(other).keys() == vars(error).keys()
+            for name, value in vars(error).items():
+                assert_same(value, getattr(other, name))
+    assert "did you mean cogiro" in str(errors[0])
+
+
+# --- in a notebook --------------------------------------------------------------------------------------------------
 
 
 def test_a_robot_shows_a_picture_and_its_numbers(robot):

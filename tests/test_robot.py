@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.robot import FIELDS
 from cdpr_sim.core.words import stiffness_in_words
 
 EXITS = [[-1, 0, 1], [1, 0, 1], [0, 1, 1.0]]
@@ -58,6 +59,28 @@ def test_robot_keeps_a_copy_of_the_arrays_it_is_given():
     exits[0, 0] = 99
     assert made.exits[0, 0] == -1
     assert made.replace(mass=2.0).exits[0, 0] == -1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        dict(pulley_radius=[0.02, 0, 0.03], pulley_axis=(0, 0, -2), stiffening=(1.0, 2.0), force_min=1.0),
+        dict(linear_density=[0.1, 0.2, 0], material="rope", notes=("assumed",), force_max=[10, 20, np.inf]),
+    ],
+)
+def test_all_that_a_robot_is_given_can_be_read_back(changes):
+    """One value per cable; and made anew from what was read, it is the same robot."""
+    made = robot(**changes)
+    read = {name: getattr(made, name) for name in FIELDS}
+    for name, value in changes.items():
+        if not isinstance(value, str) and name not in ("pulley_axis", "notes"):
+            np.testing.assert_array_equal(read[name], np.broadcast_to(value, np.shape(read[name])), err_msg=name)
+    np.testing.assert_array_equal(made.pulley_axis, [[0, 0, -1]] * 3)
+    again = cdpr.Robot(**read)
+    for name, value in read.items():
+        np.testing.assert_array_equal(getattr(again, name), value, err_msg=name)
+    with pytest.raises(ValueError, match="read-only"):
+        made.pulley_radius[0] = 1.0
 
 
 def test_default_inertia_is_that_of_a_uniform_box():

@@ -413,6 +413,22 @@ def test_an_encoder_that_fails_is_one_sentence(tmp_path, parallel, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_an_encoder_that_fills_the_disk_is_no_mistake_of_the_users(tmp_path, parallel, monkeypatch):
+    """Where mediapy quotes ffmpeg, the sentence keeps the reason, and the error is the one of a full disk."""
+
+    class Full(mediapy.VideoWriter):
+        def close(self) -> None:
+            super().close()
+            raise RuntimeError("Error writing 'v.mp4': [out#0/mp4 @ 0x1] Error closing file: No space left on device\n")
+
+    monkeypatch.setattr(mediapy, "VideoWriter", Full)
+    path = tmp_path / "v.mp4"
+    with pytest.raises(cdpr.StoreError) as full:
+        cdpr.write_video(path, parallel, seconds=1, fps=10, size=(320, 240), renderer="raycast")
+    assert str(full.value) == f"{path}: cannot be written: No space left on device"
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups to send an interrupt to")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_an_interrupted_command_leaves_nothing(tmp_path, tmp_path_factory, name):

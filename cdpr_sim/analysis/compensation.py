@@ -24,7 +24,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.tensions import Demand, balances, leftover, smallest, stiffest
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
-from cdpr_sim.core.checks import checked_array, frozen
+from cdpr_sim.core.checks import Frozen, checked_array, frozen
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.introduced import Introduced
@@ -76,7 +76,7 @@ class Reach(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Compensation(Introduced):
+class Compensation(Frozen, Introduced):
     """Rest lengths that put the platform where it was told to be, or as near as any that were found can.
 
     Attributes:

@@ -21,10 +21,14 @@ class UnknownName(CdprError, LookupError):
     """A name that is not in a catalogue: the message lists the nearest valid names."""
 
     def __init__(self, what: str, name: str, known: Iterable[str], note: str = "") -> None:
-        known, name = sorted(known), name if len(name) <= LONGEST else f"{name[:LONGEST]}..."
+        super().__init__(what, name, tuple(sorted(known)), note)  # all of them, since copies are made from these
+
+    def __str__(self) -> str:
+        what, name, known, note = self.args
+        name = name if len(name) <= LONGEST else f"{name[:LONGEST]}..."
         near = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
-        super().__init__(f"unknown {what} {name!r}: {hint}known: {', '.join(known)}{note}")
+        return f"unknown {what} {name!r}: {hint}known: {', '.join(known)}{note}"
 
 
 class RobotFileError(InvalidInput):

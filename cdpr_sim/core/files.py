@@ -153,6 +153,8 @@ def appearing(*paths: Path) -> Iterator[list[Path]]:
         for path, temporary in zip(paths, temporaries, strict=True):
             os.chmod(temporary, 0o644)
             os.replace(temporary, path)
+    except StoreError:  # an OSError that says already what is full
+        raise
     except OSError as error:
         raise _unwritable(path, error) from error
     finally:

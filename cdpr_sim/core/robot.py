@@ -232,6 +232,26 @@ class Robot(Introduced):
         return self.cabling.axial_stiffness
 
     @property
+    def linear_density(self) -> Float[np.ndarray, " cables"]:
+        """Mass per length of each cable, (cables,) [kg/m]; 0 is a massless cable."""
+        return self.cabling.linear_density
+
+    @property
+    def pulley_radius(self) -> Float[np.ndarray, " cables"]:
+        """Of the wheel at each exit, (cables,) [m]; 0 is a point."""
+        return self.cabling.pulley_radius
+
+    @property
+    def pulley_axis(self) -> Float[np.ndarray, "cables 3"]:
+        """The direction in which each cable arrives at its wheel, unit vectors (cables, 3)."""
+        return self.cabling.pulley_axis
+
+    @property
+    def stiffening(self) -> Float[np.ndarray, "cables 2"]:
+        """(a2, a3) of each cable's law tau = EA (eps + a2 eps² + a3 eps³), (cables, 2)."""
+        return self.cabling.stiffening
+
+    @property
     def force_min(self) -> Float[np.ndarray, " cables"]:
         """Smallest tension that is wanted of each cable, (cables,) [N]."""
         return self.cabling.force_min

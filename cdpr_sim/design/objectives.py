@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,11 @@ class Objective:
         if not callable(given):
             raise InvalidInput(f"objective: found {shown(given)}, expected a name or a function of the rests")
         name = getattr(given, "__name__", "your function")
-        return cls(name, "", 1.0, lambda rests, _: _checked(given(rests), name, len(rests)))
+        return cls(name, "", 1.0, partial(_by_users, given, name))
+
+    def __reduce__(self) -> str | tuple[Any, ...]:
+        """Copies of those in the table are made from their names: most of their functions have none."""
+        return (Objective.of, (self.name,)) if OBJECTIVES.get(self.name) is self else super().__reduce__()
 
     def refuse_weight(self, robot: Robot) -> None:
         """Where the objective does not know the weight of cables.
@@ -82,7 +87,8 @@ class Objective:
         return a > b if self.largest else a < b
 
 
-def _checked(scores: Any, name: str, layouts: int) -> Scores:
+def _by_users(function: Callable[[LayoutRests], Any], name: str, rests: LayoutRests, _: Limits) -> Scores:
+    scores, layouts = function(rests), len(rests)
     try:
         found = np.asarray(scores, dtype=float)
     except (TypeError, ValueError):

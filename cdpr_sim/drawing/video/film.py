@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -95,8 +97,9 @@ def write_video(
                 for frame in film.frames(progress):
                     video.add_image(frame)
         except RuntimeError as error:  # mediapy's, which quotes ffmpeg
-            kind = StoreError if "No space left" in str(error) else InvalidInput
-            raise kind(f"{path}: cannot be written: {str(error).strip().splitlines()[-1]}") from error
+            if (full := os.strerror(errno.ENOSPC)) in str(error):
+                raise StoreError(f"{path}: cannot be written: {full}") from error
+            raise InvalidInput(f"{path}: cannot be written: {str(error).strip().splitlines()[-1]}") from error
     return path
 
 

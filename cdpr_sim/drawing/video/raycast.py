@@ -33,7 +33,7 @@ SHAPES = {
 PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX = SHAPES.values()
 DIRECTIONAL = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL.value
 
-jit = compiling.jit(nogil=True, fastmath=True)
+part = compiling.for_kernels(fastmath=True)
 
 Picture = UInt8[np.ndarray, "height width 3"]
 
@@ -76,6 +76,7 @@ class RayCaster:
     name = "raycast"
 
     def __init__(self, model: mujoco.MjModel) -> None:
+        self._draw = _DRAW.compiled  # here, where Ctrl-C ends it, and not in a thread
         self._threads = ThreadPoolExecutor(os.cpu_count() or 1)
         self._floor = _checkers(model)
         self._sky = np.array([model.vis.rgba.haze[:3], _top_of_sky(model)], dtype=float)
@@ -114,11 +115,10 @@ class RayCaster:
 
     def _drawn(self, shot: _Shot, backdrop: _Backdrop) -> _Backdrop:
         what, pixels = backdrop.what.copy(), backdrop.pixels.copy()
-        with compiling.first_use("ray caster"):
-            _draw(
-                backdrop.known, shot.kinds, shot.floats, shot.cameras, shot.lights, self._floor, self._sky,
-                style.SUPERSAMPLING, what, pixels,
-            )  # fmt: skip
+        self._draw(
+            backdrop.known, shot.kinds, shot.floats, shot.cameras, shot.lights, self._floor, self._sky,
+            style.SUPERSAMPLING, what, pixels,
+        )  # fmt: skip
         return _Backdrop(shot, len(shot.kinds), what, pixels)
 
 
@@ -126,9 +126,10 @@ def averaged(pixels: UInt8[np.ndarray, "rows columns 3"], scale: int) -> UInt8[n
     """Each ``scale`` x ``scale`` block of pixels as one, its mean."""
     if scale == 1:
         return pixels
-    result = np.empty((pixels.shape[0] // scale, pixels.shape[1] // scale, 3), np.uint8)
-    _average(pixels, scale, np.ones(result.shape[:2], np.bool_), result)
-    return result
+    total = np.full((pixels.shape[0] // scale, pixels.shape[1] // scale, 3), scale**2 // 2, np.uint16)
+    for row, column in np.ndindex(scale, scale):
+        total += pixels[row::scale, column::scale]
+    return (total // scale**2).astype(np.uint8)
 
 
 def _camera(scene: mujoco.MjvScene, columns: int, rows: int) -> Float[np.ndarray, "5 3"]:
@@ -192,21 +193,7 @@ def _top_of_sky(model: mujoco.MjModel) -> Float[np.ndarray, "3"]:
     return np.array(model.vis.rgba.haze[:3])
 
 
-@jit
-def _average(pixels, scale, wanted, result):
-    for i in range(result.shape[0]):
-        for j in range(result.shape[1]):
-            if not wanted[i, j]:
-                continue
-            for c in range(3):
-                total = 0
-                for a in range(scale):
-                    for b in range(scale):
-                        total += pixels[scale * i + a, scale * j + b, c]
-                result[i, j, c] = (total + scale * scale // 2) // (scale * scale)
-
-
-@jit
+@part
 def _extent(kind, size):
     """Half edges of the box around a shape in its own frame."""
     if kind == CAPSULE:
@@ -216,7 +203,7 @@ def _extent(kind, size):
     return size[0], size[1], size[2]
 
 
-@jit
+@part
 def _cover(kinds, floats, camera, columns, ranges):
     """Per shape and row, the first and last column that its bounding box covers; none where first > last."""
     rows = len(ranges)
@@ -260,7 +247,7 @@ def _cover(kinds, floats, camera, columns, ranges):
                     ranges[row, g, 1] = max(ranges[row, g, 1], min(columns - 1, math.ceil(right)))
 
 
-@jit
+@part
 def _hit_ellipsoid(ox, oy, oz, dx, dy, dz, a, b, c):
     """The nearest hit of the ray o + t d with an ellipsoid, and the normal there; t = -1 for none."""
     ox, oy, oz, dx, dy, dz = ox / a, oy / b, oz / c, dx / a, dy / b, dz / c
@@ -272,7 +259,7 @@ def _hit_ellipsoid(ox, oy, oz, dx, dy, dz, a, b, c):
     return t, (ox + t * dx) / a, (oy + t * dy) / b, (oz + t * dz) / c
 
 
-@jit
+@part
 def _hit_round(ox, oy, oz, dx, dy, dz, radius, half, capped):
     """A cylinder along z, with flat ends or (``capped``) with half spheres."""
     p, q, r = dx * dx + dy * dy, ox * dx + oy * dy, ox * ox + oy * oy - radius * radius
@@ -302,7 +289,7 @@ def _hit_round(ox, oy, oz, dx, dy, dz, radius, half, capped):
     return t, 0.0, 0.0, end
 
 
-@jit
+@part
 def _slab(o, d, size):
     """Where the ray enters and leaves |x| <= size; from never to always where it runs along inside."""
     if abs(d) < 1e-12:
@@ -311,7 +298,7 @@ def _slab(o, d, size):
     return middle - reach, middle + reach
 
 
-@jit
+@part
 def _hit_box(ox, oy, oz, dx, dy, dz, a, b, c):
     x, out_x = _slab(ox, dx, a)
     y, out_y = _slab(oy, dy, b)
@@ -326,7 +313,7 @@ def _hit_box(ox, oy, oz, dx, dy, dz, a, b, c):
     return t, 0.0, 0.0, -math.copysign(1.0, dz)
 
 
-@jit
+@part
 def _hit(kind, ox, oy, oz, dx, dy, dz, a, b, c):
     """The nearest hit of the ray o + t d with a shape of size (a, b, c) in its own frame, and the normal there."""
     if kind == BOX:
@@ -345,7 +332,7 @@ def _hit(kind, ox, oy, oz, dx, dy, dz, a, b, c):
     return t, 0.0, 0.0, 1.0
 
 
-@jit
+@part
 def _checker(x, y, floor, footprint):
     """How much of the floor's second colour there is at (x, y): half where a pixel covers more than a square."""
     edge = floor[2, 0]
@@ -354,7 +341,6 @@ def _checker(x, y, floor, footprint):
     return odd * (1 - blur) + 0.5 * blur
 
 
-@jit
 def _draw(known, kinds, floats, cameras, lights, floor, sky, scale, what, pixels):
     """Draw all shapes over a picture, and numbers for what each pixel shows, of the first ``known`` alone."""
     rows, columns = what.shape
@@ -395,7 +381,15 @@ def _draw(known, kinds, floats, cameras, lights, floor, sky, scale, what, pixels
                 pixels[row, wanted[scale * k] // scale, c] = (total[k, c] + scale * scale // 2) // (scale * scale)
 
 
-@jit
+_DRAW = compiling.Compiled(
+    "ray caster", _draw,
+    "void(int64, int32[::1], float64[:, ::1], float64[:, :, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], "
+    "int64, int32[:, ::1], uint8[:, :, ::1])",
+    nogil=True, fastmath=True,
+)  # fmt: skip
+
+
+@part
 def _touch(known, ranges, touched):
     """Which pixels shapes beyond the first ``known`` may show in, or change the edges of: all where none are known."""
     rows, columns = touched.shape
@@ -410,7 +404,7 @@ def _touch(known, ranges, touched):
                     touched[near, column] = True
 
 
-@jit
+@part
 def _is_edge(what, row, column):
     """Whether a pixel has a neighbour that shows something else."""
     rows, columns = what.shape
@@ -423,7 +417,7 @@ def _is_edge(what, row, column):
     )
 
 
-@jit
+@part
 def _place(wanted, column):
     """How many of the wanted columns lie left of this one."""
     low, high = 0, len(wanted)
@@ -436,7 +430,7 @@ def _place(wanted, column):
     return low
 
 
-@jit
+@part
 def _cast(row, wanted, kinds, floats, ranges, camera, lights, floor, sky, pixels, what):
     """One ray through each of a row's ``wanted`` columns, which ascend: its colour, and a number for what it hits."""
     count = len(wanted)

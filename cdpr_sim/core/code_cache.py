@@ -1,0 +1,176 @@
+"""Compiled code on disk: published whole, in folders that are never written to again.
+
+Numba's own cache allows two processes to compile the same functions into one folder at once; a cache with files of both
+has crashed every later run. So nobody compiles into a folder that others read: a process compiles in a private folder
+and publishes it by one rename. Processes need no lock and never wait for each other: of two that come at once, both
+compile, and one publishes. A process that cannot use a published folder (another Numba, another processor, a damaged
+file) publishes its own under the next number.
+
+Numba's own key to its cache is the text of one file, while our kernels are made of several and compile in constants of
+others. So each version of the package's sources has a folder of its own: stale machine code is never loaded.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import itertools
+import logging
+import os
+import shutil
+import stat
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from cdpr_sim.core.errors import StoreError
+
+SOURCES = (
+    "core/cable.py", "core/cable_law.py", "core/cable_path.py", "core/checks.py", "core/code_cache.py",
+    "core/compiling.py", "core/errors.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py",
+    "statics/balance_kernel.py", "statics/cable_kernel.py", "statics/catenary.py", "statics/heavy_kernel.py",
+    "statics/matrix_kernel.py", "statics/newton_kernel.py", "statics/stiffness_kernel.py",
+)  # fmt: skip
+"""What is compiled, and all that it imports from this package; a test keeps the list whole."""
+
+ABANDONED = 86400.0
+"""Seconds after which a private folder is one that a killed process has left."""
+
+_PACKAGE = Path(__file__).parents[1]
+_log = logging.getLogger("cdpr_sim")
+
+
+def fetch(name: str, load: Callable[[], Any], compile: Callable[[], Any]) -> Any:
+    """What ``load`` finds in a published folder, or what ``compile`` leaves in a new one, which is then published.
+
+    Args:
+        name: of the folders: letters and underscores.
+        load: has Numba make the code, as ``compile`` does; where it would begin to compile, it meets an exception.
+        compile: has Numba make the code.
+
+    Raises:
+        StoreError: there is no folder, or no space in it.
+    """
+    for number in itertools.count():
+        published = folder() / f"{name}-{number}"
+        if not published.is_dir():
+            return _publish(published, compile)
+        try:
+            with settings(CACHE_DIR=str(published)), _no_compilation():
+                return load()
+        except Exception as error:  # whatever it is: the compiler would raise it again
+            _log.debug("cdpr_sim cannot use %s: %r", published, error)
+
+
+def _publish(place: Path, compile: Callable[[], Any]) -> Any:
+    home = place.parent
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".", dir=home) as private:
+            whole = Path(private) / place.name
+            with settings(CACHE_DIR=str(whole)):
+                result = compile()
+            with suppress(OSError):  # another process was first
+                whole.rename(place)
+        return result
+    except OSError as error:
+        raise StoreError(
+            f"compiled code: cannot be written to {home}: {error.strerror or error}; "
+            "expected space, or NUMBA_CACHE_DIR to name another folder"
+        ) from None
+
+
+@contextmanager
+def _no_compilation() -> Iterator[None]:
+    """Where Numba would begin to compile within the block, in this thread, it is an error."""
+    from numba.core import event
+
+    here = threading.get_ident()
+
+    class Refusal(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if threading.get_ident() == here:
+                raise LookupError("Numba finds no code for this process there")
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:run_pass", Refusal()):
+        yield
+
+
+@contextmanager
+def settings(**ours: Any) -> Iterator[None]:
+    """Numba's settings within the block; elsewhere they are as the user has them."""
+    from numba.core import config
+
+    before = {name: config.__dict__[name] for name in ours}
+    config.__dict__.update(ours)
+    try:
+        yield
+    finally:
+        config.__dict__.update(before)
+
+
+@functools.cache
+def digest() -> str:
+    """Of all that is compiled: another for every change of the sources."""
+    state = hashlib.sha256()
+    for name in SOURCES:
+        state.update(name.encode() + b"\0" + (_PACKAGE / name).read_bytes())
+    return state.hexdigest()[:16]
+
+
+@functools.cache
+def folder() -> Path:
+    """The first place that can be written, with a folder for this version; those of others are cleared.
+
+    Raises:
+        StoreError: there is none.
+    """
+    tried = []
+    for place in _places(hashlib.sha256(str(_PACKAGE).encode()).hexdigest()[:16]):
+        folder = place / digest()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError:
+            tried.append(str(place))
+            continue
+        with suppress(OSError):  # others may clear as well
+            left = {path for path in folder.glob(".*") if path.stat().st_mtime < time.time() - ABANDONED}
+            for stale in {*place.iterdir(), *left} - {folder}:
+                shutil.rmtree(stale, ignore_errors=True)
+        return folder
+    raise StoreError(
+        f"found no folder for compiled code that can be written to (not {', '.join(tried)} either); "
+        "expected NUMBA_CACHE_DIR to name one"
+    )
+
+
+def _places(mine: str) -> Iterator[Path]:
+    """Where compiled code may be kept; last a folder of this user's alone, since code is loaded from it."""
+    if given := os.environ.get("NUMBA_CACHE_DIR"):
+        yield Path(given) / "cdpr_sim" / mine
+    yield _PACKAGE / "__pycache__" / "compiled"
+    home = Path(os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache"))
+    if home.is_absolute():  # not where nobody knows whose home it would be
+        yield home / "cdpr_sim" / mine
+    with suppress(OSError):
+        user = getattr(os, "getuid", str)()
+        place = Path(tempfile.gettempdir()) / f"cdpr_sim-{mine}-{user}"
+        with suppress(FileExistsError):
+            place.mkdir(mode=0o700)
+        found = place.lstat()
+        if not stat.S_ISDIR(found.st_mode) or (user != "" and (found.st_uid != user or found.st_mode & 0o022)):
+            place = Path(tempfile.mkdtemp(prefix="cdpr_sim-"))
+        if not (place / digest()).exists():
+            _log.warning(
+                "cdpr_sim: compiled code is kept in %s: no lasting folder can be written; set NUMBA_CACHE_DIR", place
+            )
+        yield place
