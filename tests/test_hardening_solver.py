@@ -10,11 +10,18 @@ import pytest
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.status import ACCEPTABLE, Status
+from cdpr_sim.statics import forces
 
 FRAME = np.array(list(itertools.product([0, 4], [0, 3], [0, 3])), dtype=float)
 CUBE = np.array(list(itertools.product([-0.1, 0.1], repeat=3)))
 TOUCHING = np.array([0.1, 2.9, 0.1])
 """Where the cube's third anchor lies on its exit."""
+
+STIFFEST = 3e10
+"""[N/kg] Axial stiffness per mass of the platform."""
+
+READ_AGAIN = 1e-3
+"""Of the bound: reading a pose as a rotation and back moves it by the last bit of its numbers."""
 
 GRID_ROUNDING = np.array([1e-13, 0, 0])
 """[m] What a grid leaves of a cable of length zero."""
@@ -79,6 +86,27 @@ def test_what_is_called_converged_balances(stiffness, mass, gap):
         assert failure.equilibrium.residual > 1e-9 * machine.weight
         return
     assert unbalanced(rest) <= ACCEPTABLE * machine.weight
+
+
+@pytest.mark.parametrize("name", ["parallel", "ipanema-1"])
+def test_a_batch_accepts_what_solve_accepts(name):
+    """Cables with mass, so stiff that rounding is a millionth of the load: one bound for a row and for one problem."""
+    machine = cdpr.load_robot(name)
+    machine = machine.replace(axial_stiffness=STIFFEST * machine.mass, linear_density=1e-4)
+    rests = cdpr.solve_many(machine, np.random.default_rng(0).uniform(*machine.workspace, (400, 3)))
+    state = forces.at(rests.problems, rests.poses.translation, rests.poses.rotation.as_matrix())
+    within = state.residual <= (1 + READ_AGAIN) * ACCEPTABLE * machine.weight
+    assert within[rests.converged].all()
+    assert rests.converged.any()
+    assert (rests.residuals[rests.converged] > 0.1 * ACCEPTABLE * machine.weight).any()
+    for row in range(0, 400, 20):
+        try:
+            cdpr.solve(machine, rests.problems.positions[row])
+            alone = Status.CONVERGED
+        except cdpr.NotConverged as failure:
+            alone = Status(int(rests.status[row]))
+            assert alone.sentence in str(failure)
+        assert rests.status[row] == alone
 
 
 def test_the_balance_counted_here_can_fail():

@@ -267,21 +267,22 @@ class Problems(Frozen):
             singles=tuple(problems),
         )
 
-    def take(self, rows: Int[np.ndarray, " some"]) -> Problems:
-        """Some of (rows,) problems.
+    def take(self, rows: Int[np.ndarray, " some"] | Bool[np.ndarray, "*batch"]) -> Problems:
+        """Some of (rows,) problems, by their numbers; or those of any shape where ``rows`` is true.
 
         Returns:
             (some,) problems.
         """
+        positions = self._at(self.positions, (rows,), 1)
         return Problems(
             robot=self.robot,
-            positions=self._at(self.positions, (rows,), 1),
+            positions=positions,
             rotations=self._at(self.rotations, (rows,), 2),
             rest_lengths=self._at(self.rest_lengths, (rows,), 1),
             external_wrench=self._at(self.external_wrench, (rows,), 1),
             axial_stiffness=self._at(self.axial_stiffness, (rows,), 1),
             mass=self._at(self.mass, (rows,), 0),
-            shape=(len(rows),),
+            shape=(len(positions),),
             falls=self._at(self.falls, (rows,), 0),
         )
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from cdpr_sim.core.cable import ANCHOR, EXIT, STIFFNESS
 from cdpr_sim.core.compiling import Kernel, inline, outlined
-from cdpr_sim.core.status import NEUTRAL, Status
+from cdpr_sim.core.status import ACCEPTABLE, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.catenary import hanging
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
@@ -37,6 +37,7 @@ from cdpr_sim.statics.newton_kernel import (
     MAX_TRANSLATION,
     MAX_TRIALS,
     ROUNDING,
+    _load,
     _rotate,
     _shorten,
 )
@@ -141,9 +142,7 @@ def _descend(case, here):
     K, L = np.empty((6, 6)), np.empty((6, 6))
     V = _measure(case, here)
     size = ck.largest(here.p)
-    load = case.weight
-    for a in range(6):
-        load = max(load, abs(case.wrench[a]) / (1.0 if a < 3 else case.scale))
+    load = _load(case, ck.mean(case.EA))
     stiffest, pulling = 0.0, 0.0
     for i in range(len(case.l0)):
         stiffest = max(stiffest, case.EA[i] / case.l0[i])
@@ -151,6 +150,7 @@ def _descend(case, here):
         for a in range(3):
             size = max(size, abs(case.A[i, a]))
     enough = min(FORCE_TOLERANCE * load, LARGEST_RESIDUAL) + ROUNDING * (stiffest * size + pulling)
+    enough = min(enough, ACCEPTABLE * load)
     least_shift = 1e-6 * load / ck.mean(case.l0)
     if not np.isfinite(V + enough):
         return here, np.nan, 0, _NOT_FINITE

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
-from cdpr_sim.core.pose import Pose, PoseLike
+from cdpr_sim.core.pose import Pose, PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
@@ -24,7 +24,7 @@ from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 FELT = 1e-2 * ACCEPTABLE
 """Unbalanced force at convergence, as a fraction of the load, above which rounding is felt: then a pose counts as it
-reads, its rotation normalised once more."""
+reads, its rotation normalised once more, and balances or not there, alone and in a batch."""
 
 
 def solve(problem: Problem) -> Equilibrium:
@@ -118,7 +118,7 @@ def solve_many(
         mass=mass,
     )
     robot = problems.robot
-    positions, turned, lengths, tensions, residuals, iterations, status = _solve(
+    found = _solve(
         robot,
         problems.axial_stiffness,
         problems.rest_lengths,
@@ -127,6 +127,14 @@ def solve_many(
         np.where(problems.falls[..., None], np.nan, problems.positions) if problems.falls.any() else problems.positions,
         problems.rotations,
     )
+    positions, turned, lengths, tensions, residuals, iterations, status = found
+    felt = (status == Status.CONVERGED) & ~(residuals <= FELT * problems.force_scale)
+    if felt.any():
+        asked, read = problems.take(felt), poses_of(positions[felt], turned[felt])
+        state = forces.at(asked, read.translation, read.rotation.as_matrix())
+        positions[felt], turned[felt] = state.position, state.rotation
+        lengths[felt], tensions[felt], residuals[felt] = state.lengths, state.tensions, state.residual
+        status[felt] = np.where(state.residual <= ACCEPTABLE * asked.force_scale, status[felt], Status.STALLED.value)
     if (status != Status.CONVERGED).any() and not problems.finite.all():
         status = np.where(problems.finite, status, Status.NOT_FINITE.value)
     if problems.falls.any():

@@ -59,6 +59,10 @@ two units are more than ``ACCEPTABLE`` of the load, no pose counts as balanced."
 ENERGY_ROUNDING = 4 * np.finfo(float).eps
 """Relative error of a computed energy: cables drawn tight store more of it than the load ever changes."""
 
+NEARLY_TAUT = 0.5
+"""Of the load: a cable counts as taut at the start where a spring that pulls both ways would push by no more. On rigid
+lengths every cable is just at its rest length there, and rounding must not choose which of them count: 0.01 to 2 do."""
+
 MAX_TRIALS = 60
 """Steps tried, each shorter than the last, before an iteration gives up."""
 
@@ -99,8 +103,9 @@ class _Model(NamedTuple):
 
 
 class _Scales(NamedTuple):
-    """What counts as nothing: the least shift, forces that balance, energies that are rounding."""
+    """What forces are compared with; and what counts as nothing: the least shift, forces that balance, energies."""
 
+    load: float
     least_shift: float
     force: float
     energy: float
@@ -126,7 +131,7 @@ def _descent(unpack: Callable) -> Callable:
                 here.R[a, b] = start_rotation[a, b]
         V = _measure(case, here)
         scales = _scales(case, here)
-        _first_tensions(case, here, tau, taut)
+        _first_tensions(case, here, scales.load, tau, taut)
         unbalanced, iterations[0], status[0] = np.nan, MAX_ITERATIONS, _ITERATION_LIMIT
         if not math.isfinite(V + scales.force):
             iterations[0], status[0] = 0, _NOT_FINITE
@@ -211,26 +216,32 @@ def equilibrium_gufunc(*, bent: bool = False) -> Kernel:
 
 @inline
 def _scales(case, start):
-    load = case.weight
-    for a in range(6):
-        load = max(load, abs(case.wrench[a]) / (1.0 if a < 3 else case.scale))
-    A, stiffest = case.cables.A, ck.largest(case.cables.k)
-    if load == 0.0:
-        for i in range(len(A)):
-            load += IDLE_STRAIN * case.cables.k[i] * case.cables.l0[i] / len(A)
-    size = ck.largest(start.p)
+    A, k, l0 = case.cables.A, case.cables.k, case.cables.l0
+    stiffest, stiffness, size = ck.largest(k), 0.0, ck.largest(start.p)
     for i in range(len(A)):
+        stiffness += k[i] * l0[i] / len(A)
         for a in range(3):
             size = max(size, abs(A[i, a]))
+    load = _load(case, stiffness)
     return _Scales(
-        max(load, 1e-9 * stiffest * case.scale) / ck.mean(case.cables.l0),
+        load,
+        max(load, 1e-9 * stiffest * case.scale) / ck.mean(l0),
         min(FORCE_TOLERANCE * load + ROUNDING * stiffest * size, ACCEPTABLE * load - 0.25 * ROUNDING * stiffest * size),
         1e-13 * load * case.scale,
     )
 
 
 @inline
-def _first_tensions(case, at, tau, taut):
+def _load(case, stiffness):
+    """What forces are compared with: weight or external wrench; without them, what strains this axial stiffness."""
+    load = case.weight
+    for a in range(6):
+        load = max(load, abs(case.wrench[a]) / (1.0 if a < 3 else case.scale))
+    return load if load != 0.0 else IDLE_STRAIN * stiffness
+
+
+@inline
+def _first_tensions(case, at, load, tau, taut):
     """As if the platform sank straight down on all cables that pull up."""
     k, u, e = at.c.k, at.c.u, at.c.e
     upward = 0.0
@@ -239,7 +250,7 @@ def _first_tensions(case, at, tau, taut):
         upward += k[i] * (pull * pull)
     for i in range(len(tau)):
         tau[i] = k[i] * max(u[i, 2], 0.0) * case.weight / upward if upward > 0 else 0.0
-        taut[i] = e[i] >= 0
+        taut[i] = k[i] * e[i] >= -NEARLY_TAUT * load
 
 
 @inline
