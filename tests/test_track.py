@@ -259,6 +259,7 @@ def test_a_platform_that_falls_is_said_to_fall():
         ({"cable_damping": np.nan}, "cable_damping: found nan"),
         ({"sensors": 100}, "sensors: found 100, expected Sensors"),
         ({"controller": 7}, "controller: found 7, expected an object with a method 'start'"),
+        ({"controller": RigidLengths}, r"controller: found the class RigidLengths, expected .* RigidLengths\(robot\)"),
         ({"robot": demobot(stiffening=(50, 0))}, "stiffening: found cables whose law is not linear"),
         ({"robot": demobot(linear_density=0.001)}, "linear_density: found 0.001 kg/m"),
         ({"waypoints": []}, "waypoints: found none"),
@@ -288,20 +289,37 @@ def test_sensors_that_cannot_be_are_refused(words, message):
         cdpr.Sensors(**words)
 
 
-def test_first_lengths_are_checked_as_well():
-    """A controller may fail before it begins."""
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        (lambda: np.full(8, np.nan), "rest_lengths: found nan"),
+        (lambda: 1 / 0, "found ZeroDivisionError: division by zero"),
+        (lambda: cdpr.load_robot("cogrio"), "unknown robot 'cogrio'"),
+    ],
+)
+def test_a_controller_that_fails_at_its_start_is_said_in_a_sentence(start, message):
+    """A controller may fail before it begins, as it may later."""
     robot = demobot()
 
     @dataclass
     class Never:
         def start(self, course):
-            return np.full(8, np.nan)
+            return start()
 
         def command(self, time, pose, sensed):
             return np.ones(8)
 
-    with pytest.raises(BadCommand, match="cogiro: when the controller starts: rest_lengths: found nan"):
+    with pytest.raises(BadCommand, match=f"cogiro: when the controller starts: ({message})"):
         cdpr.track(robot, LINE, Never())
+
+
+@pytest.mark.parametrize(("rate", "times"), [(1e-6, [0, 0.25]), (2.0, [0, 0.25]), (10.0, [0, 0.1, 0.2, 0.25])])
+def test_a_motion_ends_with_its_course(rate, times):
+    """Where a period of the controller is longer than what is left of the course, the period ends with it."""
+    motion = cdpr.track(demobot(), LINE, RigidLengths(demobot()), seconds=0.2, pause=0.05, rate=rate)
+    np.testing.assert_allclose(motion.times, times, atol=COPIED)
+    np.testing.assert_allclose(motion.commanded[-1].translation, LINE[1], atol=COPIED)
+    np.testing.assert_allclose(motion.rest_lengths[-1], demobot().rest_lengths(LINE[1]), atol=COPIED)
 
 
 def test_what_is_wanted_accelerates_as_minimum_jerk_says():

@@ -12,10 +12,11 @@ it turns; beyond that it is held by its speed, and its cable is a spring again.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 from scipy.spatial.transform import RigidTransform
@@ -46,9 +47,9 @@ CABLE_DAMPING = 2.5e-4
 Vectran's 33 Hz."""
 
 STEPS = 20
-"""Per period of the platform's stiffest motion. The model's own integrator, which is implicit in the springs, is stable
-with far fewer: but it damps them, so that feedback looked stable that is not, and tensions peaked far too high.
-This one is symplectic in the springs, and damps nothing that the model does not."""
+"""Per period of the platform's stiffest motion, at least. The model's own integrator, which is implicit in the springs,
+is stable with far fewer: but it damps them, so that feedback looked stable that is not, and tensions peaked far too
+high. This one is velocity Verlet: of second order, and it damps nothing that the model does not."""
 
 ROUNDING = 1e-9
 """Of a length or a number of steps, as a fraction."""
@@ -83,7 +84,7 @@ def track(
         controller: any object with the two methods of ``Controller``; those of ``cdpr_sim.control``, for instance.
         seconds: duration of the motion; default: at 0.05 m/s in the mean.
         pause: how long the first waypoint is wanted before the motion begins [s].
-        rate: of the controller [Hz].
+        rate: of the controller [Hz]; the last period is shorter where the course ends within it.
         sensors: what they are like.
         winch_speed: largest rate at which a rest length changes [m/s].
         damping: of the platform's slowest swing by the air, as a fraction of critical.
@@ -101,31 +102,26 @@ def track(
         BadCommand: the controller failed, or said what winches cannot do; carries the trajectory so far.
     """
     course = _course(robot, waypoints, seconds, pause)
-    period = 1 / positive("rate", rate, "Hz")
+    period = min(1 / positive("rate", rate, "Hz"), course.end)
     if not isinstance(sensors, Sensors):
         raise InvalidInput(f"sensors: found {sensors!r}, expected Sensors")
-    for name in ("start", "command"):
-        if not callable(getattr(controller, name, None)):
-            raise InvalidInput(f"controller: found {controller!r}, expected an object with a method {name!r}")
+    _check_controller(controller)
     speed = positive("winch_speed", winch_speed, "m/s")
-    ticks = max(1, round(course.end / period))
-    if ticks >= MOST_STATES:
+    if course.end / period >= MOST_STATES:
         raise InvalidInput(f"rate: found {rate:g} Hz for {course.end:g} s, expected at most {MOST_STATES} states")
-    times = period * np.arange(ticks + 1)
+    times = period * np.arange(np.ceil(course.end / period - ROUNDING) + 1)
+    times[-1] = course.end
     wanted = course.poses(times)
     held = Problems.of(robot, wanted)
     if held.falls.any():
         Problem.of(robot, wanted[int(np.argmax(held.falls))])  # says that nothing could hold it
-    try:
+    with _blamed(robot, "when the controller starts"):
         lengths = Command.of(controller.start(course), robot.cables).rest_lengths
-    except InvalidInput as error:
-        raise BadCommand(f"{robot.name}: when the controller starts: {error}") from error
     with quiet():
         machine = _Machine(
             robot,
             wanted[0],
             lengths,
-            period=period,
             winch_speed=speed,
             damping=_from_zero("damping", damping),
             cable_damping=_from_zero("cable_damping", cable_damping),
@@ -164,6 +160,25 @@ def _from_zero(field: str, value: float) -> float:
     return number
 
 
+def _check_controller(controller: Controller) -> None:
+    if isinstance(controller, type):
+        found = controller.__name__
+        raise InvalidInput(f"controller: found the class {found}, expected an object of it, such as {found}(robot)")
+    for name in ("start", "command"):
+        if not callable(getattr(controller, name, None)):
+            raise InvalidInput(f"controller: found {controller!r}, expected an object with a method {name!r}")
+
+
+@contextmanager
+def _blamed(robot: Robot, when: str) -> Iterator[None]:
+    """Whatever a user's controller raises, as a ``BadCommand`` that says when."""
+    try:
+        yield
+    except Exception as error:
+        what = str(error) if isinstance(error, CdprError) else f"found {type(error).__name__}: {error}"
+        raise BadCommand(f"{robot.name}: {when}: {what}") from error
+
+
 def _run(
     machine: _Machine,
     controller: Controller,
@@ -196,13 +211,10 @@ def _run(
             return
         if sensing.due(time):
             sensing.sample(machine.data, time, machine.let_out)
-        try:
-            answer = controller.command(float(times[tick + 1]), wanted.poses[tick + 1], sensing.newest(time))
-            command = machine.checked(answer)
-        except Exception as error:  # whatever a user's controller raises
-            what = str(error) if isinstance(error, CdprError) else f"found {type(error).__name__}: {error}"
-            raise BadCommand(f"{name}: controller: {time:.4g} s into the motion: {what}") from error
-        for passed in machine.follow(command):
+        then = float(times[tick + 1])
+        with _blamed(machine.robot, f"controller: {time:.4g} s into the motion"):
+            command = machine.checked(controller.command(then, wanted.poses[tick + 1], sensing.newest(time)))
+        for passed in machine.follow(command, then - time):
             if sensing.due(time + passed):
                 machine.look()
                 sensing.sample(machine.data, time + passed, machine.let_out)
@@ -242,7 +254,6 @@ class _Machine:
         pose: RigidTransform,
         lengths: Float[np.ndarray, " cables"],
         *,
-        period: float,
         winch_speed: float,
         damping: float,
         cable_damping: float,
@@ -253,20 +264,25 @@ class _Machine:
         self.readings = Readings(self.model, robot)
         self.platform = self.model.body("platform").id
         self._written = robot.rest_lengths(pose)
-        shortest = self._calm(damping, cable_damping)
-        self.steps = int(np.ceil(period / min(TIMESTEP, shortest / STEPS) - ROUNDING))
-        self.timestep = self.model.opt.timestep = period / self.steps
-        self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        self._most = winch_speed * self.timestep
+        fastest, self._damping_time = self._damp(damping, cable_damping)
+        self._longest = min(TIMESTEP, 2 * np.pi / fastest / STEPS)
+        self._speed = winch_speed
+        self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
         self._reach = (self._written[:, None] / (1 + self.model.actuator_ctrlrange)).T[::-1]
         self._springs = self.model.actuator_gainprm.copy(), self.model.actuator_biasprm.copy()
+        self._motors = np.zeros(robot.cables, dtype=bool)
+        self._acceleration = np.zeros(self.model.nv)
         self.let_out = self.checked(lengths).rest_lengths
         place(self.model, self.data, robot, settle(robot, pose, self.let_out).pose)
         self.data.ctrl[:] = self._written / self.let_out - 1
         self.look()
 
-    def _calm(self, damping: float, cable_damping: float) -> float:
-        """Damp the platform, alike in all directions, and its cables; the period of its stiffest motion [s]."""
+    def _damp(self, damping: float, cable_damping: float) -> tuple[float, float]:
+        """Damp the platform, alike in all directions, and its cables.
+
+        Returns:
+            Of the stiffest motion: its rate [rad/s], and the time [s] in which it is damped.
+        """
         model, data, free = self.model, self.data, len(self.robot.free)
         mass, stretch = np.zeros((free, model.nv)), np.zeros((free, model.nu))
         for coordinate, unit in enumerate(np.eye(free, model.nv)):
@@ -279,8 +295,9 @@ class _Machine:
         model.dof_damping[:free] = damping * critical * mass.diagonal()
         springs = self.robot.axial_stiffness / self._written
         model.actuator_biasprm[:, 2] = -cable_damping * springs
-        fastest = eigh(stretch * springs @ stretch.T, mass[:, :free], eigvals_only=True)[-1]
-        return float(2 * np.pi / np.sqrt(fastest))
+        stiffest = eigh(stretch * springs @ stretch.T, mass[:, :free], eigvals_only=True)[-1]
+        damped = damping * critical + cable_damping * stiffest
+        return float(np.sqrt(stiffest)), float(1 / damped) if damped else np.inf
 
     def checked(self, answer: Command | ArrayLike) -> Command:
         """A controller's answer, as a command that the winches can follow.
@@ -303,28 +320,59 @@ class _Machine:
         """Bring MuJoCo's sensors up to date, which speak of the time before a step."""
         mujoco.mj_forward(self.model, self.data)
 
-    def follow(self, command: Command) -> Iterator[float]:
-        """Run for a period, step by step: the time [s] since its beginning, after each."""
-        by_tension, model, data = command.by_tension, self.model, self.data
-        some, stretch = bool(by_tension.any()), 1 + command.tensions / self.robot.axial_stiffness
-        self._let_go(np.zeros_like(by_tension), command.tensions)
-        advance = ((command.rest_lengths - self.let_out) / self.steps).clip(-self._most, self._most)
-        for step in range(1, self.steps + 1):
-            mujoco.mj_step1(model, data)
-            let_out = self.let_out + advance
-            if some:
-                gives_way = self.readings.lengths(data) / stretch
-                near = gives_way.clip(self.let_out - self._most, self.let_out + self._most).clip(*self._reach)
-                self._let_go(by_tension & (near == gives_way), command.tensions)
-                let_out = np.where(by_tension, near, let_out)
-            self.let_out = let_out
-            data.ctrl[:] = self._written / let_out - 1
-            mujoco.mj_step2(model, data)
-            yield step * self.timestep
+    def follow(self, command: Command, seconds: float) -> Iterator[float]:
+        """Run for ``seconds``, step by step: the time [s] since its beginning, after each.
 
-    def _let_go(self, by_motor: Bool[np.ndarray, " cables"], tensions: Float[np.ndarray, " cables"]) -> None:
-        """Make some actuators constant forces, and the others springs again."""
+        A step is one of velocity Verlet, so that positions, velocities and winches belong to the same instant: the
+        velocity changes by half a step of the acceleration at its beginning, the position by that velocity, the
+        velocity by half a step of the acceleration at its end.
+        """
+        model, data, by_tension = self.model, self.data, command.by_tension
+        some = bool(by_tension.any())
+        steps = max(1, int(np.ceil(seconds / self._longest - ROUNDING)))
+        step = seconds / steps
+        half, most = step / 2, self._speed * step
+        model.opt.timestep = max(half, step - self._damping_time)
+        advance = ((command.rest_lengths - self.let_out) / steps).clip(-most, most)
+        if some or self._motors.any():
+            self._held_tensions(command, most)
+            self._acceleration = self._accelerated()
+        for number in range(1, steps + 1):
+            data.qvel += half * self._acceleration
+            mujoco.mj_integratePos(model, data.qpos, data.qvel, step)
+            mujoco.mj_step1(model, data)
+            ahead = self.let_out + advance
+            self.let_out = np.where(by_tension, self._held_tensions(command, most), ahead) if some else ahead
+            data.ctrl[:] = self._written / self.let_out - 1
+            self._acceleration = self._accelerated()
+            data.qvel += half * self._acceleration
+            yield number * step
+
+    def _accelerated(self) -> Float[np.ndarray, " coordinates"]:
+        """The acceleration of a step, by MuJoCo's implicit integrator; the state does not change.
+
+        The velocity is half a step old. The integrator evaluates damping and gyroscopic torques at a velocity that is
+        ``timestep`` later: half a step, which makes the method one of second order. Where the damping time of the
+        stiffest motion is shorter than half a step, ``timestep`` is larger, so that the motion decays and does not
+        alternate.
+        """
+        model, data = self.model, self.data
+        qpos, qvel = data.qpos.copy(), data.qvel.copy()
+        mujoco.mj_step2(model, data)
+        acceleration = (data.qvel - qvel) / model.opt.timestep
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        return acceleration
+
+    def _held_tensions(self, command: Command, most: float) -> Float[np.ndarray, " cables"]:
+        """Rest lengths of winches that hold a tension, ``most`` [m] from the present ones at most.
+
+        A winch that can reach the length of its tension becomes a constant force, the others are springs.
+        """
+        wanted = self.readings.lengths(self.data) / (1 + command.tensions / self.robot.axial_stiffness)
+        near = wanted.clip(self.let_out - most, self.let_out + most).clip(*self._reach)
+        self._motors = command.by_tension & (near == wanted)
         gain, bias = self.model.actuator_gainprm, self.model.actuator_biasprm
         gain[:], bias[:] = self._springs
-        gain[by_motor] = bias[by_motor] = 0.0
-        bias[by_motor, 0] = tensions[by_motor]
+        gain[self._motors] = bias[self._motors] = 0.0
+        bias[self._motors, 0] = command.tensions[self._motors]
+        return near

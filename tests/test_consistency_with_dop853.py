@@ -1,0 +1,201 @@
+"""MuJoCo's platform on moving winches, against SciPy's DOP853: a rigid body on massless elastic cables."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+import cdpr_sim as cdpr
+from cdpr_sim.core.pose import moved
+
+RATE, SECONDS = 50.0, 0.2
+"""[Hz, s] Of the winches' commands, between which they run evenly."""
+
+TO = 1e-10
+"""To which the reference is integrated, as a fraction and in SI units."""
+
+FINE = (1000.0, 2000.0)
+"""[Hz] Of the controller, and so of the steps, which are as long as its periods."""
+
+ORDER = 0.3
+"""By how much the order may differ from 2. Measured: 2.00 with taut cables, 2.12 and 2.20 where some go slack."""
+
+NEAR = 1e-3
+"""Error of position with the steps that ``track`` takes by itself, as a fraction of the way. Measured: 2e-4 at most."""
+
+LEADING = 0.03
+"""Largest error at the first of ``FINE``, as a fraction of the error of a motion that is one step ahead of its winches.
+Measured: 0.003 and 0.007."""
+
+BESIDE = np.array([0.002, 0.001, 0, 0, 0.002, 0.003])
+"""[m, rad] From where a platform is released, which then swings at up to 30 Hz."""
+
+AT_ONCE = 1e3
+"""[m/s] Of winches that move by millimetres within one step."""
+
+SWINGING, SETTING_OFF = 2.0, 0.01
+"""[s] How long it swings, and within what time winches have moved."""
+
+KEPT = 1e-3
+"""Energy that is lost, as a fraction of the largest kinetic energy. Measured: below 1e-4."""
+
+VARIES = 0.03
+"""By how much the energy varies at steps of 2 ms, likewise. Measured: 0.015."""
+
+
+ROBOT = cdpr.load_robot("ipanema-1").replace(
+    pulley_radius=0.0,
+    center_of_mass=(0.03, -0.02, 0.04),
+    inertia=[[0.9, 0.1, -0.05], [0.1, 0.7, 0.08], [-0.05, 0.08, 0.5]],
+)
+"""IPAnema 1 over points, with its centre of mass and its principal axes away from the anchors' middle and axes."""
+
+
+@dataclass
+class Winches:
+    """Lengths as functions of time alone, of cables that are ``shorter`` than rigid ones by this fraction."""
+
+    robot: cdpr.Robot
+    shorter: float
+    uneven: float
+    """[m] By how much they change, each cable by its own share, apart from what moves the platform sideways."""
+
+    def rigid(self, offset: float = 0.0) -> np.ndarray:
+        along = self.robot.home + self.robot.anchors - self.robot.exits + offset * np.array([1, 0.5, 0.2])
+        return np.linalg.norm(along, axis=1)
+
+    def smooth(self, time: float) -> np.ndarray:
+        share, swing = np.sin(np.arange(self.robot.cables) * 2.3 + 0.3), 1 - np.cos(10 * time)
+        return self.rigid(0.02 * swing) * (1 - self.shorter) + self.uneven * share * swing
+
+    def lengths(self, time: float) -> np.ndarray:
+        """Even between two commands at ``RATE``."""
+        whole, part = divmod(time * RATE + 1e-9, 1)
+        return (1 - part) * self.smooth(whole / RATE) + part * self.smooth((whole + 1) / RATE)
+
+    def start(self, course) -> np.ndarray:
+        return self.lengths(0.0)
+
+    def command(self, time, pose, sensed) -> np.ndarray:
+        return self.lengths(time)
+
+
+def acceleration(robot, y, rest_lengths, damping, cable_damping, springs):
+    """Newton's and Euler's equations about the platform's origin; y: position, quaternion, velocity, body's spin."""
+    R, v, spin = Rotation.from_quat(y[3:7]).as_matrix(), y[7:10], y[10:]
+    arms = robot.anchors @ R.T
+    along = robot.exits - y[:3] - arms
+    lengths = np.linalg.norm(along, axis=1)
+    along /= lengths[:, None]
+    growth = -(along * (v + np.cross(R @ spin, arms))).sum(1)
+    pull = robot.axial_stiffness * (lengths / rest_lengths - 1) + cable_damping * springs * growth
+    pulls = np.maximum(pull, 0)[:, None] * along
+    m, c, weight = robot.mass, robot.center_of_mass, np.array([0, 0, -robot.mass * robot.gravity])
+    at_origin = robot.inertia + m * (c @ c * np.eye(3) - np.outer(c, c))
+    cross = np.cross(np.eye(3), c)  # cross @ x = c × x
+    matrix = np.block([[m * np.eye(3), -m * R @ cross], [m * cross @ R.T, at_origin]])
+    force = pulls.sum(0) + weight - damping * m * v - m * R @ np.cross(spin, np.cross(spin, c))
+    torque = R.T @ (np.cross(arms, pulls).sum(0) + np.cross(R @ c, weight))
+    torque -= damping * np.diag(at_origin) * spin + np.cross(spin, at_origin @ spin)
+    return np.linalg.solve(matrix, np.concatenate([force, torque]))
+
+
+def reference(winches, start, damping, cable_damping):
+    """Positions and rotations at each command, (rows, 3) and (rows, 3, 3)."""
+    robot = winches.robot
+    springs = robot.axial_stiffness / winches.rigid()
+    damping *= 2 * np.sqrt(robot.gravity / winches.rigid().mean())  # of critical, of a pendulum as long as the cables
+
+    def slope(time, y):
+        spin = y[10:]
+        turn = Rotation.from_quat(y[3:7]).as_quat()
+        turning = 0.5 * np.append(turn[3] * spin + np.cross(turn[:3], spin), -turn[:3] @ spin)
+        return np.concatenate(
+            [y[7:10], turning, acceleration(robot, y, winches.lengths(time), damping, cable_damping, springs)]
+        )
+
+    states = [np.concatenate([start.translation, start.rotation.as_quat(), np.zeros(6)])]
+    for tick in range(round(SECONDS * RATE)):  # where the winches' speed changes the integration begins anew
+        span = (tick / RATE, (tick + 1) / RATE * (1 - 1e-12))
+        states.append(solve_ivp(slope, span, states[-1], method="DOP853", rtol=TO, atol=TO).y[:, -1])
+    found = np.array(states)
+    return found[:, :3], Rotation.from_quat(found[:, 3:7]).as_matrix()
+
+
+@pytest.mark.parametrize(
+    ("winches", "slack", "damping", "cable_damping"),
+    [(Winches(ROBOT, 0.005, 0.0), False, 0.0, 0.0), (Winches(ROBOT, 0.002, 0.03), True, 0.05, 2.5e-4)],
+    ids=["taut, undamped", "slack in turns, damped"],
+)
+def test_motions_are_those_of_a_rigid_body_on_springs_and_of_second_order(winches, slack, damping, cable_damping):
+    """Half the step, a quarter of the error; the error of a motion that leads its winches by one step is far larger."""
+
+    def track(rate: float) -> cdpr.Trajectory:
+        words = {"damping": damping, "cable_damping": cable_damping}
+        return cdpr.track(ROBOT, [ROBOT.home], winches, seconds=SECONDS, rate=rate, **words)
+
+    motions = [track(rate) for rate in (RATE, *FINE)]
+    positions, rotations = reference(winches, motions[0].poses[0], damping, cable_damping)
+    way = np.linalg.norm(positions - positions[0], axis=1).max()
+    assert way > 0.02
+    assert (motions[-1].tensions == 0).any() == slack
+    errors = []
+    for motion, rate in zip(motions, (RATE, *FINE), strict=True):
+        rows = slice(None, None, round(rate / RATE))
+        turns = Rotation.from_matrix(motion.rotations[rows].swapaxes(1, 2) @ rotations)
+        off = np.linalg.norm(motion.positions[rows] - positions, axis=1)
+        errors.append((off.max(), turns.magnitude().max()))
+    assert errors[0][0] < NEAR * way
+    np.testing.assert_allclose(np.log2(np.divide(*errors[1:])), 2, atol=ORDER)
+    leading = motions[1].positions[1 :: round(FINE[0] / RATE)] - positions[:-1]
+    assert errors[1][0] < LEADING * np.linalg.norm(leading, axis=1).max()
+
+
+def energies(motion: cdpr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    """Kinetic energy, and all of it [J], at each state but the ends of a motion with a state for each step."""
+    robot, step = motion.robot, motion.times[1]
+    center = motion.positions + motion.rotations @ robot.center_of_mass
+    velocity = (center[2:] - center[:-2]) / (2 * step)
+    between = Rotation.from_matrix(motion.rotations[:-1].swapaxes(1, 2) @ motion.rotations[1:]).as_rotvec() / step
+    spin = (between[1:] + between[:-1]) / 2
+    kinetic = 0.5 * robot.mass * (velocity**2).sum(1) + 0.5 * np.einsum("ni,ij,nj->n", spin, robot.inertia, spin)
+    stretch = np.maximum(motion.lengths - motion.rest_lengths, 0)
+    potential = (0.5 * robot.axial_stiffness / motion.rest_lengths * stretch**2).sum(1) + robot.weight * center[:, 2]
+    return kinetic, kinetic + potential[1:-1]
+
+
+@dataclass
+class Released:
+    """From rest 2 mm and 0.2° beside its place, where winches then hold still; they get there in no time."""
+
+    robot: cdpr.Robot
+    shorter: float = 0.005
+
+    def start(self, course) -> np.ndarray:
+        return self.robot.rest_lengths(moved(course.pose(0), BESIDE)) * (1 - self.shorter)
+
+    def command(self, time, pose, sensed) -> np.ndarray:
+        return self.robot.rest_lengths(pose) * (1 - self.shorter)
+
+
+def test_an_undamped_platform_keeps_its_energy():
+    """None is lost or gained; within a swing it varies by the square of the step. Damped cables are seen to lose it."""
+
+    def swing(rate: float, cable_damping: float) -> tuple[float, float]:
+        words = {"winch_speed": AT_ONCE, "damping": 0.0, "cable_damping": cable_damping}
+        motion = cdpr.track(ROBOT, [ROBOT.home], Released(ROBOT), seconds=SWINGING, rate=rate, **words)
+        kinetic, energy = (values[round(SETTING_OFF * rate) :] for values in energies(motion))
+        tenth = len(energy) // 10
+        lost = energy[:tenth].mean() - energy[-tenth:].mean()
+        return float(lost / kinetic.max()), float(np.ptp(energy) / kinetic.max())
+
+    lost, varies = swing(500.0, 0.0)
+    assert abs(lost) < KEPT
+    assert varies < VARIES
+    lost, finer = swing(1000.0, 0.0)
+    assert abs(lost) < KEPT
+    assert np.log2(varies / finer) == pytest.approx(2, abs=ORDER)
+    lost, _ = swing(500.0, 2.5e-4)
+    assert lost > 100 * KEPT
