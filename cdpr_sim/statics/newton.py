@@ -127,10 +127,8 @@ def solve_many(
         np.where(problems.falls[..., None], np.nan, problems.positions) if problems.falls.any() else problems.positions,
         problems.rotations,
     )
-    if (status != Status.CONVERGED).any() and not problems.finite.all():
-        status = np.where(problems.finite, status, Status.NOT_FINITE.value)
-    if problems.falls.any():
-        status = np.where(problems.falls, Status.FALLS.value, status)
+    if (status != Status.CONVERGED).any():
+        status = np.where(problems.refusals == Status.PENDING, status, problems.refusals)
     return Rests(
         problems=problems,
         positions=positions,
