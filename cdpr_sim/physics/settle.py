@@ -226,6 +226,12 @@ def _settled(
         relaxation = Relaxation(simulations, frames)
         relaxation.run()
         reading = simulations.read(relaxation.qpos)
+        # Under a wheel MuJoCo's tendon jumps off it, which is another robot's motion from there on.
+        lost = reading.off_wheel | ((relaxation.status == Status.DIVERGED) & bool(len(simulations.swivels)))
+        if lost.any():
+            relaxation.again(lost)
+            relaxation.run()
+            reading = simulations.read(relaxation.qpos)
         for _ in range(NUDGES):
             saddle = relaxation.settled & (reading.eigenvalues[:, 0] < -NEUTRAL * np.abs(reading.eigenvalues).max(1))
             if not saddle.any():
