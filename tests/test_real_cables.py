@@ -8,6 +8,7 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
+from cdpr_sim.analysis.workspace.feasibility import tension_margin
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.statics import derivatives, forces
@@ -277,6 +278,93 @@ def test_anchor_at_a_wheel_is_refused():
             cdpr.InvalidInput, match="anchor of cable 1 inside its pulley's wheel or under its footprint"
         ):
             cdpr.solve(robot, (x, 0, z))
+
+
+def on_one_wheel(rng: np.random.Generator, axis: tuple[float, float, float]) -> tuple[cdpr.Robot, np.ndarray]:
+    """A platform on one cable over a pulley, and where it is commanded to."""
+    robot = cdpr.Robot(
+        [[0, 0, 2]], [rng.uniform(-0.1, 0.1, 3)], 10 ** rng.uniform(3, 6), 10 ** rng.uniform(-1, 1.5),
+        pulley_radius=rng.uniform(0.01, 0.1), pulley_axis=axis, name="one",
+    )  # fmt: skip
+    return robot, rng.uniform([0.3, -1, 0.2], [1, 1, 1.5])
+
+
+def test_a_platform_on_one_wheel_hangs_plumb_from_its_far_side():
+    """The cable arrives from below, goes half round the wheel and hangs two radii from the axis, wherever it began."""
+    rng = np.random.default_rng(0)
+    for trial in range(60):
+        robot, pose = on_one_wheel(rng, (0, 0, 1))
+        for method in (cdpr.solve, cdpr.settle)[: 2 if trial < 4 else 1]:
+            found = method(robot, pose)
+            anchor = found.pose.apply(robot.anchors)[0]
+            assert np.hypot(*anchor[:2]) == pytest.approx(2 * robot.cabling.pulley_radius[0], rel=1e-6)
+            assert found.tensions[0] == pytest.approx(robot.weight, rel=1e-6)
+
+
+def test_no_equilibrium_under_a_wheel_is_an_answer():
+    """A plumb cable that arrives from above hangs on the axis, under the wheel: both methods name cable and wheel."""
+    rng = np.random.default_rng(0)
+    for trial in range(20):
+        robot, pose = on_one_wheel(rng, (0, 0, -1))
+        for method, kind in ((cdpr.solve, cdpr.NotConverged), (cdpr.settle, cdpr.NotSettled))[: 2 if trial < 4 else 1]:
+            with pytest.raises(
+                kind, match="anchor of cable 1 inside its pulley's wheel or under its footprint"
+            ) as told:
+                method(robot, pose)
+            assert f"expected it further from there than the radius, {robot.cabling.pulley_radius[0]:g} m" in str(
+                told.value
+            )
+
+
+def test_the_descent_passes_under_wheels_to_equilibria_beyond():
+    """Robots on one to five cables: no search ends at the edge of a wheel's footprint, where no force balances."""
+    rng, ended = np.random.default_rng(0), []
+    for _ in range(200):
+        cables = int(rng.integers(1, 6))
+        robot = cdpr.Robot(
+            rng.uniform([-1, -1, 0.9], [1, 1, 1.6], (cables, 3)), rng.uniform(-0.15, 0.15, (cables, 3)),
+            10 ** rng.uniform(3, 6), 10 ** rng.uniform(-1, 1.5), center_of_mass=rng.uniform(-0.05, 0.05, 3),
+            pulley_radius=rng.uniform(0.02, 0.15, cables), pulley_axis=rng.normal(size=(cables, 3)),
+            platform_size=(0.3, 0.3, 0.3),
+        )  # fmt: skip
+        many = cdpr.solve_many(robot, rng.uniform([-0.6, -0.6, -0.2], [0.6, 0.6, 0.4])[None])
+        ended.append(cdpr.Status(int(many.status[0])))
+    assert set(ended) == {cdpr.Status.CONVERGED, cdpr.Status.OFF_WHEEL}
+    assert ended.count(cdpr.Status.CONVERGED) > 150
+
+
+@pytest.mark.parametrize("height", [-0.4, 0.3])
+def test_the_continued_path_goes_on_smoothly_under_a_wheel(height):
+    """On both sides of the wheel, its length grows as its direction says, and across the edge it does not jump."""
+    axis, radius, step = (0.0, 0.0, 1.0), 0.1, 1e-6
+
+    def path(rho: float) -> np.ndarray:
+        return np.array(cable_path.pulley_path(-rho, 0.0, -height, *axis, radius))
+
+    for rho in (0.02, 0.06, 0.0999, 0.1001, 0.15):
+        _, x, _, _, free, *_, clear = path(rho)
+        slope = (path(rho + step)[0] - path(rho - step)[0]) / (2 * step)
+        assert slope == pytest.approx(-x / free, abs=1e-8)
+        assert clear == pytest.approx(rho - radius, abs=1e-15)
+    assert np.abs(path(radius - 1e-9) - path(radius + 1e-9)).max() < 1e-6
+
+
+def test_questions_about_a_pose_under_a_wheel_are_refused():
+    """Of a single pose in a sentence, as ``solve`` refuses it; of many, each row by its status, nan, or False."""
+    robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.05)
+    under = robot.exits[2] - robot.anchors[2] + [0.01, 0.0, -0.3]
+    questions = (cdpr.shortfall, cdpr.feasible, cdpr.closed_form_feasible, tension_margin)
+    for ask in (cdpr.solve, cdpr.settle, *questions):
+        limits = {} if ask in (cdpr.solve, cdpr.settle) else dict(tension_limits=(0, 100))
+        with pytest.raises(cdpr.InvalidInput, match=r"anchor of cable 3 inside .* footprint, 0.01 m from the pulley's"):
+            ask(robot, under, **limits)
+    both = np.array([under, robot.home])
+    for many in (cdpr.solve_many(robot, both), cdpr.settle_many(robot, both)):
+        assert many.status.tolist() == [cdpr.Status.OFF_WHEEL, cdpr.Status.CONVERGED]
+        with pytest.raises((cdpr.NotConverged, cdpr.NotSettled), match="found the anchor of cable 3"):
+            many[0]
+    assert np.isnan(cdpr.shortfall(robot, both)).tolist() == [True, False]
+    assert cdpr.feasible(robot, both).tolist() == [False, True]
 
 
 def test_robot_file_says_what_cables_are(tmp_path):

@@ -199,7 +199,7 @@ def test_robots_settle_over_pulleys(name, changes, axis):
 
 def test_many_settle_as_one_by_one():
     """Rows with their own wheels, on one side of the axis and on the other, come out as they do alone."""
-    robot = with_pulleys("two-cable", axis=DOWN, stiffening=(2.0, 0.0))
+    robot = with_pulleys("two-cable", axis=UP, stiffening=(2.0, 0.0))
     poses = np.random.default_rng(2).uniform(*robot.workspace, (6, 3))
     poses[::2, 0] += robot.exits[1, 0] - robot.exits[0, 0]  # beyond the second exit: its wheel is on the other side
     rest = np.array([lengths_at(robot, pose) for pose in poses])

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.cable_path import pulley_path
+from cdpr_sim.core.cable_path import wheel_paths
 from cdpr_sim.core.checks import Frozen, checked_array, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
@@ -175,10 +175,7 @@ def cable_curves(
     over = cabling.pulleys
     if over.any():
         apart = np.moveaxis(starts - ends, -1, 0)[..., over]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            (x, y, z), (ex, ey, ez) = apart, cabling.pulley_axis[over].T
-            _, x, y, z, *_ = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
-        starts[..., over, :] = ends[..., over, :] + np.stack([x, y, z], axis=-1)
+        starts[..., over, :] = ends[..., over, :] + np.moveaxis(wheel_paths(cabling, *apart)[1:4], 0, -1)
     straight = cabling.massless and not (slack & ~over).any()
     fractions = np.linspace(0, 1, 2 if straight else points)
     curves = starts[..., None, :] + fractions[:, None] * (ends - starts)[..., None, :]

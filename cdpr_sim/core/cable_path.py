@@ -26,7 +26,7 @@ def path(x, y, z):
 
 
 def pulley_path(x, y, z, ex, ey, ez, radius):
-    """The same over a swivelling wheel, and more: (length, free piece, its length, across, its bend, wrap).
+    """The same over a swivelling wheel, and more: (length, free piece, its length, across, its bend, wrap, clear).
 
     The cable arrives along the unit vector e, touches the wheel at the exit, and leaves it on the tangent to the
     anchor; the wheel turns about e so that its plane contains the anchor (Pott 2012, "Influence of pulley kinematics on
@@ -36,16 +36,19 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
         s² = (rho − r)² + h² − r²,   theta = atan2(rho − r, h) + atan2(r, s),   l = r theta + s.
 
     In the wheel's plane the cable turns as at the end of a rod of length s. Across it, along the unit vector
-    ``across``, it turns about the axis e, by ``bend`` [1/m] more slowly: sin(theta)/rho − 1/s. Nan where the anchor
-    lies inside the wheel, or under its footprint (rho < r), where the cable would leave it.
+    ``across``, it turns about the axis e, by ``bend`` [1/m] more slowly: sin(theta)/rho − 1/s.
+
+    Inside the wheel all of it is nan. Under the wheel's footprint (rho < r) a cable leaves its wheel, and has no path:
+    there the formula is continued, so that a search for an equilibrium can pass, and ``clear`` = rho − r is negative.
     """
     h = -(x * ex + y * ey + z * ez)
     nx, ny, nz = -x - h * ex, -y - h * ey, -z - h * ez
     rho = np.sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / rho, ny / rho, nz / rho
     square = (rho - radius) * (rho - radius) + h * h - radius * radius
-    s = np.sqrt(square) + 0.0 * np.sqrt(rho - radius)
-    theta = np.arctan2(rho - radius, h) + np.arctan2(radius, s)
+    s = np.sqrt(square)
+    around = np.arctan2(rho - radius, h)
+    theta = around + 2 * np.pi * (around < -np.pi / 2) + np.arctan2(radius, s)
     sine, cosine = np.sin(theta), np.cos(theta)
     along = (-(sine * nx + cosine * ex), -(sine * ny + cosine * ey), -(sine * nz + cosine * ez))
     across = (ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx)
@@ -60,6 +63,7 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
         across[2],
         sine / rho - 1 / s,
         theta,
+        rho - radius + 0.0 * s,
     )
 
 
@@ -70,10 +74,36 @@ def paths(cabling: Cabling, apart: Float[np.ndarray, "*batch cables 3"]) -> Floa
     found[:5] = path(x, y, z)
     over = cabling.pulleys
     if over.any():
-        (ex, ey, ez), radius = cabling.pulley_axis[over].T, cabling.pulley_radius[over]
-        with np.errstate(invalid="ignore"):
-            found[..., over] = pulley_path(x[..., over], y[..., over], z[..., over], ex, ey, ez, radius)
+        found[..., over] = wheel_paths(cabling, x[..., over], y[..., over], z[..., over])
     return found
+
+
+def wheel_paths(
+    cabling: Cabling,
+    x: Float[np.ndarray, "*batch pulleys"],
+    y: Float[np.ndarray, "*batch pulleys"],
+    z: Float[np.ndarray, "*batch pulleys"],
+) -> Float[np.ndarray, "10 *batch pulleys"]:
+    """What ``pulley_path`` says of each cable that runs over a pulley, but ``clear``; nan where it has no path."""
+    over = cabling.pulleys
+    ex, ey, ez = cabling.pulley_axis[over].T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        *found, clear = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])
+    return np.where(clear >= 0, np.array(found), np.nan)
+
+
+def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Float[np.ndarray, "3 3"]) -> str:
+    """Which anchor lies where its cable has no path with the platform at this pose, in words; "" where none does."""
+    apart = cabling.exits - position - cabling.anchors @ rotation.T
+    lost = np.isnan(paths(cabling, apart)[0])
+    if not lost.any():
+        return ""
+    cable = int(np.argmax(lost))
+    distance = np.linalg.norm(np.cross(cabling.pulley_axis[cable], apart[cable]))
+    return (
+        f"the anchor of cable {cable + 1} inside its pulley's wheel or under its footprint, {distance:.3g} m from the "
+        f"pulley's axis, expected it further from there than the radius, {cabling.pulley_radius[cable]:g} m"
+    )
 
 
 def wrench_matrix(
@@ -100,8 +130,5 @@ def lengths(
     found = path(*apart)[0]
     if cabling.pulleys.any():
         over = cabling.pulleys
-        x, y, z = (coordinate[..., over] for coordinate in apart)
-        ex, ey, ez = cabling.pulley_axis[over].T
-        with np.errstate(invalid="ignore"):
-            found[..., over] = pulley_path(x, y, z, ex, ey, ez, cabling.pulley_radius[over])[0]
+        found[..., over] = wheel_paths(cabling, *(coordinate[..., over] for coordinate in apart))[0]
     return found

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
+from cdpr_sim.core import cable_path
 from cdpr_sim.core import pose as _pose
 from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.errors import CdprError
@@ -158,8 +159,13 @@ class _NoRest(CdprError):
     def because(cls, status: Status, point: Equilibrium) -> _NoRest:
         """With the status in words, and how far the point is from rest."""
         counted = "time steps" if point.source == "mujoco" else "iterations"
+        robot, where = point.problem.robot, ""
+        if status is Status.OFF_WHEEL:
+            at = point if np.isfinite(point.position).all() else point.problem
+            found = cable_path.off_wheel(robot.cabling, at.position, at.rotation_matrix)
+            where = f": found {found}" if found else ""
         reason = (
-            f"{point.problem.robot.name}: {point.source}: {status.sentence} "
+            f"{robot.name}: {point.source}: {status.sentence}{where} "
             f"({point.iterations} {counted}, {point.residual:.1e} N still unbalanced)"
         )
         if point.problem.external_wrench[3:].any():

@@ -18,7 +18,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
-from cdpr_sim.core.status import IDLE_STRAIN
+from cdpr_sim.core.status import IDLE_STRAIN, Status
 
 ORTHOGONAL = 1e-6
 """How far the rows of a rotation matrix may be from unit length and right angles."""
@@ -148,7 +148,7 @@ class Problem(Posed, Introduced):
 class Problems(Frozen):
     """Many problems of one robot, checked as a whole; arrays broadcast to one ``shape``.
 
-    Indexing gives a single ``Problem``; a row that cannot be asked says why in ``falls`` and ``finite``.
+    Indexing gives a single ``Problem``; a row that cannot be asked says why in ``refusals``.
 
     Attributes:
         robot: the robot.
@@ -318,6 +318,14 @@ class Problems(Frozen):
         with np.errstate(invalid="ignore"):
             long = self.rest_lengths.min(-1) > _shortest(self.robot, self.positions)
         return np.broadcast_to(known & long, self.shape)
+
+    @cached_property
+    def refusals(self) -> Int[np.ndarray, "*batch"]:
+        """(...) a ``Status`` that says why a problem cannot be asked; ``PENDING`` where it can."""
+        placed = np.isfinite(self.positions).all(-1) & np.isfinite(self.rotations).all((-1, -2))
+        off_wheel = placed & np.isnan(self.rest_lengths).any(-1)  # those that are given are finite
+        why = np.where(self.finite, Status.PENDING.value, np.where(off_wheel, Status.OFF_WHEEL, Status.NOT_FINITE))
+        return np.where(self.falls, Status.FALLS.value, why)
 
     @cached_property
     def poses(self) -> RigidTransform:

@@ -426,13 +426,8 @@ class Robot(Introduced):
         """Of the cables from exit to anchor, (cables,) [m] (paper Eq. 1, 2)."""
         at = self.placed(pose)
         lengths = cable_path.lengths(self.cabling, at.position, at.rotation_matrix)
-        lost = np.isnan(lengths)
-        if lost.any():
-            cable = int(np.argmax(lost))
-            raise InvalidInput(
-                f"pose: found the anchor of cable {cable + 1} inside its pulley's wheel or under its footprint, "
-                f"expected it further than the radius, {self.cabling.pulley_radius[cable]:g} m, from the pulley's axis"
-            )
+        if np.isnan(lengths).any():
+            raise InvalidInput(f"pose: found {cable_path.off_wheel(self.cabling, at.position, at.rotation_matrix)}")
         if not lengths.min() > 0:
             cable = int(np.argmin(lengths))
             raise InvalidInput(

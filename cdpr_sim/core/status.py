@@ -26,6 +26,7 @@ class Status(enum.IntEnum):
     FALLS = 4
     DIVERGED = 5
     MOVING = 6
+    OFF_WHEEL = 7
 
     @property
     def sentence(self) -> str:
@@ -42,4 +43,5 @@ _SENTENCES = {
     Status.FALLS: "every exit lies below the platform, which falls since cables cannot push",
     Status.DIVERGED: "MuJoCo found its motion unstable",
     Status.MOVING: "the platform is on its way, and not at rest",
+    Status.OFF_WHEEL: "a cable leaves its pulley's wheel",
 }

@@ -195,9 +195,10 @@ def _check_rows(
     problems = Problems.of(robot, positions)
     settled, solved = settle_many(problems, threads=threads), solve_many(problems)
     values, agree = compare_many(solved, settled, threads=threads)
-    outcome = np.where(problems.falls, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
+    refused = problems.refusals != Status.PENDING
+    outcome = np.where(refused, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
     findings: list[Finding] = []
-    for row in np.flatnonzero(~agree & ~problems.falls):
+    for row in np.flatnonzero(~agree & ~refused):
         name, reasons = _outcome(solved, settled, int(row))
         outcome[row] = OUTCOMES.index(name)
         if outcome[row] not in AGREEING:

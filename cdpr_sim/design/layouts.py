@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core import cable_law, memory
 from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS
-from cdpr_sim.core.cable_path import path, pulley_path
+from cdpr_sim.core.cable_path import path, wheel_paths
 from cdpr_sim.core.checks import Frozen, checked_array
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
@@ -224,10 +224,7 @@ class Layouts(Frozen):
         found = path(*apart)[0]
         over = self.robot.cabling.pulleys
         if over.any():
-            (ex, ey, ez), radius = self.robot.cabling.pulley_axis[over].T, self.robot.cabling.pulley_radius[over]
-            with np.errstate(invalid="ignore", divide="ignore"):
-                x, y, z = (one[..., over] for one in apart)
-                found[..., over] = pulley_path(x, y, z, ex, ey, ez, radius)[0]
+            found[..., over] = wheel_paths(self.robot.cabling, *(one[..., over] for one in apart))[0]
         return found
 
 

@@ -54,7 +54,7 @@ def wheel_of(cabling: Cabling, cable: int, anchor: Float[np.ndarray, "3"]) -> Wh
         return None
     exit_, axis, radius = cabling.exits[cable], cabling.pulley_axis[cable], float(cabling.pulley_radius[cable])
     with np.errstate(invalid="ignore"):
-        *_, x, y, z, _, wrap = cable_path.pulley_path(*(exit_ - anchor), *axis, radius)  # pyright: ignore[reportCallIssue]
+        *_, x, y, z, _, wrap, _ = cable_path.pulley_path(*(exit_ - anchor), *axis, radius)  # pyright: ignore[reportCallIssue]
     if np.isnan(wrap):
         return None
     outwards = np.cross([x, y, z], axis)

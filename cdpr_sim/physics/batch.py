@@ -115,6 +115,12 @@ class Simulations:
                 self.polynomials[:] = cables.polynomials(stiffness, self.robot.cabling.stiffening, rest) / self.unit
         self.armature[:] = self.model.dof_armature
 
+    def reset(self, rows: Bool[np.ndarray, " rows"]) -> None:
+        """Forget the motion of ``rows`` and MuJoCo's warnings of it, and not their loads."""
+        loads = self._loads.copy()
+        self.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self._loads[:] = loads
+
     def place(self, positions: Float[np.ndarray, "*#rows 3"], rotations: Float[np.ndarray, "*#rows 3 3"]) -> None:
         """Put each row's platform at its pose, with the wheels turned towards it."""
         starts = coordinates_of(self.robot, positions, rotations)

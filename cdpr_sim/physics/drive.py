@@ -25,6 +25,7 @@ from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
+from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import PlatformFell, Trajectory
 from cdpr_sim.physics import chains
 from cdpr_sim.physics.batch import quiet, simulations_of
@@ -107,8 +108,9 @@ def drive(
     fractions = np.linspace(0, 1, states)
     commanded = path.at(fractions)
     held = Problems.of(robot, commanded)
-    if held.falls.any():
-        Problem.of(robot, commanded[int(np.argmax(held.falls))])  # says that nothing could hold it
+    refused = held.refusals != Status.PENDING
+    if refused.any():
+        Problem.of(robot, commanded[int(np.argmax(refused))])  # says why
     problems = Problems.of(robot, commanded, path.winches(fractions))
     start = settle(robot, poses[0], problems.rest_lengths[0]).pose if from_rest else poses[0]
     with quiet():

@@ -181,12 +181,9 @@ class Swivels:
         sites: Float[np.ndarray, "*rows sites 3"],
         points: Int[np.ndarray, "*rows pulleys"],
     ) -> Bool[np.ndarray, "*rows pulleys"]:
-        """Whether each cable is off its wheel: its tendon misses it, or would come back past its own way in.
-
-        Such a path would lie more than half round the wheel. MuJoCo 4 leaves the wheel out there, MuJoCo 3 does not.
-        """
-        x, y, along = self._seen(positions, matrices, sites)
-        return (points < POINTS) | ((np.hypot(x, y) <= self.radii) & (along < 0))
+        """Whether each cable is off its wheel: its tendon misses it, or its anchor is under the wheel's footprint."""
+        x, y, _ = self._seen(positions, matrices, sites)
+        return (points < POINTS) | (np.hypot(x, y) < self.radii)
 
     def _seen(self, positions: np.ndarray, matrices: np.ndarray, sites: np.ndarray) -> Float[np.ndarray, "3 *rows n"]:
         """The anchors in the frames of their wheels [m]: outwards, sideways, along the axis."""

@@ -43,6 +43,10 @@ FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1.5, 0.5, 20.0
 """Damping ratio of the slowest swing: overdamped at first, so that the platform sinks into the equilibrium below it
 rather than swinging over into another one."""
 
+OVERDAMPED = 10.0
+"""Least damping ratio of a platform that had been lost under a wheel: it does not swing past an equilibrium beside the
+wheel, where at 5 one in thirty on a single cable still did."""
+
 STRAINED = 20.0
 """Tensions of this many loads, together, at the start: then they, and not the load, set the pace of the swings."""
 
@@ -100,7 +104,9 @@ class Relaxation:
         self.status = np.full(rows, Status.ITERATION_LIMIT.value)
         self.limit = np.full(rows, STEPS)
         self.live = np.ones(rows, dtype=bool)
-        self.qpos = simulations.qpos.copy()
+        self.start = simulations.qpos.copy()
+        self.qpos = self.start.copy()
+        self.least_damping = np.full(rows, LEAST_DAMPING)
         self.velocity = np.zeros((rows, simulations.free))
         self.step, self.ratio = np.full(rows, FIRST_STEP), np.full(rows, FIRST_DAMPING)
         self.best, self.patience = np.full(rows, np.inf), np.zeros(rows, dtype=int)
@@ -121,10 +127,22 @@ class Relaxation:
         velocity[:, simulations.angular] /= simulations.length
         if simulations.free == 6:
             velocity[:, 3:] = np.einsum("nji,nj->ni", simulations.rotations, velocity[:, 3:])
-        simulations.qpos[rows], simulations.qvel[rows, : simulations.free] = self.qpos[rows], velocity[rows]
+        simulations.qvel[rows, : simulations.free] = velocity[rows]
+        self._set_off(rows, self.qpos)
+
+    def again(self, rows: Bool[np.ndarray, " rows"]) -> None:
+        """Let ``rows`` go again where they started, overdamped."""
+        self.least_damping[rows] = OVERDAMPED
+        self.simulations.reset(rows)
+        self._set_off(rows, self.start)
+        if self.frames is not None:
+            self.frames[:] = self.frames[:1]
+
+    def _set_off(self, rows: Bool[np.ndarray, " rows"], qpos: Float[np.ndarray, "rows coordinates"]) -> None:
+        self.simulations.qpos[rows] = qpos[rows]
         self.live |= rows
         self.status[rows] = Status.ITERATION_LIMIT
-        self.step[rows], self.ratio[rows] = FIRST_STEP, FIRST_DAMPING
+        self.step[rows], self.ratio[rows] = FIRST_STEP, np.maximum(FIRST_DAMPING, self.least_damping[rows])
         self.best[rows], self.patience[rows] = np.inf, 0
         self.limit[rows] = self.steps[rows] + STEPS
 
@@ -197,14 +215,14 @@ class Relaxation:
         longer, thinner = np.where(rattling, 0.6, np.where(going, 1.2, 1.0)), np.where(slow, 0.9, 1.0)
         self.step = np.minimum(np.maximum(self.step * longer, SHORTEST_STEP), LONGEST_STEP)
         self.ratio = self.ratio * np.where(rattling, 1.5, thinner)
-        self.ratio = np.minimum(np.maximum(self.ratio, LEAST_DAMPING), MOST_DAMPING)
+        self.ratio = np.minimum(np.maximum(self.ratio, self.least_damping), MOST_DAMPING)
         self.best = np.where(going | rattling, self.residual, self.best)
         self.patience[rattling] = 0
         if not (self.heavy or rattling.any()):
             return
         self.rattles += rattling
         heavier = rattling & (self.rattles % RATTLES == 0)
-        lighter = slow & (self.ratio == LEAST_DAMPING)
+        lighter = slow & (self.ratio == self.least_damping)
         if heavier.any() or lighter.any():
             turning, own = (inertia[..., self.simulations.angular] for inertia in (self.inertia, self.own_inertia))
             self._add_inertia(heavier[:, None] * turning - lighter[:, None] * (turning - own) / 2)

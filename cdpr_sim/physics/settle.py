@@ -143,7 +143,7 @@ def settle_many(
     whole("threads", threads, 0)
     if len(problems.shape) != 1:
         raise InvalidInput(f"poses: found problems of shape {problems.shape}, expected rows: (rows,)")
-    can = problems.finite & ~problems.falls
+    can = problems.refusals == Status.PENDING
     if can.all():
         return _settled(problems, threads=threads)
     robot, rows = problems.robot, len(problems)
@@ -155,7 +155,7 @@ def settle_many(
             whole[can] = getattr(found, name)
         return whole
 
-    status = np.where(problems.falls, Status.FALLS.value, Status.NOT_FINITE.value)
+    status = problems.refusals.copy()
     iterations = np.zeros(rows, dtype=int)
     if found is not None:
         status[can], iterations[can] = found.status, found.iterations
@@ -226,6 +226,12 @@ def _settled(
         relaxation = Relaxation(simulations, frames)
         relaxation.run()
         reading = simulations.read(relaxation.qpos)
+        # Under a wheel MuJoCo's tendon jumps off it, which is another robot's motion from there on.
+        lost = reading.off_wheel | ((relaxation.status == Status.DIVERGED) & bool(len(simulations.swivels)))
+        if lost.any():
+            relaxation.again(lost)
+            relaxation.run()
+            reading = simulations.read(relaxation.qpos)
         for _ in range(NUDGES):
             saddle = relaxation.settled & (reading.eigenvalues[:, 0] < -NEUTRAL * np.abs(reading.eigenvalues).max(1))
             if not saddle.any():
@@ -234,7 +240,7 @@ def _settled(
             relaxation.run()
             reading = simulations.read(relaxation.qpos)
     # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
-    relaxation.status[reading.off_wheel] = Status.DIVERGED
+    relaxation.status[reading.off_wheel] = Status.OFF_WHEEL
     return Rests(
         problems=asked,
         positions=reading.positions,

@@ -146,7 +146,7 @@ def _fill_pulls(cables, free, scale, position, rotation, on_free):
     ck.measure(cables, position, rotation, state)
     ck.fill_jacobian(state, scale, J)
     for i in range(m):
-        if not np.isfinite(state.l[i]) or state.l[i] == 0.0:
+        if not np.isfinite(state.l[i]) or state.l[i] == 0.0 or not ck.on_wheels(state):
             return False
         for a in range(n):
             on_free[a, i] = -J[i, free[a]]

@@ -72,7 +72,7 @@ class BentState(NamedTuple):
     """What is measured of them at a pose.
 
     r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: lengths of their
-    free pieces; across, bend: of cables over pulleys; k, e: the springs k max(e, 0) that touch the law there.
+    free pieces; across, bend, clear: of cables over pulleys; k, e: the springs k max(e, 0) that touch the law there.
     """
 
     r: np.ndarray
@@ -81,6 +81,7 @@ class BentState(NamedTuple):
     f: np.ndarray
     across: np.ndarray
     bend: np.ndarray
+    clear: np.ndarray
     k: np.ndarray
     e: np.ndarray
 
@@ -122,8 +123,8 @@ def _new_bent_state(cables):
     """Room for a state."""
     m = len(cables.l0)
     return BentState(
-        np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m), np.empty((m, 3)), np.zeros(m), np.empty(m),
-        np.empty(m),
+        np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m), np.empty((m, 3)), np.zeros(m), np.zeros(m),
+        np.empty(m), np.empty(m),
     )  # fmt: skip
 
 
@@ -152,8 +153,9 @@ def _measure_bent(cables, p, R, state):
         if cables.radius[i] == 0.0:
             length, x, y, z, free = _path(x, y, z)
         else:
-            length, x, y, z, free, state.across[i, 0], state.across[i, 1], state.across[i, 2], state.bend[i], _ = (
-                _pulley_path(x, y, z, cables.axis[i, 0], cables.axis[i, 1], cables.axis[i, 2], cables.radius[i])
+            ex, ey, ez, across = cables.axis[i, 0], cables.axis[i, 1], cables.axis[i, 2], state.across
+            length, x, y, z, free, across[i, 0], across[i, 1], across[i, 2], state.bend[i], _, state.clear[i] = (
+                _pulley_path(x, y, z, ex, ey, ez, cables.radius[i])
             )
         inverse = 1 / free
         u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
@@ -177,9 +179,22 @@ def _bent_energy(cables, state, V):
     return V
 
 
+def _plain_on_wheels(state):
+    return True
+
+
+def _bent_on_wheels(state):
+    lost = 0
+    for i in range(len(state.clear)):
+        if not state.clear[i] >= 0:  # nan within the wheel
+            lost += 1
+    return lost == 0
+
+
 new_state = by_type({Cables: _new_plain_state, BentCables: _new_bent_state})
 measure = by_type({Cables: _measure_plain, BentCables: _measure_bent})
 elastic_energy = by_type({Cables: _plain_energy, BentCables: _bent_energy})
+on_wheels = by_type({CableState: _plain_on_wheels, BentState: _bent_on_wheels})
 
 
 @inline

@@ -135,10 +135,8 @@ def solve_many(
         positions[felt], turned[felt] = state.position, state.rotation
         lengths[felt], tensions[felt], residuals[felt] = state.lengths, state.tensions, state.residual
         status[felt] = np.where(state.residual <= ACCEPTABLE * asked.force_scale, status[felt], Status.STALLED.value)
-    if (status != Status.CONVERGED).any() and not problems.finite.all():
-        status = np.where(problems.finite, status, Status.NOT_FINITE.value)
-    if problems.falls.any():
-        status = np.where(problems.falls, Status.FALLS.value, status)
+    if (status != Status.CONVERGED).any():
+        status = np.where(problems.refusals == Status.PENDING, status, problems.refusals)
     return Rests(
         problems=problems,
         positions=positions,

@@ -70,7 +70,7 @@ MAX_TAUT_SETS = 6
 """Sets of taut cables tried within one local model; two or three do, unless they cycle."""
 
 _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT)
-_STALLED, _NOT_FINITE = int(Status.STALLED), int(Status.NOT_FINITE)
+_STALLED, _NOT_FINITE, _OFF_WHEEL = int(Status.STALLED), int(Status.NOT_FINITE), int(Status.OFF_WHEEL)
 
 
 class _Case(NamedTuple):
@@ -187,6 +187,8 @@ def _descent(unpack: Callable) -> Callable:
             for i in range(m):
                 certified &= taut[i] == (here.c.e[i] > 0)  # ...with the cables that really are taut
                 taut[i] = predicted[i] > 0
+        if not ck.on_wheels(here.c):
+            status[0] = _OFF_WHEEL
         residual[0] = unbalanced
         for a in range(3):
             position[a] = here.p[a]

@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
+from cdpr_sim.core.cable_path import off_wheel
 from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits, checked_wrenches
@@ -57,15 +58,16 @@ def shortfall(
 
     Returns:
         The norm of W tau + w_e at the tensions that make it least, torques divided by the characteristic length, over
-        the largest norm of w_e. Nan where a pose is not finite or an anchor lies on its exit.
+        the largest norm of w_e. Of many poses, nan where one is not finite, an anchor lies on its exit, or a cable
+        leaves its pulley's wheel.
 
     Raises:
-        InvalidInput: limits or wrenches that cannot be right.
+        InvalidInput: limits or wrenches that cannot be right; a single pose at which a cable leaves its pulley's wheel.
     """
     robot.cabling.refuse_weight("feasible")
     lower, upper = checked_limits(robot, tension_limits)
     loads = checked_wrenches(robot, wrenches)
-    at, turned = positions_and_rotations(robot, positions, rotations)
+    at, turned = _placed(robot, positions, rotations)
     left = _over_poses(shortfall_gufunc, robot, lower, upper, loads, at, turned)
     for index in map(tuple, np.argwhere(np.isposinf(left))):  # the sets cycled
         position = np.broadcast_to(at, (*left.shape, 3))[index]
@@ -88,7 +90,7 @@ def feasible(
     computes); with a set of them, the wrench-feasible workspace of their convex hull.
 
     Returns:
-        (...) True where the tensions leave nothing of the load but rounding.
+        (...) True where the tensions leave nothing of the load but rounding; False where ``shortfall`` is nan.
     """
     left = shortfall(robot, positions, rotations=rotations, tension_limits=tension_limits, wrenches=wrenches)
     return left <= BALANCED
@@ -119,7 +121,7 @@ def closed_form_feasible(
     if not np.isfinite(upper).all():
         cable = int(np.argmax(~np.isfinite(upper)))
         raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected one to be amid")
-    at, turned = positions_and_rotations(robot, positions, rotations)
+    at, turned = _placed(robot, positions, rotations)
     W = (forces.geometry(robot, at, turned).wrench_matrix / robot.units[:, None])[..., robot.free, :]
     known = np.asarray(np.isfinite(W).all((-1, -2)))
     W = np.where(known[..., None, None], W, 0.0)
@@ -161,11 +163,11 @@ def tension_margin(
         pushing ones, balance the load (under-actuated robots). Nan as in ``shortfall``.
 
     Raises:
-        InvalidInput: limits or wrenches that cannot be right.
+        InvalidInput: as in ``shortfall``.
     """
     robot.cabling.refuse_weight("tension_margin")
     limits, loads = checked_limits(robot, tension_limits), checked_wrenches(robot, wrenches)
-    return _over_poses(margin_gufunc, robot, *limits, loads, *positions_and_rotations(robot, positions, rotations))
+    return _over_poses(margin_gufunc, robot, *limits, loads, *_placed(robot, positions, rotations))
 
 
 def feasible_by_linprog(
@@ -179,15 +181,27 @@ def feasible_by_linprog(
     """The reference for ``feasible``, at one pose: linear programming by HiGHS, to its tolerance.
 
     Raises:
-        InvalidInput: limits or wrenches that cannot be right.
+        InvalidInput: as in ``shortfall``.
     """
     robot.cabling.refuse_weight("feasible")
     lower, upper = checked_limits(robot, tension_limits)
-    at, turned = positions_and_rotations(robot, checked_array("position", position, (3,)), rotation)
+    at, turned = _placed(robot, checked_array("position", position, (3,)), rotation)
     return all(
         _least_by_linprog(robot, at, turned, lower, upper, load) <= HIGHS_TOLERANCE
         for load in checked_wrenches(robot, wrenches)
     )
+
+
+def _placed(
+    robot: Robot, positions: ArrayLike, rotations: ArrayLike | None
+) -> tuple[Float[Array, "*batch 3"], Float[Array, "*#batch 3 3"]]:
+    """``positions_and_rotations``; a single pose that no cable could be let out for is refused, as ``solve`` does."""
+    at, turned = positions_and_rotations(robot, positions, rotations)
+    if at.ndim == 1 and turned.ndim == 2:
+        lost = off_wheel(robot.cabling, at, turned)
+        if lost and np.isfinite(at).all() and np.isfinite(turned).all():
+            raise InvalidInput(f"positions: found {lost}")
+    return at, turned
 
 
 def _over_poses(

@@ -50,7 +50,7 @@ MEMORY_COPIES = 2
 COMPRESSION = 3
 """At most, of a store: numbers with noise in their last digits do not get smaller than a third."""
 
-STATUSES = {int(status): status.name.lower() for status in Status if status <= Status.FALLS}
+STATUSES = {int(status): status.name.lower() for status in Status if status not in (Status.DIVERGED, Status.MOVING)}
 """What ``status`` says, in the words of its CF flags."""
 
 

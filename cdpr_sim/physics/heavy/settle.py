@@ -55,7 +55,7 @@ def released(
         readings.append(reading)
         steps.append(relaxation.steps)
         # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
-        status.append(Status.DIVERGED if reading.off_wheel else relaxation.status)
+        status.append(Status.OFF_WHEEL if reading.off_wheel else relaxation.status)
     return readings, steps, status
 
 
