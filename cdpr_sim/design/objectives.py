@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.core.checks import shown
+from cdpr_sim.core.checks import as_numbers, shown
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layouts import LayoutRests, feasible_share
@@ -84,8 +84,8 @@ class Objective:
 
 def _checked(scores: Any, name: str, layouts: int) -> Scores:
     try:
-        found = np.asarray(scores, dtype=float)
-    except (TypeError, ValueError):
+        found = as_numbers("objective", scores)
+    except InvalidInput:
         raise InvalidInput(f"objective: {name} returned {shown(scores)}, expected numbers") from None
     if found.shape != (layouts,):
         raise InvalidInput(

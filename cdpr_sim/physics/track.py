@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.checks import checked_array, positive
+from cdpr_sim.core.checks import PROGRESS, checked_array, positive, refuse_unless
 from cdpr_sim.core.controller import Command, Controller, Course, Sensors
 from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.path import Path
@@ -100,10 +100,10 @@ def track(
         PlatformFell: it fell on the way; carries the trajectory so far.
         BadCommand: the controller failed, or said what winches cannot do; carries the trajectory so far.
     """
+    refuse_unless(PROGRESS, progress=progress)
     course = _course(robot, waypoints, seconds, pause)
     period = 1 / positive("rate", rate, "Hz")
-    if not isinstance(sensors, Sensors):
-        raise InvalidInput(f"sensors: found {sensors!r}, expected Sensors")
+    refuse_unless(Sensors, sensors=sensors)
     for name in ("start", "command"):
         if not callable(getattr(controller, name, None)):
             raise InvalidInput(f"controller: found {controller!r}, expected an object with a method {name!r}")

@@ -60,12 +60,12 @@ def shortfall(
         the largest norm of w_e. Nan where a pose is not finite or an anchor lies on its exit.
 
     Raises:
-        InvalidInput: limits or wrenches that cannot be right.
+        InvalidInput: an argument that cannot be right.
     """
-    robot.cabling.refuse_weight("feasible")
     lower, upper = checked_limits(robot, tension_limits)
+    robot.cabling.refuse_weight("feasible")
     loads = checked_wrenches(robot, wrenches)
-    at, turned = positions_and_rotations(robot, positions, rotations)
+    at, turned = positions_and_rotations(robot, positions, rotations, "positions")
     left = _over_poses(shortfall_gufunc, robot, lower, upper, loads, at, turned)
     for index in map(tuple, np.argwhere(np.isposinf(left))):  # the sets cycled
         position = np.broadcast_to(at, (*left.shape, 3))[index]
@@ -114,12 +114,12 @@ def closed_form_feasible(
     Raises:
         InvalidInput: as in ``shortfall``, or a limit that is infinite.
     """
-    robot.cabling.refuse_weight("closed_form_feasible")
     lower, upper = checked_limits(robot, tension_limits)
+    robot.cabling.refuse_weight("closed_form_feasible")
     if not np.isfinite(upper).all():
         cable = int(np.argmax(~np.isfinite(upper)))
         raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected one to be amid")
-    at, turned = positions_and_rotations(robot, positions, rotations)
+    at, turned = positions_and_rotations(robot, positions, rotations, "positions")
     W = (forces.geometry(robot, at, turned).wrench_matrix / robot.units[:, None])[..., robot.free, :]
     known = np.asarray(np.isfinite(W).all((-1, -2)))
     W = np.where(known[..., None, None], W, 0.0)
@@ -161,11 +161,12 @@ def tension_margin(
         pushing ones, balance the load (under-actuated robots). Nan as in ``shortfall``.
 
     Raises:
-        InvalidInput: limits or wrenches that cannot be right.
+        InvalidInput: an argument that cannot be right.
     """
-    robot.cabling.refuse_weight("tension_margin")
     limits, loads = checked_limits(robot, tension_limits), checked_wrenches(robot, wrenches)
-    return _over_poses(margin_gufunc, robot, *limits, loads, *positions_and_rotations(robot, positions, rotations))
+    robot.cabling.refuse_weight("tension_margin")
+    at, turned = positions_and_rotations(robot, positions, rotations, "positions")
+    return _over_poses(margin_gufunc, robot, *limits, loads, at, turned)
 
 
 def feasible_by_linprog(
@@ -179,10 +180,10 @@ def feasible_by_linprog(
     """The reference for ``feasible``, at one pose: linear programming by HiGHS, to its tolerance.
 
     Raises:
-        InvalidInput: limits or wrenches that cannot be right.
+        InvalidInput: an argument that cannot be right.
     """
-    robot.cabling.refuse_weight("feasible")
     lower, upper = checked_limits(robot, tension_limits)
+    robot.cabling.refuse_weight("feasible")
     at, turned = positions_and_rotations(robot, checked_array("position", position, (3,)), rotation)
     return all(
         _least_by_linprog(robot, at, turned, lower, upper, load) <= HIGHS_TOLERANCE
