@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.cable_path import wheel_paths
-from cdpr_sim.core.checks import Frozen, checked_array, whole
+from cdpr_sim.core.checks import Frozen, checked_array, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.rests import Rests
@@ -126,6 +126,7 @@ def clearances(
     Raises:
         InvalidInput: what ``solve_many`` refuses, or a fitting below 0.
     """
+    refuse_unless(Robot | Rests, robot=robot)
     rests = robot if isinstance(robot, Rests) else solve_many(robot, poses)
     if isinstance(robot, Rests) and poses is not None:
         raise InvalidInput("poses: found them beside rests, expected the rests alone")

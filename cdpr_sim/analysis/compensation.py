@@ -24,9 +24,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.tensions import Demand, balances, leftover, smallest, stiffest
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
-from cdpr_sim.core.checks import Frozen, checked_array, frozen
+from cdpr_sim.core.checks import Frozen, checked_array, frozen, one_of
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.pose import PoseLike, distance, moved
@@ -163,16 +163,15 @@ def compensate(
         UnknownName: no such preference.
         NotConverged: no pose was found that tensions within limits hold.
     """
-    if prefer not in get_args(Prefer):
-        raise UnknownName("preference", str(prefer), get_args(Prefer))
+    one_of("preference", prefer, get_args(Prefer))
     asked = Problem.of(robot, pose, external_wrench=external_wrench)
     robot, commanded = asked.robot, asked.pose
     robot.cabling.refuse_weight("compensate")
     rigid = Problem.of(robot, commanded, external_wrench=asked.external_wrench)  # refuses a pose above all exits
     if tensions is not None and tension_limits is not None:
         raise InvalidInput("tensions: found tension_limits beside it, expected one of the two, which are the same")
-    given = tension_limits if tensions is None else tensions
-    lower, upper = default_limits(rigid) if given is None else checked_limits(robot, given)
+    field, given = ("tension_limits", tension_limits) if tensions is None else ("tensions", tensions)
+    lower, upper = default_limits(rigid) if given is None else checked_limits(robot, given, field)
     limits = frozen(np.array([lower, upper]))
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
     if arm < 0:

@@ -19,11 +19,11 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core.checks import whole
+from cdpr_sim.core.checks import FLAG, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
-from cdpr_sim.core.pose import PoseLike, distance
+from cdpr_sim.core.pose import PoseLike, as_pose, distance
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
@@ -117,7 +117,7 @@ class Equilibria(Introduced):
         Returns:
             Its place in ``found``, and the distance sqrt(|translation|² + (characteristic length · angle)²) [m].
         """
-        arm = self.problem.robot.characteristic_length
+        arm, pose = self.problem.robot.characteristic_length, as_pose(pose)
         distances = [distance(one.pose, pose, arm) for one in self.found]
         index = int(np.argmin(distances))
         return index, distances[index]
@@ -191,6 +191,7 @@ def find_equilibria(
         raise InvalidInput("external_wrench: found a torque, expected a force alone: a torque has no energy to sort by")
     if not problem.load > 0:
         raise InvalidInput("find_equilibria: found no load, expected weight or force: slack cables hold any pose then")
+    refuse_unless(FLAG, saddles=saddles)
     whole("starts", starts, 1)
     whole("seed", seed, 0)
     random = np.random.default_rng(seed)

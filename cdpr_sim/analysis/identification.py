@@ -20,9 +20,9 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from cdpr_sim.analysis.measurements import Measurements
-from cdpr_sim.core.checks import positive
+from cdpr_sim.core.checks import listed, one_of, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotConverged
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -101,9 +101,7 @@ class Identification(Introduced):
         Raises:
             UnknownName: no such unknown.
         """
-        if name not in self.names:
-            raise UnknownName("unknown", name, self.names)
-        index = self.names.index(name)
+        index = self.names.index(one_of("unknown", name, self.names))
         return float(self.values[index]), float(self.standard_errors[index])
 
     def __repr__(self) -> str:
@@ -154,6 +152,8 @@ def identify(
         UnknownName: no such unknown.
         NotConverged: no equilibrium at some commanded pose for any stiffness near the best.
     """
+    refuse_unless(Robot, robot=robot)
+    refuse_unless(Measurements, measurements=measurements)
     robot.cabling.refuse_weight("identify")
     measurements.check_robot(robot)
     wanted = _wanted(robot, unknowns)
@@ -295,13 +295,11 @@ def _directions(
 
 
 def _wanted(robot: Robot, unknowns: Sequence[str]) -> list[_Unknown]:
-    if isinstance(unknowns, str):
-        unknowns = (unknowns,)
+    unknowns = [unknowns] if isinstance(unknowns, str) else listed("unknowns", unknowns, "a list of names")
     if not unknowns:
         raise InvalidInput(f"unknowns: found none, expected some of {', '.join(UNKNOWNS)}")
     for name in unknowns:
-        if name not in UNKNOWNS:
-            raise UnknownName("unknown", str(name), UNKNOWNS)
+        one_of("unknown", name, UNKNOWNS)
     if len(set(unknowns)) < len(unknowns):
         raise InvalidInput(f"unknowns: found {', '.join(unknowns)}, expected each once")
     if {"axial_stiffness", "axial_stiffness_each"} <= set(unknowns):

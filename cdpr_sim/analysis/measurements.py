@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.checks import checked_array, checked_path, listed, one_of, refuse_unless
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import read_text
 from cdpr_sim.core.robot import Robot
 
@@ -87,9 +87,10 @@ class Measurements:
         whole[:, : given.shape[1]] = given
         if len(given) == 0:
             raise InvalidInput("commanded: found no row, expected at least one")
+        coordinates = listed("coordinates", coordinates, "a list of names")
         for name in coordinates:
-            if name not in COORDINATES:
-                raise UnknownName("coordinate", str(name), COORDINATES)
+            one_of("coordinate", name, COORDINATES)
+        refuse_unless(str | None, robot=robot)
         if not coordinates or len(set(coordinates)) < len(coordinates):
             raise InvalidInput(f"coordinates: found {', '.join(coordinates) or 'none'}, expected some, each once")
         values = np.full((len(given), 6), np.nan)
@@ -113,6 +114,7 @@ class Measurements:
         Raises:
             InvalidInput: they are of another one.
         """
+        refuse_unless(Robot, robot=robot)
         if self.robot is not None and self.robot != robot.name:
             raise InvalidInput(f"{self.source}: found measurements of {self.robot!r}, expected of {robot.name!r}")
         if self.rest_lengths is not None and self.rest_lengths.shape[1] != robot.cables:
@@ -147,7 +149,7 @@ def read_measurements(path: str | Path) -> Measurements:
         InvalidInput: no such file, no rows, an unknown or missing column or unit, or a cell that is not a number; the
             message names file, line and column.
     """
-    path = Path(path)
+    path = checked_path("path", path)
     try:
         text = read_text(path, LARGEST_FILE)
     except FileNotFoundError:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigh, qr
 from scipy.spatial.transform import Rotation
 
+from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
@@ -98,7 +99,11 @@ def neutral_directions(equilibrium: Equilibrium) -> Float[np.ndarray, "neutral 6
     Returns:
         As many (translation of the origin [m], left-applied rotation vector [rad]) as there are neutral directions,
         along single axes where possible; ``core.words.twist_in_words`` says them.
+
+    Raises:
+        InvalidInput: no equilibrium.
     """
+    refuse_unless(Equilibrium, equilibrium=equilibrium)
     problem, free, units = equilibrium.problem, equilibrium.problem.robot.free, equilibrium.problem.robot.units
     state = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix())
     values, vectors = np.linalg.eigh((state.stiffness_matrix / np.outer(units, units))[np.ix_(free, free)])

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
+from cdpr_sim.core.checks import one_of
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
@@ -72,7 +73,7 @@ class Sensitivity(Introduced):
         Returns:
             (parameters,) [rad] per unit of the parameter, in SI units.
         """
-        turning = self.pose[parameter][3:]
+        turning = self.pose[one_of("parameter", parameter, self.pose)][3:]
         axis = self.equilibrium.rotation.as_matrix()[:, 2]
         flat = np.hypot(axis[0], axis[1])
         if flat < 1e-9:

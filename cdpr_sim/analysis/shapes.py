@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.core.checks import whole
+from cdpr_sim.core.checks import refuse_unless, whole
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.statics import catenary
+
+MOST_POINTS = 100_000
+"""Along a cable; a picture has fewer pixels."""
 
 
 def cable_shapes(rests: Rests, points: int = 25) -> Float[np.ndarray, "*batch cables points 3"]:
@@ -24,9 +27,10 @@ def cable_shapes(rests: Rests, points: int = 25) -> Float[np.ndarray, "*batch ca
         (..., cables, points, 3) [m]; nan of cables over pulleys.
 
     Raises:
-        InvalidInput: fewer points, or no whole number of them.
+        InvalidInput: no rests; fewer points, or no whole number of them.
     """
-    whole("points", points, 2)
+    refuse_unless(Rests, rests=rests)
+    whole("points", points, 2, MOST_POINTS)
     robot = rests.robot
     anchors = rests.positions[..., None, :] + robot.anchors @ np.swapaxes(rests.rotations, -1, -2)
     shapes = catenary.shape(

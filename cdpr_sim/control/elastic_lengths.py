@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.control.plan import Limits, Plan
 from cdpr_sim.core.controller import Course, Sensed
+from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.robot import Robot
 
 
@@ -25,6 +26,9 @@ class ElasticLengths:
     robot: Robot
     tension_limits: Limits | None = None
     _plan: Plan = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        checked_limits(self.robot, self.tension_limits)
 
     def start(self, course: Course) -> Float[np.ndarray, " cables"]:
         """Compensate along the course.

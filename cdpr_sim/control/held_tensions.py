@@ -34,6 +34,9 @@ class HeldTensions:
     tension_limits: Limits | None = None
     _course: Course = field(init=False, repr=False)
 
+    def __post_init__(self) -> None:
+        checked_limits(self.robot, self.tension_limits)
+
     def start(self, course: Course) -> Float[np.ndarray, " cables"]:
         """The lengths of cables that have these tensions at the first pose, or near it.
 

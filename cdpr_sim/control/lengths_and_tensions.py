@@ -12,9 +12,10 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.analysis.compensation import Compensation
 from cdpr_sim.control.plan import Limits, Plan
-from cdpr_sim.core.checks import whole
+from cdpr_sim.core.checks import listed, whole
 from cdpr_sim.core.controller import Command, Course, Sensed
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
 
@@ -42,21 +43,26 @@ class LengthsAndTensions:
     _plan: Plan = field(init=False, repr=False)
     _held: Bool[np.ndarray, " cables"] = field(init=False, repr=False)
 
+    def __post_init__(self) -> None:
+        checked_limits(self.robot, self.tension_limits)
+        if self.by_tension is not None:
+            given = listed("by_tension", self.by_tension, "numbers of cables")
+            chosen = {whole("by_tension", cable, 1, self.robot.cables) for cable in given}
+            if len(chosen) == self.robot.cables:
+                raise InvalidInput(f"by_tension: found all {len(chosen)} cables, expected some that hold their lengths")
+
     def start(self, course: Course) -> Float[np.ndarray, " cables"]:
         """Compensate along the course, and choose cables if nobody has.
 
         Returns:
             (cables,) rest lengths [m].
         """
-        cables = self.robot.cables
         self._plan = Plan.of(self.robot, course, self.tension_limits)
         if self.by_tension is None:
             chosen = _left_to_tension(self.robot, self._plan.compensations)
         else:
-            chosen = [whole("by_tension", cable, 1, cables) - 1 for cable in self.by_tension]
-            if len(set(chosen)) == cables:
-                raise InvalidInput(f"by_tension: found all {cables} cables, expected some that hold their lengths")
-        self._held = np.isin(np.arange(cables), chosen)
+            chosen = [cable - 1 for cable in self.by_tension]
+        self._held = np.isin(np.arange(self.robot.cables), chosen)
         return self.robot.rest_lengths(course.pose(0.0)) + self._plan.at(0.0)[0]
 
     def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command:

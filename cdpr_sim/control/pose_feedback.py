@@ -10,7 +10,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.checks import positive
+from cdpr_sim.core.checks import positive, refuse_unless
 from cdpr_sim.core.controller import Command, Controller, Course, Sensed
 from cdpr_sim.core.pose import moved
 
@@ -41,13 +41,16 @@ class PoseFeedback:
     _seen: float = field(init=False, repr=False)
     _told: deque[tuple[float, RigidTransform]] = field(init=False, repr=False)
 
+    def __post_init__(self) -> None:
+        refuse_unless(Controller, inner=self.inner)
+        positive("gain", self.gain, "1/s")
+
     def start(self, course: Course) -> ArrayLike:
         """With no correction yet.
 
         Returns:
             (cables,) rest lengths [m], where the other controller starts.
         """
-        positive("gain", self.gain, "1/s")
         self._course, self._correction, self._seen, self._told = course, np.zeros(6), 0.0, deque()
         return self.inner.start(course)
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.controller import Course, Sensed
 from cdpr_sim.core.robot import Robot
 
@@ -21,6 +22,9 @@ class RigidLengths:
     """
 
     robot: Robot
+
+    def __post_init__(self) -> None:
+        refuse_unless(Robot, robot=self.robot)
 
     def start(self, course: Course) -> Float[np.ndarray, " cables"]:
         """The lengths at the first pose.

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import reprlib
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from types import NoneType
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.errors import InvalidInput, UnknownName
 
 MOST_LENGTH = 1e6
 """[m] The largest coordinate that is taken: beyond, double precision does not resolve what stretches."""
@@ -19,6 +23,23 @@ LONGEST_NAME = 100
 
 LONGEST_QUOTE = 150
 """Characters of a value that a message quotes."""
+
+MOST_THREADS = 1024
+
+LARGEST_COUNT = 2**63 - 1
+"""The largest whole number that machines count to."""
+
+FLAG = bool | np.bool_
+"""True or False; not just anything that Python takes for true, such as "no"."""
+
+PROGRESS = Callable | None
+"""What is called while a user waits."""
+
+NAMES = {
+    bool: "True or False", str: "text", os.PathLike: "a path", Callable: "a function", Mapping: "a mapping",
+    NoneType: "None",
+}  # fmt: skip
+"""What a message calls types, where their own names do not serve."""
 
 
 class _Short(reprlib.Repr):
@@ -40,6 +61,66 @@ def shown(value: Any) -> str:
     """``value`` as a message quotes it: never more than a line, however large it is."""
     text = " ".join(_Short().repr(value).split())
     return text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}..."
+
+
+def refuse_unless(kind: Any, **values: Any) -> None:
+    """See that each of ``values`` is of a type, or of one of a union of types.
+
+    Args:
+        kind: what ``isinstance`` takes.
+        values: by the names that users know them by.
+
+    Raises:
+        InvalidInput: one is not; the message names it.
+    """
+    for field, value in values.items():
+        if not isinstance(value, kind):
+            names = [NAMES.get(one) or _with_article(one.__name__) for one in get_args(kind) or (kind,)]
+            expected = " or ".join(name for name in names if name != "a bool")
+            raise InvalidInput(f"{field}: found {shown(value)}, expected {expected}")
+
+
+def _with_article(name: str) -> str:
+    return f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
+
+
+def checked_path(field: str, value: Any) -> Path:
+    """A path.
+
+    Raises:
+        InvalidInput: neither text nor a path, or characters that no path can have.
+    """
+    refuse_unless(str | os.PathLike, **{field: value})
+    path = Path(value)
+    if "\0" in str(path):
+        raise InvalidInput(f"{field}: found {shown(str(path))}, expected a path without null characters")
+    return path
+
+
+def listed(field: str, value: Any, what: str = "a list") -> list:
+    """The entries of a list, a tuple or anything else that has entries, but for bytes.
+
+    Raises:
+        InvalidInput: it has none.
+    """
+    try:
+        if not isinstance(value, bytes | bytearray):
+            return list(value)
+    except TypeError:
+        pass
+    raise InvalidInput(f"{field}: found {shown(value)}, expected {what}")
+
+
+def one_of(what: str, name: Any, known: Iterable[str], note: str = "") -> str:
+    """A name that is known.
+
+    Raises:
+        UnknownName: it is not, or is no name at all.
+    """
+    known = list(known)
+    if not isinstance(name, str) or name not in known:
+        raise UnknownName(what, name if isinstance(name, str) else shown(name), known, note)
+    return name
 
 
 def checked_name(field: str, value: Any) -> str:
@@ -135,16 +216,19 @@ def checked_array(field: str, value: ArrayLike, shape: tuple[int | None, ...] | 
     return array
 
 
-def as_numbers(field: str, value: ArrayLike) -> Float[np.ndarray, "..."]:
+def as_numbers(field: str, value: ArrayLike, expected: str = "numbers") -> Float[np.ndarray, "..."]:
     """A fresh float array of ``value``, of any shape, finite or not.
 
     Raises:
-        InvalidInput: not numbers.
+        InvalidInput: not real numbers: NumPy would read text, call True 1, and drop what is imaginary.
     """
     try:
-        return np.array(value, dtype=float)
+        array = np.array(value)
+        if array.dtype.kind in "fiuO":
+            return array.astype(float, copy=False)
     except (TypeError, ValueError, OverflowError, RecursionError):
-        raise InvalidInput(f"{field}: found {shown(value)}, expected numbers") from None
+        pass
+    raise InvalidInput(f"{field}: found {shown(value)}, expected {expected}")
 
 
 def positive(field: str, value: ArrayLike, unit: str) -> float:
@@ -159,17 +243,18 @@ def positive(field: str, value: ArrayLike, unit: str) -> float:
     return number
 
 
-def whole(field: str, value: object, least: int, most: int | None = None) -> int:
+def whole(field: str, value: object, least: int, most: int = LARGEST_COUNT) -> int:
     """A whole number within limits.
 
     Raises:
         InvalidInput: another.
     """
-    limits = f"{least} or more" if most is None else f"{least} to {most}"
+    limits = f"{least} or more" if most == LARGEST_COUNT else f"{least} to {most}"
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
-        raise InvalidInput(f"{field}: found {value!r}, expected a whole number, {limits}")
-    if not (least <= value and (most is None or value <= most)):
-        raise InvalidInput(f"{field}: found {value}, expected {limits}")
+        raise InvalidInput(f"{field}: found {shown(value)}, expected a whole number, {limits}")
+    if not least <= value <= most:
+        limits = limits if value < least else f"{least} to {most:,}"
+        raise InvalidInput(f"{field}: found {shown(value)}, expected {limits}")
     return int(value)
 
 

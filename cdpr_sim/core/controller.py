@@ -47,7 +47,7 @@ class Course:
         Returns:
             (times,) between 0 and 1.
         """
-        return np.clip((np.atleast_1d(times) - self.pause) / self.seconds, 0, 1)
+        return np.clip((np.atleast_1d(checked_array("times", times, None)) - self.pause) / self.seconds, 0, 1)
 
     def poses(self, times: ArrayLike) -> RigidTransform:
         """What is wanted at these ``times`` [s], a stack.
@@ -63,7 +63,7 @@ class Course:
         Returns:
             A single pose [m].
         """
-        return self.poses(time)[0]
+        return self.poses(checked_array("time", time, ()))[0]
 
     def acceleration(self, time: float) -> Float[np.ndarray, "3"]:
         """Of the wanted position at ``time`` [m/s²]; where the path bends, over an instant.
@@ -71,7 +71,7 @@ class Course:
         Returns:
             (3,) [m/s²], base frame.
         """
-        before, now, after = self.poses(time + INSTANT * np.array([-1, 0, 1])).translation
+        before, now, after = self.poses(checked_array("time", time, ()) + INSTANT * np.array([-1, 0, 1])).translation
         return (before - 2 * now + after) / INSTANT**2
 
     def __repr__(self) -> str:
@@ -123,6 +123,7 @@ class Command:
         Raises:
             InvalidInput: what no winch can hold.
         """
+        whole("cables", cables, 1)
         if not isinstance(answer, Command):
             lengths = checked_array("rest_lengths", answer, (cables,))
             answer = cls(lengths, np.zeros(cables), np.zeros(cables, dtype=bool))

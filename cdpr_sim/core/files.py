@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from cdpr_sim.core.checks import checked_path
 from cdpr_sim.core.errors import InvalidInput, StoreError
 
 OUTSIDE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG, errno.EPIPE}
@@ -54,7 +55,7 @@ def check_place(path: str | Path, suffixes: Sequence[str], *, force: bool = Fals
     Raises:
         InvalidInput: another suffix, a file that is there without ``force``, or a folder that cannot be written.
     """
-    path = Path(path)
+    path = checked_path("path", path)
     if path.suffix.lower() not in suffixes:
         expected = " or ".join(filter(None, [", ".join(suffixes[:-1]), suffixes[-1]]))
         if field:

@@ -8,39 +8,38 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array, shown
+from cdpr_sim.core.checks import as_numbers, checked_array, refuse_unless, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import refuse_wrench_out_of_plane
 from cdpr_sim.core.robot import Robot
 
 
 def checked_limits(
-    robot: Robot, tension_limits: Sequence[ArrayLike] | np.ndarray | None
+    robot: Robot, tension_limits: Sequence[ArrayLike] | np.ndarray | None, field: str = "tension_limits"
 ) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
     """Tension limits, one per cable, (cables,) and (cables,) [N]; the robot's own where none are given.
 
     Raises:
-        InvalidInput: not a pair, nan, negative, or a smallest tension above the largest.
+        InvalidInput: no robot; not a pair, nan, negative, or a smallest tension above the largest.
     """
+    refuse_unless(Robot, robot=robot)
     if tension_limits is None:
         return robot.force_min.copy(), robot.force_max.copy()
     try:
-        lower, upper = (
-            np.broadcast_to(np.asarray(limit, dtype=float), (robot.cables,)).copy() for limit in tension_limits
-        )
+        lower, upper = (np.broadcast_to(as_numbers(field, limit), (robot.cables,)).copy() for limit in tension_limits)
     except (TypeError, ValueError):
         raise InvalidInput(
-            f"tension_limits: found {shown(tension_limits)}, expected (smallest, largest) [N], each one number or "
+            f"{field}: found {shown(tension_limits)}, expected (smallest, largest) [N], each one number or "
             f"one for each of the {robot.cables} cables of {robot.name!r}"
         ) from None
     if not (np.isfinite(lower).all() and (lower >= 0).all()):
         raise InvalidInput(
-            f"tension_limits: found a smallest tension of {lower.min():g} N, expected 0 or more: cables only pull"
+            f"{field}: found a smallest tension of {lower.min():g} N, expected 0 or more: cables only pull"
         )
     if not (lower <= upper).all():  # also where one is nan
         cable = int(np.argmin(lower <= upper))
         raise InvalidInput(
-            f"tension_limits: found a smallest tension of {lower[cable]:g} N above the largest, {upper[cable]:g} N, "
+            f"{field}: found a smallest tension of {lower[cable]:g} N above the largest, {upper[cable]:g} N, "
             f"in cable {cable + 1}; expected tau_min <= tau_max"
         )
     return lower, upper

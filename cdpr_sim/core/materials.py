@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from cdpr_sim.core.checks import positive
+from cdpr_sim.core.checks import positive, refuse_unless
 from cdpr_sim.core.errors import UnknownName
 
 
@@ -138,8 +138,9 @@ def load_material(name: str) -> Material:
 
     Raises:
         UnknownName: no such material, or a rope without its diameter.
-        InvalidInput: a diameter of 0.
+        InvalidInput: no text, or a diameter of 0.
     """
+    refuse_unless(str, material=name)
     if name in MATERIALS:
         return MATERIALS[name]
     sized = _OF_A_DIAMETER.fullmatch(name)

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core.checks import Frozen, refuse_far, shown
+from cdpr_sim.core.checks import Frozen, as_numbers, refuse_far
 from cdpr_sim.core.errors import InvalidInput
 
 
@@ -56,10 +56,7 @@ class Pose(Frozen):
             made = cls(frame[:3, 3].copy(), frame[:3, :3].copy())
             made.__dict__["transform"] = pose
             return made
-        try:
-            vector = np.array(pose, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            raise InvalidInput(f"pose: found {shown(pose)}, expected 3 or 6 numbers or a RigidTransform") from None
+        vector = as_numbers("pose", pose, "3 or 6 numbers or a RigidTransform")
         if vector.shape not in {(3,), (6,)}:
             raise InvalidInput(
                 f"pose: found an array of shape {vector.shape}, expected (x, y, z) or (x, y, z, alpha, beta, gamma)"

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, refuse_far, shown
+from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, listed, refuse_far, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
@@ -72,8 +72,7 @@ class Problem(Posed, Introduced):
                 if value is not None:
                     raise InvalidInput(f"{name}: found one beside a Problem, expected it in the Problem alone")
             return robot
-        if not isinstance(robot, Robot):
-            raise InvalidInput(f"robot: found {shown(robot)}, expected a Robot or a Problem")
+        refuse_unless(Robot | Problem, robot=robot)
         if pose is None:
             raise InvalidInput("pose: found none, expected (x, y, z), a six-vector or a RigidTransform")
         at = robot.placed(pose)
@@ -125,6 +124,7 @@ class Problem(Posed, Introduced):
         Returns:
             True if answers to the two can be compared.
         """
+        refuse_unless(Problem, other=other)
         mine, theirs = self.robot, other.robot
         return (
             np.array_equal(self.rest_lengths, other.rest_lengths)
@@ -207,8 +207,7 @@ class Problems(Frozen):
         Raises:
             InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
         """
-        if not isinstance(robot, (Robot, Problems)):
-            raise InvalidInput(f"robot: found {robot!r}, expected a Robot or Problems")
+        refuse_unless(Robot | Problems, robot=robot)
         if isinstance(robot, Problems):
             for name, value in {k: v for k, v in locals().items() if k not in ("cls", "robot")}.items():
                 if value is not None:
@@ -253,7 +252,14 @@ class Problems(Frozen):
 
         Returns:
             (rows,) problems.
+
+        Raises:
+            InvalidInput: none, or something else.
         """
+        for problem in listed("problems", problems, "Problems of one robot"):
+            refuse_unless(Problem, problems=problem)
+        if len(problems) == 0:
+            raise InvalidInput("problems: found none, expected at least one")
         return cls(
             robot=problems[0].robot,
             positions=np.array([problem.position for problem in problems]),
@@ -351,7 +357,7 @@ class Problems(Frozen):
 
 
 def positions_and_rotations(
-    robot: Robot, poses: RigidTransform | ArrayLike, rotations: ArrayLike | None
+    robot: Robot, poses: RigidTransform | ArrayLike, rotations: ArrayLike | None, field: str = "poses"
 ) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*#batch 3 3"]]:
     """Poses as users give them: positions (..., 3) [m] and rotation matrices, of all or of each.
 
@@ -361,10 +367,10 @@ def positions_and_rotations(
     vectors = np.empty(0)
     if not isinstance(poses, RigidTransform):
         try:
-            vectors = np.array(poses, dtype=float)
-        except (TypeError, ValueError, OverflowError):  # a list with transforms, or of vectors that differ in length
+            vectors = as_numbers(field, poses, "numbers or transforms")
+        except InvalidInput:  # a list with transforms, or of vectors that differ in length
             if not isinstance(poses, (list, tuple)):
-                raise InvalidInput(f"poses: found {shown(poses)}, expected numbers or transforms") from None
+                raise
             poses = RigidTransform.concatenate([as_pose(pose) for pose in poses])
     if isinstance(poses, RigidTransform):
         at, turned = poses.translation, poses.rotation.as_matrix()
@@ -379,18 +385,18 @@ def positions_and_rotations(
         turned = Rotation.from_euler("xyz", angles).as_matrix().reshape(*vectors.shape[:-1], 3, 3)
         turned[~np.isfinite(vectors[..., 3:]).all(-1)] = np.nan
     else:
-        raise InvalidInput(f"poses: found an array of shape {vectors.shape}, expected (..., 3) or (..., 6)")
+        raise InvalidInput(f"{field}: found an array of shape {vectors.shape}, expected (..., 3) or (..., 6)")
     if 0 in at.shape:
-        raise InvalidInput("poses: found none, expected at least one")
-    refuse_far("poses", at)
-    _fitting({"poses": at.shape[:-1], "rotations": turned.shape[:-2]})
+        raise InvalidInput(f"{field}: found none, expected at least one")
+    refuse_far(field, at)
+    _fitting({field: at.shape[:-1], "rotations": turned.shape[:-2]})
     if robot.mobility == "planar":
         beside = np.abs(at[..., 1])
         tipped = np.abs(turned[..., 1, [0, 2]]).max(-1)
         if (beside > IN_PLANE).any() or (tipped > IN_PLANE).any():
             found = f"y = {np.nanmax(beside):g} m" if (beside > IN_PLANE).any() else "a rotation about x or z"
             raise InvalidInput(
-                f"poses: found {found}, but {robot.name!r} is planar: expected y = 0 and a rotation about y only"
+                f"{field}: found {found}, but {robot.name!r} is planar: expected y = 0 and a rotation about y only"
             )
     return at, turned
 

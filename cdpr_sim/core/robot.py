@@ -23,11 +23,12 @@ from cdpr_sim.core.checks import (
     checked_text,
     frozen,
     in_range,
+    listed,
+    one_of,
     positive,
     refuse_far,
-    shown,
 )
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.plausibility import doubts, warn
@@ -156,10 +157,9 @@ class Robot(Introduced):
             checked_label("material", material)
         checked_text("description", description)
         checked_text("source", source)
-        for note in notes:
+        for note in listed("notes", notes, "a list of sentences"):
             checked_text("notes", note)
-        if mobility not in get_args(Mobility):
-            raise UnknownName("mobility", shown(mobility).strip("'"), get_args(Mobility))
+        one_of("mobility", mobility, get_args(Mobility))
         center_of_mass = checked_array("center_of_mass", center_of_mass, (3,))
         refuse_far("center_of_mass", center_of_mass)
         mass = positive("mass", mass, "kg")
@@ -448,8 +448,7 @@ class Robot(Introduced):
             UnknownName: no such field or material.
         """
         for name in changes:
-            if name not in FIELDS:
-                raise UnknownName("field of a robot", name, FIELDS)
+            one_of("field of a robot", name, FIELDS)
         if changes.get("material") is not None and "axial_stiffness" not in changes:
             changes["axial_stiffness"] = load_material(changes["material"]).axial_stiffness
         elif "axial_stiffness" in changes:

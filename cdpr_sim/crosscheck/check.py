@@ -17,6 +17,7 @@ from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
 from cdpr_sim.core import memory
+from cdpr_sim.core.checks import FLAG, MOST_THREADS, one_of, refuse_unless, whole
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import angle_between, poses_of
 from cdpr_sim.core.problem import Problems
@@ -90,6 +91,7 @@ class Check(Introduced):
         Returns:
             The dataset without ``axis``.
         """
+        one_of("axis", axis, grids.AXES)
         agree = self.dataset["outcome"] == OUTCOMES.index("agree")
         errors = [name for name in _MEANINGS if name != "outcome"]
         worst = self.dataset[errors].where(agree).assign(outcome=self.dataset["outcome"]).max(axis, keep_attrs=True)
@@ -131,6 +133,8 @@ def check(
     """
     import xarray as xr
 
+    refuse_unless(FLAG, progress=progress)
+    whole("threads", threads, 0, MOST_THREADS)
     group = as_robots(robots)
     axes = grids.as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core.checks import positive, refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
@@ -107,11 +108,12 @@ def compare(
         The verdict with its reasons, and how far the two are apart [m, rad, N].
 
     Raises:
-        InvalidInput: the two answer different problems.
+        InvalidInput: the two answer different problems, or a tolerance that is not above 0.
     """
-    for name, found in (("static", static), ("settled", settled)):
-        if not isinstance(found, Equilibrium):
-            raise InvalidInput(f"{name}: found {found!r}, expected an Equilibrium")
+    refuse_unless(Equilibrium, static=static, settled=settled)
+    position_tolerance = positive("position_tolerance", position_tolerance, "m")
+    rotation_tolerance = positive("rotation_tolerance", rotation_tolerance, "rad")
+    tension_tolerance = positive("tension_tolerance", tension_tolerance, "N")
     problem = static.problem
     if not problem.same_as(settled.problem):
         raise InvalidInput("compare: found equilibria of two problems, expected the same robot, rest lengths and load")

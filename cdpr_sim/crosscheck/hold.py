@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cdpr_sim.analysis.compensation import Compensation
+from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import distance
@@ -79,7 +80,11 @@ def confirm(compensation: Compensation) -> Hold:
 
     Returns:
         Where MuJoCo's platform rests in either case, and what it does not confirm.
+
+    Raises:
+        InvalidInput: no compensation.
     """
+    refuse_unless(Compensation, compensation=compensation)
     problem = compensation.equilibrium.problem
 
     def rest_from(pose) -> Equilibrium | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
@@ -99,7 +100,11 @@ def prove_layout(found: Layout) -> Proof:
 
     Returns:
         What MuJoCo finds of both layouts, and ``sentences`` for people.
+
+    Raises:
+        InvalidInput: not a layout that was found.
     """
+    refuse_unless(Layout, found=found)
     cases = found.cases.finer()
     return Proof(found, cases, *(_side(robot, cases, found.objective) for robot in (found.given, found.robot)))
 

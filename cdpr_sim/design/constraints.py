@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.analysis import clearance
-from cdpr_sim.core.checks import checked_array, shown
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.checks import checked_array, one_of, refuse_unless, shown
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
@@ -41,10 +41,10 @@ def constraints_of(robot: Robot, asked: Mapping[str, Any] | None) -> tuple[list[
         UnknownName: nothing that can be asked.
         InvalidInput: a limit that cannot be right.
     """
+    refuse_unless(Mapping | None, subject_to=asked)
     found, limits, reach = [], NO_LIMITS, np.inf
     for name, value in ({} if asked is None else asked).items():
-        if name not in (*KNOWN, *OBJECTIVES):
-            raise UnknownName("constraint", str(name), (*KNOWN, *OBJECTIVES))
+        one_of("constraint", name, (*KNOWN, *OBJECTIVES))
         if name == "tensions":
             limits = checked_limits(robot, value)
             found.append(_tensions(robot, *limits))

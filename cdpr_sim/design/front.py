@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import Frozen, whole
+from cdpr_sim.core.checks import Frozen, listed, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.progress import saying
@@ -59,7 +59,7 @@ class Front(Frozen, Introduced):
         Returns:
             A front of ``most`` layouts or fewer.
         """
-        if len(self) <= most:
+        if len(self) <= whole("most", most, 1):
             return self
         rows = np.linspace(0, len(self) - 1, most).round().astype(int)
         return dataclasses.replace(self, scores=self.scores[rows], layouts=self.layouts.take(rows))
@@ -127,11 +127,12 @@ def find_front(
         raise InvalidInput(
             "find_front: found no pymoo, expected it installed: pip install 'cdpr-sim[design]'"
         ) from None
+    objectives = tuple(listed("objectives", objectives, "two"))
     if len(objectives) != 2:
         raise InvalidInput(f"objectives: found {len(objectives)}, expected two")
     judge = Judge.of(
-        robot, poses, move, within, symmetry, objectives[0], subject_to, external_wrench, stiffness, threads
-    )
+        robot, poses, move, within, symmetry, objectives[0], subject_to, external_wrench, stiffness, progress, threads,
+    )  # fmt: skip
     goals = (judge.objective, Objective.of(objectives[1]))
     goals[1].refuse_weight(robot)
     whole("seed", seed, 0)

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.core import cable_law, memory
 from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS
 from cdpr_sim.core.cable_path import path, wheel_paths
-from cdpr_sim.core.checks import Frozen, checked_array
+from cdpr_sim.core.checks import Frozen, checked_array, refuse_unless, shown
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problems, positions_and_rotations, refuse_wrench_out_of_plane
@@ -81,8 +81,8 @@ class Cases(Frozen):
         loads = checked_array("external_wrench", loads, (None, 6))
         refuse_wrench_out_of_plane(robot, loads)
         factors = np.atleast_1d(checked_array("stiffness", 1.0 if stiffness is None else stiffness, None))
-        if factors.ndim != 1 or not (factors > 0).all():
-            raise InvalidInput(f"stiffness: found {factors.min():g}, expected factors of the axial stiffness above 0")
+        if factors.ndim != 1 or factors.size == 0 or not (factors > 0).all():
+            raise InvalidInput(f"stiffness: found {shown(stiffness)}, expected factors of the axial stiffness above 0")
         each, load, factor = (
             one.ravel() for one in np.meshgrid(*(np.arange(len(x)) for x in (at, loads, factors)), indexing="ij")
         )
@@ -249,7 +249,7 @@ class LayoutRests(Rests):
 
     def point(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Equilibrium:
         """The row as it is, of the robot that it belongs to."""
-        assert isinstance(row, tuple)
+        refuse_unless(tuple, row=row)
         one = super().point(row)
         robot, factor = self.layouts.robot_at(int(row[0])), self.cases.factors[int(row[1])]
         if factor != 1:

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array, refuse_far
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.checks import checked_array, listed, one_of, refuse_far, whole
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layouts import Layouts
 from cdpr_sim.design.symmetry import Symmetry, group
@@ -45,10 +45,11 @@ class Move:
     cables: Sequence[int] | None = None
 
     def __post_init__(self) -> None:
-        if self.what not in MOVABLE:
-            raise UnknownName("move", str(self.what), MOVABLE)
+        one_of("move", self.what, MOVABLE)
         if self.within is None:
             raise InvalidInput(f"within: found none for {self.what}, expected how far it may move")
+        for cable in listed("cables", () if self.cables is None else self.cables, "numbers of cables"):
+            whole("cables", cable, 1)
         within = checked_array("within", self.within, None)
         refuse_far("within", within)
         if self.what in FACTORS:

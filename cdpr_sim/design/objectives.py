@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.core.checks import shown
+from cdpr_sim.core.checks import as_numbers, shown
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layouts import LayoutRests, feasible_share
@@ -90,8 +90,8 @@ class Objective:
 def _by_users(function: Callable[[LayoutRests], Any], name: str, rests: LayoutRests, _: Limits) -> Scores:
     scores, layouts = function(rests), len(rests)
     try:
-        found = np.asarray(scores, dtype=float)
-    except (TypeError, ValueError):
+        found = as_numbers("objective", scores)
+    except InvalidInput:
         raise InvalidInput(f"objective: {name} returned {shown(scores)}, expected numbers") from None
     if found.shape != (layouts,):
         raise InvalidInput(

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import OptimizeResult, differential_evolution
 from scipy.stats import qmc
 
-from cdpr_sim.core.checks import LONGEST_NAME, shown, whole
+from cdpr_sim.core.checks import FLAG, LONGEST_NAME, MOST_THREADS, checked_path, listed, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.progress import saying
@@ -85,6 +85,7 @@ class Judge:
         subject_to: Mapping[str, Any] | None,
         external_wrench: ArrayLike | None,
         stiffness: ArrayLike | None,
+        progress: bool,
         threads: int | None,
     ) -> Judge:
         """Of a question as users ask it (``find_layout``).
@@ -93,9 +94,11 @@ class Judge:
             InvalidInput: something that cannot be right.
             UnknownName: nothing of that name moves, or is good, or must hold.
         """
-        if not isinstance(robot, Robot):
-            raise InvalidInput(f"robot: found {shown(robot)}, expected a Robot")
-        moves = [move] if isinstance(move, (str, Move)) else list(move)
+        refuse_unless(Robot, robot=robot)
+        refuse_unless(FLAG, progress=progress)
+        if threads is not None:
+            whole("threads", threads, 1, MOST_THREADS)
+        moves = [move] if isinstance(move, (str, Move)) else listed("move", move, "names or Moves")
         space = Space.of(robot, [one if isinstance(one, Move) else Move(one, within) for one in moves], symmetry)
         wanted = Objective.of(objective)
         wanted.refuse_weight(robot)
@@ -224,9 +227,10 @@ def find_layout(
         UnknownName: nothing of that name moves, or is good, or must hold.
     """
     judge = Judge.of(
-        robot, poses, move, within, symmetry, objective, subject_to, external_wrench, stiffness, threads
+        robot, poses, move, within, symmetry, objective, subject_to, external_wrench, stiffness, progress, threads
     )  # fmt: skip
     space, cases, wanted = judge.space, judge.cases, judge.objective
+    refuse_unless(FLAG, polish=polish)
     whole("generations", generations, 1)
     still = np.zeros((1, len(space)))
     rests_before = rest(space.layouts(still), cases, threads)
@@ -308,7 +312,7 @@ def _evolve(
     identity = _identity(judge, seed, size)
     done, crowd = 0, None
     if store is not None:
-        store = Path(store)
+        store = checked_path("store", store)
         if store.exists():
             done, crowd, told = _resumed(store, identity)
             history.extend(map(tuple, told))

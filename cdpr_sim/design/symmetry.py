@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.checks import listed, one_of
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 
 SIGNS = {"half-turn": (-1.0, -1.0, 1.0), "mirror-x": (-1.0, 1.0, 1.0), "mirror-y": (1.0, -1.0, 1.0)}
@@ -43,16 +44,15 @@ def group(robot: Robot, wanted: str | Sequence[str]) -> list[Symmetry]:
         InvalidInput: one that the robot has not got.
     """
     found = [Symmetry(np.ones(3), np.arange(robot.cables))]
-    if wanted == "none":
-        return found
-    names = list(SIGNS) if wanted == "detected" else [wanted] if isinstance(wanted, str) else list(wanted)
+    names = [wanted] if isinstance(wanted, str) else listed("symmetry", wanted, "a list of names")
     for name in names:
-        if name not in SIGNS:
-            raise UnknownName("symmetry", str(name), (*SIGNS, "detected", "none"))
+        one_of("symmetry", name, (*SIGNS, "detected", "none"))
+    detected = "detected" in names
+    for name in SIGNS if detected else [name for name in names if name != "none"]:
         symmetry, why = _of(robot, np.array(SIGNS[name]))
         if symmetry is not None:
             found.append(symmetry)
-        elif wanted != "detected":
+        elif not detected:
             raise InvalidInput(
                 f"symmetry: found {name!r}, which {robot.name!r} has not got: {why}; expected none of it"
             )

@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.words import cables_in_words
@@ -77,6 +78,7 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
     Raises:
         InvalidInput: a pose that cannot be right.
     """
+    refuse_unless(Robot, robot=robot)
     at = robot.pose(robot.home if pose is None else pose)
     position, rotation = at.translation, at.rotation.as_matrix()
     x, y, z = position

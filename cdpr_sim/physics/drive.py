@@ -19,7 +19,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.checks import positive, whole
+from cdpr_sim.core.checks import FLAG, PROGRESS, listed, positive, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
@@ -96,6 +96,8 @@ def drive(
         NotSettled: the platform does not come to rest at the first waypoint.
         PlatformFell: it fell on the way; carries the trajectory so far.
     """
+    refuse_unless(FLAG, from_rest=from_rest)
+    refuse_unless(PROGRESS, progress=progress)
     poses = poses_through(robot, waypoints, "driving")
     whole("states", states, 2, MOST_STATES)
     path = Path(robot, poses, rest_lengths)
@@ -134,13 +136,9 @@ def poses_through(robot: Any, waypoints: Any, doing: str) -> list[RigidTransform
     Raises:
         InvalidInput: no robot or no poses; cables that have weight, of which ``doing`` takes no account.
     """
-    if not isinstance(robot, Robot):
-        raise InvalidInput(f"robot: found {robot!r}, expected a Robot")
+    refuse_unless(Robot, robot=robot)
     chains.refuse_weight(robot, doing)
-    try:
-        poses = [robot.pose(pose) for pose in waypoints]
-    except TypeError:
-        raise InvalidInput(f"waypoints: found {waypoints!r}, expected a list of poses") from None
+    poses = [robot.pose(pose) for pose in listed("waypoints", waypoints, "a list of poses")]
     if not poses:
         raise InvalidInput("waypoints: found none, expected at least one pose")
     return poses

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core.checks import FLAG, checked_label, refuse_unless
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
@@ -72,6 +73,7 @@ def to_mjcf(
         InvalidInput: a pose or a length that cannot be right; winches on cables that weigh something.
     """
     problem = Problem.of(robot, pose, rest_lengths)
+    refuse_unless(FLAG, winches=winches)
     robot = problem.robot
     if winches:
         chains.refuse_weight(robot, "a winch in MuJoCo")
@@ -123,7 +125,12 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
 
     Returns:
         An MJCF document that includes ``robot_file`` from the folder that it is saved in.
+
+    Raises:
+        InvalidInput: no robot, or no name of a file.
     """
+    refuse_unless(Robot, robot=robot)
+    checked_label("robot_file", robot_file)
     lower, upper = robot.frame
     center, diagonal = (lower + upper) / 2, magnitude(upper - lower) or 1.0
     root = ET.Element("mujoco", model=f"{robot.name} scene")

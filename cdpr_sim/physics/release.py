@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.cable import MOST_STRAIN
-from cdpr_sim.core.checks import positive
+from cdpr_sim.core.checks import positive, refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance, moved
@@ -90,6 +90,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     Raises:
         InvalidInput: an equilibrium under an external wrench, or on cables that have weight.
     """
+    refuse_unless(Equilibrium, equilibrium=equilibrium)
     problem = equilibrium.problem
     robot, pose = problem.robot, equilibrium.pose
     if problem.external_wrench.any():

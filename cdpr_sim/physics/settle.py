@@ -19,7 +19,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.checks import whole
+from cdpr_sim.core.checks import MOST_THREADS, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, poses_of
@@ -140,7 +140,7 @@ def settle_many(
     problems = Problems.of(
         robot, poses, rest_lengths, external_wrench, rotations=rotations, axial_stiffness=axial_stiffness
     )
-    whole("threads", threads, 0)
+    whole("threads", threads, 0, MOST_THREADS)
     if len(problems.shape) != 1:
         raise InvalidInput(f"poses: found problems of shape {problems.shape}, expected rows: (rows,)")
     can = problems.refusals == Status.PENDING
@@ -219,6 +219,7 @@ def _settled(
     frames: Frames | None = None,
 ) -> Rests:
     """Settle (rows,) problems that can be asked; ``frames`` takes the first one's motion."""
+    refuse_unless(mujoco.MjModel | None, model=model)
     if _weighs(problems.robot, model):
         return _settled_heavy(problems, model=model, threads=threads)
     asked, problems = problems, _without_weight(problems)

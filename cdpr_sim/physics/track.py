@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.checks import checked_array, positive
+from cdpr_sim.core.checks import PROGRESS, checked_array, positive, refuse_unless
 from cdpr_sim.core.controller import Command, Controller, Course, Sensors
 from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.path import Path
@@ -101,10 +101,10 @@ def track(
         PlatformFell: it fell on the way; carries the trajectory so far.
         BadCommand: the controller failed, or said what winches cannot do; carries the trajectory so far.
     """
+    refuse_unless(PROGRESS, progress=progress)
     course = _course(robot, waypoints, seconds, pause)
     period = min(1 / positive("rate", rate, "Hz"), course.end)
-    if not isinstance(sensors, Sensors):
-        raise InvalidInput(f"sensors: found {sensors!r}, expected Sensors")
+    refuse_unless(Sensors, sensors=sensors)
     _check_controller(controller)
     speed = positive("winch_speed", winch_speed, "m/s")
     if course.end / period >= MOST_STATES:

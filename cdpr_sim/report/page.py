@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import os
 import tempfile
 from collections.abc import Callable
 from html import escape
@@ -21,6 +22,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cdpr_sim.analysis.workspace.grids import GridLike
+from cdpr_sim.core.checks import FLAG, refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.files import check_place, write_whole
 from cdpr_sim.core.pose import PoseLike
@@ -106,7 +108,10 @@ def write_report(
         UnknownName: no such robot.
         StoreError: a full disk.
     """
+    refuse_unless(FLAG, video=video, force=force)
+    refuse_unless(Callable, progress=progress)
     path = check_place(path, SUFFIXES, force=force)
+    refuse_unless(Robot | str | os.PathLike, robot=robot)
     machine = robot if isinstance(robot, Robot) else load_robot(robot)
     portrait = portray(machine, pose, grid=grid, motion=video, progress=progress)
     progress("Drawing")

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 
 from cdpr_sim.core.cable import DOWN, MOST_CABLES
-from cdpr_sim.core.checks import positive, shown
+from cdpr_sim.core.checks import checked_path, positive, shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileError, UnknownName
 from cdpr_sim.core.files import read_text
 from cdpr_sim.core.materials import ROPES, Material, line_stiffness, load_material
@@ -248,10 +248,12 @@ def load_robot(name: str | Path) -> Robot:
         The robot, checked.
 
     Raises:
+        InvalidInput: neither a name nor a path.
         UnknownName: no such robot in the catalogue.
         RobotFileError: the file is missing, is not TOML, or does not describe a robot: the message gives the
             path inside the file, what was found and what is expected.
     """
+    checked_path("name", name)
     if str(name).endswith(".toml"):
         return _read(Path(name), str(name))
     if str(name) in list_robots():

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
-from cdpr_sim.core.errors import CdprError, InvalidInput, RobotFileError, UnknownName
+from cdpr_sim.core.checks import checked_path, one_of, refuse_unless
+from cdpr_sim.core.errors import CdprError, InvalidInput, RobotFileError
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.robots.importers import bologna, caspr, cdpyr, gazebo, wirex
 from cdpr_sim.robots.importers.draft import Draft
@@ -59,9 +60,10 @@ def import_robot(path: str | Path, format: str | None = None, cables: str | None
             gives the place in the file, what was found and what is expected.
         UnknownName: no such format.
     """
-    path = Path(path)
-    if format is not None and format not in FORMATS:
-        raise UnknownName("format", format, FORMATS)
+    path = checked_path("path", path)
+    if format is not None:
+        one_of("format", format, FORMATS)
+    refuse_unless(str | None, cables=cables)
     try:
         document = read_document(path)
     except InvalidInput as error:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law
+from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.pose import Pose, PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
@@ -75,6 +76,7 @@ def equilibrium_of(
         InvalidInput: an argument that cannot be right.
         NotConverged: there is none.
     """
+    refuse_unless(Equilibrium | Problem | Robot, equilibrium=found)
     if not isinstance(found, Equilibrium):
         return solve(Problem.of(found, pose, rest_lengths, external_wrench))
     Problem.of(found.problem, pose, rest_lengths, external_wrench)  # refuses what stands beside it
@@ -185,7 +187,11 @@ def solve_trajectory(trajectory: Trajectory) -> Rests:
 
     Returns:
         (steps,) rests, to be laid over the motion by ``write_video(path, trajectory, rests.poses)``.
+
+    Raises:
+        InvalidInput: no trajectory.
     """
+    refuse_unless(Trajectory, trajectory=trajectory)
     return solve_many(trajectory.problems)
 
 

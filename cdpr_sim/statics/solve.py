@@ -6,8 +6,8 @@ from typing import Literal, get_args
 
 from numpy.typing import ArrayLike
 
+from cdpr_sim.core.checks import one_of
 from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.core.errors import UnknownName
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -41,8 +41,7 @@ def solve(
         UnknownName: no such method.
         NotConverged: the solver stopped away from equilibrium; carries the best point.
     """
-    if method not in get_args(Method):
-        raise UnknownName("method", str(method), get_args(Method))
+    one_of("method", method, get_args(Method))
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
     if method == "newton":
         return newton.solve(problem)

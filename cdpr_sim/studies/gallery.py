@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from cdpr_sim.core.errors import UnknownName
+from cdpr_sim.core.checks import FLAG, PROGRESS, checked_path, listed, one_of, refuse_unless
 from cdpr_sim.core.files import make_folder, refuse_existing, write_whole
 from cdpr_sim.drawing import style
 from cdpr_sim.robots.catalogue import load_robot
@@ -185,12 +185,14 @@ def write_figures(
         InvalidInput: a file is there and ``force`` is off, or the folder cannot be written.
     """
     for what, asked, known in (("figure", names, PICTURES), ("kind of file", kinds, KINDS)):
-        for name in asked:
-            if name not in known:
-                raise UnknownName(what, name, known)
-    places = paths_of(names, Path(folder), kinds)
+        for name in listed(f"{what}s", asked, "a list of names"):
+            one_of(what, name, known)
+    refuse_unless(FLAG, force=force)
+    refuse_unless(PROGRESS, progress=progress)
+    folder = checked_path("folder", folder)
+    places = paths_of(names, folder, kinds)
     refuse_existing((path for paths in places.values() for path in paths), force=force)
-    make_folder(Path(folder))
+    make_folder(folder)
     for done, (name, paths) in enumerate(places.items(), start=1):
         figure = PICTURES[name].figure()
         write_whole({path: encoded(figure, path.suffix[1:]) for path in paths})

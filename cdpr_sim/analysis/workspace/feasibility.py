@@ -62,10 +62,10 @@ def shortfall(
         leaves its pulley's wheel.
 
     Raises:
-        InvalidInput: limits or wrenches that cannot be right; a single pose at which a cable leaves its pulley's wheel.
+        InvalidInput: an argument that cannot be right; a single pose at which a cable leaves its pulley's wheel.
     """
-    robot.cabling.refuse_weight("feasible")
     lower, upper = checked_limits(robot, tension_limits)
+    robot.cabling.refuse_weight("feasible")
     loads = checked_wrenches(robot, wrenches)
     at, turned = _placed(robot, positions, rotations)
     left = _over_poses(shortfall_gufunc, robot, lower, upper, loads, at, turned)
@@ -116,8 +116,8 @@ def closed_form_feasible(
     Raises:
         InvalidInput: as in ``shortfall``, or a limit that is infinite.
     """
-    robot.cabling.refuse_weight("closed_form_feasible")
     lower, upper = checked_limits(robot, tension_limits)
+    robot.cabling.refuse_weight("closed_form_feasible")
     if not np.isfinite(upper).all():
         cable = int(np.argmax(~np.isfinite(upper)))
         raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected one to be amid")
@@ -165,8 +165,8 @@ def tension_margin(
     Raises:
         InvalidInput: as in ``shortfall``.
     """
-    robot.cabling.refuse_weight("tension_margin")
     limits, loads = checked_limits(robot, tension_limits), checked_wrenches(robot, wrenches)
+    robot.cabling.refuse_weight("tension_margin")
     return _over_poses(margin_gufunc, robot, *limits, loads, *_placed(robot, positions, rotations))
 
 
@@ -183,8 +183,8 @@ def feasible_by_linprog(
     Raises:
         InvalidInput: as in ``shortfall``.
     """
-    robot.cabling.refuse_weight("feasible")
     lower, upper = checked_limits(robot, tension_limits)
+    robot.cabling.refuse_weight("feasible")
     at, turned = _placed(robot, checked_array("position", position, (3,)), rotation)
     return all(
         _least_by_linprog(robot, at, turned, lower, upper, load) <= HIGHS_TOLERANCE
@@ -196,7 +196,7 @@ def _placed(
     robot: Robot, positions: ArrayLike, rotations: ArrayLike | None
 ) -> tuple[Float[Array, "*batch 3"], Float[Array, "*#batch 3 3"]]:
     """``positions_and_rotations``; a single pose that no cable could be let out for is refused, as ``solve`` does."""
-    at, turned = positions_and_rotations(robot, positions, rotations)
+    at, turned = positions_and_rotations(robot, positions, rotations, "positions")
     if at.ndim == 1 and turned.ndim == 2:
         lost = off_wheel(robot.cabling, at, turned)
         if lost and np.isfinite(at).all() and np.isfinite(turned).all():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from cdpr_sim.core import memory
-from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.checks import checked_array, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 
@@ -46,7 +46,7 @@ def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndar
     if isinstance(grid, Mapping):
         for name in grid:
             if name not in AXES:
-                raise InvalidInput(f"grid: found an axis {name!r}, expected x, y or z")
+                raise InvalidInput(f"grid: found an axis {shown(name)}, expected x, y or z")
         given = {name: _coordinates(name, values) for name, values in grid.items()}
     else:
         given = dict(zip(AXES, _counts(DEFAULT if grid is None else grid), strict=True))

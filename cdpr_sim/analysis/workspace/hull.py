@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from cdpr_sim.analysis.workspace.feasibility import closed_form_feasible, feasible
-from cdpr_sim.core.checks import Frozen, checked_array, positive, whole
+from cdpr_sim.core.checks import FLAG, Frozen, checked_array, positive, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.robot import Robot
@@ -110,6 +110,8 @@ def workspace_hull(
         InvalidInput: an argument that cannot be right, a planar robot, or a centre that is not feasible itself or
             outside the frame.
     """
+    refuse_unless(Robot, robot=robot)
+    refuse_unless(FLAG, closed_form=closed_form)
     if robot.mobility == "planar":
         raise InvalidInput(
             f"robot: found {robot.name!r}, which is planar, expected a spatial one: a plane has no volume"

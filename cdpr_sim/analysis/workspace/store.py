@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cdpr_sim.core.checks import checked_path as given_path
 from cdpr_sim.core.errors import InvalidInput, StoreError
 from cdpr_sim.core.files import refuse_unwritable
 from cdpr_sim.core.progress import bar
@@ -48,7 +49,7 @@ def checked_path(store: str | Path) -> Path:
         InvalidInput: neither .zarr nor .nc, no such folder, one that cannot be written to, or a NetCDF file that is
             there already.
     """
-    path = Path(store)
+    path = given_path("store", store)
     if path.suffix not in {".zarr", ".nc"}:
         raise InvalidInput(f"store: found {path.name!r}, expected a name that ends in .zarr or .nc")
     if not path.parent.is_dir():
@@ -74,7 +75,7 @@ def open_sweep(store: str | Path) -> xr.Dataset:
     """
     import xarray as xr
 
-    path = Path(store)
+    path = given_path("store", store)
     try:
         dataset = xr.open_dataset(path, chunks={}) if path.suffix == ".nc" else _open_zarr(path)
         missing = int((dataset["status"] == PENDING).sum())

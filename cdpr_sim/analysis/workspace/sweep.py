@@ -22,8 +22,8 @@ from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid
 from cdpr_sim.core import memory
-from cdpr_sim.core.checks import checked_array, checked_label
-from cdpr_sim.core.errors import InvalidInput, UnknownName
+from cdpr_sim.core.checks import FLAG, checked_array, checked_label, listed, one_of, refuse_unless, whole
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits, checked_wrenches
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.robot import Robot
@@ -141,6 +141,7 @@ def sweep(
         UnknownName: no such robot, material or quantity.
         StoreError: the store cannot be written; what is in it stays.
     """
+    refuse_unless(FLAG, compute=compute, progress=progress)
     many = not isinstance(robots, (str, Robot))
     group = as_robots(robots)
     axes = as_grid(grid, group)
@@ -160,8 +161,8 @@ def sweep(
         if wrenches is not None:
             checked_wrenches(robot, wrenches)
         robot.pose(np.r_[robot.home, orientation])
-    if chunk is not None and not chunk >= 1:
-        raise InvalidInput(f"chunk: found {chunk}, expected at least one pose per task")
+    if chunk is not None:
+        whole("chunk", chunk, 1)
     if store is not None:
         chunk = chunk or CHUNK
         store = stores.checked_path(store)
@@ -215,11 +216,13 @@ def as_robots(robots: str | Robot | Sequence[str | Robot]) -> list[Robot]:
     """One robot or several, as objects, catalogue names or .toml files.
 
     Raises:
-        InvalidInput: none, or two of the same name.
+        InvalidInput: none, something else, or two of the same name.
         UnknownName: no such robot.
     """
-    group = [robots] if isinstance(robots, (str, Robot)) else list(robots)
+    group = [robots] if isinstance(robots, (str, Robot)) else listed("robots", robots, "robots or their names")
     group = [load_robot(one) if isinstance(one, str) else one for one in group]
+    for robot in group:
+        refuse_unless(Robot | str, robots=robot)
     names = [robot.name for robot in group]
     if not names:
         raise InvalidInput("robots: found none, expected at least one")
@@ -242,11 +245,10 @@ def axial_stiffnesses(
     """
     if materials is None:
         return {robot.name: robot.axial_stiffness.copy() for robot in robots}
-    for name in materials:
-        if not isinstance(materials, str):
-            checked_label("materials", name)
     if isinstance(materials, str):
         raise InvalidInput(f"materials: found the text {materials!r}, expected a list of names")
+    for name in listed("materials", materials, "a list of names"):
+        checked_label("materials", name)
     if len(materials) == 0 or len(set(materials)) < len(materials):
         raise InvalidInput(f"materials: found {list(materials)}, expected at least one and none twice")
     if isinstance(materials, Mapping):
@@ -271,9 +273,8 @@ def _checked_quantities(quantities: Sequence[str] | None, robots: Sequence[Robot
         massless = all(robot.cabling.massless for robot in robots)
         return [name for name in (*QUANTITIES, "feasible") if massless or name not in _OF_MASSLESS_CABLES]
     known = [*QUANTITIES, "feasible", "tension_margin"]
-    for name in quantities:
-        if name not in known:
-            raise UnknownName("quantity", str(name), known)
+    for name in listed("quantities", quantities, "a list of names"):
+        one_of("quantity", name, known)
         if name in _OF_MASSLESS_CABLES:
             for robot in robots:
                 robot.cabling.refuse_weight(name)

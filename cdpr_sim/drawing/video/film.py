@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.errors import InvalidInput, StoreError, UnknownName
+from cdpr_sim.core.checks import FLAG, PROGRESS, checked_array, listed, one_of, refuse_unless
+from cdpr_sim.core.errors import InvalidInput, StoreError
 from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.core.words import properties_in_words, stiffness_in_words
@@ -89,12 +90,13 @@ def write_video(
             of frames that cannot be right.
         StoreError: a full disk, or an encoder that was killed.
     """
+    refuse_unless(FLAG, force=force)
     path = check_place(path, SUFFIXES, force=force)
-    film = _Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer)
+    film = _Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress)
     with film, appearing(path) as (temporary,):
         try:
             with _Encoder(_writer(temporary, film)) as video:
-                for frame in film.frames(progress):
+                for frame in film.frames():
                     video.add_image(frame)
         except RuntimeError as error:  # mediapy's, which quotes ffmpeg
             if (full := os.strerror(errno.ENOSPC)) in str(error):
@@ -120,8 +122,8 @@ def frames(
     Raises:
         InvalidInput: as ``write_video``.
     """
-    with _Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer) as film:
-        yield from film.frames(progress)
+    with _Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress) as film:
+        yield from film.frames()
 
 
 def show(
@@ -182,12 +184,20 @@ class _Film:
         size: tuple[int, int],
         exaggeration: float,
         renderer: Backend,
+        progress: Callable[[float], None] | None,
     ) -> None:
-        several = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
-        statics = [static] if static is None or isinstance(static, RigidTransform) else list(static)
-        statics = statics * len(several) if statics == [None] else statics
-        hanging = [shapes] if shapes is None or isinstance(shapes, np.ndarray) else list(shapes)
-        hanging = hanging * len(several) if shapes is None else hanging
+        refuse_unless(PROGRESS, progress=progress)
+        several = [trajectories] if isinstance(trajectories, Trajectory) else listed("trajectories", trajectories)
+        for trajectory in several:
+            refuse_unless(Trajectory, trajectories=trajectory)
+        statics = [None] * len(several) if static is None else static
+        statics = [static] if isinstance(static, RigidTransform) else listed("static", statics)
+        for poses in statics:
+            refuse_unless(RigidTransform | None, static=poses)
+        hanging = [None] * len(several) if shapes is None else shapes
+        hanging = [shapes] if isinstance(shapes, np.ndarray) else listed("shapes", hanging)
+        for curves in hanging:
+            refuse_unless(np.ndarray | None, shapes=curves)
         self.count = check_settings(seconds, fps, size, exaggeration, renderer)
         self.fps, self.size = fps, (int(size[0]), int(size[1]))
         check_count(len(several))
@@ -220,6 +230,7 @@ class _Film:
             for stage, cell in zip(self.stages, self.page.cells, strict=True)
         ]
         self._backend: Backend = renderer
+        self._progress = progress
         self._renderers: list[Renderer] = []
 
     def __enter__(self) -> _Film:
@@ -230,7 +241,7 @@ class _Film:
             renderer.close()
         self._renderers = []
 
-    def frames(self, progress: Callable[[float], None] | None = None) -> Iterator[Picture]:
+    def frames(self) -> Iterator[Picture]:
         """One after the other; each trajectory's states at even fractions of its own duration."""
         boxes = [box for cell in self.page.cells for box in (cell.view, cell.close_up)]
         width, height = max(box.width for box in boxes), max(box.height for box in boxes)
@@ -238,8 +249,8 @@ class _Film:
         begun = (self._begun(float(fraction)) for fraction in np.linspace(0, 1, self.count))
         for done, finished in enumerate(_ahead(begun), start=1):
             yield finished()
-            if progress is not None:
-                progress(done / self.count)
+            if self._progress is not None:
+                self._progress(done / self.count)
 
     def _begun(self, fraction: float) -> Callable[[], Picture]:
         """Have the pictures of one frame drawn; the frame is there when what is returned is called."""
@@ -294,20 +305,23 @@ def check_settings(seconds: float, fps: float, size: tuple[int, int], exaggerati
         InvalidInput: a duration, rate, size or exaggeration that cannot be right.
         UnknownName: no such renderer.
     """
-    if renderer not in get_args(Backend):
-        raise UnknownName("renderer", renderer, get_args(Backend))
+    one_of("renderer", renderer, get_args(Backend))
+    numbers = {"seconds": seconds, "fps": fps, "exaggeration": exaggeration}
+    seconds, fps, exaggeration = (float(checked_array(name, value, ())) for name, value in numbers.items())
     if not 0 < exaggeration <= MOST_EXAGGERATION:
         raise InvalidInput(
             f"exaggeration: found {exaggeration:g}, expected more than 0 and at most {MOST_EXAGGERATION:g}"
         )
-    width, height = size
-    fits = all(least <= n <= most for n, least, most in zip(size, LEAST_SIZE, MOST_SIZE, strict=True))
+    width, height = checked_array("size", size, (2,)).tolist()
+    fits = all(least <= n <= most for n, least, most in zip((width, height), LEAST_SIZE, MOST_SIZE, strict=True))
     if not fits or width % 2 or height % 2:
         (a, b), (c, d) = LEAST_SIZE, MOST_SIZE
-        raise InvalidInput(f"size: found {width} x {height} pixels, expected even numbers from {a} x {b} to {c} x {d}")
+        raise InvalidInput(
+            f"size: found {width:g} x {height:g} pixels, expected even numbers from {a} x {b} to {c} x {d}"
+        )
     if not 0 < fps <= MOST_FPS:
         raise InvalidInput(f"fps: found {fps:g}, expected more than 0 and at most {MOST_FPS:g} frames per second")
-    count = round(seconds * fps) if np.isfinite(seconds) else -1
+    count = round(seconds * fps)
     if not 2 <= count <= MOST_FRAMES:
         raise InvalidInput(
             f"seconds: found {seconds:g} at {fps:g} frames per second, expected 2 to {MOST_FRAMES} frames in all"
