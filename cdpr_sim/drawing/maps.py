@@ -253,7 +253,8 @@ def _columns(flat: xr.Dataset) -> list[tuple[tuple[str, str], dict[str, str]]]:
     """Per column, its robot and material in words, and how it is selected."""
     result = []
     for robot in np.atleast_1d(flat["robot"].values):
-        for material in np.atleast_1d(flat["material"].values) if "material" in flat.coords else [""]:
+        one = flat.sel(robot=robot) if "robot" in flat.dims else flat
+        for material in np.atleast_1d(one["material"].values):
             choice = {k: v for k, v in (("robot", robot), ("material", material)) if k in flat.dims}
             result.append(((str(robot), str(material)), choice))
     return result
@@ -294,17 +295,15 @@ def _furnish(ax: Axes, one: xr.Dataset, names: tuple[str, str], lowest: bool, fi
 def _head(figure: Figure, layout: _Layout, columns: Sequence[tuple[str, str]]) -> None:
     """Robots over their columns, materials below them."""
     robots = [robot for robot, _ in columns]
-    above = 0.32 if any(material for _, material in columns) else 0.1
     for c, (robot, material) in enumerate(columns):
         x, y, width, height = layout.box(0, c)
-        cables = "its own cables" if material == "own" else material
         for block in range(layout.blocks):
             x = layout.box(block, c)[0]
-            _write(figure, x + width / 2, y + height + 0.07 / layout.size[1], cables, 1)
+            _write(figure, x + width / 2, y + height + 0.07 / layout.size[1], material, 1)
         x = layout.box(0, c)[0]
         if robots.index(robot) == c:
             end = layout.box(layout.blocks - 1, c + robots.count(robot) - 1)[0] + width
-            _write(figure, (x + end) / 2, y + height + above / layout.size[1], robot, 4, weight="bold")
+            _write(figure, (x + end) / 2, y + height + 0.32 / layout.size[1], robot, 4, weight="bold")
 
 
 def _write(figure: Figure, x: float, y: float, text: str, larger: float, **how: Any) -> None:
