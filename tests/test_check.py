@@ -11,7 +11,9 @@ from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.crosscheck import compare
 from cdpr_sim.crosscheck.check import OUTCOMES, compare_many
 from cdpr_sim.crosscheck.hold import SAME, Hold
+from cdpr_sim.drawing import maps
 from cdpr_sim.physics import relaxation
+from cdpr_sim.report.workspace import check_table, sweep_table
 
 GRID = (6, 3, 4)
 
@@ -110,9 +112,24 @@ def test_wrong_stiffness_on_one_road_is_found_at_every_pose(monkeypatch):
     assert len(check.findings) == 12
     assert (check.dataset["outcome"] == OUTCOMES.index("disagree")).all()
     first = check.findings[0]
-    assert (first.robot, first.material, first.outcome) == ("cogiro", None, "disagree")
+    assert (first.robot, first.material, first.outcome) == ("cogiro", "vectran-0.7mm", "disagree")
     assert first.position == tuple(float(check.dataset[name][0]) for name in "xyz")
     assert any("unbalanced" in reason for reason in first.reasons)
+
+
+def test_cables_of_robots_own_files_are_called_by_their_names():
+    """In the dataset, in the table and over the map; those without a name, by their stiffness."""
+    nameless = cdpr.load_robot("cogiro").replace(axial_stiffness=2e3, name="nameless")
+    for result in (
+        cdpr.check(["parallel", nameless], (2, 1, 2)),
+        cdpr.sweep(["parallel", nameless], (2, 1, 2)),
+    ):
+        found = result.dataset if isinstance(result, cdpr.Check) else result
+        assert found["material"].to_series().to_dict() == {"parallel": "vectran-0.7mm", "nameless": "EA = 2 kN"}
+        table = check_table(result) if isinstance(result, cdpr.Check) else sweep_table(result)
+        assert list(table.columns[1].cells) == ["vectran-0.7mm", "EA = 2 kN"]
+        draw = maps.draw_agreement_map if isinstance(result, cdpr.Check) else maps.draw_elastic_map
+        assert {"vectran-0.7mm", "EA = 2 kN"} <= {text.get_text() for text in draw(found).texts}
 
 
 def test_platform_that_does_not_rest_is_a_finding(monkeypatch):
@@ -157,7 +174,7 @@ def test_pose_from_which_the_platform_falls_is_refused_by_both_roads():
 def test_across_shows_the_worst_along_an_axis():
     """One pose that is not solved marks its column, seen along y, and no other."""
     flat = cdpr.check("cogiro", (2, 3, 2)).across("y")
-    assert flat["outcome"].sizes == {"y": 1, "robot": 1, "material": 1, "x": 2, "z": 2}
+    assert flat["outcome"].sizes == {"y": 1, "robot": 1, "x": 2, "z": 2}
     words = [OUTCOMES[code] for code in flat["outcome"].values.ravel()]
     assert words == ["unsolved", "agree", "agree", "agree"]
 

@@ -340,5 +340,11 @@ def test_agreement_is_drawn_as_measured_and_named_as_judged(results):
         curve = artist(figure, one.name)
         assert np.array_equal(curve.get_xdata(), np.sort(one.position_errors[~one.free]))
     assert "agree at all 24 poses" in figure.get_suptitle()
-    wrong = dataclasses.replace(measured[0], verdicts=(cdpr.Verdict.DISAGREE,) * len(measured[0].verdicts))
-    assert "disagree at 12 of 24" in solver_figures.agreement([wrong, measured[1]]).get_suptitle()
+    disagree, free, agree = cdpr.Verdict.DISAGREE, cdpr.Verdict.AGREE_BUT_FREE, cdpr.Verdict.AGREE
+    for verdicts, title in (
+        ([disagree] * 12, "agree at 12 of 24 poses; at 12 they disagree"),
+        ([free] * 4 + [agree] * 8, "agree at 20 of 24 poses; 4 are neutrally stable"),
+        ([free] * 4 + [disagree, *[agree] * 7], "agree at 19 of 24 poses; 4 are neutrally stable; at 1 they disagree"),
+    ):
+        other = dataclasses.replace(measured[0], verdicts=tuple(verdicts))
+        assert title in solver_figures.agreement([other, measured[1]]).get_suptitle().replace("\n", " ")

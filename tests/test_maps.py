@@ -46,13 +46,36 @@ def test_map_draws_what_the_sweep_found_on_shared_scales(dataset):
         assert word in texts
 
 
-def test_map_shows_frame_and_exits(dataset):
-    """The outline is the robot's own, at its place."""
+def test_maps_fill_their_panels():
+    """Whatever part of its frame a grid covers: the cells reach from edge to edge, also of coarse and slender grids."""
+    for plane in (PLANE, {"x": [0.3, 0.5], "z": [0.1, 0.15, 0.2]}, {"x": np.linspace(0.1, 0.7, 40), "z": [0.2, 0.21]}):
+        figure = maps.draw_elastic_map(cdpr.sweep("cogiro", plane, quantities=maps.QUANTITIES))
+        for ax in panels(figure):
+            corners = meshes(ax)[-1].get_coordinates()
+            assert [*ax.get_xlim()] == pytest.approx(corners[0, [0, -1], 0], rel=1e-9)
+            assert [*ax.get_ylim()] == pytest.approx(corners[[0, -1], 0, 1], rel=1e-9)
+        feasible = panels(figure)[-1].collections[-1].get_paths()[0].get_extents()
+        assert feasible.extents == pytest.approx([*corners[0, 0], *corners[-1, -1]], rel=1e-9)
+        height = figure.get_figheight()
+        least = min(ax.get_position().height * height for ax in figure.axes if ax.get_label() == "bar")
+        assert least >= style.MAP_HEIGHT[0] - 1e-9
+
+
+def test_a_small_picture_shows_where_in_the_frame_the_maps_lie(dataset):
+    """One for each robot, above its name: its frame and exits, and shaded the grid, all on one scale."""
     figure = maps.draw_elastic_map(dataset, names=["tilt"])
-    (outline,) = [patch for patch in panels(figure)[0].patches if patch.get_label() == "frame"]
-    assert outline.get_bbox().extents.tolist() == [0, 0, 0.8, 0.5]
-    exits = panels(figure)[0].lines[0].get_xydata()
-    np.testing.assert_array_equal(exits, cdpr.load_robot("parallel").exits[:, [0, 2]])
+    located = [ax for ax in figure.axes if ax.get_label() == "locator"]
+    figure.draw_without_rendering()
+    for ax, robot in zip(located, ("parallel", "cogiro"), strict=True):
+        shown = {patch.get_label(): patch.get_bbox().extents.tolist() for patch in ax.patches}
+        assert shown["frame"] == [0, 0, 0.8, 0.5]
+        assert shown["maps"] == pytest.approx([0.1 - 0.025, 0.05 - 0.025, 0.7 + 0.025, 0.4 + 0.025])
+        np.testing.assert_array_equal(ax.lines[0].get_xydata(), cdpr.load_robot(robot).exits[:, [0, 2]])
+        box, size = ax.get_window_extent(), np.array([0.8, 0.5])
+        assert box.width / box.height == pytest.approx(size[0] / size[1], rel=0.05)
+        name = next(text for text in figure.texts if text.get_text() == robot)
+        assert box.x0 < name.get_window_extent().get_points()[:, 0].mean() < box.x1
+        assert name.get_window_extent().y1 < box.y0
 
 
 def test_pose_without_equilibrium_is_grey():

@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import io
 import sys
 import textwrap
 from collections.abc import Callable
@@ -10,11 +11,20 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from PIL import Image
 from test_cli import run
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.pose import distance
+from cdpr_sim.drawing import still
 from cdpr_sim.physics.model_files import model_files, stale_models
+
+COLOUR, AREA_COLOUR = 24, 6
+"""Of 255: by how much a pixel may differ, and one of an area. Measured over the catalogue: 13 and 5; with 64 colours 32
+and 31."""
+
+AREA = 300
+"""Pixels."""
 
 MODELS = Path(__file__).parents[1] / "models"
 PACKAGE = Path(cdpr.__path__[0])
@@ -93,6 +103,70 @@ def test_scene_compiles_steps_and_warns_of_nothing(name):
     alone = mujoco.MjModel.from_xml_path(str(MODELS / name / "robot.xml"))
     np.testing.assert_array_equal(model.body_mass, alone.body_mass)
     assert model.body("platform").mass == cdpr.load_robot(name).mass
+
+
+def cables_drawn(model: mujoco.MjModel, data: mujoco.MjData) -> set[str]:
+    """The numbers of the cables that MuJoCo draws where one can see them, by all pieces of one of their tendons."""
+    scene = mujoco.MjvScene(model, 20_000)
+    everything = mujoco.mjtCatBit.mjCAT_ALL
+    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, mujoco.MjvCamera(), everything, scene)
+    pieces: dict[tuple[str, ...], list[bool]] = {}
+    for geom in scene.geoms[: scene.ngeom]:
+        if geom.objtype == mujoco.mjtObj.mjOBJ_TENDON:
+            kind, cable, *_ = model.tendon(geom.objid).name.split("_")
+            pieces.setdefault((kind, cable), []).append(bool(np.isfinite([*geom.pos, *geom.size]).all()))
+    return {cable for (_, cable), places in pieces.items() if all(places)}
+
+
+@pytest.mark.parametrize(
+    "path", sorted(MODELS.glob("*/*scene.xml")), ids=lambda path: f"{path.parent.name}-{path.stem}"
+)
+def test_a_scene_shows_every_cable_as_loaded_and_after(path):
+    """Also where it is just as long as its rest length, for which MuJoCo draws nothing; and one step or many later."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    cables = {str(i + 1) for i in range(cdpr.load_robot(path.parent.name).cables)}
+    for steps in (0, 1, 1, 100):
+        mujoco.mj_step(model, data, steps)
+        mujoco.mj_forward(model, data)
+        assert cables_drawn(model, data) == cables
+    assert model.nu == (len(cables) if path.stem == "winch_scene" else 0)
+
+
+def test_without_what_a_scene_adds_mujoco_draws_no_cable_at_its_rest_length():
+    """Negative control, and the day on which MuJoCo draws it the scene needs nothing of its own."""
+    model = mujoco.MjModel.from_xml_path(str(MODELS / "cogiro" / "robot.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert cables_drawn(model, data) == set()
+
+
+@pytest.mark.parametrize("name", ["parallel", "falcon-7", "two-cable"])
+def test_what_a_scene_draws_changes_no_force(name):
+    """Alone and in its scene, the robot moves the same to the last bit."""
+    ends = []
+    for file in ("robot.xml", "scene.xml"):
+        model = mujoco.MjModel.from_xml_path(str(MODELS / name / file))
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, 300)
+        ends.append(data.qpos)
+    np.testing.assert_array_equal(*ends)
+
+
+@pytest.mark.parametrize("name", ["falcon-7", "segesta", "two-cable"])
+def test_a_small_picture_keeps_its_colours(name):
+    """Each area as it was drawn, but for what no eye tells apart."""
+    picture = still.encoded(still.draw(cdpr.load_robot(name)))
+    before, after = (
+        np.asarray(Image.open(io.BytesIO(each)).convert("RGB")).astype(int).reshape(-1, 3)
+        for each in (picture, still.small(picture, "stamp"))
+    )
+    assert len(still.small(picture, "stamp")) < 0.4 * len(picture)
+    assert np.abs(after - before).max() <= COLOUR
+    colours, counts = np.unique(before, axis=0, return_counts=True)
+    for colour in colours[counts > AREA]:
+        where = (before == colour).all(1)
+        assert np.abs(after[where] - colour).max() <= AREA_COLOUR
 
 
 def test_check_notices_a_stale_file(tmp_path):

@@ -398,7 +398,7 @@ def test_identification_shows_lengths_in_millimetres_and_the_rest_in_its_unit():
 def over_x(**variables) -> xr.Dataset:
     """Numbers at four poses along x, of one robot."""
     data = {name: (("x", "y", "z"), np.array(values).reshape(4, 1, 1)) for name, values in variables.items()}
-    return xr.Dataset(data, coords={"x": range(4), "y": [0], "z": [0], "robot": "mine"})
+    return xr.Dataset(data, coords={"x": range(4), "y": [0], "z": [0], "robot": "mine", "material": "rope"})
 
 
 def test_a_sweep_is_summed_up_column_by_column():
@@ -410,7 +410,7 @@ def test_a_sweep_is_summed_up_column_by_column():
     )  # fmt: skip
     shown = columns(workspace.sweep_table(dataset))
     assert {name: values[0] for name, values in shown.items()} == {
-        "robot": "mine", "cables": "own", "solved %": "75", "median tilt °": "2.00", "worst tilt °": "6.00",
+        "robot": "mine", "cables": "rope", "solved %": "75", "median tilt °": "2.00", "worst tilt °": "6.00",
         "median dev. mm": "20.00", "worst dev. mm": "50.00", "slack %": "75", "feas %": "25",
     }  # fmt: skip
 

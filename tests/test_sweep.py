@@ -39,6 +39,36 @@ def test_every_variable_has_its_dimensions_units_and_meaning(dataset):
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
+def test_a_store_alone_says_what_was_computed(tmp_path, suffix):
+    """Mass, cables, exits, anchors, conditions, and the robots in full: from the file, each can be solved again."""
+    crane = cdpr.load_robot("ipanema-1").replace(name="crane", inertia=(1, 2, 3), frame=[(-3, -3, 0), (3, 3, 4)])
+    pulleys = cdpr.Robot(
+        crane.exits[:7], crane.anchors[:7], [*range(70_000, 77_000, 1000)], mass=7.0,
+        pulley_radius=0.02, stiffening=(9.0, 0.0), frame=crane.frame, workspace=crane.workspace, name="pulleys",
+    )  # fmt: skip
+    robots = {"crane": crane, "pulleys": pulleys}
+    pull = [1.0, 2, 3, 0.1, 0.2, 0.3]
+    grid = {"x": [0.0], "y": [0.0], "z": [1.0, 1.2]}
+    asked = dict(orientation=(0.01, 0, 0), external_wrench=pull, wrenches=[[9.0, 0, 0, 0, 0, 0]])
+    cdpr.sweep(list(robots.values()), grid, **asked, store=tmp_path / f"sweep{suffix}")
+    stored = cdpr.open_sweep(tmp_path / f"sweep{suffix}").compute()
+    assert stored.attrs["external_wrench"] == pytest.approx(pull, rel=0, abs=0)
+    assert stored.attrs["orientation"] == pytest.approx([0.01, 0, 0], rel=0, abs=0)
+    assert stored["wrenches"].values.tolist() == asked["wrenches"]
+    for name, robot in robots.items():
+        one = stored.sel(robot=name, cable=slice(1, robot.cables))
+        for field in ("exits", "anchors", "axial_stiffness", "linear_density", "mass", "frame"):
+            np.testing.assert_array_equal(one[field], getattr(robot, field, robot.cabling.linear_density), field)
+            assert one[field].attrs["units"]
+        assert str(one["material"].values) == (robot.material or "EA = 70 kN to 76 kN")
+        (tmp_path / "again.toml").write_text(str(one["robot_file"].values), encoding="utf-8")
+        again = cdpr.load_robot(str(tmp_path / "again.toml"))
+        equilibrium = cdpr.solve(again, [0, 0, 1.2, 0.01, 0, 0], external_wrench=pull)
+        found = one.isel(x=0, y=0, z=1)
+        np.testing.assert_allclose(equilibrium.tensions, found["tensions"], rtol=1e-6, atol=0, err_msg=name)
+
+
 def test_sweep_is_solve_pose_by_pose(dataset):
     """Every quantity, against the one-pose solver and its Equilibrium, at a sample over the workspace."""
     rng, compared = np.random.default_rng(1), 0
@@ -89,7 +119,7 @@ def test_single_robot_has_no_dimension_of_its_own():
     """One robot and no materials: just x, y, z, with the robot's name as a coordinate."""
     dataset = cdpr.sweep("cogiro", (2, 2, 2))
     assert dataset["tilt"].dims == ("x", "y", "z")
-    assert str(dataset["robot"].values) == "cogiro"
+    assert (str(dataset["robot"].values), str(dataset["material"].values)) == ("cogiro", "vectran-0.7mm")
 
 
 def test_robots_of_different_cables_are_padded_with_nan():

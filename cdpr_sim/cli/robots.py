@@ -136,7 +136,7 @@ def models(
     pose: Pose = None,
     material: MaterialName = None,
     winches: Annotated[
-        bool, typer.Option("--winches", help="Add winch.xml, whose actuators wind the cables, and how to use it.")
+        bool, typer.Option("--winches", help="Add winch.xml and winch_scene.xml, whose actuators wind the cables.")
     ] = False,
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is stale.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,

@@ -31,6 +31,11 @@ def cables_in_words(robot: Robot, unit: str = "") -> str:
     return "".join([cables, *(f", {words}" for words in properties_in_words(robot))])
 
 
+def cables_name(robot: Robot) -> str:
+    """The name of the cables' material, or where they have none, their stiffness: "dyneema-2mm", "EA = 1 kN"."""
+    return robot.material or stiffness_in_words(robot)
+
+
 def properties_in_words(robot: Robot) -> tuple[str, ...]:
     """What sets a robot's cables apart from massless linear ones that start at points: their weight, law and pulleys.
 

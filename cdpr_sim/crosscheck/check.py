@@ -25,6 +25,7 @@ from cdpr_sim.core.progress import bar
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
+from cdpr_sim.core.words import cables_name
 from cdpr_sim.crosscheck import compare
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.physics.settle import residuals_of, settle_many
@@ -54,14 +55,14 @@ class Finding:
 
     Attributes:
         robot: its name.
-        material: its cables, or None for the robot's own.
+        material: the name of its cables.
         position: commanded, (x, y, z) [m].
         outcome: one of ``OUTCOMES``.
         reasons: a sentence each.
     """
 
     robot: str
-    material: str | None
+    material: str
     position: tuple[float, float, float]
     outcome: str
     reasons: tuple[str, ...]
@@ -72,8 +73,8 @@ class Check(Introduced):
     """The two roads over a whole workspace.
 
     Attributes:
-        dataset: over (robot, material, x, y, z): the ``outcome`` as a CF flag, the errors and the cross residuals of
-            ``Agreement``, and the tilt.
+        dataset: over (robot, material, x, y, z), or (robot, x, y, z) with each robot's own cables: the ``outcome`` as
+            a CF flag, the errors and the cross residuals of ``Agreement``.
         findings: every pose at which they do not agree.
     """
 
@@ -156,20 +157,23 @@ def check(
                 variant = robot.replace(axial_stiffness=stiffness)
                 parts = []
                 for first in range(0, len(rows), ROWS):
-                    part, found = _check_rows(variant, rows[first : first + ROWS], label, threads)
+                    part, found = _check_rows(variant, rows[first : first + ROWS], label or cables_name(robot), threads)
                     parts.append(part)
                     findings += found
                     advance(len(rows[first : first + ROWS]))
                 columns.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
-    dims = ("robot", "material", *axes)
+    if materials is None:
+        sizes, names = {"robot": len(group)}, ("robot", [cables_name(robot) for robot in group])
+    else:
+        sizes, names = {"robot": len(group), "material": len(labels)}, ("material", labels)
     dataset = xr.Dataset(
         {
-            name: (dims, np.array([c[name] for c in columns]).reshape(len(group), len(labels), *shape))
+            name: ((*sizes, *axes), np.array([c[name] for c in columns]).reshape(*sizes.values(), *shape))
             for name in columns[0]
         },
         coords={
             "robot": [robot.name for robot in group],
-            "material": ["own" if label is None else label for label in labels],
+            "material": names,
             **{name: (name, values, {"units": "m", "long_name": f"commanded {name}"}) for name, values in axes.items()},
             "frame": (("robot", "corner", "axis"), [robot.frame for robot in group], {"units": "m"}),
             "axis": list(axes),
@@ -193,7 +197,7 @@ _MEANINGS = {
 
 
 def _check_rows(
-    robot: Robot, positions: np.ndarray, label: str | None, threads: int
+    robot: Robot, positions: np.ndarray, material: str, threads: int
 ) -> tuple[dict[str, np.ndarray], list[Finding]]:
     """The columns of ``_MEANINGS`` at each of the positions, and what is to be reported."""
     problems = Problems.of(robot, positions)
@@ -207,7 +211,7 @@ def _check_rows(
         outcome[row] = OUTCOMES.index(name)
         if outcome[row] not in AGREEING:
             x, y, z = (float(value) for value in positions[row])
-            findings.append(Finding(robot.name, label, (x, y, z), name, reasons))
+            findings.append(Finding(robot.name, material, (x, y, z), name, reasons))
     return {"outcome": outcome, **values}, findings
 
 

@@ -1,7 +1,8 @@
 """Maps of a workspace: small multiples of what ``sweep`` and ``check`` found. Nothing is computed here but levels.
 
-A row for each quantity, on one scale; a column for each robot and material. Panels lie in one plane of the workspace,
-seen with the frame around it, the exits of the cables, and a dashed border around what rigid cables could hold.
+A row for each quantity, on one scale; a column for each robot and material. Panels show the poses of a grid in one
+plane of the workspace, with a dashed border around what rigid cables could hold; a small picture above each robot's
+columns shows where in its frame they lie, and the exits of its cables.
 """
 
 from __future__ import annotations
@@ -48,9 +49,9 @@ class _Layout:
     panel: tuple[float, float]
     left: float = 1.0
     right: float = 0.85
-    top: float = 0.8
+    top: float = 1.65
     bottom: float = 0.85
-    gap: tuple[float, float] = (0.3, 0.14)
+    gap: tuple[float, float] = (0.3, 0.27)
     bar: float = 0.11
 
     @property
@@ -149,10 +150,8 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
     normal, horizontal, vertical = _plane(dataset)
     flat = dataset.isel({normal: 0}).transpose(..., vertical, horizontal, "axis")
     columns = _columns(flat)
-    i, j = "xyz".index(horizontal), "xyz".index(vertical)
-    low, high = _extent(flat)
-    width = style.MAP_PANEL
-    layout = _Layout(len(rows), len(columns), (width, width * (high[j] - low[j]) / (high[i] - low[i])))
+    (left, right), (low, high) = (_ends(flat[name].values) for name in (horizontal, vertical))
+    layout = _Layout(len(rows), len(columns), _panel_size((high - low) / (right - left)))
     figure = Figure(figsize=layout.size, facecolor=style.MAP_BACKGROUND)
     FigureCanvasAgg(figure)
     shown = {name: [c for c, _ in enumerate(columns) if _differs(flat[name], columns, c)] for name in rows}
@@ -160,11 +159,11 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
         axes = []
         for c in shown[name]:
             ax = figure.add_axes(layout.box(r, c), label="panel")
-            ax.set_xlim(low[i], high[i])
-            ax.set_ylim(low[j], high[j])
+            ax.set_xlim(left, right)
+            ax.set_ylim(low, high)
             below = [later for later in list(rows)[r + 1 :] if c in shown[later]]
             last = layout.lowest(r) or (layout.blocks == 1 and not below)
-            _furnish(ax, flat.sel(columns[c][1]), (horizontal, vertical), last, c == 0)
+            _furnish(ax, (horizontal, vertical), last, c == 0)
             axes.append(ax)
         panels = [_panel(flat[name], columns[c][1]) for c in shown[name]]
         margins = [_panel(flat[_border(flat)], columns[c][1]) if _border(flat) else None for c in shown[name]]
@@ -181,6 +180,7 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
             same = "rigid cables:\nthe same for every material"
             _write(figure, x + wide / 2, y + height / 3, same, -0.5, va="center", color=style.MAP_MUTED)
     _head(figure, layout, [names for names, _ in columns])
+    _locate(figure, layout, flat, columns, (horizontal, vertical))
     border = ""
     if _border(flat) and set(rows) != {"feasible"}:
         border = "Dashed: border of the static feasible workspace."
@@ -189,6 +189,14 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
     _say_where(figure, layout, dataset, (normal, horizontal, vertical), border)
     _thin_ticks(figure)
     return figure
+
+
+def _panel_size(slope: float) -> tuple[float, float]:
+    """Width and height [inch] for a map whose height over width is ``slope``, with room for the words beside it."""
+    least, most = style.MAP_HEIGHT
+    width = float(np.clip(style.MAP_PANEL, least / slope, most / slope))
+    width = float(np.clip(width, style.MAP_PANEL / 2, 2 * style.MAP_PANEL))
+    return width, max(width * slope, least)
 
 
 def _differs(values: xr.DataArray, columns: Sequence[tuple[tuple[str, str], dict[str, str]]], column: int) -> bool:
@@ -212,7 +220,13 @@ def _say_where(figure: Figure, layout: _Layout, dataset: xr.Dataset, axes: tuple
     sizes = " × ".join(str(dataset.sizes[name]) for name in plane)
     reach = ", ".join(f"{name} = {float(dataset[name][0]):.4g} to {float(dataset[name][-1]):.4g} m" for name in plane)
     section = dataset[normal].attrs.get("section", f"{normal} = {float(dataset[normal][0]):.4g} m")
-    words = f"All numbers are of these {sizes} commanded poses: {reach}, {section}. {border}"
+    exits = ", the exits of the cables" if "exits" in dataset.coords else ""
+    words = [
+        f"All numbers are of these {sizes} commanded poses: {reach}, {section}.",
+        border,
+        f"Above: the frame{exits} and, shaded, where these poses lie.",
+    ]
+    words = " ".join(filter(None, words))
     left = 0.3
     words = textwrap.fill(words, int((layout.size[0] - 2 * left) * style.MAP_LETTERS))
     _write(figure, left / layout.size[0], 0.06 / layout.size[1], words, -0.5, ha="left", color=style.MAP_MUTED)
@@ -253,34 +267,21 @@ def _columns(flat: xr.Dataset) -> list[tuple[tuple[str, str], dict[str, str]]]:
     """Per column, its robot and material in words, and how it is selected."""
     result = []
     for robot in np.atleast_1d(flat["robot"].values):
-        for material in np.atleast_1d(flat["material"].values) if "material" in flat.coords else [""]:
+        one = flat.sel(robot=robot) if "robot" in flat.dims else flat
+        for material in np.atleast_1d(one["material"].values):
             choice = {k: v for k, v in (("robot", robot), ("material", material)) if k in flat.dims}
             result.append(((str(robot), str(material)), choice))
     return result
 
 
-def _extent(flat: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Two corners of the box around all frames and the grid, and a little more."""
-    frames = flat["frame"].values.reshape(-1, 2, 3)
-    low, high = frames[:, 0].min(0), frames[:, 1].max(0)
-    for i, name in enumerate("xyz"):
-        low[i], high[i] = min(low[i], float(flat[name].min())), max(high[i], float(flat[name].max()))
-    margin = 0.02 * (high - low).max()
-    return low - margin, high + margin
+def _ends(coordinates: np.ndarray) -> tuple[float, float]:
+    """From edge to edge of the cells that ``pcolormesh`` draws around the coordinates."""
+    first, last = coordinates[1] - coordinates[0], coordinates[-1] - coordinates[-2]
+    return float(coordinates[0] - first / 2), float(coordinates[-1] + last / 2)
 
 
-def _furnish(ax: Axes, one: xr.Dataset, names: tuple[str, str], lowest: bool, first: bool) -> None:
-    """The frame's outline, the exits, and quiet axes."""
-    from matplotlib.patches import Rectangle
-
-    i, j = ("xyz".index(name) for name in names)
-    (x0, y0), (x1, y1) = one["frame"].values[:, [i, j]]
-    ax.add_patch(
-        Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=style.MAP_FAINT, linewidth=1.2, label="frame")
-    )
-    if "exits" in one:
-        exits = one["exits"].values
-        ax.plot(exits[:, i], exits[:, j], "o", markersize=2.6, color=style.MAP_INK, zorder=5, clip_on=False)
+def _furnish(ax: Axes, names: tuple[str, str], lowest: bool, first: bool) -> None:
+    """Quiet axes, to scale."""
     ax.set_aspect("equal")
     ax.tick_params(labelsize=style.MAP_FONT, colors=style.MAP_FAINT, length=2, labelcolor=style.MAP_INK)
     ax.tick_params(labelbottom=lowest, bottom=lowest, labelleft=first, left=first)
@@ -288,23 +289,64 @@ def _furnish(ax: Axes, one: xr.Dataset, names: tuple[str, str], lowest: bool, fi
         if shown:
             axis.set_label_text(f"{name} [m]", fontsize=style.MAP_FONT, color=style.MAP_INK)
     for spine in ax.spines.values():
-        spine.set_visible(False)
+        spine.set(color=style.MAP_FAINT, linewidth=0.6)
+
+
+def _locate(
+    figure: Figure,
+    layout: _Layout,
+    flat: xr.Dataset,
+    columns: Sequence[tuple[tuple[str, str], dict[str, str]]],
+    names: tuple[str, str],
+) -> None:
+    """Above each robot's name its frame, its exits, and in them what the maps show; all robots on one scale."""
+    from matplotlib.patches import Rectangle
+
+    i, j = ("xyz".index(name) for name in names)
+    (x, x_end), (y, y_end) = (_ends(flat[name].values) for name in names)
+    frames = flat["frame"].values.reshape(-1, 2, 3)
+    lower = np.minimum(frames[:, 0].min(0)[[i, j]], (x, y))
+    upper = np.maximum(frames[:, 1].max(0)[[i, j]], (x_end, y_end))
+    wide, high = np.maximum(upper - lower, 0.02 * (upper - lower).max())
+    scale = min(layout.panel[0] / wide, style.MAP_LOCATOR / high)  # inches per metre
+    width, height = scale * wide / layout.size[0], scale * high / layout.size[1]
+    foot = 1 - (layout.top - 0.8) / layout.size[1]
+    for robot, middle in _middles(layout, [robot for (robot, _), _ in columns]).items():
+        one = flat.sel(robot=robot) if "robot" in flat.dims else flat
+        ax = figure.add_axes((middle - width / 2, foot, width, height), label="locator")
+        ax.set_axis_off()
+        ax.set_xlim(lower[0], lower[0] + wide)
+        ax.set_ylim(lower[1], lower[1] + high)
+        ax.add_patch(Rectangle((x, y), x_end - x, y_end - y, color=style.MAP_LOCATED, linewidth=0, label="maps"))
+        corner, size = one["frame"].values[0, [i, j]], np.ptp(one["frame"].values, axis=0)[[i, j]]
+        ax.add_patch(
+            Rectangle(tuple(corner), *size, fill=False, edgecolor=style.MAP_FAINT, clip_on=False, label="frame")
+        )
+        if "exits" in one:
+            exits = one["exits"].values
+            ax.plot(exits[:, i], exits[:, j], "o", markersize=2.6, color=style.MAP_INK, zorder=5, clip_on=False)
+
+
+def _middles(layout: _Layout, robots: Sequence[str]) -> dict[str, float]:
+    """The middle of each robot's columns, on the page."""
+    middles = {}
+    for robot in robots:
+        first = robots.index(robot)
+        start, *_ = layout.box(0, first)
+        end, _, width, _ = layout.box(layout.blocks - 1, first + robots.count(robot) - 1)
+        middles[robot] = (start + end + width) / 2
+    return middles
 
 
 def _head(figure: Figure, layout: _Layout, columns: Sequence[tuple[str, str]]) -> None:
     """Robots over their columns, materials below them."""
-    robots = [robot for robot, _ in columns]
-    above = 0.32 if any(material for _, material in columns) else 0.1
-    for c, (robot, material) in enumerate(columns):
-        x, y, width, height = layout.box(0, c)
-        cables = "its own cables" if material == "own" else material
+    _, y, width, height = layout.box(0, 0)
+    for c, (_, material) in enumerate(columns):
         for block in range(layout.blocks):
             x = layout.box(block, c)[0]
-            _write(figure, x + width / 2, y + height + 0.07 / layout.size[1], cables, 1)
-        x = layout.box(0, c)[0]
-        if robots.index(robot) == c:
-            end = layout.box(layout.blocks - 1, c + robots.count(robot) - 1)[0] + width
-            _write(figure, (x + end) / 2, y + height + above / layout.size[1], robot, 4, weight="bold")
+            _write(figure, x + width / 2, y + height + 0.23 / layout.size[1], material, 1)
+    for robot, middle in _middles(layout, [robot for robot, _ in columns]).items():
+        _write(figure, middle, y + height + 0.46 / layout.size[1], robot, 4, weight="bold")
 
 
 def _write(figure: Figure, x: float, y: float, text: str, larger: float, **how: Any) -> None:
@@ -395,7 +437,7 @@ def _draw_feasible(row: _Row) -> str:
             if _thin(margin):
                 share = "only on the line" if values.any() else "none of the poses"
             elif values.any():
-                ax.contourf(x, y, _finite(margin), levels=[0, np.inf], colors=[style.MAP_FEASIBLE])
+                ax.contourf(*_to_edges(x, y, _finite(margin)), levels=[0, np.inf], colors=[style.MAP_FEASIBLE])
             _outline_feasible(ax, margin, linestyles="solid")
         _note(ax, share)
     return "feasible"
@@ -479,6 +521,12 @@ def _outline_feasible(ax: Axes, margin: xr.DataArray, **looks: Any) -> None:
     ax.contour(x, y, values, levels=[level], colors=style.MAP_BORDER, linewidths=1.1, **looks)
 
 
+def _to_edges(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same as far as the outermost cells reach: half a step beyond the outermost poses."""
+    (left, right), (low, high) = _ends(x), _ends(y)
+    return np.array([left, *x, right]), np.array([low, *y, high]), np.pad(values, 1, mode="edge")
+
+
 def _thin(margin: xr.DataArray) -> bool:
     """Whether no tensions at all balance the load beside what is feasible, so that it has no area."""
     outside = margin.values[~(margin.values >= 0)]
@@ -500,10 +548,10 @@ def _bar(row: _Row, image: Any, *, ticks: list | None = None, labels: Sequence[s
 
 
 def _note(ax: Axes, text: str) -> None:
-    """Small print at the top, between the exits."""
-    ax.text(
-        0.5, 0.955, text, transform=ax.transAxes, ha="center", va="top", fontsize=style.MAP_FONT - 1, zorder=6,
-        color=style.MAP_MUTED, bbox={"facecolor": style.MAP_BACKGROUND, "edgecolor": "none", "alpha": 0.7, "pad": 1},
+    """Small print above the panel."""
+    ax.annotate(
+        text, (0.5, 1), (0, 2.5), xycoords="axes fraction", textcoords="offset points", ha="center", va="bottom",
+        fontsize=style.MAP_FONT - 1, color=style.MAP_MUTED,
     )  # fmt: skip
 
 

@@ -88,7 +88,13 @@ TITLE_LETTERS, CAPTION_LETTERS = 8.8, 15.2
 # ------------------------------------------------------------------------------------------------------------- MAPS
 # Elastic maps over the workspace.
 MAP_PANEL = 2.6
-"""Width of a panel [inch]."""
+"""Width of a panel [inch]; half or twice that where a grid is very high or very wide."""
+
+MAP_HEIGHT = (1.2, 5.2)
+"""Its height [inch], at least for the words beside it, and at most."""
+
+MAP_LOCATOR, MAP_LOCATED = 0.62, "#c9d6e2"
+"""Height of the picture that shows where the maps lie in the frame [inch]; and their colour there."""
 
 MAP_INK, MAP_MUTED, MAP_FAINT = "#22303c", "#5d6974", "#8b97a3"
 """Text and contours; small print; outlines and ticks."""

@@ -80,11 +80,16 @@ def add_tendons(
             ET.SubElement(cable, "site", site=f"exit_{i}")
         ET.SubElement(cable, "site", site=f"anchor_{i}")
         if wound and not cabling.pulleys[i - 1]:
-            rope = ET.SubElement(tendons, "spatial", {"name": f"rope_{i}", "class": "cable", "group": "4"})
-            rope.set("stiffness", text(NOTHING))
-            rope.set("springlength", text([0, rest_lengths[i - 1]]))
-            for end in ("exit", "anchor"):
-                ET.SubElement(rope, "site", site=f"{end}_{i}")
+            add_twin(tendons, f"rope_{i}", i, rest_lengths[i - 1], group=str(winches.HIDDEN))
+
+
+def add_twin(tendons: ET.Element, name: str, cable: int, length: float, **look: str) -> None:
+    """A tendon along ``cable`` (from 1 on) without force, which is drawn hanging where it is below ``length`` [m]."""
+    twin = ET.SubElement(tendons, "spatial", {"name": name, "class": "cable"} | look)
+    twin.set("stiffness", text(NOTHING))
+    twin.set("springlength", text([0, length]))
+    for end in ("exit", "anchor"):
+        ET.SubElement(twin, "site", site=f"{end}_{cable}")
 
 
 def springs(

@@ -20,7 +20,7 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import cables, chains, pulleys
 from cdpr_sim.physics.numbers import magnitude, text
-from cdpr_sim.physics.winches import add_drums, add_winches
+from cdpr_sim.physics.winches import LEAST_SPARE, add_drums, add_winches
 
 TIMESTEP = 0.002
 """[s] The discrete integrator is implicit in the cables' springs, so that this need not shrink with their stiffness."""
@@ -114,13 +114,15 @@ def to_mjcf(
     return _document(root)
 
 
-def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
+def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml") -> str:
     """A scene around the model in ``robot_file``: the robot's frame, a floor, light and two cameras, as MJCF text.
 
-    Nothing in it collides or has mass: it changes the picture and not the physics.
+    Nothing in it collides, has mass or pulls: it changes the picture and not the physics.
 
     Args:
-        robot: the robot.
+        robot: the robot; or the ``Problem`` that ``robot_file`` is written for, if that has no winches. MuJoCo draws no
+            cable whose length is just its rest length, as it is where a model starts; with a problem, the scene has
+            tendons ``line_1``, ... without force, which are drawn there.
         robot_file: the name of the file that ``to_mjcf``'s text is saved in.
 
     Returns:
@@ -129,8 +131,9 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
     Raises:
         InvalidInput: no robot, or no name of a file.
     """
-    refuse_unless(Robot, robot=robot)
+    refuse_unless((Robot, Problem), robot=robot)
     checked_label("robot_file", robot_file)
+    problem, robot = (robot, robot.robot) if isinstance(robot, Problem) else (None, robot)
     lower, upper = robot.frame
     center, diagonal = (lower + upper) / 2, magnitude(upper - lower) or 1.0
     root = ET.Element("mujoco", model=f"{robot.name} scene")
@@ -157,6 +160,11 @@ def scene_mjcf(robot: Robot, robot_file: str = "robot.xml") -> str:
             _rod(world, start, end, 0.003 * diagonal, BRACKET_COLOR)
     _camera(world, "front", center, np.array([0.0, -1.0, 0.12]), 1.35 * diagonal)
     _camera(world, "iso", center, np.array([0.75, -1.0, 0.55]), 1.35 * diagonal)
+    if problem is not None:
+        tendons = ET.SubElement(root, "tendon")
+        for i in np.flatnonzero(~robot.cabling.pulleys & (robot.cabling.linear_density == 0)):
+            drawn = float(f"{(1 + LEAST_SPARE) * problem.rest_lengths[i]:.12g}")
+            cables.add_twin(tendons, f"line_{i + 1}", i + 1, drawn)
     return _document(root)
 
 

@@ -49,6 +49,10 @@ stretch."""
 DRUM_SWING = 500.0
 """[rad/s] How fast a drum follows its control, critically damped; its inertia follows from that."""
 
+LEAST_SPARE = 1e-9
+"""Of a cable's length, by which it is longer than the distance that it spans, to be drawn hanging. MuJoCo 4.0 draws
+nothing at all where it is longer by nothing up to 1e-12 (the points of its chain are nan)."""
+
 HIDDEN = 4
 """Group of what viewers do not show unless they are asked to."""
 
@@ -140,4 +144,5 @@ def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             silent = (gain[0] * control + bias[0]) / (gain[1] * control + bias[1])
         spare = silent - data.ten_length[cable]
         model.tendon_lengthspring[rope, 1] = data.ten_length[rope] + spare
-        model.tendon_group[cable], model.tendon_group[rope] = (HIDDEN, 0) if spare > 0 else (0, HIDDEN)
+        hangs = spare > LEAST_SPARE * data.ten_length[cable]
+        model.tendon_group[cable], model.tendon_group[rope] = (HIDDEN, 0) if hangs else (0, HIDDEN)

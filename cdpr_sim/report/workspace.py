@@ -107,9 +107,8 @@ def check_lines(check: Check) -> Iterator[str]:
     yield f"[bold red]{len(check.findings):,} of {poses:,} poses do not agree:[/]"
     for finding in check.findings[:MOST_FINDINGS]:
         x, y, z = finding.position
-        cables = f", {finding.material}" if finding.material else ""
         why = f": {'; '.join(finding.reasons)}" if finding.reasons else ""
-        where = f"{finding.robot}{cables} at ({x:g}, {y:g}, {z:g}) m"
+        where = f"{finding.robot}, {finding.material} at ({x:g}, {y:g}, {z:g}) m"
         yield escape(f"  {where}: {finding.outcome.replace('_', ' ')}{why}")
     if len(check.findings) > MOST_FINDINGS:
         yield f"  and {len(check.findings) - MOST_FINDINGS:,} more"
@@ -135,7 +134,6 @@ def _variants(dataset: xr.Dataset) -> Iterator[tuple[str, str, xr.Dataset]]:
     """Each robot with each material, by name."""
     for robot in np.atleast_1d(dataset["robot"].values):
         one = dataset.sel(robot=robot) if "robot" in dataset.dims else dataset
-        materials = np.atleast_1d(dataset["material"].values) if "material" in dataset.coords else ["own"]
-        for material in materials:
+        for material in np.atleast_1d(one["material"].values):
             chosen = one.sel(material=material) if "material" in one.dims else one
             yield str(robot), str(material), chosen

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from cdpr_sim.core.words import newtons
+from cdpr_sim.crosscheck import compare
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, styled
 from cdpr_sim.studies.solvers import Convergence, Differences
@@ -80,27 +81,29 @@ def convergence(study: Convergence) -> Figure:
 
 @styled
 def agreement(study: Sequence[Differences]) -> Figure:
-    """How far the two roads are apart: the share of poses that differ by less than so much."""
+    """How far statics and simulation are apart: the share of poses that differ by less than so much."""
     poses = sum(len(one.verdicts) for one in study)
     free, disagreeing = sum(int(one.free.sum()) for one in study), sum(one.disagreeing for one in study)
-    verdict = f"agree at all {poses} poses" if not disagreeing else f"disagree at {disagreeing} of {poses} poses"
+    held = poses - free - disagreeing
+    verdict = f"agree at {'all ' if held == poses else ''}{held} {'' if held == poses else f'of {poses} '}poses"
+    others = [f"{free} are neutrally stable"] * bool(free) + [f"at {disagreeing} they disagree"] * bool(disagreeing)
     crosses = (
-        f" Crosses: {free} poses of a platform that hangs on two diagonal cables and can turn freely about them: every "
-        "pose of a whole family is a rest, and each road stops at its own."
+        f" Crosses: {free} neutrally stable poses, at which the platform hangs on two diagonal cables and can turn "
+        "about them: a whole family of poses is in equilibrium, and each method stops at its own."
         if free
         else ""
     )
     figure = canvas(
         10.8,
         4.7,
-        f"Two roads that share no physics code {verdict}",
+        "; ".join([f"Statics and simulation, which share no physics code, {verdict}", *others]),
         f"Static solver (Newton) minus MuJoCo at {poses} random commanded poses, both materials; cumulative. Beyond "
         "the dashed line the two would count as different." + crosses,
     )
     panels = (
-        ("position_errors", 1.0, 1e-6, "difference in position [m]"),
-        ("rotation_errors", np.degrees(1.0), np.degrees(1e-5), "difference in rotation [°]"),
-        ("tension_errors", 1.0, 1e-3, "largest difference in a tension [N]"),
+        ("position_errors", 1.0, compare.POSITION_TOLERANCE, "difference in position [m]"),
+        ("rotation_errors", np.degrees(1.0), np.degrees(compare.ROTATION_TOLERANCE), "difference in rotation [°]"),
+        ("tension_errors", 1.0, compare.TENSION_TOLERANCE, "largest difference in a tension [N]"),
     )
     colors = (style.BLUE, style.VERMILLION, style.GREEN, style.ORANGE, style.PURPLE)
     axes = figure.subplots(1, 3, sharey=True)
@@ -128,7 +131,7 @@ def agreement(study: Sequence[Differences]) -> Figure:
     handles, _ = axes[0].get_legend_handles_labels()
     handles += [
         Line2D([], [], color=style.INK, lw=style.THIN, ls=(0, (5, 3)), label="tolerance"),
-        Line2D([], [], color=style.MUTED, ls="none", marker="x", label="free to turn"),
+        Line2D([], [], color=style.MUTED, ls="none", marker="x", label="neutrally stable"),
     ]
     figure.legend(handles=handles, loc="outside right center")
     return figure

@@ -28,7 +28,9 @@ from cdpr_sim.core.limits import checked_limits, checked_wrenches
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
+from cdpr_sim.core.words import cables_name
 from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.statics.newton import solve_many, stiffness_of
 
 if TYPE_CHECKING:
@@ -86,11 +88,24 @@ _FEASIBLE = {
     "wrench_feasible": "rigid cables can hold the platform as commanded against every one of the wrenches",
 }
 
+_WRENCHES = "external wrenches of the wrench-feasible workspace, besides gravity and external_wrench"
+
 _MARGIN = {
     "units": "N",
     "long_name": "by how much rigid cables' tensions can keep from their limits, as commanded; negative outside",
 }
 """Of ``tension_margin``, which is computed only where it is asked for: it takes longer than an equilibrium."""
+
+ROBOT = {
+    "frame": ("m", "two opposite corners of the frame"),
+    "exits": ("m", "exit points of the cables, in the base frame"),
+    "anchors": ("m", "anchor points of the cables, in the platform frame"),
+    "axial_stiffness": ("N", "axial stiffness EA of the cables"),
+    "linear_density": ("kg m-1", "mass per length of the cables"),
+    "mass": ("kg", "mass of the platform"),
+    "robot_file": ("", "the robot in full, as the text of its file, on its own cables"),
+}
+"""Coordinates that say what was computed: unit and meaning."""
 
 _OF_MASSLESS_CABLES = {"feasible", "frequency"}
 
@@ -133,8 +148,9 @@ def sweep(
         progress: show a progress bar on standard error.
 
     Returns:
-        Variables over (robot, material, x, y, z), with units in their attributes, and the robots' frames and exits.
-        ``feasible`` says whether rigid cables could hold the platform at the commanded pose itself.
+        Variables over (robot, material, x, y, z), with units in their attributes. Coordinates say what was computed:
+        ``robot`` and ``material`` by name, what ``ROBOT`` lists, and ``wrenches``; attributes the orientation and the
+        external wrench. ``feasible`` says whether rigid cables could hold the platform at the commanded pose itself.
 
     Raises:
         InvalidInput: a grid, names, limits or a store that cannot be right.
@@ -184,12 +200,20 @@ def sweep(
             part["tension_margin"] = _tension_margin(robot, points, wrenches=wrench, **held)
         if wrenches is not None:
             part["wrench_feasible"] = _feasible(robot, points, wrenches=np.atleast_2d(wrenches) + wrench, **held)
-        parts.append(_with_geometry(part, robot))
+        parts.append(_with_robot(part, robot, stiffness))
     result = _side_by_side(parts) if many else parts[0]
     lower, upper = zip(*limits, strict=True)
-    _annotate(result, [float(np.concatenate(lower).min()), float(np.concatenate(upper).max())])
+    if wrenches is not None:
+        result = result.assign_coords(wrenches=(("wrench", "component"), np.atleast_2d(wrenches).astype(float)))
+    _annotate(
+        result,
+        orientation=np.asarray(orientation, dtype=float).tolist(),
+        external_wrench=wrench.tolist(),
+        tension_limits=[float(np.concatenate(lower).min()), float(np.concatenate(upper).max())],
+    )
     if store is not None:
-        identity = [group, axes, stiffnesses, rotation, wrench, limits, wrenches, names, blocks]
+        variables = sorted(map(str, result.variables))
+        identity = [group, axes, stiffnesses, rotation, wrench, limits, wrenches, variables, blocks]
         return stores.written(result, store, identity, progress=progress)
     return stores.computed(result, progress=progress) if compute and chunk is not None else result
 
@@ -413,15 +437,22 @@ def _tension_margin_block(x, y, z, *, robot, rotation, tension_limits, wrenches)
     )
 
 
-def _with_geometry(dataset: xr.Dataset, robot: Robot) -> xr.Dataset:
-    """With names for what is counted, and with the frame and the exits, which a map shows."""
+def _with_robot(dataset: xr.Dataset, robot: Robot, stiffness: xr.DataArray) -> xr.Dataset:
+    """With names for what is counted, and with the robot that this was computed for."""
     coords = {
         "robot": robot.name,
         "axis": list(AXES),
         "cable": np.arange(1, robot.cables + 1),
         "frame": (("corner", "axis"), robot.frame),
         "exits": (("cable", "axis"), robot.exits),
+        "anchors": (("cable", "axis"), robot.anchors),
+        "axial_stiffness": (stiffness.dims, stiffness.values),
+        "linear_density": ("cable", robot.cabling.linear_density),
+        "mass": robot.mass,
+        "robot_file": as_toml(robot),
     }
+    if "material" not in stiffness.dims:
+        coords["material"] = cables_name(robot)
     if "mode" in dataset.dims:
         coords["mode"] = np.arange(1, len(robot.free) + 1)
     return dataset.assign_coords(coords)
@@ -431,12 +462,13 @@ def _side_by_side(parts: Sequence[xr.Dataset]) -> xr.Dataset:
     """Along a dimension ``robot``; cables and modes that a robot does not have are nan."""
     import xarray as xr
 
-    whole = xr.concat(parts, "robot", join="outer", data_vars="all", coords=["frame", "exits"], compat="equals")  # type: ignore[call-overload]
+    apart = [*ROBOT, *({"material"} - set(parts[0].dims))]
+    whole = xr.concat(parts, "robot", join="outer", data_vars="all", coords=apart, compat="equals")  # type: ignore[call-overload]
     assert isinstance(whole, xr.Dataset)
     return whole
 
 
-def _annotate(dataset: xr.Dataset, tension_limits: list[float]) -> None:
+def _annotate(dataset: xr.Dataset, **conditions: list[float]) -> None:
     dataset["status"].attrs |= {
         "flag_values": list(STATUSES),
         "flag_meanings": " ".join(STATUSES.values()),
@@ -444,11 +476,13 @@ def _annotate(dataset: xr.Dataset, tension_limits: list[float]) -> None:
     for name, meaning in _FEASIBLE.items():
         if name in dataset:
             dataset[name].attrs = {"units": "1", "long_name": meaning}
-    dataset["frame"].attrs = {"units": "m", "long_name": "two opposite corners of the frame"}
-    dataset["exits"].attrs = {"units": "m", "long_name": "exit points of the cables"}
+    for name, (unit, meaning) in ROBOT.items():
+        dataset[name].attrs = {"units": unit, "long_name": meaning} if unit else {"long_name": meaning}
+    if "wrenches" in dataset.coords:
+        dataset["wrenches"].attrs = {"units": "N, N m", "long_name": _WRENCHES}
     dataset.attrs = {
         "title": "Static equilibria of cable-driven parallel robots over their workspace",
         "source": "cdpr_sim.sweep",
         "Conventions": "CF-1.11",
-        "tension_limits": tension_limits,
+        **conditions,
     }

@@ -25,7 +25,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.cables import course
-from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
+from cdpr_sim.physics.mjcf import LEAST_SPARE, place, scene_mjcf, to_mjcf
 
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
@@ -145,7 +145,7 @@ class Stage:
         trajectory, distance = self.trajectory, self.data.ten_length
         spare = np.maximum(trajectory.rest_lengths[step] - trajectory.lengths[step], 0)
         spare *= np.where(self._slack[step], self.exaggeration, 0)
-        self.model.tendon_lengthspring[:, 1] = np.where(spare > 0, distance + spare, 0)
+        self.model.tendon_lengthspring[:, 1] = np.where(spare > LEAST_SPARE * distance, distance + spare, 0)
 
     def _light_slack(self, step: int) -> None:
         """Slack cables shine by themselves, so that in shade as well they have the legend's colour."""
