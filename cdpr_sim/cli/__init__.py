@@ -21,6 +21,7 @@ app = typer.Typer(
 COMMANDS = {
     "settle": rest.settle,
     "solve": rest.solve,
+    "certify": rest.certify,
     "compensate": answers.compensate,
     "sensitivity": answers.sensitivity,
     "equilibria": answers.equilibria,
