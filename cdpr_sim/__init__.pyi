@@ -88,6 +88,8 @@ from .physics.track import track as track
 from .physics.winding import winch_controls as winch_controls
 from .proof.certificate import Certificate as Certificate
 from .proof.certificate import certify as certify
+from .proof.complete import CompleteEquilibria as CompleteEquilibria
+from .proof.complete import certify_all as certify_all
 from .report.page import write_report as write_report
 from .robots.catalogue import list_robots as list_robots
 from .robots.catalogue import load_robot as load_robot

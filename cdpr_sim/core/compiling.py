@@ -46,7 +46,8 @@ these levels compiling takes longer, and the kernels are no faster."""
 
 SOURCES = (
     "core/cable.py", "core/cable_law.py", "core/cable_path.py", "core/checks.py", "core/compiling.py",
-    "core/errors.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py", "statics/balance_kernel.py",
+    "core/errors.py", "core/status.py", "drawing/style.py", "drawing/video/raycast.py", "proof/search_kernel.py",
+    "statics/balance_kernel.py",
     "statics/cable_kernel.py", "statics/catenary.py", "statics/heavy_kernel.py", "statics/matrix_kernel.py",
     "statics/newton_kernel.py", "statics/stiffness_kernel.py",
 )  # fmt: skip

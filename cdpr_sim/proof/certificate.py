@@ -168,7 +168,7 @@ def certify(equilibrium: Equilibrium) -> Certificate:
         found, reasons = enclose(balance, arm)
         if found is None:
             return _unproved(equilibrium, reasons)
-        return _certificate(equilibrium, balance, found, reasons)
+        return certificate_of(equilibrium, balance, found)
 
 
 def enclose(balance: Balance, arm: float) -> tuple[Enclosure | None, list[str]]:
@@ -370,8 +370,9 @@ def index_over(balance: Balance, found: Enclosure) -> int | None:
     return index_of([row[:n] for row in slope[:n]])
 
 
-def _certificate(equilibrium: Equilibrium, balance: Balance, found: Enclosure, reasons: list[str]) -> Certificate:
-    problem, state = equilibrium.problem, found.state
+def certificate_of(equilibrium: Equilibrium, balance: Balance, found: Enclosure) -> Certificate:
+    """What is proved of an equilibrium near which an enclosure is found, and what is not."""
+    problem, state, reasons = equilibrium.problem, found.state, []
     index = index_over(balance, found)
     slack = tuple(None if pull.taut is None else not pull.taut for pull in state.pulls)
     position = balance.position(found.image)
