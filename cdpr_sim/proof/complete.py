@@ -15,13 +15,13 @@ import math
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
@@ -301,9 +301,7 @@ class _Search:
         if before:
             found[:before] = known
         counts = np.zeros(self.kernel.COUNTS, np.int64)
-        top, nf, nl = self.kernel.search(
-            self.setups[chart], stack, ranges, top, found, before, left, 0, CALL, counts
-        )
+        top, nf, nl = self.kernel.search(self.setups[chart], stack, ranges, top, found, before, left, 0, CALL, counts)
         return chart, stack[:top].copy(), ranges[:top].copy(), found[before:nf].copy(), left[:nl].copy(), counts
 
     def _take(self, result: tuple, divide: bool) -> None:
@@ -374,13 +372,7 @@ def _key(problem: Problem) -> str:
 
 def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"]):
     robot = problem.robot
-    a2, a3 = robot.cabling.stiffening.T
-    vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
-    slopes = np.array([1 + 2 * a2 * e + 3 * a3 * e * e for e in (np.zeros_like(a2), vertex, MOST_STRAIN)])
-    spare = 1e-12 * robot.cabling.stiffening.any(-1) * np.abs(slopes).max(0)
-    law = np.stack(
-        [problem.rest_lengths, robot.axial_stiffness, a2, a3, slopes.min(0) - spare, slopes.max(0) + spare], 1
-    )
+    law = np.stack([problem.rest_lengths, robot.axial_stiffness, *robot.cabling.stiffening.T, *_slopes(robot)], 1)
     size, weight = _size(problem), robot.mass * robot.gravity
     return kernel.Setup(
         exits=np.ascontiguousarray(robot.exits),
@@ -395,6 +387,15 @@ def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"]):
         near=NEAR * size,
         least=LEAST * size,
     )
+
+
+def _slopes(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
+    """Bounds of 1 + 2 a2 ε + 3 a3 ε² on [0, MOST_STRAIN], beyond which laws are straight: at its ends and its vertex."""
+    a2, a3 = robot.cabling.stiffening.T
+    vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
+    values = np.array([1 + 2 * a2 * e + 3 * a3 * e * e for e in (np.zeros_like(a2), vertex, MOST_STRAIN)])
+    spare = 1e-12 * robot.cabling.stiffening.any(-1) * np.abs(values).max(0)
+    return values.min(0) - spare, values.max(0) + spare
 
 
 def _size(problem: Problem) -> float:
@@ -428,8 +429,7 @@ def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
     at = robot.exits @ frame.T
     lower, upper = at.min(0) - reach, at.max(0) + reach
     wide = SPARE * float(np.linalg.norm(upper[1:] - lower[1:]))
-    a2, a3 = robot.cabling.stiffening.T
-    slopes = np.array([1 + 2 * a2 * e + 3 * a3 * e * e for e in np.linspace(0, MOST_STRAIN, 201)]).min(0) * 0.99
+    slopes, _ = _slopes(robot)
     drops = []
     for cable, rest in enumerate(problem.rest_lengths):
         stiffness, drop = robot.axial_stiffness[cable] * slopes[cable], float(rest)

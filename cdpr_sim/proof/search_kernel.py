@@ -111,6 +111,13 @@ def multiply(a, b, c, d):
 
 
 @jit
+def scaled(a, b, c):
+    """[a, b] × c."""
+    p, q = a * c, b * c
+    return down(min(p, q)), up(max(p, q))
+
+
+@jit
 def over(a, b, c, d):
     """[a, b] ÷ [c, d], c > 0."""
     return down(a / d if a >= 0 else a / c), up(b / c if b >= 0 else b / d)
@@ -211,9 +218,9 @@ def geometry(q, setup, o, spin):
         for r in range(3):
             u[r, 0] = u[r, 1] = 0.0
             for c in range(3):
-                p0, p1 = multiply(R[r, c, 0], R[r, c, 1], b[c], b[c])
+                p0, p1 = scaled(R[r, c, 0], R[r, c, 1], b[c])
                 u[r, 0], u[r, 1] = add(u[r, 0], u[r, 1], p0, p1)
-                p0, p1 = multiply(Rm[r, c, 0], Rm[r, c, 1], b[c], b[c])
+                p0, p1 = scaled(Rm[r, c, 0], Rm[r, c, 1], b[c])
                 centred[r, 0], centred[r, 1] = add(centred[r, 0], centred[r, 1], p0, p1)
         for k in range(3):
             if q[3 + k, 0] == q[3 + k, 1]:
@@ -267,7 +274,7 @@ def strained(law, strain_low, strain_high):
         return max(strain_low, 0.0), max(strain_high, 0.0)
     a, b = max(strain_low, 0.0), max(strain_high, 0.0)
     c, d = min(a, MOST_STRAIN), min(b, MOST_STRAIN)
-    p, q = multiply(c, d, law[3], law[3])
+    p, q = scaled(c, d, law[3])
     p, q = add(p, q, law[2], law[2])
     p, q = multiply(c, d, p, q)
     p, q = add(p, q, 1.0, 1.0)
@@ -345,9 +352,9 @@ def virtual_work(T, o, g, rows, y, W):
     low, high = 0.0, 0.0
     for r in rows:
         for i in range(T.shape[0]):
-            a, b = multiply(o[i, DIRECTION + r, 0], o[i, DIRECTION + r, 1], y[r], y[r])
+            a, b = scaled(o[i, DIRECTION + r, 0], o[i, DIRECTION + r, 1], y[r])
             W[i, 0], W[i, 1] = add(W[i, 0], W[i, 1], a, b)
-        a, b = multiply(g[r, 0], g[r, 1], y[r], y[r])
+        a, b = scaled(g[r, 0], g[r, 1], y[r])
         low, high = add(low, high, a, b)
     return balance(T, W, low, high)
 
@@ -586,19 +593,21 @@ def krawczyk(q, T, setup, o, spin, at):
             G[r, 0], G[r, 1] = add(G[r, 0], G[r, 1], a, b)
         low = strained(law, strain(law, o[i, LENGTH, 0])[0], strain(law, o[i, LENGTH, 0])[1])[0]
         high = strained(law, strain(law, o[i, LENGTH, 1])[0], strain(law, o[i, LENGTH, 1])[1])[1]
-        a, b = multiply(low, high, law[0], law[0])
+        a, b = scaled(low, high, law[0])
         low, high = multiply(down(law[0] / law[1]), up(law[0] / law[1]), tau, tau)
         G[n + k, 0], G[n + k, 1] = subtract(a, b, low, high)
     inside, image = True, np.empty((N, 2))
     for r in range(N):
         k0, k1 = middle[r], middle[r]
         for c in range(N):
-            a, b = multiply(G[c, 0], G[c, 1], -C[r, c], -C[r, c])
+            a, b = scaled(G[c, 0], G[c, 1], -C[r, c])
             k0, k1 = add(k0, k1, a, b)
         for c in range(N):
             e0 = e1 = 1.0 if r == c else 0.0
             for s in range(N):
-                a, b = multiply(J[s, c, 0], J[s, c, 1], C[r, s], C[r, s])
+                if J[s, c, 0] == 0 and J[s, c, 1] == 0:
+                    continue
+                a, b = scaled(J[s, c, 0], J[s, c, 1], C[r, s])
                 e0, e1 = subtract(e0, e1, a, b)
             a, b = multiply(e0, e1, down(Y[c, 0] - middle[c]), up(Y[c, 1] - middle[c]))
             k0, k1 = add(k0, k1, a, b)
