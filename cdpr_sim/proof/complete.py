@@ -1,9 +1,9 @@
 """All equilibria of given cable lengths, with a proof that none is missing: branch and prune.
 
 An equilibrium's forces balance the load, so that some cable is taut, and the platform lies in a box that is known
-(``_domain``). Rotations are covered by charts: the quaternion (1, v) with |v_k| <= 1, after a half turn about an axis or
-none. ``search_kernel`` bisects these boxes; each part is excluded, or is proved to have exactly one equilibrium, or is
-left. Each equilibrium found is then proved again in balls (``certificate``), which adds its index and its digits and
+(``_domain``). Charts cover the rotations: the quaternion (1, v), |v_k| <= 1, after a half turn about an axis or none.
+``search_kernel`` bisects these boxes; each part is excluded, or is proved to have exactly one equilibrium, or is left.
+Each equilibrium found is then proved again in balls (``certificate``), which adds its index and its digits and
 says which boxes hold the same one; boxes that are left are covered by a larger ball of a proof where that is possible,
 and are reported where it is not.
 """
@@ -161,8 +161,8 @@ class CompleteEquilibria(Introduced):
         words = "proved complete" if self.complete else "not proved complete"
         more = f", {self.pending} boxes pending" if self.pending else ""
         return (
-            f"<CompleteEquilibria of {self.problem.robot.name!r}: {stable} stable, {len(self) - stable} unstable, {words}"
-            f"{more}, {self.boxes} boxes>"
+            f"<CompleteEquilibria of {self.problem.robot.name!r}: {stable} stable, {len(self) - stable} unstable, "
+            f"{words}{more}, {self.boxes} boxes>"
         )
 
 
@@ -390,7 +390,7 @@ def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"]):
 
 
 def _slopes(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """Bounds of 1 + 2 a2 ε + 3 a3 ε² on [0, MOST_STRAIN], beyond which laws are straight: at its ends and its vertex."""
+    """Bounds of 1 + 2 a2 ε + 3 a3 ε² on [0, MOST_STRAIN], beyond which laws are straight: at ends and vertex."""
     a2, a3 = robot.cabling.stiffening.T
     vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
     values = np.array([1 + 2 * a2 * e + 3 * a3 * e * e for e in (np.zeros_like(a2), vertex, MOST_STRAIN)])

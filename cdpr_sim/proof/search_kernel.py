@@ -1,8 +1,8 @@
 """Branch and prune over poses and tensions, compiled: what finds every equilibrium and proves that none is missing.
 
 Unknowns are the pose (x, y, z, v) with the rotation of the quaternion (1, v), |v_k| <= 1, in one of several charts, and
-the cables' tensions. With tensions as unknowns of their own a stiffness EA enters only as 1/EA, and boxes need not be as
-small as the load over the stiffness. Of a planar robot only x, z and v_y vary.
+the cables' tensions. With tensions as unknowns of their own a stiffness EA enters only as 1/EA, and boxes need not be
+as small as the load over the stiffness. Of a planar robot only x, z and v_y vary.
 
 Each result is rounded outwards by more than half a unit in the last place, and only + − × ÷ and the square root are
 used, which IEEE 754 rounds correctly: no rounding mode is set, and no library's sine is trusted. Where a compiler
@@ -672,7 +672,7 @@ def steps_to_equilibrium(start, setup, o, spin):
 @jit
 def within(q, box, rows):
     """Whether q lies in the box."""
-    for r in rows:
+    for r in rows:  # noqa: SIM110  (Numba compiles no generator)
         if q[r, 0] < box[r, 0] or q[r, 1] > box[r, 1]:
             return False
     return True
