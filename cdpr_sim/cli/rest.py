@@ -23,7 +23,10 @@ def settle(
     material: MaterialName = None,
     pretension: Pretension = None,
     certify: Annotated[
-        bool, typer.Option("--certify", help="Prove the equilibria by ball arithmetic (extra proof), and say so.")
+        bool,
+        typer.Option(
+            "--certify", help="Prove the equilibria (extra proof), and of planar robots that there are no others."
+        ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -33,6 +36,7 @@ def settle(
     """
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck as report
+    from cdpr_sim.report import proof
 
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension)
@@ -45,18 +49,22 @@ def settle(
         agreement = cdpr.compare(newton, settled)
         outcomes = [settled, newton, *seecr]
         proved = [cdpr.certify(one) for one in outcomes if certify and isinstance(one, cdpr.Equilibrium)]
+        every = cdpr.certify_all(problem) if certify and proof.quickly_complete(problem) else None
     if as_json:
-        print_json(json_of.crosscheck(problem, outcomes, agreement, proved))
+        told = json_of.crosscheck(problem, outcomes, agreement, proved)
+        print_json(told if every is None else told | json_of.complete(every))
     else:
         console = Output()
-        table = report.settle_table(problem, outcomes)
+        middle = next((one.midpoint for one in proved if one.equilibrium is newton), None)
+        shown = outcomes if middle is None else [middle, *outcomes]
+        table = report.settle_table(problem, shown)
         if proved:
-            from cdpr_sim.report import proof
-
             cells = {one.equilibrium.source: proof.proof_cell(one) for one in proved}
-            sources = ["" if point is None else point.source for point in map(report.best_point, outcomes)]
+            sources = ["" if point is None else point.source for point in map(report.best_point, shown)]
             table.add_row("proved", "", *(cells.get(source, "") for source in sources))
         console.print(table)
+        if every is not None:
+            console.print(proof.complete_note(every), highlight=False)
         for outcome in outcomes:
             if isinstance(outcome, cdpr.NotConverged):
                 console.print(outcome.reason, style="dim", markup=False, highlight=False)

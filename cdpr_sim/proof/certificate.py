@@ -27,6 +27,7 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import Pose
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.proof.balance import At, Balance, middles
 from cdpr_sim.proof.balls import BITS, Ball, Matrix, arithmetic, dot, exact, lower, matrix, middle, upper
 
@@ -77,11 +78,12 @@ class Certificate(Introduced):
         rotation: its rotation matrix, (2, 3, 3).
         tensions: (2, cables) [N].
         digits: decimal digits of the position that are proved, relative to the robot's largest coordinate.
-        decimals: the position's coordinates in decimals, as many as are proved, as ``[midpoint +/- radius]`` [m].
+        decimals: "position" [m], "rotation" (row by row) and "tensions" [N] in decimals, as many as are proved.
         radius: [m] no other equilibrium lies within this of the one, rotations times the characteristic length.
         position_error: how far the equilibrium that was given is from the proved one, an upper bound [m].
         rotation_error: the angle between the two, an upper bound [rad].
         tension_error: the largest difference in a cable, an upper bound [N].
+        midpoint: of the enclosures, as an equilibrium whose source is "proof"; None where nothing is proved.
         reasons: what could not be proved and why, a sentence each; empty if all is.
     """
 
@@ -93,11 +95,12 @@ class Certificate(Introduced):
     rotation: Float[np.ndarray, "2 3 3"]
     tensions: Float[np.ndarray, "2 cables"]
     digits: float
-    decimals: tuple[str, ...]
+    decimals: dict[str, tuple[str, ...]]
     radius: float
     position_error: float
     rotation_error: float
     tension_error: float
+    midpoint: Equilibrium | None = None
     reasons: tuple[str, ...] = field(default=())
 
     @property
@@ -370,6 +373,26 @@ def index_over(balance: Balance, found: Enclosure) -> int | None:
     return index_of([row[:n] for row in slope[:n]])
 
 
+def midpoint_of(problem: Problem, balance: Balance, found: Enclosure) -> Equilibrium:
+    """The midpoints of an enclosure as an equilibrium, whose source is "proof"."""
+    state, n, slope = found.state, balance.free, middles(found.state.slope)
+    stiffness = slope[:n, :n]
+    if balance.with_mass:  # the unknowns of cables with mass follow the pose
+        stiffness = stiffness - slope[:n, n:] @ np.linalg.solve(slope[n:, n:], slope[n:, :n])
+    tensions = np.array([middle(pull.tension) for pull in state.pulls])
+    slack = np.array([pull.taut is False and not balance.cables[i].has_mass for i, pull in enumerate(state.pulls)])
+    return Equilibrium(
+        problem=problem,
+        pose=Pose(np.array([middle(p) for p in balance.position(found.image)]), middles(state.rotation)),
+        tensions=np.where(slack, 0.0, tensions),
+        lengths=problem.rest_lengths + np.array([middle(pull.stretch) for pull in state.pulls]),
+        residual=max(float(force.abs_upper()) for force in state.forces[:n]),
+        eigenvalues=np.linalg.eigvalsh((stiffness + stiffness.T) / 2),
+        iterations=0,
+        source="proof",
+    )
+
+
 def certificate_of(equilibrium: Equilibrium, balance: Balance, found: Enclosure) -> Certificate:
     """What is proved of an equilibrium near which an enclosure is found, and what is not."""
     problem, state, reasons = equilibrium.problem, found.state, []
@@ -420,11 +443,15 @@ def certificate_of(equilibrium: Equilibrium, balance: Balance, found: Enclosure)
         rotation=np.array([[[end(v) for v in row] for row in state.rotation] for end in (lower, upper)]),
         tensions=np.array([[lower(t) for t in tensions], [upper(t) for t in tensions]]),
         digits=-math.log10(max(radii / size, 2.0**-BITS)),
-        decimals=tuple(p.str(ENOUGH_DIGITS + 10) for p in position),
+        decimals={
+            name: tuple(ball.str(ENOUGH_DIGITS + 10, radius=False) for ball in proved)
+            for name, proved in (("position", position), ("rotation", rotation), ("tensions", tensions))
+        },
         radius=found.radius,
         position_error=position_error,
         rotation_error=rotation_error,
         tension_error=tension_error,
+        midpoint=midpoint_of(problem, balance, found),
         reasons=tuple(reasons),
     )
 
@@ -459,7 +486,7 @@ def _unproved(equilibrium: Equilibrium, reasons: list[str]) -> Certificate:
         rotation=np.full((2, 3, 3), np.nan),
         tensions=np.full((2, cables), np.nan),
         digits=0.0,
-        decimals=("", "", ""),
+        decimals={},
         radius=math.nan,
         position_error=math.inf,
         rotation_error=math.inf,

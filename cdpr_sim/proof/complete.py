@@ -35,8 +35,8 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.proof import certificate
-from cdpr_sim.proof.balance import Balance, middles
-from cdpr_sim.proof.balls import BITS, Ball, arithmetic, dot, exact, load, matrix, middle
+from cdpr_sim.proof.balance import Balance
+from cdpr_sim.proof.balls import BITS, Ball, arithmetic, dot, exact, load, matrix
 from cdpr_sim.proof.certificate import Certificate, Enclosure
 
 CHARTS = {
@@ -247,6 +247,7 @@ class _Search:
         unknown = np.stack([np.zeros(cables), np.full(cables, 1e300)], 1)
         self.waiting = [(chart, box[None], unknown[None]) for chart in range(len(signs))]
         self.volume = len(signs) * self._volume(box)
+        self.running: dict[Future, tuple] = {}
         self.key = _key(problem)
         if store is not None and store.exists():
             self._resume(store)
@@ -258,36 +259,37 @@ class _Search:
 
     def run(self, end: float, threads: int, progress: bool) -> None:
         """Search until all is done, or time is over, or too many boxes are left."""
-        started, saved = time.monotonic(), time.monotonic()
+        started, saved, done, looked = time.monotonic(), time.monotonic(), 0.0, False
         before = self.seconds
-        running: dict[Future, tuple] = {}
+
+        def save() -> None:
+            if self.store is not None:
+                self._save(self.store, before + time.monotonic() - started)
+
         with bar("looking for equilibria", 1.0, show=progress) as advance, ThreadPoolExecutor(threads) as pool:
-            done = 0.0
             try:
-                while self.waiting or running:
-                    if time.monotonic() > end or sum(map(len, self.left)) > MOST_LEFT:
+                while self.waiting or self.running:
+                    if looked and (time.monotonic() > end or sum(map(len, self.left)) > MOST_LEFT):
                         break
-                    while self.waiting and len(running) < threads:
+                    while self.waiting and len(self.running) < threads:
                         task = self.waiting.pop()
-                        running[pool.submit(self._look, *task)] = task
-                    ready, _ = wait(running, return_when=FIRST_COMPLETED)
+                        self.running[pool.submit(self._look, *task)] = task
+                    ready, _ = wait(self.running, return_when=FIRST_COMPLETED)
                     for one in ready:
-                        del running[one]
-                        self._take(one.result(), len(running) + len(self.waiting) < threads)
-                    part = 1 - sum(self._volume(box) for _, boxes, _ in self.waiting for box in boxes) / self.volume
+                        del self.running[one]
+                        self._take(one.result(), len(self.running) + len(self.waiting) < threads)
+                    looked = True
+                    left = [*self.waiting, *self.running.values()]
+                    part = 1 - sum(self._volume(box) for _, boxes, _ in left for box in boxes) / self.volume
                     advance(max(part - done, 0.0))
                     done = max(part, done)
-                    if self.store is not None and time.monotonic() - saved > SAVED and not running:
-                        self.seconds = before + time.monotonic() - started
-                        self._save(self.store)
+                    if time.monotonic() - saved > SAVED:
+                        save()
                         saved = time.monotonic()
             finally:
-                for one in running:  # each ends within a call
-                    self._take(one.result(), False)
-                self.seconds = before + time.monotonic() - started if self.store is not None else 0.0
-                if self.store is not None:
-                    self._save(self.store)
-        self.seconds = before
+                while self.running:  # each ends within a call
+                    self._take(self.running.popitem()[0].result(), False)
+                save()
 
     def _look(self, chart: int, boxes: np.ndarray, tensions: np.ndarray) -> tuple:
         """One call of the kernel: what it found and left, and what remains to be looked at."""
@@ -318,16 +320,16 @@ class _Search:
         rows = list(FREE[self.problem.robot.mobility])
         return float(np.prod(box[rows, 1] - box[rows, 0]))
 
-    def _save(self, path: Path) -> None:
-        """Whole or not at all."""
+    def _save(self, path: Path, seconds: float) -> None:
+        """Whole or not at all; what is being looked at counts as waiting."""
         parts: dict[str, np.ndarray] = {"key": np.array(self.key), "counts": self.counts}
-        parts["seconds"] = np.array(self.seconds)
+        parts["seconds"] = np.array(seconds)
         for name, listed in (("found", self.found), ("left", self.left)):
             for chart, boxes in enumerate(listed):
                 parts[f"{name}_{chart}"] = np.array(boxes).reshape(-1, 6, 2)
         m = self.problem.robot.cables
         for chart in range(len(self.setups)):
-            mine = [task for task in self.waiting if task[0] == chart]
+            mine = [task for task in (*self.waiting, *self.running.values()) if task[0] == chart]
             parts[f"boxes_{chart}"] = np.concatenate([np.empty((0, 6, 2)), *(boxes for _, boxes, _ in mine)])
             parts[f"tensions_{chart}"] = np.concatenate([np.empty((0, m, 2)), *(ranges for _, _, ranges in mine)])
         try:
@@ -635,19 +637,5 @@ def _undecided(reason: str, boxes: Sequence[np.ndarray], chart: int) -> Undecide
 
 def _certificate(problem: Problem, member: _Member) -> Certificate:
     """With an equilibrium made of the enclosure's midpoints."""
-    balance, state = member.balance, member.enclosure.state
-    n, slope = balance.free, middles(state.slope)
-    symmetric = (slope[:n, :n] + slope[:n, :n].T) / 2
-    position = np.array([middle(p) for p in balance.position(member.enclosure.image)])
-    tensions = np.array([middle(pull.tension) for pull in state.pulls])
-    found = Equilibrium(
-        problem=problem,
-        pose=Pose(position, middles(state.rotation)),
-        tensions=np.where([pull.taut is False for pull in state.pulls], 0.0, tensions),
-        lengths=problem.rest_lengths + np.array([middle(pull.stretch) for pull in state.pulls]),
-        residual=max(float(abs(force).upper()) for force in state.forces),
-        eigenvalues=np.linalg.eigvalsh(symmetric),
-        iterations=0,
-        source="proof",
-    )
-    return certificate.certificate_of(found, balance, member.enclosure)
+    found = certificate.midpoint_of(problem, member.balance, member.enclosure)
+    return certificate.certificate_of(found, member.balance, member.enclosure)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cdpr_sim.crosscheck.hold import Hold
     from cdpr_sim.physics.release import Release
     from cdpr_sim.proof.certificate import Certificate
+    from cdpr_sim.proof.complete import CompleteEquilibria
 
 
 def outcome(found: Outcome) -> dict[str, Any]:
@@ -88,7 +89,7 @@ def certificate(found: Certificate) -> dict[str, Any]:
         "position": found.position.tolist(),
         "rotation_matrix": found.rotation.tolist(),
         "tensions": found.tensions.tolist(),
-        "decimals": list(found.decimals),
+        "decimals": {name: list(digits) for name, digits in found.decimals.items()},
         "digits": found.digits,
         "radius": found.radius,
         "position_error": found.position_error,
@@ -103,6 +104,17 @@ def certificate(found: Certificate) -> dict[str, Any]:
         "slack": list(found.slack),
         "reasons": list(found.reasons),
     } | (known if found.exists else dict.fromkeys(known))
+
+
+def complete(found: CompleteEquilibria) -> dict[str, Any]:
+    """The proved list, whether it is complete, and what is left open."""
+    return {
+        "proved_complete": found.complete,
+        "proved": [certificate(one) for one in found],
+        "undecided": [{"reason": one.reason, "boxes": one.boxes} for one in found.undecided],
+        "pending": found.pending,
+        "boxes": found.boxes,
+    }
 
 
 def compensation(

@@ -8,8 +8,10 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.words import cables_in_words
 from cdpr_sim.proof.certificate import Certificate
+from cdpr_sim.proof.complete import CompleteEquilibria
 from cdpr_sim.report.crosscheck import SLACK, heading
 from cdpr_sim.report.tables import new_table
 
@@ -61,6 +63,29 @@ def proof_cell(found: Certificate | None) -> str:
     if found is None:
         return ""
     return f"off by < {1e3 * found.position_error:.0e} mm" if found.proved else "[red]not proved[/]"
+
+
+def quickly_complete(problem: Problem) -> bool:
+    """Whether a proof that none is missing takes milliseconds: planar, massless cables that start at points."""
+    robot = problem.robot
+    return robot.mobility == "planar" and robot.cabling.massless and not robot.cabling.pulleys.any()
+
+
+def complete_note(found: CompleteEquilibria) -> str:
+    """That these are all equilibria, or what is left open, in a sentence."""
+    stable = sum(one.stable for one in found)
+    counted = f"{stable} stable and {len(found) - stable} unstable equilibria"
+    if found.complete:
+        return f"Proved: these cable lengths have {counted}, and no others."
+    reasons = "; ".join(dict.fromkeys(one.reason for one in found.undecided)) or f"{found.pending} boxes are pending"
+    return f"Proved: {counted}; whether there are others is open: {reasons}."
+
+
+def missing_note(missing: Sequence[Certificate]) -> str:
+    """How many proved equilibria the search from many starts has not found."""
+    if not missing:
+        return "The search from many starts found each of them."
+    return f"[red]The search from many starts missed {len(missing)} of them.[/]"
 
 
 def stability_in_words(found: Certificate) -> str:
