@@ -42,6 +42,7 @@ from .core.equilibrium import Stability as Stability
 from .core.errors import CdprError as CdprError
 from .core.errors import ImplausibleRobot as ImplausibleRobot
 from .core.errors import InvalidInput as InvalidInput
+from .core.errors import MissingExtra as MissingExtra
 from .core.errors import RobotFileError as RobotFileError
 from .core.errors import StoreError as StoreError
 from .core.errors import UnknownName as UnknownName
@@ -85,6 +86,10 @@ from .physics.settle import settle_many as settle_many
 from .physics.settle import settle_trajectory as settle_trajectory
 from .physics.track import track as track
 from .physics.winding import winch_controls as winch_controls
+from .proof.certificate import Certificate as Certificate
+from .proof.certificate import certify as certify
+from .proof.complete import CompleteEquilibria as CompleteEquilibria
+from .proof.complete import certify_all as certify_all
 from .report.page import write_report as write_report
 from .robots.catalogue import list_robots as list_robots
 from .robots.catalogue import load_robot as load_robot

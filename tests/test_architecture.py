@@ -1,4 +1,4 @@
-"""The flow is the architecture: folders in one order, imports one way, and two walls between the roads."""
+"""The flow is the architecture: folders in one order, imports one way, walls between statics, simulation, proof."""
 
 import ast
 import os
@@ -15,7 +15,7 @@ import cdpr_sim as cdpr
 PACKAGE = Path(cdpr.__file__).parent
 
 FOLDERS = (
-    "core", "robots", "statics", "analysis", "design", "control", "physics", "crosscheck",
+    "core", "robots", "statics", "analysis", "design", "control", "physics", "proof", "crosscheck",
     "drawing", "studies", "report", "cli",
 )  # fmt: skip
 """In the order of the flow: each may import only from those before it, and from itself."""
@@ -28,14 +28,16 @@ WALLS = {
     "control": {"core", "statics", "analysis"},
     # the physics side never uses our formulas
     "physics": {"core"},
+    # a proof uses data alone: neither method's formulas
+    "proof": {"core"},
     # drawing is given results, and the scene to draw them in
     "drawing": {"core", "physics.mjcf"},
 }
 """What these folders may import besides themselves: a folder of this package, or one module of it."""
 
-BEYOND = {("physics", "core.cable_path"), ("physics", "core.cable_law")}
-"""(folder, module) that its wall would let through, and must not: where a cable runs and how hard it pulls, MuJoCo says
-by its own means."""
+BEYOND = {(folder, module) for folder in ("physics", "proof") for module in ("core.cable_path", "core.cable_law")}
+"""(folder, module) that its wall would let through, and must not: where a cable runs and how hard it pulls, MuJoCo and
+the proof say by their own means."""
 
 HEAVY = {
     "xarray", "dask", "distributed", "zarr", "h5netcdf", "matplotlib", "pandas", "PIL", "mediapy", "pymoo", "numba",
@@ -117,7 +119,7 @@ def test_walls_stand():
             assert {one for one in beyond if folder(one) not in allowed and one not in allowed} == set(), module
             assert not {(folder(module), one) for one in used} & BEYOND, module
     for module, names in ANYWHERE.items():
-        if folder(module) in {"core", "robots", "statics", "analysis", "design", "control"}:
+        if folder(module) in {"core", "robots", "statics", "analysis", "design", "control", "proof"}:
             assert "mujoco" not in libraries(names), module
 
 

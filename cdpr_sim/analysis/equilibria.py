@@ -30,9 +30,9 @@ from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import derivatives, forces, newton
 
 SAME = 1e-3
-"""Two equilibria nearer than this fraction of the characteristic length are one: two solutions of one that is held
-scatter by 3e-8 of it at most, and two that are held are 0.01 of it apart at least, of 120,000 random ones
-(``scripts/measure_constants.py``)."""
+"""Two equilibria nearer than this fraction of the characteristic length, with as many unstable directions, are one: two
+solutions of one that is held scatter by 3e-8 of it at most, and two that are held are 0.01 of it apart at least, of
+120,000 random ones (``scripts/measure_constants.py``). Near a fold, a stable one and a saddle are nearer."""
 
 LOOSE = 1e-8
 """Equilibria whose softest direction has this fraction of the stiffest may belong to a family: ``parallel``, hanging on
@@ -443,8 +443,14 @@ def _distinct(
     arm = problem.robot.characteristic_length
     found: list[Equilibrium] = []
     left = np.ones(len(positions), dtype=bool)
+    sides = _sides(forces.at(problem, positions, rotations).eigenvalues)
+
+    def far(one: Equilibrium) -> np.ndarray:
+        side = _sides(one.eigenvalues[None])[0]
+        return ~(_near(one, positions, rotations, SAME * arm) & ((sides == side) | (sides < 0) | (side < 0)))
+
     for one in known or []:
-        left &= ~_near(one, positions, rotations, SAME * arm)
+        left &= far(one)
     while left.any():
         row = int(np.argmax(left))
         pose = RigidTransform.from_components(positions[row], Rotation.from_matrix(rotations[row]))
@@ -455,11 +461,25 @@ def _distinct(
                 one = newton.solve(Problem.of(problem.robot, pose, problem.rest_lengths, problem.external_wrench))
             except NotConverged:
                 continue
-        left &= ~_near(one, positions, rotations, SAME * arm)
+        left &= far(one)
         relatives = [*(known or []), *found]
-        if not any(distance(one.pose, other.pose, arm) <= SAME * arm or _related(one, other) for other in relatives):
+        if not any(_merged(one, other, arm) or _related(one, other) for other in relatives):
             found.append(one)
     return found
+
+
+def _merged(one: Equilibrium, other: Equilibrium, arm: float) -> bool:
+    """Whether two are one: so near that they are, unless one is held where the other leaves, as at a fold."""
+    sides = _sides(np.stack([one.eigenvalues, other.eigenvalues]))
+    return distance(one.pose, other.pose, arm) <= SAME * arm and bool(sides[0] == sides[1] or sides.min() < 0)
+
+
+def _sides(eigenvalues: Float[np.ndarray, "rows free"]) -> np.ndarray:
+    """The number of unstable directions of each; −1 where a direction is too loose to tell."""
+    size = np.abs(eigenvalues)
+    with np.errstate(invalid="ignore"):
+        loose = ~(size.min(-1) > LOOSE * size.max(-1))
+    return np.where(loose, -1, (eigenvalues < 0).sum(-1))
 
 
 def _near(

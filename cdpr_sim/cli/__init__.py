@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from cdpr_sim.cli import answers, design, page, pictures, rest, robots, workspace
+from cdpr_sim.cli import answers, design, page, pictures, rest, robots, score, workspace
 from cdpr_sim.cli.commands import Command, Commands
 from cdpr_sim.cli.terminal import STATUSES, plain_letters_where_needed
 
@@ -21,6 +21,7 @@ app = typer.Typer(
 COMMANDS = {
     "settle": rest.settle,
     "solve": rest.solve,
+    "certify": rest.certify,
     "compensate": answers.compensate,
     "sensitivity": answers.sensitivity,
     "equilibria": answers.equilibria,
@@ -39,6 +40,7 @@ COMMANDS = {
     "sweep": workspace.sweep,
     "map": workspace.draw_map,
     "check": workspace.check,
+    "score": score.score,
     "video": pictures.video,
     "report": page.report,
 }

@@ -90,6 +90,12 @@ def equilibria(
     material: MaterialName = None,
     saddles: Annotated[bool, typer.Option("--saddles", help="Search for the unstable ones as well.")] = False,
     starts: Annotated[int, typer.Option("--starts", help="How many poses to start from.")] = 2000,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Prove which equilibria there are, and that there are no others.")
+    ] = False,
+    time_limit: Annotated[
+        float, typer.Option("--time-limit", help="[s] For that proof: spatial robots take minutes, or longer.")
+    ] = 60.0,
     as_json: AsJson = False,
 ) -> None:
     """All places to rest on the cable lengths of the commanded pose, and which of them the robot reaches."""
@@ -107,15 +113,23 @@ def equilibria(
             followed = cdpr.follow_load(problem)
             reached, _ = found.nearest(followed.reached.pose)
             by_mujoco, _ = found.nearest(cdpr.grow_gravity(problem).pose)
+            every = cdpr.certify_all(problem, time_limit=time_limit) if certify else None
             releases = [cdpr.release(one, seconds=2.0 if one.stable else 20.0) for one in found]
     if as_json:
-        print_json(json_of.equilibria(problem, found, releases, followed, reached, by_mujoco))
+        told = json_of.equilibria(problem, found, releases, followed, reached, by_mujoco)
+        print_json(told if every is None else told | json_of.complete(every))
     else:
         console = Output()
         console.print(report.equilibria_table(found, releases, reached))
         same = "MuJoCo comes to the same" if by_mujoco == reached else f"MuJoCo comes to {by_mujoco + 1} instead"
         console.print(f"Followed while gravity grows, the platform comes to {reached + 1}; {same}.", highlight=False)
         console.print(report.equilibria_note(found), highlight=False)
+        if every is not None:
+            from cdpr_sim.report import proof
+
+            console.print(proof.complete_note(every), highlight=False)
+            lacking = every.missing_from(found)
+            console.print(proof.missing_note([one for one in lacking if saddles or one.stable]), highlight=False)
     raise typer.Exit(0 if by_mujoco == reached else DISAGREE)
 
 

@@ -1,4 +1,4 @@
-"""Commands that ask where a platform rests: settle, solve."""
+"""Commands that ask where a platform is in equilibrium: settle, solve, certify."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import AsJson, MaterialName, Pose, Pretension, RobotName, problem_of
+from cdpr_sim.cli.options import AsJson, MaterialName, Pose, Pretension, RobotName, problem_of, wrenches_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
 
 if TYPE_CHECKING:
@@ -22,6 +22,12 @@ def settle(
     pose: Pose = None,
     material: MaterialName = None,
     pretension: Pretension = None,
+    certify: Annotated[
+        bool,
+        typer.Option(
+            "--certify", help="Prove the equilibria (extra proof), and of planar robots that there are no others."
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Settle the platform in MuJoCo, solve it with Newton and SEECR, and say whether MuJoCo and Newton agree.
@@ -30,6 +36,7 @@ def settle(
     """
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck as report
+    from cdpr_sim.report import proof
 
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension)
@@ -40,12 +47,24 @@ def settle(
         if not isinstance(newton, cdpr.Equilibrium):
             raise newton
         agreement = cdpr.compare(newton, settled)
-    outcomes = [settled, newton, *seecr]
+        outcomes = [settled, newton, *seecr]
+        proved = [cdpr.certify(one) for one in outcomes if certify and isinstance(one, cdpr.Equilibrium)]
+        every = cdpr.certify_all(problem) if certify and proof.quickly_complete(problem) else None
     if as_json:
-        print_json(json_of.crosscheck(problem, outcomes, agreement))
+        told = json_of.crosscheck(problem, outcomes, agreement, proved)
+        print_json(told if every is None else told | json_of.complete(every))
     else:
         console = Output()
-        console.print(report.settle_table(problem, outcomes))
+        middle = next((one.midpoint for one in proved if one.equilibrium is newton), None)
+        shown = outcomes if middle is None else [middle, *outcomes]
+        table = report.settle_table(problem, shown)
+        if proved:
+            cells = {one.equilibrium.source: proof.proof_cell(one) for one in proved}
+            sources = ["" if point is None else point.source for point in map(report.best_point, shown)]
+            table.add_row("proved", "", *(cells.get(source, "") for source in sources))
+        console.print(table)
+        if every is not None:
+            console.print(proof.complete_note(every), highlight=False)
         for outcome in outcomes:
             if isinstance(outcome, cdpr.NotConverged):
                 console.print(outcome.reason, style="dim", markup=False, highlight=False)
@@ -78,6 +97,41 @@ def solve(
         console.print(report.settle_table(problem, [result]))
         for note in report.equilibrium_notes(result):
             console.print(note, highlight=False)
+
+
+def certify(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    pretension: Pretension = None,
+    wrench: Annotated[
+        str | None, typer.Option("--wrench", metavar="FX,FY,FZ,TX,TY,TZ", help="[N, N m] on the platform's origin.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Prove where the platform is in equilibrium, that no other is near, which cables are slack, and that it is stable.
+
+    The equilibria of MuJoCo and of Newton are proved, each by itself; needs the extra proof. Exit status: 0 if both are
+    proved, 1 if one is not, 2 for input that cannot be right.
+    """
+    from cdpr_sim.report import as_json as json_of
+    from cdpr_sim.report import proof as report
+
+    with errors_as_sentences():
+        problem = problem_of(robot, pose, material, pretension)
+        wrenches = wrenches_of(None if wrench is None else [wrench])
+        if wrenches:
+            problem = cdpr.Problem.of(problem.robot, problem.pose, problem.rest_lengths, wrenches[0])
+        with busy("MuJoCo settles the platform, Newton solves, and both are proved"):
+            proved = [cdpr.certify(method(problem)) for method in (cdpr.settle, cdpr.solve)]
+    if as_json:
+        print_json(json_of.certificates(proved))
+    else:
+        console = Output()
+        console.print(report.certificate_table(proved))
+        for line in report.reasons(proved):
+            console.print(line, highlight=False)
+    raise typer.Exit(0 if all(one.proved for one in proved) else DISAGREE)
 
 
 def _outcome(problem: cdpr.Problem, method: str) -> Outcome:

@@ -39,6 +39,10 @@ class StoreError(CdprError, OSError):
     """A file or folder that cannot be written; what was there is still there."""
 
 
+class MissingExtra(CdprError, ImportError):
+    """A library of an optional extra that is not installed: the message says how to install it."""
+
+
 class ImplausibleRobot(UserWarning):
     """A robot that can be computed and is hardly meant: lengths in millimetres, cables that stretch by half.
 

@@ -131,7 +131,7 @@ def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml") -> str:
     Raises:
         InvalidInput: no robot, or no name of a file.
     """
-    refuse_unless((Robot, Problem), robot=robot)
+    refuse_unless(Robot | Problem, robot=robot)
     checked_label("robot_file", robot_file)
     problem, robot = (robot, robot.robot) if isinstance(robot, Problem) else (None, robot)
     lower, upper = robot.frame

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from cdpr_sim.crosscheck.compare import Agreement
     from cdpr_sim.crosscheck.hold import Hold
     from cdpr_sim.physics.release import Release
+    from cdpr_sim.proof.certificate import Certificate
+    from cdpr_sim.proof.complete import CompleteEquilibria
 
 
 def outcome(found: Outcome) -> dict[str, Any]:
@@ -53,17 +55,65 @@ def solution(found: Equilibrium) -> dict[str, Any]:
     return outcome(found) | _machine(found.problem.robot)
 
 
-def crosscheck(problem: Problem, outcomes: Sequence[Outcome], agreement: Agreement) -> dict[str, Any]:
-    """What each road came to, by the source that it names, and whether they agree."""
-    return _asked(problem) | {
-        "results": _by_source(outcomes),
-        "agrees": agreement.agrees,
-        "position_error": agreement.position_error,
-        "rotation_error": agreement.rotation_error,
-        "tension_error": agreement.tension_error,
-        "same_slack": agreement.same_slack,
-        "verdict": agreement.verdict.value,
-        "reasons": list(agreement.reasons),
+def crosscheck(
+    problem: Problem, outcomes: Sequence[Outcome], agreement: Agreement, proved: Sequence[Certificate] = ()
+) -> dict[str, Any]:
+    """What each road came to, by the source that it names, and whether they agree; and what is proved of each."""
+    told = certificates(proved) if proved else {}
+    return (
+        _asked(problem)
+        | told
+        | {
+            "results": _by_source(outcomes),
+            "agrees": agreement.agrees,
+            "position_error": agreement.position_error,
+            "rotation_error": agreement.rotation_error,
+            "tension_error": agreement.tension_error,
+            "same_slack": agreement.same_slack,
+            "verdict": agreement.verdict.value,
+            "reasons": list(agreement.reasons),
+        }
+    )
+
+
+def certificates(found: Sequence[Certificate]) -> dict[str, Any]:
+    """What is proved of each method's equilibrium, by the source that it names."""
+    return _asked(found[0].equilibrium.problem) | {
+        "certificates": {one.equilibrium.source.rpartition("/")[2]: certificate(one) for one in found}
+    }
+
+
+def certificate(found: Certificate) -> dict[str, Any]:
+    """Enclosures as [lower, upper]; what is not known is null."""
+    known = {
+        "position": found.position.tolist(),
+        "rotation_matrix": found.rotation.tolist(),
+        "tensions": found.tensions.tolist(),
+        "decimals": {name: list(digits) for name, digits in found.decimals.items()},
+        "digits": found.digits,
+        "radius": found.radius,
+        "position_error": found.position_error,
+        "rotation_error": found.rotation_error,
+        "tension_error": found.tension_error,
+    }
+    return {
+        "proved": found.proved,
+        "exists": found.exists,
+        "stable": found.stable,
+        "index": found.index,
+        "slack": list(found.slack),
+        "reasons": list(found.reasons),
+    } | (known if found.exists else dict.fromkeys(known))
+
+
+def complete(found: CompleteEquilibria) -> dict[str, Any]:
+    """The proved list, whether it is complete, and what is left open."""
+    return {
+        "proved_complete": found.complete,
+        "proved": [certificate(one) for one in found],
+        "undecided": [{"reason": one.reason, "boxes": one.boxes} for one in found.undecided],
+        "pending": found.pending,
+        "boxes": found.boxes,
     }
 
 

@@ -24,6 +24,7 @@ SLACK = "slack"
 HEADINGS = {
     "mujoco": "MuJoCo",
     "newton": "Newton",
+    "proof": "proved",
     "seecr/fsolve": "SEECR\nfsolve",
     "seecr/least_squares": "SEECR\nleast_sq.",
 }

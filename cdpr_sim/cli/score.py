@@ -1,0 +1,60 @@
+"""The command that scores solvers on the set of problems with proved answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli.options import AsJson
+from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences, print_json
+
+
+def score(
+    solver: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SOLVER...",
+            help="newton, fsolve, least_squares, mujoco, root, minimize, rigid; module:function of your own, called as "
+            "function(robot, rest_lengths, start) and with external_wrench= where there is one; or a .json of answers.",
+        ),
+    ],
+    problems: Annotated[
+        Path, typer.Option("--problems", metavar="FOLDER", help="The set; default: problems/ of the repository.")
+    ] = Path("problems"),
+    level: Annotated[str | None, typer.Option("--level", help="lower, average or higher; default: all.")] = None,
+    first: Annotated[int | None, typer.Option("--first", min=1, help="Only so many problems of each level.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Count a solver's correct digits on problems whose answers are proved, and what it calls solved that is not.
+
+    Exit status: 0 if all that is called solved is, 1 if something is not, 2 for input that cannot be right.
+    """
+    from cdpr_sim.report import score as report
+    from cdpr_sim.studies import problem_set
+    from cdpr_sim.studies import score as studies
+
+    with errors_as_sentences():
+        if level is not None and level not in problem_set.LEVELS:
+            raise cdpr.UnknownName("level", level, problem_set.LEVELS)
+        every = problem_set.read_problems(problems)
+        chosen = [
+            one
+            for name in problem_set.LEVELS
+            if level in (None, name)
+            for one in [problem for problem in every if problem.level == name][:first]
+        ]
+        scores = [
+            studies.score_answers(Path(name), chosen)
+            if name.endswith(".json")
+            else studies.score(name, studies.solver_called(name), chosen, progress=not as_json)
+            for name in solver
+        ]
+    if as_json:
+        print_json(report.scores_json(scores))
+    else:
+        Output().print(report.score_table(scores))
+    wrong = any(one.claimed and not one.solved for each in scores for one in each.outcomes)
+    raise typer.Exit(DISAGREE if wrong else 0)

@@ -1,0 +1,641 @@
+"""All equilibria of given cable lengths, with a proof that none is missing: branch and prune.
+
+An equilibrium's forces balance the load, so that some cable is taut, and the platform lies in a box that is known
+(``_domain``). Charts cover the rotations: the quaternion (1, v), |v_k| <= 1, after a half turn about an axis or none.
+``search_kernel`` bisects these boxes; each part is excluded, or is proved to have exactly one equilibrium, or is left.
+Each equilibrium found is then proved again in balls (``certificate``), which adds its index and its digits and
+says which boxes hold the same one; boxes that are left are covered by a larger ball of a proof where that is possible,
+and are reported where it is not.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from cdpr_sim.core.cable import MOST_STRAIN
+from cdpr_sim.core.checks import whole
+from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.errors import InvalidInput, StoreError
+from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.pose import Pose, angle_between
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.progress import bar
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.proof import certificate
+from cdpr_sim.proof.balance import Balance
+from cdpr_sim.proof.balls import BITS, Ball, arithmetic, dot, exact, load, matrix
+from cdpr_sim.proof.certificate import Certificate, Enclosure
+
+CHARTS = {
+    "planar": ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0)),
+    "spatial": ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)),
+}
+"""Per mobility, by which signs the platform's axes are turned before a chart's rotation: the half turns."""
+
+FREE = {"planar": (0, 2, 4), "spatial": (0, 1, 2, 3, 4, 5)}
+"""Per mobility, which of (x, y, z, v) vary."""
+
+SPARE = 1.01
+"""By which the domain is larger than the box that is proved: more than any rounding of it."""
+
+NEWTON, NEAR, LEAST = 0.4, 1e-4, 1e-8
+"""Of the robot's size: widths below which Krawczyk's test is tried, an equilibrium nearby is looked for, and a box is
+left undecided. At 0.4 rather than 0.1 or 1 a planar search needs the fewest boxes."""
+
+CALL = 20_000
+"""Boxes of one call of the kernel: after it, time and progress are looked at. Half a second, of a spatial robot."""
+
+FOUND_ROOM, LEFT_ROOM, DEPTH = 500, 5_000, 4_000
+"""Rows of the kernel's tables."""
+
+MOST_LEFT = 5_000
+"""Boxes left, after which a search has met a family of equilibria, and is given up."""
+
+SAVED = 30.0
+"""[s] From one writing of the store to the next."""
+
+TIGHTER = 60
+"""Contractions of a box that has one equilibrium, to where it lies."""
+
+FAMILY = 1e3
+"""Boxes left that are joined over this many times their size are a family of equilibria."""
+
+
+@dataclass(frozen=True)
+class Undecided:
+    """Boxes that are joined, in which there may be equilibria or none.
+
+    Attributes:
+        reason: what is met there: a kink, a fold, a family; or that the search stopped.
+        boxes: how many.
+        lower: of (x, y, z, v) in the chart, (6,).
+        upper: likewise.
+        chart: its number in ``CHARTS``.
+    """
+
+    reason: str
+    boxes: int
+    lower: Float[np.ndarray, "6"]
+    upper: Float[np.ndarray, "6"]
+    chart: int
+
+
+@dataclass(frozen=True, eq=False)
+class CompleteEquilibria(Introduced):
+    """Every equilibrium of one problem, stable or not, each with its certificate; lowest index first. Iterates.
+
+    Attributes:
+        problem: rest lengths and load; its pose plays no part.
+        certificates: of the equilibria, all different.
+        undecided: where there may be more; empty if the list is proved complete.
+        pending: boxes that were not looked at when the search stopped; 0 if it ended.
+        boxes: how many were looked at.
+        seconds: how long the search took, that of a store's earlier runs included.
+    """
+
+    problem: Problem
+    certificates: tuple[Certificate, ...]
+    undecided: tuple[Undecided, ...]
+    pending: int
+    boxes: int
+    seconds: float
+
+    @property
+    def complete(self) -> bool:
+        """Whether it is proved that there is no other equilibrium."""
+        return not self.pending and not self.undecided
+
+    @property
+    def equilibria(self) -> tuple[Equilibrium, ...]:
+        """The equilibria, by the midpoints of their enclosures."""
+        return tuple(one.equilibrium for one in self.certificates)
+
+    def __len__(self) -> int:
+        return len(self.certificates)
+
+    def __iter__(self) -> Iterator[Certificate]:
+        return iter(self.certificates)
+
+    def missing_from(self, found: Iterable[Equilibrium]) -> tuple[Certificate, ...]:
+        """Those that a list lacks, found by any method: none of it lies within its tolerance.
+
+        Args:
+            found: equilibria of the same problem.
+
+        Returns:
+            Certificates without a counterpart. Of two that lie close, each counts for one of ``found`` alone.
+        """
+        near = certificate.NEAR
+        left = list(found)
+        lacking = []
+        for one in self.certificates:
+            mine = one.equilibrium
+            arm = self.problem.robot.characteristic_length
+            apart = [
+                float(np.linalg.norm(mine.position - other.position))
+                + arm * float(angle_between(mine.rotation_matrix, other.rotation_matrix))
+                for other in left
+            ]
+            nearest = int(np.argmin(apart)) if apart else -1
+            if apart and apart[nearest] < 10 * near:
+                left.pop(nearest)
+            else:
+                lacking.append(one)
+        return tuple(lacking)
+
+    def __repr__(self) -> str:
+        stable = sum(one.stable for one in self.certificates)
+        words = "proved complete" if self.complete else "not proved complete"
+        more = f", {self.pending} boxes pending" if self.pending else ""
+        return (
+            f"<CompleteEquilibria of {self.problem.robot.name!r}: {stable} stable, {len(self) - stable} unstable, "
+            f"{words}{more}, {self.boxes} boxes>"
+        )
+
+
+def certify_all(
+    robot: Robot | Problem,
+    rest_lengths: ArrayLike | None = None,
+    *,
+    external_wrench: ArrayLike | None = None,
+    time_limit: float | None = None,
+    threads: int = 1,
+    store: str | Path | None = None,
+    progress: bool = False,
+) -> CompleteEquilibria:
+    """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
+
+    Planar robots take milliseconds. Spatial ones with four cables take minutes, and with more cables as long as they
+    are given: what is not looked at by then is counted as pending, and a store continues it.
+
+    Args:
+        robot: the robot; or a ``Problem`` that is ready, alone.
+        rest_lengths: unstretched cable lengths, (cables,) [m].
+        external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
+        time_limit: [s] after which the search stops; default: none.
+        threads: how many search at a time.
+        store: a file, in which the search is kept and from which it is resumed.
+        progress: whether to show a bar.
+
+    Returns:
+        The equilibria with their certificates, and whether they are proved to be all.
+
+    Raises:
+        InvalidInput: an argument that cannot be right; cables with mass or over pulleys; a load of nothing.
+        StoreError: a store of another problem, or one that cannot be written.
+        MissingExtra: python-flint is not installed.
+
+    Source: branch and prune as in Neumaier, Complete search in continuous global optimization, Acta Numerica 2004.
+    """
+    load()
+    if isinstance(robot, Robot) and rest_lengths is None:
+        raise InvalidInput("rest_lengths: found none, expected one per cable [m]")
+    if isinstance(robot, Robot):
+        robot = Problem.of(robot, robot.home, rest_lengths, external_wrench)
+    elif rest_lengths is not None or external_wrench is not None:
+        raise InvalidInput("rest_lengths: found some beside a Problem, expected them in the Problem alone")
+    problem = robot
+    cabling = problem.robot.cabling
+    cabling.refuse_weight("certify_all")
+    if cabling.pulleys.any():
+        raise InvalidInput(
+            "certify_all: found cables over pulleys, expected cables that start at points: the interval functions of a "
+            "wheel's arc are not part of it; certify takes pulleys"
+        )
+    if not _pull(problem) > 0:
+        raise InvalidInput("certify_all: found no load, expected weight or force: slack cables hold any pose then")
+    whole("threads", threads, 1)
+    if time_limit is not None and not time_limit > 0:
+        raise InvalidInput(f"time_limit: found {time_limit:g} s, expected more than 0")
+    started = time.monotonic()
+    search = _Search(problem, None if store is None else Path(store))
+    search.run(math.inf if time_limit is None else started + time_limit, threads, progress)
+    with arithmetic(BITS):
+        certificates, undecided = _proved(problem, search)
+    before = search.seconds
+    return CompleteEquilibria(
+        problem, certificates, undecided, search.pending, int(search.counts[0]), before + time.monotonic() - started
+    )
+
+
+class _Search:
+    """The boxes of a search: to be looked at, with one equilibrium, and left; by chart."""
+
+    def __init__(self, problem: Problem, store: Path | None) -> None:
+        from cdpr_sim.proof import search_kernel as kernel
+
+        self.kernel, self.problem, self.store = kernel, problem, store
+        signs = CHARTS[problem.robot.mobility]
+        self.setups = [_setup(kernel, problem, np.array(sign)) for sign in signs]
+        self.found: list[list[np.ndarray]] = [[] for _ in signs]
+        self.left: list[list[np.ndarray]] = [[] for _ in signs]
+        self.counts, self.seconds = np.zeros(kernel.COUNTS, np.int64), 0.0
+        box, cables = _domain(problem), problem.robot.cables
+        unknown = np.stack([np.zeros(cables), np.full(cables, 1e300)], 1)
+        self.waiting = [(chart, box[None], unknown[None]) for chart in range(len(signs))]
+        self.volume = len(signs) * self._volume(box)
+        self.running: dict[Future, tuple] = {}
+        self.key = _key(problem)
+        if store is not None and store.exists():
+            self._resume(store)
+
+    @property
+    def pending(self) -> int:
+        """Boxes that were not looked at."""
+        return sum(len(boxes) for _, boxes, _ in self.waiting)
+
+    def run(self, end: float, threads: int, progress: bool) -> None:
+        """Search until all is done, or time is over, or too many boxes are left."""
+        started, saved, done, looked = time.monotonic(), time.monotonic(), 0.0, False
+        before = self.seconds
+
+        def save() -> None:
+            if self.store is not None:
+                self._save(self.store, before + time.monotonic() - started)
+
+        with bar("looking for equilibria", 1.0, show=progress) as advance, ThreadPoolExecutor(threads) as pool:
+            try:
+                while self.waiting or self.running:
+                    if looked and (time.monotonic() > end or sum(map(len, self.left)) > MOST_LEFT):
+                        break
+                    while self.waiting and len(self.running) < threads:
+                        task = self.waiting.pop()
+                        self.running[pool.submit(self._look, *task)] = task
+                    ready, _ = wait(self.running, return_when=FIRST_COMPLETED)
+                    for one in ready:
+                        del self.running[one]
+                        self._take(one.result(), len(self.running) + len(self.waiting) < threads)
+                    looked = True
+                    left = [*self.waiting, *self.running.values()]
+                    part = 1 - sum(self._volume(box) for _, boxes, _ in left for box in boxes) / self.volume
+                    advance(max(part - done, 0.0))
+                    done = max(part, done)
+                    if time.monotonic() - saved > SAVED:
+                        save()
+                        saved = time.monotonic()
+            finally:
+                while self.running:  # each ends within a call
+                    self._take(self.running.popitem()[0].result(), False)
+                save()
+
+    def _look(self, chart: int, boxes: np.ndarray, tensions: np.ndarray) -> tuple:
+        """One call of the kernel: what it found and left, and what remains to be looked at."""
+        m = self.problem.robot.cables
+        stack, ranges = np.empty((DEPTH, 6, 2)), np.empty((DEPTH, m, 2))
+        top = len(boxes)
+        stack[:top], ranges[:top] = boxes, tensions
+        found, left = np.empty((FOUND_ROOM, 6, 2)), np.empty((LEFT_ROOM, 6, 2))
+        known = self.found[chart][: FOUND_ROOM // 2]
+        before = len(known)
+        if before:
+            found[:before] = known
+        counts = np.zeros(self.kernel.COUNTS, np.int64)
+        top, nf, nl = self.kernel.search(self.setups[chart], stack, ranges, top, found, before, left, 0, CALL, counts)
+        return chart, stack[:top].copy(), ranges[:top].copy(), found[before:nf].copy(), left[:nl].copy(), counts
+
+    def _take(self, result: tuple, divide: bool) -> None:
+        chart, boxes, tensions, found, left, counts = result
+        self.found[chart] += list(found)
+        self.left[chart] += list(left)
+        self.counts += counts
+        if divide and len(boxes) > 1:  # the largest lie at the bottom: every second one for each
+            self.waiting += [(chart, boxes[1::2], tensions[1::2]), (chart, boxes[::2], tensions[::2])]
+        elif len(boxes):
+            self.waiting.append((chart, boxes, tensions))
+
+    def _volume(self, box: Float[np.ndarray, "6 2"]) -> float:
+        rows = list(FREE[self.problem.robot.mobility])
+        return float(np.prod(box[rows, 1] - box[rows, 0]))
+
+    def _save(self, path: Path, seconds: float) -> None:
+        """Whole or not at all; what is being looked at counts as waiting."""
+        parts: dict[str, np.ndarray] = {"key": np.array(self.key), "counts": self.counts}
+        parts["seconds"] = np.array(seconds)
+        for name, listed in (("found", self.found), ("left", self.left)):
+            for chart, boxes in enumerate(listed):
+                parts[f"{name}_{chart}"] = np.array(boxes).reshape(-1, 6, 2)
+        m = self.problem.robot.cables
+        for chart in range(len(self.setups)):
+            mine = [task for task in (*self.waiting, *self.running.values()) if task[0] == chart]
+            parts[f"boxes_{chart}"] = np.concatenate([np.empty((0, 6, 2)), *(boxes for _, boxes, _ in mine)])
+            parts[f"tensions_{chart}"] = np.concatenate([np.empty((0, m, 2)), *(ranges for _, _, ranges in mine)])
+        try:
+            with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+                np.savez(file, allow_pickle=False, **parts)  # type: ignore[arg-type]
+            os.replace(file.name, path)
+        except OSError as error:
+            raise StoreError(f"{path}: {error.strerror or error}") from None
+
+    def _resume(self, path: Path) -> None:
+        try:
+            with np.load(path) as kept:
+                if str(kept["key"]) != self.key:
+                    raise StoreError(f"{path}: found the search of another problem, expected this one's, or no file")
+                charts = range(len(self.setups))
+                self.found = [list(kept[f"found_{chart}"]) for chart in charts]
+                self.left = [list(kept[f"left_{chart}"]) for chart in charts]
+                self.waiting = []
+                for chart in charts:
+                    boxes, ranges = kept[f"boxes_{chart}"], kept[f"tensions_{chart}"]
+                    for first in range(0, len(boxes), DEPTH // 2):
+                        some = slice(first, first + DEPTH // 2)
+                        self.waiting.append((chart, boxes[some], ranges[some]))
+                self.counts, self.seconds = kept["counts"], float(kept["seconds"])
+        except StoreError:
+            raise
+        except Exception as error:  # NumPy and zipfile have many for a damaged file
+            raise StoreError(f"{path}: found no search that can be resumed ({error})") from None
+
+
+def _key(problem: Problem) -> str:
+    """Another for every problem."""
+    state, robot = hashlib.sha256(), problem.robot
+    parts = (
+        robot.exits, robot.anchors, robot.axial_stiffness, robot.cabling.stiffening, robot.center_of_mass,
+        np.array([robot.mass, robot.gravity]), problem.rest_lengths, problem.external_wrench,
+    )  # fmt: skip
+    for part in parts:
+        state.update(np.ascontiguousarray(part, dtype=float).tobytes() + b"\0")
+    return f"{robot.mobility} {state.hexdigest()}"
+
+
+def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"]):
+    robot = problem.robot
+    law = np.stack([problem.rest_lengths, robot.axial_stiffness, *robot.cabling.stiffening.T, *_slopes(robot)], 1)
+    size, weight = _size(problem), robot.mass * robot.gravity
+    return kernel.Setup(
+        exits=np.ascontiguousarray(robot.exits),
+        anchors=robot.anchors * signs,
+        law=law,
+        center_of_mass=robot.center_of_mass * signs,
+        weight=np.array([np.nextafter(weight, -np.inf), np.nextafter(weight, np.inf)]),
+        wrench=problem.external_wrench.copy(),
+        rows=np.array(FREE[robot.mobility], np.int64),
+        scales=np.repeat([1.0, 2 * robot.characteristic_length], 3),
+        newton=NEWTON * size,
+        near=NEAR * size,
+        least=LEAST * size,
+    )
+
+
+def _slopes(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
+    """Bounds of 1 + 2 a2 ε + 3 a3 ε² on [0, MOST_STRAIN], beyond which laws are straight: at ends and vertex."""
+    a2, a3 = robot.cabling.stiffening.T
+    vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
+    values = np.array([1 + 2 * a2 * e + 3 * a3 * e * e for e in (np.zeros_like(a2), vertex, MOST_STRAIN)])
+    spare = 1e-12 * robot.cabling.stiffening.any(-1) * np.abs(values).max(0)
+    return values.min(0) - spare, values.max(0) + spare
+
+
+def _size(problem: Problem) -> float:
+    """The largest extent of the exits, or the longest cable of exits at one point [m]."""
+    return max(float(np.ptp(problem.robot.exits, axis=0).max()), float(problem.rest_lengths.max()) / 2)
+
+
+def _pull(problem: Problem) -> float:
+    """The load's force [N]."""
+    return float(np.linalg.norm(problem.external_wrench[:3] - [0, 0, problem.robot.weight]))
+
+
+def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
+    """A box outside which forces cannot balance; v within [−1, 1], and what does not vary within [0, 0].
+
+    With the load's force along d, cables pull against it. All anchors on one side of all exits across d: every pull
+    has a part of one sign, and some pull is not zero. All anchors above all exits, against d: no pull up. And far
+    below: each cable's pull along −d is at most the load, which bounds its drop h by
+    EA s (h/l0 − 1) h/√(h² + W²) <= load, with the law's least slope s and the widest distance W across d.
+    """
+    robot = problem.robot
+    force = problem.external_wrench[:3] - np.array([0, 0, robot.weight])
+    down = force / np.linalg.norm(force)
+    reach = SPARE * float(np.linalg.norm(robot.anchors, axis=1).max()) + 1e-9
+    if robot.mobility == "planar":
+        across = np.array([[down[2], 0.0, -down[0]]])
+        frame = np.stack([down, across[0]])
+    else:
+        frame = np.linalg.svd(down[None])[2]
+        frame[0] = down
+    at = robot.exits @ frame.T
+    lower, upper = at.min(0) - reach, at.max(0) + reach
+    wide = SPARE * float(np.linalg.norm(upper[1:] - lower[1:]))
+    slopes, _ = _slopes(robot)
+    drops = []
+    for cable, rest in enumerate(problem.rest_lengths):
+        stiffness, drop = robot.axial_stiffness[cable] * slopes[cable], float(rest)
+        while not stiffness * (drop / rest - 1) * drop / math.hypot(drop, wide) > SPARE * _pull(problem):
+            drop *= 1.01
+        drops.append(at[cable, 0] + reach + drop)
+    upper[0] = max(min(drops), at[:, 0].max() + reach)
+    lower[0] = at[:, 0].min() - reach
+    corners = np.array(np.meshgrid(*np.stack([lower, upper], 1), indexing="ij")).reshape(len(frame), -1).T @ frame
+    spare = 1e-9 * (1 + np.abs(corners).max())
+    box = np.zeros((6, 2))
+    box[:3, 0], box[:3, 1] = corners.min(0) - spare, corners.max(0) + spare
+    box[3:] = [-1.0, 1.0]
+    fixed = [k for k in range(6) if k not in FREE[robot.mobility]]
+    box[fixed] = 0.0
+    return box
+
+
+# --- what was found, in balls
+
+
+@dataclass(frozen=True)
+class _Member:
+    """An equilibrium of the list: where it is proved to lie, and a box in which it is the only one."""
+
+    balance: Balance
+    enclosure: Enclosure
+    chart: int
+    box: Float[np.ndarray, "6 2"] | None
+
+
+def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...], tuple[Undecided, ...]]:
+    members: list[_Member] = []
+    undecided: list[Undecided] = []
+    for chart, boxes in enumerate(search.found):
+        for box in boxes:
+            member = _member(problem, search, chart, box)
+            if member is None:
+                undecided.append(_undecided("one equilibrium, of which no proof in balls is found", [box], chart))
+                continue
+            known = [_same(member, other) for other in members]
+            if None in known:
+                undecided.append(_undecided("an equilibrium that may be another's", [box], chart))
+            elif True not in known:
+                members.append(member)
+    if sum(map(len, search.left)) > MOST_LEFT:
+        for chart, boxes in enumerate(search.left):
+            if boxes:
+                reason = "a family of equilibria, or more boxes than are kept"
+                undecided.append(_undecided(reason, boxes, chart))
+    else:
+        for chart, boxes in enumerate(search.left):
+            for cluster in _joined(np.array(boxes).reshape(-1, 6, 2), search.setups[chart].least):
+                undecided += _covered(problem, search, chart, cluster, members)
+    certificates = [_certificate(problem, member) for member in members]
+    order = sorted(range(len(members)), key=lambda i: (certificates[i].index or 0, -certificates[i].position[0, 2]))
+    return tuple(certificates[i] for i in order), tuple(undecided)
+
+
+def _member(problem: Problem, search: _Search, chart: int, box: Float[np.ndarray, "6 2"]) -> _Member | None:
+    """The one equilibrium of a box, proved in balls to lie in it."""
+    kernel, setup = search.kernel, search.setups[chart]
+    m = problem.robot.cables
+    o, spin, at = np.zeros((m + 1, kernel.COLUMNS, 2)), np.empty((3, 3, 2)), np.empty(6)
+    q, ranges = box.copy(), np.stack([np.zeros(m), np.full(m, 1e300)], 1)
+    at[:] = q.mean(1)
+    for _ in range(TIGHTER):
+        width = float(((q[:, 1] - q[:, 0]) * setup.scales).max())
+        if not kernel.contract(q, ranges, setup, o, spin) or not kernel.krawczyk(q, ranges, setup, o, spin, at):
+            return None
+        if ((q[:, 1] - q[:, 0]) * setup.scales).max() > 0.9 * width:
+            break
+    member = _near(problem, chart, q.mean(1), box)
+    return member if member is not None and _in_box(member, chart, box) else None
+
+
+def _near(problem: Problem, chart: int, at: Float[np.ndarray, "6"], box: np.ndarray | None) -> _Member | None:
+    signs = np.array(CHARTS[problem.robot.mobility][chart])
+    turn = Rotation.from_quat([*at[3:], 1.0]).as_matrix() * signs
+    balance = Balance(problem, Pose(at[:3].copy(), turn))
+    found, _ = certificate.enclose(balance, problem.robot.characteristic_length)
+    return None if found is None else _Member(balance, found, chart, box)
+
+
+def _quaternion(balance: Balance, x: Sequence[Ball]) -> list[Ball]:
+    deltas = x[len(balance.axes) : balance.free]
+    return [balance.quaternion[a] + dot([t[a] for t in balance.tangents], deltas) for a in range(4)]
+
+
+def _in_chart(member: _Member, chart: int, planar: bool) -> list[Ball]:
+    """The enclosure's (x, y, z, v) in a chart: R(v) is the rotation, after the chart's half turn is undone."""
+    w, x, y, z = _quaternion(member.balance, member.enclosure.image)
+    if planar:
+        w, x, y, z = ((w, x, y, z), (y, -z, -w, x))[chart]
+    else:
+        w, x, y, z = ((w, x, y, z), (x, -w, z, -y), (y, -z, -w, x), (z, y, -x, -w))[chart]
+    return [*member.balance.position(member.enclosure.image), x / w, y / w, z / w]
+
+
+def _in_box(member: _Member, chart: int, box: Float[np.ndarray, "6 2"]) -> bool:
+    planar = len(member.balance.axes) == 2
+    rows = FREE["planar" if planar else "spatial"]
+    at = _in_chart(member, chart, planar)
+    return all(bool(at[k] >= exact(box[k, 0])) and bool(at[k] <= exact(box[k, 1])) for k in rows)
+
+
+def _same(one: _Member, other: _Member) -> bool | None:
+    """Whether both are one equilibrium; None if that is not proved either way."""
+    if other.box is not None and _in_box(one, other.chart, other.box):
+        return True
+    if one.box is not None and _in_box(other, one.chart, one.box):
+        return True
+    mine, theirs = (
+        [*m.balance.position(m.enclosure.image), *(v for row in m.enclosure.state.rotation for v in row)]
+        for m in (one, other)
+    )
+    return None if all(a.overlaps(b) for a, b in zip(mine, theirs, strict=True)) else False
+
+
+def _joined(boxes: Float[np.ndarray, "boxes 6 2"], least: float) -> list[np.ndarray]:
+    """Boxes that touch one another, but for the least width, together."""
+    clusters, left = [], list(range(len(boxes)))
+    while left:
+        waiting, members = [left.pop()], []
+        while waiting:
+            one = waiting.pop()
+            members.append(one)
+            rest = np.array(left, int)
+            if len(rest):
+                gap = np.maximum(boxes[rest, :, 0] - boxes[one, :, 1], boxes[one, :, 0] - boxes[rest, :, 1]).max(1)
+                near = set(rest[gap <= 4 * least].tolist())
+                waiting += near
+                left = [other for other in left if other not in near]
+        clusters.append(boxes[members])
+    return clusters
+
+
+def _covered(
+    problem: Problem, search: _Search, chart: int, cluster: np.ndarray, members: list[_Member]
+) -> list[Undecided]:
+    """Prove one equilibrium in a box of balls that covers a cluster, and add it if it is new; or say what is left."""
+    whole_box = np.stack([cluster[:, :, 0].min(0), cluster[:, :, 1].max(0)], 1)
+    member = _near(problem, chart, whole_box.mean(1), None)
+    if member is not None and all(_in_balls(member, chart, box) for box in cluster):
+        if not any(_same(member, other) or _covers(other, member) for other in members):
+            members.append(member)
+        return []
+    setup = search.setups[chart]
+    extent = ((whole_box[:, 1] - whole_box[:, 0]) * setup.scales).max()
+    if extent > FAMILY * setup.least:
+        reason = "a family of equilibria: a direction is neutral"
+    elif _at_kink(problem, chart, whole_box.mean(1)):
+        reason = "a kink: a cable is just at its rest length"
+    else:
+        reason = "a fold: equilibria meet there, or nearly so"
+    return [_undecided(reason, list(cluster), chart)]
+
+
+def _covers(member: _Member, other: _Member) -> bool:
+    """Whether the other's enclosure lies in the box of balls in which this one is alone."""
+    coordinates = _in_balance(
+        member.balance,
+        other.balance.position(other.enclosure.image),
+        _quaternion(other.balance, other.enclosure.image),
+    )
+    return all(b.contains(x) for b, x in zip(member.enclosure.box, coordinates, strict=True))
+
+
+def _in_balls(member: _Member, chart: int, box: Float[np.ndarray, "6 2"]) -> bool:
+    """Whether a box of a chart lies in the box of balls in which the member is alone."""
+    position = [exact(low).union(exact(high)) for low, high in box[:3]]
+    x, y, z = (exact(low).union(exact(high)) for low, high in box[3:])
+    one = exact(1)
+    if len(member.balance.axes) == 2:
+        q = ((one, x, y, z), (-y, z, one, -x))[chart]
+        position[1] = member.balance.origin[1]
+    else:
+        q = ((one, x, y, z), (-x, one, z, -y), (-y, -z, one, x), (-z, y, -x, one))[chart]
+    coordinates = _in_balance(member.balance, position, q)
+    return all(b.contains(c) for b, c in zip(member.enclosure.box, coordinates, strict=True))
+
+
+def _in_balance(balance: Balance, position: Sequence[Ball], q: Sequence[Ball]) -> list[Ball]:
+    """Coordinates of a pose: q is a multiple of q₀ + E δ."""
+    parts = (0, 2) if len(balance.axes) == 2 else (0, 1, 2, 3)
+    columns = [balance.quaternion, *balance.tangents]
+    system = matrix([[column[a] for column in columns] for a in parts])
+    scale, *deltas = (row[0] for row in system.solve(matrix([[q[a]] for a in parts])).tolist())
+    return [*(position[axis] for axis in balance.axes), *(delta / scale for delta in deltas)]
+
+
+def _at_kink(problem: Problem, chart: int, at: Float[np.ndarray, "6"]) -> bool:
+    signs = np.array(CHARTS[problem.robot.mobility][chart])
+    turn = Rotation.from_quat([*at[3:], 1.0]).as_matrix() * signs
+    lengths = np.linalg.norm(at[:3] + problem.robot.anchors @ turn.T - problem.robot.exits, axis=1)
+    return bool((np.abs(lengths - problem.rest_lengths) < 1e-6 * problem.robot.characteristic_length).any())
+
+
+def _undecided(reason: str, boxes: Sequence[np.ndarray], chart: int) -> Undecided:
+    every = np.array(boxes)
+    return Undecided(reason, len(boxes), every[:, :, 0].min(0), every[:, :, 1].max(0), chart)
+
+
+def _certificate(problem: Problem, member: _Member) -> Certificate:
+    """With an equilibrium made of the enclosure's midpoints."""
+    found = certificate.midpoint_of(problem, member.balance, member.enclosure)
+    return certificate.certificate_of(found, member.balance, member.enclosure)

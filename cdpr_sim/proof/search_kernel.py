@@ -1,0 +1,791 @@
+"""Branch and prune over poses and tensions, compiled: what finds every equilibrium and proves that none is missing.
+
+Unknowns are the pose (x, y, z, v) with the rotation of the quaternion (1, v), |v_k| <= 1, in one of several charts, and
+the cables' tensions. With tensions as unknowns of their own a stiffness EA enters only as 1/EA, and boxes need not be
+as small as the load over the stiffness. Of a planar robot only x, z and v_y vary.
+
+Each result is rounded outwards by more than half a unit in the last place, and only + − × ÷ and the square root are
+used, which IEEE 754 rounds correctly: no rounding mode is set, and no library's sine is trusted. Where a compiler
+contracts a product and a sum into one operation, that operation is rounded once, and the bounds hold all the same.
+
+Intervals are pairs (lower, upper). Directions point from the exit to the anchor, so that the balance is
+Σ τᵢ (nᵢ, uᵢ × nᵢ) + g = 0 with u the arm from the platform's origin and g minus the load.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core import compiling
+from cdpr_sim.core.cable import MOST_STRAIN
+
+SHARE, TINY = 2.3e-16, 1e-300
+"""Half a unit in the last place is at most 1.2e-16 of a number; a whole one, 2.3e-16, or what is below any length."""
+
+LENGTH, DIRECTION, MOMENT, ALONG, ARM, APART, COLUMNS = 0, 1, 4, 7, 8, 11, 14
+"""Columns of a cable's geometry: its length, n, u × n, n·u, u, and anchor minus exit."""
+
+SPLIT = 0.4837
+"""Of a box that is halved: equilibria lie on symmetric numbers, at which a box should not end."""
+
+AGAIN = 0.8
+"""A box is contracted again while some width falls to less than this part of it."""
+
+ROUNDS = 10
+"""Of contraction, at most."""
+
+OPENED = 0.05
+"""By which part a range of tensions is widened for Krawczyk's test, so that the image of slack can lie inside."""
+
+EMPTY, CONTRACTED, UNIQUE = 0, 1, 2
+"""What Krawczyk's test says of a box: no equilibrium, perhaps some, exactly one."""
+
+BOXES, BY_BALANCE, BY_KRAWCZYK, PROVED, LEFT, COUNTS = 0, 1, 2, 3, 4, 5
+"""Counts of a search: boxes looked at; excluded by balances; by Krawczyk's test; proved; left undecided."""
+
+jit = compiling.jit(nogil=True, error_model="numpy")
+
+
+class Setup(NamedTuple):
+    """A problem as the kernel takes it.
+
+    Attributes:
+        exits: (cables, 3) [m].
+        anchors: in the chart's platform frame, (cables, 3) [m].
+        law: rest length [m], EA [N], a2, a3, and bounds of the law's slope over EA/l0, (cables, 6).
+        center_of_mass: in the chart's platform frame, (3,) [m].
+        weight: an interval [N], (2,).
+        wrench: external force and torque [N, N m], (6,).
+        rows: indices of the free coordinates among (x, y, z, v), which are those of the balances.
+        scales: by which widths of the coordinates are compared [m], (6,).
+        newton: width [m] below which Krawczyk's test is tried.
+        near: width [m] below which an equilibrium near the box is looked for.
+        least: width [m] below which a box is left undecided.
+    """
+
+    exits: Float[np.ndarray, "cables 3"]
+    anchors: Float[np.ndarray, "cables 3"]
+    law: Float[np.ndarray, "cables 6"]
+    center_of_mass: Float[np.ndarray, "3"]
+    weight: Float[np.ndarray, "2"]
+    wrench: Float[np.ndarray, "6"]
+    rows: np.ndarray
+    scales: Float[np.ndarray, "6"]
+    newton: float
+    near: float
+    least: float
+
+
+@jit
+def up(x):
+    """No less than any number that rounds to x."""
+    return x + (abs(x) * SHARE + TINY)
+
+
+@jit
+def down(x):
+    """No more than any number that rounds to x."""
+    return x - (abs(x) * SHARE + TINY)
+
+
+@jit
+def add(a, b, c, d):
+    """[a, b] + [c, d]."""
+    return down(a + c), up(b + d)
+
+
+@jit
+def subtract(a, b, c, d):
+    """[a, b] − [c, d]."""
+    return down(a - d), up(b - c)
+
+
+@jit
+def multiply(a, b, c, d):
+    """[a, b] × [c, d]."""
+    p, q, r, s = a * c, a * d, b * c, b * d
+    return down(min(min(p, q), min(r, s))), up(max(max(p, q), max(r, s)))
+
+
+@jit
+def scaled(a, b, c):
+    """[a, b] × c."""
+    p, q = a * c, b * c
+    return down(min(p, q)), up(max(p, q))
+
+
+@jit
+def over(a, b, c, d):
+    """[a, b] ÷ [c, d], c > 0."""
+    return down(a / d if a >= 0 else a / c), up(b / c if b >= 0 else b / d)
+
+
+@jit
+def least(a, b):
+    """The least |x| in [a, b]."""
+    return a if a > 0 else (-b if b < 0 else 0.0)
+
+
+@jit
+def square(a, b):
+    """[a, b]²."""
+    low, high = least(a, b), max(abs(a), abs(b))
+    return max(down(low * low), 0.0), up(high * high)
+
+
+@jit
+def root_down(x):
+    """√x from below."""
+    return max(down(np.sqrt(max(x, 0.0))), 0.0)
+
+
+@jit
+def unit_down(x, low, high):
+    """The least x/√(x² + s) with s in [low, high]."""
+    if x >= 0:
+        h = up(np.sqrt(up(up(x * x) + high)))
+        return down(x / h) if h > 0 else -1.0
+    h = root_down(down(down(x * x) + low))
+    return max(down(x / h), -1.0) if h > 0 else -1.0
+
+
+@jit
+def turn(q, R, spin):
+    """The rotation over a box, (3, 3, 2); and the angular velocities of v_k, (3, 3, 2), by coordinates k first."""
+    s = np.empty((3, 2))
+    f = np.empty((3, 2))  # 2 v_k / (1 + |v|²)
+    for k in range(3):
+        s[k, 0], s[k, 1] = square(q[3 + k, 0], q[3 + k, 1])
+    low, high = 1.0, 1.0
+    for k in range(3):
+        low, high = down(low + s[k, 0]), up(high + s[k, 1])
+    double_low, double_high = down(2 / high), up(2 / low)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        rest_low, rest_high = down(1 + down(s[i, 0] + s[j, 0])), up(1 + up(s[i, 1] + s[j, 1]))
+        a, b = q[3 + k, 0], q[3 + k, 1]
+        if a < -1 or b > 1:  # it rises with v_k between them alone
+            f[k, 0], f[k, 1] = -1.0, 1.0
+        else:
+            d = up(rest_high + up(a * a)) if a >= 0 else down(rest_low + down(a * a))
+            f[k, 0] = max(down(2 * a / d), -1.0)
+            d = down(rest_low + down(b * b)) if b >= 0 else up(rest_high + up(b * b))
+            f[k, 1] = min(up(2 * b / d), 1.0)
+        others_low, others_high = down(s[i, 0] + s[j, 0]), up(s[i, 1] + s[j, 1])
+        most = up(2 * others_high / down(down(1 + s[k, 0]) + others_high))
+        few = max(down(2 * others_low / up(up(1 + s[k, 1]) + max(others_low, 0.0))), 0.0)
+        R[k, k, 0], R[k, k, 1] = down(1 - most), up(1 - few)
+        spin[k, k, 0], spin[k, k, 1] = double_low, double_high
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        a, b = multiply(f[i, 0], f[i, 1], q[3 + j, 0], q[3 + j, 1])
+        c, d = multiply(f[j, 0], f[j, 1], q[3 + i, 0], q[3 + i, 1])
+        a, b = max(a, c), min(b, d)
+        R[i, j, 0], R[i, j, 1] = subtract(a, b, f[k, 0], f[k, 1])
+        R[j, i, 0], R[j, i, 1] = add(a, b, f[k, 0], f[k, 1])
+        spin[i, j, 0], spin[i, j, 1] = f[k, 0], f[k, 1]
+        spin[j, i, 0], spin[j, i, 1] = -f[k, 1], -f[k, 0]
+
+
+@jit
+def cross(a, b, r):
+    """Component r of a × b, intervals (3, 2)."""
+    i, j = (r + 1) % 3, (r + 2) % 3
+    p0, p1 = multiply(a[i, 0], a[i, 1], b[j, 0], b[j, 1])
+    q0, q1 = multiply(a[j, 0], a[j, 1], b[i, 0], b[i, 1])
+    return subtract(p0, p1, q0, q1)
+
+
+@jit
+def geometry(q, setup, o, spin):
+    """Fill o (cables + 1, COLUMNS, 2): each cable's geometry over a box; in the last row, the arm of the weight."""
+    m = setup.exits.shape[0]
+    R, Rm, middle = np.empty((3, 3, 2)), np.empty((3, 3, 2)), np.empty((6, 2))
+    turn(q, R, spin)
+    for k in range(6):
+        middle[k, 0] = middle[k, 1] = 0.5 * (q[k, 0] + q[k, 1])
+    unused = np.empty((3, 3, 2))
+    turn(middle, Rm, unused)
+    apart = np.empty((3, 2))
+    squares = np.empty((3, 2))
+    for i in range(m + 1):
+        b = setup.anchors[i] if i < m else setup.center_of_mass
+        u = o[i, ARM : ARM + 3]
+        centred = np.zeros((3, 2))
+        for r in range(3):
+            u[r, 0] = u[r, 1] = 0.0
+            for c in range(3):
+                p0, p1 = scaled(R[r, c, 0], R[r, c, 1], b[c])
+                u[r, 0], u[r, 1] = add(u[r, 0], u[r, 1], p0, p1)
+                p0, p1 = scaled(Rm[r, c, 0], Rm[r, c, 1], b[c])
+                centred[r, 0], centred[r, 1] = add(centred[r, 0], centred[r, 1], p0, p1)
+        for k in range(3):
+            if q[3 + k, 0] == q[3 + k, 1]:
+                continue
+            w0, w1 = subtract(q[3 + k, 0], q[3 + k, 1], middle[3 + k, 0], middle[3 + k, 0])
+            for r in range(3):
+                p0, p1 = cross(spin[k], u, r)
+                p0, p1 = multiply(p0, p1, w0, w1)
+                centred[r, 0], centred[r, 1] = add(centred[r, 0], centred[r, 1], p0, p1)
+        for r in range(3):
+            u[r, 0], u[r, 1] = max(u[r, 0], centred[r, 0]), min(u[r, 1], centred[r, 1])
+        if i == m:
+            return
+        for r in range(3):
+            a, b_ = add(q[r, 0], q[r, 1], u[r, 0], u[r, 1])
+            apart[r, 0], apart[r, 1] = subtract(a, b_, setup.exits[i, r], setup.exits[i, r])
+            o[i, APART + r] = apart[r]
+            squares[r, 0], squares[r, 1] = square(apart[r, 0], apart[r, 1])
+        low = down(down(squares[0, 0] + squares[1, 0]) + squares[2, 0])
+        high = up(up(squares[0, 1] + squares[1, 1]) + squares[2, 1])
+        o[i, LENGTH, 0], o[i, LENGTH, 1] = root_down(low), up(np.sqrt(high))
+        n = o[i, DIRECTION : DIRECTION + 3]
+        for r in range(3):
+            s, t = (r + 1) % 3, (r + 2) % 3
+            low, high = max(down(squares[s, 0] + squares[t, 0]), 0.0), up(squares[s, 1] + squares[t, 1])
+            n[r, 0], n[r, 1] = unit_down(apart[r, 0], low, high), -unit_down(-apart[r, 1], low, high)
+        o[i, ALONG, 0] = o[i, ALONG, 1] = 0.0
+        for r in range(3):
+            o[i, MOMENT + r, 0], o[i, MOMENT + r, 1] = cross(u, n, r)
+            p0, p1 = multiply(n[r, 0], n[r, 1], u[r, 0], u[r, 1])
+            o[i, ALONG, 0], o[i, ALONG, 1] = add(o[i, ALONG, 0], o[i, ALONG, 1], p0, p1)
+
+
+@jit
+def slope(law, strain_low, strain_high):
+    """The law's slope over EA/l0: 1 + 2 a2 ε + 3 a3 ε², constant beyond MOST_STRAIN."""
+    if law[2] == 0.0 and law[3] == 0.0:
+        return 1.0, 1.0
+    a, b = min(max(strain_low, 0.0), MOST_STRAIN), min(max(strain_high, 0.0), MOST_STRAIN)
+    c, d = multiply(a, b, down(3 * law[3]), up(3 * law[3]))
+    c, d = add(c, d, 2 * law[2], 2 * law[2])
+    c, d = multiply(a, b, c, d)
+    c, d = add(c, d, 1.0, 1.0)
+    return max(c, law[4]), min(d, law[5])
+
+
+@jit
+def strained(law, strain_low, strain_high):
+    """τ/EA at a strain that lies in an interval, which is to be narrow."""
+    if law[2] == 0.0 and law[3] == 0.0:
+        return max(strain_low, 0.0), max(strain_high, 0.0)
+    a, b = max(strain_low, 0.0), max(strain_high, 0.0)
+    c, d = min(a, MOST_STRAIN), min(b, MOST_STRAIN)
+    p, q = scaled(c, d, law[3])
+    p, q = add(p, q, law[2], law[2])
+    p, q = multiply(c, d, p, q)
+    p, q = add(p, q, 1.0, 1.0)
+    p, q = multiply(c, d, p, q)
+    beyond_low, beyond_high = max(down(a - d), 0.0), max(up(b - c), 0.0)
+    if b <= MOST_STRAIN:
+        beyond_low = beyond_high = 0.0
+    s, t = slope(law, c, d)
+    s, t = multiply(s, t, beyond_low, beyond_high)
+    return add(p, q, s, t)
+
+
+@jit
+def strain(law, length):
+    """l/l0 − 1."""
+    return down(down(length / law[0]) - 1), up(up(length / law[0]) - 1)
+
+
+@jit
+def tension(law, low, high):
+    """τ over lengths [low, high]: it rises."""
+    a, b = strain(law, low)
+    c, d = strain(law, high)
+    p = strained(law, a, b)[0]
+    q = strained(law, c, d)[1]
+    return max(down(law[1] * p), 0.0), max(up(law[1] * q), 0.0)
+
+
+@jit
+def load(setup, o, g):
+    """Fill g (6, 2): minus the wrench of weight and external wrench about the platform's origin."""
+    w0, w1 = setup.weight
+    c = o[-1, ARM : ARM + 3]
+    for r in range(6):
+        g[r, 0] = g[r, 1] = -setup.wrench[r]
+    g[2, 0], g[2, 1] = add(g[2, 0], g[2, 1], w0, w1)
+    a, b = multiply(w0, w1, c[1, 0], c[1, 1])
+    g[3, 0], g[3, 1] = add(g[3, 0], g[3, 1], a, b)
+    a, b = multiply(w0, w1, c[0, 0], c[0, 1])
+    g[4, 0], g[4, 1] = subtract(g[4, 0], g[4, 1], a, b)
+
+
+@jit
+def balance(T, W, g0, g1):
+    """Contract tensions T by Σ Tᵢ Wᵢ + [g0, g1] = 0. False if it cannot vanish."""
+    m = T.shape[0]
+    parts = np.empty((m, 2))
+    low, high = g0, g1
+    for i in range(m):
+        parts[i, 0], parts[i, 1] = multiply(T[i, 0], T[i, 1], W[i, 0], W[i, 1])
+        low, high = add(low, high, parts[i, 0], parts[i, 1])
+    if low > 0 or high < 0:
+        return False
+    for i in range(m):
+        if W[i, 0] <= 0 <= W[i, 1]:
+            continue
+        low, high = g0, g1
+        for j in range(m):
+            if j != i:
+                low, high = add(low, high, parts[j, 0], parts[j, 1])
+        if W[i, 0] > 0:
+            a, b = over(-high, -low, W[i, 0], W[i, 1])
+        else:
+            a, b = over(low, high, -W[i, 1], -W[i, 0])
+        T[i, 0], T[i, 1] = max(T[i, 0], a), min(T[i, 1], b)
+        if T[i, 0] > T[i, 1]:
+            return False
+    return True
+
+
+@jit
+def virtual_work(T, o, g, rows, y, W):
+    """Contract T by the balance along the motion y (6,), whose other entries than ``rows`` are zero."""
+    W[:] = 0.0
+    low, high = 0.0, 0.0
+    for r in rows:
+        for i in range(T.shape[0]):
+            a, b = scaled(o[i, DIRECTION + r, 0], o[i, DIRECTION + r, 1], y[r])
+            W[i, 0], W[i, 1] = add(W[i, 0], W[i, 1], a, b)
+        a, b = scaled(g[r, 0], g[r, 1], y[r])
+        low, high = add(low, high, a, b)
+    return balance(T, W, low, high)
+
+
+@jit
+def unbalanced(T, o, g, rows, y):
+    """What the best tensions within T leave unbalanced at the middle, in floats: the motion y, or nothing."""
+    m = T.shape[0]
+    tau, W = 0.5 * (T[:, 0] + T[:, 1]), np.zeros((m, 6))
+    for r in rows:
+        y[r] = 0.5 * (g[r, 0] + g[r, 1])
+        for i in range(m):
+            W[i, r] = 0.5 * (o[i, DIRECTION + r, 0] + o[i, DIRECTION + r, 1])
+            y[r] += tau[i] * W[i, r]
+    for _ in range(8):
+        for i in range(m):
+            best = tau[i] - (W[i] * y).sum() / max((W[i] * W[i]).sum(), TINY)
+            best = min(max(best, T[i, 0]), T[i, 1])
+            y += (best - tau[i]) * W[i]
+            tau[i] = best
+    size = np.abs(y).max()
+    if size > 0:
+        y /= size
+    return size > 0
+
+
+@jit
+def contract(q, T, setup, o, spin):
+    """Contract a box q (6, 2) and tensions T by lengths, balances and virtual works. False: no equilibrium in it."""
+    m, rows = T.shape[0], setup.rows
+    geometry(q, setup, o, spin)
+    for i in range(m):
+        a, b = tension(setup.law[i], o[i, LENGTH, 0], o[i, LENGTH, 1])
+        T[i, 0], T[i, 1] = max(T[i, 0], a), min(T[i, 1], b)
+        if T[i, 0] > T[i, 1]:
+            return False
+    g, y, W = np.empty((6, 2)), np.zeros(6), np.empty((m, 2))
+    load(setup, o, g)
+    for r in rows:
+        if not balance(T, o[:m, DIRECTION + r], g[r, 0], g[r, 1]):
+            return False
+    if len(rows) == 3:  # the motions that two cables do no work along
+        w = np.empty((m, 3))
+        for i in range(m):
+            for k in range(3):
+                w[i, k] = 0.5 * (o[i, DIRECTION + rows[k], 0] + o[i, DIRECTION + rows[k], 1])
+        for i in range(m):
+            for j in range(i):
+                size = 0.0
+                for k in range(3):
+                    s, t = (k + 1) % 3, (k + 2) % 3
+                    y[rows[k]] = w[i, s] * w[j, t] - w[i, t] * w[j, s]
+                    size = max(size, abs(y[rows[k]]))
+                if size > 0:
+                    y /= size
+                    if not virtual_work(T, o, g, rows, y, W):
+                        return False
+    elif unbalanced(T, o, g, rows, y) and not virtual_work(T, o, g, rows, y, W):
+        return False
+    for i in range(m):  # tensions back to lengths, lengths back to positions
+        rest, stiffness = setup.law[i, 0], setup.law[i, 1]
+        high = up(rest * up(1 + up(up(T[i, 1] / stiffness) / setup.law[i, 4])))
+        low = 0.0
+        if T[i, 0] > 0:
+            low = down(rest * down(1 + down(down(T[i, 0] / stiffness) / setup.law[i, 5])))
+        d = o[i, APART : APART + 3]
+        for r in range(3):
+            s, t = (r + 1) % 3, (r + 2) % 3
+            s0, s1 = square(d[s, 0], d[s, 1])
+            t0, t1 = square(d[t, 0], d[t, 1])
+            reach = up(up(high * high) - down(s0 + t0))
+            if reach < 0:
+                return False
+            if q[r, 0] == q[r, 1]:
+                continue
+            reach = up(np.sqrt(reach))
+            a, b = max(d[r, 0], -reach), min(d[r, 1], reach)
+            clear = down(down(low * low) - up(s1 + t1))
+            if low > 0 and clear > 0:
+                clear = root_down(clear)
+                if a > -clear:
+                    a = max(a, clear)
+                if b < clear:
+                    b = min(b, -clear)
+            if a > b:
+                return False
+            if a > d[r, 0] or b < d[r, 1]:
+                a, b = add(a, b, setup.exits[i, r], setup.exits[i, r])
+                a, b = subtract(a, b, o[i, ARM + r, 0], o[i, ARM + r, 1])
+                q[r, 0], q[r, 1] = max(q[r, 0], a), min(q[r, 1], b)
+                if q[r, 0] > q[r, 1]:
+                    return False
+    return True
+
+
+@jit
+def invert(M):
+    """The inverse in floats, and whether there is one. It proves nothing."""
+    n = M.shape[0]
+    a = np.zeros((n, 2 * n))
+    a[:, :n] = M
+    for i in range(n):
+        a[i, n + i] = 1.0
+    for i in range(n):
+        p = i + np.argmax(np.abs(a[i:, i]))
+        if not abs(a[p, i]) > TINY:
+            return a[:, n:].copy(), False
+        if p != i:
+            row = a[p].copy()
+            a[p] = a[i]
+            a[i] = row
+        a[i] /= a[i, i]
+        for j in range(n):
+            if j != i:
+                a[j] -= a[j, i] * a[i]
+    return a[:, n:].copy(), True
+
+
+@jit
+def derivatives(T, setup, o, spin, acting, count, J):
+    """Fill J: derivatives of the balances and of the cables' laws by the free coordinates and the acting tensions."""
+    m, rows, n = setup.exits.shape[0], setup.rows, len(setup.rows)
+    J[:] = 0.0
+    K = np.zeros((6, 6, 2))  # of the balances by translation and rotation vector
+    w0, w1 = setup.weight
+    c = o[m, ARM : ARM + 3]
+    for r in range(3):
+        a, b = multiply(w0, w1, c[r, 0], c[r, 1])
+        K[3 + r, 5, 0], K[3 + r, 5, 1] = add(K[3 + r, 5, 0], K[3 + r, 5, 1], a, b)
+        a, b = multiply(-w1, -w0, c[2, 0], c[2, 1])
+        K[3 + r, 3 + r, 0], K[3 + r, 3 + r, 1] = add(K[3 + r, 3 + r, 0], K[3 + r, 3 + r, 1], a, b)
+    E = np.zeros((3, 6, 2))
+    for k in range(count):
+        i = acting[k]
+        t0, t1 = T[i]
+        s0, s1 = over(t0, t1, o[i, LENGTH, 0], o[i, LENGTH, 1])
+        n_, u = o[i, DIRECTION : DIRECTION + 3], o[i, ARM : ARM + 3]
+        for r in range(3):  # E = ([n]×, n·u − u nᵀ), and (1 − n nᵀ) seen by the arm is Eᵀ E
+            s, t = (r + 1) % 3, (r + 2) % 3
+            E[r, s, 0], E[r, s, 1] = -n_[t, 1], -n_[t, 0]
+            E[r, t, 0], E[r, t, 1] = n_[s, 0], n_[s, 1]
+            E[r, 3 + r, 0] = E[r, 3 + r, 1] = 0.0
+            for x in range(3):
+                a, b = multiply(u[r, 0], u[r, 1], n_[x, 0], n_[x, 1])
+                E[r, 3 + x, 0], E[r, 3 + x, 1] = -b, -a
+            a, b = multiply(u[s, 0], u[s, 1], n_[s, 0], n_[s, 1])
+            d, e = multiply(u[t, 0], u[t, 1], n_[t, 0], n_[t, 1])
+            E[r, 3 + r, 0], E[r, 3 + r, 1] = add(a, b, d, e)
+        for r in rows:
+            for x in rows:
+                low, high = 0.0, 0.0
+                for e in range(3):
+                    if r == x:
+                        a, b = square(E[e, r, 0], E[e, r, 1])
+                    else:
+                        a, b = multiply(E[e, r, 0], E[e, r, 1], E[e, x, 0], E[e, x, 1])
+                    low, high = add(low, high, a, b)
+                a, b = multiply(low, high, s0, s1)
+                K[r, x, 0], K[r, x, 1] = add(K[r, x, 0], K[r, x, 1], a, b)
+                if r > 2 and x > 2:  # the pull keeps its direction and its arm turns: u nᵀ − n·u
+                    a, b = multiply(t0, t1, -E[r - 3, x, 1], -E[r - 3, x, 0])
+                    K[r, x, 0], K[r, x, 1] = add(K[r, x, 0], K[r, x, 1], a, b)
+        law = setup.law[i]
+        a, b = strain(law, o[i, LENGTH, 0])[0], strain(law, o[i, LENGTH, 1])[1]
+        low, high = slope(law, a, b)
+        if o[i, LENGTH, 0] < law[0]:
+            low = 0.0
+        for r in range(n):
+            w0_, w1_ = o[i, DIRECTION + rows[r]]
+            J[r, n + k, 0], J[r, n + k, 1] = w0_, w1_
+            K_low, K_high = multiply(low, high, w0_, w1_)
+            J[n + k, r, 0], J[n + k, r, 1] = K_low, K_high
+        J[n + k, n + k, 0], J[n + k, n + k, 1] = -up(law[0] / law[1]), -down(law[0] / law[1])
+    turned = np.empty((6, 2))
+    for r in range(n + count):  # rotation vectors are turned into v: by its angular velocities
+        for x in range(3):
+            turned[x, 0] = turned[x, 1] = turned[3 + x, 0] = turned[3 + x, 1] = 0.0
+        for x in range(n):
+            if r < n:
+                turned[rows[x]] = K[rows[r], rows[x]]
+            else:
+                turned[rows[x]] = J[r, x]
+        for x in range(n):
+            if rows[x] < 3:
+                J[r, x] = turned[rows[x]]
+            else:
+                low, high = 0.0, 0.0
+                for e in range(3):
+                    full = K[rows[r], 3 + e] if r < n else turned[3 + e]
+                    a, b = multiply(full[0], full[1], spin[rows[x] - 3, e, 0], spin[rows[x] - 3, e, 1])
+                    low, high = add(low, high, a, b)
+                J[r, x, 0], J[r, x, 1] = low, high
+
+
+@jit
+def krawczyk(q, T, setup, o, spin, at):
+    """Krawczyk's test in the free coordinates and the tensions of cables that may be taut; contracts q and T.
+
+    Returns EMPTY, CONTRACTED or UNIQUE; the middle of its image is left in ``at`` (6,).
+    """
+    m, rows, n = T.shape[0], setup.rows, len(setup.rows)
+    acting, count = np.empty(m, np.int64), 0
+    geometry(q, setup, o, spin)
+    for i in range(m):
+        if o[i, LENGTH, 1] > setup.law[i, 0]:
+            if not o[i, LENGTH, 0] > 0:
+                return CONTRACTED
+            acting[count] = i
+            count += 1
+    N = n + count
+    Y, opened, J = np.empty((N, 2)), T.copy(), np.empty((N, N, 2))
+    for r in range(n):
+        Y[r] = q[rows[r]]
+    for k in range(count):
+        i = acting[k]
+        wider = OPENED * (T[i, 1] - T[i, 0]) + 1e-9 * setup.weight[1] + TINY
+        opened[i, 0], opened[i, 1] = T[i, 0] - wider, T[i, 1] + wider
+        Y[n + k] = opened[i]
+    derivatives(opened, setup, o, spin, acting, count, J)
+    C, regular = invert(0.5 * (J[:, :, 0] + J[:, :, 1]))
+    if not regular:
+        return CONTRACTED
+    middle = 0.5 * (Y[:, 0] + Y[:, 1])
+    thin, G, g = q.copy(), np.zeros((N, 2)), np.empty((6, 2))
+    for r in range(n):
+        thin[rows[r], 0] = thin[rows[r], 1] = middle[r]
+    geometry(thin, setup, o, spin)
+    load(setup, o, g)
+    for r in range(n):
+        G[r] = g[rows[r]]
+    for k in range(count):
+        i, tau = acting[k], middle[n + k]
+        law = setup.law[i]
+        for r in range(n):
+            a, b = multiply(o[i, DIRECTION + rows[r], 0], o[i, DIRECTION + rows[r], 1], tau, tau)
+            G[r, 0], G[r, 1] = add(G[r, 0], G[r, 1], a, b)
+        low = strained(law, strain(law, o[i, LENGTH, 0])[0], strain(law, o[i, LENGTH, 0])[1])[0]
+        high = strained(law, strain(law, o[i, LENGTH, 1])[0], strain(law, o[i, LENGTH, 1])[1])[1]
+        a, b = scaled(low, high, law[0])
+        low, high = multiply(down(law[0] / law[1]), up(law[0] / law[1]), tau, tau)
+        G[n + k, 0], G[n + k, 1] = subtract(a, b, low, high)
+    inside, image = True, np.empty((N, 2))
+    for r in range(N):
+        k0, k1 = middle[r], middle[r]
+        for c in range(N):
+            a, b = scaled(G[c, 0], G[c, 1], -C[r, c])
+            k0, k1 = add(k0, k1, a, b)
+        for c in range(N):
+            e0 = e1 = 1.0 if r == c else 0.0
+            for s in range(N):
+                if J[s, c, 0] == 0 and J[s, c, 1] == 0:
+                    continue
+                a, b = scaled(J[s, c, 0], J[s, c, 1], C[r, s])
+                e0, e1 = subtract(e0, e1, a, b)
+            a, b = multiply(e0, e1, down(Y[c, 0] - middle[c]), up(Y[c, 1] - middle[c]))
+            k0, k1 = add(k0, k1, a, b)
+        if not (k0 > -np.inf and k1 < np.inf):
+            return CONTRACTED
+        inside = inside and k0 > Y[r, 0] and k1 < Y[r, 1]
+        image[r, 0], image[r, 1] = max(k0, Y[r, 0]), min(k1, Y[r, 1])
+        if image[r, 0] > image[r, 1]:
+            return EMPTY
+    for r in range(n):
+        q[rows[r]] = image[r]
+        at[rows[r]] = 0.5 * (image[r, 0] + image[r, 1])
+    for k in range(count):
+        i = acting[k]
+        T[i, 0], T[i, 1] = max(T[i, 0], image[n + k, 0]), min(T[i, 1], image[n + k, 1])
+        if T[i, 0] > T[i, 1]:
+            return EMPTY
+    return UNIQUE if inside else CONTRACTED
+
+
+@jit
+def steps_to_equilibrium(start, setup, o, spin):
+    """Newton's steps in floats from a pose (6,): the pose they lead to, and whether they end. It proves nothing."""
+    m, rows, n = setup.exits.shape[0], setup.rows, len(setup.rows)
+    y, last, g = start.copy(), np.inf, np.empty((6, 2))
+    thin, T, acting = np.empty((6, 2)), np.zeros((m, 2)), np.empty(m, np.int64)
+    for _ in range(40):
+        thin[:, 0] = y
+        thin[:, 1] = y
+        geometry(thin, setup, o, spin)
+        load(setup, o, g)
+        count = 0
+        F = np.zeros(n)
+        for r in range(n):
+            F[r] = g[rows[r], 0]
+        for i in range(m):
+            tau = tension(setup.law[i], o[i, LENGTH, 0], o[i, LENGTH, 0])[1]
+            T[i, 0] = T[i, 1] = tau
+            if o[i, LENGTH, 0] > setup.law[i, 0]:
+                acting[count] = i
+                count += 1
+                for r in range(n):
+                    F[r] += tau * o[i, DIRECTION + rows[r], 0]
+        J = np.empty((n + count, n + count, 2))
+        derivatives(T, setup, o, spin, acting, count, J)
+        C, regular = invert(J[:, :, 0])
+        if not regular:
+            return y, False
+        step = -(C[:n, :n].copy() @ F)
+        size = 0.0
+        for r in range(n):
+            size = max(size, abs(step[r]) * setup.scales[rows[r]])
+        part = min(1.0, 500 * setup.near / max(size, TINY))
+        for r in range(n):
+            y[rows[r]] += part * step[r]
+        if size < 1e-11 * setup.near or (size < 1e-7 * setup.near and size >= last):
+            return y, True
+        last = size
+    return y, False
+
+
+@jit
+def within(q, box, rows):
+    """Whether q lies in the box."""
+    for r in rows:  # noqa: SIM110  (Numba compiles no generator)
+        if q[r, 0] < box[r, 0] or q[r, 1] > box[r, 1]:
+            return False
+    return True
+
+
+@jit
+def blown_up(q, setup, o, spin, box):
+    """A box about an equilibrium near q that contains q and has exactly one: filled into ``box``. False if none is."""
+    m, rows = setup.exits.shape[0], setup.rows
+    y, ended = steps_to_equilibrium(0.5 * (q[:, 0] + q[:, 1]), setup, o, spin)
+    if not ended:
+        return False
+    at, T, size = np.empty(6), np.empty((m, 2)), 100 * setup.near
+    while size > setup.least / 10:
+        box[:] = q
+        for r in rows:
+            box[r, 0], box[r, 1] = y[r] - size / setup.scales[r], y[r] + size / setup.scales[r]
+        if not within(q, box, rows):
+            return False
+        tried = box.copy()
+        geometry(tried, setup, o, spin)
+        for i in range(m):
+            T[i, 0], T[i, 1] = tension(setup.law[i], o[i, LENGTH, 0], o[i, LENGTH, 1])
+        if krawczyk(tried, T, setup, o, spin, at) == UNIQUE:
+            return True
+        size /= 10
+    return False
+
+
+@jit
+def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
+    """Go on with a search, depth first, for ``most`` boxes at most.
+
+    Args:
+        setup: the problem.
+        boxes: boxes to be looked at, (room, 6, 2), of which the first ``top`` are filled in.
+        tensions: their ranges of tensions, (room, cables, 2).
+        top: how many there are.
+        found: boxes with exactly one equilibrium, (room, 6, 2), of which ``nf`` are filled in.
+        nf: how many.
+        left: boxes left undecided, (room, 6, 2), of which ``nl`` are filled in.
+        nl: how many.
+        most: boxes to look at.
+        counts: what became of boxes, (COUNTS,), added to.
+
+    Returns:
+        top, nf and nl as they are then. The search is done at top = 0; it stops too where room is short.
+    """
+    m, rows = setup.exits.shape[0], setup.rows
+    o, spin, at = np.zeros((m + 1, COLUMNS, 2)), np.empty((3, 3, 2)), np.empty(6)
+    box, end = np.empty((6, 2)), counts[BOXES] + most
+    while top > 0 and counts[BOXES] < end:
+        if nf == found.shape[0] or nl == left.shape[0] or top + 1 >= boxes.shape[0]:
+            return top, nf, nl
+        top -= 1
+        q, T = boxes[top].copy(), tensions[top].copy()
+        counts[BOXES] += 1
+        alive = True
+        for _ in range(ROUNDS):
+            old = q.copy()
+            for f in range(nf):
+                if within(q, found[f], rows):
+                    alive = False
+                    break
+            if not alive:
+                break
+            if not contract(q, T, setup, o, spin):
+                counts[BY_BALANCE] += 1
+                alive = False
+                break
+            width = 0.0
+            for r in rows:
+                width = max(width, (q[r, 1] - q[r, 0]) * setup.scales[r])
+            if width < setup.newton:
+                state = krawczyk(q, T, setup, o, spin, at)
+                if state == EMPTY:
+                    counts[BY_KRAWCZYK] += 1
+                    alive = False
+                    break
+                if state == UNIQUE:
+                    found[nf] = old
+                    nf += 1
+                    counts[PROVED] += 1
+                    alive = False
+                    break
+            shrunk = 1.0
+            for r in rows:
+                if old[r, 1] > old[r, 0]:
+                    shrunk = min(shrunk, (q[r, 1] - q[r, 0]) / (old[r, 1] - old[r, 0]))
+            if shrunk > AGAIN:
+                break
+        if not alive:
+            continue
+        widest, width = rows[0], -1.0
+        for r in rows:
+            if (q[r, 1] - q[r, 0]) * setup.scales[r] > width:
+                widest, width = r, (q[r, 1] - q[r, 0]) * setup.scales[r]
+        if width < setup.near and blown_up(q, setup, o, spin, box):
+            found[nf] = box
+            nf += 1
+            counts[PROVED] += 1
+            continue
+        if width < setup.least:
+            left[nl] = q
+            nl += 1
+            counts[LEFT] += 1
+            continue
+        cut = q[widest, 0] + SPLIT * (q[widest, 1] - q[widest, 0])
+        boxes[top] = q
+        tensions[top] = T
+        boxes[top, widest, 1] = cut
+        boxes[top + 1] = q
+        tensions[top + 1] = T
+        boxes[top + 1, widest, 0] = cut
+        top += 2
+    return top, nf, nl

@@ -1,0 +1,251 @@
+"""Problems with proved answers, as files that any solver in any language can read; and how they were drawn.
+
+What NIST's Statistical Reference Datasets are for regression, these are for static equilibrium: a robot, rest lengths,
+a load and three starting poses, with every proved digit of the pose and the tensions, the slack cables, the number of
+unstable directions, and, where it is proved, the list of all equilibria.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.core.equilibrium import NotConverged
+from cdpr_sim.core.errors import CdprError, InvalidInput
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.proof.certificate import Certificate, certify
+from cdpr_sim.proof.complete import certify_all
+from cdpr_sim.robots.catalogue import list_robots, load_robot
+from cdpr_sim.statics.newton import solve
+
+LEVELS = ("lower", "average", "higher")
+"""All cables taut; some slack; stiff, nearly slack, nearly neutral, or with several equilibria."""
+
+EACH = 100
+"""Problems of a level."""
+
+FORMAT = 1
+"""Of the files: raised when a reader of older files would misread a newer one."""
+
+STIFFER, NEARLY_SLACK, NEARLY_NEUTRAL = 100.0, 1e-4, 1e-4
+"""What makes a problem hard: by which factor cables are stiffer; a cable's distance from its rest length as a fraction
+of the largest stretch; the softest stiffness as a fraction of the stiffest."""
+
+CABLE_FIELDS = ("exits", "anchors", "axial_stiffness", "linear_density", "pulley_radius", "pulley_axis", "stiffening")
+"""Of ``Cabling``, that a file has: limits of force play no part."""
+
+
+@dataclass(frozen=True, eq=False)
+class SetProblem:
+    """One problem of the set.
+
+    Attributes:
+        name: by which answers are named.
+        level: of ``LEVELS``.
+        problem: robot, rest lengths and load; its pose is the first start.
+        starts: poses to start from, (3,).
+        positions: of the proved equilibria, (equilibria, 3) [m].
+        rotations: rotation matrices, (equilibria, 3, 3).
+        index: unstable directions of each.
+        complete: whether it is proved that there are no others.
+    """
+
+    name: str
+    level: str
+    problem: Problem
+    starts: tuple[RigidTransform, ...]
+    positions: np.ndarray
+    rotations: np.ndarray
+    index: tuple[int, ...]
+    complete: bool
+
+
+def read_problems(folder: Path) -> list[SetProblem]:
+    """All problems of a folder.
+
+    Raises:
+        InvalidInput: no such folder, no file of a level in it, or a file that is not one.
+    """
+    problems = []
+    for level in LEVELS:
+        path = folder / f"{level}.json"
+        try:
+            text = path.read_text(encoding="utf-8")
+        except OSError as error:
+            raise InvalidInput(f"{path}: {error.strerror}; expected the folder of the set of problems") from None
+        try:
+            told = json.loads(text)
+            if told["format"] != FORMAT:
+                raise InvalidInput(f"{path}: found format {told['format']!r}, expected {FORMAT}")
+            problems += [_read(level, one) for one in told["problems"]]
+        except InvalidInput:
+            raise
+        except (ValueError, KeyError, TypeError) as error:
+            raise InvalidInput(f"{path}: found no set of problems ({type(error).__name__}: {error})") from None
+    return problems
+
+
+def _read(level: str, told: dict[str, Any]) -> SetProblem:
+    robot = Robot(**told["robot"], name=told["name"])
+    starts = tuple(
+        RigidTransform.from_components(start["position"], Rotation.from_quat(start["quaternion"]))
+        for start in told["starts"]
+    )
+    equilibria = told["equilibria"]
+    return SetProblem(
+        name=told["name"],
+        level=level,
+        problem=Problem.of(robot, starts[0], told["rest_lengths"], told["external_wrench"]),
+        starts=starts,
+        positions=np.array([[float(v) for v in one["position"]] for one in equilibria]),
+        rotations=np.array([[[float(v) for v in row] for row in one["rotation_matrix"]] for one in equilibria]),
+        index=tuple(one["unstable_directions"] for one in equilibria),
+        complete=told["complete"],
+    )
+
+
+def written(name: str, problem: Problem, starts: list[RigidTransform], proofs: list[Certificate], *, complete: bool):
+    """A problem as its file has it."""
+    robot, cabling = problem.robot, problem.robot.cabling
+    fields = {field: getattr(cabling, field).tolist() for field in CABLE_FIELDS}
+    fields |= {"mass": robot.mass, "center_of_mass": robot.center_of_mass.tolist()}
+    fields |= {"gravity": robot.gravity, "mobility": robot.mobility}
+    return {
+        "name": name,
+        "robot": fields,
+        "rest_lengths": problem.rest_lengths.tolist(),
+        "external_wrench": problem.external_wrench.tolist(),
+        "starts": [
+            {"position": start.translation.tolist(), "quaternion": start.rotation.as_quat().tolist()}
+            for start in starts
+        ],
+        "equilibria": [_proved(one) for one in proofs],
+        "complete": complete,
+    }
+
+
+def _proved(one: Certificate) -> dict[str, Any]:
+    entries = one.decimals["rotation"]
+    return {
+        "position": list(one.decimals["position"]),
+        "rotation_matrix": [list(entries[first : first + 3]) for first in (0, 3, 6)],
+        "tensions": list(one.decimals["tensions"]),
+        "slack": list(one.slack),
+        "unstable_directions": one.index,
+        "digits": int(one.digits),
+    }
+
+
+def draw_problems(level: str, count: int, seed: int = 0) -> Iterator[dict[str, Any]]:
+    """Problems of a level, drawn at random from the catalogue, as files have them.
+
+    Args:
+        level: of ``LEVELS``.
+        count: how many.
+        seed: of the draws.
+    """
+    random = np.random.default_rng([seed, LEVELS.index(level)])
+    names, made, drawn = list_robots(), 0, 0
+    while made < count:
+        name = names[drawn % len(names)]
+        drawn += 1
+        try:
+            candidate = _candidate(level, load_robot(name), random)
+        except CdprError:  # a pose that this robot cannot take
+            continue
+        if candidate is not None:
+            made += 1
+            yield written(f"{level}-{made:03d}-{name}", *candidate[:-1], complete=candidate[-1])
+
+
+def _candidate(
+    level: str, robot: Robot, random: np.random.Generator
+) -> tuple[Problem, list[RigidTransform], list[Certificate], bool] | None:
+    """A problem of this robot that is of this level, with its proofs; or None."""
+    robot, wrench = _varied(level, robot, random)
+    lower, upper = robot.workspace
+    position = np.round(random.uniform(lower, upper), 4)
+    lengths = robot.rest_lengths(position)
+    if level == "higher" and robot.mobility == "planar":
+        lengths = lengths * np.round(random.uniform(0.95, 1.3), 2)
+    elif level == "lower" and robot.kind == "fully constrained":
+        lengths = lengths * (1 - 5e-4)
+    problem = Problem.of(robot, position, lengths, wrench)
+    starts = _starts(robot, problem.pose, random)
+    proofs, complete = _answers(problem, starts)
+    if not proofs or not all(one.proved for one in proofs):
+        return None
+    return (problem, starts, proofs, complete) if _is_of(level, proofs) else None
+
+
+def _varied(level: str, robot: Robot, random: np.random.Generator) -> tuple[Robot, np.ndarray | None]:
+    """Other stiffness, and every now and then a law, a pulley's wheel, a force or a torque."""
+    factor = STIFFER if level == "higher" else 10 ** random.uniform(-1.0, 0.5)
+    changes: dict[str, Any] = {"axial_stiffness": np.round(factor * robot.axial_stiffness, 3)}
+    draw, plain = random.random(), robot.cabling.massless and not robot.cabling.bent
+    if plain and draw < 0.1:
+        changes["stiffening"] = (5.0, 50.0)
+    elif plain and draw < 0.2:
+        changes["pulley_radius"] = round(0.2 * robot.characteristic_length, 4)
+    wrench = None
+    if draw > 0.8:
+        wrench = np.zeros(6)
+        wrench[robot.free] = random.uniform(-0.2, 0.2, len(robot.free)) * robot.weight
+        wrench[3:] *= 0.1 * robot.characteristic_length
+    return robot.replace(**changes), wrench
+
+
+def _starts(robot: Robot, commanded: RigidTransform, random: np.random.Generator) -> list[RigidTransform]:
+    """The commanded pose; near it; and far from it, turned by 40°."""
+    extent = np.ptp(robot.workspace, axis=0)
+    axis = np.array([0.0, 1.0, 0.0]) if robot.mobility == "planar" else random.normal(size=3)
+    axis = axis / np.linalg.norm(axis)
+    starts = [commanded]
+    for far, angle in ((0.05, 5.0), (0.3, 40.0)):
+        moved = np.round(commanded.translation + far * extent * random.uniform(-1, 1, 3), 6)
+        starts.append(RigidTransform.from_components(moved, Rotation.from_rotvec(np.radians(angle) * axis)))
+    return starts
+
+
+def _answers(problem: Problem, starts: list[RigidTransform]) -> tuple[list[Certificate], bool]:
+    """All equilibria where they are proved to be all; else those that Newton's method finds from the starts."""
+    robot = problem.robot
+    if robot.mobility == "planar" and robot.cabling.massless and not robot.cabling.pulleys.any():
+        every = certify_all(problem, time_limit=10)
+        if every.complete:
+            return list(every), True
+    proofs: list[Certificate] = []
+    for start in starts:
+        try:
+            one = certify(solve(Problem.of(robot, start, problem.rest_lengths, problem.external_wrench)))
+        except NotConverged:
+            continue
+        same = [np.abs(one.position - other.position).max() < 1e-9 for other in proofs]
+        if not any(same):
+            proofs.append(one)
+    return proofs, False
+
+
+def _is_of(level: str, proofs: list[Certificate]) -> bool:
+    stable = [one for one in proofs if one.stable]
+    if not stable:
+        return False
+    if level == "lower":
+        return all(not any(one.slack) for one in stable)
+    if level == "average":
+        return any(any(one.slack) for one in stable)
+    several = len(stable) > 1
+    for one in stable:
+        found = one.equilibrium
+        stretch = np.abs(found.lengths - found.rest_lengths)
+        values = np.abs(found.eigenvalues)
+        hard = stretch.min() < NEARLY_SLACK * stretch.max() or values.min() < NEARLY_NEUTRAL * values.max()
+        several = several or bool(hard)
+    return several

@@ -1,0 +1,257 @@
+"""No equilibrium is missing: against searches from many starts, and by attacks on every test that excludes a box."""
+
+import dataclasses
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from problems import symmetric_pair
+from scipy.spatial.transform import Rotation
+
+import cdpr_sim as cdpr
+from cdpr_sim.core import compiling
+from cdpr_sim.core.errors import StoreError
+from cdpr_sim.proof import complete
+from cdpr_sim.proof import search_kernel as kernel
+
+pytest.importorskip("flint")
+
+BOXES_EACH = 300
+"""Random boxes thrown about each proved equilibrium."""
+
+FOLD = (0.24706, 0.1)
+"""[m] (x, z) of ``planar-horizontal`` with EA = 1 kN at which two equilibria of four meet, within 1e-6 m of x."""
+
+
+def planar(name: str, **changes) -> cdpr.Robot:
+    return cdpr.load_robot(name).replace(**changes)
+
+
+CASES = {
+    "two cables": cdpr.Problem.of(planar("two-cable"), (0.2, 0, 0.1)),
+    "vertical": cdpr.Problem.of(planar("planar-vertical"), (0.4, 0, 0.225)),
+    "horizontal": cdpr.Problem.of(planar("planar-horizontal", axial_stiffness=1e3), (0.2, 0, 0.1)),
+    "cables below": cdpr.Problem.of(planar("fastkit-planar"), (1.2, 0, 1.3)),
+    "force": cdpr.Problem.of(planar("planar-vertical"), (0.3, 0, 0.2), external_wrench=(1.5, 0, -0.5, 0, 0, 0)),
+    "law": cdpr.Problem.of(planar("planar-vertical", stiffening=(-0.5, 30), axial_stiffness=20.0), (0.3, 0, 0.2)),
+    "shifted mass": cdpr.Problem.of(planar("planar-horizontal", center_of_mass=(0.01, 0, -0.02)), (0.5, 0, 0.2)),
+}
+
+
+@pytest.fixture(scope="module")
+def lists() -> dict[str, cdpr.CompleteEquilibria]:
+    return {name: cdpr.certify_all(problem) for name, problem in CASES.items()}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_list_of_a_planar_robot_is_proved_complete_and_many_starts_find_the_same(case, lists):
+    """Each with its certificate; as many with an even as with an odd number of unstable directions."""
+    proved = lists[case]
+    assert proved.complete
+    assert all(one.proved for one in proved)
+    assert sum((-1) ** one.index for one in proved) == 0
+    found = cdpr.find_equilibria(CASES[case], saddles=True, starts=300)
+    assert len(found) == len(proved)
+    assert proved.missing_from(found) == ()
+    assert len(proved.missing_from(found.found[:1])) == len(proved) - 1
+
+
+def test_a_torque_leaves_the_list_complete():
+    """Torques have no energy, and the search needs none: what the solver finds from several starts is in the list."""
+    problem = cdpr.Problem.of(planar("planar-vertical"), (0.4, 0, 0.2), external_wrench=(0, 0, 0, 0, 0.01, 0))
+    proved = cdpr.certify_all(problem)
+    assert proved.complete
+    assert all(one.proved for one in proved)
+    assert sum((-1) ** one.index for one in proved) == 0
+    for x in np.linspace(0.1, 0.7, 4):
+        found = cdpr.solve(problem.robot, (x, 0, 0.2), problem.rest_lengths, external_wrench=problem.external_wrench)
+        assert len(proved.missing_from([found])) == len(proved) - 1
+
+
+def test_random_planar_robots_are_proved_complete():
+    """Exits, anchors, stiffness and rest lengths at random: every rest from many starts is in the list."""
+    random = np.random.default_rng(5)
+    for _ in range(4):
+        cables = int(random.integers(2, 5))
+        exits, anchors = random.uniform(-1, 1, (cables, 3)), random.uniform(-0.2, 0.2, (cables, 3))
+        exits[:, 2] += 2
+        exits[:, 1] = anchors[:, 1] = 0
+        robot = cdpr.Robot(exits, anchors, 10 ** random.uniform(2, 5), 1.0, mobility="planar")
+        problem = cdpr.Problem.of(robot, (0, 0, 0.5), random.uniform(0.8, 1.3) * robot.rest_lengths((0, 0, 0.5)))
+        proved = cdpr.certify_all(problem)
+        assert proved.complete
+        assert not proved.missing_from(cdpr.find_equilibria(problem, saddles=True, starts=300))
+
+
+def chart_coordinates(one: cdpr.Certificate, chart: int, signs: np.ndarray) -> np.ndarray | None:
+    """(x, y, z, v) of an equilibrium in a chart, where it lies within the chart."""
+    turn = Rotation.from_matrix(one.equilibrium.rotation_matrix * signs).as_quat()
+    v = turn[:3] / turn[3]
+    return np.array([*one.equilibrium.position, *v]) if np.abs(v).max() <= 1 else None
+
+
+@pytest.mark.parametrize("case", ["vertical", "horizontal", "cables below", "force", "law", "shifted mass"])
+def test_no_test_excludes_a_box_that_holds_an_equilibrium(case, lists):
+    """Boxes of random size thrown about proved equilibria survive, and what is cut from them is not the equilibrium.
+
+    The negative control: the same boxes of the same robot with a load that is 1 % larger do not all survive.
+    """
+    survived = attack(lists[case], CASES[case])
+    assert survived == 1.0
+    heavier = dataclasses.replace(CASES[case], robot=CASES[case].robot.replace(mass=1.01 * CASES[case].robot.mass))
+    assert attack(lists[case], heavier) < 0.9
+
+
+def attack(proved: cdpr.CompleteEquilibria, problem: cdpr.Problem) -> float:
+    """The share of random boxes about the equilibria that are neither excluded nor cut off them."""
+    random = np.random.default_rng(2)
+    signs = complete.CHARTS[problem.robot.mobility]
+    m, survived, thrown = problem.robot.cables, 0, 0
+    o, spin, at = np.zeros((m + 1, kernel.COLUMNS, 2)), np.empty((3, 3, 2)), np.empty(6)
+    for chart, sign in enumerate(signs):
+        setup = complete._setup(kernel, problem, np.array(sign))
+        rows = list(setup.rows)
+        for one in proved:
+            centre = chart_coordinates(one, chart, np.array(sign))
+            if centre is None:
+                continue
+            spare = max(float(np.ptp(one.position, axis=0).max()), 1e-15) * 10
+            for _ in range(BOXES_EACH):
+                q = np.zeros((6, 2))
+                wide = 10 ** random.uniform(-9, 0, 6)
+                part = random.uniform(0, 1, 6)
+                q[rows, 0], q[rows, 1] = (
+                    (centre - part * wide - spare)[rows],
+                    (centre + (1 - part) * wide + spare)[rows],
+                )
+                q[3:] = np.clip(q[3:], -1, 1)
+                T = np.stack([np.zeros(m), np.full(m, 1e300)], 1)
+                thrown += 1
+                alive = kernel.contract(q, T, setup, o, spin) and kernel.krawczyk(q, T, setup, o, spin, at)
+                inside = (q[rows, 0] <= centre[rows] + spare) & (centre[rows] - spare <= q[rows, 1])
+                pulls = one.equilibrium.tensions
+                slack = 1e-9 * (1 + pulls.max())
+                survived += bool(
+                    alive and inside.all() and (T[:, 0] <= pulls + slack).all() and (pulls - slack <= T[:, 1]).all()
+                )
+    assert thrown
+    return survived / thrown
+
+
+def test_a_spatial_box_with_an_equilibrium_survives():
+    """Eight cables, six coordinates, four charts, with a law: the same attack on equilibria that Newton found."""
+    problem = cdpr.Problem.of(
+        cdpr.load_robot("cogiro").replace(stiffening=(3, 20), axial_stiffness=100.0), (0.3, 0.2, 0.15)
+    )
+    found = cdpr.find_equilibria(problem, starts=100)
+    proved = [cdpr.certify(one) for one in found]
+    listed = complete.CompleteEquilibria(problem, tuple(one for one in proved if one.proved), (), 0, 0, 0.0)
+    assert len(listed)
+    assert attack(listed, problem) == 1.0
+
+
+def test_near_a_fold_both_equilibria_are_listed_and_proved():
+    """A pair 2e-5 m apart, 1e-4 m from where it vanishes: by the proof and by ``find_equilibria`` alike."""
+    robot = planar("planar-horizontal", axial_stiffness=1e3)
+    for before in (1e-3, 1e-4):
+        problem = cdpr.Problem.of(robot, (FOLD[0] - before, 0, FOLD[1]))
+        proved = cdpr.certify_all(problem)
+        assert proved.complete
+        assert sorted(one.index for one in proved) == [0, 0, 1, 1]
+        assert proved.missing_from(cdpr.find_equilibria(problem, saddles=True)) == ()
+
+
+def test_a_family_is_reported_and_not_called_complete():
+    """A point on two cables that meet at its centre of mass turns freely: boxes of every rotation are left."""
+    proved = cdpr.certify_all(symmetric_pair())
+    assert not proved.complete
+    assert any("family" in one.reason for one in proved.undecided)
+
+
+def test_a_stable_equilibrium_at_a_kink_is_proved_by_convexity():
+    """A third cable just at its rest length: boxes are left about it, and one ball covers them."""
+    robot = cdpr.Robot(
+        exits=[[-0.5, 0, 2], [0.5, 0, 2], [0, 0, 2]],
+        anchors=[[-0.5, 0, 0], [0.5, 0, 0], [0, 0, 0]],
+        axial_stiffness=[64, 64, 1e6],
+        mass=8,
+        gravity=8,
+        center_of_mass=(0, 0, -0.1),
+        mobility="planar",
+        platform_size=(1, 0.1, 0.1),
+    )
+    proved = cdpr.certify_all(robot, [1, 1, 1.5])
+    stable = [one for one in proved if one.stable]
+    assert any(one.slack == (False, False, None) for one in stable)
+    assert np.abs(stable[0].equilibrium.position - [0, 0, 0.5]).max() < 1e-12
+
+
+def test_a_search_that_is_stopped_is_resumed(tmp_path):
+    """With what it had found; another problem's file, or a damaged one, is refused in a sentence."""
+    problem, file = cdpr.Problem.of(cdpr.load_robot("cogiro"), (0.3, 0.2, 0.15)), tmp_path / "search.npz"
+    first = cdpr.certify_all(problem, time_limit=0.1, store=file)
+    assert not first.complete
+    assert first.pending
+    second = cdpr.certify_all(problem, time_limit=0.1, store=file, threads=2)
+    assert second.boxes > first.boxes
+    assert second.seconds > first.seconds
+    with pytest.raises(StoreError, match="another problem"):
+        cdpr.certify_all(cdpr.Problem.of(problem.robot, (0.3, 0.2, 0.16)), store=file)
+    file.write_bytes(b"PK damaged")
+    with pytest.raises(StoreError, match="resumed"):
+        cdpr.certify_all(problem, store=file)
+
+
+def test_a_planar_search_in_pieces_is_the_search_in_one(monkeypatch, lists):
+    """Many short calls on two threads, divided between them, find the same equilibria."""
+    monkeypatch.setattr(complete, "CALL", 20)
+    again = cdpr.certify_all(CASES["horizontal"], threads=2)
+    assert again.complete
+    assert [one.index for one in again] == [one.index for one in lists["horizontal"]]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [({"pulley_radius": 0.01}, "pulleys"), ({"linear_density": 0.01}, "kg/m"), ({"gravity": 0}, "no load")],
+)
+def test_what_is_not_taken_is_refused_in_a_sentence(changes, words):
+    """Pulleys, mass, and no load at all."""
+    robot = planar("planar-vertical", **changes)
+    with pytest.raises(cdpr.InvalidInput, match=words):
+        cdpr.certify_all(robot, [0.5] * 4)
+
+
+def test_intervals_are_rounded_outwards():
+    """Against fractions, which are exact: sums, products, quotients and roots of random numbers of every size."""
+    random = np.random.default_rng(0)
+    for _ in range(500):
+        a, b, c, d = random.normal(size=4) * 10 ** random.uniform(-8, 8, 4)
+        a, b, c, d = min(a, b), max(a, b), min(c, d), max(c, d)
+        exact = {
+            kernel.add: [Fraction(a) + Fraction(c), Fraction(b) + Fraction(d)],
+            kernel.subtract: [Fraction(a) - Fraction(d), Fraction(b) - Fraction(c)],
+            kernel.multiply: [Fraction(x) * Fraction(y) for x in (a, b) for y in (c, d)],
+        }
+        for function, ends in exact.items():
+            low, high = function(a, b, c, d)
+            assert Fraction(low) <= min(ends)
+            assert Fraction(high) >= max(ends)
+        low, high = kernel.scaled(a, b, c)
+        assert Fraction(low) <= min(Fraction(a) * Fraction(c), Fraction(b) * Fraction(c))
+        assert Fraction(high) >= max(Fraction(a) * Fraction(c), Fraction(b) * Fraction(c))
+        c, d = abs(c) + 1e-9, abs(c) + 1e-9 + abs(d)
+        low, high = kernel.over(a, b, c, d)
+        assert Fraction(low) <= min(Fraction(x) / Fraction(y) for x in (a, b) for y in (c, d))
+        assert Fraction(high) >= max(Fraction(x) / Fraction(y) for x in (a, b) for y in (c, d))
+        assert Fraction(kernel.root_down(d)) ** 2 <= Fraction(d)
+
+
+def test_the_compiler_contracts_no_product_and_sum():
+    """With one rounding instead of two, (1 + 2⁻³⁰)(1 − 2⁻³⁰) − 1 would be −2⁻⁶⁰ rather than 0."""
+
+    @compiling.jit(nogil=True, error_model="numpy")
+    def product_and_sum(a, b, c):
+        return a * b + c
+
+    e = 2.0**-30
+    assert product_and_sum(1 + e, 1 - e, -1.0) == 0.0
