@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -187,7 +188,7 @@ def write_figures(
     for what, asked, known in (("figure", names, PICTURES), ("kind of file", kinds, KINDS)):
         for name in asked:
             if name not in known:
-                raise UnknownName(what, name, known)
+                raise UnknownName(what, name, known, meant=_of_the_papers(name) if known is PICTURES else ())
     places = paths_of(names, Path(folder), kinds)
     refuse_existing((path for paths in places.values() for path in paths), force=force)
     make_folder(Path(folder))
@@ -197,6 +198,12 @@ def write_figures(
         if progress is not None:
             progress(done / len(places))
     return places
+
+
+def _of_the_papers(name: str) -> list[str]:
+    """The figures whose numbers in the paper stand in a name: "Fig. 10"."""
+    numbers = re.findall(r"\d+", name)
+    return [one for one, picture in PICTURES.items() if numbers and re.findall(r"\d+", picture.paper) == numbers]
 
 
 def encoded(figure: Figure, kind: str) -> bytes:
