@@ -150,9 +150,18 @@ def test_wrong_file_is_refused_with_the_path_inside_it(tmp_path, change, words):
     assert "\n" not in str(error.value)
 
 
-def test_missing_file_and_unknown_name_are_told_apart():
-    """A path is looked up as a file; a name in the catalogue."""
+def test_missing_file_and_unknown_name_are_told_apart(tmp_path, monkeypatch):
+    """A path is looked up as a file; a name in the catalogue, and a file that is called so is named."""
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(cdpr.RobotFileError, match="no such file"):
         cdpr.load_robot("nowhere.toml")
     with pytest.raises(cdpr.UnknownName, match="did you mean parallel"):
         cdpr.load_robot("paralel")
+    with pytest.raises(cdpr.UnknownName, match=r"did you mean cogiro\b"):
+        cdpr.load_robot("COGIRO")
+    (tmp_path / "six.toml").write_text(MINE)
+    with pytest.raises(cdpr.UnknownName, match=r"unknown robot 'six': did you mean six\.toml\? known: acrobot"):
+        cdpr.load_robot("six")
+    for name in ("x" * 10_000, "a\0b", "\ud800"):  # no names of files
+        with pytest.raises(cdpr.UnknownName, match="unknown robot"):
+            cdpr.load_robot(name)

@@ -86,6 +86,11 @@ def test_unknown_name_or_place_is_refused_before_anything_is_computed(monkeypatc
     monkeypatch.setattr(gallery.Picture, "figure", lambda self: pytest.fail("computed"))
     with pytest.raises(cdpr.UnknownName, match="unknown figure 'paperline': did you mean paper-line"):
         gallery.write_figures(["agreement", "paperline"], tmp_path)
+    for name in ("Fig. 10", "figure 10"):
+        with pytest.raises(cdpr.UnknownName, match=f"unknown figure '{name}': did you mean cogiro\\? known: agreement"):
+            gallery.write_figures([name], tmp_path)
+    with pytest.raises(cdpr.UnknownName, match=r"unknown figure 'Fig\. 1': known: agreement"):
+        gallery.write_figures(["Fig. 1"], tmp_path)
     with pytest.raises(cdpr.UnknownName, match="unknown kind of file 'pgn': did you mean png"):
         gallery.write_figures(["agreement"], tmp_path, kinds=["pgn"])
     (tmp_path / "taken").write_text("mine")

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.robot import FIELDS
 from cdpr_sim.robots.importers.draft import Draft
 from cdpr_sim.robots.importing import FORMATS
 from cdpr_sim.robots.writing import as_toml
@@ -449,14 +450,29 @@ def test_missing_files_and_formats_are_one_sentence(tmp_path):
     shutil.copy(FILES / "crane_bodies.xml", tmp_path)
     with pytest.raises(cdpr.RobotFileError, match=r"crane_cables\.xml: no such file"):
         cdpr.import_robot(tmp_path / "crane_bodies.xml")
-    with pytest.raises(cdpr.RobotFileError, match=r"expected the \*_bodies\.xml beside it"):
-        cdpr.import_robot(FILES / "crane_cables.xml")
+    (tmp_path / "crane_bodies.xml").rename(tmp_path / "crane.xml")
+    shutil.copy(FILES / "crane_cables.xml", tmp_path)
+    with pytest.raises(cdpr.RobotFileError, match=r"crane_bodies\.xml: no such file"):
+        cdpr.import_robot(tmp_path / "crane_cables.xml")
+    (tmp_path / "crane_cables.xml").rename(tmp_path / "cables.xml")
+    for name, mine, other in (("crane.xml", "bodies", "cables"), ("cables.xml", "cables", "bodies")):
+        expected = rf"found the name '{name}', expected NAME_{mine}\.xml, with NAME_{other}\.xml beside it"
+        with pytest.raises(cdpr.RobotFileError, match=expected):
+            cdpr.import_robot(tmp_path / name)
     with pytest.raises(cdpr.UnknownName, match=r"unknown format 'wirx': did you mean wirex"):
         cdpr.import_robot(FILES / "crane.wcrfx", format="wirx")
     with pytest.raises(cdpr.RobotFileError, match=r"found no bodies_system at the top, expected CASPR's XML"):
         cdpr.import_robot(FILES / "crane.wcrfx", format="caspr")
     for format, name in {"wirex": "crane.wcrfx", "cdpyr": "crane_cdpyr.yaml", "bologna": "crane_bologna.json"}.items():
         assert cdpr.import_robot(FILES / name, format).mass == 5
+
+
+@pytest.mark.parametrize("format", [None, "caspr"])
+def test_either_file_of_casprs_pair_stands_for_both(format):
+    """Neither says more than the other of which robot is meant."""
+    robots = [cdpr.import_robot(FILES / f"crane_{part}.xml", format, "from_points") for part in ("bodies", "cables")]
+    for name in FIELDS:
+        np.testing.assert_array_equal(*(getattr(robot, name) for robot in robots), err_msg=name)
 
 
 MUTATIONS = 40
@@ -506,7 +522,7 @@ def test_import_replaces_nothing_unasked_and_writes_nothing_broken(tmp_path):
     result = runner.invoke(app, ["import", str(FILES / "crane.wcrfx"), "-o", str(place)])
     assert (result.exit_code, place.read_text()) == (2, "mine")
     assert "exists, expected a new place or --force" in result.stderr
-    result = runner.invoke(app, ["import", str(FILES / "crane_cables.xml"), "-o", str(place), "--force"])
+    result = runner.invoke(app, ["import", str(FILES / "crane.csv"), "-o", str(place), "--force"])
     assert (result.exit_code, place.read_text()) == (2, "mine")
     assert result.stderr.count("\n") == 1
     result = runner.invoke(app, ["import", str(FILES / "crane.wcrfx"), "-o", str(place), "--force"])

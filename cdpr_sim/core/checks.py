@@ -111,15 +111,22 @@ def listed(field: str, value: Any, what: str = "a list") -> list:
     raise InvalidInput(f"{field}: found {shown(value)}, expected {what}")
 
 
-def one_of(what: str, name: Any, known: Iterable[str], note: str = "") -> str:
-    """A name that is known.
+def one_of(
+    what: str,
+    name: Any,
+    known: Iterable[str],
+    note: str = "",
+    meant: Callable[[str], Iterable[str]] | None = None,
+) -> str:
+    """A name that is known; ``meant`` says which names an unknown one stands for, if not for those spelled alike.
 
     Raises:
         UnknownName: it is not, or is no name at all.
     """
     known = list(known)
     if not isinstance(name, str) or name not in known:
-        raise UnknownName(what, name if isinstance(name, str) else shown(name), known, note)
+        text = name if isinstance(name, str) else shown(name)
+        raise UnknownName(what, text, known, note, meant(text) if meant else ())
     return name
 
 

@@ -20,13 +20,24 @@ class InvalidInput(CdprError, ValueError):
 class UnknownName(CdprError, LookupError):
     """A name that is not in a catalogue: the message lists the nearest valid names."""
 
-    def __init__(self, what: str, name: str, known: Iterable[str], note: str = "") -> None:
-        super().__init__(what, name, tuple(sorted(known)), note)  # all of them, since copies are made from these
+    def __init__(self, what: str, name: str, known: Iterable[str], note: str = "", meant: Iterable[str] = ()) -> None:
+        """Its arguments are kept as they are: copies are made from them.
+
+        Args:
+            what: is unknown, in words.
+            name: as it was given.
+            known: names that are valid.
+            note: what else may be given.
+            meant: what was surely meant; default: the nearest of ``known``.
+        """
+        super().__init__(what, name, tuple(sorted(known)), note, tuple(meant))
 
     def __str__(self) -> str:
-        what, name, known, note = self.args
+        what, name, known, note, near = self.args
         name = name if len(name) <= LONGEST else f"{name[:LONGEST]}..."
-        near = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
+        if not near:
+            spelled = {one.casefold(): one for one in known}
+            near = [spelled[one] for one in difflib.get_close_matches(name.casefold(), spelled, n=2, cutoff=0.5)]
         hint = f"did you mean {' or '.join(near)}? " if near else ""
         return f"unknown {what} {name!r}: {hint}known: {', '.join(known)}{note}"
 

@@ -133,6 +133,15 @@ OTHERWISE = "or give axial_stiffness [N], or modulus [Pa] and diameter"
 _OF_A_DIAMETER = re.compile(r"(.+)-(\d+(?:\.\d+)?)mm")
 
 
+def is_material(name: str) -> bool:
+    """Whether ``load_material`` knows the name."""
+    try:
+        load_material(name)
+    except UnknownName:
+        return False
+    return True
+
+
 def load_material(name: str) -> Material:
     """The material called ``name``: of ``MATERIALS``, or one of ``ROPES`` with its diameter, "steel-rope-4mm".
 

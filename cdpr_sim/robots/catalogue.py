@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import os
 import tomllib
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -17,7 +18,7 @@ from cdpr_sim.core.cable import DOWN, MOST_CABLES
 from cdpr_sim.core.checks import checked_path, positive, shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileError, UnknownName
 from cdpr_sim.core.files import read_text
-from cdpr_sim.core.materials import ROPES, Material, line_stiffness, load_material
+from cdpr_sim.core.materials import ROPES, Material, is_material, line_stiffness, load_material
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
@@ -194,6 +195,8 @@ class RobotTable(_Table):
             stiffness = line_stiffness(positive("modulus", table.modulus, "Pa"), positive("diameter", metres, "m"))
             return Material("", stiffness, "")
         if given is not None:
+            if table.material is not None and not is_material(table.material):
+                raise UnknownName("material", table.material, ROPES, ", with a diameter")
             raise RobotFileError(
                 f"{where}: found diameter, expected none: it goes with modulus or with a material of "
                 f"{', '.join(sorted(ROPES))}"
@@ -262,7 +265,8 @@ def load_robot(name: str | Path) -> Robot:
 
     if str(name).lower().endswith(IMPORTED):
         return import_robot(name)
-    raise UnknownName("robot", str(name), list_robots(), "; a robot of your own is the path of its .toml file")
+    files = [file for suffix in (".toml", *IMPORTED) if os.path.isfile(file := f"{name}{suffix}")]
+    raise UnknownName("robot", str(name), list_robots(), "; a robot of your own is the path of its .toml file", files)
 
 
 def _folder() -> Traversable:

@@ -47,8 +47,8 @@ def import_robot(path: str | Path, format: str | None = None, cables: str | None
     would change the robot's statics (several platforms, cables through several bodies) is refused.
 
     Args:
-        path: ``.wcrfx`` (WireX), ``*_bodies.xml`` with ``*_cables.xml`` beside it (CASPR), ``.json`` (cdpyr, Bologna),
-            ``.yaml`` or ``.yml`` (cdpyr, oKermorgant/cdpr).
+        path: ``.wcrfx`` (WireX), ``*_bodies.xml`` or ``*_cables.xml``, side by side (CASPR), ``.json`` (cdpyr,
+            Bologna), ``.yaml`` or ``.yml`` (cdpyr, oKermorgant/cdpr).
         format: "caspr", "wirex", "cdpyr", "bologna" or "gazebo"; default: what the file looks like.
         cables: CASPR's ``id`` of one set of cables; default: the one that its file has as default.
 
@@ -66,6 +66,9 @@ def import_robot(path: str | Path, format: str | None = None, cables: str | None
     refuse_unless(str | None, cables=cables)
     try:
         document = read_document(path)
+        if isinstance(document, Element) and document.tag == "cables":  # the lesser half of CASPR's pair
+            path = caspr.beside(path, "cables", "bodies")
+            document = read_document(path)
     except InvalidInput as error:
         raise RobotFileError(str(error)) from None
     try:
@@ -89,8 +92,6 @@ def _format_of(document: Any) -> str:
     for name, known in FORMATS.items():
         if known.marks & _marks(document):
             return name
-    if isinstance(document, Element) and document.tag == "cables":
-        raise InvalidInput("found CASPR's cables, expected the *_bodies.xml beside it")
     raise InvalidInput(f"found none of {_words(FORMATS.values())} at the top, expected a robot's file")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -186,7 +187,7 @@ def write_figures(
     """
     for what, asked, known in (("figure", names, PICTURES), ("kind of file", kinds, KINDS)):
         for name in listed(f"{what}s", asked, "a list of names"):
-            one_of(what, name, known)
+            one_of(what, name, known, meant=_of_the_papers if known is PICTURES else None)
     refuse_unless(FLAG, force=force)
     refuse_unless(PROGRESS, progress=progress)
     folder = checked_path("folder", folder)
@@ -199,6 +200,12 @@ def write_figures(
         if progress is not None:
             progress(done / len(places))
     return places
+
+
+def _of_the_papers(name: str) -> list[str]:
+    """The figures whose numbers in the paper stand in a name: "Fig. 10"."""
+    numbers = re.findall(r"\d+", name)
+    return [one for one, picture in PICTURES.items() if numbers and re.findall(r"\d+", picture.paper) == numbers]
 
 
 def encoded(figure: Figure, kind: str) -> bytes:

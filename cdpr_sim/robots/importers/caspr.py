@@ -66,7 +66,7 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
     depth = offset * [axis not in (plane or "xyz") for axis in "xyz"]  # at which a planar platform stays
     if (offset != depth).any():
         notes.append(f"Its poses are counted from {tuple((offset - depth).tolist())} m, ours from the origin.")
-    file = _cables_path(path)
+    file = beside(path, "bodies", "cables")
     document = read_document(file)
     try:
         found = _cables(_cable_set(document, cables), com)
@@ -111,12 +111,17 @@ def _inertia(element: Element, mass: float, com: np.ndarray) -> np.ndarray:
     return inertia if reference == "com" else inertia - mass * (com @ com * np.eye(3) - np.outer(com, com))
 
 
-def _cables_path(path: Path) -> Path:
-    if not path.stem.endswith("_bodies"):
+def beside(path: Path, part: str, other: str) -> Path:
+    """The file of the robot's other part.
+
+    Raises:
+        InvalidInput: the path is not called after its part.
+    """
+    if not path.stem.endswith(f"_{part}"):
         raise InvalidInput(
-            f"found the name {shown(path.name)}, expected NAME_bodies.xml, with NAME_cables.xml beside it"
+            f"found the name {shown(path.name)}, expected NAME_{part}.xml, with NAME_{other}.xml beside it"
         )
-    return path.with_name(f"{path.stem.removesuffix('_bodies')}_cables{path.suffix}")
+    return path.with_name(f"{path.stem.removesuffix(part)}{other}{path.suffix}")
 
 
 def _cable_set(document: Element, wanted: str | None) -> Element:
