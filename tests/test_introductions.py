@@ -52,6 +52,7 @@ def results(robot) -> dict[str, object]:
         cdpr.find_equilibria(equilibrium.problem, starts=20), cdpr.follow_load(equilibrium.problem),
         cdpr.clearances(robot, [POSE]), measurements, cdpr.identify(robot, measurements), layout,
         front, cdpr.prove_layout(layout), cdpr.release(equilibrium, seconds=0.01), cdpr.certify(equilibrium),
+        cdpr.certify_all(cdpr.Problem.of(cdpr.load_robot("two-cable").replace(name=HOSTILE), (0.4, 0, 0.2))),
         cdpr.workspace_hull(cdpr.load_robot("ipanema-1"), depth=1),
     ]  # fmt: skip
     return {type(one).__name__: one for one in found}

@@ -60,8 +60,8 @@ MOST_KINKS = 6
 ENOUGH_DIGITS = 20
 """Decimal digits after which an enclosure is made no smaller."""
 
-IMAGES = 4
-"""Images of the image, which make the enclosure smaller."""
+IMAGES = 12
+"""Images of the image at most, which make the enclosure smaller: two do, but for stiff robots that are held softly."""
 
 
 @dataclass(frozen=True, eq=False)
