@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from problems import hanging_mass, paper_line, random_problems
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
@@ -9,6 +8,7 @@ from cdpr_sim.analysis.compensation import TAUT
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core.pose import distance
 from cdpr_sim.statics import two_cable
+from problems import hanging_mass, paper_line, random_problems
 
 MICROMETRE = 1e-6
 

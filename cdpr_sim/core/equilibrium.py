@@ -160,14 +160,16 @@ class _NoRest(CdprError):
         """With the status in words, and how far the point is from rest."""
         counted = "time steps" if point.source == "mujoco" else "iterations"
         robot, where = point.problem.robot, ""
+        evidence = f"{point.iterations} {counted}, {point.residual:.1e} N still unbalanced"
         if status is Status.OFF_WHEEL:
             at = point if np.isfinite(point.position).all() else point.problem
             found = cable_path.off_wheel(robot.cabling, at.position, at.rotation_matrix)
             where = f": found {found}" if found else ""
-        reason = (
-            f"{robot.name}: {point.source}: {status.sentence}{where} "
-            f"({point.iterations} {counted}, {point.residual:.1e} N still unbalanced)"
-        )
+        elif status is Status.OVERSTRAINED:
+            beyond = robot.cabling.beyond_law(point.lengths, point.rest_lengths)
+            cables = [str(cable + 1) for cable in np.flatnonzero(beyond)]
+            evidence = f"cable{'s' if len(cables) > 1 else ''} {', '.join(cables)}"
+        reason = f"{robot.name}: {point.source}: {status.sentence}{where} ({evidence})"
         if point.problem.external_wrench[3:].any():
             reason += "; under a torque that keeps its direction in space there may be no rest"
         return cls(reason, point)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import enum
 
+from cdpr_sim.core.cable import MOST_STRAIN
+
 NEUTRAL = 1e-9
 """Eigenvalues smaller than this fraction of the largest are rounding: that direction is neither held nor repelled."""
 
@@ -26,7 +28,8 @@ class Status(enum.IntEnum):
     FALLS = 4
     DIVERGED = 5
     MOVING = 6
-    OFF_WHEEL = 7
+    OVERSTRAINED = 7
+    OFF_WHEEL = 8
 
     @property
     def sentence(self) -> str:
@@ -43,5 +46,6 @@ _SENTENCES = {
     Status.FALLS: "every exit lies below the platform, which falls since cables cannot push",
     Status.DIVERGED: "MuJoCo found its motion unstable",
     Status.MOVING: "the platform is on its way, and not at rest",
+    Status.OVERSTRAINED: f"a cable is strained by more than {MOST_STRAIN:.0%}, up to which its nonlinear law is given",
     Status.OFF_WHEEL: "a cable leaves its pulley's wheel",
 }
