@@ -42,8 +42,7 @@ def settle(
         problem = problem_of(robot, pose, material, pretension)
         with busy("The static solvers look for equilibrium"):
             newton, *seecr = (_outcome(problem, method) for method in METHODS)
-        with busy("MuJoCo settles the platform"):
-            settled = cdpr.settle(problem)
+        settled = cdpr.settle(problem, progress=True)
         if not isinstance(newton, cdpr.Equilibrium):
             raise newton
         agreement = cdpr.compare(newton, settled)
