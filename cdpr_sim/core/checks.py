@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import reprlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args
@@ -81,7 +81,7 @@ def refuse_unless(kind: Any, **values: Any) -> None:
 
 
 def _with_article(name: str) -> str:
-    return f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
+    return name if name.endswith("s") else f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
 
 
 def checked_path(field: str, value: Any) -> Path:
@@ -111,22 +111,15 @@ def listed(field: str, value: Any, what: str = "a list") -> list:
     raise InvalidInput(f"{field}: found {shown(value)}, expected {what}")
 
 
-def one_of(
-    what: str,
-    name: Any,
-    known: Iterable[str],
-    note: str = "",
-    meant: Callable[[str], Iterable[str]] | None = None,
-) -> str:
+def one_of(what: str, name: Any, known: Collection[str], meant: Callable[[str], Iterable[str]] | None = None) -> str:
     """A name that is known; ``meant`` says which names an unknown one stands for, if not for those spelled alike.
 
     Raises:
         UnknownName: it is not, or is no name at all.
     """
-    known = list(known)
     if not isinstance(name, str) or name not in known:
         text = name if isinstance(name, str) else shown(name)
-        raise UnknownName(what, text, known, note, meant(text) if meant else ())
+        raise UnknownName(what, text, known, meant=meant(text) if meant else ())
     return name
 
 
