@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,10 +9,15 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.compensation import TAUT
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core.pose import distance
+from cdpr_sim.report import as_json
+from cdpr_sim.report.analysis import compensation_table, compensation_verdict
 from cdpr_sim.statics import two_cable
 from problems import hanging_mass, paper_line, random_problems
 
 MICROMETRE = 1e-6
+
+ROUNDING = 1e-9
+"""Of a limit of tension, as a fraction."""
 
 HELD = 1e-9
 """[m, rad] How close MuJoCo comes back to a compensated pose: 1e-14 measured on ``cogiro``; its residual of 1e-9 of the
@@ -44,6 +51,28 @@ def test_on_cogiro_with_the_fishing_line_the_error_falls_below_a_micrometre(cata
         assert max(errors(after, found.commanded)) < HELD
         assert after.stable
         assert cdpr.compare(found.equilibrium, after).agrees
+
+
+def test_no_default_tension_breaks_a_rope_and_one_that_would_is_said_to(catalogue):
+    """A plate of 1 kg that no lengths hold level: a fifth of the breaking load, or a word in result, table and JSON."""
+    robot, pose = catalogue["gtdynamics-planar"], (1.2, 0, 1.3)
+    bears = robot.breaking_load
+    found = cdpr.compensate(robot, pose)
+    assert found.tensions.max() <= bears[0] / 5 * (1 + ROUNDING)
+    assert not found.overloaded.any()
+    assert "breaking" not in repr(found) + compensation_verdict(found)
+    torn = cdpr.compensate(robot, pose, tensions=(0, 2 * bears))
+    np.testing.assert_array_equal(torn.overloaded, torn.tensions > bears)
+    assert torn.overloaded.any()
+    assert "cables beyond their breaking load" in repr(torn)
+    assert re.search(
+        r"Cable 3 would break: it pulls \d+ N, beyond its breaking load of 2318 N", compensation_verdict(torn)
+    )
+    table = compensation_table(torn, [found.equilibrium], [torn.equilibrium])
+    assert [list(column.cells)[-3] for column in table.columns] == ["overloaded cables", "0 of 4", "4 of 4"]
+    told = as_json.compensation(torn.equilibrium.problem, torn, cdpr.confirm(torn), [], [torn.equilibrium])
+    assert told["after"]["newton"]["overloaded"] == torn.overloaded.tolist()
+    assert told["cables"]["breaking_load"] == bears.tolist()
 
 
 def test_lengths_for_another_stiffness_do_not_compensate(catalogue):

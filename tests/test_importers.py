@@ -143,6 +143,7 @@ def test_a_robot_with_all_there_is_reads_back_as_the_same(tmp_path):
     robot = cdpr.Robot(
         exits=[[0, 0, 1], [1, 0, 1.1]], anchors=[[-0.1, 0, 0], [0.1, 0, 1 / 3]], axial_stiffness=[1e3, 2e4], mass=0.1,
         pulley_radius=[0.01, 0], force_min=[1, 2], force_max=[np.inf, 50], material="own rope",
+        breaking_load=[90, np.inf],
         pulley_axis=[[0.3, 0, 0.7], [1, 0, 0]], stiffening=[(1, 2), (0, 0)],
         mobility="planar", gravity=0, name="a \"b\" 'c' é", description='tab\tand "quote" and new\nline', source="π",
         frame=[[0, 0, 0], [1, 0, 1.2]], workspace=[[0.2, 0, 0.1], [0.4, 0, 0.3]], platform_size=(0.2, 0.1, 0.05),
@@ -153,6 +154,7 @@ def test_a_robot_with_all_there_is_reads_back_as_the_same(tmp_path):
     assert again.cabling.same_as(robot.cabling)
     assert (again.description, again.name, again.gravity) == (robot.description, robot.name, 0)
     assert (again.material, again.force_min.tolist(), again.force_max.tolist()) == ("own rope", [1, 2], [np.inf, 50])
+    assert again.breaking_load.tolist() == [90, np.inf]
     assert np.array_equal(again.workspace, robot.workspace)
 
 

@@ -143,6 +143,16 @@ def test_replace_material_sets_the_stiffness_and_a_stiffness_forgets_the_materia
     assert soft.replace(axial_stiffness=5.0).material is None
 
 
+def test_a_breaking_load_belongs_to_the_material():
+    """Set with it, forgotten with it, and kept where it is given beside it."""
+    rope = robot().replace(material="dyneema-2mm")
+    assert (rope.breaking_load == cdpr.ROPES["dyneema"].of(0.002).breaking_load).all()
+    assert (rope.replace(mass=2.0).breaking_load == rope.breaking_load).all()
+    assert np.isinf(rope.replace(material="fishing-0.4mm").breaking_load).all()
+    assert np.isinf(rope.replace(axial_stiffness=5.0).breaking_load).all()
+    assert (rope.replace(axial_stiffness=5.0, breaking_load=7.0).breaking_load == 7.0).all()
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

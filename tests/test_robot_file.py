@@ -118,6 +118,21 @@ def test_ropes_weigh_what_makers_say(tmp_path):
         assert 0 < rope.fill <= 1
 
 
+def test_ropes_break_where_their_sources_say_and_nowhere_else(tmp_path):
+    """6x19 steel rope, grade 1770: 0.356 d² times it; braided HMPE: 580 MN per m² of d²; without a source none."""
+    robot = loaded(tmp_path, 'material = "steel-rope"\ndiameter = 0.004', cable='material = "dyneema-2mm"')
+    np.testing.assert_allclose(robot.breaking_load, [580e6 * 0.002**2, 0.356 * 1770e6 * 0.004**2], rtol=1e-3)
+    for name, rope in cdpr.ROPES.items():
+        known = name in {"steel-rope", "dyneema", "nylon"}
+        assert (rope.strength is not None) == ("breaking" in rope.source and "not known" not in rope.source) == known
+        assert np.isfinite(loaded(tmp_path, f'material = "{name}-2mm"').breaking_load).all() == known
+    assert {name for name, one in cdpr.MATERIALS.items() if one.breaking_load is not None} == {"nylon-0.4mm"}
+    own = loaded(tmp_path, 'material = "dyneema-2mm"\nbreaking_load = 900', cable="breaking_load = 700")
+    assert own.breaking_load.tolist() == [700, 900]
+    with pytest.raises(cdpr.RobotFileError, match="breaking_load: found 0 N in cable 1, expected more than 0"):
+        loaded(tmp_path, 'material = "dyneema-2mm"', cable="breaking_load = 0")
+
+
 @pytest.mark.parametrize(
     ("robot", "platform", "cable", "message"),
     [

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -56,9 +56,10 @@ LEAST_ARM = 1e-3
 of those that go with it, and moves the position by its square times centimetres: 8e-9 m
 at most (``scripts/measure_constants.py``)."""
 
-MOST_STRAIN, MOST_LOADS = 0.05, 3.0
-"""Default upper limit of tension: what strains a cable by 5 %, where ropes break; or so many loads, if that is more,
-since the softest cables cannot hold their load with less."""
+MOST_STRAIN, MOST_LOADS, WORKING = 0.05, 3.0, 1 / 5
+"""Default upper limit of tension: what strains a cable by 5 %, where ropes break, and at most a fifth of the breaking
+load if that is known, the working load of lifting ropes (Directive 2006/42/EC, Annex I, 4.1.2.4); or so many loads, if
+that is more, since the softest cables cannot hold their load with less."""
 
 ROUNDS, SAMPLES, STARTS, APART = 6, 1000, 3, 0.3
 """Searches for a nearer pose than the nearest found; poses that are looked at in each, and how many it starts from; how
@@ -127,8 +128,14 @@ class Compensation(Frozen, Introduced):
         """At that pose, (cables,) [N]."""
         return self.equilibrium.tensions
 
+    @property
+    def overloaded(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables pull harder there than their breaking load, (cables,); none where that is not known."""
+        return self.equilibrium.overloaded
+
     def __repr__(self) -> str:
-        return f"<Compensation: {self.reach.value}, {1e3 * self.distance:.3g} mm away>"
+        broken = f", {int(self.overloaded.sum())} cables beyond their breaking load" if self.overloaded.any() else ""
+        return f"<Compensation: {self.reach.value}, {1e3 * self.distance:.3g} mm away{broken}>"
 
 
 def compensate(
@@ -149,7 +156,8 @@ def compensate(
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
         tensions: smallest and largest tension [N], each one number or one per cable: what a robot with cables from
             below is pretensioned with. Default: the robot's ``force_min`` and ``force_max``; where it has none, from
-            1 % of the load, which keeps every cable taut, to a strain of 5 %.
+            1 % of the load, which keeps every cable taut, to a strain of 5 % or a fifth of the breaking load, whichever
+            is less, and at least three loads.
         tension_limits: the same by the name that ``feasible`` and ``sweep`` have for it.
         prefer: of all tensions that do, the "smallest" (by norm) or those that make the platform "stiffest".
         arm: how much rotation counts where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
@@ -206,7 +214,8 @@ def compensate(
 def default_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
     """The robot's limits of force; where it has none, those that keep every cable taut and whole."""
     robot = problem.robot
-    most = np.maximum(MOST_STRAIN * robot.axial_stiffness, MOST_LOADS * problem.load)
+    most = np.minimum(MOST_STRAIN * robot.axial_stiffness, WORKING * robot.breaking_load)
+    most = np.maximum(most, MOST_LOADS * problem.load)
     upper = np.minimum(robot.force_max, np.maximum(most, robot.force_min))
     lower = np.where(robot.force_min > 0, robot.force_min, np.minimum(TAUT * problem.force_scale, upper))
     return lower, upper

@@ -29,16 +29,23 @@ def robots() -> None:
         for robot in machines:
             table.add_row(robot.name, robot.mobility, str(robot.cables), f"{robot.mass:g} kg", robot.description)
         console.print(table)
-    table = new_table("Cables of one size", "material", "EA")
+    table = new_table("Cables of one size", "material", "EA", "breaks at")
     table.add_column("source")
     for material in cdpr.MATERIALS.values():
-        table.add_row(material.name, f"{material.axial_stiffness:g} N", material.source)
+        table.add_row(
+            material.name, f"{material.axial_stiffness:g} N", material.breaking_load_in_words, material.source
+        )
     console.print(table)
-    table = new_table("Ropes of any diameter: steel-rope-4mm", "material", "modulus", "fill", "density")
+    table = new_table("Ropes of any diameter: steel-rope-4mm", "material", "modulus", "fill", "density", "strength")
     table.add_column("source")
     for rope in cdpr.ROPES.values():
         table.add_row(
-            rope.name, f"{rope.modulus / 1e9:g} GPa", f"{rope.fill:g}", f"{rope.density:g} kg/m³", rope.source
+            rope.name,
+            f"{rope.modulus / 1e9:g} GPa",
+            f"{rope.fill:g}",
+            f"{rope.density:g} kg/m³",
+            rope.strength_in_words,
+            rope.source,
         )
     console.print(table)
 

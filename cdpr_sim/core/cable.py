@@ -63,6 +63,7 @@ class Cabling(Frozen):
         force_min: smallest tension that is wanted [N], one number or one per cable. Limits play no part in where a
             platform rests: they say which tensions are chosen, and which poses are feasible.
         force_max: largest tension that the cable or its winch takes [N], likewise; infinite without a limit.
+        breaking_load: smallest tension at which a cable breaks [N], likewise; infinite where it is not known.
 
     Raises:
         InvalidInput: a field that cannot be right; the message names it.
@@ -77,6 +78,7 @@ class Cabling(Frozen):
     stiffening: Float[np.ndarray, "cables 2"]
     force_min: Float[np.ndarray, " cables"]
     force_max: Float[np.ndarray, " cables"]
+    breaking_load: Float[np.ndarray, " cables"]
 
     def __init__(
         self,
@@ -89,6 +91,7 @@ class Cabling(Frozen):
         stiffening: ArrayLike = (0.0, 0.0),
         force_min: ArrayLike = 0.0,
         force_max: ArrayLike = np.inf,
+        breaking_load: ArrayLike = np.inf,
     ) -> None:
         exits = checked_array("exits", exits, (None, 3))
         cables = len(exits)
@@ -106,6 +109,7 @@ class Cabling(Frozen):
             "stiffening": _per_cable("stiffening", stiffening, (2,), cables),
             "force_min": _per_cable("force_min", force_min, (), cables),
             "force_max": _limit_per_cable("force_max", force_max, cables),
+            "breaking_load": _limit_per_cable("breaking_load", breaking_load, cables),
         }
         in_range("exits", exits, -MOST_LENGTH, MOST_LENGTH, "m")
         in_range("anchors", values["anchors"], -MOST_LENGTH, MOST_LENGTH, "m")
@@ -242,7 +246,7 @@ class Cabling(Frozen):
 
     def same_as(self, other: Cabling) -> bool:
         """Whether both hold a platform in the very same way, to the last bit; limits of force play no part in it."""
-        names = {field.name for field in dataclasses.fields(self)} - {"force_min", "force_max"}
+        names = {field.name for field in dataclasses.fields(self)} - {"force_min", "force_max", "breaking_load"}
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
 
 

@@ -116,6 +116,11 @@ class Equilibrium(_Held, Posed, Introduced):
         return self.lengths <= self.rest_lengths
 
     @property
+    def overloaded(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables pull harder than their breaking load, (cables,); none where that is not known."""
+        return self.tensions > self.problem.robot.breaking_load
+
+    @property
     def stability(self) -> Stability:
         """Stable, neutral or unstable, by the smallest eigenvalue of the stiffness matrix."""
         return stability_of(self.eigenvalues)

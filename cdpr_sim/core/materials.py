@@ -18,12 +18,26 @@ def line_stiffness(modulus: float, diameter: float, fill: float = 1.0) -> float:
 
 @dataclass(frozen=True)
 class Material:
-    """A cable: its name, its axial stiffness EA [N], and where that number comes from; its mass per length [kg/m]."""
+    """A cable.
+
+    Attributes:
+        name: what it is called.
+        axial_stiffness: EA [N].
+        source: where the numbers come from.
+        linear_density: mass per length [kg/m]; None where it is not known.
+        breaking_load: smallest tension at which a new one breaks [N]; None where it is not known.
+    """
 
     name: str
     axial_stiffness: float
     source: str
     linear_density: float | None = None
+    breaking_load: float | None = None
+
+    @property
+    def breaking_load_in_words(self) -> str:
+        """For tables."""
+        return "unknown" if self.breaking_load is None else f"{self.breaking_load:g} N"
 
 
 @dataclass(frozen=True)
@@ -36,6 +50,7 @@ class Rope:
         fill: that section over the circle of the nominal diameter.
         density: mass over that section and length [kg/m³].
         source: where the numbers come from.
+        strength: breaking load over the square of the nominal diameter [Pa]; None where no source is known.
     """
 
     name: str
@@ -43,12 +58,18 @@ class Rope:
     fill: float
     density: float
     source: str
+    strength: float | None = None
+
+    @property
+    def strength_in_words(self) -> str:
+        """For tables."""
+        return "unknown" if self.strength is None else f"{self.strength / 1e6:.0f} MPa"
 
     def of(self, diameter: float) -> Material:
         """The cable of this diameter [m], called ``steel-rope-4mm``.
 
         Returns:
-            Its axial stiffness EA = E fill π d²/4 [N] and its mass per length [kg/m].
+            Its axial stiffness EA = E fill π d²/4 [N], its mass per length [kg/m] and its breaking load [N].
 
         Raises:
             InvalidInput: a diameter that is not positive.
@@ -59,6 +80,7 @@ class Rope:
             line_stiffness(self.modulus, diameter, self.fill),
             self.source,
             line_stiffness(self.density, diameter, self.fill),
+            None if self.strength is None else self.strength * diameter**2,
         )
 
 
@@ -75,10 +97,13 @@ NYLON_FIBRES = (0.6 * 1.14e9, 3.0 * 1.14e9)
 nylon 6.6 of medium tenacity (Morton and Hearle, "Physical Properties of Textile Fibres", Table 13.2), times the density
 of nylon, 1.14 g/cm³."""
 
+NYLON_STRENGTH = 0.48 * 1.14e9
+"""[Pa] Of drawn nylon 6.6 of medium tenacity, 0.48 N/tex (the same table); nylon 6 has 0.29 N/tex."""
 
 _NYLON = (
     "1.5 GPa, nylon 66 in moist air (Toray, AMILAN technical data), times a 0.4 mm line's section; not in the paper; "
-    "drawn nylon differs: 0.7 to 3.4 GPa (Morton and Hearle, Physical Properties of Textile Fibres)"
+    "drawn nylon differs: 0.7 to 3.4 GPa (Morton and Hearle, Physical Properties of Textile Fibres); breaking load: "
+    "0.48 N/tex, nylon 6.6 of medium tenacity (the same book, Table 13.2)"
 )
 
 MATERIALS = {
@@ -86,7 +111,12 @@ MATERIALS = {
     for material in (
         Material("vectran-0.7mm", 10e3, _ASSUMED),
         Material("fishing-0.4mm", 1e3, _ASSUMED),
-        Material("nylon-0.4mm", round(line_stiffness(NYLON_MODULUS, 0.4e-3)), _NYLON),
+        Material(
+            "nylon-0.4mm",
+            round(line_stiffness(NYLON_MODULUS, 0.4e-3)),
+            _NYLON,
+            breaking_load=round(line_stiffness(NYLON_STRENGTH, 0.4e-3), 1),
+        ),
     )
 }
 
@@ -104,25 +134,32 @@ ROPES = {
         Rope(
             "steel-rope", 90e9, 0.572, 8900.0,
             "6x19 with a steel core: metallic area 0.449 d² and 0.400 kg/m per cm² of d² (EN 12385-4, in Feyrer, Wire "
-            "Ropes, Table 1.9); EA = 40.4 GPa d² (moorwire.py of github.com/ddjokic/Mooring-Line-Properties)",
+            "Ropes, Table 1.9); EA = 40.4 GPa d² (moorwire.py of github.com/ddjokic/Mooring-Line-Properties); minimum "
+            "breaking force 0.356 d² (EN 12385-4) times a grade of 1770 MPa",
+            strength=0.356 * 1770e6,
         ),
         Rope(
             "dyneema", 64e9, 0.65, 970.0,
             "braided HMPE: 496 kg/m and 32.5 GN (56 times a breaking force of 580 MN) per m² of d², " + _MOORPY + "; "
             "the yarn alone has 109 to 132 GPa (DSM, fact sheet CIS YA100, SK75 and SK78)",
+            strength=579.5e6,
         ),
         Rope(
             "vectran", 65e9, 0.65, 1410.0,
             "the yarn's 46 N/tex and 1.41 g/cm³, " + _YARNS + "; a braid is softer; fill assumed to be that of braided "
-            "HMPE, " + _MOORPY,
+            "HMPE, " + _MOORPY + "; breaking load of a braid not known",
         ),
         Rope(
             "aramid", 71e9, 0.725, 1440.0,
-            "Kevlar 29's 49 N/tex and 1.44 g/cm³, " + _YARNS + "; fill: " + _PARAFIL + "; a braid is softer",
+            "Kevlar 29's 49 N/tex and 1.44 g/cm³, " + _YARNS + "; fill: " + _PARAFIL + "; a braid is "
+            "softer; breaking load of a rope not known",
         ),
         Rope(
             "nylon", NYLON_MODULUS, 1.0, 1140.0,
-            "one filament of nylon 66 in moist air: 1.5 GPa (Toray, AMILAN technical data); 1.14 g/cm³, " + _YARNS,
+            "one filament of nylon 66 in moist air: 1.5 GPa (Toray, AMILAN technical data); 1.14 g/cm³, " + _YARNS
+            + "; breaking load: 0.48 N/tex, nylon 6.6 of medium tenacity (Morton and Hearle, Physical Properties of "
+            "Textile Fibres, Table 13.2)",
+            strength=NYLON_STRENGTH * math.pi / 4,
         ),
     )
 }  # fmt: skip

@@ -78,6 +78,8 @@ class Robot(Introduced):
         force_min: smallest tension that is wanted of a cable [N], one number or one per cable.
         force_max: largest tension that a cable or its winch takes [N], likewise; infinite without a limit. Both limit
             what is chosen (``compensate``) and what is feasible (``sweep``), not where a platform rests.
+        breaking_load: smallest tension at which a cable breaks [N], likewise; infinite where it is not known.
+            Equilibria say which cables are overloaded.
         center_of_mass: in the platform frame, (3,) [m].
         inertia: about the centre of mass in the platform frame [kg m²], (3, 3) or its diagonal (3,);
             default: a uniform box of ``platform_size`` centred there.
@@ -127,6 +129,7 @@ class Robot(Introduced):
         stiffening: ArrayLike = (0.0, 0.0),
         force_min: ArrayLike = 0.0,
         force_max: ArrayLike = np.inf,
+        breaking_load: ArrayLike = np.inf,
         center_of_mass: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike | None = None,
         mobility: Mobility = "spatial",
@@ -151,6 +154,7 @@ class Robot(Introduced):
             stiffening,
             force_min,
             force_max,
+            breaking_load,
         )
         name = checked_name("name", name)
         if material is not None:
@@ -260,6 +264,11 @@ class Robot(Introduced):
     def force_max(self) -> Float[np.ndarray, " cables"]:
         """Largest tension that each cable or its winch takes, (cables,) [N]; infinite without a limit."""
         return self.cabling.force_max
+
+    @property
+    def breaking_load(self) -> Float[np.ndarray, " cables"]:
+        """Smallest tension at which each cable breaks, (cables,) [N]; infinite where it is not known."""
+        return self.cabling.breaking_load
 
     @property
     def cables(self) -> int:
@@ -449,7 +458,9 @@ class Robot(Introduced):
         return lengths
 
     def replace(self, **changes) -> Robot:
-        """A copy with some fields changed; ``material="fishing-0.4mm"`` sets the axial stiffness as well.
+        """A copy with some fields changed; ``material="fishing-0.4mm"`` sets stiffness and breaking load as well.
+
+        The breaking load of cables of another ``axial_stiffness`` is not known, unless it is given too.
 
         What was derived by default (the uniform box's inertia, the frame, the workspace) follows the change.
 
@@ -463,9 +474,11 @@ class Robot(Introduced):
         for name in changes:
             one_of("field of a robot", name, FIELDS)
         if changes.get("material") is not None and "axial_stiffness" not in changes:
-            changes["axial_stiffness"] = load_material(changes["material"]).axial_stiffness
+            made = load_material(changes["material"])
+            changes["axial_stiffness"] = made.axial_stiffness
+            changes.setdefault("breaking_load", np.inf if made.breaking_load is None else made.breaking_load)
         elif "axial_stiffness" in changes:
-            changes.setdefault("material", None)
+            changes = {"material": None, "breaking_load": np.inf} | changes
         return _robot_of(self._given | changes)
 
     def __reduce__(self) -> tuple:

@@ -17,7 +17,7 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.words import cables_in_words
 from cdpr_sim.crosscheck.hold import Hold
 from cdpr_sim.physics.release import Release
-from cdpr_sim.report.crosscheck import SLACK, heading
+from cdpr_sim.report.crosscheck import SLACK, heading, overload_notes
 from cdpr_sim.report.tables import new_table
 
 
@@ -50,6 +50,9 @@ def compensation_table(
     for cable in range(robot.cables):
         shown = (SLACK if found.slack[cable] else f"{found.tensions[cable]:.3f}" for found in results.values())
         table.add_row(escape(f"tension {cable + 1} [N]"), *shown)
+    if any(found.overloaded.any() for found in results.values()):
+        counts = (f"{int(found.overloaded.sum())} of {robot.cables}" for found in results.values())
+        table.add_row("overloaded cables", *counts, style="red")
     table.add_section()
     table.add_row(escape("softest [N/m]"), *(f"{found.eigenvalues[0]:.3g}" for found in results.values()))
     table.add_row("equilibrium", *(found.stability.name.lower() for found in results.values()))
@@ -77,7 +80,9 @@ def compensation_verdict(compensation: Compensation, hold: Hold | None = None) -
     if not compensation.exact:
         arm = f"a rotation counts as the way of a point {1e3 * compensation.arm:.0f} mm from the platform's origin"
         head += f": {1e3 * compensation.distance:.3f} mm away ({arm if compensation.arm else 'in position alone'})"
-    reasons = (*compensation.reasons, *(hold.reasons if hold else ()))
+    reasons = (
+        *compensation.reasons, *(hold.reasons if hold else ()), *overload_notes(compensation.equilibrium),
+    )  # fmt: skip
     return "\n".join([head + ".", *(f"  - {escape(reason)}" for reason in reasons)])
 
 

@@ -43,6 +43,7 @@ def outcome(found: Outcome) -> dict[str, Any]:
         "lengths": point.lengths.tolist(),
         "rest_lengths": point.rest_lengths.tolist(),
         "slack": point.slack.tolist(),
+        "overloaded": point.overloaded.tolist(),
         "residual": point.residual,
         "eigenvalues": point.eigenvalues.tolist(),
         "stability": point.stability.name.lower(),
@@ -172,8 +173,7 @@ def equilibria(
 
 def identification(found: Identification) -> dict[str, Any]:
     """Each unknown's value and standard error; what is not known is null, as JSON has no infinity."""
-    errors = [error if math.isfinite(error) else None for error in found.standard_errors.tolist()]
-    unknowns = zip(found.names, found.values.tolist(), errors, found.units, strict=True)
+    unknowns = zip(found.names, found.values.tolist(), _finite(found.standard_errors), found.units, strict=True)
     return {
         **_machine(found.robot),
         "unknowns": {
@@ -213,5 +213,12 @@ def _machine(robot: Robot) -> dict[str, Any]:
     if cabling.force_min.any():
         properties["force_min"] = cabling.force_min.tolist()
     if np.isfinite(cabling.force_max).any():
-        properties["force_max"] = [force if math.isfinite(force) else None for force in cabling.force_max.tolist()]
+        properties["force_max"] = _finite(cabling.force_max)
+    if np.isfinite(cabling.breaking_load).any():
+        properties["breaking_load"] = _finite(cabling.breaking_load)
     return told | {"cables": properties} if properties else told
+
+
+def _finite(values: Sequence[float] | np.ndarray) -> list[float | None]:
+    """What is infinite is null, as JSON has no infinity."""
+    return [float(value) if math.isfinite(value) else None for value in values]

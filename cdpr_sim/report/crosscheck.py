@@ -67,6 +67,8 @@ def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
     for cable in range(robot.cables):
         row(f"tension {cable + 1} [N]", "", lambda e, c=cable: SLACK if e.slack[c] else f"{e.tensions[c]:.4f}")
     row("slack cables", "", lambda e: f"{int(e.slack.sum())} of {robot.cables}")
+    if any(point is not None and point.overloaded.any() for point in points):
+        row("overloaded cables", "", lambda e: f"{int(e.overloaded.sum())} of {robot.cables}")
     table.add_section()
     row("unbalanced [N]", "", lambda e: f"{e.residual:.1e}")
     row("iterations", "", lambda e: str(e.iterations))
@@ -143,7 +145,17 @@ def equilibrium_notes(found: Equilibrium) -> list[str]:
             f"Cable {cable + 1} pulls {found.tensions[cable]:.4g} N, beyond its limits of {robot.force_min[cable]:g} "
             f"to {robot.force_max[cable]:g} N."
         )
-    return notes
+    return notes + overload_notes(found)
+
+
+def overload_notes(found: Equilibrium) -> list[str]:
+    """A sentence for each cable that would break."""
+    robot = found.problem.robot
+    return [
+        f"Cable {cable + 1} would break: it pulls {found.tensions[cable]:.4g} N, beyond its breaking load of "
+        f"{robot.breaking_load[cable]:.4g} N."
+        for cable in np.flatnonzero(found.overloaded)
+    ]
 
 
 def said(agreement: Agreement) -> str:

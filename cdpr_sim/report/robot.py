@@ -24,6 +24,7 @@ def robot_table(robot: Robot) -> Table:
         "kind": f"{robot.kind}, {robot.mobility}",
         "cables": f"{robot.cables} {cables_in_words(robot)}",
         "limits of tension": _limits(robot),
+        "breaking load": f"{_span(robot.breaking_load)} N" if np.isfinite(robot.breaking_load).all() else "",
         "platform": f"{robot.mass:g} kg, {_size(robot.platform_size, 1e3)} mm",
         "centre of mass": f"({_point(robot.center_of_mass)}) mm in the platform",
         "frame": f"{_size(np.ptp(robot.frame, axis=0), 1.0)} m",

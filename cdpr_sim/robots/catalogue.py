@@ -88,6 +88,7 @@ class CableTable(_Table):
     stiffening: Pair | None = _key("As for the whole robot.", "", None)
     force_min: Number | None = _key("As for the whole robot.", "N", None)
     force_max: Number | None = _key("As for the whole robot.", "N", None)
+    breaking_load: Number | None = _key("As for the whole robot.", "N", None)
     pulley: PulleyTable | None = _key("As for the whole robot.", "", None)
 
 
@@ -126,6 +127,9 @@ class RobotTable(_Table):
     stiffening: Pair = _key("(a2, a3) of tension = EA (eps + a2 eps² + a3 eps³).", "", (0.0, 0.0))
     force_min: Number = _key("Smallest tension that `compensate` and `sweep` keep in a cable.", "N", 0.0)
     force_max: Number | None = _key("Largest that a cable or its winch takes; by default without a limit.", "N", None)
+    breaking_load: Number | None = _key(
+        "Smallest tension at which a cable breaks; by default that of its material, where it is known.", "N", None
+    )
     pulley: PulleyTable = _key("The wheel at each exit; by default none.", "", PulleyTable(radius=0.0))
     platform: PlatformTable = _key("Its mass, and what it is like: `[platform]`.")
     frame: BoxTable | None = _key("What is drawn; by default the box around the exits, down to the floor.", "", None)
@@ -148,6 +152,7 @@ class RobotTable(_Table):
             stiffening=[_own(cable.stiffening, self.stiffening) for cable in self.cables],
             force_min=[_own(cable.force_min, self.force_min) for cable in self.cables],
             force_max=[_own(_own(cable.force_max, self.force_max), np.inf) for cable in self.cables],
+            breaking_load=[np.inf if one.breaking_load is None else one.breaking_load for one in made],
             pulley_radius=[pulley.radius / METRES[self.units] for pulley in pulleys],
             pulley_axis=[pulley.axis for pulley in pulleys],
             center_of_mass=self._metres(self.platform.center_of_mass),
@@ -177,7 +182,10 @@ class RobotTable(_Table):
                 diameter = _own(cable.diameter, self.diameter)
                 made = self._material(where, table, diameter, _own(table.diameter, cable.diameter))
                 name = _own(cable.name, self.cable_name if table is self else None)
-                return made if name is None else dataclasses.replace(made, name=name)
+                breaking_load = _own(cable.breaking_load, self.breaking_load)
+                return dataclasses.replace(
+                    made, name=_own(name, made.name), breaking_load=_own(breaking_load, made.breaking_load)
+                )
         raise RobotFileError(
             f"cable {index + 1}: found neither material nor axial_stiffness nor modulus, here or for the whole robot"
         )

@@ -50,11 +50,17 @@ def document() -> str:
         ]
     parts.append(_MATERIALS)
     parts += [
-        f"| `{rope.name}` | {rope.modulus / 1e9:g} GPa | {rope.fill:g} | {rope.density:g} kg/m³ | {rope.source} |\n"
+        f"| `{rope.name}` | {rope.modulus / 1e9:g} GPa | {rope.fill:g} | {rope.density:g} kg/m³ | "
+        f"{rope.strength_in_words} | {rope.source} |\n"
         for rope in ROPES.values()
     ]
-    parts.append("\nCables of one size, without `diameter`:\n\n| `material` | EA | source |\n|---|---|---|\n")
-    parts += [f"| `{one.name}` | {one.axial_stiffness:g} N | {one.source} |\n" for one in MATERIALS.values()]
+    parts.append(
+        "\nCables of one size, without `diameter`:\n\n| `material` | EA | breaks at | source |\n|---|---|---|---|\n"
+    )
+    parts += [
+        f"| `{one.name}` | {one.axial_stiffness:g} N | {one.breaking_load_in_words} | {one.source} |\n"
+        for one in MATERIALS.values()
+    ]
     return "".join(parts)
 
 
@@ -100,8 +106,9 @@ _MATERIALS = """
 `--material steel-rope-4mm`, and `robot.replace(material="steel-rope-4mm")`. EA is the modulus times the part of the
 circle that is filled, EA = E fill π d²/4; the mass per length, taken with `linear_density = "material"`, is the density
 times the same section. A rope's stiffness depends on its make, its load and its age: a maker's figure, or what
-`cdpr-sim identify` finds, goes before these.
+`cdpr-sim identify` finds, goes before these. The breaking load of a new rope is its strength times the square of the
+diameter.
 
-| `material` | modulus | fill | density | source |
-|---|---|---|---|---|
+| `material` | modulus | fill | density | strength | source |
+|---|---|---|---|---|---|
 """

@@ -38,6 +38,7 @@ def _lines(robot: Robot) -> Iterator[str]:
         "stiffening": cabling.stiffening,
         "force_min": cabling.force_min,
         "force_max": cabling.force_max,
+        "breaking_load": cabling.breaking_load,
     }
     own = {name: values for name, values in common.items() if (values != values[0]).any()}
     for name, values in common.items():
