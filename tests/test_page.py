@@ -1,6 +1,7 @@
 """The page to hand on: one file, whose numbers are MuJoCo's and the solver's, and which a browser shows as it is."""
 
 import dataclasses
+import itertools
 import json
 import re
 import shutil
@@ -122,6 +123,24 @@ def test_the_worst_poses_are_the_worst(robot, found, read):
     assert float(mujoco) == pytest.approx(1e3 * np.linalg.norm(again.deviation), abs=1e-2)
     assert float(newton) == pytest.approx(1e3 * np.linalg.norm(cdpr.solve(robot, at).deviation), abs=1e-2)
     assert float(tilt) == pytest.approx(np.degrees(again.tilt), abs=1e-2)
+
+
+def test_what_is_worst_is_the_same_in_the_summary_and_on_the_maps(monkeypatch):
+    """On crossed cables the worst pose lies beside the middle: the maps go through it, and say so."""
+    monkeypatch.setattr(portrait, "POINTS", 13)
+    robot = cdpr.load_robot("cogiro")
+    found = portrait.portray(robot, grid=(5, 3, 3), motion=False)
+    axes = (np.linspace(*ends, count) for ends, count in zip(robot.workspace.T, (5, 3, 3), strict=True))
+    rests = cdpr.solve_many(robot, list(itertools.product(*axes)))
+    distance, tilt = 1e3 * np.linalg.norm(rests.deviation, axis=-1).max(), np.degrees(rests.tilt.max())
+    assert tilt > 10 * np.degrees(found.first.solved.tilt)
+    words = Page(page.page(found)).words
+    assert f"it is up to {distance:.2f} mm away and tilted by up to {tilt:.2f}°" in words
+    y = found.worst[0].problem.pose.translation[1]
+    assert found.plane["y"].item() == y
+    assert y != robot.home[1]
+    assert float(np.degrees(found.plane["tilt"].max())) > 0.9 * tilt
+    assert f"Tilt of the platform at y = {1e3 * y:g} mm, from " in words
 
 
 def test_cables_are_drawn_from_exit_to_anchor_and_slack_ones_as_long_as_they_are(robot, found, text):

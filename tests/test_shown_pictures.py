@@ -1,6 +1,7 @@
 """What a picture says is what was computed: numbers, bars and outlines of videos, against states that are made up."""
 
 import dataclasses
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import matplotlib
@@ -43,7 +44,7 @@ def written(monkeypatch) -> list[Word]:
 
 def a_page() -> page.Page:
     robot = cdpr.load_robot("planar-vertical")
-    return page.Page(SIZE, [robot], ["caption"], largest_tension=2.0, footnote="footnote", outlined=True)
+    return page.Page(SIZE, [robot], [["caption"]], largest_tension=2.0, footnote="footnote", outlined=True)
 
 
 def a_frame(of: page.Page, tensions, slack) -> np.ndarray:
@@ -255,8 +256,24 @@ def test_maps_say_how_much_is_feasible_and_how_far_apart_the_roads_are():
 def test_the_caption_says_what_is_in_the_frame(moving):
     """Material and stiffness, platform and frame, in their units."""
     robot = moving.robot.replace(material="fishing-0.4mm", frame=[[0.0, 0.0, 0.0], [0.8, 0.5, 0.6]])
-    caption = film._caption(dataclasses.replace(moving, problems=dataclasses.replace(moving.problems, robot=robot)))
-    assert caption == "fishing-0.4mm, EA = 1 kN · platform 0.4 kg · frame 0.8 × 0.5 × 0.6 m"
+    captions = film._captions(dataclasses.replace(moving, problems=dataclasses.replace(moving.problems, robot=robot)))
+    assert captions[0] == "fishing-0.4mm, EA = 1 kN · platform 0.4 kg · frame 0.8 × 0.5 × 0.6 m"
+    assert captions[-1] == "fishing-0.4mm, EA = 1 kN"
+    assert sorted(captions, key=len, reverse=True) == captions or captions[-2] == captions[-1]
+
+
+@pytest.mark.parametrize(("size", "count"), [((800, 450), 2), ((640, 360), 1), ((1280, 720), 2)])
+@pytest.mark.parametrize("name", cdpr.list_robots())
+def test_headings_are_whole(written, name, size, count):
+    """Of every robot, at the sizes that are shown: what does not fit gives way to fewer words, and never breaks off."""
+    robot = cdpr.load_robot(name)
+    robot = robot.replace(description="with a description as long as those that people like to write")
+    captions = film._captions(SimpleNamespace(robot=robot))
+    page.Page(size, [robot] * count, [captions] * count, largest_tension=2.0, footnote="", outlined=True)
+    said = [word.text for word in written]
+    assert said.count(name) == count
+    assert sum(said.count(text) for text in captions) == count
+    assert not [text for text in said if text.endswith("…")]
 
 
 @pytest.fixture(scope="module")

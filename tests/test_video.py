@@ -323,13 +323,35 @@ def test_the_page_says_what_is_shown(parallel):
     assert "let go" in video._footnote([dropped], 60.0)
 
 
+@pytest.mark.parametrize("fallen", [0.0, 0.6])
+def test_the_platform_stays_in_the_picture_wherever_it_goes(parallel, fallen):
+    """Also beside and below its frame, where the floor goes down with it; else the camera is where it always was."""
+    away = np.array([0.0, 0.0, -fallen])
+    poses = RigidTransform.from_components(parallel.positions + away, parallel.poses.rotation)
+    motion = cdpr.Trajectory.of(parallel.problems, parallel.times, poses, parallel.lengths, parallel.tensions)
+    stage = scene.Stage(motion, largest_tension=2.0)
+    width, height = 480, 300
+    camera = stage.whole(width / height)
+    corners = np.array(list(itertools.product(*(np.array([-0.5, 0.5])[:, None] * motion.robot.platform_size).T)))
+    axes, center = scene._camera_axes(), np.array(camera.lookat)
+    for step in (0, len(motion) // 2, len(motion) - 1):
+        stage.set(step)
+        seen = (stage.poses[step].apply(corners) - center) @ axes.T
+        sides = np.abs(seen[:, :2]) / (camera.distance - seen[:, 2:])
+        assert (sides < np.tan(np.radians(style.FIELD_OF_VIEW) / 2) * np.array([width / height, 1])).all()
+        assert stage.poses[step].apply(corners)[:, 2].min() >= stage.data.geom("floor").xpos[2] - 1e-12
+    usual = scene.Stage(parallel, largest_tension=2.0)
+    assert (usual.whole(1.6).distance < stage.whole(1.6).distance) == (fallen > 0)
+    assert (usual.model.geom("floor").pos[2] > stage.model.geom("floor").pos[2]) == (fallen > 0)
+
+
 @pytest.mark.parametrize("size", [(320, 240), (640, 480), (1280, 720), (400, 900), (1920, 300)])
 @pytest.mark.parametrize("robots", [1, 2, 4, 6])
 def test_a_page_of_any_size_has_room_for_everything(size, robots):
     """No box is empty or leaves the page, and no two of a cell overlap."""
     robot = cdpr.load_robot("parallel")
     page = panel.Page(
-        size, [robot] * robots, ["x" * 200] * robots, largest_tension=2.0, footnote="y" * 300, outlined=True
+        size, [robot] * robots, [["x" * 200]] * robots, largest_tension=2.0, footnote="y" * 300, outlined=True
     )
     for cell in page.cells:
         boxes = [cell.heading, cell.view, cell.close_up, cell.numbers, cell.bars]
@@ -488,12 +510,13 @@ def test_no_environment_variable_is_needed_or_left_behind(monkeypatch):
 
 
 def test_show_plays_in_a_notebook(parallel, monkeypatch):
-    """What the notebook is given is an H.264 video of the size asked for, embedded."""
+    """What the notebook is given is an H.264 video of the size asked for, embedded; on a narrow page it shrinks."""
     displayed = []
     monkeypatch.setattr("IPython.display.display", lambda thing: displayed.append(thing.data))
     cdpr.show(parallel, seconds=0.2, fps=10, size=(320, 240), renderer="raycast")
     (html,) = displayed
-    assert 'width="320" height="240"' in html
+    assert 'width="320" height="240" style="max-width: 100%; height: auto;' in html
+    assert "<table" not in html
     data = base64.b64decode(re.search(r"data:video/mp4;base64,([^\"]+)", html).group(1))
     assert np.asarray(mediapy.decompress_video(data)).shape == (2, 240, 320, 3)
 

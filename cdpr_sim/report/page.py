@@ -156,12 +156,9 @@ def _summary(portrait: Portrait) -> str:
     poses = portrait.check.dataset["outcome"].size
     lines = list(workspace.check_lines(portrait.check))
     told = [_words(portrait.robot, portrait.first)]
-    worst = _rest(portrait.worst[0]) if portrait.worst else None
-    if worst is not None and portrait.check.agrees:
-        away, tilt = _short(1e3 * float(np.linalg.norm(worst.deviation))), _short(math.degrees(worst.tilt))
-        told.append(
-            f"At the worst of the {poses:,} poses that were settled it is {away} mm away and tilted by {tilt}°."
-        )
+    if portrait.worst and portrait.check.agrees:
+        away, tilt = _short(1e3 * portrait.most[0]), _short(math.degrees(portrait.most[1]))
+        told.append(f"At the {poses:,} poses that were settled it is up to {away} mm away and tilted by up to {tilt}°.")
     no = "" if portrait.check.agrees else " no"
     return f'<div class="verdict{no}">{html.sentences(*map(plain, told), *lines)}</div>'
 
@@ -269,20 +266,23 @@ def _verdict(view: View) -> str:
 
 
 def _maps(portrait: Portrait) -> str:
-    figures = []
+    figures, why_there = [], ""
     dataset, data = portrait.plane, portrait.check.dataset
     if dataset is not None:
-        for name, words in _MAPS.items():
+        place = f" at y = {_short(1e3 * float(dataset['y'][0]))} mm" * (portrait.robot.mobility == "spatial")
+        if place and portrait.worst:
+            why_there = f"Maps{place}: the first of the worst poses lies there."
+        for name, (what, how) in _MAPS.items():
             if name in dataset:
                 figure = maps.draw_elastic_map(dataset, names=[name])
-                figures.append(_figure(figure, f"{words[0]}, {_range(dataset, name)}", words[1]))
+                figures.append(_figure(figure, f"{what}{place}, {_range(dataset, name)}", how))
     if dataset is not None and min(data.sizes["x"], data.sizes["z"]) > 1:
         across = portrait.check.across()
         agree = int((data["outcome"] == OUTCOMES.index("agree")).sum())
         words = f"Where MuJoCo and the static solver agree: plainly at {agree} of {data['outcome'].size} poses"
         why = "The worst along y of the poses that were settled in MuJoCo; beside it, how far the two are apart."
         figures.append(_figure(maps.draw_agreement_map(across), words, why, "both"))
-    return f'<div class="maps">{"".join(figures)}</div>' if figures else ""
+    return f'{html.sentences(why_there)}<div class="maps">{"".join(figures)}</div>' if figures else ""
 
 
 def _range(dataset: Any, name: str) -> str:

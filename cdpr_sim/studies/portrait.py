@@ -82,8 +82,10 @@ class Portrait:
         first: the pose that was asked for.
         worst: the poses of the grid where the roads do not agree, and then those farthest from where they were
             commanded, rotations counted by what the anchors see; of poses that are alike by symmetry, one.
+        most: the largest deviation [m] and the largest tilt [rad] of all poses of the grid, by statics.
         check: both roads over the grid.
-        plane: tilt, deviation, slack cables and feasibility over a plane through the workspace; None where it is flat.
+        plane: tilt, deviation, slack cables and feasibility over the plane across y through the first of ``worst``;
+            None where the workspace is flat.
         modes: natural frequencies at the pose that was asked for; None where there are none.
         motion: a drive across the workspace; None if it was not asked for, or the platform fell.
         static: the static solver's poses during the drive.
@@ -94,6 +96,7 @@ class Portrait:
     robot: Robot
     first: View
     worst: tuple[View, ...]
+    most: tuple[float, float]
     check: Check
     plane: xr.Dataset | None
     modes: Modes | None
@@ -128,15 +131,15 @@ def portray(
     missing: list[str] = []
     progress("MuJoCo settles the platform all over its workspace")
     checked = check(robot, axes)
-    first, *worst = _views([asked, *_worst(robot, axes, checked)])
+    problems, most = _worst(robot, axes, checked)
+    first, *worst = _views([asked, *problems])
     progress("The static solver maps the workspace")
     plane, modes, drove = None, None, None
     try:
         massless = robot.cabling.massless
         quantities = (*MAP, "tension_margin") if massless else MAP[:3]
-        plane = sweep(
-            robot, grids.plane("xz", float(asked.pose.translation[1]), POINTS, [robot]), quantities=quantities
-        )
+        y = float((problems or [asked])[0].pose.translation[1])
+        plane = sweep(robot, grids.plane("xz", y, POINTS, [robot]), quantities=quantities)
     except InvalidInput as error:
         missing.append(f"No maps: {error}.")
     rest = first.solved
@@ -150,7 +153,7 @@ def portray(
             missing.append(f"No film: {error}.")
     static = None if drove is None else solve_trajectory(drove).poses
     shapes = None if drove is None else shapes_of(drove)
-    return Portrait(robot, first, tuple(worst), checked, plane, modes, drove, static, shapes, tuple(missing))
+    return Portrait(robot, first, tuple(worst), most, checked, plane, modes, drove, static, shapes, tuple(missing))
 
 
 def settled_along(robot: Robot, waypoints: Float[np.ndarray, "states 3"], seconds: float) -> Trajectory:
@@ -170,13 +173,17 @@ def shapes_of(rests: Rests) -> Float[np.ndarray, "*batch cables points 3"] | Non
     return None if rests.robot.cabling.massless else cable_shapes(rests)
 
 
-def _worst(robot: Robot, axes: dict[str, np.ndarray], checked: Check) -> list[Problem]:
-    """The poses where the roads do not agree, and those farthest from where they were commanded."""
+def _worst(robot: Robot, axes: dict[str, np.ndarray], checked: Check) -> tuple[list[Problem], tuple[float, float]]:
+    """The poses where the roads do not agree, and those farthest from where they were commanded.
+
+    And of all poses the largest deviation [m] and the largest tilt [rad].
+    """
     outcome = checked.dataset["outcome"].values.ravel()
     positions = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, 3)
     rests = solve_many(robot, positions)
     turned = robot.characteristic_length * np.asarray(rests.poses.rotation.magnitude())
-    away = np.hypot(np.linalg.norm(rests.deviation, axis=-1), turned)
+    distance, found = np.linalg.norm(rests.deviation, axis=-1), rests.converged & (outcome != REFUSED)
+    away = np.hypot(distance, turned)
     disagreeing = {finding.position for finding in checked.findings}
     odd = np.array([tuple(map(float, position)) in disagreeing for position in positions])
     rows: list[int] = []
@@ -184,7 +191,8 @@ def _worst(robot: Robot, axes: dict[str, np.ndarray], checked: Check) -> list[Pr
         alike = any(np.isclose(away[row], away[other], rtol=ALIKE, atol=0) for other in rows) and not odd[row]
         if outcome[row] != REFUSED and not alike and len(rows) < WORST:
             rows.append(int(row))
-    return [Problem.of(robot, positions[row]) for row in rows]
+    most = float(distance[found].max(initial=0.0)), float(rests.tilt[found].max(initial=0.0))
+    return [Problem.of(robot, positions[row]) for row in rows], most
 
 
 def _views(problems: list[Problem]) -> list[View]:

@@ -75,7 +75,7 @@ class Page:
     Args:
         size: (width, height) [pixel].
         robots: one per cell.
-        captions: the line under each robot's name.
+        captions: the line under each robot's name, in words from many to few: the first that fits is written.
         largest_tension: [N] the end of the scale.
         footnote: what the whole is, in a line.
         warning: what must not be overlooked, written into the pictures; or nothing.
@@ -86,7 +86,7 @@ class Page:
         self,
         size: tuple[int, int],
         robots: Sequence[Robot],
-        captions: Sequence[str],
+        captions: Sequence[Sequence[str]],
         *,
         largest_tension: float,
         footnote: str,
@@ -154,21 +154,16 @@ class Page:
         bars = Box(numbers.right + gap, under, left + width - numbers.right - gap, strip)
         return Cell(heading, view, Box(left, under, close, strip), numbers, bars)
 
-    def _draw_heading(self, draw: ImageDraw.ImageDraw, box: Box, robot: Robot, caption: str) -> None:
+    def _draw_heading(self, draw: ImageDraw.ImageDraw, box: Box, robot: Robot, captions: Sequence[str]) -> None:
+        """Name and, where there is room for all of it, description; below them the first caption that fits."""
         title = self._font(style.TITLE_HEIGHT, bold=True)
         draw.text((box.left, box.top), robot.name, _rgb(style.PAGE_INK), title)
         beside = box.left + draw.textlength(robot.name + " ", title)
-        base = box.top + title.getmetrics()[0]
-        self._fitted(
-            draw,
-            (beside, base),
-            robot.description,
-            box.right - beside,
-            style.TEXT_HEIGHT,
-            style.PAGE_FAINT,
-            anchor="ls",
-        )
+        at = beside, box.top + title.getmetrics()[0]
+        description = self._first_fitting([robot.description, ""], box.right - beside)
+        self._fitted(draw, at, description, box.right - beside, style.TEXT_HEIGHT, style.PAGE_FAINT, anchor="ls")
         line = box.top + self._line(style.TITLE_HEIGHT)
+        caption = self._first_fitting(captions, box.width)
         self._fitted(draw, (box.left, line), caption, box.width, style.LABEL_HEIGHT, style.PAGE_INK)
 
     def _draw_warning(self, draw: ImageDraw.ImageDraw, view: Box) -> None:
@@ -307,11 +302,16 @@ class Page:
         outline = _rgb(style.STATIC_COLOR) if entry == "static" else None
         draw.rectangle((x, top, x + width, bottom), _rgb(fill), outline, max(2, round(height / 6)))
 
+    def _first_fitting(self, texts: Sequence[str], width: float) -> str:
+        """The first text that is no wider than ``width`` in the smallest type; or the last."""
+        least = _font(style.LEAST_HEIGHT, False)
+        return next((text for text in texts if least.getlength(text) <= width), texts[-1])
+
     def _fitted(self, draw, at, text: str, width: float, size: float, color, anchor: str = "la") -> None:
         """``text``, in smaller type where it is wider than ``width``; dropped where it cannot be read."""
-        font = self._font(size)
-        if font.getlength(text) > width:
-            font = self._font(size * width / font.getlength(text))
+        sizes = range(self._size(size), style.LEAST_HEIGHT - 1, -1)
+        fonts = (_font(pixels, False) for pixels in sizes)
+        font = next((one for one in fonts if one.getlength(text) <= width), _font(style.LEAST_HEIGHT, False))
         while text and font.getlength(text) > width:
             text = text[:-2].rstrip() + "…" if len(text) > 2 else ""
         draw.text(at, text, _rgb(color), font, anchor=anchor)

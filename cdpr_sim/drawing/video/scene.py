@@ -80,6 +80,9 @@ class Stage:
         self.diagonal = float(np.linalg.norm(np.ptp(robot.frame, axis=0))) or 1.0
         self.poses = exaggerated(trajectory.poses, trajectory.commanded, exaggeration)
         self.static = None if static is None else exaggerated(static, trajectory.commanded, exaggeration)
+        self._reach = _box_around(self.poses, robot.platform_size)
+        floor = self.model.geom("floor").pos
+        floor[2] = min(floor[2], self._reach[0, 2])  # a platform that falls through it would not be seen
         self._slack = trajectory.slack
         self._way, self._trail = trajectory.commanded.translation, self.poses.translation
         self._any_camera = self.whole(1.5)
@@ -111,8 +114,8 @@ class Stage:
         return self.scene
 
     def whole(self, aspect: float) -> mujoco.MjvCamera:
-        """A camera that has the robot's whole frame in a picture of this aspect (width over height)."""
-        corners = np.array(list(itertools.product(*self.robot.frame.T)))
+        """A camera that has the whole frame, and the platform wherever it goes, in a picture of this aspect (w/h)."""
+        corners = np.array([*itertools.product(*self.robot.frame.T), *itertools.product(*self._reach.T)])
         corners = np.vstack([corners, self.robot.exits])
         axes = _camera_axes()
         center = corners.mean(0)
@@ -246,6 +249,13 @@ def exaggerated(poses: RigidTransform, commanded: RigidTransform, times: float) 
     return RigidTransform.from_components(
         commanded.translation + times * shift, Rotation.from_rotvec(times * turn) * commanded.rotation
     )
+
+
+def _box_around(poses: RigidTransform, size: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2 3"]:
+    """Two opposite corners of the box that a platform of this size never leaves."""
+    corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * size
+    points = poses.translation[:, None] + corners @ np.swapaxes(poses.rotation.as_matrix(), -1, -2)
+    return np.array([np.nanmin(points, axis=(0, 1)), np.nanmax(points, axis=(0, 1))])
 
 
 def tension_colors(tensions: Float[np.ndarray, " n"], largest: float) -> Float[np.ndarray, "n 3"]:
