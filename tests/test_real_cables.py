@@ -1,5 +1,8 @@
 """Cables as they are: over pulleys, with laws that stiffen, with weight. Formulas, both roads, and what is refused."""
 
+import dataclasses
+import warnings
+
 import mujoco
 import numpy as np
 import pytest
@@ -10,8 +13,11 @@ from scipy.spatial.transform import Rotation
 import cdpr_sim as cdpr
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.crosscheck.compare import Verdict
+from cdpr_sim.design.layouts import Cases, Layouts, rest
 from cdpr_sim.statics import derivatives, forces
+from cdpr_sim.statics.catenary import catenary
 from cdpr_sim.statics.chain import gauss, rest_of_chains
+from cdpr_sim.statics.newton import stiffness_of
 
 SOFT = 1e3
 """[N] EA with which DemoBot's cables strain by some per mille, so that laws and lengths show."""
@@ -198,15 +204,20 @@ def test_random_robots_balance_by_an_independent_hand(kind):
             found = cdpr.solve(robot, rng.uniform([-0.5, -0.5, -0.2], [0.5, 0.5, 0.4]))
         except cdpr.InvalidInput:
             continue  # an anchor under its wheel's footprint
-        force, torque = np.array([0, 0, -robot.weight]), np.zeros(3)
-        for cable in range(cables):
-            arm = found.rotation.apply(anchors[cable])
-            pull = pull_by_hand(found, cable, found.position + arm)
-            force, torque = force + pull, torque + np.cross(arm, pull)
-        assert np.abs(force).max() < 1e-6 * robot.weight
-        assert np.abs(torque).max() < 1e-6 * robot.weight * robot.characteristic_length
+        assert unbalanced_by_hand(found) < 1e-6 * robot.weight
         balanced += 1
     assert balanced > 120
+
+
+def unbalanced_by_hand(found: cdpr.Equilibrium) -> float:
+    """The largest unbalanced force [N], torques over the characteristic length, cable by cable."""
+    robot = found.problem.robot
+    force, torque = np.array([0, 0, -robot.weight]), np.zeros(3)
+    for cable in range(robot.cables):
+        arm = found.rotation_matrix @ robot.anchors[cable]
+        pull = pull_by_hand(found, cable, found.position + arm)
+        force, torque = force + pull, torque + np.cross(arm, pull)
+    return float(np.abs([force, torque / robot.characteristic_length]).max())
 
 
 def pull_by_hand(found: cdpr.Equilibrium, cable: int, anchor: np.ndarray) -> np.ndarray:
@@ -217,7 +228,7 @@ def pull_by_hand(found: cdpr.Equilibrium, cable: int, anchor: np.ndarray) -> np.
     weight = cabling.linear_density[cable] * robot.gravity
     if weight > 0:
         # Irvine's catenary, integrated from the force at the anchor to the exit: it must arrive there.
-        pull = forces.at(found.problem, found.position, found.rotation.as_matrix()).hanging.pull[cable]
+        pull = catenary(exit_point, anchor, rest, EA, weight).pull
         reached = anchor + irvine(pull, rest, EA, weight)
         assert np.abs(reached - exit_point).max() < 1e-7
         return pull
@@ -239,6 +250,145 @@ def irvine(pull, rest, EA, weight):
     )
     vertical = rest / EA * (up + 0.5 * weight * rest) + (ends[1] - ends[0]) / weight
     return np.array([*(horizontal * pull[:2] / level), vertical])
+
+
+# --- weight on some cables, pulleys or laws on others -----------------------------------------------------------------
+
+KINDS_BESIDE = {
+    "a pulley": dict(pulley_radius=[0.02] * 7 + [0]),
+    "a stiffening law": dict(stiffening=[(8.0, -20.0)] * 7 + [(0, 0)]),
+}
+
+POSE = (0.3, 0.25, 0.1)
+
+
+def mixed(kind: str, density: float = 1e-6) -> cdpr.Robot:
+    """DemoBot with mass on the last cable, and a pulley or a law on all others."""
+    beside = KINDS_BESIDE[kind]
+    return cdpr.load_robot("cogiro").replace(axial_stiffness=SOFT, linear_density=[0] * 7 + [density], **beside)
+
+
+@pytest.mark.parametrize("kind", KINDS_BESIDE)
+def test_weight_beside_pulleys_or_laws_is_refused_by_all_of_statics(kind, tmp_path):
+    """It was solved as if there were none, and called converged with 110 N unbalanced: now one sentence everywhere."""
+    robot = mixed(kind)
+    settled = cdpr.settle_many(robot, [POSE, POSE])
+    one = settled[0]
+    motion = cdpr.Trajectory.through(settled, np.array([0.0, 1.0]))
+    asked = {
+        "newton": lambda: cdpr.solve(robot, POSE),
+        "fsolve": lambda: cdpr.solve(robot, POSE, method="fsolve"),
+        "least_squares": lambda: cdpr.solve(robot, POSE, method="least_squares"),
+        "a problem": lambda: cdpr.solve(cdpr.Problem.of(robot, POSE)),
+        "a few": lambda: cdpr.solve_many(robot, [POSE]),
+        "compiled": lambda: cdpr.solve_many(robot, np.tile(POSE, (50, 1))),
+        "a trajectory": lambda: cdpr.solve_trajectory(motion),
+        "forces": lambda: forces.at(one.problem, one.position, one.rotation_matrix),
+        "eigenvalues": lambda: stiffness_of(settled),
+        "sweep": lambda: cdpr.sweep(robot, {"z": [0.1, 0.2]}, store=tmp_path / "store.zarr"),
+        "check": lambda: cdpr.check(robot, {"z": [0.1, 0.2]}),
+        "find_equilibria": lambda: cdpr.find_equilibria(robot, POSE, starts=20),
+        "follow_load": lambda: cdpr.follow_load(robot, POSE),
+        "clearances": lambda: cdpr.clearances(robot, [POSE]),
+        "neutral_directions": lambda: cdpr.neutral_directions(one),
+        "find_layout": lambda: cdpr.find_layout(robot, [POSE], within=0.05),
+        "find_front": lambda: cdpr.find_front(robot, [POSE], within=0.05),
+        "report": lambda: cdpr.write_report(tmp_path / "page.html", robot),
+    }
+    for name, ask in asked.items():
+        with pytest.raises(cdpr.InvalidInput, match=f"1e-06 kg/m in cable 8 and {kind} in cable 1, expected only") as e:
+            pytest.fail(f"{name}: answered {ask()!r}")
+        assert "\n" not in str(e.value)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("density", [1e-6, 5e-3])
+@pytest.mark.parametrize("kind", KINDS_BESIDE)
+def test_settle_is_right_about_weight_beside_pulleys_or_laws(kind, density):
+    """Each cable's force by hand adds up to the load; without the pulleys or the law, it does not."""
+    robot = mixed(kind, density)
+    found = cdpr.settle(robot, POSE)
+    assert unbalanced_by_hand(found) < 1e-6 * robot.weight
+    ignored = robot.replace(pulley_radius=0.0, stiffening=(0.0, 0.0))
+    without = dataclasses.replace(found, problem=dataclasses.replace(found.problem, robot=ignored))
+    assert unbalanced_by_hand(without) > 1e-3 * robot.weight
+
+
+# --- strains beyond which a law is not given --------------------------------------------------------------------------
+
+STRAINED = "a cable is strained by more than 20%, up to which its nonlinear law is given"
+
+
+def plumb(mass: float, stiffening: tuple[float, float]) -> cdpr.Robot:
+    """A mass on one cable with EA = 100 N."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cdpr.ImplausibleRobot)
+        return cdpr.Robot(
+            [[0, 0, 2]], [[0, 0, 0]], 100.0, mass, stiffening=stiffening, platform_size=(0.1, 0.1, 0.1), name="plumb"
+        )
+
+
+LIMIT_MASS = {(8.0, -20.0): 100 * 0.36 / 9.81, (0.0, -8.0): 100 * 0.136 / 9.81, (0.0, 1000.0): 100 * 8.2 / 9.81}
+"""[kg] That strain the cable by 20 %: EA (0.2 + 0.04 a2 + 0.008 a3)/g."""
+
+
+@pytest.mark.parametrize("law", LIMIT_MASS)
+def test_both_methods_answer_up_to_the_strain_a_law_is_given_for_and_refuse_beyond(law):
+    """They continued it in two ways, 0.118 of strain apart. 0.1 % below both agree with the cubic; above: no."""
+    light, heavy = (plumb(factor * LIMIT_MASS[law], law) for factor in (0.999, 1.001))
+    roots = np.roots([*law[::-1], 1, -light.weight / 100])
+    strain = min(root.real for root in roots if abs(root.imag) < 1e-9 and root.real > 0)
+    assert 0.19 < strain < 0.2
+    for answer in (cdpr.solve, cdpr.settle, lambda *asked: cdpr.solve(*asked, method="fsolve")):
+        assert answer(light, (0, 0, 1)).lengths[0] - 1 == pytest.approx(strain, abs=1e-6)
+        with pytest.raises((cdpr.NotConverged, cdpr.NotSettled), match=rf"plumb: .*: {STRAINED} \(cable 1\)"):
+            answer(heavy, (0, 0, 1))
+    for many in (cdpr.solve_many(heavy, [(0, 0, 1)] * 2), cdpr.settle_many(heavy, [(0, 0, 1)] * 2)):
+        assert (many.status == cdpr.Status.OVERSTRAINED).all()
+    linear = heavy.replace(stiffening=(0, 0))
+    for answer in (cdpr.solve, cdpr.settle):  # the negative control: a linear law holds for every strain
+        assert answer(linear, (0, 0, 1)).lengths[0] - 1 == pytest.approx(linear.weight / 100, rel=1e-6)
+
+
+def test_both_methods_refuse_the_same_poses_of_soft_robots():
+    """Laws that stiffen, and laws that would fall beyond 20 %, where MuJoCo's platform runs away."""
+    random, seen = np.random.default_rng(5), set()
+    for k, stiffness in enumerate(10 ** random.uniform(0.3, 1.7, 15)):
+        name = ["cogiro", "parallel", "planar-vertical"][k % 3]
+        law = [(8.0, -20.0), (0.0, -8.0), (-2.0, 0.0), (0.0, 1000.0), (20.0, 100.0)][k % 5]
+        robot = cdpr.load_robot(name).replace(axial_stiffness=stiffness, stiffening=law)
+        poses = random.uniform(*robot.workspace, (10, 3))
+        solved, settled = cdpr.solve_many(robot, poses), cdpr.settle_many(robot, poses)
+        assert (solved.status == settled.status).all()
+        assert np.abs(solved.positions - settled.positions)[solved.converged].max(initial=0) < 1e-8
+        seen |= {*solved.status.tolist()}
+    assert seen == {cdpr.Status.CONVERGED, cdpr.Status.OVERSTRAINED}
+
+
+def test_what_follows_from_a_law_ends_where_it_does():
+    """Beside a cable with mass, of all equilibria, in layouts and sweeps; of tensions that are asked for."""
+    law = (0.0, -8.0)
+    light, heavy = (plumb(factor * LIMIT_MASS[law], law) for factor in (0.999, 1.001))
+    beside = mixed("a stiffening law", 5e-3)
+    with pytest.raises(cdpr.NotSettled, match=rf"{STRAINED} \(cables 1, 4\)"):
+        cdpr.settle(beside.replace(axial_stiffness=[2.0] * 7 + [SOFT]), POSE)
+    with pytest.raises(cdpr.NotConverged, match=STRAINED):
+        cdpr.find_equilibria(heavy, (0, 0, 1), starts=20)
+    one = {"x": [0.0], "y": [0.0], "z": [1.0]}
+    swept = cdpr.sweep(heavy, one)
+    assert swept["status"].item() == cdpr.Status.OVERSTRAINED
+    assert np.isnan(swept["tilt"].item())
+    assert STRAINED in cdpr.check(heavy, one).findings[0].reasons[0]
+    soft = cdpr.load_robot("cogiro").replace(axial_stiffness=20.0, stiffening=law)
+    found = rest(Layouts.of([soft, soft.replace(axial_stiffness=5.0)]), Cases.of(soft, [POSE]))
+    assert found.status.tolist() == [[cdpr.Status.CONVERGED], [cdpr.Status.OVERSTRAINED]]
+    strain = 1 / light.rest_lengths((0, 0, 1), [light.weight])[0] - 1
+    assert 100 * (strain - 8 * strain**3) == pytest.approx(light.weight, rel=1e-12)
+    with pytest.raises(cdpr.InvalidInput, match=r"tensions: found 13.61 N in cable 1, expected at most 13.6 N"):
+        heavy.rest_lengths((0, 0, 1), [heavy.weight])
+    with pytest.raises(cdpr.InvalidInput, match=r"tensions: found a smallest tension of 3 N in cable 1, .* 2.72 N"):
+        cdpr.compensate(soft, POSE, tensions=(3.0, 9.0))
+    assert cdpr.compensate(soft, POSE, tensions=(0.1, 9.0)).tension_limits[1] == pytest.approx(2.72)
 
 
 def test_weight_that_a_room_does_not_know_is_refused():

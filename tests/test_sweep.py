@@ -109,7 +109,8 @@ def test_pose_that_cannot_be_solved_is_nan_with_a_status():
         zip(dataset["status"].attrs["flag_values"], dataset["status"].attrs["flag_meanings"].split(), strict=True)
     )
     assert meanings == {
-        -1: "pending", 0: "converged", 1: "iteration_limit", 2: "stalled", 3: "not_finite", 4: "falls"
+        -1: "pending", 0: "converged", 1: "iteration_limit", 2: "stalled", 3: "not_finite", 4: "falls",
+        7: "overstrained",
     }  # fmt: skip
     lost = dataset.isel(z=[2, 3])
     for name, kind in QUANTITIES.items():

@@ -24,6 +24,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.tensions import Demand, balances, leftover, smallest, stiffest
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
+from cdpr_sim.core import cable_law
 from cdpr_sim.core.checks import checked_array, frozen
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput, UnknownName
@@ -173,6 +174,13 @@ def compensate(
         raise InvalidInput("tensions: found tension_limits beside it, expected one of the two, which are the same")
     given = tension_limits if tensions is None else tensions
     lower, upper = default_limits(rigid) if given is None else checked_limits(robot, given)
+    upper = np.minimum(upper, cable_law.largest_tension(*robot.cabling.law))
+    if (lower > upper).any():
+        cable = int(np.argmax(lower > upper))
+        raise InvalidInput(
+            f"tensions: found a smallest tension of {lower[cable]:g} N in cable {cable + 1}, expected at most "
+            f"{upper[cable]:g} N, up to which its nonlinear law is given"
+        )
     limits = frozen(np.array([lower, upper]))
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
     if arm < 0:

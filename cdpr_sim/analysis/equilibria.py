@@ -26,7 +26,7 @@ from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.pose import PoseLike, distance
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.status import NEUTRAL
+from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.statics import derivatives, forces, newton
 
 SAME = 1e-3
@@ -183,6 +183,7 @@ def find_equilibria(
 
     Raises:
         InvalidInput: an argument that cannot be right; a load that pulls nowhere.
+        NotConverged: all starts lead to where a cable is strained further than its law is given; carries one such pose.
     """
     if isinstance(robot, Robot) and pose is None and rest_lengths is not None:
         pose = robot.home
@@ -317,7 +318,9 @@ def _resting(
         rotations=rotations,
         external_wrench=problem.external_wrench,
     )
-    done = descended.converged
+    done, beyond = descended.converged, descended.status == Status.OVERSTRAINED
+    if not done.any() and beyond.any():
+        raise NotConverged.because(Status.OVERSTRAINED, descended.point(int(np.argmax(beyond))))
     return _distinct(problem, descended.positions[done], descended.rotations[done], polish=True, known=known)
 
 
@@ -455,6 +458,8 @@ def _distinct(
             except NotConverged:
                 continue
         left &= ~_near(one, positions, rotations, SAME * arm)
+        if problem.robot.cabling.beyond_law(one.lengths, one.rest_lengths).any():
+            continue
         relatives = [*(known or []), *found]
         if not any(distance(one.pose, other.pose, arm) <= SAME * arm or _related(one, other) for other in relatives):
             found.append(one)

@@ -33,10 +33,10 @@ def settle(
 
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension)
-        with busy("MuJoCo settles the platform"):
-            settled = cdpr.settle(problem)
         with busy("The static solvers look for equilibrium"):
             newton, *seecr = (_outcome(problem, method) for method in METHODS)
+        with busy("MuJoCo settles the platform"):
+            settled = cdpr.settle(problem)
         if not isinstance(newton, cdpr.Equilibrium):
             raise newton
         agreement = cdpr.compare(newton, settled)

@@ -25,8 +25,7 @@ DOWN = (0.0, 0.0, -1.0)
 """A pulley's axis unless one is given: the cable arrives downwards, along a mast."""
 
 MOST_STRAIN = 0.2
-"""Up to which a law has to rise."""
-
+"""Up to which a law that is not linear is given, and has to rise; no rope survives it."""
 
 MOST_CABLES = 1000
 """Of one robot; real ones have up to some dozens."""
@@ -162,6 +161,11 @@ class Cabling(Frozen):
         """Whether some cable runs over a pulley or stiffens: compiled code has a type of its own for such cables."""
         return bool(self.pulleys.any()) or not self.linear
 
+    @property
+    def law(self) -> tuple[Float[np.ndarray, " cables"], ...]:
+        """What ``cable_law`` wants to know of each cable besides lengths: axial stiffness [N], a2, a3."""
+        return self.axial_stiffness, *self.stiffening.T
+
     def refuse_weight(self, what: str) -> None:
         """Where weight is not taken into account.
 
@@ -173,6 +177,33 @@ class Cabling(Frozen):
                 f"{what}: found cables of {self.linear_density.max():g} kg/m, expected massless ones: it does not take "
                 "their weight into account"
             )
+
+    def refuse_mixture(self) -> None:
+        """Where weight is taken into account, but not together with pulleys and laws on the other cables.
+
+        Raises:
+            InvalidInput: some cables weigh something, and others run over pulleys or stiffen.
+        """
+        if not self.massless and self.bent:
+            heavy = int(np.argmax(self.linear_density))
+            other = int(np.argmax(self.pulleys | self.stiffening.any(-1)))
+            what = "a pulley" if self.pulleys[other] else "a stiffening law"
+            raise InvalidInput(
+                f"linear_density: found {self.linear_density[heavy]:g} kg/m in cable {heavy + 1} and {what} in cable "
+                f"{other + 1}, expected only one of the two in a robot: statics does not take both into account "
+                "(cdpr_sim.settle does)"
+            )
+
+    def beyond_law(
+        self, lengths: Float[np.ndarray, "*batch cables"], rest_lengths: Float[np.ndarray, "*#batch cables"]
+    ) -> Bool[np.ndarray, "*batch cables"]:
+        """Which cables are strained further than their law is given; a linear one holds for every strain.
+
+        Args:
+            lengths: [m].
+            rest_lengths: unstretched [m].
+        """
+        return self.stiffening.any(-1) & (lengths > (1 + MOST_STRAIN) * rest_lengths)
 
     @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:

@@ -5,8 +5,9 @@ stretch s = l − l0,
 
     tau = EA (eps + a2 eps² + a3 eps³)   for s > 0,   else 0.
 
-Beyond a strain of 20 %, which no rope survives and up to which every law has to rise, it goes on straight: a polynomial
-that falls there would let a search for rest run away. The functions work on arrays and, compiled, on numbers alike.
+A law with a2 or a3 is given up to a strain of 20 % (``cable.MOST_STRAIN``), and no equilibrium is claimed beyond it
+(``Cabling.beyond_law``). Here it goes on straight there: a polynomial that falls would let a search for equilibrium run
+away. The functions work on arrays and, compiled, on numbers alike.
 """
 
 from __future__ import annotations
@@ -26,6 +27,11 @@ def tension(stretch, rest_length, axial_stiffness, a2, a3):
     if not (np.any(a2) or np.any(a3)):
         return linear
     return linear + axial_stiffness * stiffened(pulled / rest_length, a2, a3)
+
+
+def largest_tension(axial_stiffness, a2, a3):
+    """Up to which a law is given [N]: infinite of a linear one."""
+    return np.where((a2 != 0) | (a3 != 0), tension(M, 1.0, axial_stiffness, a2, a3), np.inf)
 
 
 def energy(stretch, rest_length, axial_stiffness, a2, a3):

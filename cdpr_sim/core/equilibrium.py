@@ -158,10 +158,12 @@ class _NoRest(CdprError):
     def because(cls, status: Status, point: Equilibrium) -> _NoRest:
         """With the status in words, and how far the point is from rest."""
         counted = "time steps" if point.source == "mujoco" else "iterations"
-        reason = (
-            f"{point.problem.robot.name}: {point.source}: {status.sentence} "
-            f"({point.iterations} {counted}, {point.residual:.1e} N still unbalanced)"
-        )
+        evidence = f"{point.iterations} {counted}, {point.residual:.1e} N still unbalanced"
+        if status is Status.OVERSTRAINED:
+            beyond = point.problem.robot.cabling.beyond_law(point.lengths, point.rest_lengths)
+            cables = [str(cable + 1) for cable in np.flatnonzero(beyond)]
+            evidence = f"cable{'s' if len(cables) > 1 else ''} {', '.join(cables)}"
+        reason = f"{point.problem.robot.name}: {point.source}: {status.sentence} ({evidence})"
         if point.problem.external_wrench[3:].any():
             reason += "; under a torque that keeps its direction in space there may be no rest"
         return cls(reason, point)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import DOWN, Cabling
+from cdpr_sim.core.cable import DOWN, MOST_STRAIN, Cabling
 from cdpr_sim.core.checks import (
     checked_array,
     checked_label,
@@ -351,8 +351,9 @@ class Robot(Introduced):
             (cables,) [m].
 
         Raises:
-            InvalidInput: a bad pose, an exit that lies on its anchor there, or tensions that do not balance the load;
-                a pretension near which none do, within the cables' limits of force.
+            InvalidInput: a bad pose, an exit that lies on its anchor there, or tensions that do not balance the load or
+                strain a cable further than its law is given; a pretension near which none do, within the cables'
+                limits of force.
         """
         lengths = self._path_lengths(pose)
         if tensions is None:
@@ -360,8 +361,15 @@ class Robot(Introduced):
                 raise InvalidInput("external_wrench: found one without tensions, expected both or neither")
             return lengths
         self.cabling.refuse_weight("rest_lengths for given tensions")
-        pulls = self._balancing(self.placed(pose), tensions, external_wrench)
-        return cable_law.rest_length_for(lengths, pulls, self.axial_stiffness, *self.cabling.stiffening.T)
+        pulls, law = self._balancing(self.placed(pose), tensions, external_wrench), self.cabling.law
+        most = cable_law.largest_tension(*law)
+        if (pulls > most).any():
+            cable = int(np.argmax(pulls > most))
+            raise InvalidInput(
+                f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1}, expected at most {most[cable]:.4g} N, a "
+                f"strain of {MOST_STRAIN:.0%}, up to which its nonlinear law is given"
+            )
+        return cable_law.rest_length_for(lengths, pulls, *law)
 
     def _balancing(
         self, at: Pose, tensions: ArrayLike, external_wrench: ArrayLike | None

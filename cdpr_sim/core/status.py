@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import enum
 
+from cdpr_sim.core.cable import MOST_STRAIN
+
 NEUTRAL = 1e-9
 """Eigenvalues smaller than this fraction of the largest are rounding: that direction is neither held nor repelled."""
 
@@ -26,6 +28,7 @@ class Status(enum.IntEnum):
     FALLS = 4
     DIVERGED = 5
     MOVING = 6
+    OVERSTRAINED = 7
 
     @property
     def sentence(self) -> str:
@@ -42,4 +45,5 @@ _SENTENCES = {
     Status.FALLS: "every exit lies below the platform, which falls since cables cannot push",
     Status.DIVERGED: "MuJoCo found its motion unstable",
     Status.MOVING: "the platform is on its way, and not at rest",
+    Status.OVERSTRAINED: f"a cable is strained by more than {MOST_STRAIN:.0%}, up to which its nonlinear law is given",
 }

@@ -193,7 +193,7 @@ def _check_rows(
 ) -> tuple[dict[str, np.ndarray], list[Finding]]:
     """The columns of ``_MEANINGS`` at each of the positions, and what is to be reported."""
     problems = Problems.of(robot, positions)
-    settled, solved = settle_many(problems, threads=threads), solve_many(problems)
+    solved, settled = solve_many(problems), settle_many(problems, threads=threads)  # what refuses, refuses at once
     values, agree = compare_many(solved, settled, threads=threads)
     outcome = np.where(problems.falls, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
     findings: list[Finding] = []

@@ -29,6 +29,7 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED, shortfall_gufunc
 from cdpr_sim.statics.heavy_kernel import heavy_gufunc
+from cdpr_sim.statics.newton import within_law
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
@@ -340,6 +341,7 @@ def _eigenvalues(rests: Rests) -> Float[np.ndarray, "layouts cases free"]:
 
 def _solve(layouts: Layouts, cases: Cases) -> tuple[np.ndarray, ...]:
     robot = layouts.robot
+    robot.cabling.refuse_mixture()
     table, rest_lengths = layouts.tables(cases.factors), layouts.rigid_lengths(cases)
     up = (layouts.exits[:, None, :, 2] - np.einsum("cj,lmj->lcm", cases.rotations[:, 2], layouts.anchors)).max(-1)
     falls = (cases.positions[:, 2] >= up) & (robot.weight > cases.wrench[:, 2])
@@ -355,6 +357,7 @@ def _solve(layouts: Layouts, cases: Cases) -> tuple[np.ndarray, ...]:
         if robot.cabling.massless:
             law = rest_lengths, table[..., STIFFNESS], *robot.cabling.stiffening.T
             tensions = cable_law.tension(lengths - rest_lengths, *law)
+            status = within_law(robot.cabling, lengths, rest_lengths, status)
         else:
             weights = layouts.linear_density[:, None] * robot.gravity
             positions, rotations, lengths, tensions, residuals, more, status = heavy_gufunc()(

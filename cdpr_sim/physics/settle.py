@@ -233,6 +233,8 @@ def _settled(
             relaxation.nudge(saddle, reading.softest)
             relaxation.run()
             reading = simulations.read(relaxation.qpos)
+        beyond = problems.robot.cabling.beyond_law(reading.lengths, simulations.rest_lengths).any(1)
+    relaxation.status[beyond] = Status.OVERSTRAINED
     # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
     relaxation.status[reading.off_wheel] = Status.DIVERGED
     return Rests(

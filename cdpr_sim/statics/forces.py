@@ -194,7 +194,12 @@ def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[
 def at(
     problem: Problem | Problems, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
 ) -> State:
-    """The forces of ``problem`` with the platform at a pose, or many; of many problems, each at its own."""
+    """The forces of ``problem`` with the platform at a pose, or many; of many problems, each at its own.
+
+    Raises:
+        InvalidInput: some cables weigh something, and others run over pulleys or stiffen.
+    """
+    problem.robot.cabling.refuse_mixture()
     cables = geometry(problem.robot, position, rotation)
     rest, stiffness = problem.rest_lengths, problem.axial_stiffness
     if not problem.robot.cabling.massless:
@@ -229,7 +234,7 @@ def rest_lengths_for(
     robot: Robot, lengths: Float[Array, "*batch cables"], tensions: Float[Array, "*batch cables"]
 ) -> Float[Array, "*batch cables"]:
     """How long to cut cables so that they have these lengths under these tensions [m]."""
-    return cable_law.rest_length_for(lengths, tensions, robot.axial_stiffness, *robot.cabling.stiffening.T)
+    return cable_law.rest_length_for(lengths, tensions, *robot.cabling.law)
 
 
 def equilibrium_at(problem: Problem, pose: RigidTransform, *, iterations: int, source: str) -> Equilibrium:

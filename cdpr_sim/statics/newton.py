@@ -5,11 +5,12 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law
+from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.pose import Pose, PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
@@ -204,8 +205,12 @@ def _solve(
 
     That the input is not finite is said by a status, not by a warning of NumPy's. Where cables weigh something, the
     search begins where massless ones would rest.
+
+    Raises:
+        InvalidInput: some cables weigh something, and others run over pulleys or stiffen.
     """
     cabling = robot.cabling
+    cabling.refuse_mixture()
     table = cabling.packed if axial_stiffness is robot.axial_stiffness else cabling.packed_with(axial_stiffness)
     platform = weight, robot.center_of_mass, wrench, _free(robot), robot.characteristic_length
     with np.errstate(all="ignore"):
@@ -215,7 +220,21 @@ def _solve(
             return tuple(np.asarray(result) for result in (*started[:5], started[5] + found[4], started[6]))
         at, turned, lengths, residuals, iterations, status = (np.asarray(result) for result in found)
         law = rest_lengths, axial_stiffness, *cabling.stiffening.T
+        status = within_law(cabling, lengths, rest_lengths, status)
         return at, turned, lengths, cable_law.tension(lengths - rest_lengths, *law), residuals, iterations, status
+
+
+def within_law(
+    cabling: Cabling,
+    lengths: Float[np.ndarray, "*batch cables"],
+    rest_lengths: Float[np.ndarray, "*#batch cables"],
+    status: Int[np.ndarray, "*batch"],
+) -> Int[np.ndarray, "*batch"]:
+    """``status``, but where forces balance with a cable strained further than its law is given."""
+    if cabling.linear:
+        return status
+    beyond = cabling.beyond_law(lengths, rest_lengths).any(-1)
+    return np.where((status == Status.CONVERGED) & beyond, Status.OVERSTRAINED.value, status)
 
 
 def _free(robot: Robot) -> Float[np.ndarray, "6"]:

@@ -19,7 +19,7 @@ from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.errors import UnknownName
 from cdpr_sim.core.pose import as_pose, six_vector
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.core.status import ACCEPTABLE
+from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.statics import forces
 
 Solver = Literal["fsolve", "least_squares"]
@@ -32,7 +32,8 @@ def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
     """The pose SEECR ends at, if it is an equilibrium; it may be an unstable one.
 
     Raises:
-        NotConverged: forces do not balance where SciPy stopped; carries that point.
+        NotConverged: forces do not balance where SciPy stopped, or a cable is strained further than its law is given;
+            carries that point.
         UnknownName: no such solver.
     """
     free = problem.robot.free
@@ -63,6 +64,8 @@ def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
         raise NotConverged(
             f"seecr/{solver}: stopped with {result.residual:.1e} N unbalanced (SciPy says: {said})", result
         )
+    if problem.robot.cabling.beyond_law(result.lengths, result.rest_lengths).any():
+        raise NotConverged.because(Status.OVERSTRAINED, result)
     return result
 
 

@@ -50,7 +50,7 @@ MEMORY_COPIES = 2
 COMPRESSION = 3
 """At most, of a store: numbers with noise in their last digits do not get smaller than a third."""
 
-STATUSES = {int(status): status.name.lower() for status in Status if status <= Status.FALLS}
+STATUSES = {int(status): status.name.lower() for status in Status if status not in (Status.DIVERGED, Status.MOVING)}
 """What ``status`` says, in the words of its CF flags."""
 
 
@@ -156,6 +156,7 @@ def sweep(
     wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
     limits = [checked_limits(robot, tension_limits) for robot in group]
     for robot in group:
+        robot.cabling.refuse_mixture()
         checked_wrenches(robot, wrench)
         if wrenches is not None:
             checked_wrenches(robot, wrenches)

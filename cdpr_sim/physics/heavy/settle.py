@@ -54,6 +54,9 @@ def released(
             reading = Reading.of(hanging)
         readings.append(reading)
         steps.append(relaxation.steps)
+        if problems.robot.cabling.beyond_law(reading.lengths, hanging.rest_lengths).any():
+            status.append(Status.OVERSTRAINED)
+            continue
         # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
         status.append(Status.DIVERGED if reading.off_wheel else relaxation.status)
     return readings, steps, status
