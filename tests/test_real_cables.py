@@ -389,7 +389,7 @@ def test_what_follows_from_a_law_ends_where_it_does():
         heavy.rest_lengths((0, 0, 1), [heavy.weight])
     with pytest.raises(cdpr.InvalidInput, match=r"tensions: found a smallest tension of 3 N in cable 1, .* 2.72 N"):
         cdpr.compensate(soft, POSE, tensions=(3.0, 9.0))
-    assert cdpr.compensate(soft, POSE, tensions=(0.1, 9.0)).limits[1] == pytest.approx(2.72)
+    assert cdpr.compensate(soft, POSE, tensions=(0.1, 9.0)).tension_limits[1] == pytest.approx(2.72)
 
 
 def test_weight_that_a_room_does_not_know_is_refused():
