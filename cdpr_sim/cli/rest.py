@@ -33,8 +33,7 @@ def settle(
 
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension)
-        with busy("MuJoCo settles the platform"):
-            settled = cdpr.settle(problem)
+        settled = cdpr.settle(problem, progress=True)
         with busy("The static solvers look for equilibrium"):
             newton, *seecr = (_outcome(problem, method) for method in METHODS)
         if not isinstance(newton, cdpr.Equilibrium):

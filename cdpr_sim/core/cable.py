@@ -34,6 +34,9 @@ MOST_CABLES = 1000
 MOST_DENSITY = 1e5
 """[kg/m] A steel rope of a metre has 6e3."""
 
+LEAST_RADIUS = 1e-6
+"""[m] Of a pulley: MuJoCo draws no wheel of a tenth of it, and cables bend round none."""
+
 MOST_STIFFENING = 1e9
 """Of either coefficient; measured ones are some hundreds."""
 
@@ -118,6 +121,13 @@ class Cabling(Frozen):
                     f"{name}: found {values[name][cable]:g} {unit} in cable {cable + 1}, expected 0 or more"
                 )
         refuse_far("pulley_radius", values["pulley_radius"])
+        tiny = (values["pulley_radius"] > 0) & (values["pulley_radius"] < LEAST_RADIUS)
+        if tiny.any():
+            cable = int(np.argmax(tiny))
+            raise InvalidInput(
+                f"pulley_radius: found {values['pulley_radius'][cable]:g} m in cable {cable + 1}, expected 0, for none, or "
+                f"{LEAST_RADIUS:g} m and more"
+            )
         in_range("linear_density", values["linear_density"], 0, MOST_DENSITY, "kg/m")
         in_range("stiffening", values["stiffening"], -MOST_STIFFENING, MOST_STIFFENING, "")
         above = values["force_min"] > values["force_max"]

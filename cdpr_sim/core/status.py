@@ -26,7 +26,7 @@ class Status(enum.IntEnum):
     FALLS = 4
     DIVERGED = 5
     MOVING = 6
-    OFF_WHEEL = 7
+    OFF_WHEEL = 8
 
     @property
     def sentence(self) -> str:

@@ -34,7 +34,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.numbers import text
+from cdpr_sim.physics.numbers import LEAST_INERTIA, text
 
 SEGMENTS = 6
 """Of a chain."""
@@ -44,9 +44,6 @@ SHARPEST = 0.02
 
 STRAIGHT = 2.0
 """A chain that pulls sideways by so many of its weights is divided as straight ones are: they have it to 4e-12."""
-
-LEAST_INERTIA = 1e-14
-"""[kg m²] Of a point mass: MuJoCo wants some, and nothing that moves along slides feels it."""
 
 LEAST_MASS = 1e-14
 """[kg] Of a point mass: ten times the least that MuJoCo takes."""
@@ -329,6 +326,7 @@ class Chains:
         for _ in range(LAYINGS):
             found = np.linalg.norm(off, axis=1) <= CLOSED * rest.sum(1)[:, 0]
             step = np.linalg.solve(slope, off[..., None])[..., 0]
+            worse = ~found
             for _ in range(SHORTER):
                 worse = np.linalg.norm(laid(pulls + step)[1], axis=1) > np.linalg.norm(off, axis=1)
                 if found.all() or not worse.any():
@@ -336,7 +334,7 @@ class Chains:
                 step[worse] *= 0.5
             pulls = pulls + step
             segments, off, slope = laid(pulls)
-            if found.all():
+            if (found | worse).all():
                 break
         return segments[:, :-1], found
 

@@ -27,7 +27,7 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-from cdpr_sim.physics.numbers import text
+from cdpr_sim.physics.numbers import LEAST_INERTIA, text
 
 ENTRY = 10.0
 """Length of the straight entry, in radii."""
@@ -88,7 +88,8 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
             swivel.set("armature", text(armature))
             swivel.set("damping", text(2 * SWIVEL_DAMPING * SWIVELLING * armature))
             mass = LIGHT * robot.mass
-            ET.SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([mass * radius**2] * 3))
+            inertia = max(mass * radius**2, LEAST_INERTIA)
+            ET.SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([inertia] * 3))
         ET.SubElement(body, "geom", {"name": f"groove_{i}", "class": "guide", "size": text(radius)}).set(
             "pos", text([radius, 0, 0])
         )

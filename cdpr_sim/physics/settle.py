@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -24,6 +25,7 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
+from cdpr_sim.core.progress import saying
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
@@ -43,6 +45,7 @@ def settle(
     *,
     external_wrench: ArrayLike | None = None,
     model: mujoco.MjModel | None = None,
+    progress: bool = False,
 ) -> Equilibrium:
     """Where MuJoCo's platform comes to rest, let go at ``pose`` with zero velocity.
 
@@ -56,6 +59,7 @@ def settle(
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
         model: settle this model of the robot instead of the generated one, with the springs, masses and gravity that
             it has. Its names must be those of ``to_mjcf``.
+        progress: show on standard error how far it is: where cables weigh something it may take a minute.
 
     Returns:
         The equilibrium by MuJoCo's own pose, forces and stiffness; its ``source`` is "mujoco".
@@ -65,7 +69,7 @@ def settle(
         NotSettled: it never comes to rest, or MuJoCo warns of its motion; carries the last state.
     """
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
-    return _settled(Problems.stack([problem]), model=model)[0]
+    return _settled(Problems.stack([problem]), model=model, progress=progress)[0]
 
 
 def settle_trajectory(
@@ -118,6 +122,7 @@ def settle_many(
     rotations: ArrayLike | None = None,
     axial_stiffness: ArrayLike | None = None,
     threads: int = 0,
+    progress: bool = False,
 ) -> Rests:
     """Settle one robot from many poses, side by side on threads; the same motions as ``settle`` one by one.
 
@@ -130,6 +135,7 @@ def settle_many(
         rotations: (rows, 3, 3), where ``poses`` are positions; default: level.
         axial_stiffness: EA [N], a number, or with the cables last: (rows, cables), or (rows, 1) for all cables alike.
         threads: 0 for one per processor.
+        progress: show on standard error how far it is, where cables weigh something.
 
     Returns:
         A row for each pose. One that is not finite, or at which the platform would fall, says so by its status.
@@ -145,9 +151,10 @@ def settle_many(
         raise InvalidInput(f"poses: found problems of shape {problems.shape}, expected rows: (rows,)")
     can = problems.refusals == Status.PENDING
     if can.all():
-        return _settled(problems, threads=threads)
+        return _settled(problems, threads=threads, progress=progress)
     robot, rows = problems.robot, len(problems)
-    found = _settled(problems.take(np.flatnonzero(can)), threads=threads) if can.any() else None
+    asked = problems.take(np.flatnonzero(can)) if can.any() else None
+    found = None if asked is None else _settled(asked, threads=threads, progress=progress)
 
     def scattered(name: str, *core: int) -> np.ndarray:
         whole = np.full((rows, *core), np.nan)
@@ -217,10 +224,12 @@ def _settled(
     model: mujoco.MjModel | None = None,
     threads: int = 1,
     frames: Frames | None = None,
+    progress: bool = False,
 ) -> Rests:
     """Settle (rows,) problems that can be asked; ``frames`` takes the first one's motion."""
     if _weighs(problems.robot, model):
-        return _settled_heavy(problems, model=model, threads=threads)
+        with saying(progress) as say:
+            return _settled_heavy(problems, model=model, threads=threads, say=say)
     asked, problems = problems, _without_weight(problems)
     with simulations_of(problems, model, threads) as simulations:
         relaxation = Relaxation(simulations, frames)
@@ -261,12 +270,16 @@ def _settled_heavy(
     model: mujoco.MjModel | None = None,
     threads: int = 1,
     frames: heavy.Frames | None = None,
+    say: Callable[[str], None] = lambda words: None,
 ) -> Rests:
     """``_settled`` where cables weigh something: let go where the platform would rest if they did not."""
     light = _settled(_without_weight(problems), threads=threads)
     finite = np.isfinite(light.residuals)
     starts = [(light if finite[row] else problems).poses[row] for row in range(len(problems))]
-    readings, steps, status = heavy.released(problems, RigidTransform.concatenate(starts), model=model, frames=frames)
+    from_there = RigidTransform.concatenate(starts)
+    readings, steps, status = heavy.released(
+        problems, from_there, model=model, frames=frames, say=lambda words: say(f"MuJoCo settles the platform: {words}")
+    )
     poses = RigidTransform.concatenate([reading.pose for reading in readings])
     rests = Rests(
         problems=problems,

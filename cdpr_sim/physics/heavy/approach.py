@@ -12,15 +12,15 @@ from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.physics.heavy.hanging import Hanging
 from cdpr_sim.physics.heavy.slopes import Slopes
 
-APPROACHES, SHORTER = 400, 20
-"""Steps at most, of which a handful do; and how often one is halved at most."""
+SHORTER, VAIN = 20, 5
+"""How often a step is halved at most; and after how many in turn that lead nowhere, however short, others will not."""
 
 TRUSTED, CLOSER, TURN = 0.1, 0.5, 0.2
 """What a step may leave unbalanced, of the load or of what was; and by how much it may turn the platform [rad]."""
 
 
-def approach(hanging: Hanging, target: float) -> bool:
-    """Move on to rest in time steps that are implicit in MuJoCo's own stiffness; whether that leads there.
+def approach(hanging: Hanging, target: float, most: int) -> tuple[bool, int]:
+    """Move on to rest in time steps that are implicit in MuJoCo's own stiffness.
 
     Such steps may be as long as one likes, and are Newton's then, where damping alone would let a softly held
     platform creep for ever. The chains are laid anew after each, and it is shortened while that leaves too much
@@ -29,29 +29,40 @@ def approach(hanging: Hanging, target: float) -> bool:
     Args:
         hanging: the platform.
         target: the largest force [N] that may be left over at rest.
+        most: steps to be taken; a handful do where chains hang well, and some two hundred where one hangs folded.
+
+    Returns:
+        Whether that leads to rest, and how many steps were taken.
     """
     data, angular = hanging.data, hanging.angular
     before, turn, last = (data.qpos.copy(), data.qvel.copy()), TURN, np.zeros_like(data.qvel[angular])
-    for _ in range(APPROACHES):
-        residual = hanging.residual()
-        if residual <= target:
-            return True
+    taken, vain = 0, 0
+    while (residual := hanging.residual()) > target and taken < most and vain < VAIN:
         step = _implicit_step(hanging)
         if step is None:
             break
+        taken += 1
         back = step[angular] @ last < 0
         turn, last = turn / 2 if back else turn, step[angular]
         step = step / max(1.0, float(np.abs(last).max()) / turn)
-        start, pulls = data.qpos.copy(), hanging.anchor_pulls()
-        for shortened in range(SHORTER):
-            data.qpos[:] = start
-            mujoco.mj_integratePos(hanging.model, data.qpos, 0.5**shortened * step, 1)
-            if hanging.residual() <= CLOSER * residual:
-                break
-            hanging.lay(pulls)
-            if hanging.residual() <= max(TRUSTED * hanging.load, CLOSER * residual):
-                break
-    data.qpos[:], data.qvel[:] = before
+        vain = 0 if _stepped(hanging, step, residual) else vain + 1
+    rests = bool(residual <= target)
+    if not rests:
+        data.qpos[:], data.qvel[:] = before
+    return rests, taken
+
+
+def _stepped(hanging: Hanging, step: Float[np.ndarray, " dofs"], residual: float) -> bool:
+    """Go that step, as far as it can be trusted; whether it can."""
+    data, start, pulls = hanging.data, hanging.data.qpos.copy(), hanging.anchor_pulls()
+    for shortened in range(SHORTER):
+        data.qpos[:] = start
+        mujoco.mj_integratePos(hanging.model, data.qpos, 0.5**shortened * step, 1)
+        if hanging.residual() <= CLOSER * residual:
+            return True
+        hanging.lay(pulls)
+        if hanging.residual() <= max(TRUSTED * hanging.load, CLOSER * residual):
+            return True
     return False
 
 

@@ -8,6 +8,8 @@ As ``physics.relaxation`` for massless cables, with steps that bear chains (``st
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -19,8 +21,12 @@ from cdpr_sim.physics.heavy.hanging import Hanging
 from cdpr_sim.physics.heavy.stepping import Stepping
 from cdpr_sim.physics.relaxation import ACCEPTABLE, ALONG, RESIDUAL, ROUNDING, SPEED
 
-STEPS = 10_000
-"""Time steps after which a platform is restless: on taut cables it needs some ten, on slack ones tens to thousands."""
+STEPS, MOST_STEPS = 10_000, 30_000
+"""Time steps after which a platform is restless: on taut cables it needs some ten, on slack ones tens to thousands.
+And in all, when it has begun again, in shorter steps or from a saddle."""
+
+MOST_APPROACHES = 400
+"""Steps of ``approach``, in all: one costs as much as some fifty time steps."""
 
 LOOK = 5
 """Time steps between two looks at the residual."""
@@ -49,11 +55,18 @@ class HangingRelaxation:
     Args:
         hanging: the platform.
         frames: takes every step, if it is given.
+        say: is told now and then how far it is.
         longest: time step, as a fraction of the slowest swing's 1/omega.
     """
 
-    def __init__(self, hanging: Hanging, frames: Frames | None = None, longest: float = LONGEST) -> None:
-        self.hanging, self.frames, self.longest = hanging, frames, longest
+    def __init__(
+        self,
+        hanging: Hanging,
+        frames: Frames | None = None,
+        say: Callable[[str], None] = lambda words: None,
+        longest: float = LONGEST,
+    ) -> None:
+        self.hanging, self.frames, self.say, self.longest = hanging, frames, say, longest
         rest = hanging.rest_lengths
         self.swing = float(np.sqrt(hanging.load / hanging.robot.mass / rest.mean()))
         self.speed = SPEED * self.swing * float(rest.max())
@@ -61,12 +74,12 @@ class HangingRelaxation:
         self.target = min(max(RESIDUAL * hanging.load, rounding), ACCEPTABLE * hanging.load)
         self.stepping = Stepping(hanging, longest / self.swing)
         self.film = mujoco.MjData(hanging.model)
-        self.steps, self.time, self.status = 0, 0.0, Status.ITERATION_LIMIT
+        self.steps, self.time, self.approaches, self.status = 0, 0.0, 0, Status.ITERATION_LIMIT
 
     def again(self, longest: float) -> HangingRelaxation:
         """Another, from where the platform is now, in steps as long as that; time goes on."""
-        other = HangingRelaxation(self.hanging, self.frames, longest)
-        other.steps, other.time = self.steps, self.time
+        other = HangingRelaxation(self.hanging, self.frames, self.say, longest)
+        other.steps, other.time, other.approaches = self.steps, self.time, self.approaches
         return other
 
     def divide_at_bends(self) -> HangingRelaxation:
@@ -87,7 +100,7 @@ class HangingRelaxation:
         self.best, self.patience, self.good = np.inf, 0, data.qpos.copy()
         self.stepping.begin()
         self._damp()
-        limit, close = self.steps + STEPS, CLOSE
+        limit, close = min(self.steps + STEPS, MOST_STEPS), CLOSE
         self.status = Status.ITERATION_LIMIT
         while self.steps < limit:
             for _ in range(LOOK):
@@ -100,6 +113,7 @@ class HangingRelaxation:
                 self._restart()
                 continue
             residual = hanging.unbalanced()
+            self.say(f"{self.steps} time steps, {residual:.1e} N of {hanging.load:.3g} N unbalanced")
             self.stepping.heed(residual)
             apart = self._apart() if hanging.true else np.inf
             if residual <= self.target and hanging.true and self._at_rest():
@@ -130,7 +144,8 @@ class HangingRelaxation:
 
     def _approach(self) -> bool:
         """Whether the platform's ``approach`` leads to rest, which then is the motion's next state and its end."""
-        rests = approach(self.hanging, self.target)
+        rests, taken = approach(self.hanging, self.target, MOST_APPROACHES - self.approaches)
+        self.approaches += taken
         if rests:
             self.status = Status.CONVERGED
             self._went_on(self.longest / self.swing)

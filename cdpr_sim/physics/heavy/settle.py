@@ -4,7 +4,7 @@
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import mujoco
 import numpy as np
@@ -29,6 +29,7 @@ def released(
     *,
     model: mujoco.MjModel | None = None,
     frames: Frames | None = None,
+    say: Callable[[str], None] = lambda words: None,
 ) -> tuple[list[Reading], list[int], list[Status]]:
     """Each of (rows,) problems, its platform let go at its start: the last state, time steps, and how it ended.
 
@@ -37,13 +38,17 @@ def released(
         starts: a stack, one for each.
         model: the model to use instead of the generated one.
         frames: takes the first one's motion.
+        say: is told now and then how far it is.
 
     Raises:
         InvalidInput: masses of their own, which one model cannot have.
     """
     readings, steps, status = [], [], []
     for row, hanging in enumerate(_rows(problems, starts, model)):
-        relaxation = _relaxed(hanging, starts[row], frames if row == 0 else None)
+        which = f"pose {row + 1} of {len(problems)}: " if len(problems) > 1 else ""
+        relaxation = _relaxed(
+            hanging, starts[row], frames if row == 0 else None, lambda words, which=which: say(which + words)
+        )
         reading = Reading.of(hanging)
         for _ in range(NUDGES):
             values = reading.eigenvalues
@@ -59,9 +64,11 @@ def released(
     return readings, steps, status
 
 
-def _relaxed(hanging: Hanging, start: RigidTransform, frames: Frames | None) -> HangingRelaxation:
+def _relaxed(
+    hanging: Hanging, start: RigidTransform, frames: Frames | None, say: Callable[[str], None]
+) -> HangingRelaxation:
     """In long steps, or else by approach from the start, or else in shorter ones; then divided where chains bend."""
-    relaxation = HangingRelaxation(hanging, frames)
+    relaxation = HangingRelaxation(hanging, frames, say)
     relaxation.run()
     if relaxation.status is not Status.CONVERGED:
         hanging.let_go(start)
