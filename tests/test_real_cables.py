@@ -407,7 +407,7 @@ def test_weight_that_a_room_does_not_know_is_refused():
         (dict(pulley_radius=[0, 0, -0.1, 0, 0, 0, 0, 0]), "pulley_radius: found -0.1 m in cable 3"),
         (
             dict(pulley_radius=[0, 1e-7, 0, 0, 0, 0, 0, 0]),
-            "pulley_radius: found 1e-07 m in cable 2, expected 0, for none",
+            "pulley_radius: found 1e-07 m in cable 2, expected 0, for a point",
         ),
         (dict(pulley_radius=0.02, pulley_axis=(0, 0, 0)), "pulley_axis: found an axis of length zero in cable 1"),
         (dict(stiffening=(-3.0, 0.0)), "stiffening: .* tension falls before a strain of 20%"),

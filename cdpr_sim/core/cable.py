@@ -128,8 +128,8 @@ class Cabling(Frozen):
         if tiny.any():
             cable = int(np.argmax(tiny))
             raise InvalidInput(
-                f"pulley_radius: found {values['pulley_radius'][cable]:g} m in cable {cable + 1}, "
-                f"expected 0, for none, or {LEAST_RADIUS:g} m and more"
+                f"pulley_radius: found {values['pulley_radius'][cable]:g} m in cable {cable + 1}, expected 0, for a "
+                f"point, or at least {LEAST_RADIUS:g} m"
             )
         in_range("linear_density", values["linear_density"], 0, MOST_DENSITY, "kg/m")
         in_range("stiffening", values["stiffening"], -MOST_STIFFENING, MOST_STIFFENING, "")
