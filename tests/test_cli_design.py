@@ -53,10 +53,49 @@ def test_design_says_what_it_does_not_promise():
     assert "It was looked for at these poses" in " ".join(told.stdout.split())
 
 
+def test_design_says_that_exits_leave_the_frame_and_a_box_keeps_them_in(tmp_path):
+    """On the command line, in JSON and in Python; a frame that nobody gave is the box around the exits, and moves."""
+    quick = ["--line", "0.17", "0.25", "0.1", "0.63", "0.25", "0.1", "--points", "2", "--generations", "1"]
+    told = run("design", "cogiro", *quick, "--move", "exits=0.16")
+    said = " ".join(told.stdout.split())
+    assert "are outside the frame now, by up to" in said
+    boxed = run("design", "cogiro", *quick, "--move", "exits", "--within", "0,0,0.4,0.8,0.5,0.5", "--json")
+    found = json.loads(boxed.stdout)
+    assert found["warnings"] == []
+    assert found["moved"]
+    exits = np.array(found["exits"])
+    assert (exits >= [0, 0, 0.4]).all()
+    assert (exits <= [0.8, 0.5, 0.5]).all()
+    unframed = cdpr.load_robot("cogiro").replace(frame=None)
+    searched = dict(within=0.16, generations=1, population=5, polish=False)
+    assert cdpr.find_layout(unframed, unframed.home, **searched).warnings == ()
+    framed = cdpr.find_layout(cdpr.load_robot("cogiro"), unframed.home, **searched)
+    assert any("outside the frame now" in sentence for sentence in framed.warnings)
+    assert framed.warnings[0] in str(framed)
+
+
+def test_front_says_which_layouts_leave_the_frame():
+    """By the numbers that its table gives them."""
+    robot = cdpr.load_robot("cogiro")
+    found = cdpr.find_front(robot, robot.home, within=0.16, generations=1, population=5)
+    outside = [
+        row + 1
+        for row in range(len(found))
+        if ((found.robot(row).exits < robot.frame[0]) | (found.robot(row).exits > robot.frame[1])).any()
+    ]
+    assert outside
+    assert found.warnings[0].endswith(f"outside the frame: {', '.join(map(str, outside))}.")
+    inside = cdpr.find_front(robot, robot.home, within=robot.frame, generations=1, population=5)
+    assert inside.warnings == ()
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (["--move", "exits=far"], "move: found 'exits=far', expected a name, = and a number"),
+        (["--move", "exits="], "move: found 'exits=', expected a name, = and a number"),
+        (["--within", "0,0,0,1"], "within: found '0,0,0,1', expected a number, or 2, 3 or 6 with commas"),
+        (["--within", "0,0,0.5,0.8,0.5,0"], "within: found bounds crossed for exits"),
         (["--limit", "displacement"], "limit: found 'displacement', expected a name, = and a number"),
         (["--limit", "displacment=1"], "unknown constraint 'displacment': did you mean displacement?"),
         (["--symmetry", "mirror-x"], "symmetry: found 'mirror-x', which 'cogiro' has not got"),

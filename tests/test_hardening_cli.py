@@ -392,6 +392,13 @@ def test_an_implausible_robot_is_one_line_beside_the_answer(crane):
     assert not run("solve", "parallel").stderr.strip()
 
 
+def test_a_pose_outside_the_frame_is_one_line_beside_the_answer():
+    """Both methods agree that the platform hangs 0.7 m below the floor, and it is hardly meant."""
+    result = run("settle", "ipanema-2", "--pose", "5", "5", "1")
+    assert result.exit_code == 0, result.output
+    assert result.stderr.count("cdpr-sim: warning: ipanema-2: found a commanded position beside or above") == 1
+
+
 def test_limits_are_those_of_the_film_and_the_map():
     """What the messages above say."""
     assert film.MOST_ROBOTS == 6

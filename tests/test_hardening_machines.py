@@ -16,6 +16,7 @@ from filelock import FileLock, Timeout
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import checks, compiling
+from cdpr_sim.design.layouts import Cases
 
 SOUND = dict(
     exits=[[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]],
@@ -225,6 +226,65 @@ def test_the_catalogue_and_a_sound_robot_are_not_warned_of():
         cdpr.Robot(**SOUND)
         for name in cdpr.list_robots():
             assert not cdpr.load_robot(name).doubts
+
+
+INSIDE, BESIDE = (0, 0, 1), (5, 5, 1)
+"""[m] Of the robot "ipanema-2", whose frame is 8 × 6 × 5 m: the second hangs 0.7 m below the floor."""
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda robot: cdpr.solve(robot, BESIDE),
+        lambda robot: cdpr.settle(robot, BESIDE),
+        lambda robot: cdpr.solve_many(robot, [INSIDE, BESIDE]),
+        lambda robot: cdpr.solve(robot, (400, 250, 0.1)),
+        lambda robot: Cases.of(robot, [INSIDE, BESIDE]),
+    ],
+    ids=["solve", "settle", "many", "millimetres", "layouts"],
+)
+def test_a_pose_outside_the_frame_is_warned_of_where_it_is_asked(ask, catalogue):
+    """By one line, whatever is asked: both methods find an equilibrium, and agree on it."""
+    with pytest.warns(cdpr.ImplausibleRobot, match="ipanema-2: found a commanded position beside or above") as told:
+        ask(catalogue["ipanema-2"])
+    assert {str(one.message) for one in told} == {str(told[0].message)}
+    assert "from (-4, -3, 0) to (4, 3, 5) m" in str(told[0].message)
+
+
+def test_poses_in_and_near_the_frame_are_not_warned_of(catalogue):
+    """In the workspace of every robot, on the frame's corners, deep below it; nor where lengths are given for it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for robot in catalogue.values():
+            cdpr.Problems.of(robot, robot.workspace)
+            inside = robot.frame * ([1, 0, 1] if robot.mobility == "planar" else 1)
+            cdpr.Problems.of(robot, np.vstack([inside, inside[:1] - [0, 0, 10]]))
+        robot = catalogue["ipanema-2"]
+        cdpr.Problem.of(robot, BESIDE, robot.rest_lengths(INSIDE))
+
+
+@pytest.mark.parametrize(("diameter", "warned"), [(1.5, True), (0.046, False)])
+def test_a_rope_of_metres_is_warned_of(diameter, warned, tmp_path):
+    """By its name, in a robot file by material and by modulus; the ropes of the FAST telescope, 46 mm, are not."""
+    path = tmp_path / "mine.toml"
+
+    def given(*lines: str) -> cdpr.Robot:
+        own = [*lines, f"diameter = {diameter}"]
+        path.write_text(FILE.replace("axial_stiffness = 1e4", "\n".join(own)) + CABLES)
+        return cdpr.load_robot(path)
+
+    for ask in (
+        lambda: cdpr.ROPES["dyneema"].of(diameter),
+        lambda: cdpr.Robot(**SOUND).replace(material=f"dyneema-{1e3 * diameter:g}mm"),
+        lambda: given('material = "dyneema"'),
+        lambda: given("modulus = 1e9"),
+    ):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            ask()
+        about = [str(one.message) for one in told if "diameter" in str(one.message)]
+        assert bool(about) == warned
+        assert set(about) <= {"found a rope of 1.5 m in diameter; is it in millimetres?"}
 
 
 def test_a_file_in_millimetres_is_the_robot_in_metres(tmp_path, catalogue):

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +44,7 @@ of controllers, which ``track`` calls."""
 
 def public_functions() -> set[str]:
     """Names of the functions of the package, and the classes and methods of the lists above."""
-    functions = {name for name in cdpr.__all__ if inspect.isfunction(inspect.unwrap(getattr(cdpr, name)))}
+    functions = {name for name in dir(cdpr) if inspect.isfunction(inspect.unwrap(getattr(cdpr, name)))}
     return functions - NOTHING_TO_GIVE | {*BUILT, *MADE, *ASKED}
 
 
@@ -76,7 +76,7 @@ def test_wrong_answers_would_be_noticed():
         assert any(word in fault for fault in faults), faults
 
 
-def faults_of(call: Callable, right: dict[str, object]) -> Iterator[str]:
+def faults_of(call: Callable, right: Mapping[str, object]) -> Iterator[str]:
     """Each answer to a wrong value of a single parameter that is not a sentence of the package's own."""
     for name, parameter in inspect.signature(call).parameters.items():
         if parameter.kind is parameter.VAR_KEYWORD:
@@ -120,7 +120,7 @@ def wrong_values(annotation: str, default: object) -> Iterator[tuple[str, object
         yield "a number of 400 digits", 10**400
 
 
-def right_values(folder: Path) -> dict[str, tuple[Callable, dict[str, object]]]:
+def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]]]:
     """Each function with arguments that it takes; what is not given has a default."""
     from cdpr_sim.core.path import Path as Along
 
@@ -133,7 +133,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, dict[str, object]]]:
     asked, searched = dict(robot=robot, pose=pose), dict(within=0.01, generations=1, population=5)
     of_many, film = dict(robot=robot, positions=poses), dict(seconds=0.2, fps=10, size=(320, 240))
     moved, limits = dict(robot=robot, waypoints=poses, seconds=0.05), dict(tension_limits=(0, 10))
-    given: dict[str, dict[str, object]] = {
+    given: dict[str, Mapping[str, object]] = {
         "cable_shapes": dict(rests=rests),
         "check": dict(robots="two-cable", grid=(1, 1, 1)),
         "clearances": dict(robot=robot, poses=poses),
@@ -190,7 +190,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, dict[str, object]]]:
         "Robot": dict(exits=robot.exits, anchors=robot.anchors, axial_stiffness=1e4, mass=1.0),
         "Sensors": {},
     }
-    methods: dict[str, tuple[object, dict[str, object]]] = {
+    methods: dict[str, tuple[object, Mapping[str, object]]] = {
         "Check.across": (cdpr.check("two-cable", (1, 1, 1)), {}),
         "Clearances.free": (cdpr.clearances(rests), {}),
         "Course.acceleration": (course, dict(time=0.5)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -39,10 +39,18 @@ Moves = Annotated[
     typer.Option(
         "--move",
         metavar="WHAT[=HOW FAR]",
-        help="exits, anchors, pulleys, center_of_mass [m], axial_stiffness or diameter [factor]; repeatable.",
+        help="exits, anchors, pulleys, center_of_mass [m], axial_stiffness or diameter [factor]; repeatable. How far "
+        "as --within has it.",
     ),
 ]
-Within = Annotated[float, typer.Option("--within", help="How far [m], where --move does not say.")]
+Within = Annotated[
+    str,
+    typer.Option(
+        "--within",
+        metavar="HOW FAR",
+        help="[m] Where --move does not say: one number, or DX,DY,DZ; or a box, X0,Y0,Z0,X1,Y1,Z1, to stay in.",
+    ),
+]
 Along = Annotated[
     tuple[float, float, float] | None,
     typer.Option("--along", metavar="X Y Z", help="Places slide along this direction alone: a rail, a mast."),
@@ -55,7 +63,7 @@ Generations = Annotated[int, typer.Option("--generations", min=1, help="At most.
 def design(
     robot: RobotName,
     move: Moves = None,
-    within: Within = 0.05,
+    within: Within = "0.05",
     along: Along = None,
     symmetry: SymmetryName = "detected",
     objective: Annotated[
@@ -156,7 +164,7 @@ def front(
         tuple[str, str], typer.Option("--goals", metavar="ONE OTHER", help="Two objectives of `design`.")
     ] = ("displacement", "worst tilt"),
     move: Moves = None,
-    within: Within = 0.05,
+    within: Within = "0.05",
     along: Along = None,
     symmetry: SymmetryName = "detected",
     grid: Positions = None,
@@ -202,6 +210,8 @@ def front(
     console.print(
         f"Looked for in {found.tried:,} layouts; by statics alone: `design` settles one in MuJoCo.", highlight=False
     )
+    for sentence in found.warnings:
+        console.print(sentence, highlight=False)
     for path in files:
         typer.echo(path)
 
@@ -294,9 +304,23 @@ def _number(option: str, word: str, value: str) -> float:
         raise cdpr.InvalidInput(f"{option}: found {word!r}, expected a name, = and a number") from None
 
 
-def _move(word: str, within: float, along: tuple[float, float, float] | None) -> cdpr.Move:
-    what, _, reach = word.partition("=")
-    return cdpr.Move(what, _number("move", word, reach) if reach else within, along=along)
+def _move(word: str, within: str, along: tuple[float, float, float] | None) -> cdpr.Move:
+    what, equals, reach = word.partition("=")
+    return cdpr.Move(what, _reach("move", word, reach) if equals else _reach("within", within, within), along=along)
+
+
+def _reach(option: str, word: str, reach: str) -> Any:
+    """A distance or a factor, two, three, or the two corners of a box, as ``cdpr.Move`` takes them."""
+    try:
+        numbers = [float(part) for part in reach.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 6:
+        return numbers[:3], numbers[3:]
+    if len(numbers) not in (1, 2, 3):
+        name = "a name, = and " if option == "move" else ""
+        raise cdpr.InvalidInput(f"{option}: found {word!r}, expected {name}a number, or 2, 3 or 6 with commas")
+    return numbers if len(numbers) > 1 else numbers[0]
 
 
 def _film(proof: cdpr.Proof, path: Path, force: bool) -> None:

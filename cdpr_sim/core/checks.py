@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import reprlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args
@@ -81,7 +81,7 @@ def refuse_unless(kind: Any, **values: Any) -> None:
 
 
 def _with_article(name: str) -> str:
-    return f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
+    return name if name.endswith("s") else f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
 
 
 def checked_path(field: str, value: Any) -> Path:
@@ -111,15 +111,14 @@ def listed(field: str, value: Any, what: str = "a list") -> list:
     raise InvalidInput(f"{field}: found {shown(value)}, expected {what}")
 
 
-def one_of(what: str, name: Any, known: Iterable[str], note: str = "") -> str:
+def one_of(what: str, name: Any, known: Collection[str]) -> str:
     """A name that is known.
 
     Raises:
         UnknownName: it is not, or is no name at all.
     """
-    known = list(known)
     if not isinstance(name, str) or name not in known:
-        raise UnknownName(what, name if isinstance(name, str) else shown(name), known, note)
+        raise UnknownName(what, name if isinstance(name, str) else shown(name), known)
     return name
 
 

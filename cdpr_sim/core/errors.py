@@ -38,5 +38,6 @@ class StoreError(CdprError, OSError):
 class ImplausibleRobot(UserWarning):
     """A robot that can be computed and is hardly meant: lengths in millimetres, cables that stretch by half.
 
-    Said once, where a robot is made or loaded; changed copies of it are silent.
+    Said once, where a robot is made or loaded; changed copies of it are silent. And where it is commanded to a position
+    beside or above its frame.
     """

@@ -6,8 +6,9 @@ import math
 import re
 from dataclasses import dataclass
 
-from cdpr_sim.core.checks import positive, refuse_unless
+from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.errors import UnknownName
+from cdpr_sim.core.plausibility import checked_diameter
 
 
 def line_stiffness(modulus: float, diameter: float, fill: float = 1.0) -> float:
@@ -52,7 +53,7 @@ class Rope:
         Raises:
             InvalidInput: a diameter that is not positive.
         """
-        diameter = positive("diameter", diameter, "m")
+        diameter = checked_diameter(diameter)
         return Material(
             f"{self.name}-{1e3 * diameter:.6g}mm",
             line_stiffness(self.modulus, diameter, self.fill),

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.checks import positive
 from cdpr_sim.core.errors import ImplausibleRobot
 
 MOST_STRAIN = 0.05
@@ -21,6 +22,13 @@ LARGEST_FRAME = 1000.0
 
 LIGHTEST = 0.01
 """[kg/m³] A hundredth of air's density; with lengths in millimetres a platform has a billionth of its own."""
+
+OUTSIDE = 0.1
+"""Of the frame's diagonal: a platform that is commanded further beside or above the frame is hardly meant to be there.
+Below, it may hang as deep as its cables are long."""
+
+LARGEST_DIAMETER = 0.2
+"""[m] Of a rope. The FAST telescope hangs on ropes of 46 mm, floating platforms are moored by ropes of about this."""
 
 _PACKAGE = str(Path(__file__).parents[1])
 
@@ -60,8 +68,36 @@ def doubts(
         yield "found all anchors in one point, about which the platform swings freely"
 
 
+def surroundings(frame: Float[np.ndarray, "2 3"]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Two opposite corners of the box in which positions are commanded; a frame that is a point says nothing of it."""
+    margin = OUTSIDE * float(np.linalg.norm(frame[1] - frame[0])) or np.inf
+    lower, upper = (frame + np.array([[-margin], [margin]])).tolist()
+    return (*lower[:2], -np.inf), tuple(upper)
+
+
+def warn_of_outside(name: str, frame: Float[np.ndarray, "2 3"]) -> None:
+    """Say that a robot of this name and frame is commanded outside."""
+    lower, upper = (f"({', '.join(f'{x:.4g}' for x in corner)})" for corner in frame)
+    warn(
+        f"{name}: found a commanded position beside or above the frame, which reaches from {lower} to {upper} m; are "
+        "its units the same?"
+    )
+
+
+def checked_diameter(diameter: float) -> float:
+    """The diameter of a rope [m], with a warning where nobody makes such a rope.
+
+    Raises:
+        InvalidInput: not above 0.
+    """
+    diameter = positive("diameter", diameter, "m")
+    if diameter > LARGEST_DIAMETER:
+        warn(f"found a rope of {diameter:.4g} m in diameter; is it in millimetres?")
+    return diameter
+
+
 def warn(sentence: str) -> None:
-    """An ``ImplausibleRobot``, told of the line outside this package that made the robot."""
+    """An ``ImplausibleRobot``, told of the line outside this package that made the robot or commanded it."""
     frame, level = sys._getframe(1), 2
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
         frame, level = frame.f_back, level + 1

@@ -16,6 +16,7 @@ from cdpr_sim.core import cable_path
 from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, listed, refuse_far, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.plausibility import warn_of_outside
 from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
 from cdpr_sim.core.status import IDLE_STRAIN
@@ -78,6 +79,7 @@ class Problem(Posed, Introduced):
         at = robot.placed(pose)
         if rest_lengths is None:
             rest = robot.rest_lengths(at)
+            warn_where_outside(robot, at.position)
         else:
             rest = checked_array("rest_lengths", rest_lengths, (len(robot.cabling),))
             if not rest.min() > 0:
@@ -231,6 +233,7 @@ class Problems(Frozen):
         if rest_lengths is None:
             _fitting({"poses": at.shape[:-1], "external_wrench": wrench.shape[:-1], "mass": masses.shape})
             rest = cable_path.lengths(robot.cabling, at, turned)
+            warn_where_outside(robot, at)
             falls = _falls(robot, masses * robot.gravity, wrench, at, turned)
         else:
             rest = _with_last("rest_lengths", rest_lengths, (cables,), least=0.0, unit="m")
@@ -458,6 +461,17 @@ def refuse_wrench_out_of_plane(
             f"{field}: found {first.tolist()}, but {robot.name!r} is planar: "
             "expected only forces along x and z and a torque about y"
         )
+
+
+def warn_where_outside(robot: Robot, positions: Float[np.ndarray, "*batch 3"]) -> None:
+    """Say that winches are told to hold a position that is hardly meant."""
+    ends = (positions, positions)
+    if positions.ndim > 1:
+        ends = np.fmin.reduce(positions.reshape(-1, 3)), np.fmax.reduce(positions.reshape(-1, 3))
+    least, most = (end.tolist() for end in ends)  # plain numbers are compared ten times faster
+    (x, y, _), (right, back, top) = robot.surroundings
+    if least[0] < x or least[1] < y or most[0] > right or most[1] > back or most[2] > top:
+        warn_of_outside(robot.name, robot.frame)
 
 
 def _shortest(robot: Robot, positions: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:

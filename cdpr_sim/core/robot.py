@@ -31,7 +31,7 @@ from cdpr_sim.core.checks import (
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.materials import load_material
-from cdpr_sim.core.plausibility import doubts, warn
+from cdpr_sim.core.plausibility import doubts, surroundings, warn
 from cdpr_sim.core.pose import Pose, PoseLike
 
 Mobility = Literal["spatial", "planar"]
@@ -301,6 +301,11 @@ class Robot(Introduced):
             f"{self.name}: {sentence}"
             for sentence in doubts(self.cabling, self.mass, self.weight, self.platform_size, self.frame, self.workspace)
         )
+
+    @cached_property
+    def surroundings(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Two opposite corners of the box in which positions are plausible [m]; without a bottom."""
+        return surroundings(self.frame)
 
     def pose(self, pose: PoseLike) -> RigidTransform:
         """``pose`` as a ``RigidTransform``, checked to be one this robot can take.

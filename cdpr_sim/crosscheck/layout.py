@@ -84,7 +84,7 @@ class Proof(Introduced):
             told.append(f"MuJoCo and Newton do not agree at {int((~after.agrees).sum())} of them.")
         if not self.better:
             told.append("Between the poses it is no better than before: ask for more poses.")
-        return (*told, PROMISE)
+        return (*told, *self.found.warnings, PROMISE)
 
     def __repr__(self) -> str:
         said = "both roads agree" if self.agrees else "the roads do not agree"

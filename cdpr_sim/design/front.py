@@ -16,6 +16,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.design.layout import outside_frame
 from cdpr_sim.design.layouts import Cases, Layouts
 from cdpr_sim.design.moves import Move
 from cdpr_sim.design.objectives import Objective
@@ -71,6 +72,14 @@ class Front(Frozen, Introduced):
             The robot with the layout of that row of ``scores``.
         """
         return named(self.layouts.robot_at(row), *self.objectives)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes it unlikely that some of these layouts can be built, a sentence each."""
+        outside = [row + 1 for row in range(len(self)) if outside_frame(self.layouts.robot_at(row), self.given).any()]
+        if not outside:
+            return ()
+        return (f"{len(outside)} of {len(self)} layouts have exits outside the frame: {', '.join(map(str, outside))}.",)
 
     def __repr__(self) -> str:
         one, other = self.objectives

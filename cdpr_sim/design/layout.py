@@ -19,6 +19,9 @@ PROMISE = (
 )
 """What it does not promise."""
 
+ROUNDING = 1e-9
+"""[m] Of an exit that is kept on a face of the frame."""
+
 
 @dataclass(frozen=True)
 class Moved:
@@ -75,6 +78,18 @@ class Layout(Frozen, Introduced):
         return float(self.rests.layouts.displacements[0])
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes it unlikely that this layout can be built, a sentence each."""
+        outside = outside_frame(self.robot, self.given)
+        if not outside.any():
+            return ()
+        cables = ", ".join(str(cable + 1) for cable in np.flatnonzero(outside))
+        return (
+            f"The exits of cables {cables} are outside the frame now, by up to {1e3 * outside.max():.3g} mm; a box for "
+            "`within` keeps them inside.",
+        )
+
+    @property
     def moved(self) -> tuple[Moved, ...]:
         """Every number that is another now."""
         found = []
@@ -96,7 +111,7 @@ class Layout(Frozen, Introduced):
         of = self.objective
         return (
             f"{self.given.name}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, with points "
-            f"moved by at most {1e3 * self.distance:.3g} mm. {self.message} {PROMISE}"
+            f"moved by at most {1e3 * self.distance:.3g} mm. {' '.join([self.message, *self.warnings, PROMISE])}"
         )
 
     def __repr__(self) -> str:
@@ -105,3 +120,16 @@ class Layout(Frozen, Introduced):
             f"<Layout of {self.given.name!r}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, "
             f"points moved by at most {1e3 * self.distance:.3g} mm>"
         )
+
+
+def outside_frame(robot: Robot, given: Robot) -> Float[np.ndarray, " cables"]:
+    """How far each exit of ``robot`` is outside its frame where that of ``given`` was not, or was less, (cables,) [m].
+
+    A frame that nobody gave is the box around the exits, and has none outside.
+    """
+
+    def outside(exits: Float[np.ndarray, "cables 3"]) -> Float[np.ndarray, " cables"]:
+        return np.linalg.norm(exits - exits.clip(*robot.frame), axis=-1)
+
+    now, before = outside(robot.exits), outside(given.exits)
+    return np.where(now > before + ROUNDING, now, 0.0)

@@ -22,7 +22,7 @@ from cdpr_sim.core.cable_path import path, pulley_path
 from cdpr_sim.core.checks import Frozen, checked_array, refuse_unless, shown
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.problem import Problems, positions_and_rotations, refuse_wrench_out_of_plane
+from cdpr_sim.core.problem import Problems, positions_and_rotations, refuse_wrench_out_of_plane, warn_where_outside
 from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -70,6 +70,7 @@ class Cases(Frozen):
             InvalidInput: poses, loads or factors that cannot be right.
         """
         at, turned = positions_and_rotations(robot, poses, None)
+        warn_where_outside(robot, at)
         shape = np.broadcast_shapes(at.shape[:-1], turned.shape[:-2])
         at = np.broadcast_to(at, (*shape, 3)).reshape(-1, 3)
         turned = np.broadcast_to(turned, (*shape, 3, 3)).reshape(-1, 3, 3)

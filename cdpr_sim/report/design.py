@@ -87,4 +87,5 @@ def design_json(proof: Proof) -> dict[str, Any]:
         "layouts_tried": found.tried,
         "generations": len(found.history),
         "message": found.message,
+        "warnings": list(found.warnings),
     }

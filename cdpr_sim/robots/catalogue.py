@@ -18,6 +18,7 @@ from cdpr_sim.core.checks import checked_path, positive, shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileError, UnknownName
 from cdpr_sim.core.files import read_text
 from cdpr_sim.core.materials import ROPES, Material, line_stiffness, load_material
+from cdpr_sim.core.plausibility import checked_diameter
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
 
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
@@ -191,7 +192,7 @@ class RobotTable(_Table):
                 raise RobotFileError(f"{where}: found {way} without diameter, expected both")
             if table.modulus is None:
                 return ROPES[str(table.material)].of(metres)
-            stiffness = line_stiffness(positive("modulus", table.modulus, "Pa"), positive("diameter", metres, "m"))
+            stiffness = line_stiffness(positive("modulus", table.modulus, "Pa"), checked_diameter(metres))
             return Material("", stiffness, "")
         if given is not None:
             raise RobotFileError(
