@@ -18,6 +18,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.pose import distance
 from cdpr_sim.drawing import still
 from cdpr_sim.physics.model_files import model_files, stale_models
+from cdpr_sim.physics.winches import hang
 
 COLOUR, AREA_COLOUR = 24, 6
 """Of 255: by how much a pixel may differ, and one of an area. Measured over the catalogue: 13 and 5; with 64 colours 32
@@ -129,6 +130,8 @@ def test_a_scene_shows_every_cable_as_loaded_and_after(path):
     for steps in (0, 1, 1, 100):
         mujoco.mj_step(model, data, steps)
         mujoco.mj_forward(model, data)
+        assert cables_drawn(model, data) == cables
+        hang(model, data)  # as ``cdpr-sim view`` does, where there are winches
         assert cables_drawn(model, data) == cables
     assert model.nu == (len(cables) if path.stem == "winch_scene" else 0)
 

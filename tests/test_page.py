@@ -24,6 +24,9 @@ POSE = (0.285, 0.25, 0.1)
 
 GRID = (3, 2, 2)
 
+DASH = 1e-3
+"""[pixel] A canvas keeps offsets of dashes in single precision: 3e-5 measured; a pattern is 6 long."""
+
 HOSTILE = "<img src=x onerror=alert(1)> & [bold]'"
 """A name to be read as it is."""
 
@@ -388,6 +391,46 @@ def test_the_robot_is_drawn_and_turns_by_keyboard(opened):
         before = drawing(opened)
         press(opened, Keys.SPACE)
         assert drawing(opened) != before, control
+
+
+def test_dots_of_slack_cables_go_on_from_piece_to_piece(opened):
+    """A cable is drawn in pieces, nearest last: each begins its pattern where the piece before it ended."""
+    pieces = opened.execute_script(
+        "const pieces = [], pen = CanvasRenderingContext2D.prototype, { stroke, moveTo, lineTo } = pen; let ends = [];"
+        "pen.moveTo = function (...at) { ends = [at]; return moveTo.apply(this, at); };"
+        "pen.lineTo = function (...at) { ends.push(at); return lineTo.apply(this, at); };"
+        "pen.stroke = function () {"
+        " if (this.getLineDash().join() === '1,5') pieces.push([this.lineDashOffset, ...ends]);"
+        " return stroke.call(this); };"
+        "const turn = document.getElementById('turn'); turn.value = 30; turn.dispatchEvent(new Event('input'));"
+        "return pieces"
+    )
+    after = {tuple(np.round(end, 6)): (offset, start, end) for offset, start, end in pieces}
+    gone = [
+        offset - before - np.hypot(*np.subtract(end, start))
+        for offset, begin, _ in pieces
+        if (found := after.get(tuple(np.round(begin, 6)))) is not None
+        for before, start, end in [found]
+    ]
+    assert len(gone) > 20
+    assert np.abs(gone).max() < DASH
+
+
+def test_a_film_in_a_notebook_is_no_wider_than_its_page(browser, monkeypatch, tmp_path):
+    """It shrinks with the page, in its own proportions; where there is room it has its own size."""
+    from selenium.webdriver.common.by import By
+
+    displayed = []
+    monkeypatch.setattr("IPython.display.display", lambda thing: displayed.append(thing.data))
+    motion = cdpr.drive(cdpr.load_robot("parallel"), [(0.3, 0.25, 0.1), (0.31, 0.25, 0.1)], seconds=1.0, states=2)
+    cdpr.show(motion, seconds=0.2, fps=10, size=(960, 540), renderer="raycast")
+    path = tmp_path / "notebook.html"
+    path.write_text(f'<body style="margin: 0">{displayed[0]}</body>', encoding="utf-8")
+    for width, expected in ((640, (640, 360)), (1280, (960, 540))):
+        window(browser, width)
+        browser.get(path.as_uri())
+        size = browser.find_element(By.TAG_NAME, "video").size
+        assert (size["width"], size["height"]) == expected
 
 
 def test_the_robot_turns_by_mouse(opened):

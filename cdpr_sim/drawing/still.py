@@ -100,6 +100,8 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
     projection = "3d" if robot.mobility == "spatial" else None
     whole, close = (figure.add_subplot(place, projection=projection) for place in grid)
     draw_robot(whole, robot, position, rotation)
+    if projection:
+        whole.xaxis.set_major_locator(MaxNLocator(5, prune="upper"))  # a narrow frame has no room for more
     frame = _with_room(robot).frame
     _label(whole, robot, robot.exits, frame.mean(0), float(np.linalg.norm(np.ptp(frame, axis=0))))
     whole.set_title("the robot, as commanded", loc="left")

@@ -68,7 +68,7 @@
       let gone = 0;
       for (let i = 1; i < points.length; i++) {
         const [a, b] = [project(points[i - 1]), project(points[i])];
-        const offset = -gone;
+        const offset = gone; // the dashes go on where the piece before ended
         gone += Math.hypot(b[0] - a[0], b[1] - a[1]);
         const layer = inFront(mix(points[i - 1], points[i], 0.5)) ? 2 : 0;
         shapes.push({ layer, depth: (a[2] + b[2]) / 2, paint() {
