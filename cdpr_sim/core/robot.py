@@ -74,7 +74,8 @@ class Robot(Introduced):
         linear_density: of the cables [kg/m], one number or one per cable; 0 is a massless cable.
         pulley_radius: of the swivelling wheels at the exits [m], one number or one per cable; 0 is a point.
         pulley_axis: the direction in which the cable arrives at its wheel, (3,) or (cables, 3).
-        stiffening: (a2, a3) of tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable.
+        stiffening: (a2, a3) of tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable; given up to a strain of
+            20 %, beyond which no equilibrium is claimed.
         force_min: smallest tension that is wanted of a cable [N], one number or one per cable.
         force_max: largest tension that a cable or its winch takes [N], likewise; infinite without a limit. Both limit
             what is chosen (``compensate``) and what is feasible (``sweep``), not where a platform rests.

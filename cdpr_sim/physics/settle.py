@@ -66,7 +66,8 @@ def settle(
 
     Raises:
         InvalidInput: a pose, a length or a wrench that cannot be right.
-        NotSettled: it never comes to rest, or MuJoCo warns of its motion; carries the last state.
+        NotSettled: it never comes to rest, MuJoCo warns of its motion, or a nonlinear cable is strained by more than
+            20 %; carries the last state.
     """
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
     return _settled(Problems.stack([problem]), model=model, progress=progress)[0]

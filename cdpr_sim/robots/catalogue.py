@@ -124,7 +124,7 @@ class RobotTable(_Table):
         "kg/m",
         0.0,
     )
-    stiffening: Pair = _key("(a2, a3) of tension = EA (eps + a2 eps² + a3 eps³).", "", (0.0, 0.0))
+    stiffening: Pair = _key("(a2, a3) of tension = EA (eps + a2 eps² + a3 eps³), for eps up to 0.2.", "", (0.0, 0.0))
     force_min: Number = _key("Smallest tension that `compensate` and `sweep` keep in a cable.", "N", 0.0)
     force_max: Number | None = _key("Largest that a cable or its winch takes; by default without a limit.", "N", None)
     breaking_load: Number | None = _key(

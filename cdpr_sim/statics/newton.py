@@ -109,7 +109,8 @@ def solve_many(
         A row for each pose. One that is not finite, or at which the platform would fall, says so by its status.
 
     Raises:
-        InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
+        InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right; a robot with mass
+            on some cables and pulleys or nonlinear laws on others.
     """
     problems = Problems.of(
         robot,

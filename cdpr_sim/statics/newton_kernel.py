@@ -61,7 +61,7 @@ ENERGY_ROUNDING = 4 * np.finfo(float).eps
 
 NEARLY_TAUT = 0.5
 """Of the load: a cable counts as taut at the start where a spring that pulls both ways would push by no more. On rigid
-lengths every cable is just at its rest length there, and rounding must not choose which of them count: 0.01 to 2 do."""
+lengths every cable is just at its rest length there, and rounding must not choose which of them count."""
 
 MAX_TRIALS = 60
 """Steps tried, each shorter than the last, before an iteration gives up."""

@@ -37,9 +37,11 @@ def solve(
         The equilibrium, with the residual [N] and the stiffness [N/m] that certify it.
 
     Raises:
-        InvalidInput: an argument that cannot be right.
+        InvalidInput: an argument that cannot be right; a robot with mass on some cables and pulleys or nonlinear laws
+            on others.
         UnknownName: no such method.
-        NotConverged: the solver stopped away from equilibrium; carries the best point.
+        NotConverged: the solver stopped away from equilibrium, or where a nonlinear cable is strained by more than
+            20 %; carries the best point.
     """
     one_of("method", method, get_args(Method))
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
