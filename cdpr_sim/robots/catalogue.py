@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
 
 from cdpr_sim.core.cable import DOWN, MOST_CABLES
-from cdpr_sim.core.checks import checked_path, positive, shown
+from cdpr_sim.core.checks import checked_path, positive, refuse_unless, shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, RobotFileError, UnknownName
 from cdpr_sim.core.files import read_text
 from cdpr_sim.core.materials import ROPES, Material, is_material, line_stiffness, load_material
@@ -265,9 +265,9 @@ def load_robot(name: str | Path) -> Robot:
         RobotFileError: the file is missing, is not TOML, or does not describe a robot: the message gives the
             path inside the file, what was found and what is expected.
     """
-    checked_path("name", name)
+    refuse_unless(str | os.PathLike, name=name)
     if str(name).endswith(".toml"):
-        return _read(Path(name), str(name))
+        return _read(checked_path("name", name), str(name))
     if str(name) in list_robots():
         return _read(_folder() / f"{name}.toml", f"{name}.toml")
     from cdpr_sim.robots.importing import IMPORTED, import_robot  # parsers that the catalogue does not need
