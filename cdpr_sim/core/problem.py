@@ -79,7 +79,6 @@ class Problem(Posed, Introduced):
         at = robot.placed(pose)
         if rest_lengths is None:
             rest = robot.rest_lengths(at)
-            warn_where_outside(robot, at.position)
         else:
             rest = checked_array("rest_lengths", rest_lengths, (len(robot.cabling),))
             if not rest.min() > 0:
@@ -98,6 +97,8 @@ class Problem(Posed, Introduced):
                 f"pose: found every exit of {robot.name!r} below the platform, which falls since cables cannot "
                 "push; expected at least one exit above its anchor"
             )
+        if rest_lengths is None:
+            warn_where_outside(robot, at.position)
         return cls(robot, at, frozen(rest), frozen(wrench))
 
     @property
