@@ -6,15 +6,12 @@ Nonlinear least squares (Levenberg 1944; SciPy's trust-region reflective) on
 
 where x(θ) is the equilibrium of statics, with the exact derivatives of the implicit function theorem. Positive unknowns
 are fitted by their logarithm. Standard errors are the square roots of the diagonal of (JᵀJ)⁻¹; directions of θ that the
-data do not see, by the singular values of J with unit columns, have infinite ones, and a sentence. What else the data do
-not determine is found by leaving rows out (``identifiability``).
+data do not see, by the singular values of J with unit columns, have infinite ones, and a sentence.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +19,6 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from cdpr_sim.analysis.identifiability import Fit, certainty, directions, leverages, prediction_error, superfluous
 from cdpr_sim.analysis.measurements import Measurements
 from cdpr_sim.core.checks import listed, one_of, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotConverged
@@ -35,6 +31,11 @@ from cdpr_sim.statics import derivatives, forces, newton
 UNKNOWNS = ("axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "mass", "center_of_mass")
 """What can be fitted: one EA for all cables, one each, what is added to each rest length, mass, centre of mass."""
 
+UNSEEN = 1e-6
+"""A singular value below this fraction of the largest, with columns of unit length, is rounding: EA and mass together,
+which have exactly the same effect, measure 6e-11; EA, offsets and centre of mass, told apart by 12 poses, 0.02
+(``scripts/measure_constants.py``)."""
+
 REWEIGHTINGS = 20
 """Fits, each weighted by the scatters that the last one left; they settle in three or four."""
 
@@ -46,6 +47,9 @@ EXACT = 1e-9
 
 INVISIBLE = 0.01
 """Of a number's standard error: what changes no residual by more cannot be seen."""
+
+ALIKE = 0.99
+"""Correlation above which two unknowns are hardly told apart."""
 
 SURPRISING = 1e-3
 """Probability of residuals as large as found, below which the model does not explain the data."""
@@ -76,8 +80,6 @@ class Identification(Introduced):
             construction where errors were judged.
         scatters: standard errors of a measured coordinate [m] and of an angle [rad], as stated or judged.
         judged: which of them were judged from the residuals: "position", "rotation".
-        predictions: root mean square error of rows as the others predict them, over ``scatters``, by the unknowns that
-            are fitted to those: all that were asked for, and fewer, down to none of them; nan for a single row.
         reasons: what the data cannot tell, and whether the model explains them, a sentence each.
     """
 
@@ -91,7 +93,6 @@ class Identification(Introduced):
     spread: float
     scatters: tuple[float, float]
     judged: tuple[str, ...]
-    predictions: Mapping[tuple[str, ...], float]
     reasons: tuple[str, ...]
 
     def __getitem__(self, name: str) -> tuple[float, float]:
@@ -116,7 +117,6 @@ class Identification(Introduced):
 class _Unknown:
     """One number to fit: its derivative is the sum of those of ``columns`` of ``parameter``."""
 
-    group: str
     name: str
     unit: str
     parameter: str
@@ -157,7 +157,6 @@ def identify(
     robot.cabling.refuse_weight("identify")
     measurements.check_robot(robot)
     wanted = _wanted(robot, unknowns)
-    asked = tuple(dict.fromkeys(one.group for one in wanted))
     known = measurements.known
     stated = [
         None if position_error is None else positive("position_error", position_error, "m"),
@@ -171,25 +170,40 @@ def identify(
             f"{measurements.source}: found {count} measured numbers, expected {needed} or more for {len(wanted)} "
             "unknowns" + (" and their scatter" if judged else "")
         )
+    model = _Model(robot, measurements, wanted)
     arm = robot.characteristic_length
     guess = stated[0] or (stated[1] or 1.0 / arm) * arm
-    model = _Model(robot, measurements, wanted, np.array([stated[0] or guess, stated[1] or guess / arm]))
-    weighted, slope = model.weighted, model.weighted_slopes
+    scatters = np.array([stated[0] or guess, stated[1] or guess / arm])
+
+    def weighted(values: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " numbers"]:
+        return model.residuals(values)[known] / scatters[kinds]
+
+    def slope(values: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "numbers unknowns"]:
+        return model.slopes(values)[known] / scatters[kinds][:, None]
+
     x = _scanned(wanted, weighted)
+    bounds = np.array([(-np.log(RANGE), np.log(RANGE)) if one.logarithmic else (-np.inf, np.inf) for one in wanted]).T
     for _ in range(REWEIGHTINGS):
-        x = model.fitted_from(x)
-        before = model.scatters
-        model.scatters = _scatters(before, judged, kinds, weighted(x), slope(x), arm)
+        x = least_squares(
+            weighted,
+            x,
+            jac=slope,  # pyright: ignore[reportArgumentType]
+            bounds=bounds,
+            x_scale="jac",
+            xtol=1e-10,
+            ftol=1e-12,
+            gtol=1e-12,
+        ).x
+        before = scatters
+        scatters = _scatters(scatters, judged, kinds, weighted(x), slope(x), arm)
         if not judged or (kinds == kinds[0]).all():
             break  # a factor common to all numbers moves no fit
-        if np.allclose(model.scatters, before, rtol=1e-3, atol=0):
+        if np.allclose(scatters, before, rtol=1e-3, atol=0):
             break
     x = _nearest_to_known(x, weighted, slope)
-    errors, correlations, reasons = certainty(slope(x), *model.named)
-    fit, smaller = model.fit(asked, x), _smaller(model, asked)
-    reasons += superfluous(fit, smaller)
+    errors, correlations, reasons = _certainty(slope(x), wanted)
     told = ~np.isin(kinds, judged)  # numbers whose error was stated, which the model must explain
-    size, freedom = float(np.sum(weighted(x)[told] ** 2)), float((1 - leverages(slope(x)))[told].sum())
+    size, freedom = float(np.sum(weighted(x)[told] ** 2)), float((1 - _leverages(slope(x)))[told].sum())
     spread = np.sqrt(size / freedom) if freedom > LEAST_FREEDOM else 1.0
     if freedom > LEAST_FREEDOM and chi2.sf(size, freedom) < SURPRISING:
         reasons.append(
@@ -211,9 +225,8 @@ def identify(
         correlations=correlations,
         residuals=np.where(known, model.residuals(x), np.nan),
         spread=float(spread),
-        scatters=(float(model.scatters[0]), float(model.scatters[1])),
+        scatters=(float(scatters[0]), float(scatters[1])),
         judged=tuple(("position", "rotation")[kind] for kind in judged),
-        predictions={one.unknowns: one.prediction for one in (fit, *smaller)},
         reasons=tuple(reasons),
     )
 
@@ -232,7 +245,7 @@ def _scatters(
     (the trace of their block of the hat matrix; Förstner 1979). Of kinds that were measured, none is below a thousandth
     of the other by the ``arm``.
     """
-    leverage = leverages(slope)
+    leverage = _leverages(slope)
     together = np.isin(kinds, judged)
     free = max(float((1 - leverage[together]).sum()), 0.0)
     pooled = np.sqrt(float((residuals[together] ** 2).sum()) / free) if free > LEAST_FREEDOM else 1.0
@@ -247,24 +260,10 @@ def _scatters(
     return np.where(np.isin([0, 1], judged), np.maximum(found, least), scatters)
 
 
-def _smaller(model: _Model, asked: tuple[str, ...]) -> list[Fit]:
-    """What comes of fitting fewer unknowns: some of those that were asked for, one EA for all cables, or nothing."""
-    sets = [some for size in range(len(asked)) for some in itertools.combinations(asked, size)]
-    alike = {"axial_stiffness_each": "axial_stiffness"}
-    if alike.keys() & set(asked):
-        sets += [tuple(alike.get(name, name) for name in some) for some in [*sets, asked] if alike.keys() & set(some)]
-    found = []
-    for names in sets:
-        some = _Model(model.robot, model.measurements, _wanted(model.robot, names), model.scatters)
-        with suppress(NotConverged):
-            found.append(some.fit(names, some.fitted_from(_scanned(some.unknowns, some.weighted))))
-    return found
-
-
 def _nearest_to_known(x: Float[np.ndarray, " unknowns"], weighted, slope) -> Float[np.ndarray, " unknowns"]:
     """``x`` without its part along what the data do not see: there, what is known of the robot stays."""
     slopes = slope(x)
-    seen, unseen, _ = directions(slopes)
+    seen, unseen, _ = _directions(slopes)
     scaled = x * seen
     nearer = np.where(slopes.any(0), (scaled - unseen.T @ (unseen @ scaled)) / seen, 0.0)
     if np.array_equal(nearer, x):
@@ -274,6 +273,25 @@ def _nearest_to_known(x: Float[np.ndarray, " unknowns"], weighted, slope) -> Flo
     except NotConverged:
         return x
     return nearer if same else x
+
+
+def _leverages(slope: Float[np.ndarray, "numbers unknowns"]) -> Float[np.ndarray, " numbers"]:
+    """How far each number is fitted by the unknowns: the diagonal of the hat matrix, whose sum is their count."""
+    seen, _, kept = _directions(slope)
+    basis = (slope / seen) @ kept.T
+    return ((basis / np.linalg.norm(basis, axis=0)) ** 2).sum(1)
+
+
+def _directions(
+    slope: Float[np.ndarray, "numbers unknowns"],
+) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unseen unknowns"], Float[np.ndarray, "seen unknowns"]]:
+    """Lengths of the columns, 1 for those of nothing; and, with unit columns, the directions unseen and seen."""
+    sizes = np.linalg.norm(slope, axis=0)
+    seen = np.where(sizes > 0, sizes, 1.0)
+    _, singular, directions = np.linalg.svd(slope / seen, full_matrices=True)
+    singular = np.append(singular, np.zeros(len(seen) - len(singular)))
+    kept = singular > UNSEEN * singular[0]
+    return seen, directions[~kept], directions[kept]
 
 
 def _wanted(robot: Robot, unknowns: Sequence[str]) -> list[_Unknown]:
@@ -290,21 +308,21 @@ def _wanted(robot: Robot, unknowns: Sequence[str]) -> list[_Unknown]:
     axes = (0, 2) if robot.mobility == "planar" else (0, 1, 2)
     choices = {
         "axial_stiffness": [
-            ("axial_stiffness", "N", "axial_stiffness", tuple(cables), float(np.exp(np.log(EA).mean())), True)
+            _Unknown("axial_stiffness", "N", "axial_stiffness", tuple(cables), float(np.exp(np.log(EA).mean())), True)
         ],
         "axial_stiffness_each": [
-            (f"axial_stiffness {i + 1}", "N", "axial_stiffness", (i,), float(EA[i]), True) for i in cables
+            _Unknown(f"axial_stiffness {i + 1}", "N", "axial_stiffness", (i,), float(EA[i]), True) for i in cables
         ],
         "rest_length_offsets": [
-            (f"rest_length_offset {i + 1}", "m", "rest_lengths", (i,), 0.0, False) for i in cables
+            _Unknown(f"rest_length_offset {i + 1}", "m", "rest_lengths", (i,), 0.0, False) for i in cables
         ],
-        "mass": [("mass", "kg", "mass", (0,), robot.mass, True)],
+        "mass": [_Unknown("mass", "kg", "mass", (0,), robot.mass, True)],
         "center_of_mass": [
-            (f"center_of_mass {'xyz'[i]}", "m", "center_of_mass", (i,), float(robot.center_of_mass[i]), False)
+            _Unknown(f"center_of_mass {'xyz'[i]}", "m", "center_of_mass", (i,), float(robot.center_of_mass[i]), False)
             for i in axes
         ],
     }
-    return [_Unknown(name, *one) for name in unknowns for one in choices[name]]
+    return [one for name in unknowns for one in choices[name]]
 
 
 def _value(unknown: _Unknown, x: float) -> float:
@@ -313,61 +331,16 @@ def _value(unknown: _Unknown, x: float) -> float:
 
 
 class _Model:
-    """Equilibria at every row, and their derivatives, as functions of the fit's coordinates.
+    """Equilibria at every row, and their derivatives, as functions of the fit's coordinates."""
 
-    Attributes:
-        scatters: standard errors of a measured coordinate [m] and of an angle [rad].
-    """
-
-    def __init__(
-        self, robot: Robot, measurements: Measurements, unknowns: list[_Unknown], scatters: Float[np.ndarray, "2"]
-    ) -> None:
-        self.robot, self.measurements, self.unknowns, self.scatters = robot, measurements, unknowns, scatters
+    def __init__(self, robot: Robot, measurements: Measurements, unknowns: list[_Unknown]) -> None:
+        self.robot, self.measurements, self.unknowns = robot, measurements, unknowns
         self.poses = poses = [robot.pose(row) for row in measurements.commanded]
         self.positions = np.array([pose.translation for pose in poses])
         self.rotations = np.array([pose.rotation.as_matrix() for pose in poses])
         rigid = measurements.rest_lengths
         self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in poses]) if rigid is None else rigid
         self._at: np.ndarray | None = None
-
-    @property
-    def named(self) -> tuple[list[str], list[bool]]:
-        """Names of the unknowns, and of which of them errors are fractions."""
-        return [one.name for one in self.unknowns], [one.logarithmic for one in self.unknowns]
-
-    def weighted(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " numbers"]:
-        """What is left of each measured number, over its standard error."""
-        return (self.residuals(x) / np.repeat(self.scatters, 3))[self.measurements.known]
-
-    def weighted_slopes(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "numbers unknowns"]:
-        """Derivative of ``weighted``."""
-        return (self.slopes(x) / np.repeat(self.scatters, 3)[:, None])[self.measurements.known]
-
-    def fitted_from(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " unknowns"]:
-        """The least of ``weighted``, sought from ``x``.
-
-        Raises:
-            NotConverged: no equilibrium on the way.
-        """
-        if not self.unknowns:
-            return x
-        far = np.array([np.log(RANGE) if one.logarithmic else np.inf for one in self.unknowns])
-        return least_squares(
-            self.weighted,
-            x,
-            jac=self.weighted_slopes,  # pyright: ignore[reportArgumentType]
-            bounds=(-far, far),
-            x_scale="jac",
-            xtol=1e-10,
-            ftol=1e-12,
-            gtol=1e-12,
-        ).x
-
-    def fit(self, unknowns: tuple[str, ...], x: Float[np.ndarray, " unknowns"]) -> Fit:
-        """What came of fitting ``unknowns``."""
-        slope, rows = self.weighted_slopes(x), np.nonzero(self.measurements.known)[0]
-        errors = dict(zip(self.named[0], certainty(slope, *self.named)[0].tolist(), strict=True))
-        return Fit(unknowns, prediction_error(slope, self.weighted(x), rows), errors)
 
     def changed(self, x: Float[np.ndarray, " unknowns"]) -> tuple[Robot, Float[np.ndarray, "rows cables"]]:
         """The robot and its rest lengths with the unknowns at ``x``."""
@@ -461,3 +434,29 @@ def _scanned(wanted: list[_Unknown], weighted) -> Float[np.ndarray, " unknowns"]
         assert failure is not None
         raise failure
     return best
+
+
+def _certainty(
+    slope: Float[np.ndarray, "numbers unknowns"], wanted: list[_Unknown]
+) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unknowns unknowns"], list[str]]:
+    """Standard errors for unit errors of the data, correlations, and in words what the data cannot tell."""
+    names = [one.name for one in wanted]
+    reasons = [f"the data do not depend on {names[i]}" for i in np.flatnonzero(~slope.any(0))]
+    seen, unseen, kept = _directions(slope)
+    blurred = (np.abs(unseen) > 1e-3).any(0)
+    for direction in unseen:
+        together = np.flatnonzero(np.abs(direction) > 1e-3)
+        if len(together) > 1:
+            listed = " and ".join([", ".join(names[i] for i in together[:-1]), names[together[-1]]])
+            reasons.append(f"the data cannot tell {listed} apart: they can change together without moving the platform")
+    sensitivities = np.linalg.norm((slope / seen) @ kept.T, axis=0)
+    covariance = (kept.T / sensitivities**2) @ kept / np.outer(seen, seen)
+    errors = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlations = covariance / np.outer(errors, errors)
+    errors = np.where(blurred, np.inf, errors)
+    correlations[blurred] = correlations[:, blurred] = np.nan
+    for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
+        if abs(correlations[i, j]) > ALIKE:
+            reasons.append(f"{names[i]} and {names[j]} are hardly told apart: correlation {correlations[i, j]:+.4f}")
+    return errors, correlations, reasons
