@@ -251,3 +251,17 @@ def test_the_papers_15_mm_need_cables_ten_times_softer_than_assumed(catalogue):
     assert height(10) == pytest.approx(-8.34, abs=0.01)
     assert height(0.1) < -50
     assert height(1e4) == pytest.approx(-7.6, abs=0.02)
+
+
+def test_a_stiffness_that_the_data_hardly_determine_is_said(robot):
+    """Two angles of 30 poses, with offsets of lengths beside EA: its error is a good part of it. EA alone: no word."""
+    poses = exact_poses(robot, commanded(30))
+    angles = poses[:, 3:5] + np.random.default_rng(1).normal(size=(30, 2)) * np.radians(0.1)
+    measurements = cdpr.Measurements.of(commanded(30), angles, coordinates=("alpha", "beta"))
+    noise = np.radians(0.1)
+    both = cdpr.identify(robot, measurements, ("axial_stiffness", "rest_length_offsets"), rotation_error=noise)
+    alone = cdpr.identify(robot, measurements, "axial_stiffness", rotation_error=noise)
+    value, error = both["axial_stiffness"]
+    assert error > value / 3
+    assert any("hardly determine axial_stiffness" in reason for reason in both.reasons)
+    assert not any("hardly determine" in reason for reason in alone.reasons)

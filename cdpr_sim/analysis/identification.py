@@ -51,6 +51,10 @@ INVISIBLE = 0.01
 ALIKE = 0.99
 """Correlation above which two unknowns are hardly told apart."""
 
+UNCERTAIN = 1 / 3
+"""Standard error of a positive unknown, as a fraction of it, above which the data hardly say how large it is: twice
+that is a factor of two."""
+
 SURPRISING = 1e-3
 """Probability of residuals as large as found, below which the model does not explain the data."""
 
@@ -459,4 +463,9 @@ def _certainty(
     for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
         if abs(correlations[i, j]) > ALIKE:
             reasons.append(f"{names[i]} and {names[j]} are hardly told apart: correlation {correlations[i, j]:+.4f}")
+    reasons += [
+        f"the data hardly determine {one.name}: its standard error is {error:.0%} of it"
+        for one, error in zip(wanted, errors, strict=True)
+        if one.logarithmic and UNCERTAIN < error < np.inf
+    ]
     return errors, correlations, reasons
