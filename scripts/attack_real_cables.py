@@ -22,9 +22,8 @@ from scipy.spatial.transform import Rotation
 import cdpr_sim as cdpr
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from sample_problems import random_robot
 from test_heavy_kernel import Case, certify, random_case
-
-from problems import random_robot
 
 SOLVES, SETTLES = 10_000, 300
 STARTS, EVALUATIONS = 60, 300

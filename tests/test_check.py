@@ -3,6 +3,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from sample_problems import grid
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import pose
@@ -13,7 +14,6 @@ from cdpr_sim.crosscheck.hold import SAME, Hold
 from cdpr_sim.drawing import maps
 from cdpr_sim.physics import relaxation
 from cdpr_sim.report.workspace import check_table, sweep_table
-from problems import grid
 
 GRID = (6, 3, 4)
 

@@ -3,6 +3,7 @@ import re
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from sample_problems import hanging_mass, paper_line, random_problems
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
@@ -12,7 +13,6 @@ from cdpr_sim.core.pose import distance
 from cdpr_sim.report import as_json
 from cdpr_sim.report.analysis import compensation_table, compensation_verdict
 from cdpr_sim.statics import two_cable
-from problems import hanging_mass, paper_line, random_problems
 
 MICROMETRE = 1e-6
 

@@ -327,7 +327,7 @@ INTERRUPTS = (
 import random, signal
 from concurrent.futures import ThreadPoolExecutor
 
-compiling._import_numba()
+compiling.import_numba()
 compiling.code_cache.fetch = lambda *_: len  # nothing is compiled: all time is spent around the lock
 random.seed(0)
 armed = False
@@ -371,7 +371,7 @@ def test_waiting_for_another_threads_import_of_numba_is_said_and_ends(monkeypatc
     monkeypatch.setitem(sys.modules, "numba", unfinished)  # type: ignore[arg-type]
     monkeypatch.setattr(compiling, "PATIENCE", (0.02, 0.1))
     with pytest.raises(cdpr.CdprError, match=f"another thread of process {os.getpid()} has not finished to import"):
-        compiling._import_numba()
+        compiling.import_numba()
     assert caplog.messages == [f"cdpr_sim waits for another thread of process {os.getpid()}, which imports Numba"]
 
 

@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from sample_problems import symmetric_pair
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
@@ -12,7 +13,6 @@ from cdpr_sim.core import compiling
 from cdpr_sim.core.errors import StoreError
 from cdpr_sim.proof import complete
 from cdpr_sim.proof import search_kernel as kernel
-from problems import symmetric_pair
 
 pytest.importorskip("flint")
 

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from sample_problems import grid, paper_line, random_problems
 
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.check import compare_many
@@ -16,7 +17,6 @@ from cdpr_sim.crosscheck.compare import CROSS_TOLERANCE, POSITION_TOLERANCE, TEN
 from cdpr_sim.physics.settle import residual_of
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS
 from cdpr_sim.statics import forces, newton
-from problems import grid, paper_line, random_problems
 
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
 

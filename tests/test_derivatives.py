@@ -1,10 +1,10 @@
 import numpy as np
 from hypothesis import assume, given, settings
+from sample_problems import random_problems
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.pose import moved
 from cdpr_sim.statics import derivatives, forces
-from problems import random_problems
 
 SLOPE = 1e-6
 """Relative error of central differences over 1e-6 m: rounding of 1e-16/1e-6 times what nearly cancels; the test's own

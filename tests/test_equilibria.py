@@ -4,13 +4,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from sample_problems import hanging_mass
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.equilibria import unstable_directions
 from cdpr_sim.core.equilibrium import Stability
 from cdpr_sim.physics.release import grow_gravity, release
 from cdpr_sim.statics import forces, two_cable
-from problems import hanging_mass
 
 SAME = 1e-6
 """[m] Two equilibria, found twice: solutions scatter by 1e-10, MuJoCo's by 1e-8 where softly held."""

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sample_problems import grid, random_problems, symmetric_pair
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import BALANCED, feasible_by_linprog
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS
-from problems import grid, random_problems, symmetric_pair
 
 HIGHS = 1e-6
 """Unbalanced fraction of the load below which HiGHS, whose rows may be off by 1e-7, may call a pose feasible."""

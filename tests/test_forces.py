@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from sample_problems import hanging_mass, random_problems
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import pose
 from cdpr_sim.statics import forces
-from problems import hanging_mass, random_problems
 
 KINK = 1e-4
 """Cables are kept this far [m] from their rest length, ten times the largest step of the finite differences."""

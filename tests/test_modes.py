@@ -1,13 +1,13 @@
 import mujoco
 import numpy as np
 import pytest
+from sample_problems import hanging_mass
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.modes import mass_matrix
 from cdpr_sim.core.pose import moved
 from cdpr_sim.physics.mjcf import coordinates
-from problems import hanging_mass
 
 FREQUENCY = 5e-6
 """Relative error of a measured frequency, 200 steps of RK4 to a period, 12 periods, zero crossings interpolated:

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from hypothesis import given
+from sample_problems import grid, hanging_mass, paper_line, random_problems, symmetric_pair
 from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -14,7 +15,6 @@ import cdpr_sim as cdpr
 from cdpr_sim.core import pose as core_pose
 from cdpr_sim.statics import forces, newton
 from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, ROUNDING, equilibrium_gufunc
-from problems import grid, hanging_mass, paper_line, random_problems, symmetric_pair
 
 SAME = 1e-13
 """[m] The same kernel on rest lengths that were rounded in two ways."""

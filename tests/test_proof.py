@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from sample_problems import symmetric_pair
 from scipy.spatial.transform import RigidTransform, Rotation
 from test_cli_answers import row, run
 
@@ -15,7 +16,6 @@ from cdpr_sim.proof.balance import Balance
 from cdpr_sim.proof.balls import arithmetic, dot, exact, middle
 from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import index_of
-from problems import symmetric_pair
 
 flint = pytest.importorskip("flint")
 

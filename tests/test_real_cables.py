@@ -6,6 +6,7 @@ import warnings
 import mujoco
 import numpy as np
 import pytest
+from sample_problems import random_robot
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
@@ -18,7 +19,6 @@ from cdpr_sim.statics import derivatives, forces
 from cdpr_sim.statics.catenary import catenary
 from cdpr_sim.statics.chain import gauss, rest_of_chains
 from cdpr_sim.statics.newton import stiffness_of
-from problems import random_robot
 
 SOFT = 1e3
 """[N] EA with which DemoBot's cables strain by some per mille, so that laws and lengths show."""

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from sample_problems import random_robot
 from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -23,7 +24,6 @@ from cdpr_sim.physics.pulleys import toward_anchors
 from cdpr_sim.physics.release import grow_gravity, release
 from cdpr_sim.physics.settle import residual_of, settle, settle_many, settle_trajectory
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
-from problems import random_robot
 
 ROUNDING = 1e-14
 """[m] A few rounding errors of lengths of a metre."""

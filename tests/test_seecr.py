@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
+from sample_problems import paper_line
 from scipy.optimize import OptimizeResult
 
 import cdpr_sim as cdpr
 from cdpr_sim.statics import seecr
-from problems import paper_line
 
 SAME_POSITION = 1e-6
 """[m] SciPy stops at 1.5e-8 relative; DemoBot's softest direction is some 10 N/m under a tolerance of 4e-6 N."""

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
+from sample_problems import hanging_mass, random_problems
 from test_derivatives import changed
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.pose import moved
 from cdpr_sim.statics import derivatives, forces
-from problems import hanging_mass, random_problems
 
 CUBE = 1e-4
 """Relative error of central differences through the solver: its rounding over the step, and the square of the step; at

@@ -9,6 +9,7 @@ import os
 import mujoco
 import numpy as np
 import pytest
+from sample_problems import random_robot
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.equilibrium import NotSettled, Stability
@@ -21,7 +22,6 @@ from cdpr_sim.physics.mjcf import coordinates, to_mjcf
 from cdpr_sim.physics.relaxation import ACCEPTABLE
 from cdpr_sim.physics.settle import residual_of, residuals_of, settle, settle_many, settle_trajectory
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
-from problems import random_robot
 
 CLOSED_FORM = 1e-8
 """Relative. At rest 1e-9 of the load is unbalanced; on a pendulum of length l that is 1e-9 l of displacement."""

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
+from sample_problems import grid
 
 import cdpr_sim as cdpr
 from cdpr_sim.statics import two_cable
-from problems import grid
 
 ROTATION = 1e-7
 """[rad] The solver's residual of 8e-9 N on a bar whose rotation is held by about 0.2 N m/rad, divided by 0.05 m."""

@@ -67,7 +67,7 @@ class Compiled:
             StoreError: machine code can be kept nowhere.
         """
         if self._compiled is None:
-            _import_numba()
+            import_numba()
             with _threads:
                 if self._compiled is None:
                     self._compiled = code_cache.fetch(_as_name(self._what), self._build, self._compile)
@@ -185,7 +185,7 @@ def _register(function: Callable, choose: Callable, **options: Any) -> None:
     overload(function, jit_options=how, strict=False)(choose)
 
 
-def _import_numba() -> None:
+def import_numba() -> None:
     """Import Numba, while this thread holds no lock of ours: the import may run any module, and wait for its threads.
 
     Raises:

@@ -252,6 +252,7 @@ class LayoutRests(Rests):
     def point(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Equilibrium:
         """The row as it is, of the robot that it belongs to."""
         refuse_unless(tuple, row=row)
+        assert isinstance(row, tuple)
         one = super().point(row)
         robot, factor = self.layouts.robot_at(int(row[0])), self.cases.factors[int(row[1])]
         if factor != 1:

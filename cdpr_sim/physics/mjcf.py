@@ -164,7 +164,7 @@ def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml") -> str:
         tendons = ET.SubElement(root, "tendon")
         for i in np.flatnonzero(~robot.cabling.pulleys & (robot.cabling.linear_density == 0)):
             drawn = float(f"{(1 + LEAST_SPARE) * problem.rest_lengths[i]:.12g}")
-            cables.add_twin(tendons, f"line_{i + 1}", i + 1, drawn)
+            cables.add_twin(tendons, f"line_{i + 1}", int(i) + 1, drawn)
     return _document(root)
 
 

@@ -14,12 +14,13 @@ Intervals are pairs (lower, upper). Directions point from the exit to the anchor
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.core import compiling
+from cdpr_sim.core import code_cache, compiling
 from cdpr_sim.core.cable import MOST_STRAIN
 
 SHARE, TINY = 2.3e-16, 1e-300
@@ -46,7 +47,15 @@ EMPTY, CONTRACTED, UNIQUE = 0, 1, 2
 BOXES, BY_BALANCE, BY_KRAWCZYK, PROVED, LEFT, COUNTS = 0, 1, 2, 3, 4, 5
 """Counts of a search: boxes looked at; excluded by balances; by Krawczyk's test; proved; left undecided."""
 
-jit = compiling.jit(nogil=True, error_model="numpy")
+compiling.import_numba()
+
+
+def jit(function: Callable) -> Callable:
+    """Machine code of ``function`` for each set of argument types, which Numba keeps in a folder of its own."""
+    import numba
+
+    with code_cache.settings(CACHE_DIR=str(code_cache.folder() / "search")):
+        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
 
 
 class Setup(NamedTuple):
