@@ -137,6 +137,8 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "cable_shapes": dict(rests=rests),
         "check": dict(robots="two-cable", grid=(1, 1, 1)),
         "clearances": dict(robot=robot, poses=poses),
+        "certify": dict(equilibrium=found),
+        "certify_all": dict(robot=cdpr.load_robot("two-cable"), time_limit=1e-3),
         "closed_form_feasible": of_many | limits,
         "compare": dict(static=found, settled=cdpr.settle(robot, pose)),
         "compensate": asked,

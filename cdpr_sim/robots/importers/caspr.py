@@ -15,10 +15,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from cdpr_sim.core.cable import DOWN
-from cdpr_sim.core.checks import checked_array, shown
+from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, UnknownName
 from cdpr_sim.robots.importers.draft import Draft
-from cdpr_sim.robots.importers.reading import child, numbers, read_document
+from cdpr_sim.robots.importers.reading import child, numbers, read_document, spelled
 
 TITLE = "CASPR's XML"
 MARKS = {"bodies_system"}
@@ -98,7 +98,7 @@ def _home(joint: Element, plane: str | None, offset: np.ndarray) -> np.ndarray:
     axes = ["xyz".index(axis) for axis in plane or "xyz"]
     given = (joint.get("q_initial") or "").split()[: len(axes)]
     home = offset.copy()
-    home[axes] += checked_array("<joint> q_initial", given or np.zeros(len(axes)), (len(axes),))
+    home[axes] += spelled("<joint> q_initial", given or np.zeros(len(axes)), (len(axes),))
     return home
 
 

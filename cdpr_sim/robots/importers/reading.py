@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 from xml.etree.ElementTree import Element, ParseError
 
+import numpy as np
 import yaml
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
+from numpy.typing import ArrayLike
 from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from cdpr_sim.core.checks import checked_array, shown
@@ -153,7 +155,7 @@ def numbers(element: Element, tag: str, count: int) -> list[float]:
         InvalidInput: others.
     """
     found = child(element, tag)
-    return checked_array(f"<{tag}>", (found.text or "").split(), (count,)).tolist()
+    return spelled(f"<{tag}>", (found.text or "").split(), (count,)).tolist()
 
 
 def attribute(element: Element, name: str, default: float | None = None) -> float:
@@ -165,7 +167,20 @@ def attribute(element: Element, name: str, default: float | None = None) -> floa
     text = element.get(name, default)
     if text is None:
         raise InvalidInput(f"<{_short(element.tag)}>: missing {name}")
-    return float(checked_array(f"<{_short(element.tag)}> {name}", text, ()))
+    return float(spelled(f"<{_short(element.tag)}> {name}", text, ()))
+
+
+def spelled(field: str, text: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+    """Numbers that stand in a document as text.
+
+    Raises:
+        InvalidInput: no numbers, or not of that shape.
+    """
+    try:
+        values = np.array(text, dtype=float)
+    except ValueError:
+        raise InvalidInput(f"{field}: found {shown(text)}, expected numbers") from None
+    return checked_array(field, values, shape)
 
 
 def _short(tag: str) -> str:
