@@ -326,7 +326,6 @@ class Chains:
         for _ in range(LAYINGS):
             found = np.linalg.norm(off, axis=1) <= CLOSED * rest.sum(1)[:, 0]
             step = np.linalg.solve(slope, off[..., None])[..., 0]
-            worse = ~found
             for _ in range(SHORTER):
                 worse = np.linalg.norm(laid(pulls + step)[1], axis=1) > np.linalg.norm(off, axis=1)
                 if found.all() or not worse.any():
@@ -334,7 +333,7 @@ class Chains:
                 step[worse] *= 0.5
             pulls = pulls + step
             segments, off, slope = laid(pulls)
-            if (found | worse).all():
+            if found.all():
                 break
         return segments[:, :-1], found
 
