@@ -127,3 +127,12 @@ def test_newton_solves_the_set(problems):
     found = score.score("newton", score.SOLVERS["newton"], some)
     assert all(one.solved for one in found.outcomes if one.claimed)
     assert np.median([one.digits for one in found.outcomes]) > 10
+
+
+def test_a_score_is_of_the_level_and_number_that_are_asked_for():
+    """And of the problems of a folder."""
+    result = run("score", "newton", "--problems", str(FOLDER), "--level", "lower", "--first", "1", "--json")
+    assert result.exit_code == 0
+    told = json.loads(result.stdout)["newton"]
+    assert told["lower"]["solved"] == 3
+    assert all(told[level]["asked"] == 0 for level in problem_set.LEVELS if level != "lower")

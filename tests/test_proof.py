@@ -388,3 +388,15 @@ def test_bounds_are_rounded_outwards():
         assert exact(lower(third)) <= third
         assert exact(upper(third)) >= third
         assert upper(third) <= math.nextafter(lower(third), 1)
+
+
+def test_a_certificate_is_of_the_cables_and_the_pretension_that_are_asked_for():
+    """Each option gives another proved pose; `equilibria --certify` has a limit of time."""
+    for robot, *option in (("two-cable", "--material", "fishing-0.4mm"), ("ipanema-1", "--pretension", "500")):
+        plain, other = run("certify", robot, "--json"), run("certify", robot, *option, "--json")
+        assert plain.exit_code == other.exit_code == 0
+        assert plain.stdout != other.stdout
+    run("certify", "two-cable", "--material", "fishing-0.4mm", "--json")
+    run("certify", "ipanema-1", "--pretension", "500", "--json")
+    all_of_them = run("equilibria", "two-cable", "--certify", "--time-limit", "60")
+    assert all_of_them.exit_code == 0
