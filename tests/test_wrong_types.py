@@ -133,12 +133,13 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
     asked, searched = dict(robot=robot, pose=pose), dict(within=0.01, generations=1, population=5)
     of_many, film = dict(robot=robot, positions=poses), dict(seconds=0.2, fps=10, size=(320, 240))
     moved, limits = dict(robot=robot, waypoints=poses, seconds=0.05), dict(tension_limits=(0, 10))
+    bar = cdpr.load_robot("two-cable")
     given: dict[str, Mapping[str, object]] = {
         "cable_shapes": dict(rests=rests),
         "check": dict(robots="two-cable", grid=(1, 1, 1)),
         "clearances": dict(robot=robot, poses=poses),
         "certify": dict(equilibrium=found),
-        "certify_all": dict(robot=cdpr.load_robot("two-cable"), time_limit=1e-3),
+        "certify_all": dict(robot=bar, rest_lengths=bar.rest_lengths(bar.home), time_limit=1e-3),
         "closed_form_feasible": of_many | limits,
         "compare": dict(static=found, settled=cdpr.settle(robot, pose)),
         "compensate": asked,

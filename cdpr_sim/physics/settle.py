@@ -20,7 +20,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.checks import MOST_THREADS, refuse_unless, whole
+from cdpr_sim.core.checks import FLAG, MOST_THREADS, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, poses_of
@@ -69,6 +69,7 @@ def settle(
         NotSettled: it never comes to rest, MuJoCo warns of its motion, or a nonlinear cable is strained by more than
             20 %; carries the last state.
     """
+    refuse_unless(FLAG, progress=progress)
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
     return _settled(Problems.stack([problem]), model=model, progress=progress)[0]
 
@@ -144,6 +145,7 @@ def settle_many(
     Raises:
         InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
     """
+    refuse_unless(FLAG, progress=progress)
     problems = Problems.of(
         robot, poses, rest_lengths, external_wrench, rotations=rotations, axial_stiffness=axial_stiffness
     )

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core.cable import MOST_STRAIN
-from cdpr_sim.core.checks import whole
+from cdpr_sim.core.checks import FLAG, checked_path, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput, StoreError
 from cdpr_sim.core.introduced import Introduced
@@ -201,6 +201,11 @@ def certify_all(
     Source: branch and prune as in Neumaier, Complete search in continuous global optimization, Acta Numerica 2004.
     """
     load()
+    refuse_unless(Robot | Problem, robot=robot)
+    refuse_unless(FLAG, progress=progress)
+    most = None if time_limit is None else positive("time_limit", time_limit, "s")
+    whole("threads", threads, 1)
+    path = None if store is None else checked_path("store", store)
     if isinstance(robot, Robot) and rest_lengths is None:
         raise InvalidInput("rest_lengths: found none, expected one per cable [m]")
     if isinstance(robot, Robot):
@@ -217,12 +222,9 @@ def certify_all(
         )
     if not _pull(problem) > 0:
         raise InvalidInput("certify_all: found no load, expected weight or force: slack cables hold any pose then")
-    whole("threads", threads, 1)
-    if time_limit is not None and not time_limit > 0:
-        raise InvalidInput(f"time_limit: found {time_limit:g} s, expected more than 0")
     started = time.monotonic()
-    search = _Search(problem, None if store is None else Path(store))
-    search.run(math.inf if time_limit is None else started + time_limit, threads, progress)
+    search = _Search(problem, path)
+    search.run(math.inf if most is None else started + most, threads, progress)
     with arithmetic(BITS):
         certificates, undecided = _proved(problem, search)
     before = search.seconds
