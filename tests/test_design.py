@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tests.problems import symmetric_pair
+from tests.sample_problems import symmetric_pair
 
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.layout import prove_layout

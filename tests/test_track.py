@@ -13,6 +13,7 @@ from cdpr_sim.control import HeldTensions, PoseFeedback, RigidLengths
 from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import moved
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell
+from cdpr_sim.physics.track import _Machine
 
 LINE = [[0.3, 0.25, 0.1], [0.36, 0.25, 0.1]]
 POSE = [0.3, 0.25, 0.1]
@@ -181,6 +182,19 @@ def test_damping_is_of_the_platforms_swing():
         swings.append(int((np.diff(np.sign(along[np.abs(along) > 1e-5])) != 0).sum()))
     assert swings[0] >= 2
     assert swings[1] == 0
+
+
+def test_overdamped_cables_pull_evenly(monkeypatch):
+    """Cables that are damped 400 times more than critically; with damping taken half a step ahead they jerk."""
+    robot = demobot(material="vectran-0.7mm")
+
+    def peak() -> float:
+        return float(cdpr.track(robot, LINE, RigidLengths(robot), seconds=0.6, cable_damping=1.0).tensions.max())
+
+    assert peak() < robot.weight
+    as_written = _Machine._damp
+    monkeypatch.setattr(_Machine, "_damp", lambda *given: (as_written(*given)[0], np.inf))
+    assert peak() > 5 * robot.weight
 
 
 @dataclass
