@@ -9,7 +9,6 @@ from sample_problems import symmetric_pair
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.core import compiling
 from cdpr_sim.core.errors import StoreError
 from cdpr_sim.proof import complete
 from cdpr_sim.proof import search_kernel as kernel
@@ -249,7 +248,7 @@ def test_intervals_are_rounded_outwards():
 def test_the_compiler_contracts_no_product_and_sum():
     """With one rounding instead of two, (1 + 2⁻³⁰)(1 − 2⁻³⁰) − 1 would be −2⁻⁶⁰ rather than 0."""
 
-    @compiling.jit(nogil=True, error_model="numpy")
+    @kernel.jit
     def product_and_sum(a, b, c):
         return a * b + c
 

@@ -14,6 +14,7 @@ import pytest
 from page_reader import Page
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.errors import MissingExtra
 from cdpr_sim.core.introduced import Introduced
 from cdpr_sim.drawing.video import render
 from cdpr_sim.report import html
@@ -198,7 +199,7 @@ def test_errors_survive_pickle_and_copies(results, robot):
         cdpr.NotConverged("stalled", equilibrium), cdpr.NotSettled("sways", equilibrium),
         cdpr.PlatformFell("fell", trajectory), cdpr.BadCommand("nan", trajectory), cdpr.StoreError("full"),
         cdpr.CdprError("on purpose"), cdpr.ImplausibleRobot("in millimetres"), cdpr.InvalidInput("mass: found 0"),
-        render.OpenGLUnavailable("none"),
+        render.OpenGLUnavailable("none"), MissingExtra("python-flint"),
     ]  # fmt: skip
     assert {type(error) for error in errors} == all_errors()
     for error in errors:

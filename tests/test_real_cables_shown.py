@@ -21,7 +21,7 @@ from cdpr_sim.core.words import cables_in_words, properties_in_words, twist_in_w
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.cables import course
-from cdpr_sim.drawing.video.film import _caption, _footnote
+from cdpr_sim.drawing.video.film import _captions, _footnote
 from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.physics.model_files import model_files
 from cdpr_sim.report import real_cables as tables
@@ -110,7 +110,7 @@ def catalogue_text() -> str:
 def test_captions_and_model_readmes_say_it_too(real):
     """In a video's caption, and in the README of a model folder, with the law that holds."""
     trajectory = at_rest(real["pulley"])
-    assert "over pulleys of 20 mm radius" in _caption(trajectory)
+    assert "over pulleys of 20 mm radius" in _captions(trajectory)[0]
     assert "come to rest" in _footnote([trajectory], 1.0)
     assert "a2 eps²" in model_files(real["law"])["README.md"]
     assert "tension is EA (l - l0)/l0 beyond" in model_files(real["pulley"])["README.md"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from collections.abc import Iterator
@@ -42,7 +43,7 @@ def doubts(
     workspace: Float[np.ndarray, "2 3"],
 ) -> Iterator[str]:
     """A sentence for each thing that is unlikely: what was found, and what is expected of most robots."""
-    diagonal = float(np.linalg.norm(frame[1] - frame[0]))
+    diagonal = math.dist(*frame)
     platform = float(np.linalg.norm(platform_size))
     density = mass / float(np.prod(platform_size))
     if diagonal > LARGEST_FRAME:
@@ -70,7 +71,7 @@ def doubts(
 
 def surroundings(frame: Float[np.ndarray, "2 3"]) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Two opposite corners of the box in which positions are commanded; a frame that is a point says nothing of it."""
-    margin = OUTSIDE * float(np.linalg.norm(frame[1] - frame[0])) or np.inf
+    margin = OUTSIDE * math.dist(*frame) or np.inf
     lower, upper = (frame + np.array([[-margin], [margin]])).tolist()
     return (*lower[:2], -np.inf), tuple(upper)
 

@@ -25,7 +25,9 @@ from cdpr_sim.crosscheck.hold import Hold
 from cdpr_sim.crosscheck.layout import Proof
 from cdpr_sim.design.front import Front
 from cdpr_sim.design.layout import Layout
-from cdpr_sim.report import analysis, crosscheck, design, html, workspace
+from cdpr_sim.proof.certificate import Certificate
+from cdpr_sim.proof.complete import CompleteEquilibria
+from cdpr_sim.report import analysis, crosscheck, design, html, proof, workspace
 from cdpr_sim.report.robot import cables_table, rests_table, robot_table, trajectory_table
 
 EFFECTS = 20
@@ -121,6 +123,17 @@ def _(answer: Sensitivity) -> str:
 @introduce.register
 def _(found: Equilibria) -> str:
     return html.fragment(html.table(analysis.equilibria_table(found)), html.sentences(analysis.equilibria_note(found)))
+
+
+@introduce.register
+def _(found: Certificate) -> str:
+    return html.fragment(html.table(proof.certificate_table([found])), html.sentences(*proof.reasons([found])))
+
+
+@introduce.register
+def _(found: CompleteEquilibria) -> str:
+    tables = [html.table(proof.certificate_table(found.certificates))] if found.certificates else []
+    return html.fragment(*tables, html.sentences(proof.complete_note(found)))
 
 
 @introduce.register
