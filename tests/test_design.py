@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tests.sample_problems import symmetric_pair
 
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.layout import prove_layout
@@ -18,6 +17,7 @@ from cdpr_sim.design.symmetry import group
 from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.studies.better_layouts import driven
 from cdpr_sim.studies.real_cables import crane
+from tests.sample_problems import symmetric_pair
 
 LINE = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 6)]
 """Along the paper's line [m]."""
