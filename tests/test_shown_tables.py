@@ -165,11 +165,11 @@ def test_the_verdict_gives_its_differences_in_the_units_that_it_names():
     assert repr(agreement(Verdict.AGREE, same_slack=False)) == said
 
 
-def broken(problem: cdpr.Problem, settle=cdpr.settle) -> cdpr.Equilibrium:
+def broken(problem: cdpr.Problem, settle=cdpr.settle, progress: bool = False) -> cdpr.Equilibrium:
     """MuJoCo's road with springs half as stiff."""
     model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(problem.robot, problem.pose))
     model.tendon_stiffness[:] *= 0.5
-    return settle(problem, model=model)
+    return settle(problem, model=model, progress=progress)
 
 
 def test_mujocos_column_is_mujocos(monkeypatch):
@@ -340,7 +340,7 @@ def test_a_layouts_json_says_each_number_of_its_own_road():
     given, robot = cdpr.load_robot("parallel"), cdpr.load_robot("cogiro")
     layout = Mock(
         spec=Layout, given=given, robot=robot, objective=OBJECTIVES["worst tilt"], before=0.5, after=0.125,
-        cases=[1] * 3, moved=(), distance=0.01, tried=40, history=[0] * 7, message="done",
+        cases=[1] * 3, moved=(), distance=0.01, tried=40, history=[0] * 7, message="done", warnings=("near its end",),
     )  # fmt: skip
     for score, better in ((0.25, True), (np.nan, False)):
         sides = Mock(spec=Side, score=0.75), Mock(spec=Side, score=score)

@@ -321,7 +321,7 @@ def check_settings(seconds: float, fps: float, size: tuple[int, int], exaggerati
     if not fits or width % 2 or height % 2:
         (a, b), (c, d) = LEAST_SIZE, MOST_SIZE
         raise InvalidInput(
-            f"size: found {width:g} x {height:g} pixels, expected even numbers from {a} x {b} to {c} x {d}"
+            f"size: found {width:.0f} x {height:.0f} pixels, expected even numbers from {a} x {b} to {c} x {d}"
         )
     if not 0 < fps <= MOST_FPS:
         raise InvalidInput(f"fps: found {fps:g}, expected more than 0 and at most {MOST_FPS:g} frames per second")
