@@ -6,7 +6,7 @@ and where they live is in ``__init__.pyi``.
 
 import lazy_loader
 
-from cdpr_sim.core.introduced import Introduced as _Introduced
+from cdpr_sim.core.html_repr import HtmlRepr as _Introduced
 
 _attribute, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
@@ -25,9 +25,9 @@ def __getattr__(name: str) -> object:
 
 def _in_html(result: object) -> str:
     """What a notebook shows of a result; tables are loaded when the first is shown."""
-    from cdpr_sim.report.introductions import introduce
+    from cdpr_sim.report.notebook import html_of
 
-    return introduce(result)
+    return html_of(result)
 
 
 _Introduced._in_html = staticmethod(_in_html)

@@ -1,4 +1,4 @@
-"""Hostile robots through both roads: what each says is checked by a force balance of this script's own.
+"""Hostile robots through both methods: what each says is checked by a force balance of this script's own.
 
 Robots of 1 to 8 cables or fully constrained, 1 cm to 100 m, EA of 1 N to 100 MN, spatial and planar, under wrenches,
 weightless, drawn tight, or nearly degenerate, at poses anywhere. An answer is certified if forces balance to two
@@ -18,7 +18,7 @@ import numpy as np
 from rich.console import Console
 
 import cdpr_sim as cdpr
-from cdpr_sim.report.tables import new_table
+from cdpr_sim.report.table_style import new_table
 
 SOLVES, SETTLES = 100_000, 1000
 ROWS = 90  # of one robot in a batch; ten more robots are solved one by one
@@ -172,7 +172,7 @@ def judged(rest: cdpr.Equilibrium, random: np.random.Generator, matrix: np.ndarr
     return "certified"
 
 
-def attack(road: str, asked: int, seed: int) -> tuple[dict[str, Counter], list[str]]:
+def attack(method: str, asked: int, seed: int) -> tuple[dict[str, Counter], list[str]]:
     """Counts by kind of robot, and the wrong ones in words."""
     counts, wrong = {kind: Counter() for kind in KINDS}, []
 
@@ -181,14 +181,14 @@ def attack(road: str, asked: int, seed: int) -> tuple[dict[str, Counter], list[s
         counts[kind][known] += 1
         if known == "wrong":
             wrong.append(
-                f"{road}, {kind}, seed {seed}, robot {number}{'' if row is None else f', row {row}'}: {verdict}"
+                f"{method}, {kind}, seed {seed}, robot {number}{'' if row is None else f', row {row}'}: {verdict}"
             )
 
     def one(kind: str, number: int, random: np.random.Generator) -> None:
         try:
             robot, size = robot_of(kind, random)
             problem = {name: value[0] for name, value in asked_of(kind, robot, size, 1, random).items()}
-            rest = {"solve": cdpr.solve, "settle": cdpr.settle}[road](robot, problem.pop("poses"), **problem)
+            rest = {"solve": cdpr.solve, "settle": cdpr.settle}[method](robot, problem.pop("poses"), **problem)
         except (cdpr.NotConverged, cdpr.NotSettled):
             count(kind, "no rest", number)
         except cdpr.CdprError:
@@ -199,21 +199,21 @@ def attack(road: str, asked: int, seed: int) -> tuple[dict[str, Counter], list[s
     def many(kind: str, number: int, random: np.random.Generator, rows: int) -> None:
         try:
             robot, size = robot_of(kind, random)
-            rests = cdpr.solve_many(robot, **asked_of(kind, robot, size, rows, random))
+            equilibria = cdpr.solve_many(robot, **asked_of(kind, robot, size, rows, random))
         except cdpr.CdprError:
             for _ in range(rows):
                 count(kind, "refused", number)
             return
         for row in range(rows):
-            converged = rests.converged[row]
-            no_rest = "refused" if rests.status[row] in REFUSED else "no rest"
-            verdict = judged(rests[row], random, rests.rotations[row]) if converged else no_rest
+            converged = equilibria.converged[row]
+            no_rest = "refused" if equilibria.status[row] in REFUSED else "no rest"
+            verdict = judged(equilibria[row], random, equilibria.rotations[row]) if converged else no_rest
             count(kind, verdict, number, row)
 
     done = number = 0
     while done < asked:
         kind, random = KINDS[number % len(KINDS)], np.random.default_rng([seed, number])
-        rows = min(ROWS if road == "solve" and number % 11 == 0 else 1, asked - done)
+        rows = min(ROWS if method == "solve" and number % 11 == 0 else 1, asked - done)
         try:
             one(kind, number, random) if rows == 1 else many(kind, number, random, rows)
         except Exception as error:  # what the package may not do
@@ -230,13 +230,13 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("error", RuntimeWarning)
     warnings.simplefilter("ignore", cdpr.ImplausibleRobot)
-    table = new_table("Hostile robots", "road", "robots", *VERDICTS, "wrong", words=2)
+    table = new_table("Hostile robots", "method", "robots", *VERDICTS, "wrong", words=2)
     complaints = []
-    for road, asked in (("solve", options.solves), ("settle", options.settles)):
-        counts, wrong = attack(road, asked, options.seed)
+    for method, asked in (("solve", options.solves), ("settle", options.settles)):
+        counts, wrong = attack(method, asked, options.seed)
         complaints += wrong
         for kind, count in [*counts.items(), ("all", sum(counts.values(), Counter()))]:
-            table.add_row(road, kind, *(str(count[name]) for name in (*VERDICTS, "wrong")))
+            table.add_row(method, kind, *(str(count[name]) for name in (*VERDICTS, "wrong")))
         table.add_section()
     Console().print(table)
     for line in complaints[:20]:

@@ -1,9 +1,9 @@
-"""Random robots on heavy cables through both roads, certified from outside either.
+"""Random robots on cables with mass through both methods, certified from outside either.
 
 Of the solver's answers forces balance, each cable that pulls as it is said to ends at its anchor by Irvine's equations
 in extended precision, and the platform returns when it is moved. Where there is no answer there is no rest: least
 squares from sixty poses anywhere show how much of the load is left unbalanced at best. In MuJoCo every robot settles,
-where the solver has it or at another equilibrium that both roads confirm. Exit status 1 if anything is otherwise.
+where the solver has it or at another equilibrium that both methods confirm. Exit status 1 if anything is otherwise.
 """
 
 # pyright: reportMissingImports=false
@@ -62,7 +62,7 @@ def solves(robots: int) -> list[str]:
         restless.append((seed, least_unbalanced(case)))
         if restless[-1][1] < NO_REST:
             wrong.append(f"solve, robot {seed}: {restless[-1][1]:.0e} of the load can be left, and was not found")
-    print(f"{certified:,} of {robots:,} robots on heavy cables solved and certified")
+    print(f"{certified:,} of {robots:,} robots on cables with mass solved and certified")
     for seed, left in restless:
         print(f"  robot {seed}, under a torque: nothing balances it to better than {left:.1e} of the load")
     return wrong

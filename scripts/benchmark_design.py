@@ -14,8 +14,8 @@ import numpy as np
 
 import cdpr_sim as cdpr
 from cdpr_sim.design import search
-from cdpr_sim.design.layouts import Cases, Layouts, rest
 from cdpr_sim.design.moves import Move, Space
+from cdpr_sim.design.robot_batch import Cases, RobotBatch, rest
 
 ROBOT = "parallel"
 POSES = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 18)]  # m, along the paper's line
@@ -57,7 +57,7 @@ def main() -> None:
             print(f"{name:>32} {rate:>15.1f} {failed:>12} {len(layouts):>16}   {method}")
 
 
-def rates(layouts: Layouts, cases: Cases, threads: int) -> tuple[float, float]:
+def rates(layouts: RobotBatch, cases: Cases, threads: int) -> tuple[float, float]:
     """Layouts a second, by the clock and by the processor's time."""
     runs = []
     for _ in range(REPEATS):
@@ -67,9 +67,9 @@ def rates(layouts: Layouts, cases: Cases, threads: int) -> tuple[float, float]:
     return statistics.median(run[0] for run in runs), statistics.median(run[1] for run in runs)
 
 
-def tried(robot: cdpr.Robot) -> Layouts:
+def tried(robot: cdpr.Robot) -> RobotBatch:
     """The layouts of a search, in its order."""
-    seen: list[Layouts] = []
+    seen: list[RobotBatch] = []
 
     def noted(layouts, cases, threads=None):
         seen.append(layouts)
@@ -81,10 +81,10 @@ def tried(robot: cdpr.Robot) -> Layouts:
     finally:
         search.rest = rest
     names = ("exits", "anchors", "axial_stiffness", "linear_density", "center_of_mass")
-    return Layouts(robot, *(np.concatenate([getattr(one, name) for one in seen]) for name in names))
+    return RobotBatch(robot, *(np.concatenate([getattr(one, name) for one in seen]) for name in names))
 
 
-def one_by_one(layouts: Layouts, method: Literal["fsolve", "least_squares"]) -> tuple[float, int]:
+def one_by_one(layouts: RobotBatch, method: Literal["fsolve", "least_squares"]) -> tuple[float, int]:
     """Layouts a second, and how many have a pose that the solver does not solve."""
     failed, began = 0, time.perf_counter()
     for row in range(len(layouts)):

@@ -62,9 +62,9 @@ def main() -> None:
             _print_row(FEASIBLE, robot, between, *values)
 
     grid = QUICK_CHECK_GRID if quick else CHECK_GRID
-    wall, poses, counts, findings = in_process(check, grid)
+    wall, poses, counts, disagreements = in_process(check, grid)
     print(f"\nCheck of parallel and cogiro, both materials: {poses:,} poses settled and compared in {wall:.1f} s")
-    print(f"  {1e3 * wall / poses:.2f} ms per pose; {counts}; findings: {findings}")
+    print(f"  {1e3 * wall / poses:.2f} ms per pose; {counts}; findings: {disagreements}")
 
 
 def _print_row(widths: tuple[int, ...], *cells: str) -> None:
@@ -121,7 +121,7 @@ def dask_overheads(poses: int) -> list[float]:
 
 
 def feasibility(name: str, limits: tuple[float, float]) -> tuple[float, float]:
-    """Seconds of CPU per pose by the fast road and by HiGHS."""
+    """Seconds of CPU per pose by the fast method and by HiGHS."""
     import cdpr_sim as cdpr
     from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 
@@ -150,7 +150,7 @@ def check(grid: tuple[int, int, int]) -> tuple[float, int, str, int]:
     wall = time.perf_counter() - start
     codes, numbers = np.unique(result.dataset["outcome"], return_counts=True)
     counts = ", ".join(f"{n:,} {OUTCOMES[code].replace('_', ' ')}" for code, n in zip(codes, numbers, strict=True))
-    return wall, result.dataset["outcome"].size, counts, len(result.findings)
+    return wall, result.dataset["outcome"].size, counts, len(result.disagreements)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from rich.console import Console
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.report.tables import new_table
+from cdpr_sim.report.table_style import new_table
 
 ROBOTS = ("cogiro", "parallel", "planar-horizontal", "planar-vertical", "two-cable")
 """DemoBot's layouts."""

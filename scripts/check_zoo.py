@@ -1,4 +1,4 @@
-"""Both roads over the whole workspace of every robot of the zoo: python scripts/check_zoo.py [ROBOT...].
+"""Both methods over the whole workspace of every robot of the zoo: python scripts/check_zoo.py [ROBOT...].
 
 Once at the rest lengths of the commanded poses, and of robots that are held from all sides once more with every cable
 shorter by a thousandth.
@@ -8,7 +8,7 @@ import sys
 
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.studies.zoo import DRAWN_IN, visit
+from cdpr_sim.studies.zoo_check import DRAWN_IN, visit
 
 POSES = 200  # random level ones per robot
 HEAD = (

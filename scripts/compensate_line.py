@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import cdpr_sim as cdpr
-from cdpr_sim.studies.compensation import compensated_line
+from cdpr_sim.studies.compensated_line import compensated_line
 from cdpr_sim.studies.compensation_figures import draw_compensation
 
 ROBOTS = {"cogiro": "crossed cables (Cogiro), fishing line", "parallel": "parallel cables, fishing line"}

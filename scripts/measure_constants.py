@@ -30,20 +30,20 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis import clearance, compensation, equilibria, identification, tensions
 from cdpr_sim.analysis.workspace import sweep
 from cdpr_sim.analysis.workspace.feasibility import shortfall
-from cdpr_sim.cli.answers import BYTES_PER_START
+from cdpr_sim.cli.analysis_commands import BYTES_PER_START
 from cdpr_sim.control import pose_feedback
 from cdpr_sim.core.pose import distance
 from cdpr_sim.core.status import ACCEPTABLE, NEUTRAL
 from cdpr_sim.crosscheck.compare import CROSS_TOLERANCE, POSITION_TOLERANCE
-from cdpr_sim.design import layouts
+from cdpr_sim.design import robot_batch
 from cdpr_sim.physics import chains
 from cdpr_sim.physics.release import STAYS
 from cdpr_sim.physics.settle import residual_of
-from cdpr_sim.report.page import FILM_RATE, FILM_SIZE
-from cdpr_sim.report.tables import new_table
+from cdpr_sim.report.html_page import FILM_RATE, FILM_SIZE
+from cdpr_sim.report.table_style import new_table
 from cdpr_sim.statics import balance_kernel, catenary
 from cdpr_sim.statics.newton_kernel import MAX_ITERATIONS
-from cdpr_sim.studies.controllers import SENSORS, believed
+from cdpr_sim.studies.controller_comparison import SENSORS, believed
 
 POSES = 30_000
 """Random ones of the workspace, for each layout and material."""
@@ -85,7 +85,7 @@ def bytes_of(call: Callable[[], object]) -> int:
     return most
 
 
-def rests() -> Iterator[Row]:
+def equilibrium_constants() -> Iterator[Row]:
     """How softly rests are held, how many steps it takes to them, and how far apart two solutions of one are."""
     most, nearer, farther = 0, 0.0, np.inf
     for robot in robots():
@@ -194,7 +194,7 @@ def balances() -> Iterator[Row]:
     yield Row(name, "a nanometre outside parallel's workspace", f"{beyond:.0e}", beyond > balance_kernel.BALANCED)
 
 
-def roads() -> Iterator[Row]:
+def methods() -> Iterator[Row]:
     """How far MuJoCo rests and strays from statics, and what it has left over where statics is in balance."""
     apart = []
     for robot in robots():
@@ -203,13 +203,18 @@ def roads() -> Iterator[Row]:
         held = static.eigenvalues[:, 0] * robot.characteristic_length / robot.weight > FREE
         apart.append(np.linalg.norm(static.positions - settled.positions, axis=1)[held].max())
     yield Row(
-        f"POSITION_TOLERANCE = {POSITION_TOLERANCE:g}", "between the roads at 4,000 random poses [m], at most",
+        f"POSITION_TOLERANCE = {POSITION_TOLERANCE:g}", "between the methods at 4,000 random poses [m], at most",
         f"{max(apart):.0e}", max(apart) < POSITION_TOLERANCE / 100,
     )  # fmt: skip
     solved = [cdpr.solve(robot, pose) for robot in robots() for pose in random_poses(robot, 10)]
     released = [cdpr.release(one, seconds=2.0) for one in solved if one.stable]
-    strayed = max(one.strayed / one.nudge for one in released)
-    yield Row(f"STAYS = {STAYS:g}", "how far stable platforms stray, in nudges", f"{strayed:.2f}", strayed < 1.01)
+    largest_deviation = max(one.largest_deviation / one.nudge for one in released)
+    yield Row(
+        f"STAYS = {STAYS:g}",
+        "how far stable platforms stray, in nudges",
+        f"{largest_deviation:.2f}",
+        largest_deviation < 1.01,
+    )
     robot = cdpr.load_robot("cogiro")
     right, wrong = [], []
     for pose in random_poses(robot, 20):
@@ -256,7 +261,7 @@ def curves() -> Iterator[Row]:
     missed = max(missed_by(chains.divisions(level, np.full(len(level), bend)), level, bend) for bend in bends)
     yield Row(f"SHARPEST = {chains.SHARPEST:g}", "the same, slack and divided anew", f"{missed:.0e}", missed < 1e-6)
     pieces, finer = clearance.POINTS - 1, 40
-    hung = catenary.shape(np.zeros(3), np.array([1.0, 0, 0]), 1.001, 1e4, 1.0, finer * pieces + 1)
+    hung = catenary.profile(np.zeros(3), np.array([1.0, 0, 0]), 1.001, 1e4, 1.0, finer * pieces + 1)
     knots = np.arange(0, len(hung), finer)
     straight = np.stack([np.interp(np.arange(len(hung)), knots, hung[knots, axis]) for axis in range(3)], axis=1)
     part = np.ptp(hung[:, 2]) / np.linalg.norm(hung - straight, axis=1).max()
@@ -308,12 +313,12 @@ def sizes() -> Iterator[Row]:
     yield Row(f"BYTES_PER_START = {BYTES_PER_START}", "of 1,000 starts", f"{most:.0f}", most < BYTES_PER_START)
     for name in ("parallel", "planar-vertical"):
         robot = cdpr.load_robot(name)
-        cases = layouts.Cases.of(robot, random_poses(robot, 2000))
-        asked = layouts.Layouts.of([robot] * 20)
-        most = bytes_of(lambda asked=asked, cases=cases: layouts.rest(asked, cases).tilt) / 40_000 / robot.cables
+        cases = robot_batch.Cases.of(robot, random_poses(robot, 2000))
+        asked = robot_batch.RobotBatch.of([robot] * 20)
+        most = bytes_of(lambda asked=asked, cases=cases: robot_batch.rest(asked, cases).tilt) / 40_000 / robot.cables
         yield Row(
-            f"BYTES_PER_CABLE = {layouts.BYTES_PER_CABLE}", f"of 40,000 rests of {name}", f"{most:.0f}",
-            most < layouts.BYTES_PER_CABLE,
+            f"BYTES_PER_CABLE = {robot_batch.BYTES_PER_CABLE}", f"of 40,000 rests of {name}", f"{most:.0f}",
+            most < robot_batch.BYTES_PER_CABLE,
         )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
@@ -324,7 +329,7 @@ def sizes() -> Iterator[Row]:
     yield Row(name, "film on the page of parallel [MB]", f"{most / 1e6:.2f}", most < 0.5e6)
 
 
-FAMILIES = (rests, identifications, compensations, balances, roads, curves, feedback, sizes)
+FAMILIES = (equilibrium_constants, identifications, compensations, balances, methods, curves, feedback, sizes)
 
 
 def main() -> int:

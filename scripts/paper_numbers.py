@@ -72,7 +72,7 @@ def nylon() -> None:
     """How low parallel hangs at the ends of the line, with the materials and with nylon from soft to stiff."""
     rows = table(
         "parallel at the ends of the paper's line (the paper: about 15 mm)",
-        "cable", "EA [N]", *(f"sag [mm] in MuJoCo\nat z = {z:g} m" for z in PAPER_HEIGHTS), "roads apart\n[mm]",
+        "cable", "EA [N]", *(f"sag [mm] in MuJoCo\nat z = {z:g} m" for z in PAPER_HEIGHTS), "methods apart\n[mm]",
     )  # fmt: skip
     cables = [(name, material.axial_stiffness) for name, material in cdpr.MATERIALS.items()]
     low, high = NYLON_FIBRES

@@ -6,7 +6,7 @@ Run it: python scripts/settle_cogiro.py
 import numpy as np
 from rich.console import Console
 
-from cdpr_sim.report.crosscheck import line_table
+from cdpr_sim.report.crosscheck_tables import line_table
 from cdpr_sim.studies.lines import checked_lines
 
 ROBOT = "cogiro"

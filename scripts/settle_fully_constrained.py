@@ -1,4 +1,4 @@
-"""How pretension stiffens IPAnema 1, where a cable goes slack, and what 1 % of error in one length costs; both roads.
+"""How pretension stiffens IPAnema 1, where a cable goes slack, and what 1 % of error in one length costs; both methods.
 
 Run it: python scripts/settle_fully_constrained.py. It prints a table, says what it means, and draws
 pictures/fully-constrained.png.
@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from cdpr_sim.core.files import write_whole
-from cdpr_sim.report.pretension import conclusions, pretension_table
+from cdpr_sim.report.pretension_tables import conclusions, pretension_table
 from cdpr_sim.studies.gallery import encoded
 from cdpr_sim.studies.pretension import pretension
 from cdpr_sim.studies.pretension_figures import pretension as draw

@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from cdpr_sim.core.files import write_whole
-from cdpr_sim.report.real_cables import effects_table, ends_table, left_out
+from cdpr_sim.report.real_cable_tables import effects_table, ends_table, left_out
 from cdpr_sim.studies.gallery import encoded
 from cdpr_sim.studies.lines import PAPER_SAG, PAPER_TILT
 from cdpr_sim.studies.real_cables import BELOW, real_cables

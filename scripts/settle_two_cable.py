@@ -7,9 +7,9 @@ import numpy as np
 from rich.console import Console
 
 import cdpr_sim as cdpr
-from cdpr_sim.report.crosscheck import line_table
-from cdpr_sim.report.tables import new_table
-from cdpr_sim.statics import two_cable
+from cdpr_sim.report.crosscheck_tables import line_table
+from cdpr_sim.report.table_style import new_table
+from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.studies.lines import checked_lines
 
 ROBOT = "two-cable"
@@ -33,10 +33,10 @@ def main() -> None:
     table = new_table("Rotation about y at z = 0.1 m", *headings, words=0)
     furthest = 0.0
     for end in lines[MATERIALS[0], HEIGHTS[0]].settled:
-        closed = two_cable.equilibrium_rotations(robot, end.position)
+        closed = two_cable_closed_form.equilibrium_rotations(robot, end.position)
         nearest = closed[np.argmin(abs(closed - end.euler[1]))]
         furthest = max(furthest, abs(nearest - end.euler[1]))
-        short = two_cable.short_bar_rotation(robot, end.position)
+        short = two_cable_closed_form.short_bar_rotation(robot, end.position)
         table.add_row(
             f"{1e3 * end.problem.pose.translation[0]:.2f} mm",
             *(f"{np.degrees(angle):.3f}°" for angle in (end.euler[1], nearest, short)),

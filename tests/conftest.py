@@ -9,29 +9,30 @@ from jaxtyping import install_import_hook
 
 DOORS = {
     "core.cable", "core.checks", "core.controller", "core.limits", "core.pose", "core.problem", "core.robot",
-    "robots.catalogue", "robots.importing", "robots.importers.draft", "statics.solve", "statics.two_cable",
+    "robots.catalogue", "robots.importing", "robots.importers.draft", "statics.solve", "statics.two_cable_closed_form",
     "analysis.compensation", "analysis.workspace.feasibility", "analysis.workspace.grids", "analysis.workspace.hull",
-    "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.layouts", "design.moves", "design.search",
+    "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.robot_batch", "design.moves",
+    "design.search",
     "drawing.video.film", "physics.track",
 }  # fmt: skip
 """Where what users give is checked, with messages of its own."""
 
 BEYOND_BEARTYPE = {
     "core.plausibility",  # its warnings count frames
-    "drawing.axes", "drawing.video.page",  # arrays among sequences
-    "report.tables",  # Rich's own types
+    "drawing.axes", "drawing.video.frame_layout",  # arrays among sequences
+    "report.table_style",  # Rich's own types
     "core.equilibrium",  # fields that are read in another type than they may be given in
 }  # fmt: skip
 """Where it does not follow."""
 
 COMPILED = {
     "core.cable_path", "core.cable_law", "statics.cable_kernel", "statics.matrix_kernel", "statics.newton_kernel",
-    "statics.stiffness_kernel", "statics.balance_kernel", "statics.heavy_kernel", "statics.catenary",
+    "statics.stiffness_kernel", "statics.balance_kernel", "statics.sagging_kernel", "statics.catenary",
     "drawing.video.raycast", "proof.search_kernel",
 }  # fmt: skip
 """Whose functions Numba compiles."""
 
-AT_EVERY_STEP = {"core.path", "physics.cables", "statics.forces", "statics.derivatives"}
+AT_EVERY_STEP = {"core.path", "physics.tendons", "statics.forces", "statics.derivatives"}
 """Or at every step of a search: called so often that a check takes longer than what they do."""
 
 

@@ -1,4 +1,4 @@
-"""One heavy cable against Irvine's equations in sixty-digit arithmetic, closed forms, and its own energy."""
+"""One cable with mass against Irvine's equations in sixty-digit arithmetic, closed forms, and its own energy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from cdpr_sim.statics.catenary import Catenary, catenary, shape
+from cdpr_sim.statics.catenary import Catenary, catenary, profile
 
 ENDS_TOLERANCE = 4e-15
 """Of a cable's ends, per length of a cable that hangs plumb under its own weight: some ten roundings."""
@@ -206,7 +206,7 @@ def test_what_is_not_finite_stays_unknown() -> None:
 def test_the_shape_is_the_cable_itself() -> None:
     """It runs from exit to anchor, is as long as the stretched cable, and has the least energy of all shapes near."""
     A, B, L0, EA, w = _ordinary(40)
-    hanging = shape(A, B, L0, EA, w, 4001)
+    hanging = profile(A, B, L0, EA, w, 4001)
     np.testing.assert_array_equal(hanging[:, -1], B)
     np.testing.assert_allclose(hanging[:, 0], A, atol=1e-15)
     steps = np.diff(hanging, axis=1)
@@ -223,7 +223,7 @@ def test_the_shape_is_the_cable_itself() -> None:
 def test_every_cable_has_a_shape(w: float) -> None:
     """Plumb, level, slack, taut, or of no extent at all."""
     for B in ([0, 0, 0.0], [0, 0, 0.5], [0, 0, -0.5], [0, 0, -1.2], [0.3, 0, 0], [1.2, 0, 0], [1e-14, 0, 0.3]):
-        hanging = shape(np.zeros(3), B, 1.0, 1e4, w, 501)
+        hanging = profile(np.zeros(3), B, 1.0, 1e4, w, 501)
         assert np.isfinite(hanging).all()
         step = np.linalg.norm(np.diff(hanging, axis=0), axis=1)
         assert step.max() < (1 + w / 1e4 + max(np.linalg.norm(B) - 1, 0)) / 500 * 1.01
@@ -234,10 +234,10 @@ def test_many_cables_are_asked_at_once() -> None:
     """Everything broadcasts, row by row as one by one."""
     A, B, L0, EA, w = _ordinary(6)
     table = catenary(A[:, None], B, L0, EA, w)
-    assert table.pull.shape == (6, 6, 3)
-    assert table.stiffness.shape == (6, 6, 3, 3)
+    assert table.pull.profile == (6, 6, 3)
+    assert table.stiffness.profile == (6, 6, 3, 3)
     np.testing.assert_array_equal(table.pull[2, 4], catenary(A[2], B[4], L0[4], EA[4], w[4]).pull)
-    np.testing.assert_array_equal(shape(A, B, L0, EA, w, 7)[3], shape(A[3], B[3], L0[3], EA[3], w[3], 7))
+    np.testing.assert_array_equal(profile(A, B, L0, EA, w, 7)[3], profile(A[3], B[3], L0[3], EA[3], w[3], 7))
 
 
 def _around(A: np.ndarray, B: np.ndarray, L0: np.ndarray, EA: np.ndarray, w: np.ndarray, step: float) -> Catenary:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import cdpr_sim as cdpr
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.statics.catenary import catenary
-from cdpr_sim.statics.chain import Chain, Division, _balance, chain, gauss, rest_of_chains, uniform
+from cdpr_sim.statics.chain import Chain, Division, _balance, chain, equilibrium_of_chains, gauss, uniform
 
 PLACES = [(0.4, 0.1, -0.7), (0.9, -0.3, 0.2), (0.2, 0.1, 0.1), (0.6, 0.5, 0.75), (0.1, 0.0, -0.99)]
 """Anchors from an exit at 0, of a cable of length 1: slack, nearly taut and taut ones."""
@@ -92,7 +92,7 @@ def test_the_stiffness_that_finds_the_rest_is_the_slope_of_the_forces() -> None:
     weights = problem.rest_lengths * robot.cabling.linear_density * robot.gravity
     division, start = gauss(6), cdpr.solve(problem)
     chains = np.outer(problem.rest_lengths, division.lengths), np.outer(weights, division.weights)
-    position, rotation, _ = rest_of_chains(problem, *chains, start.position, start.rotation.as_matrix())
+    position, rotation, _ = equilibrium_of_chains(problem, *chains, start.position, start.rotation.as_matrix())
 
     def forces(step: np.ndarray) -> np.ndarray:
         turned = Rotation.from_rotvec(step[3:] / robot.characteristic_length).as_matrix() @ rotation
@@ -112,7 +112,7 @@ def test_platforms_on_chains_rest_where_those_on_catenaries_do() -> None:
 
     def on(division: Division) -> float:
         weights = problem.rest_lengths * robot.cabling.linear_density * robot.gravity
-        position, _, residual = rest_of_chains(
+        position, _, residual = equilibrium_of_chains(
             problem, np.outer(problem.rest_lengths, division.lengths), np.outer(weights, division.weights),
             rest.position, rest.rotation.as_matrix(),
         )  # fmt: skip

@@ -10,16 +10,16 @@ from cdpr_sim.core import pose
 from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.crosscheck import compare
 from cdpr_sim.crosscheck.check import OUTCOMES, compare_many
-from cdpr_sim.crosscheck.hold import SAME, Hold
+from cdpr_sim.crosscheck.compensation_check import SAME, CompensationCheck
 from cdpr_sim.drawing import maps
-from cdpr_sim.physics import relaxation
-from cdpr_sim.report.workspace import check_table, sweep_table
+from cdpr_sim.physics import dynamic_relaxation
+from cdpr_sim.report.workspace_tables import check_table, sweep_table
 
 GRID = (6, 3, 4)
 
 
-def roads(robot: cdpr.Robot, positions: np.ndarray) -> tuple[cdpr.Rests, cdpr.Rests]:
-    """Both roads' answers to the same problems."""
+def methods(robot: cdpr.Robot, positions: np.ndarray) -> tuple[cdpr.EquilibriumBatch, cdpr.EquilibriumBatch]:
+    """Both methods' answers to the same problems."""
     problems = cdpr.Problems.of(robot, positions)
     return cdpr.solve_many(problems), cdpr.settle_many(problems)
 
@@ -28,7 +28,7 @@ def roads(robot: cdpr.Robot, positions: np.ndarray) -> tuple[cdpr.Rests, cdpr.Re
 def test_many_rows_are_compared_as_one_by_one(catalogue, name):
     """The same errors, cross residuals and verdicts as ``compare``, row by row, neutral equilibria included."""
     robot = catalogue[name]
-    solved, settled = roads(robot, grid(robot, 60))
+    solved, settled = methods(robot, grid(robot, 60))
     columns, agree = compare_many(solved, settled)
     verdicts = set()
     for row in range(len(solved)):
@@ -49,7 +49,7 @@ def moved(array, amount):
 
 
 @pytest.mark.parametrize(
-    ("tolerance", "road", "field", "amount"),
+    ("tolerance", "method", "field", "amount"),
     [
         ("POSITION_TOLERANCE", "solved", "positions", 2 * compare.POSITION_TOLERANCE),
         ("ROTATION_TOLERANCE", "solved", "rotations", 1e-4 * np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]])),
@@ -58,24 +58,24 @@ def moved(array, amount):
         ("CROSS_TOLERANCE", "settled", "positions", np.array([0, 0, 5e-7])),  # and here statics
     ],
 )
-def test_every_tolerance_counts(catalogue, monkeypatch, tolerance, road, field, amount):
+def test_every_tolerance_counts(catalogue, monkeypatch, tolerance, method, field, amount):
     """A negative control for each, alone: one row off by more than it is not agreement; the others still are."""
     robot = catalogue["cogiro"]
-    both = dict(zip(("solved", "settled"), roads(robot, grid(robot, 12)), strict=True))
+    both = dict(zip(("solved", "settled"), methods(robot, grid(robot, 12)), strict=True))
     assert compare_many(**both)[1].all()
     for other in ("POSITION_TOLERANCE", "ROTATION_TOLERANCE", "TENSION_TOLERANCE", "CROSS_TOLERANCE"):
         if other != tolerance:
             monkeypatch.setattr(compare, other, np.inf)
-    wrong = dataclasses.replace(both[road], **{field: moved(getattr(both[road], field), amount)})
-    _, agree = compare_many(**(both | {road: wrong}))
+    wrong = dataclasses.replace(both[method], **{field: moved(getattr(both[method], field), amount)})
+    _, agree = compare_many(**(both | {method: wrong}))
     assert not agree[0]
     assert agree[1:].all()
 
 
-def test_cable_slack_on_one_road_only_is_no_agreement(catalogue):
+def test_cable_slack_on_one_method_only_is_no_agreement(catalogue):
     """Even where its tension is within tolerance of nothing."""
     robot = catalogue["cogiro"]
-    solved, settled = roads(robot, grid(robot, 12))
+    solved, settled = methods(robot, grid(robot, 12))
     slack = np.zeros(solved.tensions.shape, dtype=bool)
     slack[0, 0] = True
     wrong = dataclasses.replace(solved, tensions=np.where(slack, 0.0, solved.tensions))
@@ -86,11 +86,11 @@ def test_cable_slack_on_one_road_only_is_no_agreement(catalogue):
     assert agree[1:].all()
 
 
-def test_the_two_roads_agree_over_the_workspace():
+def test_the_two_methods_agree_over_the_workspace():
     """Both layouts, both materials, and not one disagreement; somewhere the platform is free, and that is said."""
     check = cdpr.check(["parallel", "cogiro"], GRID, ["vectran-0.7mm", "fishing-0.4mm"])
     assert check.agrees
-    assert check.findings == ()
+    assert check.disagreements == ()
     outcome = check.dataset["outcome"]
     assert outcome.dims == ("robot", "material", "x", "y", "z")
     assert (outcome.sel(robot="cogiro") == OUTCOMES.index("agree")).all()
@@ -98,7 +98,7 @@ def test_the_two_roads_agree_over_the_workspace():
     assert float(check.dataset["position_error"].max()) < compare.POSITION_TOLERANCE
 
 
-def test_wrong_stiffness_on_one_road_is_found_at_every_pose(monkeypatch):
+def test_wrong_stiffness_on_one_method_is_found_at_every_pose(monkeypatch):
     """The negative control of the whole check: cables 1 % stiffer in statics, and every pose is reported."""
     solve = checking.solve_many
 
@@ -109,9 +109,9 @@ def test_wrong_stiffness_on_one_road_is_found_at_every_pose(monkeypatch):
     monkeypatch.setattr(checking, "solve_many", stiffer)
     check = cdpr.check("cogiro", (3, 2, 2))
     assert not check.agrees
-    assert len(check.findings) == 12
+    assert len(check.disagreements) == 12
     assert (check.dataset["outcome"] == OUTCOMES.index("disagree")).all()
-    first = check.findings[0]
+    first = check.disagreements[0]
     assert (first.robot, first.material, first.outcome) == ("cogiro", "vectran-0.7mm", "disagree")
     assert first.position == tuple(float(check.dataset[name][0]) for name in "xyz")
     assert any("unbalanced" in reason for reason in first.reasons)
@@ -134,10 +134,10 @@ def test_cables_of_robots_own_files_are_called_by_their_names():
 
 def test_platform_that_does_not_rest_is_a_finding(monkeypatch):
     """No answer is not agreement."""
-    monkeypatch.setattr(relaxation, "STEPS", 13)
+    monkeypatch.setattr(dynamic_relaxation, "STEPS", 13)
     check = cdpr.check("cogiro", (2, 1, 1))
-    assert [finding.outcome for finding in check.findings] == ["unsettled", "unsettled"]
-    assert check.findings[0].reasons == (cdpr.Status.ITERATION_LIMIT.sentence,)
+    assert [finding.outcome for finding in check.disagreements] == ["unsettled", "unsettled"]
+    assert check.disagreements[0].reasons == (cdpr.Status.ITERATION_LIMIT.sentence,)
 
 
 @pytest.fixture
@@ -146,10 +146,10 @@ def first_row_stalls(monkeypatch) -> None:
     solve = checking.solve_many
 
     def stalled(problems):
-        rests = solve(problems)
-        status = rests.status.copy()
+        equilibria = solve(problems)
+        status = equilibria.status.copy()
         status[0] = cdpr.Status.STALLED
-        return dataclasses.replace(rests, status=status)
+        return dataclasses.replace(equilibria, status=status)
 
     monkeypatch.setattr(checking, "solve_many", stalled)
 
@@ -158,12 +158,12 @@ def first_row_stalls(monkeypatch) -> None:
 def test_pose_that_statics_cannot_solve_is_a_finding():
     """And names the solver's reason."""
     check = cdpr.check("cogiro", (2, 1, 1))
-    assert [finding.outcome for finding in check.findings] == ["unsolved"]
-    assert "forces do not balance" in check.findings[0].reasons[0]
+    assert [finding.outcome for finding in check.disagreements] == ["unsolved"]
+    assert "forces do not balance" in check.disagreements[0].reasons[0]
     assert np.isnan(check.dataset["position_error"].values.ravel()[0])
 
 
-def test_pose_from_which_the_platform_falls_is_refused_by_both_roads():
+def test_pose_from_which_the_platform_falls_is_refused_by_both_methods():
     """Neither agreement nor disagreement: there is nothing to compare."""
     check = cdpr.check("cogiro", {"z": [0.2, 0.7]})
     assert check.dataset["outcome"].values.ravel().tolist() == [OUTCOMES.index("agree"), OUTCOMES.index("refused")]
@@ -211,7 +211,7 @@ def test_cross_residuals_are_compared_with_the_load(monkeypatch, catalogue):
         assert checking.compare_many(solved, settled)[1].tolist() == [within]
 
 
-def test_both_roads_are_asked_about_the_cables_that_are_named(monkeypatch):
+def test_both_methods_are_asked_about_the_cables_that_are_named(monkeypatch):
     """And findings of all blocks of rows are kept."""
     asked, settle, solve = [], checking.settle_many, checking.solve_many
 
@@ -229,7 +229,7 @@ def test_both_roads_are_asked_about_the_cables_that_are_named(monkeypatch):
     monkeypatch.setattr(checking, "solve_many", wrong)
     found = cdpr.check("cogiro", {"x": [0.3, 0.4, 0.5]}, ["fishing-0.4mm"])
     assert [problems.axial_stiffness.max() for problems in asked] == [1e3] * 4
-    assert [finding.position[0] for finding in found.findings] == [0.3, 0.4, 0.5]
+    assert [finding.position[0] for finding in found.disagreements] == [0.3, 0.4, 0.5]
 
 
 def test_across_an_axis_errors_are_those_of_poses_that_agree():
@@ -246,17 +246,17 @@ def test_how_far_from_where_it_should_be_a_platform_rests_is_said_in_millimetres
     """Three of them."""
     found = cdpr.compensate(catalogue["cogiro"], (0.4, 0.25, 0.2))
     away = dataclasses.replace(found.equilibrium, pose=pose.moved(found.pose, 0.003 * np.eye(6)[0]))
-    assert "MuJoCo's platform rests 3 mm from there: it is not held" in Hold(found, away, away).reasons[0]
+    assert "MuJoCo's platform rests 3 mm from there: it is not held" in CompensationCheck(found, away, away).reasons[0]
 
 
-@pytest.mark.parametrize(("share", "comes"), [(0.5, True), (2.0, False)])
-def test_a_platform_is_there_within_its_tolerance(catalogue, share, comes):
+@pytest.mark.parametrize(("share", "reached_from_commanded"), [(0.5, True), (2.0, False)])
+def test_a_platform_is_there_within_its_tolerance(catalogue, share, reached_from_commanded):
     """A fraction of the characteristic length away, which is 55 mm here."""
     robot = catalogue["cogiro"].replace(material="fishing-0.4mm")
     found = cdpr.compensate(robot, (0.35, 0.25, 0.15))
     away = [share * SAME * robot.characteristic_length, 0, 0, 0, 0, 0]
     rest = dataclasses.replace(found.equilibrium, pose=pose.moved(found.pose, np.array(away)))
-    assert Hold(found, found.equilibrium, rest).comes == comes
+    assert CompensationCheck(found, found.equilibrium, rest).reached_from_commanded == reached_from_commanded
 
 
 def test_the_bar_counts_poses_and_the_estimate_is_of_all_robots_and_materials(monkeypatch):

@@ -79,20 +79,22 @@ def test_mujocos_own_distances_are_the_same(kind: str):
             assert mine == pytest.approx(np.maximum(theirs, 0), abs=WITNESS)
     moved = found.curves.copy()
     moved[0, 0] += 1e-6
-    off = cdpr.Clearances(found.rests, found.fitting, moved, found.cable_cable, found.cable_platform, found.cable_frame)
+    off = cdpr.Clearances(
+        found.equilibria, found.fitting, moved, found.cable_cable, found.cable_platform, found.cable_frame
+    )
     cables, _, _ = clearances_in_mujoco(off, 0)
     assert np.abs(cables - found.cable_cable[0]).max() > 100 * WITNESS
 
 
 def test_cables_run_where_they_hang_and_over_their_wheels():
-    """Without fittings: the curves of ``cable_shapes``, and the free pieces that statics knows, wheel to anchor."""
+    """Without fittings: the curves of ``cable_profiles``, and the free pieces that statics knows, wheel to anchor."""
     heavy = cdpr.clearances(crane().replace(linear_density=0.5), [(-2.0, 1.0, 2.0)], fitting=0.0)
-    assert heavy.curves == pytest.approx(cdpr.cable_shapes(heavy.rests), abs=1e-12)
+    assert heavy.curves == pytest.approx(cdpr.cable_profiles(heavy.equilibria), abs=1e-12)
     slack = cdpr.clearances(cdpr.load_robot("parallel"), [(0.17, 0.25, 0.1)], fitting=0.0)
-    assert slack.curves == pytest.approx(cdpr.cable_shapes(slack.rests), abs=1e-9)
+    assert slack.curves == pytest.approx(cdpr.cable_profiles(slack.equilibria), abs=1e-9)
     wheels = cdpr.load_robot("cogiro").replace(pulley_radius=0.01, pulley_axis=(0, 0, 1))
     over = cdpr.clearances(wheels, [(0.3, 0.2, 0.1)], fitting=0.0)
-    known = geometry(wheels, over.rests.positions, over.rests.rotations)
+    known = geometry(wheels, over.equilibria.positions, over.equilibria.rotations)
     pieces = over.curves[..., 0, :] - over.curves[..., -1, :]
     assert pieces == pytest.approx(known.directions * known.free_lengths[..., None], abs=1e-12)
 

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.report import crosscheck as report
+from cdpr_sim.report import crosscheck_tables as report
 
 runner = CliRunner()
 
@@ -23,12 +23,12 @@ def test_settle_shows_the_tilt_the_slack_cables_and_agreement():
     tilt = next(line for line in result.stdout.splitlines() if line.strip().startswith("tilt"))
     assert tilt.split()[-4:-2] == ["26.420", "26.420"]
     assert "4 of 8" in result.stdout
-    assert "the two roads agree" in result.stdout
+    assert "the two methods agree" in result.stdout
     assert "seecr/fsolve: stopped" in result.stdout  # SEECR's own outcome, honestly
 
 
 def test_settle_prints_json_that_says_the_same():
-    """SI units, one entry per road."""
+    """SI units, one entry per method."""
     result = run("settle", "parallel", "--pose", "0.17", "0.25", "0.1", "--json")
     values = json.loads(result.stdout)
     assert result.exit_code == 0
@@ -38,7 +38,7 @@ def test_settle_prints_json_that_says_the_same():
     assert values["results"]["newton"]["tilt"] == pytest.approx(values["results"]["mujoco"]["tilt"], abs=1e-5)
 
 
-def test_settle_exits_1_where_the_roads_disagree(monkeypatch):
+def test_settle_exits_1_where_the_methods_disagree(monkeypatch):
     """Only agreement is success."""
     robot = cdpr.load_robot("parallel")
     stiffer = cdpr.solve(robot.replace(axial_stiffness=10.1e3), (0.17, 0.25, 0.1))
@@ -51,7 +51,7 @@ def test_settle_exits_1_where_the_roads_disagree(monkeypatch):
     monkeypatch.setattr(cdpr, "solve", wrong)
     result = run("settle", "parallel", "--pose", "0.17", "0.25", "0.1")
     assert result.exit_code == 1
-    assert "the two roads disagree" in result.stdout
+    assert "the two methods disagree" in result.stdout
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ def row(text: str, label: str) -> list[str]:
     return next(line for line in text.splitlines() if line.strip().startswith(label)).split()
 
 
-def test_compensate_shows_the_error_before_and_after_by_both_roads():
+def test_compensate_shows_the_error_before_and_after_by_both_methods():
     """Half a millimetre before, nothing after, exit status 0."""
     result = run("compensate", "cogiro", "--material", "fishing-0.4mm", "--pose", "0.3", "0.25", "0.1")
     assert result.exit_code == 0
@@ -62,7 +62,7 @@ def test_sensitivity_prints_what_matters_most_and_the_frequencies():
 
 
 def test_equilibria_marks_the_one_that_is_reached():
-    """Seven places to rest, MuJoCo stays at each, and the upright one is reached on both roads."""
+    """Seven places to rest, MuJoCo stays at each, and the upright one is reached on both methods."""
     result = run("equilibria", "cogiro", "--material", "fishing-0.4mm", "--starts", "1000")
     assert result.exit_code == 0
     assert result.stdout.count("stays") == 7

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.crosscheck.layout import Proof
+from cdpr_sim.crosscheck.layout_validation import LayoutValidation
 
 LINE = ["--line", "0.17", "0.25", "0.1", "0.63", "0.25", "0.1", "--points", "4"]
 QUICK = [*LINE, "--generations", "10"]
@@ -39,9 +39,9 @@ def test_design_writes_a_robot_that_is_better(tmp_path):
 
 @pytest.mark.parametrize(("agrees", "better", "status"), [(True, True, 0), (False, True, 1), (True, False, 1)])
 def test_design_exits_by_what_mujoco_says(agrees, better, status, monkeypatch):
-    """0 only where both roads agree that the new layout is better."""
-    monkeypatch.setattr(Proof, "agrees", agrees)
-    monkeypatch.setattr(Proof, "better", better)
+    """0 only where both methods agree that the new layout is better."""
+    monkeypatch.setattr(LayoutValidation, "agrees", agrees)
+    monkeypatch.setattr(LayoutValidation, "better", better)
     assert run("design", "parallel", *LINE, "--generations", "1").exit_code == status
 
 

@@ -42,7 +42,7 @@ def test_agreement_notices_a_tension_that_differs(pair):
     assert not agreement.agrees
 
 
-def test_agreement_notices_a_cable_that_is_slack_on_one_road_only(pair):
+def test_agreement_notices_a_cable_that_is_slack_on_one_method_only(pair):
     """The cable is named, counted from 1."""
     static, settled = pair
     tensions = settled.tensions.copy()
@@ -50,7 +50,7 @@ def test_agreement_notices_a_cable_that_is_slack_on_one_road_only(pair):
     tensions[2] = 0
     agreement = cdpr.compare(static, dataclasses.replace(settled, tensions=tensions))
     assert not agreement.same_slack
-    assert "cable 3 is slack on one road only" in agreement.reasons
+    assert "cable 3 is slack on one method only" in agreement.reasons
 
 
 @pytest.mark.parametrize(("beyond", "same"), [(0.5e-7, True), (3e-7, False)])
@@ -66,7 +66,7 @@ def test_cable_at_its_rest_length_counts_as_slack_or_taut(pair, beyond, same):
 
 
 def test_two_stable_equilibria_are_different_and_no_disagreement(catalogue):
-    """The crossed cables also hold a platform that lies on its side: each road confirms the other's pose."""
+    """The crossed cables also hold a platform that lies on its side: each method confirms the other's pose."""
     robot = catalogue["cogiro"]
     rest_lengths = robot.rest_lengths(robot.home)
     upright = cdpr.solve(robot, robot.home, rest_lengths)

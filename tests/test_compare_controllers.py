@@ -8,8 +8,8 @@ import pytest
 from rich.console import Console
 
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.report.controllers import runs_table, summary_table
-from cdpr_sim.studies.controllers import (
+from cdpr_sim.report.controller_tables import runs_table, summary_table
+from cdpr_sim.studies.controller_comparison import (
     PAUSE,
     RIGID,
     RIGID_FEEDBACK,
@@ -22,7 +22,7 @@ from cdpr_sim.studies.controllers import (
     run,
     tasks,
 )
-from cdpr_sim.studies.controllers_figures import ROWS, controllers
+from cdpr_sim.studies.controller_comparison_figures import ROWS, controllers
 
 LINE = Task("cogiro", "fishing-0.4mm", "line", 0.5)
 CIRCLE = Task("parallel", "vectran-0.7mm", "circle", 0.05)

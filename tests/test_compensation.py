@@ -11,8 +11,8 @@ from cdpr_sim.analysis.compensation import TAUT
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core.pose import distance
 from cdpr_sim.report import as_json
-from cdpr_sim.report.analysis import compensation_table, compensation_verdict
-from cdpr_sim.statics import two_cable
+from cdpr_sim.report.analysis_tables import compensation_table, compensation_verdict
+from cdpr_sim.statics import two_cable_closed_form
 
 MICROMETRE = 1e-6
 
@@ -70,7 +70,7 @@ def test_no_default_tension_breaks_a_rope_and_one_that_would_is_said_to(catalogu
     )
     table = compensation_table(torn, [found.equilibrium], [torn.equilibrium])
     assert [list(column.cells)[-3] for column in table.columns] == ["overloaded cables", "0 of 4", "4 of 4"]
-    told = as_json.compensation(torn.equilibrium.problem, torn, cdpr.confirm(torn), [], [torn.equilibrium])
+    told = as_json.compensation(torn.equilibrium.problem, torn, cdpr.verify_compensation(torn), [], [torn.equilibrium])
     assert told["after"]["newton"]["overloaded"] == torn.overloaded.tolist()
     assert told["cables"]["breaking_load"] == bears.tolist()
 
@@ -89,7 +89,7 @@ def test_on_parallel_it_says_where_no_lengths_help_and_why(catalogue):
     assert cdpr.compensate(robot, (0.4, 0.25, 0.1)).exact
     for x in (0.17, 0.63):
         found = cdpr.compensate(robot, (x, 0.25, 0.1))
-        assert found.reach is cdpr.Reach.NEAREST
+        assert found.reach is cdpr.CompensationOutcome.NEAREST
         assert "would have to push" in found.reasons[0]
         assert "without any cable getting longer" in found.reasons[1]
         before, after = by_mujoco(robot, found)
@@ -110,7 +110,7 @@ def test_on_parallel_the_position_alone_can_be_held_to_the_ends_of_the_line(cata
 
 
 def test_no_pose_nearer_than_the_nearest_is_feasible(catalogue):
-    """By the workspace's own road, on thousands of poses nearer to the commanded one than what was found."""
+    """By the workspace's own method, on thousands of poses nearer to the commanded one than what was found."""
     robot = catalogue["planar-vertical"]
     limits = (0.01 * robot.weight, np.inf)
     found = cdpr.compensate(robot, (0.2, 0, 0.1))
@@ -131,10 +131,10 @@ def test_two_cables_reach_the_nearest_pose_of_the_closed_form(catalogue):
     robot = catalogue["two-cable"]
     found = cdpr.compensate(robot, (0.25, 0, 0.1))
     assert found.pose.rotation.as_euler("xyz")[1] == pytest.approx(
-        min(two_cable.equilibrium_rotations(robot, found.pose.translation), key=abs), abs=1e-9
+        min(two_cable_closed_form.equilibrium_rotations(robot, found.pose.translation), key=abs), abs=1e-9
     )
     assert found.tensions == pytest.approx(
-        two_cable.tensions(robot, found.pose.translation, found.pose.rotation.as_euler("xyz")[1]), abs=1e-9
+        two_cable_closed_form.tensions(robot, found.pose.translation, found.pose.rotation.as_euler("xyz")[1]), abs=1e-9
     )
 
 
@@ -195,7 +195,7 @@ def test_limits_that_no_pose_fits_are_said():
 def test_on_random_robots_mujoco_rests_where_compensation_says():
     """Pushed or not, planar or spatial, soft or stiff: MuJoCo rests there, and would be nudged off were it a saddle.
 
-    Exact or not, the workspace's own road agrees: what is not exact is what no tensions balance, or none hold.
+    Exact or not, the workspace's own method agrees: what is not exact is what no tensions balance, or none hold.
     """
     reached = set()
 
@@ -221,7 +221,7 @@ def test_on_random_robots_mujoco_rests_where_compensation_says():
             assert found.distance > SOFT
 
     check()
-    assert reached == set(cdpr.Reach)
+    assert reached == set(cdpr.CompensationOutcome)
 
 
 def test_a_problem_is_compensated_like_a_robot_and_a_pose(catalogue):

@@ -75,10 +75,10 @@ class Winches:
         whole, part = divmod(time * RATE + 1e-9, 1)
         return (1 - part) * self.smooth(whole / RATE) + part * self.smooth((whole + 1) / RATE)
 
-    def start(self, course) -> np.ndarray:
+    def start(self, reference) -> np.ndarray:
         return self.lengths(0.0)
 
-    def command(self, time, pose, sensed) -> np.ndarray:
+    def command(self, time, pose, measurement) -> np.ndarray:
         return self.lengths(time)
 
 
@@ -173,10 +173,10 @@ class Released:
     robot: cdpr.Robot
     shorter: float = 0.005
 
-    def start(self, course) -> np.ndarray:
-        return self.robot.rest_lengths(moved(course.pose(0), BESIDE)) * (1 - self.shorter)
+    def start(self, reference) -> np.ndarray:
+        return self.robot.rest_lengths(moved(reference.pose(0), BESIDE)) * (1 - self.shorter)
 
-    def command(self, time, pose, sensed) -> np.ndarray:
+    def command(self, time, pose, measurement) -> np.ndarray:
         return self.robot.rest_lengths(pose) * (1 - self.shorter)
 
 

@@ -29,7 +29,7 @@ DIFFERENCED = 1e-5
 """Relative. MuJoCo's forces are differenced over 3e-6 cable lengths, whose truncation is the square of that."""
 
 
-def verdicts_of(solved: cdpr.Rests, settled: cdpr.Rests) -> list[Verdict]:
+def verdicts_of(solved: cdpr.EquilibriumBatch, settled: cdpr.EquilibriumBatch) -> list[Verdict]:
     """Of every row; the errors are within tolerance wherever the two agree, as ``compare`` says itself elsewhere."""
     assert solved.converged.all()
     assert settled.converged.all()
@@ -45,18 +45,18 @@ def verdicts_of(solved: cdpr.Rests, settled: cdpr.Rests) -> list[Verdict]:
     return verdicts
 
 
-def roads(robot: cdpr.Robot, positions: np.ndarray) -> tuple[cdpr.Rests, cdpr.Rests]:
-    """Both roads' answers to the same problems."""
+def methods(robot: cdpr.Robot, positions: np.ndarray) -> tuple[cdpr.EquilibriumBatch, cdpr.EquilibriumBatch]:
+    """Both methods' answers to the same problems."""
     problems = cdpr.Problems.of(robot, positions)
     return cdpr.solve_many(problems), cdpr.settle_many(problems)
 
 
 @pytest.mark.parametrize("material", MATERIALS)
 @pytest.mark.parametrize("name", ["cogiro", "parallel"])
-def test_roads_agree_along_the_papers_line(catalogue, name, material):
+def test_methods_agree_along_the_papers_line(catalogue, name, material):
     """x from 0.17 to 0.63 m at z = 0.1 and 0.2 m: pose, tensions and every slack cable, at every point."""
     robot = catalogue[name].replace(material=material)
-    for static, settled in zip(*roads(robot, paper_line(robot)), strict=True):
+    for static, settled in zip(*methods(robot, paper_line(robot)), strict=True):
         agreement = cdpr.compare(static, settled)
         assert agreement.verdict is Verdict.AGREE, agreement.reasons
         stiffest = static.eigenvalues[-1]
@@ -64,7 +64,7 @@ def test_roads_agree_along_the_papers_line(catalogue, name, material):
 
 
 @pytest.mark.parametrize("name", PAPER_ROBOTS)
-def test_roads_find_the_same_imbalance_away_from_equilibrium(catalogue, name):
+def test_methods_find_the_same_imbalance_away_from_equilibrium(catalogue, name):
     """Held at poses that are no equilibria, under a wrench: the same unbalanced force, torques over the same length."""
     robot = catalogue[name].replace(center_of_mass=(0.01, 0, -0.005), material="fishing-0.4mm")
     rng = np.random.default_rng(0)
@@ -84,18 +84,18 @@ def test_roads_find_the_same_imbalance_away_from_equilibrium(catalogue, name):
 
 @pytest.mark.parametrize("material", MATERIALS)
 @pytest.mark.parametrize("name", PAPER_ROBOTS)
-def test_roads_agree_over_the_workspace(catalogue, name, material):
+def test_methods_agree_over_the_workspace(catalogue, name, material):
     """At each of 1,000 poses and more the two agree, or differ only where the platform may turn freely."""
     robot = catalogue[name].replace(material=material)
     positions = grid(robot, 1000)
     assert len(positions) >= 1000
-    verdicts = verdicts_of(*roads(robot, positions))
+    verdicts = verdicts_of(*methods(robot, positions))
     free = np.mean([verdict is Verdict.AGREE_BUT_FREE for verdict in verdicts])
     assert free <= (MOST_FREE if name == "parallel" else 0)
     assert (free > 0) == (name == "parallel")
 
 
-def test_roads_agree_on_random_robots():
+def test_methods_agree_on_random_robots():
     """Soft or stiff, light or heavy, pushed or not: they agree, or each confirms the other's own equilibrium.
 
     Both start at the commanded pose: unless they are pushed, nearly all end at the same one.
@@ -104,14 +104,14 @@ def test_roads_agree_on_random_robots():
 
     @settings(max_examples=100, database=None)
     @given(random_problems())
-    def confirm(problem):
+    def verify_compensation(problem):
         settled = cdpr.settle(problem)
         agreement = cdpr.compare(newton.solve(problem), settled)
         assert agreement.verdict is not Verdict.DISAGREE, agreement.reasons
         if not problem.external_wrench.any():
             unpushed.append(agreement.agrees)
 
-    confirm()
+    verify_compensation()
     assert len(unpushed) > 40
     assert np.mean(unpushed) > 0.9
 
@@ -122,7 +122,7 @@ CLOSED_FORM = 1e-7
 """[m, rad, and relative] At rest 1e-9 of the load is unbalanced, on suspensions that weigh a newton per centimetre."""
 
 
-def both_roads(problem: cdpr.Problem) -> list[cdpr.Equilibrium]:
+def both_methods(problem: cdpr.Problem) -> list[cdpr.Equilibrium]:
     """What solve and settle say; and they agree."""
     both = [cdpr.solve(problem), cdpr.settle(problem)]
     assert cdpr.compare(*both).verdict is Verdict.AGREE
@@ -146,7 +146,7 @@ def test_torque_about_the_vertical_twists_a_suspension_on_parallel_cables(angle)
     torque = robot.weight * radius**2 * np.sin(angle) / height
     rest_lengths = length * stiffness / (stiffness + tension)
     problem = cdpr.Problem.of(robot, (0, 0, 0.8), rest_lengths, [0, 0, 0, 0, 0, torque])
-    for rest in both_roads(problem):
+    for rest in both_methods(problem):
         np.testing.assert_allclose(rest.position, [0, 0, 2.0 - height], atol=CLOSED_FORM)
         np.testing.assert_allclose(rest.rotation.as_rotvec(), [0, 0, angle], atol=CLOSED_FORM)
         np.testing.assert_allclose(rest.tensions, tension, rtol=CLOSED_FORM)
@@ -170,7 +170,7 @@ def test_torque_about_horizontal_axes_tilts_a_trapeze_and_loads_one_rope_more(ti
     rest_lengths = height * stiffness / (stiffness + tensions)
     problem = cdpr.Problem.of(robot, (0, 0, 0.7), rest_lengths, [0, 0, 0, *torque, 0])
     up = np.array([0, -np.sin(tilt), np.cos(tilt)])
-    for rest in both_roads(problem):
+    for rest in both_methods(problem):
         np.testing.assert_allclose(rest.rotation.as_rotvec(), [tilt, 0, 0], atol=CLOSED_FORM)
         np.testing.assert_allclose(rest.position, [0, 0, 2.0 + anchor - height] - anchor * up, atol=CLOSED_FORM)
         np.testing.assert_allclose(rest.tensions, tensions, rtol=CLOSED_FORM)
@@ -179,7 +179,7 @@ def test_torque_about_horizontal_axes_tilts_a_trapeze_and_loads_one_rope_more(ti
 
 @pytest.mark.parametrize("seed", range(5))
 def test_any_wrench_at_any_pose_is_balanced_by_the_tensions_that_it_was_made_of(seed):
-    """Choose a pose and tensions; by hand, the wrench and rest lengths that make it an equilibrium. Both roads find it.
+    """Choose a pose and tensions; by hand, the wrench and rest lengths that make it an equilibrium; both find it.
 
     W tau + w_e = 0 with every component of the wrench at work, the centre of mass beside the origin, the pose turned.
     """
@@ -199,7 +199,7 @@ def test_any_wrench_at_any_pose_is_balanced_by_the_tensions_that_it_was_made_of(
     rest_lengths = lengths * robot.axial_stiffness / (robot.axial_stiffness + tensions)
     assert np.abs(torque).min() > 0.01
     problem = cdpr.Problem.of(robot, (0, 0, 0), rest_lengths, [*force, *torque])
-    for rest in both_roads(problem):
+    for rest in both_methods(problem):
         np.testing.assert_allclose(rest.position, pose.translation, atol=CLOSED_FORM)
         assert (rest.rotation * pose.rotation.inv()).magnitude() < CLOSED_FORM
         np.testing.assert_allclose(rest.tensions, tensions, rtol=1e-4)

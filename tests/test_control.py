@@ -42,13 +42,13 @@ class Aside:
 
     inner: cdpr.Controller
 
-    def start(self, course: cdpr.Course) -> np.ndarray:
-        lengths = np.array(self.inner.start(course))
+    def start(self, reference: cdpr.Reference) -> np.ndarray:
+        lengths = np.array(self.inner.start(reference))
         lengths[:2] -= 0.003
         return lengths
 
-    def command(self, time: float, pose: RigidTransform, sensed: cdpr.Sensed):
-        return self.inner.command(time, pose, sensed)
+    def command(self, time: float, pose: RigidTransform, measurement: cdpr.Measurement):
+        return self.inner.command(time, pose, measurement)
 
 
 def test_rigid_lengths_end_where_statics_says():
@@ -112,11 +112,11 @@ def test_pose_feedback_corrects_no_further_than_it_may():
     class Elsewhere(RigidLengths):
         """Rigid lengths of another pose, 0.1 m beside."""
 
-        def start(self, course):
-            return self.robot.rest_lengths(moved(course.pose(0.0), beside))
+        def start(self, reference):
+            return self.robot.rest_lengths(moved(reference.pose(0.0), beside))
 
-        def command(self, time, pose, sensed):
-            return super().command(time, moved(pose, beside), sensed)
+        def command(self, time, pose, measurement):
+            return super().command(time, moved(pose, beside), measurement)
 
     motion = cdpr.track(robot, [[0.4, 0.25, 0.1]], PoseFeedback(Elsewhere(robot), gain=4.0), seconds=1.0)
     assert motion.deviation[-1, 0] == pytest.approx(0.05, abs=2e-3)
@@ -148,8 +148,8 @@ def test_force_control_carries_the_platforms_inertia():
     assert np.linalg.norm(motion.deviation, axis=1).max() < 3e-3
 
     class Standing(HeldTensions):
-        def command(self, time, pose, sensed):
-            return super().command(-1.0, pose, sensed)  # before anything moves
+        def command(self, time, pose, measurement):
+            return super().command(-1.0, pose, measurement)  # before anything moves
 
     behind = cdpr.track(robot, line, Standing(robot), seconds=1.0, damping=0.0)
     assert np.linalg.norm(behind.deviation, axis=1).max() > 3e-2
@@ -213,13 +213,13 @@ def test_controllers_are_controllers():
     assert not isinstance(robot, cdpr.Controller)
 
 
-def course(robot: cdpr.Robot, *positions: list[float]) -> cdpr.Course:
+def reference(robot: cdpr.Robot, *positions: list[float]) -> cdpr.Reference:
     """A line through these positions in a second."""
-    return cdpr.Course(Path(robot, [RigidTransform.from_translation(one) for one in positions]), seconds=1.0)
+    return cdpr.Reference(Path(robot, [RigidTransform.from_translation(one) for one in positions]), seconds=1.0)
 
 
-def seen(time: float, pose: RigidTransform) -> cdpr.Sensed:
-    return cdpr.Sensed(time, pose, np.zeros(8), np.ones(8))
+def seen(time: float, pose: RigidTransform) -> cdpr.Measurement:
+    return cdpr.Measurement(time, pose, np.zeros(8), np.ones(8))
 
 
 @pytest.mark.parametrize("kind", [ElasticLengths, HeldTensions, LengthsAndTensions])
@@ -235,7 +235,7 @@ def test_controllers_keep_within_the_tensions_that_they_are_given(kind):
 def test_force_control_accelerates_the_center_of_mass():
     """Newton and Euler on a box whose mass is not at its centre: forces add up to m (a − g), and do not turn it."""
     robot = demobot().replace(center_of_mass=[0.02, -0.01, 0.03])
-    line = course(robot, [0.3, 0.25, 0.1], [0.4, 0.3, 0.12])
+    line = reference(robot, [0.3, 0.25, 0.1], [0.4, 0.3, 0.12])
     controller = HeldTensions(robot)
     controller.start(line)
     pose = line.pose(0.25)
@@ -269,7 +269,7 @@ def test_the_cables_left_to_tension_are_those_that_are_missed_least():
         stiffness = np.array(columns)
         return np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0]
 
-    controller, line = LengthsAndTensions(robot), course(robot, POSE)
+    controller, line = LengthsAndTensions(robot), reference(robot, POSE)
     controller.start(line)
     held = controller.command(0.0, line.pose(0.0), seen(0.0, line.pose(0.0))).by_tension
     stiffnesses = {pair: softest(pair) for pair in itertools.combinations(range(8), 2)}
@@ -279,7 +279,7 @@ def test_the_cables_left_to_tension_are_those_that_are_missed_least():
 def test_compensation_between_knots_is_as_good_as_at_them():
     """Along half a metre, within 2 µm of what is right there: 0.7 measured, and 34 with its two ends alone."""
     robot = demobot()
-    line, controller = course(robot, [0.15, 0.2, 0.08], [0.6, 0.3, 0.12]), ElasticLengths(robot)
+    line, controller = reference(robot, [0.15, 0.2, 0.08], [0.6, 0.3, 0.12]), ElasticLengths(robot)
     controller.start(line)
     for time in np.linspace(0.1, 0.9, 7):
         pose = line.pose(time)
@@ -293,7 +293,7 @@ def test_pose_feedback_compares_a_late_sample_with_what_was_wanted_then():
     One that is seen 10 mm aside for 0.9 s at a gain of 5/s needs 45 mm; and a new run begins without.
     """
     robot = demobot()
-    line, controller = course(robot, [0.3, 0.25, 0.1], [0.4, 0.25, 0.1]), PoseFeedback(RigidLengths(robot), gain=5.0)
+    line, controller = reference(robot, [0.3, 0.25, 0.1], [0.4, 0.25, 0.1]), PoseFeedback(RigidLengths(robot), gain=5.0)
     times = np.linspace(0.1, 1.0, 10)
     for aside, wanted in ((0.0, 0.0), (0.01, -0.045), (0.0, 0.0)):
         controller.start(line)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.crosscheck.layout import prove_layout
+from cdpr_sim.crosscheck.layout_validation import validate_layout
 from cdpr_sim.design import search
 from cdpr_sim.design.constraints import constraints_of
-from cdpr_sim.design.layouts import Cases, LayoutRests, Layouts, rest
+from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES
-from cdpr_sim.design.slopes import Steps, slopes
+from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, RobotBatch, rest
 from cdpr_sim.design.symmetry import group
 from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.studies.better_layouts import driven
@@ -29,7 +29,7 @@ def parallel() -> cdpr.Robot:
 
 
 @pytest.fixture(scope="module")
-def better(parallel) -> cdpr.Layout:
+def better(parallel) -> cdpr.LayoutResult:
     return cdpr.find_layout(parallel, LINE, within=0.1, generations=40)
 
 
@@ -147,7 +147,7 @@ def test_slopes_are_those_of_differences(bent: bool):
     assert here.slack.any() != bent
     steps = Steps(space.exits, space.anchors, space.log_stiffness * robot.axial_stiffness, space.center)
     state = here.positions[0], here.rotations[0], here.problems.rest_lengths[0]
-    by = slopes(robot, cases, *state, steps)
+    by = layout_derivatives(robot, cases, *state, steps)
     step = 1e-6
     after, before = (rest(space.layouts(sign * step * np.eye(len(space))), cases, 1) for sign in (1, -1))
     for measured, exact in (
@@ -155,14 +155,14 @@ def test_slopes_are_those_of_differences(bent: bool):
     ):  # fmt: skip
         slope = measured.swapaxes(0, 1) / (2 * step)
         assert exact == pytest.approx(slope, abs=2e-5 * np.abs(slope).max())  # rounding of the rests over the step
-    unaware = slopes(robot, cases, *state, dataclasses.replace(steps, known=False))
+    unaware = layout_derivatives(robot, cases, *state, dataclasses.replace(steps, known=False))
     assert np.abs(unaware.pose - by.pose).max() > 0.1 * np.abs(by.pose).max()
 
 
 def test_sensitivity_to_errors_is_that_of_single_equilibria(parallel):
     """The objective against ``sensitivity``, coordinate by coordinate."""
     cases = Cases.of(parallel, LINE[:2])
-    found = OBJECTIVES["worst sensitivity"].score(rest(Layouts.of([parallel]), cases, 1), (np.zeros(8), np.ones(8)))
+    found = OBJECTIVES["worst sensitivity"].score(rest(RobotBatch.of([parallel]), cases, 1), (np.zeros(8), np.ones(8)))
     squares = []
     for pose in LINE[:2]:
         by = cdpr.sensitivity(parallel, pose).pose
@@ -177,13 +177,13 @@ def test_a_level_layout_is_found_and_mujoco_agrees(better, parallel):
     assert better.after == pytest.approx(cdpr.solve_many(better.robot, LINE).tilt.max(), abs=1e-9)
     assert np.abs(better.robot.exits - parallel.exits).max() <= 0.1 + 1e-12
     assert {one.name for one in better.moved} == {f"exit {c} {a}" for c in range(1, 9) for a in "xyz"}
-    proof = prove_layout(better)
+    proof = validate_layout(better)
     assert len(proof.cases) == 2 * len(LINE) - 1
     assert proof.agrees
     assert proof.better
     assert proof.after.score == pytest.approx(np.nanmax(proof.after.solved.tilt), abs=1e-7)
     # Negative control: the same claim of the robot as it was.
-    false = prove_layout(dataclasses.replace(better, robot=better.given, given=better.robot))
+    false = validate_layout(dataclasses.replace(better, robot=better.given, given=better.robot))
     assert not false.better
 
 
@@ -206,7 +206,7 @@ def test_poses_twice_as_fine_lie_midway(parallel):
 
 def test_both_layouts_are_driven_side_by_side(better):
     """The same commands for both, from the first pose to the last."""
-    before, after = driven(prove_layout(better), 4, 1.0, drive_seconds=0.5)
+    before, after = driven(validate_layout(better), 4, 1.0, drive_seconds=0.5)
     assert [one.robot.name for one in (before, after)] == ["parallel, before", "parallel, after"]
     for motion in (before, after):
         assert motion.problems.positions[[0, -1]] == pytest.approx(np.array(LINE)[[0, -1]], abs=1e-9)
@@ -252,7 +252,7 @@ def test_the_gradient_goes_on_where_evolution_stops(parallel):
     asked = dict(within=0.05, generations=5, subject_to={"tensions": (0.0, 1.9)})
     rough, smooth = (cdpr.find_layout(parallel, LINE, polish=polish, **asked) for polish in (False, True))
     assert smooth.after < 0.99 * rough.after
-    assert smooth.rests.tensions.max() <= 1.9 * (1 + 1e-6)
+    assert smooth.equilibria.tensions.max() <= 1.9 * (1 + 1e-6)
 
 
 def test_a_robot_that_falls_is_laid_out_so_that_it_does_not(parallel):
@@ -261,12 +261,12 @@ def test_a_robot_that_falls_is_laid_out_so_that_it_does_not(parallel):
     found = cdpr.find_layout(parallel, [(0.4, 0.25, 0.5), (0.4, 0.25, 0.3)], move=masts, generations=5)
     assert np.isnan(found.before)
     assert "no rest at some pose before" in str(found)
-    assert found.rests.converged.all()
-    assert prove_layout(found).better
+    assert found.equilibria.converged.all()
+    assert validate_layout(found).better
 
 
 @pytest.fixture(scope="module")
-def two_layouts(parallel) -> tuple[LayoutRests, list[list[cdpr.Equilibrium]]]:
+def two_layouts(parallel) -> tuple[LayoutEquilibria, list[list[cdpr.Equilibrium]]]:
     """Rests of two layouts, on a line and at a pose where ``parallel`` turns freely; and those of each robot alone."""
     low, high = parallel.workspace
     poses = np.random.default_rng(0).uniform(low, high, (200, 3))
@@ -276,12 +276,12 @@ def two_layouts(parallel) -> tuple[LayoutRests, list[list[cdpr.Equilibrium]]]:
     robots = [parallel, parallel.replace(exits=exits)]
     cases = Cases.of(parallel, [*LINE, tuple(free)])
     alone = [[cdpr.solve(robot, pose) for pose in [*LINE, tuple(free)]] for robot in robots]
-    return rest(Layouts.of(robots), cases, 1), alone
+    return rest(RobotBatch.of(robots), cases, 1), alone
 
 
 def test_objectives_are_what_single_rests_say(two_layouts):
     """Worst, mean or least over the cases, one layout at a time; the frame is the diagonal of a box."""
-    rests, alone = two_layouts
+    equilibria, alone = two_layouts
     shift = lambda one: np.linalg.norm(one.position - one.problem.pose.translation)  # noqa: E731
     expected = {
         "worst tilt": [max(one.tilt for one in row) for row in alone],
@@ -297,8 +297,8 @@ def test_objectives_are_what_single_rests_say(two_layouts):
         "size of frame": [np.sqrt(sum((max(x) - min(x)) ** 2 for x in row[0].problem.robot.exits.T)) for row in alone],
     }
     for name, values in expected.items():
-        assert OBJECTIVES[name].score(rests, NO_LIMITS) == pytest.approx(values, rel=1e-5, abs=1e-5), name
-    assert OBJECTIVES["worst sensitivity"].score(rests, NO_LIMITS)[0] == np.inf  # of a platform that turns freely
+        assert OBJECTIVES[name].score(equilibria, NO_LIMITS) == pytest.approx(values, rel=1e-5, abs=1e-5), name
+    assert OBJECTIVES["worst sensitivity"].score(equilibria, NO_LIMITS)[0] == np.inf  # of a platform that turns freely
 
 
 @pytest.mark.parametrize(
@@ -318,7 +318,7 @@ def test_objectives_are_read_in_their_units(name: str, value: float, shown: str)
 
 def test_what_is_missing_is_counted_from_single_rests(two_layouts, parallel):
     """Of every constraint, by how much the worst case misses it: in loads, in shares of cables, rests and limits."""
-    rests, alone = two_layouts
+    equilibria, alone = two_layouts
     asked = {
         "tensions": (0.3, 2.0), "all taut": True, "stable": True, "worst tilt": 0.1, "lowest tension": 0.5,
         "displacement": 0.04, "mean slack cables": 8.0,
@@ -339,7 +339,7 @@ def test_what_is_missing_is_counted_from_single_rests(two_layouts, parallel):
         [0, 0],
     ]
     for constraint, values in zip(found, expected, strict=True):
-        assert constraint.missing(rests) == pytest.approx(values, abs=1e-6), constraint.name
+        assert constraint.missing(equilibria) == pytest.approx(values, abs=1e-6), constraint.name
 
 
 def test_constraints_hold_where_they_bind(parallel):
@@ -382,19 +382,25 @@ def test_every_objective_is_improved(name: str, parallel):
 def test_a_function_of_ones_own_is_an_objective(parallel):
     """Of all rests at once, (layouts, cases); what it returns is checked."""
     found = cdpr.find_layout(
-        parallel, LINE, within=0.05, objective=lambda rests: rests.tilt.sum(-1), generations=5, stiffness=[0.5, 2]
+        parallel,
+        LINE,
+        within=0.05,
+        objective=lambda equilibria: equilibria.tilt.sum(-1),
+        generations=5,
+        stiffness=[0.5, 2],
     )
     assert found.after == pytest.approx(cdpr.solve_many(found.cases.problems(found.robot)).tilt.sum(), abs=1e-7)
     for wrong, sentence in (
-        (lambda rests: np.full(len(rests), np.nan), "returned nan"), (lambda rests: 1.0, "returned shape ()"),
-        (lambda rests: "no", "expected numbers"),
+        (lambda equilibria: np.full(len(equilibria), np.nan), "returned nan"),
+        (lambda equilibria: 1.0, "returned shape ()"),
+        (lambda equilibria: "no", "expected numbers"),
     ):  # fmt: skip
         with pytest.raises(cdpr.InvalidInput, match=sentence.replace("(", r"\(").replace(")", r"\)")):
             cdpr.find_layout(parallel, LINE, within=0.05, objective=wrong, generations=2)
 
 
 def test_heavy_cables_are_laid_out_as_well():
-    """A crane whose cables weigh something: evolution alone, since there is no gradient."""
+    """A crane whose cables have mass: evolution alone, since there is no gradient."""
     heavy = crane().replace(linear_density=0.064)
     poses = [(-3, -2, 1.5), (3, 2, 2.5)]
     found = cdpr.find_layout(heavy, poses, within=0.3, objective="worst deviation", generations=4, population=12)

@@ -10,7 +10,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.equilibria import unstable_directions
 from cdpr_sim.core.equilibrium import Stability
 from cdpr_sim.physics.release import grow_gravity, release
-from cdpr_sim.statics import forces, two_cable
+from cdpr_sim.statics import forces, two_cable_closed_form
 
 SAME = 1e-6
 """[m] Two equilibria, found twice: solutions scatter by 1e-10, MuJoCo's by 1e-8 where softly held."""
@@ -60,7 +60,7 @@ def rigid_count(robot: cdpr.Robot, rest_lengths: np.ndarray, samples: int = 20_0
             if not (reached[i] and reached[i + 1]) or i == 0:
                 continue
             position = np.array([middle[i, 0], 0, middle[i, 1]])
-            if (two_cable.tensions(robot, position, beta[i]) > 0).all():
+            if (two_cable_closed_form.tensions(robot, position, beta[i]) > 0).all():
                 lowest = middle[i - 1, 1] - 2 * middle[i, 1] + middle[i + 1, 1] > 0
                 stable, unstable = stable + lowest, unstable + (not lowest)
     for cable, other in ((0, 1), (1, 0)):
@@ -170,7 +170,7 @@ def test_a_pose_that_is_no_equilibrium_does_not_stay(catalogue):
 
 
 def test_the_lowest_energy_is_not_where_the_robot_goes(catalogue):
-    """With a camera on top (centre of mass 15 mm up), turned over is lower, and both roads reach the upright one."""
+    """With a camera on top (centre of mass 15 mm up), turned over is lower, and both methods reach the upright one."""
     robot = catalogue["cogiro"].replace(center_of_mass=(0, 0, 0.015))
     found = cdpr.find_equilibria(robot, robot.home, starts=1000)
     assert tilted_up(found[0]) < 0

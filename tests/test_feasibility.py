@@ -16,7 +16,7 @@ LIMITS = [(0.0, np.inf), (0.0, 3.0), (0.1, 3.0), (0.5, np.inf)]
 
 
 @pytest.mark.parametrize("limits", LIMITS)
-def test_fast_road_says_what_linear_programming_says(catalogue, limits):
+def test_fast_method_says_what_linear_programming_says(catalogue, limits):
     """On every robot, on a grid with all its planes of symmetry, where the workspace's border is hardest to tell."""
     said = set()
     for robot in (catalogue[name] for name in PAPER_ROBOTS):
@@ -30,7 +30,7 @@ def test_fast_road_says_what_linear_programming_says(catalogue, limits):
     assert said == {True, False}
 
 
-def test_fast_road_says_what_linear_programming_says_of_random_robots():
+def test_fast_method_says_what_linear_programming_says_of_random_robots():
     """Random robots, poses and wrenches, with limits as shares of the weight."""
     said = []
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.studies.compensation import CompensatedLine
+from cdpr_sim.studies.compensated_line import CompensatedLine
 from cdpr_sim.studies.compensation_figures import draw_compensation
 
 

@@ -13,7 +13,7 @@ from matplotlib.text import Text
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
-from cdpr_sim.drawing import axes, cables, style
+from cdpr_sim.drawing import axes, cable_curves, style
 from cdpr_sim.studies import gallery, two_cable_figures
 from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import lines_figures as figures
@@ -192,7 +192,7 @@ def test_a_slack_cable_hangs_as_long_as_it_is():
     start, end = np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.0, 0.7])
     straight = float(np.linalg.norm(end - start))
     for rest in (straight, 1.02 * straight, 1.1 * straight):
-        curve = cables.hanging(start, end, rest, points=201)
+        curve = cable_curves.sagging_curve(start, end, rest, points=201)
         assert curve[[0, -1]] == pytest.approx(np.array([start, end]))
         assert np.linalg.norm(np.diff(curve, axis=0), axis=1).sum() == pytest.approx(rest, rel=LENGTH)
         below = np.interp(curve[1:-1, 0], [0.0, 0.5], [1.0, 0.7]) - curve[1:-1, 2]
@@ -227,31 +227,33 @@ def test_a_pose_in_space_is_drawn_where_it_is(monkeypatch):
         make = getattr(axes, kind)
         monkeypatch.setattr(axes, kind, lambda at, *a, k=kind, m=make, **b: m(drawn.setdefault(k, at), *a, **b))
     robot, row = cdpr.load_robot("parallel").replace(material="fishing-0.4mm"), 1
-    rests = cdpr.solve_many(robot, [(0.4, 0.25, 0.2), (0.2, 0.25, 0.1)])
+    equilibria = cdpr.solve_many(robot, [(0.4, 0.25, 0.2), (0.2, 0.25, 0.1)])
     ax = Figure().add_subplot(projection="3d")
     axes.draw_space(ax, robot, exits=False)
     assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == ("x [m]", "y [m]", "z [m]")
     np.testing.assert_allclose([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()], robot.frame.T)
     drawn.clear()
-    axes.draw_pose_in_space(ax, rests, row)
+    axes.draw_pose_in_space(ax, equilibria, row)
     half = robot.platform_size / 2
     signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
     expected = {
-        "Line3DCollection": rests.problems.positions[row] + half * signs,
-        "Poly3DCollection": np.array([rests.positions[row] + rests.rotations[row] @ (half * one) for one in signs]),
+        "Line3DCollection": equilibria.problems.positions[row] + half * signs,
+        "Poly3DCollection": np.array(
+            [equilibria.positions[row] + equilibria.rotations[row] @ (half * one) for one in signs]
+        ),
     }
     for kind, corners in expected.items():
         found = np.unique(np.round(np.concatenate(drawn[kind]), 9), axis=0)
         np.testing.assert_allclose(found, np.unique(np.round(corners, 9), axis=0), atol=1e-9)
     for cable, line in enumerate(ax.lines):
         curve = np.array(line.get_data_3d()).T
-        anchor = rests.positions[row] + rests.rotations[row] @ robot.anchors[cable]
+        anchor = equilibria.positions[row] + equilibria.rotations[row] @ robot.anchors[cable]
         np.testing.assert_allclose(curve[[0, -1]], [robot.exits[cable], anchor], atol=1e-12)
-        slack = bool(rests.slack[row, cable])
+        slack = bool(equilibria.slack[row, cable])
         assert (len(curve) > 2, same_color(line.get_color(), style.SLACK_CABLE)) == (slack, slack)
 
 
-def test_the_papers_line_is_drawn_from_both_roads(results):
+def test_the_papers_line_is_drawn_from_both_methods(results):
     """Fig. 12: eight lines of each quantity, MuJoCo's points on them, and the paper's values where its text says."""
     lines = results["paper-line"]
     figure = figures.paper_line(lines)
@@ -261,14 +263,14 @@ def test_the_papers_line_is_drawn_from_both_roads(results):
         for row, values in enumerate((1e3 * line.static.deviation[:, 2], np.degrees(line.static.euler[:, 1]))):
             ax = figure.axes[row * len(heights) + column]
             drawn_line, points = (
-                next(a for a in ax.lines if a.get_gid() == f"{road} {label}") for road in ("static", "mujoco")
+                next(a for a in ax.lines if a.get_gid() == f"{method} {label}") for method in ("static", "mujoco")
             )
             assert np.array_equal(drawn_line.get_xdata(), line.static.positions[:, 0])
             assert np.array_equal(drawn_line.get_ydata(), values)
             assert distance_from_line(points, drawn_line) < ON_LINE
     parallel = [line.static for line in lines if line.robot.name == "parallel"]
-    tilt = np.degrees(max(np.abs(rests.euler[:, 1]).max() for rests in parallel))
-    sag = 1e3 * max((-rests.deviation[:, 2]).max() for rests in parallel)
+    tilt = np.degrees(max(np.abs(equilibria.euler[:, 1]).max() for equilibria in parallel))
+    sag = 1e3 * max((-equilibria.deviation[:, 2]).max() for equilibria in parallel)
     assert f"parallel tilts {tilt:.2g}° and sags {sag:.2g} mm" in figure.get_suptitle()
     reported = [sorted({float(a.get_ydata()[0]) for a in ax.lines if a.get_gid() == "paper"}) for ax in figure.axes]
     assert reported[:2] == [[-1e3 * studies.PAPER_SAG]] * 2 == [[-15.0]] * 2
@@ -279,13 +281,13 @@ def test_manifold_shows_each_drift_and_mujocos_points_on_it(results):
     """Fig. 3: a curve per command through the solver's positions, and MuJoCo's among them."""
     study = results["two-cable-manifold"]
     figure = two_cable_figures.manifold(study)
-    drift = np.array([rests.positions for rests in study.static])
+    drift = np.array([equilibria.positions for equilibria in study.static])
     shown = np.concatenate([line.get_xydata() for ax in figure.axes for line in ax.lines if line.get_gid() == "mujoco"])
     for command in range(len(study.commanded)):
         curve = artist(figure, f"static {command}").get_xydata()
         assert np.array_equal(curve, drift[:, command][:, [0, 2]])
-        for rests in study.settled:
-            point = rests.positions[command, [0, 2]]
+        for equilibria in study.settled:
+            point = equilibria.positions[command, [0, 2]]
             assert np.linalg.norm(shown - point, axis=1).min() == 0
             assert np.linalg.norm(curve - point, axis=1).min() < 1e-6
 
@@ -333,7 +335,7 @@ def test_convergence_is_drawn_as_counted(results):
 
 
 def test_agreement_is_drawn_as_measured_and_named_as_judged(results):
-    """Every held pose is in a curve; and where the roads disagree the title says so."""
+    """Every held pose is in a curve; and where the methods disagree the title says so."""
     measured = results["agreement"]
     figure = solver_figures.agreement(measured)
     for one in measured:

@@ -118,7 +118,7 @@ def test_a_robots_own_limits_are_those_of_its_workspace(wirex):
 
 
 def test_limits_play_no_part_in_where_a_platform_rests(catalogue):
-    """The two roads' answers are to the same question; a copy keeps its limits, and they are read-only."""
+    """The two methods' answers are to the same question; a copy keeps its limits, and they are read-only."""
     robot = catalogue["cogiro"]
     limited = robot.replace(force_min=0.1, force_max=[1.0] * 4 + [np.inf] * 4)
     assert cdpr.compare(cdpr.solve(robot, robot.home), cdpr.settle(limited, robot.home)).agrees
@@ -240,7 +240,7 @@ def test_the_map_shows_what_holds_all_wrenches_with_its_own_border(catalogue):
     """The panel's share and outline are of that mask, not of the static feasible workspace's."""
     robot = catalogue["ipanema-1"]
     plane = {"x": np.linspace(-1.9, 1.9, 21), "z": np.linspace(0.1, 1.9, 11)}
-    names = ["feasible", "tension_margin"]
+    names = ["feasible", "capacity_margin"]
     dataset = cdpr.sweep(robot, plane, wrenches=[0, 0, -1500.0, 0, 0, 0], quantities=names)
     figure = maps.draw_elastic_map(dataset, names=["feasible", "wrench_feasible"])
     shares = [text.get_text() for ax in figure.axes for text in ax.texts]

@@ -138,7 +138,7 @@ def test_slack_cable_has_no_tension_and_a_taut_one_is_stretched(problem):
     assert ((state.tensions == 0) == (stretch <= 0)).all()
     assert (state.tensions >= 0).all()
     np.testing.assert_allclose(state.tensions, np.where(stretch > 0, springs * stretch, 0), rtol=1e-12)
-    np.testing.assert_allclose(state.elasticities, np.where(stretch > 0, springs, 0), rtol=1e-12)
+    np.testing.assert_allclose(state.tangent_stiffness, np.where(stretch > 0, springs, 0), rtol=1e-12)
 
 
 def test_hanging_mass_stretches_by_its_weight():
@@ -169,7 +169,7 @@ def test_residual_is_the_largest_force_with_torques_over_the_characteristic_leng
 
 QUANTITIES = (
     "tensions", "lengths", "wrench_matrix", "load_wrench", "net_wrench", "residual", "energy", "stiffness_matrix",
-    "eigenvalues", "elasticities",
+    "eigenvalues", "tangent_stiffness",
 )  # fmt: skip
 
 
@@ -203,5 +203,5 @@ def test_curvatures_over_pulleys_are_how_directions_turn(seed):
         ahead, behind = (forces.geometry(robot, at + one, np.eye(3)).directions for one in (away, -away))
         turning[..., axis] = (behind - ahead) / (2 * step)
     found = forces.geometry(robot, at, np.eye(3))
-    np.testing.assert_allclose(found.curvatures, turning, atol=1e-8 * turning.max())
+    np.testing.assert_allclose(found.length_hessians, turning, atol=1e-8 * turning.max())
     assert np.abs(found.bends).min() > 1e-2 * turning.max()

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.compensation import MOST_LOADS, MOST_STRAIN
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
-from cdpr_sim.crosscheck.hold import held
+from cdpr_sim.crosscheck.compensation_check import held
 
 
 def random_problem(seed: int) -> cdpr.Problem:
@@ -44,7 +44,7 @@ def test_default_limits_keep_strains_sensible_and_mujoco_holds_what_is_called_he
     found = cdpr.compensate(problem)
     most = np.maximum(MOST_STRAIN * problem.axial_stiffness, MOST_LOADS * problem.load)
     assert (found.tensions <= most * (1 + 1e-6)).all()
-    assert cdpr.confirm(found).held
+    assert cdpr.verify_compensation(found).held
 
 
 def test_lengths_that_do_not_hold_are_not_confirmed(catalogue):
@@ -54,7 +54,7 @@ def test_lengths_that_do_not_hold_are_not_confirmed(catalogue):
     assert held(found) is found
     vars(found)["equilibrium"] = other.equilibrium
     vars(other.equilibrium)["pose"] = found.commanded
-    hold = cdpr.confirm(found)
+    hold = cdpr.verify_compensation(found)
     assert not hold.held
     assert "it is not held" in hold.reasons[0]
     with pytest.raises(cdpr.NotSettled, match="it is not held"):
@@ -73,19 +73,19 @@ def test_the_nearest_found_is_as_near_as_a_long_search_finds(seed, nearest):
 def test_where_the_commanded_pose_leads_elsewhere_it_is_said():
     """These lengths hold the platform at the compensated pose, but let go at the commanded one it goes elsewhere."""
     found = cdpr.compensate(random_problem(53))
-    hold = cdpr.confirm(found)
+    hold = cdpr.verify_compensation(found)
     assert hold.held
-    assert not hold.comes
+    assert not hold.reached_from_commanded
     assert "let go at the commanded pose" in hold.reasons[0]
     assert found.reached is not None
-    assert not found.comes
+    assert not found.reached_from_commanded
 
 
 def noisy(robot: cdpr.Robot, positions: np.ndarray, noise: tuple[float, float], rng) -> cdpr.Measurements:
     """What ``robot`` measures at the commanded positions, with errors of positions [m] and of angles [rad]."""
-    rests = cdpr.solve_many(robot, positions)
+    equilibria = cdpr.solve_many(robot, positions)
     errors = rng.normal(size=(len(positions), 6)) * np.repeat(noise, 3)
-    return cdpr.Measurements.of(positions, np.hstack([rests.positions, rests.euler]) + errors)
+    return cdpr.Measurements.of(positions, np.hstack([equilibria.positions, equilibria.euler]) + errors)
 
 
 @pytest.mark.parametrize("ratio", [0.1, 10.0])
@@ -178,7 +178,7 @@ TURNED = np.tile(np.eye(3), (2, 1, 1))
         lambda: cdpr.solve(cogiro(), RigidTransform.from_translation([np.nan, 0, 0])),
         lambda: cdpr.solve_many(cogiro(), [[1e300, 0, 0]]),
         lambda: cdpr.settle(cogiro(), POSES[0], external_wrench=[1e300] * 6),
-        lambda: unchecked(cdpr.cable_shapes)(cdpr.solve_many(cogiro(), POSES), points=None),
+        lambda: unchecked(cdpr.cable_profiles)(cdpr.solve_many(cogiro(), POSES), points=None),
         lambda: cogiro().rest_lengths(POSES[0], tensions=[[1, 2], [3]]),
         lambda: cdpr.clearances(cogiro(), POSES).free(np.nan),
         lambda: cdpr.Move("exits", 1e300),

@@ -16,14 +16,14 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli import COMMANDS, app, terminal, workspace
+from cdpr_sim.cli import COMMANDS, app, terminal, workspace_commands
 from cdpr_sim.design import search
-from cdpr_sim.design.layouts import Cases, rest
 from cdpr_sim.design.moves import Space
+from cdpr_sim.design.robot_batch import Cases, rest
 from cdpr_sim.drawing.video import film
-from cdpr_sim.report import tables
-from cdpr_sim.report.analysis import compensation_table
-from cdpr_sim.report.crosscheck import line_table
+from cdpr_sim.report import table_style
+from cdpr_sim.report.analysis_tables import compensation_table
+from cdpr_sim.report.crosscheck_tables import line_table
 
 COMMAND = [sys.executable, "-c", "from cdpr_sim.cli import main; main()"]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(cdpr.__file__).parents[1]), "COLUMNS": "80"}
@@ -58,7 +58,7 @@ def one_sentence(result, words: str) -> None:
 
 @pytest.mark.parametrize("words", [["robots"], ["--help"], ["solve", "cogiro", "--json"]])
 def test_a_full_output_is_one_sentence_and_a_status_of_its_own(words):
-    """1 would mean that the roads disagree."""
+    """1 would mean that the methods disagree."""
     with open("/dev/full", "w") as full:
         result = process(*words, stdout=full)
     assert result.returncode == terminal.OUTSIDE
@@ -198,7 +198,7 @@ def test_version_is_the_packages_own():
 
 
 @pytest.mark.parametrize("columns", [20, 40, 59])
-def test_a_narrow_terminal_gets_one_road_below_the_other(columns):
+def test_a_narrow_terminal_gets_one_method_below_the_other(columns):
     """Every number whole, none cut to ``4…``."""
     wide, narrow = run("settle", "parallel", columns=100), run("settle", "parallel", columns=columns)
     assert "…" not in narrow.stdout
@@ -228,7 +228,7 @@ def test_no_table_cuts_anything_at_40_columns(words):
 
 def test_what_a_name_says_is_no_markup():
     """``crane [v2]`` is printed as it is called, in tables and below them, and ``[/]`` breaks nothing."""
-    table = tables.new_table("of [v2]", "a [v3]", "b")
+    table = table_style.new_table("of [v2]", "a [v3]", "b")
     table.add_row("x", "1")
     text = printed(table, 60)
     assert "of [v2]" in text
@@ -417,7 +417,7 @@ def test_a_pose_outside_the_frame_is_one_line_beside_the_answer():
 def test_limits_are_those_of_the_film_and_the_map():
     """What the messages above say."""
     assert film.MOST_ROBOTS == 6
-    assert workspace.MOST_POINTS == 2000
+    assert workspace_commands.MOST_POINTS == 2000
     assert np.isfinite(terminal.OUTSIDE)
 
 

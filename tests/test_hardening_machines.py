@@ -15,7 +15,7 @@ import pytest
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import checks, code_cache
-from cdpr_sim.design.layouts import Cases
+from cdpr_sim.design.robot_batch import Cases
 
 SOUND = dict(
     exits=[[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]],
@@ -212,7 +212,7 @@ def test_an_implausible_robot_is_warned_of_where_it_is_made(changes, words):
         robot = cdpr.Robot(**(SOUND | changes), name="odd")
     assert all(str(one.message).startswith("odd: ") and "\n" not in str(one.message) for one in told)
     assert told[0].filename == __file__
-    assert any(words in doubt for doubt in robot.doubts)
+    assert any(words in doubt for doubt in robot.warnings)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         robot.replace(name="copy")  # what is odd about it has been said
@@ -224,7 +224,7 @@ def test_the_catalogue_and_a_sound_robot_are_not_warned_of():
         warnings.simplefilter("error")
         cdpr.Robot(**SOUND)
         for name in cdpr.list_robots():
-            assert not cdpr.load_robot(name).doubts
+            assert not cdpr.load_robot(name).warnings
 
 
 INSIDE, BESIDE = (0, 0, 1), (5, 5, 1)

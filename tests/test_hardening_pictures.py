@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.drawing import maps, style
-from cdpr_sim.drawing.numbers import per_cent, plain, power_of_ten
+from cdpr_sim.drawing.readable_numbers import per_cent, plain, power_of_ten
 from cdpr_sim.drawing.video import film
 from cdpr_sim.statics import forces
 from cdpr_sim.studies import lines, lines_figures, tilt_condition
@@ -172,7 +172,7 @@ def test_margin_is_what_linear_programming_finds(name, limits):
     """The largest t with tau_min + t <= tau <= tau_max - t in balance; its sign is feasibility."""
     robot = cdpr.load_robot(name)
     positions = np.random.default_rng(3).uniform(*robot.workspace, (40, 3))
-    found = feasibility.tension_margin(robot, positions, tension_limits=limits)
+    found = feasibility.capacity_margin(robot, positions, tension_limits=limits)
     assert ((found >= -SAME_MARGIN) == cdpr.feasible(robot, positions, tension_limits=limits)).all()
     for position, margin in zip(positions, found, strict=True):
         free = robot.free
@@ -191,10 +191,10 @@ def test_margin_is_what_linear_programming_finds(name, limits):
 
 def test_margin_is_swept_where_it_is_asked_for(both, single):
     """And nowhere else: it takes as long as an equilibrium."""
-    assert both["tension_margin"].dims == ("robot", "x", "y", "z")
-    assert both["tension_margin"].attrs["units"] == "N"
-    assert ((both["tension_margin"] >= 0) == both["feasible"]).all()
-    assert "tension_margin" not in cdpr.sweep("cogiro", (2, 1, 2))
+    assert both["capacity_margin"].dims == ("robot", "x", "y", "z")
+    assert both["capacity_margin"].attrs["units"] == "N"
+    assert ((both["capacity_margin"] >= 0) == both["feasible"]).all()
+    assert "capacity_margin" not in cdpr.sweep("cogiro", (2, 1, 2))
 
 
 def border(ax):

@@ -8,7 +8,7 @@ import pytest
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.check import compare_many
 from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.physics import relaxation
+from cdpr_sim.physics import dynamic_relaxation
 
 CORNERS = np.array(list(itertools.product([-2, 2], [-1.5, 1.5], [0, 2])), dtype=float)
 CUBE = np.array(list(itertools.product([-0.06, 0.06], repeat=3)))
@@ -50,8 +50,8 @@ def test_robots_drawn_tight_settle_where_statics_says(number, stiffness):
 
 def test_with_the_pace_of_the_weight_they_do_not(monkeypatch):
     """Negative control: it takes the tensions' own pace and inertia to settle the tightest."""
-    monkeypatch.setattr(relaxation, "STRAINED", np.inf)
-    monkeypatch.setattr(relaxation, "RATTLES", 10**9)
+    monkeypatch.setattr(dynamic_relaxation, "STRAINED", np.inf)
+    monkeypatch.setattr(dynamic_relaxation, "RATTLES", 10**9)
     settled = cdpr.settle_many(pretensioned(1, 1e6))
     assert not settled.converged[-3:].any()
 
@@ -88,14 +88,14 @@ def weightless() -> tuple[cdpr.Robot, np.ndarray, tuple[float, float, float]]:
     return robot, 0.999 * robot.rest_lengths((0, 0, 1)), (0.01, 0, 0.98)
 
 
-def test_without_load_the_roads_agree():
-    """The measure of forces is then the cables' own, on each road by its own means."""
+def test_without_load_the_methods_agree():
+    """The measure of forces is then the cables' own, on each method by its own means."""
     robot, lengths, start = weightless()
     solved, settled = cdpr.solve(robot, start, lengths), cdpr.settle(robot, start, lengths)
     agreement = cdpr.compare(solved, settled)
     assert agreement.verdict is Verdict.AGREE, agreement.reasons
-    rests = [road(robot, [start, (0, 0, 1)], lengths) for road in (cdpr.solve_many, cdpr.settle_many)]
-    assert compare_many(*rests)[1].all()
+    equilibria = [method(robot, [start, (0, 0, 1)], lengths) for method in (cdpr.solve_many, cdpr.settle_many)]
+    assert compare_many(*equilibria)[1].all()
 
 
 def test_without_load_a_wrong_model_still_disagrees():

@@ -57,21 +57,21 @@ def test_a_cable_shorter_than_rounding_is_refused():
         cdpr.settle(robot(), (2, 1.5, 1.5), lengths)
 
 
-@pytest.mark.parametrize("road", [cdpr.solve_many, cdpr.settle_many])
-def test_in_a_batch_such_rows_say_so_and_the_others_are_answered(road):
+@pytest.mark.parametrize("method", [cdpr.solve_many, cdpr.settle_many])
+def test_in_a_batch_such_rows_say_so_and_the_others_are_answered(method):
     """A grid may touch an exit."""
-    rests = road(robot(), [TOUCHING, TOUCHING + GRID_ROUNDING, (2, 1.5, 1.5)])
-    assert [Status(status) for status in rests.status] == [Status.NOT_FINITE, Status.NOT_FINITE, Status.CONVERGED]
+    equilibria = method(robot(), [TOUCHING, TOUCHING + GRID_ROUNDING, (2, 1.5, 1.5)])
+    assert [Status(status) for status in equilibria.status] == [Status.NOT_FINITE, Status.NOT_FINITE, Status.CONVERGED]
     with pytest.raises(cdpr.CdprError, match="shorter than rounding"):
-        rests[1]
-    assert np.isfinite(rests.poses.translation[2]).all()
+        equilibria[1]
+    assert np.isfinite(equilibria.poses.translation[2]).all()
 
 
-@pytest.mark.parametrize("road", [cdpr.solve, cdpr.settle])
-def test_an_anchor_that_starts_on_its_exit_with_slack_cable_falls_into_it(road):
+@pytest.mark.parametrize("method", [cdpr.solve, cdpr.settle])
+def test_an_anchor_that_starts_on_its_exit_with_slack_cable_falls_into_it(method):
     """A cable of length zero that is let out is no error, and pulls nowhere: the mass hangs below in the end."""
     hanging = cdpr.Robot([[0, 0, 3]], [[0, 0, 0.1]], 1e4, 2.0, platform_size=(0.2, 0.2, 0.2))
-    rest = road(hanging, (0, 0, 2.9), [1.5])
+    rest = method(hanging, (0, 0, 2.9), [1.5])
     assert rest.position == pytest.approx([0, 0, 2.9 - 1.5 * (1 + hanging.weight / 1e4)], abs=1e-8)
 
 
@@ -93,20 +93,20 @@ def test_a_batch_accepts_what_solve_accepts(name):
     """Cables with mass, so stiff that rounding is a millionth of the load: one bound for a row and for one problem."""
     machine = cdpr.load_robot(name)
     machine = machine.replace(axial_stiffness=STIFFEST * machine.mass, linear_density=1e-4)
-    rests = cdpr.solve_many(machine, np.random.default_rng(0).uniform(*machine.workspace, (400, 3)))
-    state = forces.at(rests.problems, rests.poses.translation, rests.poses.rotation.as_matrix())
+    equilibria = cdpr.solve_many(machine, np.random.default_rng(0).uniform(*machine.workspace, (400, 3)))
+    state = forces.at(equilibria.problems, equilibria.poses.translation, equilibria.poses.rotation.as_matrix())
     within = state.residual <= (1 + READ_AGAIN) * ACCEPTABLE * machine.weight
-    assert within[rests.converged].all()
-    assert rests.converged.any()
-    assert (rests.residuals[rests.converged] > 0.1 * ACCEPTABLE * machine.weight).any()
+    assert within[equilibria.converged].all()
+    assert equilibria.converged.any()
+    assert (equilibria.residuals[equilibria.converged] > 0.1 * ACCEPTABLE * machine.weight).any()
     for row in range(0, 400, 20):
         try:
-            cdpr.solve(machine, rests.problems.positions[row])
+            cdpr.solve(machine, equilibria.problems.positions[row])
             alone = Status.CONVERGED
         except cdpr.NotConverged as failure:
-            alone = Status(int(rests.status[row]))
+            alone = Status(int(equilibria.status[row]))
             assert alone.sentence in str(failure)
-        assert rests.status[row] == alone
+        assert equilibria.status[row] == alone
 
 
 def test_the_balance_counted_here_can_fail():
@@ -150,7 +150,9 @@ def test_a_thousand_weights_of_pretension_do_not_hide_the_weight():
     machine = robot(axial_stiffness=5e7, mass=1.0, name="tight")
     poses = random.uniform([1.5, 1, 1], [2.5, 2, 2], (50, 3))
     lengths = np.array([machine.rest_lengths(pose) for pose in poses]) * random.uniform(0.975, 0.98, (50, 8))
-    rests = cdpr.solve_many(machine, poses, lengths)
-    assert rests.converged.all()
-    assert (rests.tensions.max(-1) > 1e4 * machine.weight).all()
-    assert max(unbalanced(rest) for rest in rests) < 3 * ACCEPTABLE * machine.weight  # a rounding of 5e7 N is 1e-8 N
+    equilibria = cdpr.solve_many(machine, poses, lengths)
+    assert equilibria.converged.all()
+    assert (equilibria.tensions.max(-1) > 1e4 * machine.weight).all()
+    assert (
+        max(unbalanced(rest) for rest in equilibria) < 3 * ACCEPTABLE * machine.weight
+    )  # a rounding of 5e7 N is 1e-8 N

@@ -167,7 +167,7 @@ def test_an_axis_of_length_one_is_kept_to_the_last_bit():
 
 
 def test_load_robot_and_the_solver_take_such_a_file():
-    """All roads that take a robot's name take the path of another project's file."""
+    """All methods that take a robot's name take the path of another project's file."""
     robot = cdpr.load_robot(FILES / "crane.wcrfx")
     rest = cdpr.solve(robot, robot.home)
     assert cdpr.compare(rest, cdpr.settle(robot, robot.home)).agrees

@@ -38,36 +38,36 @@ def lopsided(kind: str = "plain", name: str = "cogiro") -> cdpr.Robot:
     )
 
 
-def solved(kind: str, wrench=WRENCH * [1, 1, 1, 4, 4, 4]) -> cdpr.Rests:
+def solved(kind: str, wrench=WRENCH * [1, 1, 1, 4, 4, 4]) -> cdpr.EquilibriumBatch:
     return cdpr.solve_many(lopsided(kind), POSES, external_wrench=wrench)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rests_balance_and_are_minima(kind):
     """By the forces and the stiffness matrix of NumPy; lengths and tensions are NumPy's; few steps lead there."""
-    rests = solved(kind)
-    assert rests.converged.all()
-    state = forces.at(rests.problems, rests.positions, rests.rotations)
+    equilibria = solved(kind)
+    assert equilibria.converged.all()
+    state = forces.at(equilibria.problems, equilibria.positions, equilibria.rotations)
     assert np.abs(state.residual).max() < 1e-8
-    np.testing.assert_allclose(rests.residuals, state.residual, atol=1e-8)
-    np.testing.assert_allclose(rests.lengths, state.lengths, rtol=1e-14)
-    np.testing.assert_allclose(rests.tensions, state.tensions, atol=1e-9)
+    np.testing.assert_allclose(equilibria.residuals, state.residual, atol=1e-8)
+    np.testing.assert_allclose(equilibria.lengths, state.lengths, rtol=1e-14)
+    np.testing.assert_allclose(equilibria.tensions, state.tensions, atol=1e-9)
     assert (state.eigenvalues[:, 0] > 0).all()
-    assert rests.iterations.max() <= 11  # as measured
+    assert equilibria.iterations.max() <= 11  # as measured
     np.testing.assert_allclose(
-        rests.rotations @ rests.rotations.swapaxes(1, 2), np.tile(np.eye(3), (3, 1, 1)), atol=1e-12
+        equilibria.rotations @ equilibria.rotations.swapaxes(1, 2), np.tile(np.eye(3), (3, 1, 1)), atol=1e-12
     )
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_eigenvalues_and_frequencies_are_numpys(kind):
     """Of the stiffness matrix, and of it over the mass matrix, about rests without a torque."""
-    rests = solved(kind, WRENCH * [1, 1, 1, 0, 0, 0])
-    robot = rests.robot
-    state = forces.at(rests.problems, rests.positions, rests.rotations)
-    values, frequencies = stiffness_of(rests)
+    equilibria = solved(kind, WRENCH * [1, 1, 1, 0, 0, 0])
+    robot = equilibria.robot
+    state = forces.at(equilibria.problems, equilibria.positions, equilibria.rotations)
+    values, frequencies = stiffness_of(equilibria)
     np.testing.assert_allclose(values, state.eigenvalues, rtol=1e-9)
-    for row, rotation in enumerate(rests.rotations):
+    for row, rotation in enumerate(equilibria.rotations):
         squares = eigh(state.stiffness_matrix[row], mass_matrix(robot, Rotation.from_matrix(rotation)))[0]
         assert frequencies[row] == pytest.approx(np.sqrt(squares[0]) / (2 * np.pi), rel=1e-9)
 
@@ -80,14 +80,14 @@ def test_slack_cables_and_planar_robots_rest_where_forces_balance():
         ("two-cable", (0.3, 0, 0.2)),
     ):
         robot = cdpr.load_robot(name)
-        rests = cdpr.solve_many(robot, [pose], mass=[0.7])
-        assert rests.converged.all()
-        state = forces.at(rests.problems, rests.positions, rests.rotations)
+        equilibria = cdpr.solve_many(robot, [pose], mass=[0.7])
+        assert equilibria.converged.all()
+        state = forces.at(equilibria.problems, equilibria.positions, equilibria.rotations)
         assert state.residual[0] < 1e-8
         assert state.eigenvalues[0, 0] > 0
-        np.testing.assert_array_equal(rests.slack, state.tensions <= 0)
-        assert rests.iterations[0] <= 12
-        np.testing.assert_allclose(stiffness_of(rests)[0], state.eigenvalues, rtol=1e-7)
+        np.testing.assert_array_equal(equilibria.slack, state.tensions <= 0)
+        assert equilibria.iterations[0] <= 12
+        np.testing.assert_allclose(stiffness_of(equilibria)[0], state.eigenvalues, rtol=1e-7)
 
 
 def test_a_balanced_platform_is_left_for_one_that_hangs():
@@ -111,7 +111,7 @@ def test_feasibility_and_margins_are_those_of_linear_programming(kind, limits):
     wrenches = np.array([WRENCH, -2 * WRENCH])
     poses = np.array([(0.4, 0.25, 0.2), (0.4, 0.25, 0.4), (0.25, 0.2, 0.3), (0.7, 0.4, 0.4), (0.1, 0.1, 0.45)])
     held = cdpr.feasible(robot, poses, tension_limits=limits, wrenches=wrenches)
-    margins = feasibility.tension_margin(robot, poses, tension_limits=limits, wrenches=wrenches)
+    margins = feasibility.capacity_margin(robot, poses, tension_limits=limits, wrenches=wrenches)
     by_programming = [
         feasibility.feasible_by_linprog(robot, pose, tension_limits=limits, wrenches=wrenches) for pose in poses
     ]
@@ -131,18 +131,18 @@ def test_feasibility_and_margins_are_those_of_linear_programming(kind, limits):
 def test_heavy_cables_rest_where_catenaries_balance():
     """Some heavy, some massless; under a wrench with a torque."""
     robot = lopsided().replace(linear_density=[2e-3, 0, 1e-3, 0, 3e-3, 1e-3, 0, 5e-4])
-    for rests in (cdpr.solve_many(robot, POSES, external_wrench=WRENCH), cdpr.solve_many(robot, POSES)):
-        assert rests.converged.all()
-        state = forces.at(rests.problems, rests.positions, rests.rotations)
+    for equilibria in (cdpr.solve_many(robot, POSES, external_wrench=WRENCH), cdpr.solve_many(robot, POSES)):
+        assert equilibria.converged.all()
+        state = forces.at(equilibria.problems, equilibria.positions, equilibria.rotations)
         assert np.abs(state.residual).max() < 1e-7
-        np.testing.assert_allclose(rests.tensions, state.tensions, rtol=1e-9)
-        np.testing.assert_allclose(rests.lengths, state.lengths, rtol=1e-12)
+        np.testing.assert_allclose(equilibria.tensions, state.tensions, rtol=1e-9)
+        np.testing.assert_allclose(equilibria.lengths, state.lengths, rtol=1e-12)
         assert (state.eigenvalues[:, 0] > 0).all()
-        assert rests.iterations.max() <= 20
+        assert equilibria.iterations.max() <= 20
         light = cdpr.solve_many(
-            robot.replace(linear_density=0.0), POSES, external_wrench=rests.problems.external_wrench
+            robot.replace(linear_density=0.0), POSES, external_wrench=equilibria.problems.external_wrench
         )
-        assert (rests.iterations > light.iterations).all()  # which are counted as well
+        assert (equilibria.iterations > light.iterations).all()  # which are counted as well
 
 
 @pytest.mark.parametrize(

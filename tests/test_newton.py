@@ -109,25 +109,25 @@ def test_every_pose_is_solved_at_a_cost_that_does_not_depend_on_stiffness(catalo
     """Random poses of the workspace, five decades of stiffness: all in fewer than 12 iterations on average."""
     robot = catalogue[name]
     positions = np.random.default_rng(7).uniform(*robot.workspace, (3000, 3))
-    rests = newton.solve_many(robot, positions, axial_stiffness=np.array(STIFFNESSES)[:, None, None])
-    assert rests.converged.all()
+    equilibria = newton.solve_many(robot, positions, axial_stiffness=np.array(STIFFNESSES)[:, None, None])
+    assert equilibria.converged.all()
     for row, axial_stiffness in enumerate(STIFFNESSES):
-        assert rests.residuals[row].max() <= max(1e-8, 1e-13 * axial_stiffness)
-        assert rests.iterations[row].mean() < 12
+        assert equilibria.residuals[row].max() <= max(1e-8, 1e-13 * axial_stiffness)
+        assert equilibria.iterations[row].mean() < 12
 
 
 def test_every_equilibrium_of_the_parallel_layout_is_stable_or_free_to_turn(catalogue):
     """A few per cent of its poses hang on two cables whose anchors' line passes through the centre of mass."""
     robot = catalogue["parallel"]
-    rests = newton.solve_many(robot, grid(robot, 1000))
-    eigenvalues = forces.at(rests.problems, rests.positions, rests.rotations).eigenvalues
+    equilibria = newton.solve_many(robot, grid(robot, 1000))
+    eigenvalues = forces.at(equilibria.problems, equilibria.positions, equilibria.rotations).eigenvalues
     smallest, largest = eigenvalues[:, 0], eigenvalues[:, -1]
     assert (smallest > -1e-9 * largest).all()
     free = smallest < 1e-9 * largest
     assert 0 < free.mean() < 0.1
-    assert ((rests.tensions[free] > 0).sum(1) <= 3).all()
-    at_kink = (np.abs(rests.lengths - rests.rest_lengths) < 1e-9).any(1)  # counts as taut or as slack
-    assert ((free == (rests.stability == cdpr.Stability.NEUTRAL)) | at_kink).all()
+    assert ((equilibria.tensions[free] > 0).sum(1) <= 3).all()
+    at_kink = (np.abs(equilibria.lengths - equilibria.rest_lengths) < 1e-9).any(1)  # counts as taut or as slack
+    assert ((free == (equilibria.stability == cdpr.Stability.NEUTRAL)) | at_kink).all()
 
 
 def test_one_call_broadcasts_and_equals_single_solves(catalogue):
@@ -348,14 +348,14 @@ def falcons() -> tuple[cdpr.Problems, np.ndarray]:
 def test_the_last_bit_of_a_rest_length_chooses_no_equilibrium():
     """Rest lengths that differ by rounding, by a nanometre and by a hundred: answers that differ in proportion."""
     problems, lengths = falcons()
-    rests, up = newton.solve_many(problems), np.random.default_rng(1).random(lengths.shape) < 0.5
+    equilibria, up = newton.solve_many(problems), np.random.default_rng(1).random(lengths.shape) < 0.5
     for step in STEPS:
         changed = np.where(up, lengths + step, lengths - step) if step else np.nextafter(lengths, np.where(up, 9, 0))
         assert (changed != lengths).all()
         others = newton.solve_many(dataclasses.replace(problems, rest_lengths=changed))
-        assert rests.converged.all()
+        assert equilibria.converged.all()
         assert others.converged.all()
-        moved = np.linalg.norm(rests.positions - others.positions, axis=1)
+        moved = np.linalg.norm(equilibria.positions - others.positions, axis=1)
         assert moved.max() < ROUNDED + CONDITION * step
 
 

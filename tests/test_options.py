@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.drawing import still
-from cdpr_sim.physics import look
+from cdpr_sim.physics import viewer
 
 TESTS = Path(__file__).parent
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
@@ -167,9 +167,10 @@ def test_settings_of_a_film_reach_the_film(folder, monkeypatch):
     monkeypatch.setattr(cdpr, "solve_trajectory", lambda robot: cdpr.solve_many(robot, [robot.home]))
     monkeypatch.setattr(cdpr, "compensate", lambda robot, at: (robot, at))
     monkeypatch.setattr(
-        "cdpr_sim.crosscheck.hold.held", lambda asked: cdpr.solve(*asked, asked[0].rest_lengths(asked[1]) - 1e-3)
+        "cdpr_sim.crosscheck.compensation_check.held",
+        lambda asked: cdpr.solve(*asked, asked[0].rest_lengths(asked[1]) - 1e-3),
     )
-    monkeypatch.setattr("cdpr_sim.studies.portrait.shapes_of", lambda robot: None)
+    monkeypatch.setattr("cdpr_sim.studies.robot_summary.shapes_of", lambda robot: None)
     monkeypatch.setattr(cdpr, "write_video", lambda path, *args, **options: filmed.update(options | {"path": path}))
     words = "video cogiro --path 0.3 0.4 --compensate --size 400 240 --exaggerate 5 --renderer raycast -o new.gif"
     told = CliRunner().invoke(app, words.split())
@@ -189,7 +190,7 @@ def test_a_picture_is_of_the_robot_at_the_pose_on_the_cables_that_are_asked(fold
     drawn: list = []
     with monkeypatch.context() as patch:
         patch.setattr(still, "draw", lambda robot, pose: drawn.append((robot, pose)) or still.Still())
-        patch.setattr(look, "look", lambda problem: drawn.append((problem.robot, problem.pose)))
+        patch.setattr(viewer, "open_viewer", lambda problem: drawn.append((problem.robot, problem.pose)))
         for words in (
             "show cogiro --pose 0.3 0.2 0.1 --material fishing-0.4mm -o new.png",
             "view cogiro --pose 0.3 0.2 0.1 --material fishing-0.4mm",

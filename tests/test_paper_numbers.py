@@ -33,7 +33,7 @@ def test_fewest_iterations_are_in_the_middle_as_the_paper_says(performance):
 
 
 def test_sag_of_cogiro_with_vectran_is_what_the_tracker_can_just_see():
-    """0.046 to 0.065 mm along the line, by both roads; the tracker is accurate to 0.065 mm."""
+    """0.046 to 0.065 mm along the line, by both methods; the tracker is accurate to 0.065 mm."""
     robot = cdpr.load_robot("cogiro").replace(material="vectran-0.7mm")
     sags = [study.sag(robot, height, rows=5) for height in PAPER_HEIGHTS]
     for one in sags:
@@ -55,7 +55,7 @@ def test_nylon_is_its_modulus_times_the_section():
 
 
 def test_nylon_sags_nearer_to_what_the_paper_measured():
-    """11 to 12 mm at the ends of the line by both roads, where the assumed lines sag by 6 to 9; the paper: about 15."""
+    """11 to 12 mm at the ends of the line by both methods; the assumed lines: 6 to 9; the paper: about 15."""
     for height, expected in zip(PAPER_HEIGHTS, (12.3e-3, 10.8e-3), strict=True):
         nylon = study.sag(cdpr.load_robot("parallel").replace(material="nylon-0.4mm"), height)
         assert nylon.by_mujoco == pytest.approx(expected, abs=0.05e-3)

@@ -1,4 +1,4 @@
-"""Rest lengths that hold a pose with wanted tensions, by both roads; what nothing holds; limits of force."""
+"""Rest lengths that hold a pose with wanted tensions, by both methods; what nothing holds; limits of force."""
 
 from pathlib import Path
 
@@ -11,15 +11,15 @@ from typer.testing import CliRunner
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.words import twist_in_words
-from cdpr_sim.report.pretension import conclusions
+from cdpr_sim.core.describe import describe_twist
+from cdpr_sim.report.pretension_tables import conclusions
 from cdpr_sim.statics import forces
 from cdpr_sim.studies.pretension import least_pretension, pretension, taut_from
 
-ROADS = (cdpr.solve, cdpr.settle)
+METHODS = (cdpr.solve, cdpr.settle)
 
 HELD = 1e-9
-"""[m, rad] How close both roads come back to a pretensioned pose; 1e-12 measured."""
+"""[m, rad] How close both methods come back to a pretensioned pose; 1e-12 measured."""
 
 PULL = 1e-6
 """Of a tension, as a fraction: 1e-9 measured; a length cut for an EA 1 % off misses by 1e-2."""
@@ -65,42 +65,42 @@ def off(found: cdpr.Equilibrium, pose) -> float:
     )
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_a_string_is_as_stiff_as_its_pretension_makes_it(road):
+@pytest.mark.parametrize("method", METHODS)
+def test_a_string_is_as_stiff_as_its_pretension_makes_it(method):
     """Along it 2 (EA + p)/L, as k = EA/l0 with l0 = L EA/(EA + p); across it 2 p/L; the mass itself turns freely."""
     for p in (1.0, 50.0, 700.0):
         robot = string()
-        found = road(robot, (0, 0, 0), robot.rest_lengths((0, 0, 0), p))
+        found = method(robot, (0, 0, 0), robot.rest_lengths((0, 0, 0), p))
         assert found.tensions == pytest.approx(p, rel=PULL)
         stiffest = 2 * (EA + p) / LENGTH
         assert found.eigenvalues == pytest.approx([0, 2 * p / LENGTH, stiffest], abs=STIFF * stiffest)
         assert found.stability is cdpr.Stability.NEUTRAL
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_a_string_pulled_along_goes_slack_at_twice_its_pretension(road):
+@pytest.mark.parametrize("method", METHODS)
+def test_a_string_pulled_along_goes_slack_at_twice_its_pretension(method):
     """Up to F = 2 p it moves by F L/(2 (EA + p)); then one cable is slack and the other alone gives, twice as much."""
     robot, p = string(), 100.0
     lengths = robot.rest_lengths((0, 0, 0), p)
     k = (EA + p) / LENGTH
     for force, x, slack in ((199.0, 199 / (2 * k), 0), (201.0, (201 - p) / k, 1), (400.0, 300 / k, 1)):
-        found = road(robot, (0, 0, 0), lengths, external_wrench=[force, 0.0, 0, 0, 0, 0])
+        found = method(robot, (0, 0, 0), lengths, external_wrench=[force, 0.0, 0, 0, 0, 0])
         assert found.position[0] == pytest.approx(x, rel=1e-6)
         assert found.slack.sum() == slack
 
 
-@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
-def test_a_planar_table_is_held_where_it_is_pretensioned(road, gravity):
+def test_a_planar_table_is_held_where_it_is_pretensioned(method, gravity):
     """Away from the middle, turned; from where it is pushed to it comes back. Without pretension nothing holds it."""
     robot, pose = table(gravity), (0.2, 0, 0.1, 0, 0.05, 0)
     lengths = robot.rest_lengths(pose, 60.0)
-    found = road(robot, (0.25, 0, 0.05), lengths)
+    found = method(robot, (0.25, 0, 0.05), lengths)
     assert off(found, pose) < HELD
     assert found.stable
     assert cdpr.solve(robot, pose, lengths).tensions.mean() == pytest.approx(60, rel=0.25)
     if gravity == 0:
-        loose = road(robot, pose)
+        loose = method(robot, pose)
         assert loose.stability is cdpr.Stability.NEUTRAL
         assert len(cdpr.neutral_directions(loose)) == 3
 
@@ -108,7 +108,7 @@ def test_a_planar_table_is_held_where_it_is_pretensioned(road, gravity):
 @pytest.mark.parametrize("stiffening", [(0.0, 0.0), (40.0, 300.0)])
 @pytest.mark.parametrize("radius", [0.0, 0.05])
 def test_ipanema_is_held_with_any_tensions_that_balance(catalogue, stiffening, radius):
-    """Both roads come to the pose, and each cable has its tension: straight or over pulleys, linear or stiffening."""
+    """Both methods come to the pose, and each cable has its tension: straight or over pulleys, linear or stiffening."""
     axis = [(0, 0, 1)] * 4 + [(0, 0, -1)] * 4
     robot = catalogue["ipanema-1"].replace(stiffening=stiffening, pulley_radius=radius, pulley_axis=axis)
     pose, wrench = (0.2, -0.15, 1.1, 0.02, -0.03, 0.05), [20.0, 10.0, -50.0, 0.1, -0.1, 0.1]
@@ -117,8 +117,8 @@ def test_ipanema_is_held_with_any_tensions_that_balance(catalogue, stiffening, r
     assert chosen.exact
     near = chosen.tensions
     lengths = robot.rest_lengths(pose, near, external_wrench=wrench)
-    for road in ROADS:
-        found = road(robot, at, lengths, external_wrench=wrench)
+    for method in METHODS:
+        found = method(robot, at, lengths, external_wrench=wrench)
         assert off(found, pose) < HELD
         assert found.tensions == pytest.approx(near, rel=PULL)
     # Negative control: cut for cables 1 % stiffer, they pull by some percent less or more.
@@ -224,7 +224,7 @@ def test_compensate_holds_a_robot_with_cables_from_below(catalogue, gravity):
 
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_a_point_mass_is_held_in_three_directions_and_turns_freely_in_three(catalogue, gravity):
-    """Both roads: three zeros, three stiffnesses; its rotations are neutral, and said to be. Compensation holds it."""
+    """Both methods: three zeros, three stiffnesses; its rotations are neutral, which is said. Compensation holds."""
     with pytest.warns(cdpr.ImplausibleRobot, match="all anchors in one point"):
         robot = cdpr.Robot(catalogue["ipanema-1"].exits, np.zeros((8, 3)), 2e5, 5.0, gravity=gravity,
                            platform_size=(0.1, 0.1, 0.1), name="mass")  # fmt: skip
@@ -236,13 +236,13 @@ def test_a_point_mass_is_held_in_three_directions_and_turns_freely_in_three(cata
         assert found.stability is cdpr.Stability.NEUTRAL
         assert np.abs(found.eigenvalues[:3]).max() < 1e-6
         assert found.eigenvalues[3:].min() > 1e4
-        words = [twist_in_words(one, robot) for one in cdpr.neutral_directions(found)]
+        words = [describe_twist(one, robot) for one in cdpr.neutral_directions(found)]
         assert words == ["rotation about x", "rotation about y", "rotation about z"]
     assert cdpr.compare(static, settled).agrees
     # Hung by its cables from a point above its middle, it swings: only the vertical is left.
     pendulum = robot.replace(center_of_mass=(0, 0, -0.1), gravity=9.81)
     found = cdpr.solve(pendulum, pose, pendulum.rest_lengths(pose, 100.0))
-    assert [twist_in_words(one, robot) for one in cdpr.neutral_directions(found)] == ["rotation about z"]
+    assert [describe_twist(one, robot) for one in cdpr.neutral_directions(found)] == ["rotation about z"]
 
 
 def test_what_is_held_is_not_called_neutral(catalogue):
@@ -259,7 +259,7 @@ def test_the_command_line_pretensions(tmp_path):
     result = run(app, ["settle", "ipanema-1", "--pretension", "200"])
     assert result.exit_code == 0, result.output
     assert "0 of 8" in result.stdout
-    assert "the two roads agree" in result.stdout
+    assert "the two methods agree" in result.stdout
     result = run(app, ["solve", "ipanema-1", "--pretension", "20"])
     assert (result.exit_code, "tensions: found -60.16 N in cable 5" in " ".join(result.stderr.split())) == (2, True)
 
@@ -282,7 +282,7 @@ def test_tensions_beyond_their_limits_and_free_directions_are_said(tmp_path):
 
 
 def test_the_study_finds_what_single_solves_do(catalogue):
-    """Its pretensions, its slack thresholds, its wrong lengths; roads 1e-9 m apart at most."""
+    """Its pretensions, its slack thresholds, its wrong lengths; methods 1e-9 m apart at most."""
     robot = catalogue["ipanema-1"]
     study = pretension(points=5, every=2, errors=5)
     least = study.stiffening.pretensions[0]

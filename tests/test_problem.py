@@ -1,4 +1,4 @@
-"""What both roads are asked: once, or many times, checked as a whole before anything computes."""
+"""What both methods are asked: once, or many times, checked as a whole before anything computes."""
 
 import inspect
 
@@ -64,12 +64,12 @@ def test_robot_that_no_cable_holds_falls(parallel):
 
 
 def test_a_problem_that_is_ready_is_asked_as_it_is(parallel):
-    """Both roads take a ``Problem`` for (robot, pose, ...), and answer as if its parts had been given."""
+    """Both methods take a ``Problem`` for (robot, pose, ...), and answer as if its parts had been given."""
     lengths, wrench = 1.01 * parallel.rest_lengths(POSE), [0, 0.1, 0, 0, 0, 1e-3]
     problem = cdpr.Problem.of(parallel, POSE, lengths, wrench)
     assert cdpr.Problem.of(problem) is problem
-    for road in (cdpr.solve, cdpr.settle):
-        ready, parts = road(problem), road(parallel, POSE, lengths, external_wrench=wrench)
+    for method in (cdpr.solve, cdpr.settle):
+        ready, parts = method(problem), method(parallel, POSE, lengths, external_wrench=wrench)
         assert ready.problem is problem
         np.testing.assert_array_equal(ready.pose.as_matrix(), parts.pose.as_matrix())
         np.testing.assert_array_equal(ready.tensions, parts.tensions)
@@ -189,7 +189,7 @@ def test_bad_problems_are_refused_as_a_whole(parallel, asked, words):
 
 
 def test_problems_that_are_ready_are_asked_as_they_are(parallel):
-    """Both roads take ``Problems``, and refuse whatever stands beside them."""
+    """Both methods take ``Problems``, and refuse whatever stands beside them."""
     problems = cdpr.Problems.of(parallel, [POSE, (0.4, 0.2, 0.2)])
     for many in (cdpr.solve_many, cdpr.settle_many):
         assert many(problems).problems is problems

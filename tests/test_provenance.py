@@ -1,6 +1,6 @@
-"""Every number that is shown as MuJoCo's comes from MuJoCo's road, and every solver's from that solver.
+"""Every number that is shown as MuJoCo's comes from MuJoCo's method, and every solver's from that solver.
 
-The roads are replaced by recorders, which answer with numbers that they make up: those, and no others, are to be shown.
+The methods are replaced by recorders that make up numbers: those, and no others, are to be shown.
 """
 
 import dataclasses
@@ -17,12 +17,12 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import sweep as sweeping
 from cdpr_sim.cli import app
 from cdpr_sim.control import RigidLengths
-from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck import check as checking
 from cdpr_sim.crosscheck import compare as comparing
-from cdpr_sim.crosscheck import layout as proving
-from cdpr_sim.crosscheck.hold import Hold
+from cdpr_sim.crosscheck import layout_validation as proving
+from cdpr_sim.crosscheck.compensation_check import CompensationCheck
 from cdpr_sim.drawing import maps
 from cdpr_sim.physics import sensing
 from cdpr_sim.physics.release import Release
@@ -30,20 +30,20 @@ from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import lines_figures as figures
 
 FIRST = {"mujoco": 1.0, "newton": 2.0, "fsolve": 3.0, "least_squares": 4.0}
-"""Of each road's numbers the first digit."""
+"""Of each method's numbers the first digit."""
 
 HEADS = {"mujoco": "MuJoCo", "newton": "Newton", "fsolve": "fsolve", "least_squares": "least_sq."}
 
 
 class Recorder:
-    """A road that answers with numbers of its own: another 0.01 m, 0.001 m, 1 N and 1 N/m with each call."""
+    """A method that answers with numbers of its own: another 0.01 m, 0.001 m, 1 N and 1 N/m with each call."""
 
     def __init__(self) -> None:
         self.told: list[cdpr.Equilibrium] = []
 
-    def made_up(self, problem: cdpr.Problem, road: str) -> cdpr.Equilibrium:
+    def made_up(self, problem: cdpr.Problem, method: str) -> cdpr.Equilibrium:
         calls = len(self.told)
-        first, cables = FIRST[road] + 0.01 * calls, problem.robot.cables
+        first, cables = FIRST[method] + 0.01 * calls, problem.robot.cables
         turned = Rotation.from_euler("xy", [first, 10 * first], degrees=True)
         found = cdpr.Equilibrium(
             problem=problem,
@@ -52,8 +52,8 @@ class Recorder:
             lengths=first + 0.001 * np.arange(cables),
             residual=first * 1e-9,
             eigenvalues=1000 * first + np.arange(6) + calls,
-            iterations=int(100 * FIRST[road]) + calls,
-            source={"mujoco": "mujoco", "newton": "newton"}.get(road, f"seecr/{road}"),
+            iterations=int(100 * FIRST[method]) + calls,
+            source={"mujoco": "mujoco", "newton": "newton"}.get(method, f"seecr/{method}"),
         )
         self.told.append(found)
         return found
@@ -66,8 +66,8 @@ class Recorder:
 
 
 @pytest.fixture
-def roads(monkeypatch) -> Recorder:
-    """Both roads, made up."""
+def methods(monkeypatch) -> Recorder:
+    """Both methods, made up."""
     recorder = Recorder()
     monkeypatch.setattr(cdpr, "settle", recorder.settle)
     monkeypatch.setattr(cdpr, "solve", recorder.solve)
@@ -94,52 +94,56 @@ def is_told(shown: dict, found: cdpr.Equilibrium) -> None:
     assert shown["stability"] == found.stability.name.lower()
 
 
-def test_settle_shows_what_each_road_says(roads):
+def test_settle_shows_what_each_method_says(methods):
     """All four of them, in the table and in JSON; the verdict is about MuJoCo's and Newton's."""
     text = run("settle", "cogiro").stdout
-    by_road = by_first(roads.told)
-    assert [HEADS[road] for road in FIRST] == cells(text, "commanded", 4)
+    by_method = by_first(methods.told)
+    assert [HEADS[method] for method in FIRST] == cells(text, "commanded", 4)
     for axis, name in enumerate("xyz"):
-        assert cells(text, f"{name} [mm]", 4) == [f"{1e3 * one.position[axis]:.3f}" for one in by_road.values()]
+        assert cells(text, f"{name} [mm]", 4) == [f"{1e3 * one.position[axis]:.3f}" for one in by_method.values()]
     for cable in range(8):
-        shown = [f"{one.tensions[cable]:.4f}" for one in by_road.values()]
+        shown = [f"{one.tensions[cable]:.4f}" for one in by_method.values()]
         assert cells(text, f"tension {cable + 1} [N]", 4) == shown
-    assert cells(text, "unbalanced [N]", 4) == [f"{one.residual:.1e}" for one in by_road.values()]
-    assert cells(text, "iterations", 4) == [str(one.iterations) for one in by_road.values()]
-    apart = np.linalg.norm(by_road["newton"].position - by_road["mujoco"].position)
-    assert f"MuJoCo and Newton: the two roads disagree: position within {1e3 * apart:.1e} mm" in " ".join(text.split())
-    roads.told.clear()
+    assert cells(text, "unbalanced [N]", 4) == [f"{one.residual:.1e}" for one in by_method.values()]
+    assert cells(text, "iterations", 4) == [str(one.iterations) for one in by_method.values()]
+    apart = np.linalg.norm(by_method["newton"].position - by_method["mujoco"].position)
+    assert f"MuJoCo and Newton: the two methods disagree: position within {1e3 * apart:.1e} mm" in " ".join(
+        text.split()
+    )
+    methods.told.clear()
     told = json.loads(run("settle", "cogiro", "--json").stdout)
     assert told["position_error"] == pytest.approx(apart)
-    by_road = by_first(roads.told)
-    assert told["tension_error"] == pytest.approx(np.abs(by_road["newton"].tensions - by_road["mujoco"].tensions).max())
-    for road, one in by_road.items():
-        is_told(told["results"][road], one)
+    by_method = by_first(methods.told)
+    assert told["tension_error"] == pytest.approx(
+        np.abs(by_method["newton"].tensions - by_method["mujoco"].tensions).max()
+    )
+    for method, one in by_method.items():
+        is_told(told["results"][method], one)
 
 
 def by_first(told: list[cdpr.Equilibrium]) -> dict[str, cdpr.Equilibrium]:
     """One equilibrium of each method, by its name, in the order of the table's columns."""
     found = {one.source.rpartition("/")[2]: one for one in told}
     assert len(found) == len(told) == len(FIRST)
-    return {road: found[road] for road in FIRST}
+    return {method: found[method] for method in FIRST}
 
 
-@pytest.mark.parametrize("road", ["newton", "fsolve", "least_squares"])
-def test_solve_shows_the_solver_that_is_asked(roads, road):
+@pytest.mark.parametrize("method", ["newton", "fsolve", "least_squares"])
+def test_solve_shows_the_solver_that_is_asked(methods, method):
     """Under its own name."""
-    text = run("solve", "cogiro", "--method", road).stdout
-    assert cells(text, "commanded", 1) == [HEADS[road]]
-    assert cells(text, "x [mm]", 1) == [f"{1e3 * roads.told[0].position[0]:.3f}"]
-    is_told(json.loads(run("solve", "cogiro", "--method", road, "--json").stdout), roads.told[1])
+    text = run("solve", "cogiro", "--method", method).stdout
+    assert cells(text, "commanded", 1) == [HEADS[method]]
+    assert cells(text, "x [mm]", 1) == [f"{1e3 * methods.told[0].position[0]:.3f}"]
+    is_told(json.loads(run("solve", "cogiro", "--method", method, "--json").stdout), methods.told[1])
 
 
-def test_compensate_shows_each_road_before_and_after(roads, monkeypatch):
-    """Four columns; whether it is held is what MuJoCo's ``confirm`` says, and not what statics says."""
-    monkeypatch.setattr(cdpr, "confirm", lambda found: Hold(found, None, None))
+def test_compensate_shows_each_method_before_and_after(methods, monkeypatch):
+    """Four columns; whether it is held is what MuJoCo's ``verify_compensation`` says, and not what statics says."""
+    monkeypatch.setattr(cdpr, "confirm", lambda found: CompensationCheck(found, None, None))
     result = run("compensate", "cogiro")
     assert result.exit_code == 1
     assert "What statics finds is not held in MuJoCo" in result.stdout
-    told = roads.told
+    told = methods.told
     assert [one.source for one in told] == ["mujoco", "newton"] * 2
     home = cdpr.load_robot("cogiro").home
     for axis, name in enumerate("xyz"):
@@ -152,9 +156,9 @@ def test_compensate_shows_each_road_before_and_after(roads, monkeypatch):
     assert (cut < rigid).all()
     told.clear()
     shown = json.loads(run("compensate", "cogiro", "--json").stdout)
-    assert (shown["held"], shown["comes_from_commanded"]) == (False, False)
-    for (when, road), one in zip(itertools.product(("before", "after"), ("mujoco", "newton")), told, strict=True):
-        is_told(shown[when][road], one)
+    assert (shown["held"], shown["reached_from_commanded"]) == (False, False)
+    for (when, method), one in zip(itertools.product(("before", "after"), ("mujoco", "newton")), told, strict=True):
+        is_told(shown[when][method], one)
     assert shown["rest_lengths"] == told[2].rest_lengths.tolist()
 
 
@@ -162,7 +166,7 @@ def test_equilibria_shows_what_mujocos_platforms_do(monkeypatch):
     """Which of them stay, and to which one MuJoCo's comes while gravity grows."""
     found = cdpr.find_equilibria(cdpr.load_robot("two-cable"), (0.3, 0, 0.2), saddles=True)
     assert len(found) == 2
-    answers = [Release(strayed, 1.0, 1.0) for strayed in (10.0, 500.0)]
+    answers = [Release(largest_deviation, 1.0, 1.0) for largest_deviation in (10.0, 500.0)]
     said = itertools.cycle(answers)
     monkeypatch.setattr(cdpr, "release", lambda one, seconds: next(said))
     monkeypatch.setattr(cdpr, "grow_gravity", lambda problem: found[1])
@@ -181,14 +185,16 @@ def test_equilibria_shows_what_mujocos_platforms_do(monkeypatch):
 # --- whole workspaces ---------------------------------------------------------------------------------------------
 
 
-def shifted(rests: Rests, by: float) -> Rests:
+def shifted(equilibria: EquilibriumBatch, by: float) -> EquilibriumBatch:
     """Every platform moved by 1, 2, ... times ``by`` [m] along x, every tension by as many N."""
-    rows = by * np.arange(1, np.prod(rests.shape) + 1).reshape(*rests.shape, 1)
-    return dataclasses.replace(rests, positions=rests.positions + rows * [1.0, 0, 0], tensions=rests.tensions + rows)
+    rows = by * np.arange(1, np.prod(equilibria.shape) + 1).reshape(*equilibria.shape, 1)
+    return dataclasses.replace(
+        equilibria, positions=equilibria.positions + rows * [1.0, 0, 0], tensions=equilibria.tensions + rows
+    )
 
 
-def test_check_compares_what_both_roads_say(monkeypatch):
-    """Errors are MuJoCo's answers less the solver's; cross residuals are each road's at the other's poses."""
+def test_check_compares_what_both_methods_say(monkeypatch):
+    """Errors are MuJoCo's answers less the solver's; cross residuals are each method's at the other's poses."""
     settle, solve, seen = checking.settle_many, checking.solve_many, {}
 
     def settled(problems, threads):
@@ -216,7 +222,7 @@ def test_check_compares_what_both_roads_say(monkeypatch):
     assert dataset["static_in_mujoco"].values.ravel().tolist() == [7e-9, 14e-9, 21e-9]
 
 
-def test_compare_asks_each_road_about_the_other(monkeypatch):
+def test_compare_asks_each_method_about_the_other(monkeypatch):
     """MuJoCo's recorder is asked about the static pose, and its number is what is said of it."""
     robot = cdpr.load_robot("cogiro")
     static, settled = cdpr.solve(robot, (0.3, 0.25, 0.1)), cdpr.settle(robot, (0.3, 0.25, 0.1))
@@ -241,9 +247,13 @@ def test_sweep_and_map_show_what_the_solver_says(monkeypatch):
     monkeypatch.setattr(sweeping, "solve_many", solved)
     monkeypatch.setattr(sweeping, "_blocks", lambda *_: {"x": 3, "y": 1, "z": 2})
     dataset = cdpr.sweep("cogiro", {"x": [0.3, 0.4, 0.5], "z": [0.1, 0.2]}, chunk=None)
-    (rests,) = seen
-    assert dataset["distance"].values.ravel() == pytest.approx(np.linalg.norm(rests.deviation, axis=-1).ravel())
-    for name, values in (("tilt", rests.tilt), ("tensions", rests.tensions), ("residual", rests.residuals)):
+    (equilibria,) = seen
+    assert dataset["distance"].values.ravel() == pytest.approx(np.linalg.norm(equilibria.deviation, axis=-1).ravel())
+    for name, values in (
+        ("tilt", equilibria.tilt),
+        ("tensions", equilibria.tensions),
+        ("residual", equilibria.residuals),
+    ):
         assert dataset[name].values.ravel().tolist() == np.ravel(values).tolist()
     figure = maps.draw_elastic_map(dataset, names=["distance", "tilt"])
     drawn = [np.asarray(ax.collections[0].get_array()).T for ax in figure.axes if ax.get_label() == "panel"]
@@ -259,7 +269,7 @@ def test_the_proof_of_a_layout_is_mujocos(monkeypatch):
     )  # fmt: skip
     settle = proving.settle_many
     monkeypatch.setattr(proving, "settle_many", lambda problems: shifted(settle(problems), 1.0))
-    proof = cdpr.prove_layout(found)
+    proof = cdpr.validate_layout(found)
     for side in (proof.before, proof.after):
         assert side.score == pytest.approx(np.linalg.norm(side.settled.deviation, axis=-1).max())
         assert side.score > 2.9
@@ -267,7 +277,7 @@ def test_the_proof_of_a_layout_is_mujocos(monkeypatch):
         assert side.errors["position_error"] == pytest.approx(apart.max())
     assert not proof.agrees
     monkeypatch.setattr(proving, "settle_many", settle)
-    proof = cdpr.prove_layout(found)
+    proof = cdpr.validate_layout(found)
     assert f"within {1e3 * proof.after.errors['position_error']:.1e} mm" in " ".join(proof.sentences)
 
     def restless(problems):
@@ -276,13 +286,13 @@ def test_the_proof_of_a_layout_is_mujocos(monkeypatch):
         return dataclasses.replace(settled, status=status)
 
     monkeypatch.setattr(proving, "settle_many", restless)
-    assert np.isnan(cdpr.prove_layout(found).after.score)
+    assert np.isnan(cdpr.validate_layout(found).after.score)
 
 
 # --- pictures and motions -----------------------------------------------------------------------------------------
 
 
-def test_figures_draw_each_road_as_itself(monkeypatch):
+def test_figures_draw_each_method_as_itself(monkeypatch):
     """Points are MuJoCo's answers and lines the solver's, along the paper's line and across the width."""
     settle, solve = studies.settle_many, studies.solve_many
     monkeypatch.setattr(studies, "settle_many", lambda *asked: shifted(settle(*asked), 1e-2))
@@ -292,9 +302,9 @@ def test_figures_draw_each_road_as_itself(monkeypatch):
     assert {line.static.source, line.settled.source} == {"newton", "mujoco"}
     drawn = {a.get_gid(): a for ax in figures.paper_line([line]).axes for a in ax.lines if a.get_gid()}
     label = f"{robot.name}, {robot.material}"
-    for road, rests in (("static", line.static), ("mujoco", line.settled)):
-        assert drawn[f"{road} {label}"].get_xdata().tolist() == rests.positions[:, 0].tolist()
-        assert drawn[f"{road} {label}"].get_ydata().tolist() == np.degrees(rests.euler[:, 1]).tolist()
+    for method, equilibria in (("static", line.static), ("mujoco", line.settled)):
+        assert drawn[f"{method} {label}"].get_xdata().tolist() == equilibria.positions[:, 0].tolist()
+        assert drawn[f"{method} {label}"].get_ydata().tolist() == np.degrees(equilibria.euler[:, 1]).tolist()
     width = studies.Width(line.static, (line,), np.empty((0, 3)))
     drawn = {a.get_gid(): a for ax in figures.spatial(width).axes for a in ax.lines if a.get_gid()}
     for cable in range(8):

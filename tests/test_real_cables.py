@@ -1,4 +1,4 @@
-"""Cables as they are: over pulleys, with laws that stiffen, with weight. Formulas, both roads, and what is refused."""
+"""Cables over pulleys, with nonlinear elasticity, with mass. Formulas, both methods, and what is refused."""
 
 import dataclasses
 import warnings
@@ -11,13 +11,13 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.workspace.feasibility import tension_margin
+from cdpr_sim.analysis.workspace.feasibility import capacity_margin
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.design.layouts import Cases, Layouts, rest
+from cdpr_sim.design.robot_batch import Cases, RobotBatch, rest
 from cdpr_sim.statics import derivatives, forces
 from cdpr_sim.statics.catenary import catenary
-from cdpr_sim.statics.chain import gauss, rest_of_chains
+from cdpr_sim.statics.chain import equilibrium_of_chains, gauss
 from cdpr_sim.statics.newton import stiffness_of
 
 SOFT = 1e3
@@ -125,7 +125,7 @@ def test_law_is_the_polynomial_and_its_energy_the_integral(coefficients):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["cogiro", "parallel", "planar-vertical"])
-def test_both_roads_agree(name, kind):
+def test_both_methods_agree(name, kind):
     """40 poses of each robot: positions, lengths, tensions, slack cables and stiffness, and the verdict of compare."""
     robot = robot_with(name, kind)
     positions = np.random.default_rng(1).uniform(*robot.workspace, (40, 3))
@@ -379,9 +379,9 @@ def test_what_follows_from_a_law_ends_where_it_does():
     swept = cdpr.sweep(heavy, one)
     assert swept["status"].item() == cdpr.Status.OVERSTRAINED
     assert np.isnan(swept["tilt"].item())
-    assert STRAINED in cdpr.check(heavy, one).findings[0].reasons[0]
+    assert STRAINED in cdpr.check(heavy, one).disagreements[0].reasons[0]
     soft = cdpr.load_robot("cogiro").replace(axial_stiffness=20.0, stiffening=law)
-    found = rest(Layouts.of([soft, soft.replace(axial_stiffness=5.0)]), Cases.of(soft, [POSE]))
+    found = rest(RobotBatch.of([soft, soft.replace(axial_stiffness=5.0)]), Cases.of(soft, [POSE]))
     assert found.status.tolist() == [[cdpr.Status.CONVERGED], [cdpr.Status.OVERSTRAINED]]
     strain = 1 / light.rest_lengths((0, 0, 1), [light.weight])[0] - 1
     assert 100 * (strain - 8 * strain**3) == pytest.approx(light.weight, rel=1e-12)
@@ -507,7 +507,7 @@ def test_questions_about_a_pose_under_a_wheel_are_refused():
     """Of a single pose in a sentence, as ``solve`` refuses it; of many, each row by its status, nan, or False."""
     robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.05)
     under = robot.exits[2] - robot.anchors[2] + [0.01, 0.0, -0.3]
-    questions = (cdpr.shortfall, cdpr.feasible, cdpr.closed_form_feasible, tension_margin)
+    questions = (cdpr.shortfall, cdpr.feasible, cdpr.closed_form_feasible, capacity_margin)
     for ask in (cdpr.solve, cdpr.settle, *questions):
         limits = {} if ask in (cdpr.solve, cdpr.settle) else dict(tension_limits=(0, 100))
         with pytest.raises(cdpr.InvalidInput, match=r"anchor of cable 3 inside .* footprint, 0.01 m from the pulley's"):
@@ -545,7 +545,7 @@ cables = [
         cdpr.load_robot(file)
 
 
-# --- weight on both roads ------------------------------------------------------------------------------------------
+# --- weight on both methods ------------------------------------------------------------------------------------------
 
 
 DEMOBOT = ("cogiro", "parallel", "planar-vertical", "planar-horizontal", "two-cable")
@@ -558,7 +558,7 @@ def crane() -> cdpr.Robot:
 
 
 @pytest.mark.parametrize("name", [*DEMOBOT, "crane"])
-def test_roads_agree_on_heavy_cables(name):
+def test_methods_agree_on_heavy_cables(name):
     """12 poses each, slack cables among them: DemoBot with 0.5 g/m to 1e-8 m and 1e-7 rad, so the crane of 15 m."""
     robot = crane() if name == "crane" else cdpr.load_robot(name).replace(linear_density=5e-4)
     for position in np.random.default_rng(3).uniform(*robot.workspace, (12, 3)):
@@ -583,7 +583,7 @@ def test_mujoco_rests_where_the_mathematics_of_the_same_chain_does():
     robot, solved = problem.robot, cdpr.solve(problem)
     settled = cdpr.settle(problem, model=mujoco.MjModel.from_xml_string(cdpr.to_mjcf(problem)))
     division, weights = gauss(6), problem.rest_lengths * robot.cable_weights
-    position, _, _ = rest_of_chains(
+    position, _, _ = equilibrium_of_chains(
         problem, np.outer(problem.rest_lengths, division.lengths), np.outer(weights, division.weights),
         solved.position, solved.rotation.as_matrix(),
     )  # fmt: skip
@@ -592,7 +592,7 @@ def test_mujoco_rests_where_the_mathematics_of_the_same_chain_does():
 
 
 def test_one_percent_more_weight_in_mujoco_alone_is_noticed():
-    """Negative control: on the crane, whose cables weigh something, and on the same rest lengths."""
+    """Negative control: on the crane, whose cables have mass, and on the same rest lengths."""
     robot = crane()
     problem = cdpr.Problem.of(robot, robot.home)
     solved = cdpr.solve(problem)

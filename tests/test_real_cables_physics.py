@@ -14,15 +14,15 @@ from cdpr_sim.core.equilibrium import NotSettled
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.physics.cables import let_out
 from cdpr_sim.physics.chains import SEGMENTS
 from cdpr_sim.physics.drive import drive
-from cdpr_sim.physics.heavy.hanging import Hanging
-from cdpr_sim.physics.heavy.relaxation import HangingRelaxation
 from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
 from cdpr_sim.physics.pulleys import toward_anchors
 from cdpr_sim.physics.release import grow_gravity, release
+from cdpr_sim.physics.sagging.chain_relaxation import ChainRelaxation
+from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 from cdpr_sim.physics.settle import residual_of, settle, settle_many, settle_trajectory
+from cdpr_sim.physics.tendons import let_out
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
 
 ROUNDING = 1e-14
@@ -98,8 +98,8 @@ def test_a_winch_lets_out_cable_of_the_same_law():
     """Each length makes a spring of its own: EA (eps + a2 eps² + a3 eps³), eps by the length that is out now."""
     robot = Robot([[0, 0, 2]], [[0, 0, 0]], 700.0, 1.0, stiffening=(4.0, 9.0), platform_size=(0.1, 0.1, 0.1))
     model, data = simulated(robot, [0, 0, 1.2], [0.79])
-    rests = np.array([[0.79], [0.7], [0.6]])
-    for rest, _ in zip(rests[:, 0], let_out(model, robot.cabling, rests), strict=False):
+    equilibria = np.array([[0.79], [0.7], [0.6]])
+    for rest, _ in zip(equilibria[:, 0], let_out(model, robot.cabling, equilibria), strict=False):
         mujoco.mj_forward(model, data)
         eps = (0.8 - rest) / rest
         assert_allclose(data.qfrc_spring[2], 700 * (eps + 4 * eps**2 + 9 * eps**3), rtol=LAW)
@@ -337,13 +337,13 @@ def test_a_cable_that_comes_off_its_wheel_is_no_equilibrium():
 
 def test_a_slack_cable_whose_anchor_lies_within_its_wheel_is_no_equilibrium():
     """Another cable holds the platform there. With the wheel further down it has a path, and the platform rests."""
-    for height, rests in ((2.0, False), (1.7, True)):
+    for height, equilibria in ((2.0, False), (1.7, True)):
         robot = Robot(
             [[0, 0, height], [0.1, 0, 4]], [[0, 0, 0]] * 2, 1e4, 1.0, pulley_radius=(0.1, 0.0), pulley_axis=UP,
             platform_size=(0.1, 0.1, 0.1),
         )  # fmt: skip
         found = settle_many(robot, [[0.1, 0, 2.05]], [[3.0, 1.95]])
-        assert (found.status[0] == Status.CONVERGED) == rests
+        assert (found.status[0] == Status.CONVERGED) == equilibria
 
 
 # --- weight --------------------------------------------------------------------------------------------------------
@@ -438,7 +438,7 @@ def test_what_is_left_over_is_counted_with_the_true_springs():
     """Softer ones, which are as good on the way to rest, must not be those that say that it has come."""
     robot = heavy("cogiro")
     rest = settle(robot, robot.home)
-    hanging = Hanging(robot, rest.rest_lengths, robot.axial_stiffness, np.zeros(6), rest.pose)
+    hanging = ChainSimulation(robot, rest.rest_lengths, robot.axial_stiffness, np.zeros(6), rest.pose)
     right = hanging.residual()
     hanging.model.tendon_stiffness[:] *= 0.5
     assert not hanging.true
@@ -455,9 +455,9 @@ def test_stiffness_of_heavy_cables_is_how_the_held_platforms_force_changes():
     def forces(move: np.ndarray) -> np.ndarray:
         turn = Rotation.from_rotvec([0, move[2] / robot.characteristic_length, 0]) * rest.rotation
         at = RigidTransform.from_components(rest.position + np.array([move[0], 0, move[1]]), turn)
-        held = Hanging(robot, rest.rest_lengths, robot.axial_stiffness, np.zeros(6), at)
+        held = ChainSimulation(robot, rest.rest_lengths, robot.axial_stiffness, np.zeros(6), at)
         held.hold()
-        relaxation = HangingRelaxation(held)
+        relaxation = ChainRelaxation(held)
         relaxation.run()
         assert relaxation.status is Status.CONVERGED
         return held.forces()[0]
@@ -522,7 +522,7 @@ def test_without_gravity_cables_weigh_nothing():
 
 
 def test_what_takes_no_account_of_weight_says_so():
-    """Driving, releasing and growing gravity refuse heavy cables in one sentence."""
+    """Driving, releasing and growing gravity refuse cables with mass in one sentence."""
     robot = heavy("planar-vertical")
     rest = settle(robot, robot.home)
     for refused in (

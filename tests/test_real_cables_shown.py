@@ -17,15 +17,15 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
-from cdpr_sim.core.words import cables_in_words, properties_in_words, twist_in_words
+from cdpr_sim.core.describe import describe_cables, describe_properties, describe_twist
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.cables import course
+from cdpr_sim.drawing.cable_curves import cable_curve
 from cdpr_sim.drawing.video.film import _captions, _footnote
 from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.physics.model_files import model_files
-from cdpr_sim.report import real_cables as tables
-from cdpr_sim.statics import two_cable
+from cdpr_sim.report import real_cable_tables as tables
+from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.studies import real_cables, real_cables_figures, tilt_condition
 
 UP = (0.0, 0.0, 1.0)
@@ -51,13 +51,13 @@ def real(catalogue) -> dict[str, cdpr.Robot]:
 
 def test_words_say_what_the_cables_are(real):
     """Weight, law and pulleys; of how many, where not of all."""
-    assert properties_in_words(real["pulley"]) == ("over pulleys of 20 mm radius",)
-    assert properties_in_words(real["law"]) == ("stiffening by a2 = 20, a3 = 0",)
-    assert cables_in_words(real["heavy"], "N") == "vectran-0.7mm cables (EA = 10000 N), 0.5 g/m"
+    assert describe_properties(real["pulley"]) == ("over pulleys of 20 mm radius",)
+    assert describe_properties(real["law"]) == ("stiffening by a2 = 20, a3 = 0",)
+    assert describe_cables(real["heavy"], "N") == "vectran-0.7mm cables (EA = 10000 N), 0.5 g/m"
     mixed = real["heavy"].replace(
         linear_density=[0.064] + [0.0] * 7, pulley_radius=[0.0] + [0.01] * 6 + [0.02], material=None
     )
-    assert properties_in_words(mixed) == ("64 g/m (1 of 8)", "over pulleys of 10 to 20 mm radius (7 of 8)")
+    assert describe_properties(mixed) == ("64 g/m (1 of 8)", "over pulleys of 10 to 20 mm radius (7 of 8)")
 
 
 def test_a_motion_is_told_in_millimetres_and_degrees(catalogue):
@@ -65,14 +65,14 @@ def test_a_motion_is_told_in_millimetres_and_degrees(catalogue):
     robot = catalogue["cogiro"]
     twist = np.array([robot.characteristic_length, 0, 0, 0, -1.0, 0])
     angle = np.degrees(1e-3 / robot.characteristic_length)
-    assert twist_in_words(twist, robot) == f"+1 mm x, -{angle:.2g}° about y"
-    assert twist_in_words(np.eye(6)[4], robot) == "rotation about y"
+    assert describe_twist(twist, robot) == f"+1 mm x, -{angle:.2g}° about y"
+    assert describe_twist(np.eye(6)[4], robot) == "rotation about y"
 
 
 def test_plain_cables_are_described_as_ever(catalogue):
     """Nothing new is said of them, in words or JSON."""
-    assert cables_in_words(catalogue["cogiro"]) == "vectran-0.7mm cables (EA = 10 kN)"
-    assert properties_in_words(catalogue["cogiro"]) == ()
+    assert describe_cables(catalogue["cogiro"]) == "vectran-0.7mm cables (EA = 10 kN)"
+    assert describe_properties(catalogue["cogiro"]) == ()
     answer = CliRunner().invoke(app, ["solve", "cogiro", "--json"])
     assert "cables" not in json.loads(answer.stdout)
 
@@ -116,11 +116,19 @@ def test_captions_and_model_readmes_say_it_too(real):
     assert "tension is EA (l - l0)/l0 beyond" in model_files(real["pulley"])["README.md"]
 
 
-def drawn(robot: cdpr.Robot, rests: cdpr.Rests, shapes=None) -> tuple[list[np.ndarray], list[np.ndarray], list[bool]]:
+def drawn(
+    robot: cdpr.Robot, equilibria: cdpr.EquilibriumBatch, shapes=None
+) -> tuple[list[np.ndarray], list[np.ndarray], list[bool]]:
     """What ``draw_cables`` draws of the first row: cables and wheels, (points, 2) each, and which cables are slack."""
     ax = Figure().add_subplot()
     drawing.draw_cables(
-        ax, robot, rests.positions[0], rests.rotations[0], rests.slack[0], rests.rest_lengths[0], shapes
+        ax,
+        robot,
+        equilibria.positions[0],
+        equilibria.rotations[0],
+        equilibria.slack[0],
+        equilibria.rest_lengths[0],
+        shapes,
     )
     wheels = [patch.get_xy()[:-1] for patch in ax.patches if isinstance(patch, Polygon)]
     slack = [same_color(line.get_color(), style.SLACK_CABLE) for line in ax.lines]
@@ -135,14 +143,14 @@ def length(curve: np.ndarray) -> float:
 def test_cables_over_pulleys_are_drawn_as_long_as_mujoco_has_them(catalogue, axis):
     """In a planar robot the picture is to scale: taut cables have MuJoCo's lengths, slack ones their rest lengths."""
     robot = catalogue["planar-vertical"].replace(pulley_radius=0.015, pulley_axis=axis)
-    rests = cdpr.settle_many(robot, [(0.2, 0.0, 0.15)])
-    curves, wheels, slack = drawn(robot, rests)
-    assert slack == rests.slack[0].tolist()
+    equilibria = cdpr.settle_many(robot, [(0.2, 0.0, 0.15)])
+    curves, wheels, slack = drawn(robot, equilibria)
+    assert slack == equilibria.slack[0].tolist()
     assert any(slack)
-    expected = np.where(rests.slack[0], rests.rest_lengths[0], rests.lengths[0])
+    expected = np.where(equilibria.slack[0], equilibria.rest_lengths[0], equilibria.lengths[0])
     for curve, whole, hangs in zip(curves, expected, slack, strict=True):
         assert length(curve) == pytest.approx(whole, rel=PARABOLA if hangs else POLYGON)
-    anchors = rests.positions[0] + robot.anchors @ rests.rotations[0].T
+    anchors = equilibria.positions[0] + robot.anchors @ equilibria.rotations[0].T
     for cable, (curve, wheel) in enumerate(zip(curves, wheels, strict=True)):
         assert curve[0] == pytest.approx(robot.exits[cable, [0, 2]])
         assert curve[-1] == pytest.approx(anchors[cable, [0, 2]])
@@ -156,45 +164,45 @@ def test_cables_over_pulleys_are_drawn_as_long_as_mujoco_has_them(catalogue, axi
 
 def test_in_space_a_cable_leaves_its_wheel_on_the_tangent(real):
     """Read back from the axes: wheels turned to their anchors, cables on them, taut ones as long as MuJoCo has them."""
-    rests = cdpr.settle_many(real["pulley"], [POSE])
-    robot = rests.robot
+    equilibria = cdpr.settle_many(real["pulley"], [POSE])
+    robot = equilibria.robot
     ax = Figure().add_subplot(projection="3d")
-    drawing.draw_pose_in_space(ax, rests, 0)
+    drawing.draw_pose_in_space(ax, equilibria, 0)
     curves = [np.array(line.get_data_3d()).T for line in ax.lines]
     cables, wheels = curves[::2], curves[1::2]
-    expected = np.where(rests.slack[0], rests.rest_lengths[0], rests.lengths[0])
-    for curve, whole, hangs in zip(cables, expected, rests.slack[0], strict=True):
+    expected = np.where(equilibria.slack[0], equilibria.rest_lengths[0], equilibria.lengths[0])
+    for curve, whole, hangs in zip(cables, expected, equilibria.slack[0], strict=True):
         assert length(curve) == pytest.approx(whole, rel=PARABOLA if hangs else POLYGON)
-    anchors = rests.positions[0] + robot.anchors @ rests.rotations[0].T
+    anchors = equilibria.positions[0] + robot.anchors @ equilibria.rotations[0].T
     for cable, (curve, wheel) in enumerate(zip(cables, wheels, strict=True)):
         center = wheel[:-1].mean(0)
         assert np.linalg.norm(wheel - center, axis=1) == pytest.approx(0.02)
         across = np.cross(center - robot.exits[cable], UP)
         assert across @ (anchors[cable] - robot.exits[cable]) == pytest.approx(0, abs=1e-12)
-        if not rests.slack[0, cable]:
+        if not equilibria.slack[0, cable]:
             assert (curve[-2] - center) @ (curve[-1] - curve[-2]) == pytest.approx(0, abs=1e-12)
 
 
 def test_heavy_cables_hang_in_their_true_shape(catalogue):
     """Ends where the cable ends; slack ones as long as they are, taut ones with the sag w L²/(8 T)."""
     robot = catalogue["planar-vertical"].replace(linear_density=0.02)
-    rests = cdpr.solve_many(robot, [(0.2, 0.0, 0.15)])
-    shapes = cdpr.cable_shapes(rests, points=401)
+    equilibria = cdpr.solve_many(robot, [(0.2, 0.0, 0.15)])
+    shapes = cdpr.cable_profiles(equilibria, points=401)
     assert shapes.shape == (1, 4, 401, 3)
-    curves, wheels, slack = drawn(robot, rests, shapes[0])
+    curves, wheels, slack = drawn(robot, equilibria, shapes[0])
     assert not wheels
-    assert slack == rests.slack[0].tolist()
+    assert slack == equilibria.slack[0].tolist()
     assert set(slack) == {True, False}
-    anchors = rests.positions[0] + robot.anchors @ rests.rotations[0].T
+    anchors = equilibria.positions[0] + robot.anchors @ equilibria.rotations[0].T
     for cable, curve in enumerate(curves):
         start, end = robot.exits[cable, [0, 2]], anchors[cable, [0, 2]]
         assert curve[[0, -1]] == pytest.approx(np.array([start, end]))
         if slack[cable]:
-            assert length(curve) == pytest.approx(rests.rest_lengths[0, cable], rel=2e-4)
+            assert length(curve) == pytest.approx(equilibria.rest_lengths[0, cable], rel=2e-4)
             continue
         weight, span = 0.02 * robot.gravity, np.abs(end - start)[0]
         chord = np.linalg.norm(end - start)
-        pull = rests.tensions[0, cable] * span / chord
+        pull = equilibria.tensions[0, cable] * span / chord
         order = np.argsort(curve[:, 0])
         middle = (start + end) / 2
         sag = middle[1] - np.interp(middle[0], *curve[order].T)
@@ -205,18 +213,18 @@ def test_a_heavy_cable_drawn_to_another_place_is_sheared(real):
     """Where deviations are exaggerated: its exit stays, its end goes there, its middle half as far."""
     cabling, shape = real["heavy"].cabling, np.array([[0.0, 0, 1], [0.2, 0, 0.5], [0.4, 0, 0.6]])
     end = shape[-1] + [0.1, 0.0, -0.2]
-    np.testing.assert_allclose(course(cabling, 0, end, shape=shape), [[0, 0, 1], [0.25, 0, 0.4], [0.5, 0, 0.4]])
+    np.testing.assert_allclose(cable_curve(cabling, 0, end, shape=shape), [[0, 0, 1], [0.25, 0, 0.4], [0.5, 0, 0.4]])
 
 
 def test_a_massless_cable_has_a_straight_shape_and_one_over_a_pulley_none(real):
     """Shapes of robots without weight are what is drawn anyhow."""
-    rests = cdpr.solve_many(real["law"], [POSE])
-    assert not rests.slack.any()
-    shapes = cdpr.cable_shapes(rests, points=3)[0]
+    equilibria = cdpr.solve_many(real["law"], [POSE])
+    assert not equilibria.slack.any()
+    shapes = cdpr.cable_profiles(equilibria, points=3)[0]
     assert shapes[:, 1] == pytest.approx((shapes[:, 0] + shapes[:, 2]) / 2, abs=1e-8)
-    assert np.isnan(cdpr.cable_shapes(cdpr.solve_many(real["pulley"], [POSE]))).all()
+    assert np.isnan(cdpr.cable_profiles(cdpr.solve_many(real["pulley"], [POSE]))).all()
     with pytest.raises(cdpr.InvalidInput, match="points: found 1"):
-        cdpr.cable_shapes(rests, points=1)
+        cdpr.cable_profiles(equilibria, points=1)
 
 
 def at_rest(robot: cdpr.Robot, pose=POSE) -> cdpr.Trajectory:
@@ -254,7 +262,7 @@ def test_videos_draw_cables_from_their_wheels(real):
 def test_videos_draw_heavy_cables_in_the_shape_they_are_given(real):
     """Corner by corner, and as many as they have."""
     trajectory = at_rest(real["heavy"])
-    shapes = cdpr.cable_shapes(trajectory, points=9)
+    shapes = cdpr.cable_profiles(trajectory, points=9)
     stage = Stage(trajectory, largest_tension=2.0, shapes=shapes)
     stage.set(1)
     for cable in range(trajectory.robot.cables):
@@ -274,7 +282,7 @@ def test_heavy_cables_are_not_drawn_without_their_shape(real):
     with pytest.raises(cdpr.InvalidInput, match=message):
         Stage(trajectory, largest_tension=2.0)
     with pytest.raises(cdpr.InvalidInput, match="expected 2 states of 8 cables"):
-        Stage(trajectory, largest_tension=2.0, shapes=cdpr.cable_shapes(trajectory)[:1])
+        Stage(trajectory, largest_tension=2.0, shapes=cdpr.cable_profiles(trajectory)[:1])
 
 
 REFUSALS = {
@@ -312,10 +320,10 @@ def test_studies_refuse_what_they_take_no_account_of(catalogue):
     bar, four = catalogue["two-cable"], catalogue["planar-vertical"]
     for changes, message in (({"linear_density": 0.01}, "0.01 kg/m"), ({"pulley_radius": 0.01}, "pulleys of 0.01 m")):
         with pytest.raises(cdpr.InvalidInput, match=f"two-cable closed form: found .*{message}"):
-            two_cable.equilibrium_rotations(bar.replace(**changes), (0.3, 0.0, 0.2))
+            two_cable_closed_form.equilibrium_rotations(bar.replace(**changes), (0.3, 0.0, 0.2))
     law = bar.replace(stiffening=(20.0, 0.0))
-    assert two_cable.equilibrium_rotations(law, (0.3, 0, 0.2)) == pytest.approx(
-        two_cable.equilibrium_rotations(bar, (0.3, 0, 0.2))
+    assert two_cable_closed_form.equilibrium_rotations(law, (0.3, 0, 0.2)) == pytest.approx(
+        two_cable_closed_form.equilibrium_rotations(bar, (0.3, 0, 0.2))
     )
     for study in (tilt_condition.equal_pulls, tilt_condition.balance_at_rest):
         with pytest.raises(cdpr.InvalidInput, match=r"tilt condition: found cables of 0.01 kg/m"):
@@ -392,7 +400,7 @@ def study() -> real_cables.RealCables:
 
 
 def test_pulleys_unknown_to_the_winches_cost_more_than_half_a_millimetre_per_millimetre(study):
-    """The headline, on both of DemoBot's layouts and on both roads; elasticity costs the level layout far less."""
+    """The headline, on both of DemoBot's layouts and on both methods; elasticity costs the level layout far less."""
     for one in study.growths[:2]:
         assert 0.5 < one.rate < 0.95
         assert one.settled[-1] == pytest.approx(one.shifts[-1], abs=1e-7)
@@ -426,7 +434,7 @@ def test_the_figure_shows_the_studys_numbers(study):
         assert lines[f"median {effect.robot} {effect.what}"].get_xdata() == pytest.approx([median])
         assert lines[f"range {effect.robot} {effect.what}"].get_xdata() == pytest.approx([median, high])
     one = study.growths[0]
-    static, settled = (lines[f"{road} {one.title} from below"] for road in ("static", "mujoco"))
+    static, settled = (lines[f"{method} {one.title} from below"] for method in ("static", "mujoco"))
     assert static.get_ydata() == pytest.approx(1e3 * np.median(one.shifts, axis=1))
     assert settled.get_ydata() == pytest.approx(
         np.interp(settled.get_xdata(), static.get_xdata(), static.get_ydata()), abs=1e-4

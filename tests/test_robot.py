@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.describe import describe_stiffness
 from cdpr_sim.core.robot import FIELDS
-from cdpr_sim.core.words import stiffness_in_words
 
 EXITS = [[-1, 0, 1], [1, 0, 1], [0, 1, 1.0]]
 ANCHORS = [[-0.1, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]
@@ -219,4 +219,4 @@ def test_a_law_that_falls_in_between_is_refused():
 )
 def test_a_force_is_said_in_the_unit_that_suits_its_size(stiffness, words):
     """From 1 of a unit up."""
-    assert stiffness_in_words(robot(axial_stiffness=stiffness)) == f"EA = {words}"
+    assert describe_stiffness(robot(axial_stiffness=stiffness)) == f"EA = {words}"

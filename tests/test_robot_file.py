@@ -59,7 +59,7 @@ def test_the_schema_knows_every_key_and_nothing_else():
 
 
 def test_the_template_settles_as_it_is_and_mentions_every_key(tmp_path, monkeypatch):
-    """`new` writes it, and never over a file; both roads agree on it; with what is commented out it is a robot too."""
+    """`new` writes it, and never over a file; both methods agree on it; with its comments uncommented, too."""
     monkeypatch.chdir(tmp_path)
     assert run("new", "mine").exit_code == 0
     refused = run("new", "mine")
@@ -194,7 +194,7 @@ def test_a_robot_is_drawn_with_its_numbers(name, tmp_path):
 
 
 def test_what_is_drawn_is_the_robot():
-    """Exits at one point share a label; a heavy cable is drawn straight, as it is commanded; a pose moves it."""
+    """Exits at one point share a label; a cable with mass is drawn straight, as it is commanded; a pose moves it."""
     robot = cdpr.load_robot("cogiro")
     pair = robot.replace(exits=robot.exits[[0, 0, 2, 3, 4, 5, 6, 7]], linear_density=1e-3)
     assert "1, 2" in [text.get_text() for text in draw(pair).axes[0].texts]

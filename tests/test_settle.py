@@ -17,9 +17,9 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.physics import batch, relaxation
+from cdpr_sim.physics import batch, dynamic_relaxation
+from cdpr_sim.physics.dynamic_relaxation import ACCEPTABLE
 from cdpr_sim.physics.mjcf import coordinates, to_mjcf
-from cdpr_sim.physics.relaxation import ACCEPTABLE
 from cdpr_sim.physics.settle import residual_of, residuals_of, settle, settle_many, settle_trajectory
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
 
@@ -30,7 +30,7 @@ DIFFERENCED = 1e-5
 """Relative. Forces are differenced over 3e-6 cable lengths; truncation is the square of that, times EA over tension."""
 
 MOVED = 1e-6
-"""[m] What two roads must agree to; a negative control must move the platform further."""
+"""[m] What two methods must agree to; a negative control must move the platform further."""
 
 GRID = 60
 """Random poses per catalogue robot and stiffness: enough to meet every number of slack cables."""
@@ -70,11 +70,11 @@ def test_the_papers_robots_settle_anywhere_in_their_workspace(name):
     """Every random pose ends at rest: forces balance to 1e-6 of the weight, and nothing pulls the platform away."""
     for axial_stiffness in (1e3, 1e4, 1e6):
         robot = load_robot(name).replace(axial_stiffness=axial_stiffness)
-        rests = settle_many(robot, random_poses(robot, GRID))
-        assert rests.converged.all()
-        assert rests.residuals.max() < ACCEPTABLE * robot.weight
-        assert (rests.stability != Stability.UNSTABLE).all()
-        assert (rests.tensions >= 0).all()
+        equilibria = settle_many(robot, random_poses(robot, GRID))
+        assert equilibria.converged.all()
+        assert equilibria.residuals.max() < ACCEPTABLE * robot.weight
+        assert (equilibria.stability != Stability.UNSTABLE).all()
+        assert (equilibria.tensions >= 0).all()
 
 
 def test_random_robots_settle_where_plain_mujoco_finds_balance():
@@ -204,7 +204,7 @@ def gravity_tilted(model: mujoco.MjModel) -> None:
 
 @pytest.mark.parametrize("corrupt", [stiffer, anchor_moved, gravity_tilted], ids=lambda corrupt: corrupt.__name__)
 def test_a_corrupted_model_rests_elsewhere(corrupt):
-    """A small fault in the model moves its rest pose by more than two roads may differ, and the original does not."""
+    """A small fault in the model moves its rest pose by more than two methods may differ, and the original does not."""
     problem = Problem.of(load_robot("parallel"), [0.17, 0.25, 0.1])
     model = model_of(problem)
     rest = settle(problem.robot, problem.pose)
@@ -250,7 +250,7 @@ def test_mujocos_warnings_become_not_settled_and_leave_no_log(tmp_path, monkeypa
 
 def test_running_out_of_steps_is_not_settling(monkeypatch):
     """Given too few steps, the status says so, the reason says what is left, and the state is no equilibrium."""
-    monkeypatch.setattr(relaxation, "STEPS", 2 * relaxation.CHUNK)
+    monkeypatch.setattr(dynamic_relaxation, "STEPS", 2 * dynamic_relaxation.CHUNK)
     words = r"did not come to rest within the .* time steps .* \(26 time steps, \d.* N still unbalanced\)"
     with pytest.raises(NotSettled, match=words) as caught:
         settle(load_robot("parallel"), [0.17, 0.25, 0.1])
@@ -262,29 +262,29 @@ def test_in_a_batch_only_the_spinning_rows_are_not_settled():
     """A row that does not rest leaves its neighbours alone; asking for its equilibrium raises."""
     robot = load_robot("parallel")
     poses, spin = random_poses(robot, 4), [0, 0, 0, 0, 0, 1]
-    rests = settle_many(robot, poses, external_wrench=[spin, [0] * 6, [0] * 6, spin])
+    equilibria = settle_many(robot, poses, external_wrench=[spin, [0] * 6, [0] * 6, spin])
     words = [Status.ITERATION_LIMIT, Status.CONVERGED, Status.CONVERGED, Status.ITERATION_LIMIT]
-    assert rests.status.tolist() == words
-    np.testing.assert_array_equal(rests[2].tensions, settle(robot, poses[2]).tensions)
+    assert equilibria.status.tolist() == words
+    np.testing.assert_array_equal(equilibria[2].tensions, settle(robot, poses[2]).tensions)
     with pytest.raises(NotSettled):
-        rests[3]
+        equilibria[3]
 
 
 def test_beside_platforms_that_fall_only_those_at_rest_are_settled():
     """A batch of which MuJoCo is asked a part: the part that falls, the part that spins and the part that rests."""
     robot = load_robot("parallel")
     pose, above, spin = random_poses(robot, 1)[0], [0.4, 0.25, 10], [0, 0, 0, 0, 0, 1]
-    rests = settle_many(robot, [above, pose, pose], external_wrench=[[0] * 6, spin, [0] * 6])
-    assert rests.status.tolist() == [Status.FALLS, Status.ITERATION_LIMIT, Status.CONVERGED]
+    equilibria = settle_many(robot, [above, pose, pose], external_wrench=[[0] * 6, spin, [0] * 6])
+    assert equilibria.status.tolist() == [Status.FALLS, Status.ITERATION_LIMIT, Status.CONVERGED]
 
 
 @pytest.mark.parametrize(("name", "axial_stiffness"), [("cogiro", 1e4), ("parallel", 1e6)])
 def test_rest_is_what_is_said_of_it(name, axial_stiffness):
     """A billionth of the weight is left over, also where forces were that small in passing, at some velocity."""
     robot = load_robot(name).replace(axial_stiffness=axial_stiffness)
-    rests = settle_many(robot, np.random.default_rng(1).uniform(*robot.workspace, (1000, 3)))
-    assert rests.converged.all()
-    assert rests.residuals.max() <= 1e-9 * robot.weight
+    equilibria = settle_many(robot, np.random.default_rng(1).uniform(*robot.workspace, (1000, 3)))
+    assert equilibria.converged.all()
+    assert equilibria.residuals.max() <= 1e-9 * robot.weight
 
 
 def test_another_mass_in_every_row_is_refused():

@@ -1,6 +1,6 @@
 """What studies' figures say is what was computed: data, units and legends, of results that are made up.
 
-Each road's numbers are its own there, so that one drawn as the other is noticed.
+Each method's numbers are its own there, so that one drawn as the other is noticed.
 """
 
 import dataclasses
@@ -16,17 +16,17 @@ from matplotlib.patches import Patch
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problems
-from cdpr_sim.core.rests import Rests
-from cdpr_sim.crosscheck.layout import Proof
+from cdpr_sim.crosscheck.layout_validation import LayoutValidation
 from cdpr_sim.drawing import style
 from cdpr_sim.studies import (
     better_layouts,
-    compensation,
+    compensated_line,
     compensation_figures,
-    controllers,
-    controllers_figures,
+    controller_comparison,
+    controller_comparison_figures,
     lines,
     lines_figures,
     pretension,
@@ -43,7 +43,7 @@ from cdpr_sim.studies import (
 RANDOM = np.random.default_rng(15)
 
 
-def made_up(robot: cdpr.Robot, commanded, slack=()) -> Rests:
+def made_up(robot: cdpr.Robot, commanded, slack=()) -> EquilibriumBatch:
     """Somewhere near each command, turned about y alone; ``slack``: (row, cable) of the cables that are."""
     commanded = np.asarray(commanded, dtype=float)
     rows = len(commanded)
@@ -51,7 +51,7 @@ def made_up(robot: cdpr.Robot, commanded, slack=()) -> Rests:
     for row, cable in slack:
         tensions[row, cable] = 0.0
     problems = Problems.of(robot, commanded)
-    return Rests(
+    return EquilibriumBatch(
         problems=problems,
         positions=commanded + RANDOM.uniform(0.005, 0.02, (rows, 3)) * [1, 0, -1],
         rotations=Rotation.from_rotvec(RANDOM.uniform(0.05, 0.3, (rows, 1)) * [0, 1, 0]).as_matrix(),
@@ -110,9 +110,9 @@ def test_a_legend_of_tensions_names_each_cable_and_zone(width):
         assert looks(entry)[:2] == looks(drawn[f"static {cable}"])[:2]
         assert looks(entry)[2] == looks(drawn[f"mujoco {cable}"])[2]
         assert looks(entry)[0] == to_hex(style.LEFT if side == "left" else style.RIGHT)
-        for road, rests in (("static", width.lines[0].static), ("mujoco", width.lines[0].settled)):
-            points = np.transpose([rests.problems.positions[:, 0], rests.tensions[:, cable]])
-            np.testing.assert_array_equal(drawn[f"{road} {cable}"].get_xydata(), points)
+        for method, equilibria in (("static", width.lines[0].static), ("mujoco", width.lines[0].settled)):
+            points = np.transpose([equilibria.problems.positions[:, 0], equilibria.tensions[:, cable]])
+            np.testing.assert_array_equal(drawn[f"{method} {cable}"].get_xydata(), points)
     zones = {patch.get_gid(): patch for patch in ax.patches if str(patch.get_gid()).startswith("zone")}
     assert list(names) == ["1 cable slack", "2 cables slack"]
     for count, entry in zip((1, 2), names.values(), strict=True):
@@ -129,7 +129,7 @@ def test_a_legend_of_poses_names_what_is_where(width):
     """What looks like a platform at rest is where it rests; dashed, where it was commanded; dotted cables are slack."""
     figure = lines_figures.planar(width)
     fronts = [ax for ax in figure.axes if ax.get_ylabel() == "z [m]"]
-    names, rests = legend(fronts[-1]), width.poses
+    names, equilibria = legend(fronts[-1]), width.poses
     assert set(names) == {"commanded pose", "platform at rest", "taut cable", "slack cable"}
     assert fronts[-1].get_xlabel() == "x [m]"
     for ax, row in zip(fronts, (0, 1), strict=True):  # the higher one above
@@ -138,13 +138,13 @@ def test_a_legend_of_poses_names_what_is_where(width):
         for what in ("commanded pose", "platform at rest"):
             (box,) = (box for box in boxes if looks(box) == looks(names[what]) and not hasattr(box, "get_width"))
             middles[what] = box.get_xy()[:-1].mean(0)
-        np.testing.assert_allclose(middles["commanded pose"], rests.problems.positions[row][[0, 2]])
-        np.testing.assert_allclose(middles["platform at rest"], rests.positions[row][[0, 2]])
+        np.testing.assert_allclose(middles["commanded pose"], equilibria.problems.positions[row][[0, 2]])
+        np.testing.assert_allclose(middles["platform at rest"], equilibria.positions[row][[0, 2]])
         cables = [line for line in ax.lines if line.get_marker() == "None"]
         for cable, line in enumerate(cables):
             what = "slack cable" if cable == 0 else "taut cable"
             assert looks(line)[0] == looks(names[what])[0]
-            np.testing.assert_allclose(line.get_xydata()[0], rests.robot.exits[cable, [0, 2]])
+            np.testing.assert_allclose(line.get_xydata()[0], equilibria.robot.exits[cable, [0, 2]])
 
 
 def test_the_papers_line_has_each_series_under_its_name():
@@ -161,11 +161,11 @@ def test_the_papers_line_has_each_series_under_its_name():
     names, drawn = legend(figure.axes[0]), sag
     for one, line in zip(robots, shown, strict=True):
         label = f"{one.name}, {one.material}"
-        for road, rests in (("static", line.static), ("mujoco", line.settled)):
-            x, deviation = rests.positions[:, 0], 1e3 * (rests.positions - along)[:, 2]
-            np.testing.assert_allclose(sag[f"{road} {label}"].get_xydata(), np.transpose([x, deviation]))
-            beta = np.degrees(np.arctan2(rests.rotations[:, 0, 2], rests.rotations[:, 0, 0]))
-            np.testing.assert_allclose(turn[f"{road} {label}"].get_xydata(), np.transpose([x, beta]))
+        for method, equilibria in (("static", line.static), ("mujoco", line.settled)):
+            x, deviation = equilibria.positions[:, 0], 1e3 * (equilibria.positions - along)[:, 2]
+            np.testing.assert_allclose(sag[f"{method} {label}"].get_xydata(), np.transpose([x, deviation]))
+            beta = np.degrees(np.arctan2(equilibria.rotations[:, 0, 2], equilibria.rotations[:, 0, 0]))
+            np.testing.assert_allclose(turn[f"{method} {label}"].get_xydata(), np.transpose([x, beta]))
         assert looks(names[label])[0] == looks(drawn[f"static {label}"])[0]
         assert looks(names[label])[2] == looks(drawn[f"mujoco {label}"])[2]
         assert same_color(drawn[f"mujoco {label}"].get_mec(), names[label].get_mec())
@@ -190,11 +190,11 @@ def test_layouts_have_their_cables_to_the_left_and_right():
     homes = [made_up(robot, robot.home[None]) for robot in robots]
     figure = lines_figures.layouts(homes)
     names = legend(figure.axes[0])
-    for ax, rests in zip(figure.axes, homes, strict=True):
+    for ax, equilibria in zip(figure.axes, homes, strict=True):
         lines_drawn = [line for line in ax.lines if line.get_marker() == "None"]
-        assert [text.get_text() for text in ax.texts] == [str(i + 1) for i in range(rests.robot.cables)]
-        anchors = rests.positions[0] + rests.robot.anchors @ rests.rotations[0].T
-        for exit_, anchor, line, number in zip(rests.robot.exits, anchors, lines_drawn, ax.texts, strict=True):
+        assert [text.get_text() for text in ax.texts] == [str(i + 1) for i in range(equilibria.robot.cables)]
+        anchors = equilibria.positions[0] + equilibria.robot.anchors @ equilibria.rotations[0].T
+        for exit_, anchor, line, number in zip(equilibria.robot.exits, anchors, lines_drawn, ax.texts, strict=True):
             color = looks(names["cable to the left" if exit_[0] < 0.4 else "cable to the right"])[0]
             assert same_color(line.get_color(), color)
             assert same_color(number.get_color(), color)
@@ -266,16 +266,16 @@ def test_four_witnesses_of_the_bars_tilt_are_drawn_under_their_names(forms):
 
 
 def test_the_bars_three_poses_are_drawn_under_their_names(forms):
-    """Level where it was commanded, as it would have to tilt there, and where and how it rests by either road."""
+    """Level where it was commanded, as it would have to tilt there, and where and how it rests by either method."""
     figure = two_cable_figures.poses(forms)
     (ax,) = figure.axes
-    names, rests = legend(ax), forms.poses
-    commanded = rests.problems.positions
-    anchors = rests.robot.anchors[[0, -1]]
+    names, equilibria = legend(ax), forms.poses
+    commanded = equilibria.problems.positions
+    anchors = equilibria.robot.anchors[[0, -1]]
     for name, positions, turns in (
         ("commanded, level", commanded, np.zeros(2)),
         ("closed form: tilt it needs there", commanded, forms.balanced),
-        ("static solver: where it rests", rests.positions, rests.euler[:, 1]),
+        ("static solver: where it rests", equilibria.positions, equilibria.euler[:, 1]),
     ):
         bars = [line.get_xydata() for line in ax.lines if looks(line) == looks(names[name])]
         turned = [at + Rotation.from_euler("y", turn).apply(anchors) for at, turn in zip(positions, turns, strict=True)]
@@ -284,7 +284,7 @@ def test_the_bars_three_poses_are_drawn_under_their_names(forms):
     ends = [settled.positions + settled.rotations @ anchor for anchor in (np.zeros(3), *anchors)]
     points = np.concatenate([line.get_xydata() for line in ax.lines if line.get_gid() == "mujoco"])
     np.testing.assert_allclose(points, np.concatenate(ends)[:, [0, 2]])
-    shift = 1e3 * np.abs(rests.positions - commanded)[:, 0].max()
+    shift = 1e3 * np.abs(equilibria.positions - commanded)[:, 0].max()
     assert f"moves up to {shift:.0f} mm" in figure.get_suptitle().replace("\n", " ")
     robot = "two-cable, vectran-0.7mm cables (EA = 10 kN), bar of 102 mm and 0.4 kg, 2 commanded poses"
     assert figure.get_supxlabel().replace("\n", " ").startswith(robot)
@@ -294,9 +294,9 @@ def test_the_drifts_colours_are_the_bars():
     """A piece of the curve has the colour that stands beside its stiffness."""
     robot = cdpr.load_robot("two-cable")
     commanded, stiffness = np.array([[0.2, 0, 0.3]]), np.array([1000.0, 100.0, 50.0, 15.0])
-    roads = [tuple(made_up(robot, commanded) for _ in stiffness) for _ in range(2)]
+    methods = [tuple(made_up(robot, commanded) for _ in stiffness) for _ in range(2)]
     x, z = np.linspace(0.1, 0.7, 4), np.linspace(0.1, 0.4, 3)
-    study = two_cable.Manifold(robot, x, z, RANDOM.uniform(-1, 1, (3, 4)), commanded, stiffness, *roads)
+    study = two_cable.Manifold(robot, x, z, RANDOM.uniform(-1, 1, (3, 4)), commanded, stiffness, *methods)
     figure = two_cable_figures.manifold(study)
     front = next(ax for ax in figure.axes if "from the front" in ax.get_title(loc="left"))
     bar = next(ax for ax in figure.axes if ax.get_ylabel() == "axial stiffness EA [N]")
@@ -305,9 +305,9 @@ def test_the_drifts_colours_are_the_bars():
     pieces = [line for line in front.lines if line.get_linewidth() == 3.2]
     for piece, EA in zip(pieces, stiffness, strict=False):
         np.testing.assert_allclose(piece.get_color(), np.ravel(mesh.to_rgba([places[EA]])), atol=0.01)
-    for gid, road in (("static 0", study.static), ("mujoco", study.settled)):
+    for gid, method in (("static 0", study.static), ("mujoco", study.settled)):
         points = np.concatenate([line.get_xydata() for line in front.lines if line.get_gid() == gid])
-        np.testing.assert_array_equal(points, np.concatenate([one.positions[:, [0, 2]] for one in road]))
+        np.testing.assert_array_equal(points, np.concatenate([one.positions[:, [0, 2]] for one in method]))
 
 
 # Solvers
@@ -343,7 +343,7 @@ def test_each_solver_is_drawn_under_its_name():
     )
 
 
-def test_each_difference_of_the_roads_is_drawn_in_its_panel():
+def test_each_difference_of_the_methods_is_drawn_in_its_panel():
     """Positions in m, rotations in degrees, tensions in N; with what counts as the same, and crosses where free."""
     agree, free = cdpr.Verdict.AGREE, cdpr.Verdict.AGREE_BUT_FREE
     study = [
@@ -444,7 +444,7 @@ def test_stiffnesses_and_pushes_are_drawn_in_their_units(stretched):
 
 
 def test_a_wrong_length_is_told_of_the_right_cable(stretched):
-    """Where the platform is, in mm, and how hard the tightest cable pulls, in N, by each road; too short is left."""
+    """Where the platform is, in mm, and how hard the tightest cable pulls, in N, by each method; too short is left."""
     figure = pretension_figures.pretension(stretched)
     misses, overload = figure.axes[4:6]
     names = legend(misses)
@@ -476,21 +476,21 @@ def test_a_wrong_length_is_told_of_the_right_cable(stretched):
 
 
 def test_before_and_after_compensation_are_drawn_as_they_are():
-    """By either road, in mm and degrees, each under its name."""
+    """By either method, in mm and degrees, each under its name."""
     robot, poses = cdpr.load_robot("cogiro"), [(0.3, 0.25, 0.1), (0.4, 0.25, 0.1)]
     compensations = [cdpr.compensate(robot, pose) for pose in poses]
     kinds = ("before", "after", "settled_before", "settled_after")
     away = {kind: RANDOM.uniform(1e-3, 1e-2, 2) for kind in kinds}
     turned = {kind: RANDOM.uniform(0.01, 0.1, 2) for kind in kinds}
 
-    def rests(kind: str) -> list[cdpr.Equilibrium]:
+    def equilibria(kind: str) -> list[cdpr.Equilibrium]:
         moved = [
             Pose(np.array(pose) - np.array([0, 0, far]), Rotation.from_euler("y", turn).as_matrix())
             for pose, far, turn in zip(poses, away[kind], turned[kind], strict=True)
         ]
         return [dataclasses.replace(one.equilibrium, pose=at) for one, at in zip(compensations, moved, strict=True)]
 
-    line = compensation.CompensatedLine("title", *(rests(kind) for kind in kinds), compensations)
+    line = compensated_line.CompensatedLine("title", *(equilibria(kind) for kind in kinds), compensations)
     figure = compensation_figures.draw_compensation([line])
     words = {
         "rigid lengths": "before",
@@ -523,7 +523,7 @@ def test_before_and_after_compensation_are_drawn_as_they_are():
 
 
 def test_what_real_cables_do_is_drawn_in_its_row_and_under_its_name():
-    """Medians and 95 % of each property in its row, in the robot's colour; growth with the radius, by either road."""
+    """Medians and 95 % of each property in its row, in the robot's colour; growth with the radius, by either method."""
     robots = ["DemoBot, crossed (cogiro)", "DemoBot, parallel", "crane of 15 m"]
     effects = tuple(
         real_cables.Effect(robot, what, RANDOM.uniform(1e-3, 9e-3, 21), RANDOM.uniform(0, 1, 21), 1e-9, 0)
@@ -548,7 +548,7 @@ def test_what_real_cables_do_is_drawn_in_its_row_and_under_its_name():
     assert ax.get_xlabel() == "the platform moves by: median, and up to 95 % of poses [mm]"
 
 
-def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_road_has_them():
+def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_method_has_them():
     """From below and from above, over radii in mm, with so many mm per mm; the crane in words."""
     radii = np.array([0.0, 0.01, 0.02])
     growths = tuple(
@@ -562,7 +562,7 @@ def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_road_has_them():
     names = legend(ax)
     rates = [np.median(one.shifts[1]) / 0.01 for one in growths]
     for one, rate, arriving in zip(growths[:2], rates, ("from below", "from above"), strict=False):
-        static, settled = (by_gid(ax)[f"{road} DemoBot, parallel {arriving}"] for road in ("static", "mujoco"))
+        static, settled = (by_gid(ax)[f"{method} DemoBot, parallel {arriving}"] for method in ("static", "mujoco"))
         np.testing.assert_allclose(
             static.get_xydata(), np.transpose([[0, 10, 20], 1e3 * np.median(one.shifts, axis=1)])
         )
@@ -576,22 +576,22 @@ def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_road_has_them():
 def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     """A platform 5 mm beside where its winches believe it to be; ropes that sag by 3 to 10 mm, each by its own."""
     robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.02, pulley_axis=(0, 0, 1))
-    rests = made_up(robot, [(0.3, 0.25, 0.1)])
-    rests = dataclasses.replace(rests, positions=np.array([[0.303, 0.25, 0.096]]))
+    equilibria = made_up(robot, [(0.3, 0.25, 0.1)])
+    equilibria = dataclasses.replace(equilibria, positions=np.array([[0.303, 0.25, 0.096]]))
     ax = Figure().add_subplot()
-    real_cables_figures._pulleys(ax, real_cables.Hanging(rests, np.zeros((8, 2, 3))))
+    real_cables_figures._pulleys(ax, real_cables.Hanging(equilibria, np.zeros((8, 2, 3))))
     assert ax.get_title() == "DemoBot over pulleys of 20 mm that its winches do not know: 5 mm off"
     names = legend(ax)
     believed = [line for line in ax.lines if looks(line) == looks(names["as its winches believe"])]
     for line, exit_, anchor in zip(believed, robot.exits, np.array([0.3, 0.25, 0.1]) + robot.anchors, strict=True):
         np.testing.assert_allclose(line.get_xydata(), [exit_[[0, 2]], anchor[[0, 2]]])
     heavy = robot.replace(pulley_radius=0.0, linear_density=0.01)
-    rests = made_up(heavy, [(0.3, 0.25, 0.1)], [(0, 7)])
+    equilibria = made_up(heavy, [(0.3, 0.25, 0.1)], [(0, 7)])
     sags = np.linspace(0.003, 0.010, 8)
-    anchors = rests.positions[0] + heavy.anchors @ rests.rotations[0].T
+    anchors = equilibria.positions[0] + heavy.anchors @ equilibria.rotations[0].T
     middles = (heavy.exits + anchors) / 2 - sags[:, None] * np.array([0, 0, 1])
     ax = Figure().add_subplot()
-    real_cables_figures._heavy(ax, real_cables.Hanging(rests, np.stack([heavy.exits, middles, anchors], axis=1)))
+    real_cables_figures._heavy(ax, real_cables.Hanging(equilibria, np.stack([heavy.exits, middles, anchors], axis=1)))
     assert ax.get_title() == "The crane on steel ropes, which sag by 3 to 10 mm"
     (inset,) = ax.child_axes
     assert inset.get_title() == "below the straight line [mm], from exit to anchor"
@@ -608,16 +608,16 @@ def test_runs_of_controllers_are_drawn_under_their_names():
     """Speed by colour, path by marker, cable by filling; errors in mm and degrees, tensions from lowest to highest."""
     robot = cdpr.load_robot("cogiro")
     tasks = [
-        controllers.Task(layout, material, path, speed)
+        controller_comparison.Task(layout, material, path, speed)
         for layout in ("cogiro", "parallel")
         for material, path, speed in (("vectran-0.7mm", "line", 0.05), ("fishing-0.4mm", "circle", 0.5))
     ]
     runs = []
     for task in tasks:
-        rests = made_up(robot, np.tile(robot.home, (4, 1)))
-        trajectory = cdpr.Trajectory.through(rests, controllers.PAUSE + np.arange(4.0))
-        runs.append(controllers.Run(task, controllers.TENSIONS, trajectory, False))
-    figure = controllers_figures.controllers(runs)
+        equilibria = made_up(robot, np.tile(robot.home, (4, 1)))
+        trajectory = cdpr.Trajectory.through(equilibria, controller_comparison.PAUSE + np.arange(4.0))
+        runs.append(controller_comparison.Run(task, controller_comparison.TENSIONS, trajectory, False))
+    figure = controller_comparison_figures.controllers(runs)
     key, *panels = figure.axes
     names, grid = legend(key), np.reshape(panels, (2, 3))
     assert [ax.get_xlabel() for ax in grid[1]] == ["error of position [mm]", "error of tilt [°]", "tension [N]"]
@@ -629,16 +629,18 @@ def test_runs_of_controllers_are_drawn_under_their_names():
     for row, layout in zip(grid, ("cogiro", "parallel"), strict=True):
         own = [run for run in runs if run.task.layout == layout]
         height = [label.get_text() for label in grid[0, 0].get_yticklabels()].index("tensions\n(force control)")
-        points = [[line for line in ax.lines if line.get_gid() == f"rms {controllers.TENSIONS}"] for ax in row[:2]]
-        ranges = [line for line in row[2].lines if line.get_gid() == f"tensions {controllers.TENSIONS}"]
+        points = [
+            [line for line in ax.lines if line.get_gid() == f"rms {controller_comparison.TENSIONS}"] for ax in row[:2]
+        ]
+        ranges = [line for line in row[2].lines if line.get_gid() == f"tensions {controller_comparison.TENSIONS}"]
         for run, shift, turn, pull in zip(own, *points, ranges, strict=True):
-            rests = run.trajectory
-            away = 1e3 * np.linalg.norm(rests.positions - rests.problems.positions, axis=1)
-            tilts = np.degrees(np.arccos(rests.rotations[:, 2, 2]))
+            equilibria = run.trajectory
+            away = 1e3 * np.linalg.norm(equilibria.positions - equilibria.problems.positions, axis=1)
+            tilts = np.degrees(np.arccos(equilibria.rotations[:, 2, 2]))
             for point, values in ((shift, away), (turn, tilts)):
                 np.testing.assert_allclose(point.get_xdata(), [np.sqrt(np.mean(values**2))])
                 assert abs(point.get_ydata()[0] - height) < 0.5
-            np.testing.assert_allclose(pull.get_xdata(), [rests.tensions.min(), rests.tensions.max()])
+            np.testing.assert_allclose(pull.get_xdata(), [equilibria.tensions.min(), equilibria.tensions.max()])
             slow, line = run.task.speed == 0.05, run.task.path == "line"
             speed = names["up to 0.05 m/s" if slow else "up to 0.5 m/s"]
             assert looks(shift)[0] == looks(turn)[0] == looks(pull)[0] == looks(speed)[0]
@@ -651,13 +653,13 @@ def test_runs_of_controllers_are_drawn_under_their_names():
 
 
 @pytest.fixture(scope="module")
-def proof() -> Proof:
+def proof() -> LayoutValidation:
     """A search that has hardly begun; both robots with rests that are made up."""
     found = cdpr.find_layout(
         cdpr.load_robot("parallel"), [(0.3, 0.25, 0.1), (0.5, 0.25, 0.1)], move=[cdpr.Move("exits", 0.01)],
         objective="worst deviation", generations=1,
     )  # fmt: skip
-    true = cdpr.prove_layout(found)
+    true = cdpr.validate_layout(found)
     sides = []
     for side, slack, agree in ((true.before, [(0, 0), (0, 1), (1, 0)], 1), (true.after, [(2, 3)], 2)):
         settled = made_up(side.robot, side.settled.problems.positions, slack)
@@ -679,12 +681,12 @@ def test_a_layouts_numbers_are_mujocos_before_and_after(proof):
         "worst, mean deviation": [],
         "lowest, highest tension": [],
     }
-    for rests in (proof.before.settled, proof.after.settled):
-        tilts = np.degrees(np.arccos(rests.rotations[:, 2, 2]))
-        away = 1e3 * np.linalg.norm(rests.positions - rests.problems.positions, axis=1)
+    for equilibria in (proof.before.settled, proof.after.settled):
+        tilts = np.degrees(np.arccos(equilibria.rotations[:, 2, 2]))
+        away = 1e3 * np.linalg.norm(equilibria.positions - equilibria.problems.positions, axis=1)
         expected["worst, mean tilt"].append(f"{tilts.max():.3g}°, {tilts.mean():.3g}°")
         expected["worst, mean deviation"].append(f"{away.max():.3g} mm, {away.mean():.3g} mm")
-        expected["lowest, highest tension"].append(f"0 N, {rests.tensions.max():.3g} N")
+        expected["lowest, highest tension"].append(f"0 N, {equilibria.tensions.max():.3g} N")
     assert rows == expected
 
 
@@ -694,8 +696,8 @@ def test_a_front_is_drawn_in_its_goals_units(proof):
     goals = tuple(dataclasses.replace(found.objective, name=name, unit=unit, size=size)
                   for name, unit, size in (("tilt", "°", np.pi / 180), ("deviation", "mm", 1e-3)))  # fmt: skip
     scores = np.array([[0.1, 0.02], [0.2, 0.01]])
-    front = cdpr.Front(found.given, goals, np.array([0.3, 0.03]), scores, found.rests.layouts, found.cases, 99)
-    (ax,) = better_layouts.front_picture(front).axes
+    front = cdpr.Front(found.given, goals, np.array([0.3, 0.03]), scores, found.equilibria.layouts, found.cases, 99)
+    (ax,) = better_layouts.pareto_picture(front).axes
     drawn = {str(line.get_label()): line.get_xydata() for line in ax.lines}
     np.testing.assert_allclose(drawn["NSGA-II, 99 layouts"], np.transpose([np.degrees([0.1, 0.2]), [20, 10]]))
     np.testing.assert_allclose(drawn["as given"], [[np.degrees(0.3), 30]])

@@ -12,9 +12,9 @@ from PIL import ImageDraw
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.drawing import layouts as layout_pictures
+from cdpr_sim.drawing import layout_figures as layout_pictures
 from cdpr_sim.drawing import maps, still, style
-from cdpr_sim.drawing.video import film, page, scene
+from cdpr_sim.drawing.video import film, frame_layout, scene
 
 SIZE = (640, 360)
 
@@ -42,12 +42,12 @@ def written(monkeypatch) -> list[Word]:
     return said
 
 
-def a_page() -> page.Page:
+def a_page() -> frame_layout.Page:
     robot = cdpr.load_robot("planar-vertical")
-    return page.Page(SIZE, [robot], [["caption"]], largest_tension=2.0, footnote="footnote", outlined=True)
+    return frame_layout.Page(SIZE, [robot], [["caption"]], largest_tension=2.0, footnote="footnote", outlined=True)
 
 
-def a_frame(of: page.Page, tensions, slack) -> np.ndarray:
+def a_frame(of: frame_layout.Page, tensions, slack) -> np.ndarray:
     (cell,) = of.cells
     views = [np.zeros((box.height, box.width, 3), np.uint8) for box in (cell.view, cell.close_up)]
     deviation = np.array([3e-3, 4e-3, -12.3e-3])
@@ -76,13 +76,13 @@ def test_bars_are_as_high_as_tensions():
     frame = a_frame(of, [0.0, 0.5, 2.0, 0.0], [True, False, False, True])
     chart = of._chart(of.cells[0].bars)
     middles = [int(chart.left + (i + 0.5) * chart.width / 4) for i in range(4)]
-    paper = np.array(page._rgb(style.PAGE_PAPER))
+    paper = np.array(frame_layout._rgb(style.PAGE_PAPER))
     filled = [(np.abs(frame[chart.top : chart.bottom, x].astype(int) - paper).max(1) > 60).mean() for x in middles]
     assert filled[1] == pytest.approx(0.25, abs=0.06)
     assert filled[2] == pytest.approx(1.0, abs=0.02)
     assert max(filled[0], filled[3]) < 0.5  # the frame's two lines, and the word along it
     edge = frame[(chart.top + chart.bottom) // 2, chart.left : middles[0]].astype(int)
-    assert np.abs(edge - page._rgb(style.SLACK_COLOR)).max(1).min() == 0
+    assert np.abs(edge - frame_layout._rgb(style.SLACK_COLOR)).max(1).min() == 0
 
 
 def test_bars_reach_the_numbers_of_their_tensions(written):
@@ -96,9 +96,9 @@ def test_bars_reach_the_numbers_of_their_tensions(written):
     under = {word.x: word for word in under[:4] + under[-1:]}  # a slack cable's is written again
     for number, (x, word) in enumerate(sorted(under.items()), start=1):
         assert word.text == str(number)
-        assert word.color == page._rgb(style.SLACK_COLOR if number == 4 else style.PAGE_INK)
+        assert word.color == frame_layout._rgb(style.SLACK_COLOR if number == 4 else style.PAGE_INK)
         if number < 4:
-            column = np.abs(frame[chart.top : chart.bottom, int(x)] - page._rgb(style.PAGE_PAPER)).max(1)
+            column = np.abs(frame[chart.top : chart.bottom, int(x)] - frame_layout._rgb(style.PAGE_PAPER)).max(1)
             top = chart.top + np.flatnonzero(column > 100)[0]
             assert top == pytest.approx(heights[{1: "1", 2: "2", 3: "1"}[number]], abs=1)
 
@@ -129,7 +129,7 @@ def test_the_legends_swatches_have_the_colours_of_what_they_name(written):
         return blank[y - 7 : y + 7, x - 22 : x - 2].reshape(-1, 3)
 
     platform, yellow, vermilion = (
-        page._rgb(color) for color in (style.PLATFORM_COLOR, style.STATIC_COLOR, style.SLACK_COLOR)
+        frame_layout._rgb(color) for color in (style.PLATFORM_COLOR, style.STATIC_COLOR, style.SLACK_COLOR)
     )
     holds = {
         name: [bool((np.abs(swatch(name) - color).max(1) <= 2).any()) for color in (platform, yellow, vermilion)]
@@ -161,8 +161,8 @@ def moving() -> cdpr.Trajectory:
 def test_every_frame_is_given_its_own_state(moving, monkeypatch):
     """Tilt, deviation, tensions and slack cables of the state that is drawn."""
     given = []
-    drawn = page.Page.frame
-    monkeypatch.setattr(page.Page, "frame", lambda self, *args: given.append(args[2:]) or drawn(self, *args))
+    drawn = frame_layout.Page.frame
+    monkeypatch.setattr(frame_layout.Page, "frame", lambda self, *args: given.append(args[2:]) or drawn(self, *args))
     list(film.frames(moving, seconds=0.5, fps=10, size=SIZE, renderer="raycast"))
     assert len(given) == 5
     for step, (tilts, deviations, tensions, slack) in enumerate(given):
@@ -241,7 +241,7 @@ def test_cables_ghost_and_trail_are_those_of_the_state(moving):
     np.testing.assert_allclose(trail, (moving.positions[:step] + moving.positions[1 : step + 1]) / 2, atol=1e-6)
 
 
-def test_maps_say_how_much_is_feasible_and_how_far_apart_the_roads_are():
+def test_maps_say_how_much_is_feasible_and_how_far_apart_the_methods_are():
     """A quarter of the poses; the largest difference, 1.5e-6 mm, rounded up, and not the mean."""
     dataset = cdpr.sweep("cogiro", {"x": [0.3, 0.4], "z": [0.1, 0.2]})
     dataset["feasible"][:] = np.reshape([True, False, False, False], dataset["feasible"].shape)
@@ -269,7 +269,7 @@ def test_headings_are_whole(written, name, size, count):
     robot = cdpr.load_robot(name)
     robot = robot.replace(description="with a description as long as those that people like to write")
     captions = film._captions(SimpleNamespace(robot=robot))
-    page.Page(size, [robot] * count, [captions] * count, largest_tension=2.0, footnote="", outlined=True)
+    frame_layout.Page(size, [robot] * count, [captions] * count, largest_tension=2.0, footnote="", outlined=True)
     said = [word.text for word in written]
     assert said.count(name) == count
     assert sum(said.count(text) for text in captions) == count
@@ -277,7 +277,7 @@ def test_headings_are_whole(written, name, size, count):
 
 
 @pytest.fixture(scope="module")
-def layouts() -> tuple[cdpr.Rests, cdpr.Rests]:
+def layouts() -> tuple[cdpr.EquilibriumBatch, cdpr.EquilibriumBatch]:
     """`parallel` and the same with two exits lower, at rest at two poses."""
     robot = cdpr.load_robot("parallel")
     exits = robot.exits.copy()
@@ -296,12 +296,12 @@ def test_before_and_after_are_not_swapped(layouts):
     )
     spaces = [ax for ax in figure.axes if ax.name == "3d"]
     assert [ax.get_title() or ax.get_title(loc="left") for ax in spaces] == ["before", "after"]
-    for ax, rests in zip(spaces, layouts, strict=True):
+    for ax, equilibria in zip(spaces, layouts, strict=True):
         exits = next(line for line in ax.lines if same_color(line.get_color(), style.INK) and line.get_marker() == "o")
-        np.testing.assert_array_equal(np.transpose(exits.get_data_3d()), rests.robot.exits)
+        np.testing.assert_array_equal(np.transpose(exits.get_data_3d()), equilibria.robot.exits)
     purple = [[line for line in ax.lines if style.PURPLE in (line.get_color(), line.get_mec())] for ax in spaces]
     moves = [np.transpose(line.get_data_3d()).tolist() for line in purple[1]]
-    was, now = (rests.robot.exits[[0, 6]].tolist() for rests in layouts)
+    was, now = (equilibria.robot.exits[[0, 6]].tolist() for equilibria in layouts)
     assert not purple[0]
     assert moves == [[was[0], now[0]], [was[0]], [was[1], now[1]], [was[1]]]  # a line, and a circle where it was
     planes = [ax for ax in figure.axes if ax.images]

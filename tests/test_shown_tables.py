@@ -17,8 +17,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.compensation import Compensation, Reach
-from cdpr_sim.analysis.equilibria import Equilibria, Following
+from cdpr_sim.analysis.compensation import Compensation, CompensationOutcome
+from cdpr_sim.analysis.equilibria import Equilibria, LoadPath
 from cdpr_sim.analysis.identification import Identification
 from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
@@ -26,12 +26,12 @@ from cdpr_sim.cli import app
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES, Check
 from cdpr_sim.crosscheck.compare import Agreement, Verdict
-from cdpr_sim.crosscheck.hold import Hold
-from cdpr_sim.crosscheck.layout import Proof, Side
-from cdpr_sim.design.layout import Layout, Moved
+from cdpr_sim.crosscheck.compensation_check import CompensationCheck
+from cdpr_sim.crosscheck.layout_validation import LayoutValidation, ValidatedRobot
+from cdpr_sim.design.layout_result import Change, LayoutResult
 from cdpr_sim.design.objectives import OBJECTIVES
 from cdpr_sim.physics.release import Release
-from cdpr_sim.report import analysis, as_json, crosscheck, design, workspace
+from cdpr_sim.report import analysis_tables, as_json, crosscheck_tables, design_tables, workspace_tables
 
 COMMANDED = (0.4, 0.25, 0.2)
 
@@ -87,7 +87,7 @@ def test_settle_shows_each_result_under_the_name_of_its_own_source():
     """All columns and units; the order in which results are handed in does not matter."""
     results = [made_up(source) for source in DEGREES]
     problem = results[0].problem
-    lines = printed(crosscheck.settle_table(problem, results))
+    lines = printed(crosscheck_tables.settle_table(problem, results))
     heads = [line for line in lines if "MuJoCo" in line]
     assert heads[0].split()[-4:] == ["MuJoCo", "Newton", "fsolve", "least_sq."]
     assert cells(lines, "x [mm]", 5) == ["400.000", "411.000", "412.000", "413.000", "414.000"]
@@ -107,16 +107,16 @@ def test_settle_shows_each_result_under_the_name_of_its_own_source():
     assert cells(lines, "slack cables", 12) == ["2", "of", "8"] * 4
     assert cells(lines, "unbalanced [N]", 4) == ["1.0e-09", "1.0e-08", "1.0e-07", "1.0e-06"]
     assert cells(lines, "iterations", 4) == ["100", "101", "102", "103"]
-    swapped = columns(crosscheck.settle_table(problem, results[::-1]))
-    assert {name: swapped[name] for name in columns(crosscheck.settle_table(problem, results))} == columns(
-        crosscheck.settle_table(problem, results)
+    swapped = columns(crosscheck_tables.settle_table(problem, results[::-1]))
+    assert {name: swapped[name] for name in columns(crosscheck_tables.settle_table(problem, results))} == columns(
+        crosscheck_tables.settle_table(problem, results)
     )
 
 
 def test_a_commanded_tilt_is_in_degrees():
     """25° about y, commanded: 25° of tilt."""
     problem = cdpr.Problem.of(cdpr.load_robot("cogiro"), (*COMMANDED, 0, math.radians(25), 0))
-    lines = printed(crosscheck.settle_table(problem, []))
+    lines = printed(crosscheck_tables.settle_table(problem, []))
     assert cells(lines, "tilt [°]", 1) == cells(lines, "about y [°]", 1) == ["25.000"]
 
 
@@ -156,17 +156,17 @@ def agreement(verdict: Verdict, **changes) -> Agreement:
 
 def test_the_verdict_gives_its_differences_in_the_units_that_it_names():
     """Two millimetres, three degrees, four newtons."""
-    text = crosscheck.verdict(agreement(Verdict.DISAGREE, reasons=("because",), same_slack=False))
+    text = crosscheck_tables.verdict(agreement(Verdict.DISAGREE, reasons=("because",), same_slack=False))
     assert "position within 2.0e+00 mm, rotation within 3.0e+00°, tensions within 4.0e+00 N, other cables" in text
     assert text.startswith("[bold red]")
     assert text.endswith("  - because")
-    assert crosscheck.verdict(agreement(Verdict.AGREE)).startswith("[bold green]")
+    assert crosscheck_tables.verdict(agreement(Verdict.AGREE)).startswith("[bold green]")
     said = f"<Agreement: {Verdict.AGREE.value}: 2.0e+00 mm, 3.0e+00° and 4.0e+00 N apart, other cables slack>"
     assert repr(agreement(Verdict.AGREE, same_slack=False)) == said
 
 
 def broken(problem: cdpr.Problem, settle=cdpr.settle, progress: bool = False) -> cdpr.Equilibrium:
-    """MuJoCo's road with springs half as stiff."""
+    """MuJoCo's method with springs half as stiff."""
     model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(problem.robot, problem.pose))
     model.tendon_stiffness[:] *= 0.5
     return settle(problem, model=model, progress=progress)
@@ -196,31 +196,32 @@ def test_mujocos_column_is_mujocos(monkeypatch):
     assert told["results"]["newton"]["source"] == "newton"
 
 
-def test_a_line_is_listed_with_how_far_the_roads_are_apart():
+def test_a_line_is_listed_with_how_far_the_methods_are_apart():
     """Millimetres, degrees, cables that are taut, and nanometres."""
     ends = [made_up("mujoco"), made_up("newton")]
     agreements = [agreement(Verdict.AGREE, position_error=1.5e-9), agreement(Verdict.DISAGREE, position_error=2.5e-6)]
-    shown = columns(crosscheck.line_table("title", ends, agreements))
+    shown = columns(crosscheck_tables.line_table("title", ends, agreements))
     tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in ((3, 20), (4, 21))]
     assert shown == {
         "commanded x [mm]": ["400.00", "400.00"], "x [mm]": ["411.00", "412.00"], "sag [mm]": ["7.000", "10.000"],
         "tilt [°]": [f"{math.degrees(tilt):.3f}" for tilt in tilts], "about y [°]": ["20.000", "21.000"],
-        "taut cables": ["6", "6"], "roads apart [nm]": ["1.50", "2500.00"], "verdict": ["agree", "[red]differ[/]"],
+        "taut cables": ["6", "6"], "methods apart [nm]": ["1.50", "2500.00"], "verdict": ["agree", "[red]differ[/]"],
     }  # fmt: skip
 
 
 def compensation(**changes) -> Compensation:
     values = dict(
-        commanded=RigidTransform.from_translation(COMMANDED), equilibrium=made_up("newton"), reach=Reach.NEAREST,
+        commanded=RigidTransform.from_translation(COMMANDED), equilibrium=made_up("newton"),
+        reach=CompensationOutcome.NEAREST,
         distance=0.0123, arm=0.055, reasons=("so it is",), tension_limits=np.ones((2, 8)), reached=None,
     )  # fmt: skip
     return Compensation(**(values | changes))
 
 
-def test_compensation_shows_errors_in_millimetres_and_degrees_by_road():
+def test_compensation_shows_errors_in_millimetres_and_degrees_by_method():
     """From the commanded pose; the angle of Ry(20°) Rx(3°) is 2 acos(cos 10° cos 1.5°)."""
     before, after = [made_up("mujoco"), made_up("newton")], [made_up("newton"), made_up("mujoco")]
-    shown = columns(analysis.compensation_table(compensation(), before, after))
+    shown = columns(analysis_tables.compensation_table(compensation(), before, after))
     assert list(shown) == ["", "before MuJoCo", "before Newton", "after Newton", "after MuJoCo"]
     rows = dict(
         zip([label.replace("\\", "") for label in shown[""]], zip(*list(shown.values())[1:], strict=True), strict=True)
@@ -243,30 +244,32 @@ def test_compensated_cables_are_shorter_by_what_is_said():
     cut = robot.rest_lengths(COMMANDED) - 1e-3 * np.arange(1, 9)
     problem = cdpr.Problem.of(robot, COMMANDED, cut)
     found = compensation(equilibrium=made_up("newton", problem=problem))
-    text = analysis.compensation_lengths(found).replace("\\", "")
+    text = analysis_tables.compensation_lengths(found).replace("\\", "")
     assert text == "Cables shorter by [mm]: 1.000, 2.000, 3.000, 4.000, 5.000, 6.000, 7.000, 8.000"
-    said = analysis.compensation_verdict(found, Hold(found, found.equilibrium, found.equilibrium))
+    said = analysis_tables.compensation_verdict(found, CompensationCheck(found, found.equilibrium, found.equilibrium))
     assert "12.300 mm away (a rotation counts as the way of a point 55 mm from" in said
     assert "so it is" in said
 
 
 @pytest.mark.parametrize(
-    ("exact", "stays", "comes", "color"),
+    ("exact", "stays", "reached_from_commanded", "color"),
     [(True, True, True, "green"), (False, True, True, "yellow"), (False, True, False, "yellow"),
      (True, False, False, "red")],
 )  # fmt: skip
-def test_what_mujoco_confirms_of_a_compensation_is_told(exact, stays, comes, color):
+def test_what_mujoco_confirms_of_a_compensation_is_told(exact, stays, reached_from_commanded, color):
     """The colour of the verdict, and in JSON whether the pose is held and whether the platform comes there."""
-    reach = Reach.EXACT if exact else Reach.NEAREST
+    reach = CompensationOutcome.EXACT if exact else CompensationOutcome.NEAREST
     found = compensation(reach=reach, distance=0.0 if exact else 0.0123)
     elsewhere = made_up("seecr/fsolve")
-    hold = Hold(found, found.equilibrium if stays else elsewhere, found.equilibrium if comes else elsewhere)
-    assert analysis.compensation_verdict(found, hold).startswith(f"[bold {color}]")
-    expected = [] if stays and comes else ["these lengths hold it" if stays else "it is not held"]
+    hold = CompensationCheck(
+        found, found.equilibrium if stays else elsewhere, found.equilibrium if reached_from_commanded else elsewhere
+    )
+    assert analysis_tables.compensation_verdict(found, hold).startswith(f"[bold {color}]")
+    expected = [] if stays and reached_from_commanded else ["these lengths hold it" if stays else "it is not held"]
     assert len(hold.reasons) == len(expected)
     assert all(words in reason for words, reason in zip(expected, hold.reasons, strict=True))
     told = as_json.compensation(found.equilibrium.problem, found, hold, [elsewhere], [found.equilibrium])
-    assert (told["held"], told["comes_from_commanded"], told["exact"]) == (stays, comes, exact)
+    assert (told["held"], told["reached_from_commanded"], told["exact"]) == (stays, reached_from_commanded, exact)
     assert told["before"]["fsolve"]["position"] == elsewhere.position.tolist()
     assert told["after"]["newton"]["position"] == found.equilibrium.position.tolist()
 
@@ -274,13 +277,15 @@ def test_what_mujoco_confirms_of_a_compensation_is_told(exact, stays, comes, col
 def test_sensitivity_and_modes_name_their_units():
     """Millimetres, degrees and newtons per unit; hertz."""
     effect = Effect("exit 3 z", "exits", 8, "mm", 1.5, 2.5, 3.5)
-    shown = columns(analysis.sensitivity_table(Sensitivity(made_up("newton"), {}, {}, 4e-3), [effect]))
+    shown = columns(analysis_tables.sensitivity_table(Sensitivity(made_up("newton"), {}, {}, 4e-3), [effect]))
     assert shown == {"": ["exit 3 z"], "per": ["1 mm"], "mm": ["1.5"], "°": ["2.5"], "N": ["3.5"]}
-    assert "taut is 4 mm of its length" in analysis.sensitivity_note(Sensitivity(made_up("newton"), {}, {}, 4e-3))
+    assert "taut is 4 mm of its length" in analysis_tables.sensitivity_note(
+        Sensitivity(made_up("newton"), {}, {}, 4e-3)
+    )
     one = made_up("newton")
     shape = np.zeros((1, 6))
     shape[0, [0, 4]] = 2.0, 1.0 / one.problem.robot.characteristic_length  # a rotation half as far as the translation
-    table = columns(analysis.modes_table(Modes(one, np.array([7.25]), shape)))
+    table = columns(analysis_tables.modes_table(Modes(one, np.array([7.25]), shape)))
     assert (table["mode"], table["Hz"], table["x"], table["about y"]) == (["1"], ["7.250"], ["1.00"], ["0.50"])
     assert table["y"] == table["about x"] == [""]
     told = as_json.sensitivity(Sensitivity(one, {}, {}, 4e-3), [effect], Modes(one, np.array([7.25]), shape))
@@ -292,7 +297,7 @@ def test_equilibria_are_listed_with_what_mujoco_does_there():
     places = (made_up("mujoco"), made_up("newton", eigenvalues=(-3.0, 40.0, 90.0)))
     found = Equilibria(places[0].problem, places, np.array([0.0125, 0.25]), 10, saddles=True)
     releases = [Release(1e-6, 1e-6, 2.0), Release(1e-3, 1e-6, 2.0)]
-    table = analysis.equilibria_table(found, releases, reached=0)
+    table = analysis_tables.equilibria_table(found, releases, reached=0)
     assert [row.style for row in table.rows] == ["bold", "dim"]  # where one gets, and what is not stable
     shown = columns(table)
     assert shown["energy [mJ]"] == ["12.50", "250.00"]
@@ -307,7 +312,7 @@ def test_equilibria_are_listed_with_what_mujoco_does_there():
     assert shown["softest [N/m]"] == ["12.5", "-2"]
     assert shown["ways down"] == ["", "1"]
     assert shown["let go in MuJoCo"] == ["stays", "leaves"]
-    told = as_json.equilibria(places[0].problem, found, releases, Following(np.ones(1), places[:1], (0.5,)), 0, 1)
+    told = as_json.equilibria(places[0].problem, found, releases, LoadPath(np.ones(1), places[:1], (0.5,)), 0, 1)
     assert [one["energy"] for one in told["equilibria"]] == [0.0125, 0.25]
     assert [one["stays_in_mujoco"] for one in told["equilibria"]] == [True, False]
     assert (told["reached"], told["reached_in_mujoco"], told["imbalance"], told["jumps"]) == (0, 1, 0, [0.5])
@@ -318,34 +323,42 @@ def test_equilibria_that_are_missing_are_counted():
     minima, saddle = [made_up(source) for source in list(DEGREES)[:3]], made_up("newton", eigenvalues=(-3, 40, 90))
     for places, said in (([*minima], "At least 3 missing"), ([minima[0], saddle], "nothing says that one is missing")):
         found = Equilibria(minima[0].problem, tuple(places), np.zeros(len(places)), 10, saddles=True)
-        assert said in analysis.equilibria_note(found)
+        assert said in analysis_tables.equilibria_note(found)
 
 
 def test_what_moved_in_a_layout_is_told_in_its_unit():
     """Millimetres of points; newtons, kilograms per metre and per cent of cables."""
     moved = (
-        Moved("exit 3 z", 0.25, 0.2375),
-        Moved("EA of cable 2", 1000.0, 1250.0),
-        Moved("linear density of cable 2", 2.0, 1.0),
+        Change("exit 3 z", 0.25, 0.2375),
+        Change("EA of cable 2", 1000.0, 1250.0),
+        Change("linear density of cable 2", 2.0, 1.0),
     )
-    layout = Mock(spec=Layout, given=cdpr.load_robot("cogiro"), moved=moved)
-    assert list(columns(design.moved_table(layout)).values()) == [
+    layout = Mock(spec=LayoutResult, given=cdpr.load_robot("cogiro"), moved=moved)
+    assert list(columns(design_tables.moved_table(layout)).values()) == [
         ["exit 3 z", "EA of cable 2", "linear density of cable 2"], ["250.00 mm", "1000 N", "2 kg/m"],
         ["237.50 mm", "1250 N", "1 kg/m"], ["-12.50 mm", "+25 %", "-50 %"],
     ]  # fmt: skip
 
 
-def test_a_layouts_json_says_each_number_of_its_own_road():
+def test_a_layouts_json_says_each_number_of_its_own_method():
     """By statics and by MuJoCo, before and after; what MuJoCo does not confirm is null or false."""
     given, robot = cdpr.load_robot("parallel"), cdpr.load_robot("cogiro")
     layout = Mock(
-        spec=Layout, given=given, robot=robot, objective=OBJECTIVES["worst tilt"], before=0.5, after=0.125,
+        spec=LayoutResult, given=given, robot=robot, objective=OBJECTIVES["worst tilt"], before=0.5, after=0.125,
         cases=[1] * 3, moved=(), distance=0.01, tried=40, history=[0] * 7, message="done", warnings=("near its end",),
     )  # fmt: skip
     for score, better in ((0.25, True), (np.nan, False)):
-        sides = Mock(spec=Side, score=0.75), Mock(spec=Side, score=score)
-        told = design.design_json(
-            Mock(spec=Proof, found=layout, cases=[1] * 5, before=sides[0], after=sides[1], agrees=True, better=better)
+        sides = Mock(spec=ValidatedRobot, score=0.75), Mock(spec=ValidatedRobot, score=score)
+        told = design_tables.design_json(
+            Mock(
+                spec=LayoutValidation,
+                found=layout,
+                cases=[1] * 5,
+                before=sides[0],
+                after=sides[1],
+                agrees=True,
+                better=better,
+            )
         )
         in_mujoco = None if np.isnan(score) else score
         assert [told[name] for name in ("before", "after", "before_in_mujoco", "after_in_mujoco")] == [
@@ -362,7 +375,7 @@ def test_what_comes_nearest_is_listed_first():
     found = cdpr.clearances(cdpr.load_robot("cogiro"), poses, points=5)
     order = sorted(range(3), key=lambda row: found.least[row])
     assert order != [0, 1, 2]
-    shown = columns(design.clearance_table(found))
+    shown = columns(design_tables.clearance_table(found))
     for axis, name in enumerate("xyz"):
         assert shown[f"{name} [mm]"] == [f"{1000 * poses[row][axis]:.1f}" for row in order]
     distances = [float(words.split()[-2]) for words in shown["nearest"]]
@@ -381,13 +394,13 @@ def identification() -> Identification:
 
 def test_identification_shows_lengths_in_millimetres_and_the_rest_in_its_unit():
     """And what the data do not determine; residuals as root mean squares."""
-    shown = analysis.identification_table(identification())
+    shown = analysis_tables.identification_table(identification())
     table = [list(column.cells) for column in shown.columns]
     assert table == [
         ["axial stiffness", "rest length offset 3", "mass"], ["1234.5", "2.1", "0.4"], ["6.7", "0.31", "undetermined"],
         ["N", "mm", "kg"],
     ]  # fmt: skip
-    note = analysis.identification_note(identification())
+    note = analysis_tables.identification_note(identification())
     assert f"Residuals: {math.sqrt((9 + 16) / 2):.3g} mm and 2° (root mean square)." in note
     assert "judged from them: 5 mm and 6°" in note
     told = as_json.identification(identification())
@@ -408,7 +421,7 @@ def test_a_sweep_is_summed_up_column_by_column():
         status=[fine, fine, fine, bad], tilt=[*np.radians([1.0, 2.0, 6.0]), np.nan],
         distance=[0.010, 0.020, 0.050, np.nan], slack_count=[0, 1, 2, 3], feasible=[True, False, False, False],
     )  # fmt: skip
-    shown = columns(workspace.sweep_table(dataset))
+    shown = columns(workspace_tables.sweep_table(dataset))
     assert {name: values[0] for name, values in shown.items()} == {
         "robot": "mine", "cables": "rope", "solved %": "75", "median tilt °": "2.00", "worst tilt °": "6.00",
         "median dev. mm": "20.00", "worst dev. mm": "50.00", "slack %": "75", "feas %": "25",
@@ -422,7 +435,7 @@ def test_a_check_is_counted_outcome_by_outcome():
         outcome=[agree, agree, agree, apart], position_error=[1e-9, 2e-9, 3e-9, 1.0],
         rotation_error=np.radians([1e-7, 4e-7, 2e-7, 90.0]), tension_error=[5e-8, 1e-8, 2e-8, 9.0],
     )  # fmt: skip
-    shown = columns(workspace.check_table(Check(dataset, ())))
+    shown = columns(workspace_tables.check_table(Check(dataset, ())))
     assert shown["agree"] == ["3"]
     assert shown["disagree"] == ["[red]1[/]"]
     assert shown["unsettled"] == ["0"]

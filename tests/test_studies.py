@@ -1,4 +1,4 @@
-"""What the figures show is what the roads answered."""
+"""What the figures show is what the methods answered."""
 
 import dataclasses
 
@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.problem import Problems
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.crosscheck.compare import POSITION_TOLERANCE, TENSION_TOLERANCE, Verdict
-from cdpr_sim.statics import two_cable
+from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import solvers as solver_studies
 from cdpr_sim.studies import tilt_condition as balance
@@ -26,7 +26,7 @@ REST_MOMENT_TOLERANCE = 1e-9
 """[N m] What the solver's residual leaves as a moment, 1e-13 measured; held level it is 1e-1."""
 
 
-def rests_with(slack: list[list[bool]]) -> Rests:
+def rests_with(slack: list[list[bool]]) -> EquilibriumBatch:
     """Rests whose cables are slack as given, one row per 0.1 m, each elsewhere than it was commanded."""
     pattern = np.array(slack)
     rows, cables = pattern.shape
@@ -37,7 +37,7 @@ def rests_with(slack: list[list[bool]]) -> Rests:
         mass=1.0,
     )
     positions = np.c_[0.1 * np.arange(rows), np.zeros((rows, 2))]
-    return Rests(
+    return EquilibriumBatch(
         problems=Problems.of(robot, positions),
         positions=positions + np.array([0.03, 0.0, -0.2]),
         rotations=np.tile(np.eye(3), (rows, 1, 1)),
@@ -59,8 +59,8 @@ def test_lines_go_along_x_midway_in_y():
 
 def test_zones_are_where_the_number_of_slack_cables_changes():
     """Neighbouring zones share an end, and together they cover the line."""
-    rests = rests_with([[True, True], [True, True], [True, False], [False, False], [False, False]])
-    starts, ends, slack = zip(*studies.zones(rests), strict=True)
+    equilibria = rests_with([[True, True], [True, True], [True, False], [False, False], [False, False]])
+    starts, ends, slack = zip(*studies.zones(equilibria), strict=True)
     assert starts == pytest.approx((0.0, 0.2, 0.3))
     assert ends == pytest.approx((0.2, 0.3, 0.4))
     assert slack == (2, 1, 0)
@@ -68,24 +68,24 @@ def test_zones_are_where_the_number_of_slack_cables_changes():
 
 def test_twins_are_cables_that_pull_the_same_everywhere():
     """Equal at one pose is not enough."""
-    rests = rests_with([[False, False, True], [True, False, True], [False, False, False]])
-    assert studies.twins(rests) == [[0], [1], [2]]
-    tensions = rests.tensions.copy()
+    equilibria = rests_with([[False, False, True], [True, False, True], [False, False, False]])
+    assert studies.twins(equilibria) == [[0], [1], [2]]
+    tensions = equilibria.tensions.copy()
     tensions[:, 1] = tensions[:, 0]
-    assert studies.twins(dataclasses.replace(rests, tensions=tensions)) == [[0, 1], [2]]
+    assert studies.twins(dataclasses.replace(equilibria, tensions=tensions)) == [[0, 1], [2]]
 
 
 @pytest.mark.parametrize("robot", ["parallel", "planar-vertical"])
-def test_both_roads_answer_the_same_line(robot):
-    """Commanded alike, they rest alike; a softer cable on one road is noticed."""
+def test_both_methods_answer_the_same_line(robot):
+    """Commanded alike, they rest alike; a softer cable on one method is noticed."""
     line = studies.line(cdpr.load_robot(robot), 0.1, (0.17, 0.63), static_rows=7, settled_rows=7)
     assert np.abs(line.static.positions - line.settled.positions).max() < POSITION_TOLERANCE
     assert np.abs(line.static.tensions - line.settled.tensions).max() < TENSION_TOLERANCE
-    softer = studies.rests_by_mujoco(line.robot.replace(axial_stiffness=9e3), line.static.problems.positions)
+    softer = studies.equilibria_by_mujoco(line.robot.replace(axial_stiffness=9e3), line.static.problems.positions)
     assert np.abs(line.static.positions - softer.positions).max() > POSITION_TOLERANCE
 
 
-def test_lines_are_checked_by_the_other_road(monkeypatch):
+def test_lines_are_checked_by_the_other_method(monkeypatch):
     """MuJoCo's rests against statics, which agree; against answers a millimetre beside them, nowhere."""
     asked = {"layout": "parallel", "materials": ["fishing-0.4mm"], "heights": [0.1], "rows": 2}
     (checked,) = studies.checked_lines(**asked).values()
@@ -106,21 +106,21 @@ def test_rests_are_those_of_solve_and_settle():
     """A row is what the public function returns for its pose."""
     robot = cdpr.load_robot("parallel").replace(material="fishing-0.4mm")
     commanded = np.array([[0.2, 0.25, 0.1]])
-    for rests, one in (
-        (studies.rests_by_statics(robot, commanded), cdpr.solve(robot, commanded[0])),
-        (studies.rests_by_mujoco(robot, commanded), cdpr.settle(robot, commanded[0])),
+    for equilibria, one in (
+        (studies.equilibria_by_statics(robot, commanded), cdpr.solve(robot, commanded[0])),
+        (studies.equilibria_by_mujoco(robot, commanded), cdpr.settle(robot, commanded[0])),
     ):
-        assert np.array_equal(rests.slack[0], one.slack)
-        assert rests.positions[0] == pytest.approx(one.position, abs=POSITION_TOLERANCE)
-        assert rests.euler[0, 1] == pytest.approx(one.euler[1], abs=1e-9)
-        assert rests.tilt[0] == pytest.approx(one.tilt, abs=1e-9)
-        assert rests.rest_lengths[0] == pytest.approx(one.rest_lengths, abs=1e-15)
+        assert np.array_equal(equilibria.slack[0], one.slack)
+        assert equilibria.positions[0] == pytest.approx(one.position, abs=POSITION_TOLERANCE)
+        assert equilibria.euler[0, 1] == pytest.approx(one.euler[1], abs=1e-9)
+        assert equilibria.tilt[0] == pytest.approx(one.tilt, abs=1e-9)
+        assert equilibria.rest_lengths[0] == pytest.approx(one.rest_lengths, abs=1e-15)
 
 
 def test_a_row_without_rest_is_no_rest():
     """Where a solver finds nothing, nothing is drawn: the study says so."""
     with pytest.raises(cdpr.NotConverged, match=r"parallel.*nan"):
-        studies.rests_by_statics(cdpr.load_robot("parallel"), [[np.nan, 0.25, 0.1]])
+        studies.equilibria_by_statics(cdpr.load_robot("parallel"), [[np.nan, 0.25, 0.1]])
 
 
 @pytest.mark.parametrize(
@@ -137,12 +137,15 @@ def test_cables_go_slack_as_the_paper_reports(robot, counts):
 def test_the_bar_drifts_on_its_manifold():
     """At every stiffness the closed form with the bar's length holds where the bar rests; without it, it does not."""
     study = two_cable_studies.manifold(drifts=5, settled_every=2, columns=5, heights=4)
-    for rests in (*study.static, *study.settled):
-        for position, beta in zip(rests.positions, rests.euler[:, 1], strict=True):
-            assert np.abs(two_cable.equilibrium_rotations(study.robot, position) - beta).min() < MANIFOLD_TOLERANCE
-    short = [two_cable.short_bar_rotation(study.robot, p) for p in study.static[0].positions]
+    for equilibria in (*study.static, *study.settled):
+        for position, beta in zip(equilibria.positions, equilibria.euler[:, 1], strict=True):
+            assert (
+                np.abs(two_cable_closed_form.equilibrium_rotations(study.robot, position) - beta).min()
+                < MANIFOLD_TOLERANCE
+            )
+    short = [two_cable_closed_form.short_bar_rotation(study.robot, p) for p in study.static[0].positions]
     assert np.abs(short - study.static[0].euler[:, 1]).max() > 1e6 * MANIFOLD_TOLERANCE
-    fall = [rests.positions[1, 2] for rests in study.static]
+    fall = [equilibria.positions[1, 2] for equilibria in study.static]
     assert (np.diff(fall) < 0).all()  # the softer, the lower
 
 

@@ -175,10 +175,10 @@ def test_solver_that_gives_up_leaves_nan_and_its_status(monkeypatch):
     solve_many = sweeping.solve_many
 
     def stalled(*args, **kwargs):
-        rests = solve_many(*args, **kwargs)
-        status = rests.status.copy()
+        equilibria = solve_many(*args, **kwargs)
+        status = equilibria.status.copy()
         status[..., 0] = Status.STALLED
-        return replace(rests, status=status)
+        return replace(equilibria, status=status)
 
     monkeypatch.setattr(sweeping, "solve_many", stalled)
     dataset = cdpr.sweep("cogiro", (2, 2, 3), chunk=None)

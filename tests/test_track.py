@@ -34,14 +34,14 @@ class Listener:
     """Rigid lengths, and all that sensors have said."""
 
     robot: cdpr.Robot
-    heard: list[tuple[float, cdpr.Sensed]] = field(default_factory=list)
+    heard: list[tuple[float, cdpr.Measurement]] = field(default_factory=list)
 
-    def start(self, course: cdpr.Course) -> np.ndarray:
+    def start(self, reference: cdpr.Reference) -> np.ndarray:
         self.heard.clear()
-        return self.robot.rest_lengths(course.pose(0.0))
+        return self.robot.rest_lengths(reference.pose(0.0))
 
-    def command(self, time: float, pose: RigidTransform, sensed: cdpr.Sensed) -> np.ndarray:
-        self.heard.append((time, sensed))
+    def command(self, time: float, pose: RigidTransform, measurement: cdpr.Measurement) -> np.ndarray:
+        self.heard.append((time, measurement))
         return self.robot.rest_lengths(pose)
 
 
@@ -52,10 +52,10 @@ class After:
     robot: cdpr.Robot
     answer: Callable[[np.ndarray], Any]
 
-    def start(self, course: cdpr.Course) -> np.ndarray:
-        return self.robot.rest_lengths(course.pose(0.0))
+    def start(self, reference: cdpr.Reference) -> np.ndarray:
+        return self.robot.rest_lengths(reference.pose(0.0))
 
-    def command(self, time: float, pose: RigidTransform, sensed: cdpr.Sensed) -> Any:
+    def command(self, time: float, pose: RigidTransform, measurement: cdpr.Measurement) -> Any:
         lengths = self.robot.rest_lengths(pose)
         if time <= 0.505:
             return lengths
@@ -114,13 +114,13 @@ def test_sensors_say_what_was_so_when_they_looked():
     robot, listener = demobot(), Listener(demobot())
     motion = cdpr.track(robot, LINE, listener, seconds=1.0, sensors=cdpr.Sensors(period=0.03, delay=0.02))
     assert len(listener.heard) == 100
-    for time, sensed in listener.heard[10:]:
+    for time, measurement in listener.heard[10:]:
         now = time - 0.01
-        assert sensed.time == pytest.approx(0.03 * np.floor((now - 0.02) / 0.03 + 1e-6), abs=1e-9)
-        row = round(100 * sensed.time)
-        np.testing.assert_array_equal(sensed.pose.translation, motion.poses[row].translation)
-        np.testing.assert_array_equal(sensed.tensions, motion.tensions[row])
-        np.testing.assert_array_equal(sensed.rest_lengths, motion.rest_lengths[row])
+        assert measurement.time == pytest.approx(0.03 * np.floor((now - 0.02) / 0.03 + 1e-6), abs=1e-9)
+        row = round(100 * measurement.time)
+        np.testing.assert_array_equal(measurement.pose.translation, motion.poses[row].translation)
+        np.testing.assert_array_equal(measurement.tensions, motion.tensions[row])
+        np.testing.assert_array_equal(measurement.rest_lengths, motion.rest_lengths[row])
     first = listener.heard[0][1]
     assert first.time == pytest.approx(-0.02)  # the platform has stood still for a while
     np.testing.assert_array_equal(first.pose.translation, motion.poses[0].translation)
@@ -133,7 +133,7 @@ def test_noise_is_as_large_as_it_is_said_to_be_and_moves_nothing_by_itself():
     noisy = cdpr.track(robot, [POSE], listener, seconds=4.0, sensors=sensors)
     quiet = cdpr.track(robot, [POSE], Listener(robot), seconds=4.0)
     np.testing.assert_array_equal(noisy.positions, quiet.positions)
-    heard = [sensed for _, sensed in listener.heard]
+    heard = [measurement for _, measurement in listener.heard]
     positions = np.array([one.pose.translation for one in heard]) - noisy.positions[:-1]
     turns = np.array([one.pose.rotation.as_rotvec() for one in heard]) - noisy.poses[:-1].rotation.as_rotvec()
     tensions = np.array([one.tensions for one in heard]) - noisy.tensions[:-1]
@@ -203,15 +203,15 @@ class Pushed:
 
     inner: cdpr.Controller
 
-    def start(self, course: cdpr.Course) -> np.ndarray:
-        robot, beside = course.path.robot, moved(course.pose(0.0), np.array([0.02, 0, 0, 0, 0, 0]))
-        aside = cdpr.Course(Path(robot, [beside]), 1.0)
+    def start(self, reference: cdpr.Reference) -> np.ndarray:
+        robot, beside = reference.path.robot, moved(reference.pose(0.0), np.array([0.02, 0, 0, 0, 0, 0]))
+        aside = cdpr.Reference(Path(robot, [beside]), 1.0)
         first = np.asarray(self.inner.start(aside))
-        self.inner.start(course)
+        self.inner.start(reference)
         return first
 
-    def command(self, time: float, pose: RigidTransform, sensed: cdpr.Sensed):
-        return self.inner.command(time, pose, sensed)
+    def command(self, time: float, pose: RigidTransform, measurement: cdpr.Measurement):
+        return self.inner.command(time, pose, measurement)
 
 
 @pytest.mark.parametrize(
@@ -317,10 +317,10 @@ def test_a_controller_that_fails_at_its_start_is_said_in_a_sentence(start, messa
 
     @dataclass
     class Never:
-        def start(self, course):
+        def start(self, reference):
             return start()
 
-        def command(self, time, pose, sensed):
+        def command(self, time, pose, measurement):
             return np.ones(8)
 
     with pytest.raises(BadCommand, match=f"cogiro: when the controller starts: ({message})"):
@@ -339,10 +339,10 @@ def test_a_motion_ends_with_its_course(rate, times):
 def test_what_is_wanted_accelerates_as_minimum_jerk_says():
     """x'' = L/T² (60 s − 180 s² + 120 s³) (Flash and Hogan 1985), and nothing before and after."""
     robot = demobot()
-    course = cdpr.Course(Path(robot, [robot.pose(one) for one in LINE]), seconds=2.0, pause=1.0)
+    reference = cdpr.Reference(Path(robot, [robot.pose(one) for one in LINE]), seconds=2.0, pause=1.0)
     for time in (1.5, 2.0, 2.7):
         s = (time - 1.0) / 2.0
         expected = 0.06 / 4 * (60 * s - 180 * s**2 + 120 * s**3)
-        np.testing.assert_allclose(course.acceleration(time), [expected, 0, 0], atol=1e-5)
-    np.testing.assert_allclose(course.acceleration(0.5), 0, atol=1e-9)
-    np.testing.assert_allclose(course.acceleration(3.5), 0, atol=1e-9)
+        np.testing.assert_allclose(reference.acceleration(time), [expected, 0, 0], atol=1e-5)
+    np.testing.assert_allclose(reference.acceleration(0.5), 0, atol=1e-9)
+    np.testing.assert_allclose(reference.acceleration(3.5), 0, atol=1e-9)

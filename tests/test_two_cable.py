@@ -3,7 +3,7 @@ import pytest
 from sample_problems import grid
 
 import cdpr_sim as cdpr
-from cdpr_sim.statics import two_cable
+from cdpr_sim.statics import two_cable_closed_form
 
 ROTATION = 1e-7
 """[rad] The solver's residual of 8e-9 N on a bar whose rotation is held by about 0.2 N m/rad, divided by 0.05 m."""
@@ -15,7 +15,7 @@ def test_solver_rests_on_the_manifold(catalogue, material):
     robot = catalogue["two-cable"].replace(material=material)
     for pose in grid(robot, 60):
         result = cdpr.solve(robot, pose)
-        rotations = two_cable.equilibrium_rotations(robot, result.position)
+        rotations = two_cable_closed_form.equilibrium_rotations(robot, result.position)
         assert np.abs(rotations - result.euler[1]).min() < ROTATION
 
 
@@ -25,7 +25,7 @@ def test_tensions_are_the_solvers(catalogue):
     for pose in grid(robot, 20):
         result = cdpr.solve(robot, pose)
         np.testing.assert_allclose(
-            two_cable.tensions(robot, result.position, result.euler[1]), result.tensions, atol=1e-6
+            two_cable_closed_form.tensions(robot, result.position, result.euler[1]), result.tensions, atol=1e-6
         )
 
 
@@ -34,13 +34,13 @@ def test_closed_form_notices_an_anchor_that_is_moved(catalogue):
     robot = catalogue["two-cable"]
     longer = robot.replace(anchors=robot.anchors * (52 / 51))
     result = cdpr.solve(longer, (0.2, 0, 0.1))
-    rotations = two_cable.equilibrium_rotations(robot, result.position)
+    rotations = two_cable_closed_form.equilibrium_rotations(robot, result.position)
     assert np.abs(rotations - result.euler[1]).min() > 100 * ROTATION
 
 
 def test_level_bar_in_the_middle_rests_level_or_turned_over(catalogue):
     """By symmetry; turned over is where the quartic loses its leading term."""
-    rotations = two_cable.equilibrium_rotations(catalogue["two-cable"], (0.4, 0, 0.2))
+    rotations = two_cable_closed_form.equilibrium_rotations(catalogue["two-cable"], (0.4, 0, 0.2))
     np.testing.assert_allclose(np.abs(rotations), [np.pi, 0], atol=1e-12)
 
 
@@ -50,8 +50,8 @@ def test_the_papers_formula_is_the_limit_of_a_short_bar(catalogue):
     errors = []
     for shrink in (1e-2, 1e-3):
         short = robot.replace(anchors=robot.anchors * shrink)
-        rotations = two_cable.equilibrium_rotations(short, (0.2, 0, 0.1))
-        errors.append(np.abs(rotations - two_cable.short_bar_rotation(short, (0.2, 0, 0.1))).min())
+        rotations = two_cable_closed_form.equilibrium_rotations(short, (0.2, 0, 0.1))
+        errors.append(np.abs(rotations - two_cable_closed_form.short_bar_rotation(short, (0.2, 0, 0.1))).min())
     assert errors[0] < 1e-2
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.1)
 
@@ -60,7 +60,7 @@ def test_the_papers_formula_is_degrees_off_for_demobots_bar(catalogue):
     """A bar of 102 mm is not short: the mended formula is more than three degrees off."""
     robot = catalogue["two-cable"]
     result = cdpr.solve(robot, (0.2, 0, 0.1))
-    off = abs(two_cable.short_bar_rotation(robot, result.position) - result.euler[1])
+    off = abs(two_cable_closed_form.short_bar_rotation(robot, result.position) - result.euler[1])
     assert np.degrees(off) > 3
 
 
@@ -75,12 +75,12 @@ def test_other_robots_are_refused(catalogue, name):
     }
     said = "found pulleys of 0.01 m" if name == "pulleys" else "expected a planar bar on two cables"
     with pytest.raises(cdpr.InvalidInput, match=said):
-        two_cable.equilibrium_rotations((catalogue | others)[name], (0.4, 0, 0.2))
+        two_cable_closed_form.equilibrium_rotations((catalogue | others)[name], (0.4, 0, 0.2))
 
 
 def test_cables_that_would_have_to_push_are_no_equilibrium(catalogue):
     """Beside both exits the quartic has roots at which one cable pushes: those are left out."""
     bar = catalogue["two-cable"]
     for x in (0.2, 0.4, 0.9, 1.2):
-        for beta in two_cable.equilibrium_rotations(bar, (x, 0, 0.2)):
-            assert (two_cable.tensions(bar, (x, 0, 0.2), beta) > 0).all()
+        for beta in two_cable_closed_form.equilibrium_rotations(bar, (x, 0, 0.2)):
+            assert (two_cable_closed_form.tensions(bar, (x, 0, 0.2), beta) > 0).all()

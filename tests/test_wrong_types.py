@@ -126,16 +126,16 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
 
     robot, pose = cdpr.load_robot("cogiro"), (0.4, 0.25, 0.2)
     poses = np.add(pose, np.linspace(0, 0.02, 3)[:, None] * [1, 0, 0])
-    found, rests, problem = cdpr.solve(robot, pose), cdpr.solve_many(robot, poses), cdpr.Problem.of(robot, pose)
-    trajectory = cdpr.Trajectory.through(rests, np.linspace(0, 0.2, 3))
-    measurements = cdpr.Measurements.of(poses, rests.positions, coordinates="xyz")
-    course = cdpr.Course(Along(robot, [robot.pose(pose) for pose in poses]), 1.0)
+    found, equilibria, problem = cdpr.solve(robot, pose), cdpr.solve_many(robot, poses), cdpr.Problem.of(robot, pose)
+    trajectory = cdpr.Trajectory.through(equilibria, np.linspace(0, 0.2, 3))
+    measurements = cdpr.Measurements.of(poses, equilibria.positions, coordinates="xyz")
+    reference = cdpr.Reference(Along(robot, [robot.pose(pose) for pose in poses]), 1.0)
     asked, searched = dict(robot=robot, pose=pose), dict(within=0.01, generations=1, population=5)
     of_many, film = dict(robot=robot, positions=poses), dict(seconds=0.2, fps=10, size=(320, 240))
     moved, limits = dict(robot=robot, waypoints=poses, seconds=0.05), dict(tension_limits=(0, 10))
     bar = cdpr.load_robot("two-cable")
     given: dict[str, Mapping[str, object]] = {
-        "cable_shapes": dict(rests=rests),
+        "cable_profiles": dict(equilibria=equilibria),
         "check": dict(robots="two-cable", grid=(1, 1, 1)),
         "clearances": dict(robot=robot, poses=poses),
         "certify": dict(equilibrium=found),
@@ -158,7 +158,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "natural_modes": dict(equilibrium=found),
         "neutral_directions": dict(equilibrium=found),
         "open_sweep": dict(store="nowhere.nc"),
-        "prove_layout": {},
+        "validate_layout": {},
         "read_measurements": dict(path="nowhere.csv"),
         "release": dict(equilibrium=found, seconds=0.01),
         "scene_mjcf": dict(robot=robot),
@@ -195,11 +195,11 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
     }
     methods: dict[str, tuple[object, Mapping[str, object]]] = {
         "Check.across": (cdpr.check("two-cable", (1, 1, 1)), {}),
-        "Clearances.free": (cdpr.clearances(rests), {}),
-        "Course.acceleration": (course, dict(time=0.5)),
-        "Course.fractions": (course, dict(times=0.5)),
-        "Course.pose": (course, dict(time=0.5)),
-        "Course.poses": (course, dict(times=0.5)),
+        "Clearances.free": (cdpr.clearances(equilibria), {}),
+        "Course.acceleration": (reference, dict(time=0.5)),
+        "Course.fractions": (reference, dict(times=0.5)),
+        "Course.pose": (reference, dict(time=0.5)),
+        "Course.poses": (reference, dict(times=0.5)),
         "Equilibria.nearest": (cdpr.find_equilibria(robot, pose, starts=1), dict(pose=pose)),
         "Front.thinned": (cdpr.find_front(robot, poses, within=0.01, generations=1, population=5), dict(most=2)),
         "Identification.__getitem__": (cdpr.identify(robot, measurements), dict(name="axial_stiffness")),

@@ -10,7 +10,7 @@ from test_cli import run
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.drawing.still import sheet, stamp_of
-from cdpr_sim.studies.zoo import DRAWN_IN, visit
+from cdpr_sim.studies.zoo_check import DRAWN_IN, visit
 
 MODELS = Path(__file__).parents[1] / "models"
 
@@ -23,7 +23,7 @@ POSES = 3
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_both_roads_agree_over_the_workspace(name):
+def test_both_methods_agree_over_the_workspace(name):
     """At the rest lengths of the commanded poses: pose, tensions and slack cables."""
     found = visit(cdpr.load_robot(name), POSES)
     assert found.agreeing == POSES, found.verdicts
@@ -31,7 +31,7 @@ def test_both_roads_agree_over_the_workspace(name):
 
 
 @pytest.mark.parametrize("name", CONSTRAINED)
-def test_both_roads_agree_where_all_cables_are_drawn_in(name):
+def test_both_methods_agree_where_all_cables_are_drawn_in(name):
     """Shorter by a thousandth: cables from below then pull, at the middle of the workspace as well, and more."""
     robot = cdpr.load_robot(name)
     slack, tight = visit(robot, POSES), visit(robot, POSES, DRAWN_IN)
@@ -74,7 +74,7 @@ def test_every_robot_says_where_its_numbers_come_from(name):
     assert robot.name == name
     assert len(robot.source) > 20
     assert robot.description
-    assert robot.doubts == ()
+    assert robot.warnings == ()
     lower, upper = robot.frame
     assert ((lower <= robot.workspace) & (robot.workspace <= upper)).all()
 
@@ -109,7 +109,7 @@ def test_a_page_shows_all_robots(tmp_path):
 
 
 def test_a_telescopes_tensions_agree_like_those_of_a_toy():
-    """30 t on 154 kN a cable that weighs: both roads are within the millinewton that DemoBot's tolerance is."""
+    """30 t on 154 kN a cable that weighs: both methods are within the millinewton that DemoBot's tolerance is."""
     heavy = cdpr.load_robot("fast-like")
     static, settled = cdpr.solve(heavy, heavy.home), cdpr.settle(heavy, heavy.home)
     assert static.tensions.max() > 1e5

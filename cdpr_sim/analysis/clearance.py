@@ -1,6 +1,6 @@
 """How near cables come to one another, to the platform and to the frame, where they rest.
 
-Taut cables are straight; those that are slack or weigh something hang in the curve that ``cable_shapes`` gives them, as
+Taut cables are straight; those that are slack or have mass hang in the curve that ``cable_profiles`` gives them, as
 a chain of straight pieces; over a pulley, what counts is the free piece. Distances are those of centre lines, to the
 platform's box and to the twelve edges of the frame; 0 where a cable passes through the box.
 """
@@ -18,9 +18,9 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.cable_path import wheel_paths
 from cdpr_sim.core.checks import Frozen, checked_array, refuse_unless, whole
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
-from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import catenary
 from cdpr_sim.statics.newton import solve_many
@@ -41,11 +41,11 @@ ROWS = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Clearances(Frozen, Introduced):
+class Clearances(Frozen, HtmlRepr):
     """Distances [m] between centre lines of cables, the platform and the frame; nan where the platform does not rest.
 
     Attributes:
-        rests: where the platforms are.
+        equilibria: where the platforms are.
         fitting: length of each cable next to its exit and to its anchor that is left out [m].
         curves: the cables without those ends, (..., cables, points, 3) [m].
         cable_cable: (..., pairs) of ``pairs``.
@@ -53,7 +53,7 @@ class Clearances(Frozen, Introduced):
         cable_frame: (..., cables).
     """
 
-    rests: Rests
+    equilibria: EquilibriumBatch
     fitting: float
     curves: Float[np.ndarray, "*batch cables points 3"]
     cable_cable: Float[np.ndarray, "*batch pairs"]
@@ -66,7 +66,7 @@ class Clearances(Frozen, Introduced):
     @property
     def pairs(self) -> Int[np.ndarray, "pairs 2"]:
         """Which two cables each distance of ``cable_cable`` is between, counted from 0."""
-        return pairs(self.rests.robot.cables)
+        return pairs(self.equilibria.robot.cables)
 
     @cached_property
     def least(self) -> Float[np.ndarray, "*batch"]:
@@ -101,11 +101,11 @@ class Clearances(Frozen, Introduced):
     def __repr__(self) -> str:
         known = self.least[np.isfinite(self.least)]
         least = f"{1e3 * known.min():.3g} mm at the nearest" if known.size else "no rest"
-        return f"<Clearances of {self.rests.robot.name!r}: {self.rests.shape}, {least}>"
+        return f"<Clearances of {self.equilibria.robot.name!r}: {self.equilibria.shape}, {least}>"
 
 
 def clearances(
-    robot: Robot | Rests,
+    robot: Robot | EquilibriumBatch,
     poses: RigidTransform | ArrayLike | None = None,
     *,
     fitting: float | None = None,
@@ -114,7 +114,7 @@ def clearances(
     """Distances between cables, platform and frame with everything where it rests.
 
     Args:
-        robot: the robot; or rests of either road, alone.
+        robot: the robot; or rests of either method, alone.
         poses: commanded, as ``solve_many`` takes them.
         fitting: of each cable, the piece next to its exit and to its anchor that is left out [m], since there it
             touches what it is fixed to; default: half the characteristic length of the platform.
@@ -126,20 +126,20 @@ def clearances(
     Raises:
         InvalidInput: what ``solve_many`` refuses, or a fitting below 0.
     """
-    refuse_unless(Robot | Rests, robot=robot)
-    rests = robot if isinstance(robot, Rests) else solve_many(robot, poses)
-    if isinstance(robot, Rests) and poses is not None:
+    refuse_unless(Robot | EquilibriumBatch, robot=robot)
+    equilibria = robot if isinstance(robot, EquilibriumBatch) else solve_many(robot, poses)
+    if isinstance(robot, EquilibriumBatch) and poses is not None:
         raise InvalidInput("poses: found them beside rests, expected the rests alone")
-    machine, points = rests.robot, whole("points", points, 2)
+    machine, points = equilibria.robot, whole("points", points, 2)
     fitting = default_fitting(machine) if fitting is None else float(checked_array("fitting", fitting, ()))
     if fitting < 0:
         raise InvalidInput(f"fitting: found {fitting:g} m, expected 0 or more")
-    curves = cable_curves(rests, machine.exits, machine.anchors, machine.cable_weights, fitting, points)
-    found = _distances(rests, curves)
-    lost = ~rests.converged
+    curves = cable_curves(equilibria, machine.exits, machine.anchors, machine.cable_weights, fitting, points)
+    found = _distances(equilibria, curves)
+    lost = ~equilibria.converged
     for one in found:
         one[lost] = np.nan
-    return Clearances(rests, fitting, curves, *found)
+    return Clearances(equilibria, fitting, curves, *found)
 
 
 def default_fitting(robot: Robot) -> float:
@@ -148,18 +148,18 @@ def default_fitting(robot: Robot) -> float:
 
 
 def least_clearance(
-    rests: Rests,
+    equilibria: EquilibriumBatch,
     exits: Float[np.ndarray, "*#batch cables 3"],
     anchors: Float[np.ndarray, "*#batch cables 3"],
     weights: Float[np.ndarray, "*#batch cables"],
 ) -> Float[np.ndarray, "*batch"]:
     """The smallest distance of all [m], where each row has a layout of its own: exits, anchors, weights per length."""
-    curves = cable_curves(rests, exits, anchors, weights, default_fitting(rests.robot), SEARCH_POINTS)
-    return np.concatenate(_distances(rests, curves), axis=-1).min(-1)
+    curves = cable_curves(equilibria, exits, anchors, weights, default_fitting(equilibria.robot), SEARCH_POINTS)
+    return np.concatenate(_distances(equilibria, curves), axis=-1).min(-1)
 
 
 def cable_curves(
-    rests: Rests,
+    equilibria: EquilibriumBatch,
     exits: Float[np.ndarray, "*#batch cables 3"],
     anchors: Float[np.ndarray, "*#batch cables 3"],
     weights: Float[np.ndarray, "*#batch cables"],
@@ -167,10 +167,10 @@ def cable_curves(
     points: int,
 ) -> Float[np.ndarray, "*batch cables points 3"]:
     """Each cable's course without its two ends; of two points where all are straight."""
-    robot, positions, slack = rests.robot, rests.positions, rests.slack
+    robot, positions, slack = equilibria.robot, equilibria.positions, equilibria.slack
     cabling = robot.cabling
     ends = positions[..., None, :] + np.einsum(
-        "...ij,...mj->...mi", rests.rotations, np.broadcast_to(anchors, (*positions.shape[:-1], robot.cables, 3))
+        "...ij,...mj->...mi", equilibria.rotations, np.broadcast_to(anchors, (*positions.shape[:-1], robot.cables, 3))
     )
     starts = np.broadcast_to(exits, ends.shape).copy()
     over = cabling.pulleys
@@ -181,7 +181,9 @@ def cable_curves(
     fractions = np.linspace(0, 1, 2 if straight else points)
     curves = starts[..., None, :] + fractions[:, None] * (ends - starts)[..., None, :]
     if not straight:
-        hung = catenary.shape(exits, ends, rests.rest_lengths, rests.problems.axial_stiffness, weights, points)
+        hung = catenary.profile(
+            exits, ends, equilibria.rest_lengths, equilibria.problems.axial_stiffness, weights, points
+        )
         hangs = (slack | ~np.bool_(cabling.massless)) & ~over
         curves = np.where(hangs[..., None, None], hung, curves)
     lengths = np.linalg.norm(np.diff(curves, axis=-2), axis=-1).sum(-1)
@@ -208,13 +210,13 @@ def frame_edges(robot: Robot) -> Float[np.ndarray, "edges 2 3"]:
 
 
 def _distances(
-    rests: Rests, curves: Float[np.ndarray, "*batch cables points 3"]
+    equilibria: EquilibriumBatch, curves: Float[np.ndarray, "*batch cables points 3"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cable to cable, to platform, to frame; some rows at a time."""
-    robot = rests.robot
+    robot = equilibria.robot
     shape, cables = curves.shape[:-3], robot.cables
     rows = curves.reshape(-1, *curves.shape[-3:])
-    at, turned = rests.positions.reshape(-1, 3), rests.rotations.reshape(-1, 3, 3)
+    at, turned = equilibria.positions.reshape(-1, 3), equilibria.rotations.reshape(-1, 3, 3)
     a, b = pairs(cables).T
     edges = frame_edges(robot)
     found = np.empty((len(rows), len(a))), np.empty((len(rows), cables)), np.empty((len(rows), cables))

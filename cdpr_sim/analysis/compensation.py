@@ -26,15 +26,15 @@ from cdpr_sim.analysis.tensions import Demand, balances, leftover, smallest, sti
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.checks import Frozen, checked_array, frozen, one_of
+from cdpr_sim.core.describe import describe_twist
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
-from cdpr_sim.core.words import twist_in_words
 from cdpr_sim.statics import derivatives, forces, newton
 from cdpr_sim.statics.balance_kernel import shortfall_gufunc
 
@@ -70,7 +70,7 @@ _EQUAL = 1e-6
 1e-12, where SLSQP has converged (``scripts/measure_constants.py``)."""
 
 
-class Reach(enum.Enum):
+class CompensationOutcome(enum.Enum):
     """What compensation came to; the value says it in words."""
 
     EXACT = "the commanded pose is held exactly"
@@ -78,7 +78,7 @@ class Reach(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Compensation(Frozen, Introduced):
+class Compensation(Frozen, HtmlRepr):
     """Rest lengths that put the platform where it was told to be, or as near as any that were found can.
 
     Attributes:
@@ -95,7 +95,7 @@ class Compensation(Frozen, Introduced):
 
     commanded: RigidTransform
     equilibrium: Equilibrium
-    reach: Reach
+    reach: CompensationOutcome
     distance: float
     arm: float
     reasons: tuple[str, ...]
@@ -103,7 +103,7 @@ class Compensation(Frozen, Introduced):
     reached: Equilibrium | None
 
     @property
-    def comes(self) -> bool:
+    def reached_from_commanded(self) -> bool:
         """Whether the platform comes to the compensated pose from the commanded one, by statics."""
         reach = self.equilibrium.problem.robot.characteristic_length
         return self.reached is not None and distance(self.pose, self.reached.pose, reach) <= _EQUAL
@@ -111,7 +111,7 @@ class Compensation(Frozen, Introduced):
     @property
     def exact(self) -> bool:
         """Whether the compensated lengths hold the commanded pose itself."""
-        return self.reach is Reach.EXACT
+        return self.reach is CompensationOutcome.EXACT
 
     @property
     def pose(self) -> RigidTransform:
@@ -200,7 +200,7 @@ def compensate(
         cut = _cut(rigid, commanded, chosen)
         found = forces.equilibrium_at(cut, commanded, iterations=0, source="compensation")
         if _holds(found, idle):
-            return Compensation(commanded, found, Reach.EXACT, 0.0, arm, (), limits, found)
+            return Compensation(commanded, found, CompensationOutcome.EXACT, 0.0, arm, (), limits, found)
     reasons = _reasons(demand, rigid)
     found = _nearest(rigid, limits, floor, idle, arm)
     try:
@@ -208,7 +208,7 @@ def compensate(
     except NotConverged:
         reached = None
     away = distance(commanded, found.pose, arm)
-    return Compensation(commanded, found, Reach.NEAREST, away, arm, reasons, limits, reached)
+    return Compensation(commanded, found, CompensationOutcome.NEAREST, away, arm, reasons, limits, reached)
 
 
 def default_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
@@ -286,7 +286,7 @@ def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
     return (
         why,
         "the load can move the platform without any cable getting longer: "
-        f"along {twist_in_words(missing / robot.units, robot)}",
+        f"along {describe_twist(missing / robot.units, robot)}",
     )
 
 

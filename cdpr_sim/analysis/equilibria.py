@@ -22,7 +22,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.checks import FLAG, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, Stability
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import PoseLike, as_pose, distance
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -65,7 +65,7 @@ JUMP = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibria(Introduced):
+class Equilibria(HtmlRepr):
     """Equilibria of one problem, lowest energy first. Iterates over them.
 
     Attributes:
@@ -128,7 +128,7 @@ class Equilibria(Introduced):
 
 
 @dataclass(frozen=True, eq=False)
-class Following(Introduced):
+class LoadPath(HtmlRepr):
     """How a platform comes to rest while its load grows from nothing.
 
     Attributes:
@@ -218,7 +218,7 @@ def follow_load(
     rest_lengths: ArrayLike | None = None,
     *,
     external_wrench: ArrayLike | None = None,
-) -> Following:
+) -> LoadPath:
     """The equilibrium that the platform reaches from ``pose`` when its load is applied slowly.
 
     Gravity and wrench grow from a thousandth to the whole, and each equilibrium is the start of the next. Steps are
@@ -261,7 +261,7 @@ def follow_load(
         loads.append(load)
         equilibria.append(found)
         step = min(1.5 * step, LONGEST_STEP)
-    return Following(np.array(loads), tuple(equilibria), tuple(jumps))
+    return LoadPath(np.array(loads), tuple(equilibria), tuple(jumps))
 
 
 def unstable_directions(equilibrium: Equilibrium) -> int:

@@ -23,7 +23,7 @@ from cdpr_sim.analysis.measurements import Measurements
 from cdpr_sim.core.checks import listed, one_of, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import derivatives, forces, newton
@@ -69,7 +69,7 @@ SAID = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Identification(Introduced):
+class Identification(HtmlRepr):
     """What the measurements say of the unknowns.
 
     Attributes:

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -29,7 +29,7 @@ ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Modes(Introduced):
+class Modes(HtmlRepr):
     """Natural frequencies and mode shapes, slowest first.
 
     Attributes:
@@ -57,7 +57,7 @@ def natural_modes(
     """Natural frequencies and mode shapes about an equilibrium.
 
     Args:
-        equilibrium: found by either road, alone; or a problem, or a robot with what follows, as ``solve`` takes them.
+        equilibrium: found by either method, alone; or a problem, or a robot with what follows, as ``solve`` takes them.
         pose: the commanded pose.
         rest_lengths: (cables,) [m]; default: the rigid lengths at ``pose``.
         external_wrench: (6,) [N, N m].
@@ -92,13 +92,13 @@ def natural_modes(
 
 
 def neutral_directions(equilibrium: Equilibrium) -> Float[np.ndarray, "neutral 6"]:
-    """The small motions that nothing holds at an equilibrium of either road, by statics; none where it is stable.
+    """The small motions that nothing holds at an equilibrium of either method, by statics; none where it is stable.
 
     Without gravity and pretension that is every direction; of a mass whose cables meet in one point, its rotations.
 
     Returns:
         As many (translation of the origin [m], left-applied rotation vector [rad]) as there are neutral directions,
-        along single axes where possible; ``core.words.twist_in_words`` says them.
+        along single axes where possible; ``core.words.describe_twist`` says them.
 
     Raises:
         InvalidInput: no equilibrium.

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from cdpr_sim.core.checks import one_of
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -50,7 +50,7 @@ class Effect:
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivity(Introduced):
+class Sensitivity(HtmlRepr):
     """First derivatives of an equilibrium, by the name of what it depends on (``derivatives.parameters``).
 
     Exits and anchors are flattened: x, y, z of cable 1, of cable 2, and so on.
@@ -127,7 +127,7 @@ def sensitivity(
     """The derivatives of an equilibrium by everything it depends on.
 
     Args:
-        equilibrium: found by either road, alone; or a problem, or a robot with what follows, as ``solve`` takes them.
+        equilibrium: found by either method, alone; or a problem, or a robot with what follows, as ``solve`` takes them.
         pose: the commanded pose.
         rest_lengths: (cables,) [m]; default: the rigid lengths at ``pose``.
         external_wrench: (6,) [N, N m].

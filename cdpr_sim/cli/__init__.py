@@ -1,15 +1,24 @@
-"""The command line: where does the platform end up, and do the two roads agree?"""
+"""The command line: where does the platform end up, and do the two methods agree?"""
 
 from typing import Annotated
 
 import typer
 
-from cdpr_sim.cli import answers, design, page, pictures, rest, robots, score, workspace
-from cdpr_sim.cli.commands import Command, Commands
+from cdpr_sim.cli import (
+    analysis_commands,
+    design_commands,
+    equilibrium_commands,
+    picture_commands,
+    report_command,
+    robot_commands,
+    score,
+    workspace_commands,
+)
+from cdpr_sim.cli.command_classes import CommandGroup, CommandWithHelp
 from cdpr_sim.cli.terminal import STATUSES, plain_letters_where_needed
 
 app = typer.Typer(
-    cls=Commands,
+    cls=CommandGroup,
     help="Where does the platform of a cable-driven parallel robot really end up? Statics and MuJoCo, cross-checked.",
     epilog=STATUSES,
     no_args_is_help=True,
@@ -19,35 +28,35 @@ app = typer.Typer(
 )
 
 COMMANDS = {
-    "settle": rest.settle,
-    "solve": rest.solve,
-    "certify": rest.certify,
-    "compensate": answers.compensate,
-    "sensitivity": answers.sensitivity,
-    "equilibria": answers.equilibria,
-    "identify": answers.identify,
-    "design": design.design,
-    "front": design.front,
-    "clearances": design.clearances,
-    "robots": robots.robots,
-    "new": robots.new,
-    "schema": robots.schema,
-    "show": robots.show,
-    "import": robots.import_file,
-    "models": robots.models,
-    "view": robots.view,
-    "figures": pictures.figures,
-    "sweep": workspace.sweep,
-    "map": workspace.draw_map,
-    "check": workspace.check,
+    "settle": equilibrium_commands.settle,
+    "solve": equilibrium_commands.solve,
+    "certify": equilibrium_commands.certify,
+    "compensate": analysis_commands.compensate,
+    "sensitivity": analysis_commands.sensitivity,
+    "equilibria": analysis_commands.equilibria,
+    "identify": analysis_commands.identify,
+    "design": design_commands.design,
+    "front": design_commands.front,
+    "clearances": design_commands.clearances,
+    "robots": robot_commands.robots,
+    "new": robot_commands.new,
+    "schema": robot_commands.schema,
+    "show": robot_commands.show,
+    "import": robot_commands.import_file,
+    "models": robot_commands.models,
+    "view": robot_commands.view,
+    "figures": picture_commands.figures,
+    "sweep": workspace_commands.sweep,
+    "map": workspace_commands.draw_map,
+    "check": workspace_commands.check,
     "score": score.score,
-    "video": pictures.video,
-    "report": page.report,
+    "video": picture_commands.video,
+    "report": report_command.report,
 }
 """In the order of ``--help``."""
 
 for name, command in COMMANDS.items():
-    app.command(name, cls=Command)(command)
+    app.command(name, cls=CommandWithHelp)(command)
 
 
 def _say_version(asked: bool) -> None:

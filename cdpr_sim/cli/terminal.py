@@ -25,15 +25,15 @@ class Output(Console):
     """Standard output; a pipe that nobody reads is an error, for ``outside_world`` to make an exit status of."""
 
     def on_broken_pipe(self) -> None:
-        """Called where the error is at hand; rich would end with the status that means that the roads disagree."""
+        """Called where the error is at hand; rich would end with the status that means that the methods disagree."""
         raise
 
 
 DISAGREE, MISTAKE, OUTSIDE, INTERRUPTED = 1, 2, 3, 128 + signal.SIGINT
-"""Exit statuses: another answer than hoped for, input that cannot be right, a failure of the world outside, Ctrl-C."""
+"""Exit statuses: a negative answer, invalid input, a failure outside the program, Ctrl-C."""
 
 STATUSES = (
-    f"Exit status: 0 if all is well; {DISAGREE} if the work is done and says no (the roads disagree, a file is stale, "
+    f"Exit status: 0 if all is well; {DISAGREE} if the answer is negative (the methods disagree, a file is stale, "
     f"the pose cannot be held); {MISTAKE} for input that cannot be right and for poses without an answer; {OUTSIDE} "
     "for what lies outside: a full disk, a closed pipe, too little memory; "
     f"{INTERRUPTED} if interrupted."

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.control.plan import Limits, Plan
-from cdpr_sim.core.controller import Course, Sensed
+from cdpr_sim.core.controller import Measurement, Reference
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.robot import Robot
 
@@ -30,16 +30,16 @@ class ElasticLengths:
     def __post_init__(self) -> None:
         checked_limits(self.robot, self.tension_limits)
 
-    def start(self, course: Course) -> Float[np.ndarray, " cables"]:
+    def start(self, reference: Reference) -> Float[np.ndarray, " cables"]:
         """Compensate along the course.
 
         Returns:
             (cables,) [m], the compensated rest lengths at the first pose.
         """
-        self._plan = Plan.of(self.robot, course, self.tension_limits)
-        return self.robot.rest_lengths(course.pose(0.0)) + self._plan.at(0.0)[0]
+        self._plan = Plan.of(self.robot, reference, self.tension_limits)
+        return self.robot.rest_lengths(reference.pose(0.0)) + self._plan.at(0.0)[0]
 
-    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Float[np.ndarray, " cables"]:
+    def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Float[np.ndarray, " cables"]:
         """The lengths at ``pose``, corrected as the course wants it at ``time``.
 
         Returns:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.analysis.compensation import compensate, default_limits
 from cdpr_sim.analysis.tensions import Demand, nearest, smallest
 from cdpr_sim.control.plan import Limits
-from cdpr_sim.core.controller import Command, Course, Sensed
+from cdpr_sim.core.controller import Command, Measurement, Reference
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
@@ -32,21 +32,21 @@ class HeldTensions:
 
     robot: Robot
     tension_limits: Limits | None = None
-    _course: Course = field(init=False, repr=False)
+    _course: Reference = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         checked_limits(self.robot, self.tension_limits)
 
-    def start(self, course: Course) -> Float[np.ndarray, " cables"]:
+    def start(self, reference: Reference) -> Float[np.ndarray, " cables"]:
         """The lengths of cables that have these tensions at the first pose, or near it.
 
         Returns:
             (cables,) rest lengths [m].
         """
-        self._course = course
-        return compensate(self.robot, course.pose(0.0), tension_limits=self.tension_limits).rest_lengths
+        self._course = reference
+        return compensate(self.robot, reference.pose(0.0), tension_limits=self.tension_limits).rest_lengths
 
-    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command:
+    def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command:
         """The tensions at ``pose``.
 
         Returns:

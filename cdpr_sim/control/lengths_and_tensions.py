@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.analysis.compensation import Compensation
 from cdpr_sim.control.plan import Limits, Plan
 from cdpr_sim.core.checks import listed, whole
-from cdpr_sim.core.controller import Command, Course, Sensed
+from cdpr_sim.core.controller import Command, Measurement, Reference
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.robot import Robot
@@ -51,21 +51,21 @@ class LengthsAndTensions:
             if len(chosen) == self.robot.cables:
                 raise InvalidInput(f"by_tension: found all {len(chosen)} cables, expected some that hold their lengths")
 
-    def start(self, course: Course) -> Float[np.ndarray, " cables"]:
+    def start(self, reference: Reference) -> Float[np.ndarray, " cables"]:
         """Compensate along the course, and choose cables if nobody has.
 
         Returns:
             (cables,) rest lengths [m].
         """
-        self._plan = Plan.of(self.robot, course, self.tension_limits)
+        self._plan = Plan.of(self.robot, reference, self.tension_limits)
         if self.by_tension is None:
             chosen = _left_to_tension(self.robot, self._plan.compensations)
         else:
             chosen = [cable - 1 for cable in self.by_tension]
         self._held = np.isin(np.arange(self.robot.cables), chosen)
-        return self.robot.rest_lengths(course.pose(0.0)) + self._plan.at(0.0)[0]
+        return self.robot.rest_lengths(reference.pose(0.0)) + self._plan.at(0.0)[0]
 
-    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command:
+    def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command:
         """The lengths at ``pose``, corrected as the course wants it at ``time``; and its tensions then.
 
         Returns:
@@ -85,7 +85,7 @@ def _left_to_tension(robot: Robot, compensations: Sequence[Compensation]) -> tup
     def softest(chosen: tuple[int, ...]) -> float:
         """The smallest eigenvalue on the way, of what is left of the stiffness."""
         held = np.isin(np.arange(robot.cables), chosen)
-        lost = ((one.wrench_matrix * (one.elasticities * held)) @ one.wrench_matrix.T for one in states)
+        lost = ((one.wrench_matrix * (one.tangent_stiffness * held)) @ one.wrench_matrix.T for one in states)
         pairs = zip(states, lost, strict=True)
         return min(float(forces.eigenvalues(robot, one.stiffness_matrix - part)[0]) for one, part in pairs)
 

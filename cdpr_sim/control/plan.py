@@ -10,7 +10,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.analysis.compensation import Compensation, compensate
-from cdpr_sim.core.controller import Course
+from cdpr_sim.core.controller import Reference
 from cdpr_sim.core.robot import Robot
 
 SPACING = 0.02
@@ -28,37 +28,37 @@ class Plan:
     """Compensations at knots of a course, and what lies between them.
 
     Attributes:
-        course: the motion that is wanted.
+        reference: the motion that is wanted.
         knots: fractions of its time, (knots,).
         compensations: one per knot.
         corrections: of the rigid lengths at the wanted poses, (knots, cables) [m].
         tensions: (knots, cables) [N].
     """
 
-    course: Course
+    reference: Reference
     knots: Float[np.ndarray, " knots"]
     compensations: tuple[Compensation, ...]
     corrections: Float[np.ndarray, "knots cables"]
     tensions: Float[np.ndarray, "knots cables"]
 
     @classmethod
-    def of(cls, robot: Robot, course: Course, tension_limits: Limits | None) -> Plan:
+    def of(cls, robot: Robot, reference: Reference, tension_limits: Limits | None) -> Plan:
         """For the robot that is believed in.
 
         Raises:
             InvalidInput: a pose or limits that cannot be right.
             NotConverged: a pose near which no tensions within limits hold the platform.
         """
-        knots = np.linspace(0, 1, 1 + int(np.ceil(course.path.length / SPACING)))
-        poses = course.path.at(knots)
+        knots = np.linspace(0, 1, 1 + int(np.ceil(reference.path.length / SPACING)))
+        poses = reference.path.at(knots)
         found = tuple(_compensated(robot, pose.as_matrix().tobytes(), tension_limits) for pose in poses)
         rigid = np.array([robot.rest_lengths(pose) for pose in poses])
         corrections = np.array([one.rest_lengths for one in found]) - rigid
-        return cls(course, knots, found, corrections, np.array([one.tensions for one in found]))
+        return cls(reference, knots, found, corrections, np.array([one.tensions for one in found]))
 
     def at(self, time: float) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
         """Correction of the rigid lengths [m], and tensions [N], at ``time`` [s]."""
-        fraction = self.course.fractions(time)[0]
+        fraction = self.reference.fractions(time)[0]
         after = min(int(np.searchsorted(self.knots, fraction, side="right")), len(self.knots) - 1)
         before = max(after - 1, 0)
         gap = self.knots[after] - self.knots[before]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import positive, refuse_unless
-from cdpr_sim.core.controller import Command, Controller, Course, Sensed
+from cdpr_sim.core.controller import Command, Controller, Measurement, Reference
 from cdpr_sim.core.pose import moved
 
 GAIN = 1.0
@@ -36,7 +36,7 @@ class PoseFeedback:
 
     inner: Controller
     gain: float = GAIN
-    _course: Course = field(init=False, repr=False)
+    _course: Reference = field(init=False, repr=False)
     _correction: Float[np.ndarray, "6"] = field(init=False, repr=False)
     _seen: float = field(init=False, repr=False)
     _told: deque[tuple[float, RigidTransform]] = field(init=False, repr=False)
@@ -45,32 +45,32 @@ class PoseFeedback:
         refuse_unless(Controller, inner=self.inner)
         positive("gain", self.gain, "1/s")
 
-    def start(self, course: Course) -> ArrayLike:
+    def start(self, reference: Reference) -> ArrayLike:
         """With no correction yet.
 
         Returns:
             (cables,) rest lengths [m], where the other controller starts.
         """
-        self._course, self._correction, self._seen, self._told = course, np.zeros(6), 0.0, deque()
-        return self.inner.start(course)
+        self._course, self._correction, self._seen, self._told = reference, np.zeros(6), 0.0, deque()
+        return self.inner.start(reference)
 
-    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command | ArrayLike:
+    def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command | ArrayLike:
         """What the other commands for a corrected pose; a sample is held against what was wanted when it was taken.
 
         Returns:
             The other controller's answer.
         """
         self._told.append((time, pose))
-        if sensed.time > self._seen:
-            wanted = self._wanted(sensed.time)
-            turn = (wanted.rotation * sensed.pose.rotation.inv()).as_rotvec()
-            error = np.concatenate([wanted.translation - sensed.pose.translation, turn])
-            self._correction += self.gain * (sensed.time - self._seen) * error
+        if measurement.time > self._seen:
+            wanted = self._wanted(measurement.time)
+            turn = (wanted.rotation * measurement.pose.rotation.inv()).as_rotvec()
+            error = np.concatenate([wanted.translation - measurement.pose.translation, turn])
+            self._correction += self.gain * (measurement.time - self._seen) * error
             for part, most in ((slice(0, 3), REACH), (slice(3, 6), TURN)):
                 size = float(np.linalg.norm(self._correction[part]))
                 self._correction[part] *= min(1.0, most / size) if size > 0 else 1.0
-            self._seen = sensed.time
-        return self.inner.command(time, moved(pose, self._correction), sensed)
+            self._seen = measurement.time
+        return self.inner.command(time, moved(pose, self._correction), measurement)
 
     def _wanted(self, time: float) -> RigidTransform:
         """What was wanted at ``time`` [s], mostly as it was told then."""

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import refuse_unless
-from cdpr_sim.core.controller import Course, Sensed
+from cdpr_sim.core.controller import Measurement, Reference
 from cdpr_sim.core.robot import Robot
 
 
@@ -26,15 +26,15 @@ class RigidLengths:
     def __post_init__(self) -> None:
         refuse_unless(Robot, robot=self.robot)
 
-    def start(self, course: Course) -> Float[np.ndarray, " cables"]:
+    def start(self, reference: Reference) -> Float[np.ndarray, " cables"]:
         """The lengths at the first pose.
 
         Returns:
             (cables,) rest lengths [m].
         """
-        return self.robot.rest_lengths(course.pose(0.0))
+        return self.robot.rest_lengths(reference.pose(0.0))
 
-    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Float[np.ndarray, " cables"]:
+    def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Float[np.ndarray, " cables"]:
         """The lengths at ``pose``.
 
         Returns:

@@ -1,4 +1,4 @@
-"""What cables are: where they run, how stiff and how heavy they are. Data; what a cable does is each road's own matter.
+"""What cables are: where they run, how stiff they are, what they weigh. Data: each method codes what a cable does.
 
 The mathematics says it in ``core.cable_path``, ``core.cable_law`` and ``statics.catenary``, MuJoCo's side in
 ``physics.cables``, ``physics.pulleys`` and ``physics.chains``.
@@ -184,7 +184,7 @@ class Cabling(Frozen):
         """Where weight is not taken into account.
 
         Raises:
-            InvalidInput: some cable weighs something.
+            InvalidInput: some cable has mass.
         """
         if not self.massless:
             raise InvalidInput(
@@ -196,7 +196,7 @@ class Cabling(Frozen):
         """Where weight is taken into account, but not together with pulleys and laws on the other cables.
 
         Raises:
-            InvalidInput: some cables weigh something, and others run over pulleys or stiffen.
+            InvalidInput: some cables have mass, and others run over pulleys or stiffen.
         """
         if not self.massless and self.bent:
             heavy = int(np.argmax(self.linear_density))

@@ -1,7 +1,7 @@
 """The path of a cable from its exit to its anchor: how long it is, and its free piece. Geometry, without elasticity.
 
 This is what a winch that believes in rigid cables knows (paper Eq. 1, 2), and hence part of the question that both
-roads are asked: the rest lengths. Beyond that, the mathematics alone builds on it; MuJoCo has paths of its own.
+methods are asked: the rest lengths. Beyond that, the mathematics alone builds on it; MuJoCo has paths of its own.
 
 Functions of coordinates work on arrays and, compiled, on numbers alike.
 """

@@ -23,7 +23,7 @@ INSTANT = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Reference:
     """The motion that is wanted: a path in time, which begins after a pause at its first pose.
 
     Attributes:
@@ -79,7 +79,7 @@ class Course:
 
 
 @dataclass(frozen=True, eq=False)
-class Sensed:
+class Measurement:
     """What sensors say: the newest sample that has come through.
 
     Attributes:
@@ -149,7 +149,7 @@ class Command:
 class Controller(Protocol):
     """What moves a robot along a course. Any class with these two methods is one."""
 
-    def start(self, course: Course) -> ArrayLike:
+    def start(self, reference: Reference) -> ArrayLike:
         """Begin anew: nothing of an earlier run may be left.
 
         Returns:
@@ -157,13 +157,13 @@ class Controller(Protocol):
         """
         ...
 
-    def command(self, time: float, pose: RigidTransform, sensed: Sensed) -> Command | ArrayLike:
+    def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command | ArrayLike:
         """What winches are to hold at ``time`` [s], one period from now; they run there evenly.
 
         Args:
             time: for which the command is.
             pose: that is wanted then: the course's, or one that corrects it.
-            sensed: the newest that sensors say.
+            measurement: the newest that sensors say.
 
         Returns:
             A ``Command``; or rest lengths, (cables,) [m].

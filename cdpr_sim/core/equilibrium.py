@@ -1,4 +1,4 @@
-"""Where a platform rests, as either road found it: the one result type, which certifies itself."""
+"""Where a platform rests, as either method found it: the one result type, which certifies itself."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cdpr_sim.core import cable_path
 from cdpr_sim.core import pose as _pose
 from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.errors import CdprError
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Posed, PoseField
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.status import NEUTRAL, Status
@@ -53,10 +53,10 @@ class _Held:
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium(_Held, Posed, Introduced):
+class Equilibrium(_Held, Posed, HtmlRepr):
     """A pose, the cables' state there, and the evidence that it is (or is not) a static equilibrium.
 
-    Data only: each road fills in its own residual and eigenvalues, by its own means.
+    Data only: each method fills in its own residual and eigenvalues, by its own means.
 
     Attributes:
         problem: what was asked.
@@ -147,8 +147,8 @@ def stability_of(eigenvalues: Float[np.ndarray, " free"]) -> Stability:
     return Stability.STABLE if smallest > NEUTRAL * scale else Stability.NEUTRAL
 
 
-class _NoRest(CdprError):
-    """A road that did not reach static equilibrium; carries the best point it saw.
+class _NoEquilibrium(CdprError):
+    """A method that did not reach static equilibrium; carries the best point it saw.
 
     Attributes:
         reason: what happened, in words.
@@ -161,7 +161,7 @@ class _NoRest(CdprError):
         self.equilibrium = equilibrium
 
     @classmethod
-    def because(cls, status: Status, point: Equilibrium) -> _NoRest:
+    def because(cls, status: Status, point: Equilibrium) -> _NoEquilibrium:
         """With the status in words, and how far the point is from rest."""
         counted = "time steps" if point.source == "mujoco" else "iterations"
         robot, where = point.problem.robot, ""
@@ -180,9 +180,9 @@ class _NoRest(CdprError):
         return cls(reason, point)
 
 
-class NotConverged(_NoRest):
+class NotConverged(_NoEquilibrium):
     """A static solver stopped without reaching equilibrium."""
 
 
-class NotSettled(_NoRest):
+class NotSettled(_NoEquilibrium):
     """MuJoCo's platform did not come to rest."""

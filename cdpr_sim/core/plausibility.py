@@ -34,7 +34,7 @@ LARGEST_DIAMETER = 0.2
 _PACKAGE = str(Path(__file__).parents[1])
 
 
-def doubts(
+def implausibilities(
     cabling: Cabling,
     mass: float,
     weight: float,

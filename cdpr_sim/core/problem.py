@@ -1,4 +1,4 @@
-"""What both roads are asked: where does a robot rest, with these cables let out and this load? Once, or many times."""
+"""What both methods solve: the equilibrium of a robot with given rest lengths and load. One problem, or many."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, listed, refuse_far, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.plausibility import warn_of_outside
 from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
@@ -33,12 +33,12 @@ coordinates is 1e-7 of strain in such a cable, and the whole of it in one of a m
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Posed, Introduced):
+class Problem(Posed, HtmlRepr):
     """A robot, the pose it starts from, its rest lengths and an external wrench; checked and frozen.
 
     Attributes:
         robot: the robot.
-        pose: the commanded pose, from which both roads start, a ``RigidTransform``.
+        pose: the commanded pose, from which both methods start, a ``RigidTransform``.
         rest_lengths: unstretched cable lengths l0, (cables,) [m].
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
     """

@@ -29,9 +29,9 @@ from cdpr_sim.core.checks import (
     refuse_far,
 )
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.materials import load_material
-from cdpr_sim.core.plausibility import doubts, surroundings, warn
+from cdpr_sim.core.plausibility import implausibilities, surroundings, warn
 from cdpr_sim.core.pose import Pose, PoseLike
 
 Mobility = Literal["spatial", "planar"]
@@ -63,7 +63,7 @@ MOST_GRAVITY = 1e6
 
 
 @dataclass(init=False, frozen=True, eq=False, repr=False)
-class Robot(Introduced):
+class Robot(HtmlRepr):
     """A platform on elastic cables. Arrays are stored read-only; ``replace`` makes a changed copy.
 
     Args:
@@ -218,7 +218,7 @@ class Robot(Introduced):
                 f"all there, or at least one {LEAST_LENGTH:g} m from it"
             )
         if not hasattr(self, "_copied"):
-            for sentence in self.doubts:
+            for sentence in self.warnings:
                 warn(sentence)
 
     @property
@@ -325,11 +325,13 @@ class Robot(Introduced):
         return np.round(self.workspace.mean(0), 12)  # 0.4, not 0.39999999999999997
 
     @cached_property
-    def doubts(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """What makes it unlikely that this is the robot that was meant, a sentence each; none is an error."""
         return tuple(
             f"{self.name}: {sentence}"
-            for sentence in doubts(self.cabling, self.mass, self.weight, self.platform_size, self.frame, self.workspace)
+            for sentence in implausibilities(
+                self.cabling, self.mass, self.weight, self.platform_size, self.frame, self.workspace
+            )
         )
 
     @cached_property

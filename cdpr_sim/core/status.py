@@ -1,4 +1,4 @@
-"""How looking for rest ended: one enum for both roads."""
+"""How looking for rest ended: one enum for both methods."""
 
 from __future__ import annotations
 

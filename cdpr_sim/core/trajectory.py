@@ -9,14 +9,14 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.problem import Problems
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.status import Status
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory(Rests):
+class Trajectory(EquilibriumBatch):
     """A motion of the platform, state by state: a batch of (steps,), and the time of each; usable without rendering.
 
     A platform on its way is not at rest: residuals and eigenvalues are nan, and the status says ``MOVING``.
@@ -59,13 +59,15 @@ class Trajectory(Rests):
         return motion
 
     @classmethod
-    def through(cls, rests: Rests, times: Float[np.ndarray, " steps"]) -> Trajectory:
-        """A motion so slow that each state, (steps,), is one of ``rests``; for robots that ``drive`` does not know.
+    def through(cls, equilibria: EquilibriumBatch, times: Float[np.ndarray, " steps"]) -> Trajectory:
+        """A motion so slow that each state, (steps,), is one of ``equilibria``; for robots that ``drive`` refuses.
 
         Returns:
             A motion of (steps,) states, each at rest.
         """
-        return cls(**{field.name: getattr(rests, field.name) for field in dataclasses.fields(rests)}, times=times)
+        return cls(
+            **{field.name: getattr(equilibria, field.name) for field in dataclasses.fields(equilibria)}, times=times
+        )
 
     def __repr__(self) -> str:
         away = 1e3 * np.linalg.norm(self.deviation, axis=-1).max()

@@ -1,1 +1,1 @@
-"""Both roads, compared."""
+"""Both methods, compared."""

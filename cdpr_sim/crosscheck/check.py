@@ -16,16 +16,16 @@ from jaxtyping import Bool
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
-from cdpr_sim.core import memory
+from cdpr_sim.core import available_memory
 from cdpr_sim.core.checks import FLAG, MOST_THREADS, one_of, refuse_unless, whole
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.describe import cables_name
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import angle_between, poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.progress import bar
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.core.words import cables_name
 from cdpr_sim.crosscheck import compare
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.physics.settle import residuals_of, settle_many
@@ -42,7 +42,7 @@ BYTES_PER_POSITION, BYTES_PER_POSE = 150, 150
 """Of memory: for the grid, and for what is found at each of its poses by each robot with each material."""
 
 OUTCOMES = ("refused", *(verdict.name.lower() for verdict in Verdict), "unsettled", "unsolved")
-"""What checking a pose comes to, the worse the later: both roads refuse it, since every exit lies below the platform; a
+"""The outcome at a pose, the worse the later: both methods refuse it, since every exit lies below the platform; a
 verdict; MuJoCo's platform did not come to rest; the solver found no equilibrium."""
 
 AGREEING = {OUTCOMES.index(verdict.name.lower()) for verdict in (Verdict.AGREE, Verdict.AGREE_BUT_FREE)}
@@ -50,8 +50,8 @@ REFUSED = OUTCOMES.index("refused")
 
 
 @dataclass(frozen=True)
-class Finding:
-    """A pose at which the two roads do not agree.
+class Disagreement:
+    """A pose at which the two methods do not agree.
 
     Attributes:
         robot: its name.
@@ -69,22 +69,22 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Check(Introduced):
-    """The two roads over a whole workspace.
+class Check(HtmlRepr):
+    """The two methods over a whole workspace.
 
     Attributes:
         dataset: over (robot, material, x, y, z), or (robot, x, y, z) with each robot's own cables: the ``outcome`` as
             a CF flag, the errors and the cross residuals of ``Agreement``.
-        findings: every pose at which they do not agree.
+        disagreements: every pose at which they do not agree.
     """
 
     dataset: xr.Dataset
-    findings: tuple[Finding, ...]
+    disagreements: tuple[Disagreement, ...]
 
     @property
     def agrees(self) -> bool:
-        """Whether the two roads agree at every pose that was settled, and all poses were."""
-        return not self.findings
+        """Whether the two methods agree at every pose that was settled, and all poses were."""
+        return not self.disagreements
 
     def across(self, axis: str = "y") -> xr.Dataset:
         """The worst outcome and the largest error of agreeing poses along ``axis``: a plane, to be drawn as a map.
@@ -104,7 +104,7 @@ class Check(Introduced):
     def __repr__(self) -> str:
         poses = self.dataset["outcome"].size
         robots = ", ".join(repr(str(name)) for name in np.atleast_1d(self.dataset["robot"].values))
-        said = "no disagreement" if self.agrees else f"{len(self.findings):,} poses do not agree"
+        said = "no disagreement" if self.agrees else f"{len(self.disagreements):,} poses do not agree"
         return f"<Check of {robots}: {poses:,} poses, {said}>"
 
 
@@ -126,7 +126,7 @@ def check(
         progress: show a progress bar on standard error.
 
     Returns:
-        Outcome and errors at every pose, and each pose at which the two roads do not agree.
+        Outcome and errors at every pose, and each pose at which the two methods do not agree.
 
     Raises:
         InvalidInput: a grid or names that cannot be right.
@@ -141,7 +141,7 @@ def check(
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)
     poses = float(np.prod([len(values) for values in axes.values()]))
-    memory.refuse_beyond(
+    available_memory.refuse_beyond(
         f"grid: a check of {len(group) * len(labels) * poses:,.0f} poses",
         poses * (BYTES_PER_POSITION + BYTES_PER_POSE * len(group) * len(labels)),
         "fewer poses",
@@ -150,7 +150,7 @@ def check(
     shape = positions.shape[:-1]
     rows = positions.reshape(-1, 3)
     columns: list[dict[str, np.ndarray]] = []
-    findings: list[Finding] = []
+    disagreements: list[Disagreement] = []
     with bar("check", len(group) * len(labels) * len(rows), show=progress) as advance:
         for robot in group:
             for label, stiffness in zip(labels, np.atleast_2d(stiffnesses[robot.name]), strict=True):
@@ -159,7 +159,7 @@ def check(
                 for first in range(0, len(rows), ROWS):
                     part, found = _check_rows(variant, rows[first : first + ROWS], label or cables_name(robot), threads)
                     parts.append(part)
-                    findings += found
+                    disagreements += found
                     advance(len(rows[first : first + ROWS]))
                 columns.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
     if materials is None:
@@ -183,7 +183,7 @@ def check(
     for name, (units, meaning) in _MEANINGS.items():
         dataset[name].attrs = {"units": units, "long_name": meaning}
     dataset["outcome"].attrs |= {"flag_values": list(range(len(OUTCOMES))), "flag_meanings": " ".join(OUTCOMES)}
-    return Check(dataset, tuple(findings))
+    return Check(dataset, tuple(disagreements))
 
 
 _MEANINGS = {
@@ -198,25 +198,25 @@ _MEANINGS = {
 
 def _check_rows(
     robot: Robot, positions: np.ndarray, material: str, threads: int
-) -> tuple[dict[str, np.ndarray], list[Finding]]:
+) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
     """The columns of ``_MEANINGS`` at each of the positions, and what is to be reported."""
     problems = Problems.of(robot, positions)
     solved, settled = solve_many(problems), settle_many(problems, threads=threads)  # what refuses, refuses at once
     values, agree = compare_many(solved, settled, threads=threads)
     refused = problems.refusals != Status.PENDING
     outcome = np.where(refused, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
-    findings: list[Finding] = []
+    disagreements: list[Disagreement] = []
     for row in np.flatnonzero(~agree & ~refused):
         name, reasons = _outcome(solved, settled, int(row))
         outcome[row] = OUTCOMES.index(name)
         if outcome[row] not in AGREEING:
             x, y, z = (float(value) for value in positions[row])
-            findings.append(Finding(robot.name, material, (x, y, z), name, reasons))
-    return {"outcome": outcome, **values}, findings
+            disagreements.append(Disagreement(robot.name, material, (x, y, z), name, reasons))
+    return {"outcome": outcome, **values}, disagreements
 
 
 def compare_many(
-    solved: Rests, settled: Rests, *, threads: int = 0
+    solved: EquilibriumBatch, settled: EquilibriumBatch, *, threads: int = 0
 ) -> tuple[dict[str, np.ndarray], Bool[np.ndarray, " rows"]]:
     """The errors and cross residuals of ``Agreement``, (rows,) each, and in which rows all is within tolerance.
 
@@ -231,7 +231,7 @@ def compare_many(
     if not rows.size:
         return columns, within
     problems = solved.problems.take(rows)
-    static, rested = ((rests.positions[rows], rests.rotations[rows]) for rests in (solved, settled))
+    static, rested = ((equilibria.positions[rows], equilibria.rotations[rows]) for equilibria in (solved, settled))
     errors = {
         "position_error": np.linalg.norm(static[0] - rested[0], axis=-1),
         "rotation_error": angle_between(static[1], rested[1]),
@@ -255,10 +255,10 @@ def compare_many(
     return columns, within
 
 
-def _outcome(solved: Rests, settled: Rests, row: int) -> tuple[str, tuple[str, ...]]:
+def _outcome(solved: EquilibriumBatch, settled: EquilibriumBatch, row: int) -> tuple[str, tuple[str, ...]]:
     """In words, what is not plain agreement."""
-    for name, rests in (("unsolved", solved), ("unsettled", settled)):
-        if not rests.converged[row]:
-            return name, (Status(int(rests.status[row])).sentence,)
+    for name, equilibria in (("unsolved", solved), ("unsettled", settled)):
+        if not equilibria.converged[row]:
+            return name, (Status(int(equilibria.status[row])).sentence,)
     result = compare.compare(solved[row], settled[row])
     return result.verdict.name.lower(), result.reasons

@@ -28,8 +28,10 @@ def clearances_in_mujoco(
 
     Each piece of a cable and each edge of the frame is a capsule, the platform a box.
     """
-    robot, rests = found.rests.robot, found.rests
-    model, data, pieces, edges, platform = _model(robot, found.curves[row], rests.positions[row], rests.rotations[row])
+    robot, equilibria = found.equilibria.robot, found.equilibria
+    model, data, pieces, edges, platform = _model(
+        robot, found.curves[row], equilibria.positions[row], equilibria.rotations[row]
+    )
 
     def apart(one: list[int], other: list[int], radii: float) -> float:
         return min(mujoco.mj_geomDistance(model, data, a, b, FAR, None) for a in one for b in other) + radii

@@ -1,4 +1,4 @@
-"""Do the two roads agree? The differences, the cross residuals, and a verdict with its reasons."""
+"""Do the two methods agree? The differences, the cross residuals, and a verdict with its reasons."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.checks import positive, refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import angle_between
 from cdpr_sim.physics.settle import residual_of
 from cdpr_sim.statics import forces
@@ -28,12 +28,12 @@ TENSION_TOLERANCE = 1e-3
 """[N]"""
 
 CROSS_TOLERANCE = 1e-5
-"""Largest unbalanced force that either road may find at the other's pose, as a fraction of the load (without load, of
+"""Largest unbalanced force that either method may find at the other's pose, as a fraction of the load (without load, of
 ``Problem.force_scale``). MuJoCo calls a platform at rest at 1e-6; a model that is wrong by 1 % in one taut cable leaves
 8e-5 or more (``scripts/measure_constants.py``)."""
 
 REST_LENGTH_TOLERANCE = 1e-7
-"""[m] A cable this close to its rest length counts as taut or as slack, whichever the other road says."""
+"""[m] A cable this close to its rest length counts as taut or as slack, whichever the other method says."""
 
 
 LEVEL = 1e-8
@@ -42,16 +42,16 @@ less than lifting DemoBot's platform by a nanometre."""
 
 
 class Verdict(enum.Enum):
-    """What comparing the two roads came to."""
+    """What comparing the two methods came to."""
 
-    AGREE = "the two roads agree"
-    AGREE_BUT_FREE = "the two roads agree in all that the cables hold, and differ where nothing holds the platform"
-    DIFFERENT_EQUILIBRIA = "the two roads rest at different equilibria, each of which the other confirms"
-    DISAGREE = "the two roads disagree"
+    AGREE = "the two methods agree"
+    AGREE_BUT_FREE = "the two methods agree in all that the cables hold, and differ where nothing holds the platform"
+    DIFFERENT_EQUILIBRIA = "the two methods rest at different equilibria, each of which the other confirms"
+    DISAGREE = "the two methods disagree"
 
 
 @dataclass(frozen=True)
-class Agreement(Introduced):
+class Agreement(HtmlRepr):
     """Static and physical equilibrium of one problem, side by side.
 
     Attributes:
@@ -76,7 +76,7 @@ class Agreement(Introduced):
 
     @property
     def agrees(self) -> bool:
-        """Whether the two roads agree."""
+        """Whether the two methods agree."""
         return self.verdict in (Verdict.AGREE, Verdict.AGREE_BUT_FREE)
 
     def __repr__(self) -> str:
@@ -135,7 +135,7 @@ def compare(
     ]
     if slack_differs.any():
         cables = ", ".join(str(i + 1) for i in np.flatnonzero(slack_differs))
-        apart.append(f"cable {cables} is slack on one road only")
+        apart.append(f"cable {cables} is slack on one method only")
     unbalanced = [
         f"{where} finds {force:.1e} N unbalanced (tolerance {CROSS_TOLERANCE * problem.force_scale:.0e})"
         for where, force in cross.items()

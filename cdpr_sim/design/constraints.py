@@ -15,8 +15,8 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
-from cdpr_sim.design.layouts import LayoutRests
 from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES, Limits
+from cdpr_sim.design.robot_batch import LayoutEquilibria
 
 KNOWN = ("tensions", "all taut", "stable", "clearance")
 
@@ -31,7 +31,7 @@ class Constraint:
     """
 
     name: str
-    missing: Callable[[LayoutRests], Float[np.ndarray, " layouts"]]
+    missing: Callable[[LayoutEquilibria], Float[np.ndarray, " layouts"]]
 
 
 def constraints_of(robot: Robot, asked: Mapping[str, Any] | None) -> tuple[list[Constraint], Limits, float]:
@@ -52,9 +52,9 @@ def constraints_of(robot: Robot, asked: Mapping[str, Any] | None) -> tuple[list[
             if value is not True:
                 raise InvalidInput(f"subject_to[{name!r}]: found {shown(value)}, expected True")
             if name == "stable":
-                found.append(Constraint("stable rests", lambda rests: 1 - _stable(rests).mean(-1)))
+                found.append(Constraint("stable rests", lambda equilibria: 1 - _stable(equilibria).mean(-1)))
             else:
-                found.append(Constraint("all cables taut", lambda rests: rests.slack.mean((-1, -2))))
+                found.append(Constraint("all cables taut", lambda equilibria: equilibria.slack.mean((-1, -2))))
         else:
             limit = float(checked_array(f"subject_to[{name!r}]", value, ()))
             reach = limit if name == "displacement" else reach
@@ -62,8 +62,8 @@ def constraints_of(robot: Robot, asked: Mapping[str, Any] | None) -> tuple[list[
     return found, limits, reach
 
 
-def _stable(rests: LayoutRests) -> np.ndarray:
-    values = rests.eigenvalues
+def _stable(equilibria: LayoutEquilibria) -> np.ndarray:
+    values = equilibria.eigenvalues
     return values[..., 0] > NEUTRAL * np.abs(values).max(-1)
 
 
@@ -72,7 +72,9 @@ def _tensions(robot: Robot, lower: np.ndarray, upper: np.ndarray) -> Constraint:
     name = f"tensions from {lower.min():g} to {upper.max():g} N"
     return Constraint(
         name,
-        lambda rests: np.maximum(np.maximum(lower - rests.tensions, rests.tensions - upper), 0).max((-1, -2)) / scale,
+        lambda equilibria: (
+            np.maximum(np.maximum(lower - equilibria.tensions, equilibria.tensions - upper), 0).max((-1, -2)) / scale
+        ),
     )
 
 
@@ -80,10 +82,10 @@ def _clearance(least: float) -> Constraint:
     if not least > 0:
         raise InvalidInput(f"subject_to['clearance']: found {least:g} m, expected more than 0")
 
-    def missing(rests: LayoutRests) -> np.ndarray:
-        layouts = rests.layouts
-        weights = layouts.linear_density[:, None] * rests.robot.gravity
-        found = clearance.least_clearance(rests, layouts.exits[:, None], layouts.anchors[:, None], weights)
+    def missing(equilibria: LayoutEquilibria) -> np.ndarray:
+        layouts = equilibria.layouts
+        weights = layouts.linear_density[:, None] * equilibria.robot.gravity
+        found = clearance.least_clearance(equilibria, layouts.exits[:, None], layouts.anchors[:, None], weights)
         return np.maximum(least - found.min(-1), 0) / least
 
     return Constraint(f"clearance of {1e3 * least:g} mm", missing)
@@ -96,5 +98,5 @@ def _limit(robot: Robot, name: str, limit: float) -> Constraint:
     words = "at least" if objective.largest else "at most"
     return Constraint(
         f"{name} {words} {objective.shown(limit)}",
-        lambda rests: np.maximum(side * (objective.score(rests, NO_LIMITS) - limit), 0) / scale,
+        lambda equilibria: np.maximum(side * (objective.score(equilibria, NO_LIMITS) - limit), 0) / scale,
     )

@@ -13,21 +13,21 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import Frozen, listed, whole
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.design.layout import outside_frame
-from cdpr_sim.design.layouts import Cases, Layouts
+from cdpr_sim.design.layout_result import outside_frame
 from cdpr_sim.design.moves import Move
 from cdpr_sim.design.objectives import Objective
-from cdpr_sim.design.search import HOLDS, Judge, named
+from cdpr_sim.design.robot_batch import Cases, RobotBatch
+from cdpr_sim.design.search import HOLDS, LayoutEvaluator, named
 
 LOST = 10.0
 """By how much a layout without a rest in some case counts as missing a constraint."""
 
 
 @dataclass(frozen=True, eq=False)
-class Front(Frozen, Introduced):
+class Front(Frozen, HtmlRepr):
     """Layouts none of which is better in both goals, the best in the first goal first.
 
     Attributes:
@@ -44,7 +44,7 @@ class Front(Frozen, Introduced):
     objectives: tuple[Objective, Objective]
     before: Float[np.ndarray, "2"]
     scores: Float[np.ndarray, "layouts 2"]
-    layouts: Layouts
+    layouts: RobotBatch
     cases: Cases
     tried: int
 
@@ -139,13 +139,13 @@ def find_front(
     objectives = tuple(listed("objectives", objectives, "two"))
     if len(objectives) != 2:
         raise InvalidInput(f"objectives: found {len(objectives)}, expected two")
-    judge = Judge.of(
+    evaluator = LayoutEvaluator.of(
         robot, poses, move, within, symmetry, objectives[0], subject_to, external_wrench, stiffness, progress, threads,
     )  # fmt: skip
-    goals = (judge.objective, Objective.of(objectives[1]))
+    goals = (evaluator.objective, Objective.of(objectives[1]))
     goals[1].refuse_weight(robot)
     whole("seed", seed, 0)
-    space = judge.space
+    space = evaluator.space
     free = space.upper > space.lower
 
     def full(values: np.ndarray) -> np.ndarray:
@@ -154,12 +154,12 @@ def find_front(
         return whole_rows
 
     def scored(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        rests = judge.rests(values)
-        scores = np.stack([judge.scores(rests, goal) for goal in goals], axis=1)
+        equilibria = evaluator.equilibria(values)
+        scores = np.stack([evaluator.scores(equilibria, goal) for goal in goals], axis=1)
         lost = np.asarray(np.isnan(scores).any(1))
-        missing = judge.missing(rests, lost)
+        missing = evaluator.missing(equilibria, lost)
         missing = np.minimum(np.vstack([missing, np.where(lost, LOST, 0)]), LOST).T
-        judge.tried += len(values)
+        evaluator.tried += len(values)
         return scores, missing
 
     signs = np.array([-1.0 if goal.largest else 1.0 for goal in goals])
@@ -167,7 +167,7 @@ def find_front(
     class Question(Problem):
         def __init__(self) -> None:
             super().__init__(
-                n_var=int(free.sum()), n_obj=2, n_ieq_constr=len(judge.constraints) + 1, xl=space.lower[free],
+                n_var=int(free.sum()), n_obj=2, n_ieq_constr=len(evaluator.constraints) + 1, xl=space.lower[free],
                 xu=space.upper[free],
             )  # fmt: skip
 
@@ -184,20 +184,21 @@ def find_front(
 
         class Told(Callback):
             def notify(self, algorithm) -> None:
-                say(f"generation {algorithm.n_gen} of {generations}, {judge.tried:,} layouts")
+                say(f"generation {algorithm.n_gen} of {generations}, {evaluator.tried:,} layouts")
 
         search = NSGA2(pop_size=len(first), sampling=first)  # pyright: ignore[reportArgumentType]  (takes arrays too)
         ended = "n_gen", whole("generations", generations, 1)
         result = minimize(Question(), search, ended, seed=seed, callback=Told())
     if result.X is None:
         raise InvalidInput(
-            f"subject_to: found no layout that holds everything and rests at every pose among {judge.tried:,} tried; "
+            f"subject_to: found no layout that holds everything and rests at every pose among "
+            f"{evaluator.tried:,} tried; "
             "find_layout says what is missed the most"
         )
     values = full(np.atleast_2d(result.X))
     scores, _ = scored(values)
     order = np.argsort(signs[0] * scores[:, 0])
     layouts = space.layouts(values[order])
-    given = judge.rests(np.zeros((1, len(space))))
-    before = np.array([judge.scores(given, goal)[0] for goal in goals])
-    return Front(robot, goals, before, scores[order], layouts, judge.cases, judge.tried)
+    given = evaluator.equilibria(np.zeros((1, len(space))))
+    before = np.array([evaluator.scores(given, goal)[0] for goal in goals])
+    return Front(robot, goals, before, scores[order], layouts, evaluator.cases, evaluator.tried)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from cdpr_sim.core.checks import checked_array, listed, one_of, refuse_far, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.design.layouts import Layouts
+from cdpr_sim.design.robot_batch import RobotBatch
 from cdpr_sim.design.symmetry import Symmetry, group
 
 POINTS = ("exits", "pulleys", "anchors", "center_of_mass")
@@ -139,7 +139,7 @@ class Space:
     def __len__(self) -> int:
         return len(self.names)
 
-    def layouts(self, values: Float[np.ndarray, "layouts variables"]) -> Layouts:
+    def layouts(self, values: Float[np.ndarray, "layouts variables"]) -> RobotBatch:
         """The robots that these choices make."""
         robot = self.robot
 
@@ -149,7 +149,7 @@ class Space:
         def scaled(start: np.ndarray, by: np.ndarray) -> np.ndarray:
             return start * np.exp(values @ by)
 
-        return Layouts(
+        return RobotBatch(
             robot,
             moved(robot.exits, self.exits),
             moved(robot.anchors, self.anchors),

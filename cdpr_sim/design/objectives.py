@@ -13,8 +13,8 @@ from jaxtyping import Float
 from cdpr_sim.core.checks import as_numbers, shown
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.design.layouts import LayoutRests, feasible_share
-from cdpr_sim.design.slopes import Steps, slopes
+from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
+from cdpr_sim.design.robot_batch import LayoutEquilibria, feasible_share
 
 Limits = tuple[np.ndarray, np.ndarray]
 Scores = Float[np.ndarray, " layouts"]
@@ -31,22 +31,22 @@ class Objective:
         largest: whether more is better.
         score: (layouts,) in SI units, of where they rest and the limits of tension.
         smooth: what a gradient can follow: "tilt", "deviation" or "tensions"; "" where it cannot.
-        rests: whether it asks for a rest in every case.
+        equilibria: whether it asks for a rest in every case.
         massless: whether it is known of massless cables alone.
     """
 
     name: str
     unit: str
     size: float
-    score: Callable[[LayoutRests, Limits], Scores]
+    score: Callable[[LayoutEquilibria, Limits], Scores]
     largest: bool = False
     smooth: str = ""
-    rests: bool = True
+    equilibria: bool = True
     massless: bool = False
 
     @classmethod
     def of(cls, given: Any) -> Objective:
-        """By name, or a function of the user's: ``LayoutRests`` → (layouts,), to be made small.
+        """By name, or a function of the user's: ``LayoutEquilibria`` → (layouts,), to be made small.
 
         Raises:
             UnknownName: no such objective.
@@ -71,7 +71,7 @@ class Objective:
         """Where the objective does not know the weight of cables.
 
         Raises:
-            InvalidInput: some cable weighs something.
+            InvalidInput: some cable has mass.
         """
         if self.massless:
             robot.cabling.refuse_weight(self.name)
@@ -87,8 +87,10 @@ class Objective:
         return a > b if self.largest else a < b
 
 
-def _by_users(function: Callable[[LayoutRests], Any], name: str, rests: LayoutRests, _: Limits) -> Scores:
-    scores, layouts = function(rests), len(rests)
+def _by_users(
+    function: Callable[[LayoutEquilibria], Any], name: str, equilibria: LayoutEquilibria, _: Limits
+) -> Scores:
+    scores, layouts = function(equilibria), len(equilibria)
     try:
         found = as_numbers("objective", scores)
     except InvalidInput:
@@ -100,43 +102,48 @@ def _by_users(function: Callable[[LayoutRests], Any], name: str, rests: LayoutRe
     return found
 
 
-def _tilt(rests: LayoutRests) -> np.ndarray:
-    return rests.tilt
+def _tilt(equilibria: LayoutEquilibria) -> np.ndarray:
+    return equilibria.tilt
 
 
-def _distance(rests: LayoutRests) -> np.ndarray:
-    return np.linalg.norm(rests.deviation, axis=-1)
+def _distance(equilibria: LayoutEquilibria) -> np.ndarray:
+    return np.linalg.norm(equilibria.deviation, axis=-1)
 
 
-def _error(rests: LayoutRests) -> np.ndarray:
+def _error(equilibria: LayoutEquilibria) -> np.ndarray:
     """Root mean square move of the platform per move of each coordinate of exits and anchors, all independent.
 
     Rotations count by the characteristic length.
     """
-    steps, found = Steps.errors(rests.robot), np.empty(rests.shape)
-    for row in range(len(rests)):
-        robot = rests.layouts.robot_at(row)
-        by = slopes(
-            robot, rests.cases, rests.positions[row], rests.rotations[row], rests.problems.rest_lengths[row], steps
+    steps, found = Steps.errors(equilibria.robot), np.empty(equilibria.shape)
+    for row in range(len(equilibria)):
+        robot = equilibria.layouts.robot_at(row)
+        by = layout_derivatives(
+            robot,
+            equilibria.cases,
+            equilibria.positions[row],
+            equilibria.rotations[row],
+            equilibria.problems.rest_lengths[row],
+            steps,
         )
         found[row] = np.sqrt(((by.pose * robot.units) ** 2).sum((-1, -2)))
     return np.where(np.isnan(found), np.inf, found)
 
 
-def _worst(of: Callable[[LayoutRests], np.ndarray]) -> Callable[[LayoutRests, Limits], Scores]:
-    return lambda rests, _: of(rests).max(-1)
+def _worst(of: Callable[[LayoutEquilibria], np.ndarray]) -> Callable[[LayoutEquilibria, Limits], Scores]:
+    return lambda equilibria, _: of(equilibria).max(-1)
 
 
-def _mean(of: Callable[[LayoutRests], np.ndarray]) -> Callable[[LayoutRests, Limits], Scores]:
-    return lambda rests, _: of(rests).mean(-1)
+def _mean(of: Callable[[LayoutEquilibria], np.ndarray]) -> Callable[[LayoutEquilibria, Limits], Scores]:
+    return lambda equilibria, _: of(equilibria).mean(-1)
 
 
-def _least(of: Callable[[LayoutRests], np.ndarray]) -> Callable[[LayoutRests, Limits], Scores]:
-    return lambda rests, _: of(rests).min(-1)
+def _least(of: Callable[[LayoutEquilibria], np.ndarray]) -> Callable[[LayoutEquilibria, Limits], Scores]:
+    return lambda equilibria, _: of(equilibria).min(-1)
 
 
-def _frame(rests: LayoutRests) -> Scores:
-    return np.linalg.norm(np.ptp(rests.layouts.exits, axis=1), axis=-1)
+def _frame(equilibria: LayoutEquilibria) -> Scores:
+    return np.linalg.norm(np.ptp(equilibria.layouts.exits, axis=1), axis=-1)
 
 
 _ALL = (
@@ -144,19 +151,20 @@ _ALL = (
     Objective("mean tilt", "°", np.pi / 180, _mean(_tilt)),
     Objective("worst deviation", "mm", 1e-3, _worst(_distance), smooth="deviation"),
     Objective("mean deviation", "mm", 1e-3, _mean(_distance)),
-    Objective("most slack cables", "", 1.0, _worst(lambda rests: rests.slack.sum(-1).astype(float))),
-    Objective("mean slack cables", "", 1.0, _mean(lambda rests: rests.slack.sum(-1).astype(float))),
+    Objective("most slack cables", "", 1.0, _worst(lambda equilibria: equilibria.slack.sum(-1).astype(float))),
+    Objective("mean slack cables", "", 1.0, _mean(lambda equilibria: equilibria.slack.sum(-1).astype(float))),
     Objective("lowest tension", "N", 1.0, _least(lambda r: r.tensions.min(-1)), largest=True, smooth="tensions"),
     Objective("highest tension", "N", 1.0, _worst(lambda r: r.tensions.max(-1)), smooth="tensions"),
     Objective("softest stiffness", "N/m", 1.0, _least(lambda r: r.eigenvalues[..., 0]), largest=True),
     Objective("lowest frequency", "Hz", 1.0, _least(lambda r: r.frequencies), largest=True, massless=True),
     Objective(
-        "feasible volume", "%", 0.01, lambda rests, limits: feasible_share(rests.layouts, rests.cases, limits),
-        largest=True, rests=False, massless=True,
+        "feasible volume", "%", 0.01,
+        lambda equilibria, limits: feasible_share(equilibria.layouts, equilibria.cases, limits),
+        largest=True, equilibria=False, massless=True,
     ),
     Objective("worst sensitivity", "mm/mm", 1.0, _worst(_error), massless=True),
-    Objective("displacement", "mm", 1e-3, lambda rests, _: rests.layouts.displacements),
-    Objective("size of frame", "m", 1.0, lambda rests, _: _frame(rests)),
+    Objective("displacement", "mm", 1e-3, lambda equilibria, _: equilibria.layouts.displacements),
+    Objective("size of frame", "m", 1.0, lambda equilibria, _: _frame(equilibria)),
 )  # fmt: skip
 OBJECTIVES = {one.name: one for one in _ALL}
 """By name. "feasible volume" is the share of the poses that rigid cables hold within the limits of tension; "worst

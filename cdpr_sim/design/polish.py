@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
 
-from cdpr_sim.design.layouts import Cases, rest
+from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
 from cdpr_sim.design.moves import Space
 from cdpr_sim.design.objectives import Limits, Objective
-from cdpr_sim.design.slopes import Steps, slopes
+from cdpr_sim.design.robot_batch import Cases, rest
 
 STEPS = 100
 LOST = 1e6
@@ -50,7 +50,7 @@ def polished(
         return np.concatenate([z[-1] - path.values(split(z)) / scale, path.room(split(z))])
 
     def margin_slopes(z: np.ndarray) -> np.ndarray:
-        by, room = path.slopes(split(z))
+        by, room = path.layout_derivatives(split(z))
         rows = np.vstack([-by[:, free] / scale, room[:, free]]) * width
         return np.hstack([rows, np.concatenate([np.ones(len(by)), np.zeros(len(room))])[:, None]])
 
@@ -77,13 +77,13 @@ class _Path:
     def _go(self, values: np.ndarray) -> None:
         if self.at is None or not np.array_equal(values, self.at):
             self.at = values.copy()
-            self.rests = rest(self.space.layouts(values[None]), self.cases, 1)
+            self.equilibria = rest(self.space.layouts(values[None]), self.cases, 1)
 
     def values(self, values: np.ndarray) -> Float[np.ndarray, " numbers"]:
         """What is to be small, of each case: squares of tilt or deviation, or tensions with their sign."""
         self._go(values)
         if self.objective.smooth == "tensions":
-            found = self._sign * self.rests.tensions[0].ravel()
+            found = self._sign * self.equilibria.tensions[0].ravel()
         else:
             found = (self._residual() ** 2).sum(-1)
         return np.nan_to_num(found, nan=LOST)
@@ -94,13 +94,13 @@ class _Path:
 
     def _residual(self) -> np.ndarray:
         if self.objective.smooth == "tilt":
-            return self.rests.rotations[0][:, :2, 2]
-        return self.rests.deviation[0]
+            return self.equilibria.rotations[0][:, :2, 2]
+        return self.equilibria.deviation[0]
 
     def room(self, values: np.ndarray) -> Float[np.ndarray, " limits"]:
         """How far tensions, over the weight, and squares of displacements, over theirs, are from their limits."""
         self._go(values)
-        tau, scale = self.rests.tensions[0], self.space.robot.weight or 1.0
+        tau, scale = self.equilibria.tensions[0], self.space.robot.weight or 1.0
         lower, upper = (np.broadcast_to(one, tau.shape) for one in self.limits)
         low, high = lower > 0, np.isfinite(upper)
         moved = (self._moved(values) ** 2).sum(-1)
@@ -115,32 +115,32 @@ class _Path:
     def _moved(self, values: np.ndarray) -> Float[np.ndarray, "points 3"]:
         return np.tensordot(values, self._directions, 1)
 
-    def slopes(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def layout_derivatives(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of ``values`` and of ``room`` by the variables, a row each."""
         self._go(values)
-        space, rests = self.space, self.rests
-        layouts = rests.layouts
+        space, equilibria = self.space, self.equilibria
+        layouts = equilibria.layouts
         steps = Steps(
             space.exits, space.anchors, space.log_stiffness * layouts.axial_stiffness[0], space.center
         )  # fmt: skip
-        by = slopes(
+        by = layout_derivatives(
             layouts.robot_at(0),
             self.cases,
-            rests.positions[0],
-            rests.rotations[0],
-            rests.problems.rest_lengths[0],
+            equilibria.positions[0],
+            equilibria.rotations[0],
+            equilibria.problems.rest_lengths[0],
             steps,
         )
         pose, tensions = np.nan_to_num(by.pose), np.nan_to_num(by.tensions)
         if self.objective.smooth == "tensions":
             rows = self._sign * tensions.swapaxes(1, 2).reshape(-1, len(space))
         elif self.objective.smooth == "tilt":
-            axis = rests.rotations[0][:, :, 2]
+            axis = equilibria.rotations[0][:, :, 2]
             turned = np.cross(pose[..., 3:], axis[:, None])[..., :2]
             rows = 2 * (turned * axis[:, None, :2]).sum(-1)
         else:
-            rows = 2 * (pose[..., :3] * rests.deviation[0][:, None]).sum(-1)
-        tau, scale = rests.tensions[0], space.robot.weight or 1.0
+            rows = 2 * (pose[..., :3] * equilibria.deviation[0][:, None]).sum(-1)
+        tau, scale = equilibria.tensions[0], space.robot.weight or 1.0
         lower, upper = (np.broadcast_to(one, tau.shape) for one in self.limits)
         each = tensions.swapaxes(1, 2) / scale
         far = -2 / self.reach**2 * np.einsum("pi,vpi->pv", self._moved(values), self._directions)

@@ -22,11 +22,11 @@ from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.constraints import Constraint, constraints_of
-from cdpr_sim.design.layout import Layout
-from cdpr_sim.design.layouts import Cases, LayoutRests, rest
+from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import Limits, Objective
 from cdpr_sim.design.polish import polished
+from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, rest
 
 LEG = 20
 """Generations of one call to SciPy: after each the population can be stored, and each draws random numbers of its own,
@@ -48,7 +48,7 @@ _FEASIBLE, _MISSING, _LOST = 0.0, 2.0, 4.0
 
 
 @dataclass(eq=False)
-class Judge:
+class LayoutEvaluator:
     """Scores layouts, and remembers the best.
 
     Attributes:
@@ -87,7 +87,7 @@ class Judge:
         stiffness: ArrayLike | None,
         progress: bool,
         threads: int | None,
-    ) -> Judge:
+    ) -> LayoutEvaluator:
         """Of a question as users ask it (``find_layout``).
 
         Raises:
@@ -105,20 +105,20 @@ class Judge:
         cases = Cases.of(robot, poses, external_wrench, stiffness)
         return cls(space, cases, wanted, *constraints_of(robot, subject_to), threads)
 
-    def rests(self, values: Float[np.ndarray, "layouts variables"]) -> LayoutRests:
+    def equilibria(self, values: Float[np.ndarray, "layouts variables"]) -> LayoutEquilibria:
         """Where the platforms of these layouts rest."""
         return rest(self.space.layouts(values), self.cases, self.threads)
 
-    def scores(self, rests: LayoutRests, objective: Objective | None = None) -> Float[np.ndarray, " layouts"]:
+    def scores(self, equilibria: LayoutEquilibria, objective: Objective | None = None) -> Float[np.ndarray, " layouts"]:
         """An objective, in SI units; nan where a layout has no rest in some case that the objective asks for.
 
         Raises:
             InvalidInput: an objective that is nan where all platforms rest.
         """
         objective = self.objective if objective is None else objective
-        whole_ones = rests.converged.all(-1) if objective.rests else np.ones(len(rests), dtype=bool)
+        whole_ones = equilibria.converged.all(-1) if objective.equilibria else np.ones(len(equilibria), dtype=bool)
         with np.errstate(invalid="ignore"):
-            found = np.asarray(objective.score(rests, self.limits), dtype=float)
+            found = np.asarray(objective.score(equilibria, self.limits), dtype=float)
         bad = whole_ones & np.isnan(found)
         if bad.any():
             raise InvalidInput(
@@ -129,29 +129,29 @@ class Judge:
 
     def energies(self, values: Float[np.ndarray, "layouts variables"]) -> Float[np.ndarray, " layouts"]:
         """What the search makes small: first that all cases have a rest, then the constraints, then the objective."""
-        rests = self.rests(values)
-        scores = self.scores(rests)
+        equilibria = self.equilibria(values)
+        scores = self.scores(equilibria)
         lost = np.isnan(scores)
-        missing = np.minimum(self.missing(rests, lost).max(0, initial=0.0), MOST_MISSING)
+        missing = np.minimum(self.missing(equilibria, lost).max(0, initial=0.0), MOST_MISSING)
         signed = np.nan_to_num(-scores if self.objective.largest else scores)
         found = _FEASIBLE + signed / (1 + np.abs(signed))
         broken = missing > HOLDS
         found[broken] = (_MISSING + missing / (1 + missing))[broken]
-        found[lost] = (_LOST - rests.converged.mean(-1))[lost]
-        self.tried += len(rests)
+        found[lost] = (_LOST - equilibria.converged.mean(-1))[lost]
+        self.tried += len(equilibria)
         row = int(found.argmin())
         if found[row] < self.energy:
             self.energy, self.best = float(found[row]), values[row].copy()
-            each = self.missing(rests, lost)[:, row]
+            each = self.missing(equilibria, lost)[:, row]
             self.least = {one.name: float(lack) for one, lack in zip(self.constraints, each, strict=True)}
         return found
 
-    def missing(self, rests: LayoutRests, lost: np.ndarray) -> Float[np.ndarray, "constraints layouts"]:
+    def missing(self, equilibria: LayoutEquilibria, lost: np.ndarray) -> Float[np.ndarray, "constraints layouts"]:
         """By how much each constraint is missed; by everything where there is no rest."""
-        found = np.zeros((len(self.constraints), len(rests)))
+        found = np.zeros((len(self.constraints), len(equilibria)))
         with np.errstate(invalid="ignore"):
             for row, one in enumerate(self.constraints):
-                found[row] = np.where(lost, np.inf, np.nan_to_num(one.missing(rests), nan=np.inf))
+                found[row] = np.where(lost, np.inf, np.nan_to_num(one.missing(equilibria), nan=np.inf))
         return found
 
     def told(self) -> str:
@@ -178,7 +178,7 @@ def find_layout(
     move: str | Move | Sequence[str | Move] = "exits",
     within: ArrayLike | None = None,
     symmetry: str | Sequence[str] = "detected",
-    objective: str | Objective | Callable[[LayoutRests], Any] = "worst tilt",
+    objective: str | Objective | Callable[[LayoutEquilibria], Any] = "worst tilt",
     subject_to: Mapping[str, Any] | None = None,
     external_wrench: ArrayLike | None = None,
     stiffness: ArrayLike | None = None,
@@ -189,13 +189,13 @@ def find_layout(
     store: str | Path | None = None,
     progress: bool = False,
     threads: int | None = None,
-) -> Layout:
+) -> LayoutResult:
     """A better layout of ``robot``: one that moves a few of its numbers, and is good at all of ``poses``.
 
     Global first, by differential evolution (Storn and Price 1997, doi:10.1023/A:1008202821328; SciPy's, vectorised,
     over all cores), then exact: where the objective has a gradient, sequential quadratic programming with the exact
     derivatives of the rests. It promises no more than it was asked: the poses, loads and stiffnesses given here.
-    ``prove_layout`` asks MuJoCo, and between the poses.
+    ``validate_layout`` asks MuJoCo, and between the poses.
 
     Args:
         robot: the robot to begin with.
@@ -226,46 +226,46 @@ def find_layout(
             no layout tried can reach, or constraints that none meets: the message says which is missed most.
         UnknownName: nothing of that name moves, or is good, or must hold.
     """
-    judge = Judge.of(
+    evaluator = LayoutEvaluator.of(
         robot, poses, move, within, symmetry, objective, subject_to, external_wrench, stiffness, progress, threads
     )  # fmt: skip
-    space, cases, wanted = judge.space, judge.cases, judge.objective
+    space, cases, wanted = evaluator.space, evaluator.cases, evaluator.objective
     refuse_unless(FLAG, polish=polish)
     whole("generations", generations, 1)
     still = np.zeros((1, len(space)))
-    rests_before = rest(space.layouts(still), cases, threads)
-    before = float(judge.scores(rests_before)[0])
+    equilibria_before = rest(space.layouts(still), cases, threads)
+    before = float(evaluator.scores(equilibria_before)[0])
 
     history: list[tuple[float, float, float]] = []
     with saying(progress) as say:
         try:
-            message = _evolve(judge, seed, generations, population, store, history, say)
+            message = _evolve(evaluator, seed, generations, population, store, history, say)
         except KeyboardInterrupt:
-            if judge.best is None:
+            if evaluator.best is None:
                 raise
             message = f"Interrupted after {len(history)} generations: this is the best so far."
-        if judge.best is None or not judge.energy < _FEASIBLE + 1:
-            raise InvalidInput(_why_none(judge))
+        if evaluator.best is None or not evaluator.energy < _FEASIBLE + 1:
+            raise InvalidInput(_why_none(evaluator))
         if polish and wanted.smooth and robot.cabling.massless and "Interrupted" not in message:
-            say(f"{judge.told()}; polishing")
+            say(f"{evaluator.told()}; polishing")
             try:
-                judge.energies(polished(judge.best, space, cases, wanted, judge.limits, judge.reach))
+                evaluator.energies(polished(evaluator.best, space, cases, wanted, evaluator.limits, evaluator.reach))
             except KeyboardInterrupt:
                 message += " The polish was interrupted."
-    rests = judge.rests(judge.best[None])
-    return Layout(
-        robot=named(rests.layouts.robot_at(0), wanted),
+    equilibria = evaluator.equilibria(evaluator.best[None])
+    return LayoutResult(
+        robot=named(equilibria.layouts.robot_at(0), wanted),
         given=robot,
         objective=wanted,
         before=before,
-        after=float(judge.scores(rests)[0]),
+        after=float(evaluator.scores(equilibria)[0]),
         cases=cases,
-        rests_before=rests_before,
-        rests=rests,
+        equilibria_before=equilibria_before,
+        equilibria=equilibria,
         history=np.array(history).reshape(-1, 3),
-        tried=judge.tried,
+        tried=evaluator.tried,
         message=message,
-        values=judge.best,
+        values=evaluator.best,
         variables=space.names,
     )
 
@@ -281,7 +281,7 @@ def named(robot: Robot, *objectives: Objective) -> Robot:
 
 
 def _evolve(
-    judge: Judge,
+    evaluator: LayoutEvaluator,
     seed: int,
     generations: int,
     population: int | None,
@@ -290,7 +290,7 @@ def _evolve(
     say: Callable[[str], None],
 ) -> str:
     """Generations in legs; how it ended, in a sentence."""
-    space = judge.space
+    space = evaluator.space
     free = space.upper > space.lower
     bounds = list(zip(space.lower[free], space.upper[free], strict=True))
     size = (
@@ -307,16 +307,16 @@ def _evolve(
 
     def energies(columns: np.ndarray) -> np.ndarray:
         columns = columns.reshape(len(bounds), -1)
-        return judge.energies(full(columns))
+        return evaluator.energies(full(columns))
 
-    identity = _identity(judge, seed, size)
+    identity = _identity(evaluator, seed, size)
     done, crowd = 0, None
     if store is not None:
         store = checked_path("store", store)
         if store.exists():
             done, crowd, told = _resumed(store, identity)
             history.extend(map(tuple, told))
-            judge.tried = int(told[-1, 1]) if len(told) else 0
+            evaluator.tried = int(told[-1, 1]) if len(told) else 0
         else:
             check_place(store, (".npz",))
     if crowd is None:
@@ -326,11 +326,11 @@ def _evolve(
 
     def after_each(intermediate_result: OptimizeResult) -> None:
         del intermediate_result
-        history.append((len(history) + 1, judge.tried, judge.value))
-        say(f"generation {len(history)} of {generations}, {judge.tried:,} layouts: {judge.told()}")
+        history.append((len(history) + 1, evaluator.tried, evaluator.value))
+        say(f"generation {len(history)} of {generations}, {evaluator.tried:,} layouts: {evaluator.told()}")
 
     if done >= generations:  # all is done: only the best has to be found again
-        judge.energies(full(crowd.T))
+        evaluator.energies(full(crowd.T))
     while done < generations:
         length = min(LEG, generations - done)
         result = differential_evolution(
@@ -348,38 +348,39 @@ def _evolve(
     return f"Stopped after {len(history)} generations, as asked."
 
 
-def _why_none(judge: Judge) -> str:
+def _why_none(evaluator: LayoutEvaluator) -> str:
     """Why no layout will do, in a sentence."""
-    assert judge.best is not None
-    if judge.energy < _LOST - 1:
-        name = max(judge.least, key=lambda one: judge.least[one])
-        others = [one for one, lack in judge.least.items() if lack > HOLDS and one != name]
+    assert evaluator.best is not None
+    if evaluator.energy < _LOST - 1:
+        name = max(evaluator.least, key=lambda one: evaluator.least[one])
+        others = [one for one, lack in evaluator.least.items() if lack > HOLDS and one != name]
         also = f" and also {', '.join(others)}" if others else ""
         return (
-            f"subject_to: found no layout that holds everything among {judge.tried:,} tried; the nearest misses "
-            f"{name!r} the most, by {judge.least[name]:.2g} of what is asked{also}; expected looser constraints or "
+            f"subject_to: found no layout that holds everything among {evaluator.tried:,} tried; the nearest misses "
+            f"{name!r} the most, by {evaluator.least[name]:.2g} of what is asked{also}; expected looser constraints or "
             "wider bounds"
         )
-    rests = judge.rests(judge.best[None])
-    lost = np.flatnonzero(~rests.converged[0])
-    x, y, z = judge.cases.positions[lost[0]]
+    equilibria = evaluator.equilibria(evaluator.best[None])
+    lost = np.flatnonzero(~equilibria.converged[0])
+    x, y, z = evaluator.cases.positions[lost[0]]
     return (
-        f"poses: found no layout among {judge.tried:,} tried whose platform rests at all of them; the nearest has no "
-        f"rest at {len(lost)} of {len(judge.cases)}, the first at ({x:g}, {y:g}, {z:g}) m; expected poses within "
+        f"poses: found no layout among {evaluator.tried:,} tried whose platform rests at all of them; "
+        f"the nearest has no "
+        f"rest at {len(lost)} of {len(evaluator.cases)}, the first at ({x:g}, {y:g}, {z:g}) m; expected poses within "
         "reach, or wider bounds"
     )
 
 
-def _identity(judge: Judge, seed: int, size: int) -> str:
+def _identity(evaluator: LayoutEvaluator, seed: int, size: int) -> str:
     """Of what is searched: another for every change of the question."""
-    space, cases = judge.space, judge.cases
+    space, cases = evaluator.space, evaluator.cases
     state = hashlib.sha256()
     arrays = [getattr(space, name) for name in ("lower", "upper", "exits", "anchors", "center", "log_stiffness")]
     arrays += [space.robot.cabling.packed, space.robot.center_of_mass, np.array(space.robot.mass), space.robot.inertia]
-    arrays += [cases.positions, cases.rotations, cases.wrench, cases.factors, *judge.limits]
+    arrays += [cases.positions, cases.rotations, cases.wrench, cases.factors, *evaluator.limits]
     for array in arrays:
         state.update(np.ascontiguousarray(array, dtype=float).tobytes())
-    for word in (judge.objective.name, *(one.name for one in judge.constraints), str(seed), str(size)):
+    for word in (evaluator.objective.name, *(one.name for one in evaluator.constraints), str(seed), str(size)):
         state.update(word.encode() + b"\0")
     return state.hexdigest()
 

@@ -21,10 +21,10 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.cables import course, wheel_of
+from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 
 P = ParamSpec("P")
 
@@ -99,17 +99,17 @@ def draw_cables(
 ) -> None:
     """Taut cables as straight lines; slack ones dotted, in another colour, hanging as long as they are.
 
-    Cables over pulleys come from their wheels, which are drawn too. Cables that weigh something have the ``shapes``
-    that they are given, of ``cable_shapes``.
+    Cables over pulleys come from their wheels, which are drawn too. Cables with mass have the ``shapes``
+    that they are given, of ``cable_profiles``.
 
     Raises:
-        InvalidInput: cables that weigh something, without their shapes.
+        InvalidInput: cables with mass, without their shapes.
     """
     anchors = position + robot.anchors @ rotation.T
-    rests = [None] * robot.cables if rest_lengths is None else rest_lengths
-    for cable, (anchor, is_slack, rest) in enumerate(zip(anchors, slack, rests, strict=True)):
+    equilibria = [None] * robot.cables if rest_lengths is None else rest_lengths
+    for cable, (anchor, is_slack, rest) in enumerate(zip(anchors, slack, equilibria, strict=True)):
         length = float(rest) if is_slack and rest is not None else None
-        points = course(robot.cabling, cable, anchor, length, None if shapes is None else shapes[cable])
+        points = cable_curve(robot.cabling, cable, anchor, length, None if shapes is None else shapes[cable])
         if is_slack:
             ax.plot(*points[:, [0, 2]].T, ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, zorder=3)
         else:
@@ -189,26 +189,26 @@ def seen(ax: Axes3D, point: np.ndarray) -> tuple[float, float]:
 
 
 def draw_pose_in_space(
-    ax: Axes3D, rests: Rests, row: int, shapes: Float[np.ndarray, "cables points 3"] | None = None
+    ax: Axes3D, equilibria: EquilibriumBatch, row: int, shapes: Float[np.ndarray, "cables points 3"] | None = None
 ) -> None:
     """One pose with its commanded outline, its taut cables, its slack ones, and the wheels that they run over.
 
     Raises:
-        InvalidInput: cables that weigh something, without their ``shapes``, of ``cable_shapes``.
+        InvalidInput: cables with mass, without their ``shapes``, of ``cable_profiles``.
     """
-    robot, position, rotation = rests.robot, rests.positions[row], rests.rotations[row]
+    robot, position, rotation = equilibria.robot, equilibria.positions[row], equilibria.rotations[row]
     half = robot.platform_size / 2
     box = _corners(-half, half)
-    ghost = rests.problems.positions[row] + box
+    ghost = equilibria.problems.positions[row] + box
     ax.add_collection3d(
         Line3DCollection([ghost[list(edge)] for edge in EDGES], colors=style.COMMANDED, lw=0.7, ls=style.COMMANDED_DASH)
     )
     draw_platform_in_space(ax, robot, position, rotation)
     anchors = position + robot.anchors @ rotation.T
     for cable in range(robot.cables):
-        slack = bool(rests.slack[row, cable])
-        length = float(rests.rest_lengths[row, cable]) if slack else None
-        way = course(robot.cabling, cable, anchors[cable], length, None if shapes is None else shapes[cable])
+        slack = bool(equilibria.slack[row, cable])
+        length = float(equilibria.rest_lengths[row, cable]) if slack else None
+        way = cable_curve(robot.cabling, cable, anchors[cable], length, None if shapes is None else shapes[cable])
         looks = {"color": style.SLACK_CABLE, "lw": 1.2, "ls": style.SLACK_DASH} if slack else {"color": style.INK}
         ax.plot(*way.T, **{"lw": 0.6} | looks)
         wheel = wheel_of(robot.cabling, cable, anchors[cable])

@@ -18,7 +18,7 @@ import numpy as np
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.numbers import per_cent, plain, power_of_ten
+from cdpr_sim.drawing.readable_numbers import per_cent, plain, power_of_ten
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".png", ".svg", ".pdf")
 """Of the files that a map can be written to."""
 
-QUANTITIES = ("tilt", "distance", "slack_count", "feasible", "tension_margin")
+QUANTITIES = ("tilt", "distance", "slack_count", "feasible", "capacity_margin")
 """Of ``sweep``, that an elastic map shows; the last gives the border of the feasible workspace between the poses."""
 
 MOST_CABLES = len(style.MAP_SLACK) - 1
@@ -108,7 +108,7 @@ def draw_elastic_map(dataset: xr.Dataset, *, names: Sequence[str] = ELASTIC) -> 
     """Tilt, deviation, slack cables and feasibility over a plane of the workspace, on shared scales.
 
     Args:
-        dataset: of ``sweep``, with a single coordinate along one of x, y and z. With ``tension_margin`` in it, the
+        dataset: of ``sweep``, with a single coordinate along one of x, y and z. With ``capacity_margin`` in it, the
             border of the feasible workspace is drawn where that is zero, between the poses; without, around them.
         names: the variables to draw, a row each.
 
@@ -184,7 +184,9 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
     border = ""
     if _border(flat) and set(rows) != {"feasible"}:
         border = "Dashed: border of the static feasible workspace."
-        if _border(flat) == "tension_margin" and any(_thin(_panel(flat["tension_margin"], one)) for _, one in columns):
+        if _border(flat) == "capacity_margin" and any(
+            _thin(_panel(flat["capacity_margin"], one)) for _, one in columns
+        ):
             border = "Green: static feasible workspace, which for an under-actuated robot is a line."
     _say_where(figure, layout, dataset, (normal, horizontal, vertical), border)
     _thin_ticks(figure)
@@ -211,7 +213,7 @@ def _panel(values: xr.DataArray, choice: dict[str, str]) -> xr.DataArray:
 
 def _border(flat: xr.Dataset) -> str:
     """The variable whose zero, or else whose step, is the border of the feasible workspace."""
-    return next((name for name in ("tension_margin", "feasible") if name in flat), "")
+    return next((name for name in ("capacity_margin", "feasible") if name in flat), "")
 
 
 def _say_where(figure: Figure, layout: _Layout, dataset: xr.Dataset, axes: tuple[str, str, str], border: str) -> None:

@@ -18,13 +18,13 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from cdpr_sim.core.checks import refuse_unless
+from cdpr_sim.core.describe import describe_cables
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.words import cables_in_words
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, styled
-from cdpr_sim.drawing.cables import course, wheel_of
+from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 
 STAMP = "Source"
 """The key of a PNG's text that names what it was drawn from."""
@@ -90,7 +90,7 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
         5.4,
         f"{robot.name}: {robot.description or f'{robot.cables} cables'}",
         f"Numbers: the cables, at their exits and at their anchors. Cross: the centre of mass. Commanded to ({x:.4g}, "
-        f"{y:.4g}, {z:.4g}) m. A platform of {robot.mass:g} kg on {robot.cables} {cables_in_words(robot)}; "
+        f"{y:.4g}, {z:.4g}) m. A platform of {robot.mass:g} kg on {robot.cables} {describe_cables(robot)}; "
         f"{robot.mobility}.",
         Still,
     )
@@ -128,7 +128,7 @@ def _with_room(robot: Robot) -> Robot:
 def _cables(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, width: float) -> None:
     straight = robot.replace(linear_density=0.0).cabling  # what hangs is a result
     for cable, anchor in enumerate(position + robot.anchors @ rotation.T):
-        _plot(ax, robot, course(straight, cable, anchor), color=_color(cable), lw=width, zorder=3)
+        _plot(ax, robot, cable_curve(straight, cable, anchor), color=_color(cable), lw=width, zorder=3)
         wheel = wheel_of(straight, cable, anchor)
         if wheel is not None:
             _plot(ax, robot, wheel.arc(), color=style.WHEEL["ec"], lw=style.WHEEL["lw"])

@@ -24,7 +24,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import cables, pulleys
+from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 
 MASS_IN_UNITS = 2.0**30
@@ -61,7 +61,7 @@ class Observation:
 
 
 @dataclass(frozen=True)
-class Reading(Observation):
+class SimulationReading(Observation):
     """What MuJoCo says of each row's state at zero velocity, its balance included."""
 
     residuals: Float[np.ndarray, " rows"]
@@ -110,9 +110,9 @@ class Simulations:
         if not own_springs:
             stiffness, rest = problems.axial_stiffness, problems.rest_lengths
             self.band[:, :, 1] = rest + self.entries
-            self.springs[:] = cables.springs(stiffness, rest) / self.unit
+            self.springs[:] = tendons.springs(stiffness, rest) / self.unit
             if not self.robot.cabling.linear:
-                self.polynomials[:] = cables.polynomials(stiffness, self.robot.cabling.stiffening, rest) / self.unit
+                self.polynomials[:] = tendons.polynomials(stiffness, self.robot.cabling.stiffening, rest) / self.unit
         self.armature[:] = self.model.dof_armature
 
     def reset(self, rows: Bool[np.ndarray, " rows"]) -> None:
@@ -191,7 +191,7 @@ class Simulations:
     @property
     def pull(self) -> Float[np.ndarray, " rows"]:
         """The tensions of all cables together [N], as of MuJoCo's last call: to judge the motion by, and no answer."""
-        return cables.pull(self._lengths, self.band, self.springs).sum(1) * self.unit
+        return tendons.pull(self._lengths, self.band, self.springs).sum(1) * self.unit
 
     @property
     def slack(self) -> Bool[np.ndarray, "rows cables"]:
@@ -215,12 +215,12 @@ class Simulations:
         self.batch.forward()
         return self.unbalanced
 
-    def read(self, qpos: Float[np.ndarray, "rows coordinates"]) -> Reading:
+    def read(self, qpos: Float[np.ndarray, "rows coordinates"]) -> SimulationReading:
         """Each row's state at ``qpos`` and zero velocity."""
         self.qpos[:] = qpos
         residuals = self.residuals()
         seen, off_wheel = self._observed(), self.off_wheel
-        return Reading(*seen, residuals, *self._stiffness(), off_wheel)
+        return SimulationReading(*seen, residuals, *self._stiffness(), off_wheel)
 
     def observe(self, qpos: Float[np.ndarray, "rows coordinates"]) -> Observation:
         """Each row's pose and cables at ``qpos``: ``read`` without the balance, for motions of many states."""

@@ -34,7 +34,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.numbers import LEAST_INERTIA, magnitude, text
+from cdpr_sim.physics.number_format import LEAST_INERTIA, magnitude, text
 
 SEGMENTS = 6
 """Of a chain."""
@@ -133,7 +133,7 @@ def shape(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_lengt
 def extents(
     robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"]
 ) -> Float[np.ndarray, "chains nodes 3"]:
-    """The slides' coordinates with the platform at ``pose``: of each heavy cable, from the anchor to the first mass."""
+    """The slides' coordinates with the platform at ``pose``: of each cable with mass, from anchor to first mass."""
     anchors = pose.apply(robot.anchors)
     rows = [shape(robot.exits[i], anchors[i], rest_lengths[i]) for i in np.flatnonzero(robot.cabling.linear_density)]
     inwards = -np.array(rows).reshape(-1, SEGMENTS, 3)[:, :0:-1]
@@ -143,7 +143,7 @@ def extents(
 def add_chains(
     platform: ET.Element, robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"], step: float
 ) -> list[float]:
-    """The masses ``node_1_4``, ..., ``node_1_1`` of each heavy cable, from anchor to exit; returns their coordinates.
+    """The masses ``node_1_4``, ..., ``node_1_1`` of each cable with mass, from the anchor; returns their coordinates.
 
     Args:
         platform: whose branches they are.
@@ -190,7 +190,7 @@ def add_far(world: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray,
 
 
 def add_segments(tendons: ET.Element, robot: Robot, cable: int, rest_length: float, step: float) -> None:
-    """The tendons ``cable_1_1``, ..., from exit to anchor, of one heavy cable, its brakes, and ``chord_1`` to measure.
+    """The tendons ``cable_1_1``, ..., from exit to anchor, of one cable with mass, its brakes, and ``chord_1``.
 
     Their damping is for the time step ``step`` [s] of a model that is just stepped. It resists slack segments as well,
     which slows them down and moves no rest.
@@ -226,7 +226,7 @@ def plucked(
 
 @dataclass(frozen=True)
 class Chains:
-    """Where a model has its heavy cables, one row for each.
+    """Where a model has its cables with mass, one row for each.
 
     Attributes:
         cables: whose they are.
@@ -257,7 +257,9 @@ class Chains:
             found = np.array([mujoco.mj_name2id(model, kind.value, name) for name in names], dtype=int)
             if (found < 0).any():
                 missing = names[int(np.argmin(found))]
-                raise InvalidInput(f"model: found no {missing!r}, expected the names that to_mjcf gives heavy cables")
+                raise InvalidInput(
+                    f"model: found no {missing!r}, expected the names that to_mjcf gives cables with mass"
+                )
             return found.reshape(len(cables), -1)
 
         bodies, tendons, joints = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_TENDON, mujoco.mjtObj.mjOBJ_JOINT
@@ -283,7 +285,7 @@ class Chains:
         rest_lengths: Float[np.ndarray, " cables"],
         division: Division,
     ) -> None:
-        """Set a model's heavy cables to these rest lengths, divided so: springs and masses. ``mj_setConst`` follows."""
+        """Set a model's cables with mass to these rest lengths: springs and masses. ``mj_setConst`` follows."""
         lengths = rest_lengths[self.cables, None]
         model.tendon_lengthspring[self.segments, 1] = division.lengths * lengths
         model.tendon_stiffness[self.segments] = axial_stiffness[self.cables, None] / (division.lengths * lengths)

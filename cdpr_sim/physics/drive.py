@@ -29,9 +29,9 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import PlatformFell, Trajectory
 from cdpr_sim.physics import chains
 from cdpr_sim.physics.batch import quiet, simulations_of
-from cdpr_sim.physics.cables import let_out
 from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.settle import settle
+from cdpr_sim.physics.tendons import let_out
 
 STATES = 301
 """States of a trajectory, unless the caller says otherwise: ten seconds of video at 30 frames a second."""

@@ -18,8 +18,8 @@ from cdpr_sim.core.checks import FLAG, checked_label, refuse_unless
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-from cdpr_sim.physics import cables, chains, pulleys
-from cdpr_sim.physics.numbers import magnitude, text
+from cdpr_sim.physics import chains, pulleys, tendons
+from cdpr_sim.physics.number_format import magnitude, text
 from cdpr_sim.physics.winches import LEAST_SPARE, add_drums, add_winches
 
 TIMESTEP = 0.002
@@ -46,7 +46,7 @@ def to_mjcf(
     Names: body ``platform``; sites ``exit_1`` and ``anchor_1``; tendon ``cable_1`` and its sensor ``length_1``, counted
     from 1 as in the paper; keyframe ``commanded``. A spatial platform has the free joint ``platform``, a planar one
     the joints ``x``, ``z`` and ``beta`` (positive about +y), whose coordinates are the base frame's. They come first in
-    ``qpos``; a cable over a pulley has a body ``pulley_1`` and, in space, its joint ``swivel_1``. A heavy cable is
+    ``qpos``; a cable over a pulley has a body ``pulley_1`` and, in space, its joint ``swivel_1``. A cable with mass is
     a chain of tendons ``cable_1_1``, ... with masses ``node_1_1``, ... between them; ``length_1`` is its chord.
 
     The air is made viscous enough to calm the platform's slowest swing without overshoot: that changes how it comes to
@@ -70,7 +70,7 @@ def to_mjcf(
         An MJCF document, which ``mujoco.MjModel.from_xml_string`` compiles; its numbers parse back to the very same.
 
     Raises:
-        InvalidInput: a pose or a length that cannot be right; winches on cables that weigh something.
+        InvalidInput: a pose or a length that cannot be right; winches on cables with mass.
     """
     problem = Problem.of(robot, pose, rest_lengths)
     refuse_unless(FLAG, winches=winches)
@@ -87,7 +87,7 @@ def to_mjcf(
         option.set("viscosity", text(drag / (3 * np.pi * size)))
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
-    cables.add_exits(world, robot.cabling)
+    tendons.add_exits(world, robot.cabling)
     paddles = magnitude(robot.platform_size)  # [m] which calms it within a second, and stiff cables too
     platform = _platform(robot, problem.pose, (drag, drag * paddles * paddles) if winches else None)
     world.append(platform)
@@ -96,7 +96,7 @@ def to_mjcf(
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
     if winches:
         add_drums(world, robot, problem.rest_lengths)
-    cables.add_tendons(root, robot, problem.rest_lengths, TIMESTEP, wound=winches)
+    tendons.add_tendons(root, robot, problem.rest_lengths, TIMESTEP, wound=winches)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
@@ -164,7 +164,7 @@ def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml") -> str:
         tendons = ET.SubElement(root, "tendon")
         for i in np.flatnonzero(~robot.cabling.pulleys & (robot.cabling.linear_density == 0)):
             drawn = float(f"{(1 + LEAST_SPARE) * problem.rest_lengths[i]:.12g}")
-            cables.add_twin(tendons, f"line_{i + 1}", int(i) + 1, drawn)
+            tendons.add_twin(tendons, f"line_{i + 1}", int(i) + 1, drawn)
     return _document(root)
 
 
@@ -268,7 +268,7 @@ def _platform(robot: Robot, pose: RigidTransform, damping: tuple[float, float] |
     ET.SubElement(
         body, "geom", {"name": "platform", "class": "drawn", "type": "box", "size": text(robot.platform_size / 2)}
     ).set("rgba", text(PLATFORM_COLOR))
-    cables.add_anchors(body, robot.cabling)
+    tendons.add_anchors(body, robot.cabling)
     # MuJoCo's xfrc_applied acts at a body's centre of mass; a massless child has its own at the platform's origin.
     ET.SubElement(body, "body", name="origin")
     return body

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from cdpr_sim.core.describe import describe_properties
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.words import properties_in_words
 from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
 
 PICTURE, INDEX = "robot.png", "robots.png"
@@ -144,7 +144,7 @@ def _cables(robot: Robot) -> str:
     lowest, highest = robot.axial_stiffness.min(), robot.axial_stiffness.max()
     stiffness = f"EA = {lowest:g} N" if lowest == highest else f"EA = {lowest:g} to {highest:g} N"
     cables = f"{robot.material}, {stiffness}" if robot.material else stiffness
-    return ", ".join([cables, *properties_in_words(robot)])
+    return ", ".join([cables, *describe_properties(robot)])
 
 
 def _law(robot: Robot) -> str:

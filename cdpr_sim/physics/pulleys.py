@@ -27,7 +27,7 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
-from cdpr_sim.physics.numbers import LEAST_INERTIA, magnitude, text
+from cdpr_sim.physics.number_format import LEAST_INERTIA, magnitude, text
 
 ENTRY = 10.0
 """Length of the straight entry, in radii."""

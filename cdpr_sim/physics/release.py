@@ -48,29 +48,29 @@ class Release:
     """What became of a platform that was displaced by a nudge and let go.
 
     Attributes:
-        strayed: the farthest it came [m], rotations scaled by the characteristic length.
+        largest_deviation: the farthest it came [m], rotations scaled by the characteristic length.
         nudge: how far it was displaced [m].
         seconds: how long it was watched.
     """
 
-    strayed: float
+    largest_deviation: float
     nudge: float
     seconds: float
 
     @property
     def stays(self) -> bool:
         """Whether it strayed no further than it was displaced, but for rounding."""
-        return self.strayed <= STAYS * self.nudge
+        return self.largest_deviation <= STAYS * self.nudge
 
     @property
     def leaves(self) -> bool:
         """Whether it strayed a hundred times as far as it was displaced."""
-        return self.strayed >= LEAVES * self.nudge
+        return self.largest_deviation >= LEAVES * self.nudge
 
     def __repr__(self) -> str:
         said = "stays" if self.stays else "leaves" if self.leaves else "neither stays nor leaves"
         return (
-            f"<Release: {said}: strayed {1e6 * self.strayed:.3g} µm in {self.seconds:.3g} s, nudged by "
+            f"<Release: {said}: strayed {1e6 * self.largest_deviation:.3g} µm in {self.seconds:.3g} s, nudged by "
             f"{1e6 * self.nudge:.3g} µm>"
         )
 
@@ -81,7 +81,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     Stops as soon as it has left.
 
     Args:
-        equilibrium: of either road, stable or not.
+        equilibrium: of either method, stable or not.
         seconds: how long it is watched at most.
 
     Returns:
@@ -108,13 +108,13 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     model.opt.timestep = FINEST / _fastest(model, equilibrium)
     data = mujoco.MjData(model)
     place(model, data, robot, moved(pose, step))
-    strayed, watched = NUDGE, 0
+    largest_deviation, watched = NUDGE, 0
     chunk = max(int(0.002 / model.opt.timestep), 1)
-    while watched * model.opt.timestep < seconds and strayed < LEAVES * NUDGE:
+    while watched * model.opt.timestep < seconds and largest_deviation < LEAVES * NUDGE:
         mujoco.mj_step(model, data, nstep=chunk)
         watched += chunk
-        strayed = max(strayed, distance(_pose(data), pose, arm))
-    return Release(strayed, NUDGE, watched * model.opt.timestep)
+        largest_deviation = max(largest_deviation, distance(_pose(data), pose, arm))
+    return Release(largest_deviation, NUDGE, watched * model.opt.timestep)
 
 
 def grow_gravity(

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core.controller import Sensed, Sensors
+from cdpr_sim.core.controller import Measurement, Sensors
 from cdpr_sim.core.pose import moved
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys
@@ -59,8 +59,8 @@ class Sensing:
         self._sensors, self._readings = sensors, readings
         self._random = np.random.default_rng(sensors.seed)
         self._taken = 0
-        self._waiting: deque[Sensed] = deque()
-        self._newest: Sensed | None = None
+        self._waiting: deque[Measurement] = deque()
+        self._newest: Measurement | None = None
 
     def due(self, time: float) -> bool:
         """Whether it is time for another sample."""
@@ -73,14 +73,16 @@ class Sensing:
         step = noise[:6] * np.repeat([sensors.position_noise, sensors.rotation_noise], 3)
         pose = pose_of(self._readings.pose(data))
         pose = moved(pose, step) if step.any() else pose
-        self._waiting.append(Sensed(time, pose, tensions + sensors.tension_noise * noise[6:], rest_lengths.copy()))
+        self._waiting.append(Measurement(time, pose, tensions + sensors.tension_noise * noise[6:], rest_lengths.copy()))
         self._taken += 1
 
-    def newest(self, time: float) -> Sensed:
+    def newest(self, time: float) -> Measurement:
         """The newest sample that has come through; before the first has, what was so while the platform stood still."""
         while self._waiting and self._waiting[0].time + self._sensors.delay <= time + INSTANT:
             self._newest = self._waiting.popleft()
         if self._newest is None:
             first = self._waiting[0]
-            return Sensed(min(first.time, time - self._sensors.delay), first.pose, first.tensions, first.rest_lengths)
+            return Measurement(
+                min(first.time, time - self._sensors.delay), first.pose, first.tensions, first.rest_lengths
+            )
         return self._newest

@@ -1,6 +1,6 @@
 """Let the platform come to rest in MuJoCo, and read out of MuJoCo where that is.
 
-The second road to a static equilibrium, which shares nothing with the first: no formula of statics stands here.
+The second method to a static equilibrium, which shares nothing with the first: no formula of statics stands here.
 MuJoCo moves the platform and knows its pose, cable lengths and spring forces; a tension is the force that MuJoCo
 applies when all other springs are switched off; the residual is the generalised force that it has left over at zero
 velocity; the stiffness is how that force changes when the platform is displaced. How it is moved, ``relaxation`` says.
@@ -22,17 +22,17 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import FLAG, MOST_THREADS, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.progress import saying
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.physics.batch import simulations_of
-from cdpr_sim.physics.heavy import settle as heavy
-from cdpr_sim.physics.relaxation import NUDGES, Relaxation
+from cdpr_sim.physics.dynamic_relaxation import NUDGES, Relaxation
+from cdpr_sim.physics.sagging import settle_chains as heavy
 
 Frames = list[tuple[float, np.ndarray]]
 """(time, qpos) at every step of a motion."""
@@ -50,7 +50,7 @@ def settle(
     """Where MuJoCo's platform comes to rest, let go at ``pose`` with zero velocity.
 
     A platform that its cables do not hold there falls until they catch it, however far: nothing else is in its way.
-    Where cables weigh something it is let go where it would rest if they did not.
+    Where cables have mass it is let go where it would rest if they did not.
 
     Args:
         robot: the robot; or a ``Problem`` that is ready, alone.
@@ -59,7 +59,7 @@ def settle(
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
         model: settle this model of the robot instead of the generated one, with the springs, masses and gravity that
             it has. Its names must be those of ``to_mjcf``.
-        progress: show on standard error how far it is: where cables weigh something it may take a minute.
+        progress: show on standard error how far it is: where cables have mass it may take a minute.
 
     Returns:
         The equilibrium by MuJoCo's own pose, forces and stiffness; its ``source`` is "mujoco".
@@ -125,7 +125,7 @@ def settle_many(
     axial_stiffness: ArrayLike | None = None,
     threads: int = 0,
     progress: bool = False,
-) -> Rests:
+) -> EquilibriumBatch:
     """Settle one robot from many poses, side by side on threads; the same motions as ``settle`` one by one.
 
     Args:
@@ -137,7 +137,7 @@ def settle_many(
         rotations: (rows, 3, 3), where ``poses`` are positions; default: level.
         axial_stiffness: EA [N], a number, or with the cables last: (rows, cables), or (rows, 1) for all cables alike.
         threads: 0 for one per processor.
-        progress: show on standard error how far it is, where cables weigh something.
+        progress: show on standard error how far it is, where cables have mass.
 
     Returns:
         A row for each pose. One that is not finite, or at which the platform would fall, says so by its status.
@@ -169,7 +169,7 @@ def settle_many(
     iterations = np.zeros(rows, dtype=int)
     if found is not None:
         status[can], iterations[can] = found.status, found.iterations
-    return Rests(
+    return EquilibriumBatch(
         problems=problems,
         positions=scattered("positions", 3),
         rotations=scattered("rotations", 3, 3),
@@ -228,7 +228,7 @@ def _settled(
     threads: int = 1,
     frames: Frames | None = None,
     progress: bool = False,
-) -> Rests:
+) -> EquilibriumBatch:
     """Settle (rows,) problems that can be asked; ``frames`` takes the first one's motion."""
     refuse_unless(mujoco.MjModel | None, model=model)
     if _weighs(problems.robot, model):
@@ -256,7 +256,7 @@ def _settled(
     relaxation.status[beyond] = Status.OVERSTRAINED
     # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
     relaxation.status[reading.off_wheel] = Status.OFF_WHEEL
-    return Rests(
+    return EquilibriumBatch(
         problems=asked,
         positions=reading.positions,
         rotations=reading.rotations,
@@ -277,8 +277,8 @@ def _settled_heavy(
     threads: int = 1,
     frames: heavy.Frames | None = None,
     say: Callable[[str], None] = lambda words: None,
-) -> Rests:
-    """``_settled`` where cables weigh something: let go where the platform would rest if they did not."""
+) -> EquilibriumBatch:
+    """``_settled`` where cables have mass: let go where the platform would rest if they did not."""
     light = _settled(_without_weight(problems), threads=threads)
     finite = np.isfinite(light.residuals)
     starts = [(light if finite[row] else problems).poses[row] for row in range(len(problems))]
@@ -287,7 +287,7 @@ def _settled_heavy(
         problems, from_there, model=model, frames=frames, say=lambda words: say(f"MuJoCo settles the platform: {words}")
     )
     poses = RigidTransform.concatenate([reading.pose for reading in readings])
-    rests = Rests(
+    equilibria = EquilibriumBatch(
         problems=problems,
         positions=np.array(poses.translation),
         rotations=poses.rotation.as_matrix(),
@@ -299,8 +299,8 @@ def _settled_heavy(
         source="mujoco",
         stiffness=np.array([reading.eigenvalues for reading in readings]),
     )
-    rests.__dict__["poses"] = poses
-    return rests
+    equilibria.__dict__["poses"] = poses
+    return equilibria
 
 
 def _weighs(robot: Robot, model: mujoco.MjModel | None = None) -> bool:

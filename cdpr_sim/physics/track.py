@@ -22,7 +22,7 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import PROGRESS, checked_array, positive, refuse_unless
-from cdpr_sim.core.controller import Command, Controller, Course, Sensors
+from cdpr_sim.core.controller import Command, Controller, Reference, Sensors
 from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
@@ -96,27 +96,27 @@ def track(
         course wants, its rest lengths those that winches had let out.
 
     Raises:
-        InvalidInput: an argument that cannot be right; cables that weigh something or stiffen.
+        InvalidInput: an argument that cannot be right; cables with mass or stiffen.
         NotSettled: the platform does not come to rest on the controller's first lengths.
         PlatformFell: it fell on the way; carries the trajectory so far.
         BadCommand: the controller failed, or said what winches cannot do; carries the trajectory so far.
     """
     refuse_unless(PROGRESS, progress=progress)
-    course = _course(robot, waypoints, seconds, pause)
-    period = min(1 / positive("rate", rate, "Hz"), course.end)
+    reference = _course(robot, waypoints, seconds, pause)
+    period = min(1 / positive("rate", rate, "Hz"), reference.end)
     refuse_unless(Sensors, sensors=sensors)
     _check_controller(controller)
     speed = positive("winch_speed", winch_speed, "m/s")
-    if course.end / period >= MOST_STATES:
-        raise InvalidInput(f"rate: found {rate:g} Hz for {course.end:g} s, expected at most {MOST_STATES} states")
-    times = period * np.arange(np.ceil(course.end / period - ROUNDING) + 1)
-    times[-1] = course.end
-    wanted = course.poses(times)
+    if reference.end / period >= MOST_STATES:
+        raise InvalidInput(f"rate: found {rate:g} Hz for {reference.end:g} s, expected at most {MOST_STATES} states")
+    times = period * np.arange(np.ceil(reference.end / period - ROUNDING) + 1)
+    times[-1] = reference.end
+    wanted = reference.poses(times)
     held = Problems.of(robot, wanted)
     if held.falls.any():
         Problem.of(robot, wanted[int(np.argmax(held.falls))])  # says that nothing could hold it
     with _blamed(robot, "when the controller starts"):
-        lengths = Command.of(controller.start(course), robot.cables).rest_lengths
+        lengths = Command.of(controller.start(reference), robot.cables).rest_lengths
     with quiet():
         machine = _Machine(
             robot,
@@ -140,7 +140,7 @@ def _course(
     waypoints: RigidTransform | Sequence[PoseLike] | np.ndarray,
     seconds: float | None,
     pause: float,
-) -> Course:
+) -> Reference:
     path = Path(robot, poses_through(robot, waypoints, "tracking"))
     if not robot.cabling.linear:
         raise InvalidInput("stiffening: found cables whose law is not linear, expected linear ones for tracking")
@@ -150,7 +150,7 @@ def _course(
     pause = _from_zero("pause", pause)
     if not seconds + pause <= MOST_SECONDS:
         raise InvalidInput(f"seconds: found {seconds + pause:g} with the pause, expected at most {MOST_SECONDS:g}")
-    return Course(path, seconds, pause)
+    return Reference(path, seconds, pause)
 
 
 def _from_zero(field: str, value: float) -> float:

@@ -28,7 +28,7 @@ from jaxtyping import Float
 
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys
-from cdpr_sim.physics.numbers import text
+from cdpr_sim.physics.number_format import text
 
 DAMPING = 1e-4
 """[s] A cable's resistance to stretching, as a multiple of its stiffness: quick to calm down, and too little to narrow

@@ -25,7 +25,7 @@ from jaxtyping import Float
 
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.proof.balance import At, Balance, middles
@@ -65,7 +65,7 @@ IMAGES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Certificate(Introduced):
+class Certificate(HtmlRepr):
     """What is proved of an equilibrium. Enclosures are (lower, upper), rounded outwards to doubles.
 
     Attributes:

@@ -29,7 +29,7 @@ from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.checks import FLAG, checked_path, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput, StoreError
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Pose, angle_between
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.progress import bar
@@ -94,7 +94,7 @@ class Undecided:
 
 
 @dataclass(frozen=True, eq=False)
-class CompleteEquilibria(Introduced):
+class CompleteEquilibria(HtmlRepr):
     """Every equilibrium of one problem, stable or not, each with its certificate; lowest index first. Iterates.
 
     Attributes:

@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cdpr_sim.core.equilibrium import Equilibrium
-from cdpr_sim.report.crosscheck import Outcome, best_point
+from cdpr_sim.report.crosscheck_tables import Outcome, best_point
 
 if TYPE_CHECKING:
     from cdpr_sim.analysis.compensation import Compensation
-    from cdpr_sim.analysis.equilibria import Equilibria, Following
+    from cdpr_sim.analysis.equilibria import Equilibria, LoadPath
     from cdpr_sim.analysis.identification import Identification
     from cdpr_sim.analysis.modes import Modes
     from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
     from cdpr_sim.core.problem import Problem
     from cdpr_sim.core.robot import Robot
     from cdpr_sim.crosscheck.compare import Agreement
-    from cdpr_sim.crosscheck.hold import Hold
+    from cdpr_sim.crosscheck.compensation_check import CompensationCheck
     from cdpr_sim.physics.release import Release
     from cdpr_sim.proof.certificate import Certificate
     from cdpr_sim.proof.complete import CompleteEquilibria
 
 
 def outcome(found: Outcome) -> dict[str, Any]:
-    """An equilibrium, or the best point of a road that found none and why."""
+    """An equilibrium, or the best point of a method that found none and why."""
     result: dict[str, Any] = {"equilibrium": isinstance(found, Equilibrium)}
     if not isinstance(found, Equilibrium):
         result["reason"] = found.reason
@@ -59,7 +59,7 @@ def solution(found: Equilibrium) -> dict[str, Any]:
 def crosscheck(
     problem: Problem, outcomes: Sequence[Outcome], agreement: Agreement, proved: Sequence[Certificate] = ()
 ) -> dict[str, Any]:
-    """What each road came to, by the source that it names, and whether they agree; and what is proved of each."""
+    """What each method came to, by the source that it names, and whether they agree; and what is proved of each."""
     told = certificates(proved) if proved else {}
     return (
         _asked(problem)
@@ -121,16 +121,16 @@ def complete(found: CompleteEquilibria) -> dict[str, Any]:
 def compensation(
     problem: Problem,
     found: Compensation,
-    hold: Hold,
+    hold: CompensationCheck,
     before: Sequence[Equilibrium],
     after: Sequence[Equilibrium],
 ) -> dict[str, Any]:
-    """The lengths, and where each road puts the platform with the rigid and with the compensated ones."""
+    """The lengths, and where each method puts the platform with the rigid and with the compensated ones."""
     return _asked(problem) | {
         "exact": found.exact,
         "distance": found.distance,
         "held": hold.held,
-        "comes_from_commanded": hold.comes,
+        "reached_from_commanded": hold.reached_from_commanded,
         "reasons": [*found.reasons, *hold.reasons],
         "rest_lengths": found.rest_lengths.tolist(),
         "before": _by_source(before),
@@ -154,7 +154,7 @@ def equilibria(
     problem: Problem,
     found: Equilibria,
     releases: Sequence[Release],
-    followed: Following,
+    followed: LoadPath,
     reached: int,
     reached_in_mujoco: int,
 ) -> dict[str, Any]:

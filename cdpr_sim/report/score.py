@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from cdpr_sim.report.tables import new_table
+from cdpr_sim.report.table_style import new_table
 from cdpr_sim.studies.problem_set import LEVELS
 from cdpr_sim.studies.score import Outcome, Score
 

@@ -11,8 +11,8 @@ from cdpr_sim.core.checks import checked_path, one_of, refuse_unless
 from cdpr_sim.core.errors import CdprError, InvalidInput, RobotFileError
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.robots.importers import bologna, caspr, cdpyr, gazebo, wirex
+from cdpr_sim.robots.importers.documents import SYNTAXES, read_document
 from cdpr_sim.robots.importers.draft import Draft
-from cdpr_sim.robots.importers.reading import SYNTAXES, read_document
 
 
 class _Format(NamedTuple):

@@ -1,4 +1,4 @@
-"""One cable that stretches and weighs something: the elastic catenary between its exit A and its anchor B.
+"""One cable that stretches and has mass: the elastic catenary between its exit A and its anchor B.
 
 Irvine, Cable Structures (1981), chapter 1, as one increasing equation in one number. A cable with weight per length w,
 rest length L0 and axial stiffness EA spans x >= 0 horizontally and rises by z from A to B. Let (H, V) be its tension at
@@ -11,7 +11,7 @@ and so F(a) = (z/L0)² [tanh a/(tanh a + kappa)]² + (x/L0)² [sinh a/(a + kappa
 two ends' tensions is T = w L0/(2 tanh a).
 
 Its energy, of stretch and of its own weight, is w L0 (zA + zB)/2 + U(x, z), and U is convex with the slope (H, V): to
-the platform a heavy cable is a convex potential plus half its weight at the anchor. Without weight it is a spring that
+the platform a cable with mass is a convex potential plus half its weight at the anchor. Without mass it is a spring that
 only pulls.
 """
 
@@ -81,7 +81,7 @@ def catenary(
         return Catenary(*catenary_gufunc()(exits, anchors, rest_lengths, axial_stiffness, weights))
 
 
-def shape(
+def profile(
     exits: ArrayLike,
     anchors: ArrayLike,
     rest_lengths: ArrayLike,
@@ -108,16 +108,18 @@ def shape(
     run = sideways * s / EA + sideways * turned / w
     rise = s * (2 * end + w * s) * (0.5 / EA + 1 / both)
     across = -pull[..., None, :2] / H[..., None]
-    hanging = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
-    hanging[..., -1, :] = B
-    return hanging
+    elastic_catenary = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
+    elastic_catenary[..., -1, :] = B
+    return elastic_catenary
 
 
 def _one(exit_, anchor, rest_length, axial_stiffness, weight, pull, stiffness, energy, exit_tension, anchor_tension):
     """One element of the gufunc."""
     dx, dy, dz = anchor[0] - exit_[0], anchor[1] - exit_[1], anchor[2] - exit_[2]
     x = np.sqrt(dx * dx + dy * dy)
-    V, Khh, Khv, Kvv, K, U, exit_tension[0], anchor_tension[0] = hanging(x, dz, rest_length, axial_stiffness, weight)
+    V, Khh, Khv, Kvv, K, U, exit_tension[0], anchor_tension[0] = elastic_catenary(
+        x, dz, rest_length, axial_stiffness, weight
+    )
     half = 0.5 * weight * rest_length
     energy[0] = U + half * (exit_[2] + anchor[2])
     pull[0], pull[1], pull[2] = -K * dx, -K * dy, -(V + half)
@@ -143,7 +145,7 @@ def catenary_gufunc() -> Kernel:
 
 
 @outlined
-def hanging(x, z, L0, EA, w):
+def elastic_catenary(x, z, L0, EA, w):
     """A cable that spans x >= 0 and rises by z from exit to anchor.
 
     (V, Khh, Khv, Kvv, K, U, exit's tension, anchor's): V, at mid-length; the stiffnesses of (H, V) by (x, z), and

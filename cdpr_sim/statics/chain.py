@@ -1,6 +1,6 @@
 """A cable as a chain of finitely many pieces: springs that only pull, in a row, between nodes that have the weight.
 
-This is what a simulator has in place of a cable that weighs something. The mathematics solves the same finite chain, so
+This is what a simulator has in place of a cable with mass. The mathematics solves the same finite chain, so
 that the two can be compared to the last digit, and the chain with the catenary to which it tends.
 
 Let t be the tension at the exit end, a vector, and W_1, W_2, ... the weights of the nodes between; then piece j is
@@ -107,7 +107,7 @@ def chain(
     return Chain(-at[-1] - weights[-1] * UP, 0.5 * (stiffness + stiffness.T), float(energy), nodes)
 
 
-def rest_of_chains(
+def equilibrium_of_chains(
     problem: Problem,
     lengths: Float[Array, "cables pieces"],
     weights: Float[Array, "cables nodes"],

@@ -43,7 +43,7 @@ def wrench_slope(state: State) -> Float[Array, "*batch 6 6"]:
 def wrench_slope_at_fixed_tensions(state: State) -> Float[Array, "*batch 6 6"]:
     """As ``wrench_slope``, of cables whose tension would not change with their length: what geometry alone does."""
     W = state.wrench_matrix
-    return wrench_slope(state) + np.einsum("...ic,...c,...jc->...ij", W, state.elasticities, W)
+    return wrench_slope(state) + np.einsum("...ic,...c,...jc->...ij", W, state.tangent_stiffness, W)
 
 
 def wrench_by_parameter(state: State) -> dict[str, Float[Array, "6 parameters"]]:
@@ -55,7 +55,7 @@ def wrench_by_parameter(state: State) -> dict[str, Float[Array, "6 parameters"]]
     arms, directions, W = geometry.arms, geometry.directions, geometry.wrench_matrix
     tension_by = tension_by_parameter(state)
     # The cable's force f = tau u: moving its upper end turns it, and moving its lower end turns it back.
-    turning = tau[:, None, None] * geometry.curvatures
+    turning = tau[:, None, None] * geometry.length_hessians
     by_exit = np.concatenate([turning, cross_matrix(arms) @ turning], axis=1)
     lever = np.concatenate([np.zeros_like(turning), -cross_matrix(tau[:, None] * directions)], axis=1)
     by_anchor = (lever - by_exit) @ rotation
@@ -82,7 +82,7 @@ def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables paramet
 
     A law is one of strain, s/l0, so that letting out a length dl0 gives way as much as (l/l0) dl0 of less length.
     """
-    problem, lengths, elastic = state.problem, state.lengths, state.elasticities
+    problem, lengths, elastic = state.problem, state.lengths, state.tangent_stiffness
     rest, cables = problem.rest_lengths, problem.robot.cables
     directions = state.geometry.directions
     rows = np.arange(cables)
@@ -109,7 +109,7 @@ def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables paramet
 
 def tension_by_pose(state: State) -> Float[Array, "cables 6"]:
     """∂(tensions)/∂(pose step): a taut cable's stiffness times the slope of its length, −Wᵀ."""
-    return -state.wrench_matrix.T * state.elasticities[:, None]
+    return -state.wrench_matrix.T * state.tangent_stiffness[:, None]
 
 
 def _turning_by_radius(state: State) -> Float[Array, "cables 3"]:

@@ -62,7 +62,7 @@ class Geometry:
         return _wrenches(self.directions, self.arms)
 
     @cached_property
-    def curvatures(self) -> Float[Array, "*batch cables 3 3"]:
+    def length_hessians(self) -> Float[Array, "*batch cables 3 3"]:
         """∂²l/∂b² of each cable by its anchor's place, base frame [1/m]: (1 − u uᵀ)/(free length) + bend b bᵀ."""
         u, b = self.directions, self.across
         straight = (np.eye(3) - u[..., :, None] * u[..., None, :]) / self.free_lengths[..., None, None]
@@ -81,7 +81,7 @@ class State:
         rotation: (..., 3, 3).
         geometry: where the cables run.
         tensions: (..., cables) [N], 0 where slack (Eq. 10, 11); of a cable with weight, at the platform's end.
-        hanging: what cables do of which some weigh something.
+        hanging: what cables do of which some have mass.
     """
 
     problem: Problem | Problems
@@ -102,8 +102,8 @@ class State:
         return self.geometry.wrench_matrix
 
     @cached_property
-    def elasticities(self) -> Float[Array, "*batch cables"]:
-        """∂tau/∂l, (..., cables) [N/m], 0 where slack; nan of robots whose cables weigh something."""
+    def tangent_stiffness(self) -> Float[Array, "*batch cables"]:
+        """∂tau/∂l, (..., cables) [N/m], 0 where slack; nan of robots whose cables have mass."""
         if self.hanging is not None:
             return np.full(self.lengths.shape, np.nan)
         k, _ = cable_law.tangent(self.lengths - self.problem.rest_lengths, *_law(self.problem))
@@ -151,14 +151,14 @@ class State:
 
             ∂²l = Dᵀ (∂²l/∂b²) D + [0, (u·r) 1 − ½ (u rᵀ + r uᵀ)],
 
-        in which ∂²l/∂b² = (1 − u uᵀ)/s + bend b bᵀ (``Geometry.curvatures``) and Dᵀ u = (u, r × u).
+        in which ∂²l/∂b² = (1 − u uᵀ)/s + bend b bᵀ (``Geometry.length_hessians``) and Dᵀ u = (u, r × u).
         Exact wherever no cable is just at its rest length, where it jumps.
         """
         robot, geometry, tau = self.problem.robot, self.geometry, self.tensions
         arms, W = geometry.arms, geometry.wrench_matrix
         if self.hanging is None:
             across = tau / geometry.free_lengths
-            matrix = (W * (self.elasticities - across)[..., None, :]) @ np.swapaxes(W, -1, -2)
+            matrix = (W * (self.tangent_stiffness - across)[..., None, :]) @ np.swapaxes(W, -1, -2)
             matrix[..., :3, :3] += across.sum(-1)[..., None, None] * np.eye(3)
             lever = cross_matrix((across[..., None] * arms).sum(-2))
             matrix[..., 3:, :3] += lever
@@ -198,7 +198,7 @@ def at(
     """The forces of ``problem`` with the platform at a pose, or many; of many problems, each at its own.
 
     Raises:
-        InvalidInput: some cables weigh something, and others run over pulleys or stiffen.
+        InvalidInput: some cables have mass, and others run over pulleys or stiffen.
     """
     problem.robot.cabling.refuse_mixture()
     cables = geometry(problem.robot, position, rotation)

@@ -13,15 +13,15 @@ from cdpr_sim.core import cable_law
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.pose import Pose, PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
-from cdpr_sim.statics.heavy_kernel import heavy_gufunc
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
+from cdpr_sim.statics.sagging_kernel import sagging_gufunc
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 FELT = 1e-2 * ACCEPTABLE
@@ -93,7 +93,7 @@ def solve_many(
     rotations: ArrayLike | None = None,
     axial_stiffness: ArrayLike | None = None,
     mass: ArrayLike | None = None,
-) -> Rests:
+) -> EquilibriumBatch:
     """Equilibria from many commanded poses in one compiled call, everything broadcast against everything.
 
     Args:
@@ -141,7 +141,7 @@ def solve_many(
         status[felt] = np.where(state.residual <= ACCEPTABLE * asked.force_scale, status[felt], Status.STALLED.value)
     if (status != Status.CONVERGED).any():
         status = np.where(problems.refusals == Status.PENDING, status, problems.refusals)
-    return Rests(
+    return EquilibriumBatch(
         problems=problems,
         positions=positions,
         rotations=turned,
@@ -155,40 +155,41 @@ def solve_many(
     )
 
 
-def _eigenvalues(rests: Rests) -> Float[np.ndarray, "*batch free"]:
+def _eigenvalues(equilibria: EquilibriumBatch) -> Float[np.ndarray, "*batch free"]:
     """On demand; by name, so that a batch can be pickled."""
-    return stiffness_of(rests)[0]
+    return stiffness_of(equilibria)[0]
 
 
-def stiffness_of(rests: Rests) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:
+def stiffness_of(equilibria: EquilibriumBatch) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:
     """Eigenvalues of the stiffness matrix, ascending [N/m], and the lowest natural frequency [Hz], row by row.
 
-    The frequencies of cables that weigh something are nan: they swing themselves.
+    The frequencies of cables with mass are nan: they swing themselves.
     """
-    problems, robot = rests.problems, rests.robot
+    problems, robot = equilibria.problems, equilibria.robot
     with np.errstate(all="ignore"):
         if not robot.cabling.massless:
-            eigenvalues = np.full((*rests.shape, len(robot.free)), np.nan)
-            rows = np.isfinite(rests.residuals)
+            eigenvalues = np.full((*equilibria.shape, len(robot.free)), np.nan)
+            rows = np.isfinite(equilibria.residuals)
             if rows.any():
-                state = forces.at(problems, rests.positions, rests.rotations)
+                state = forces.at(problems, equilibria.positions, equilibria.rotations)
                 eigenvalues[rows] = forces.eigenvalues(robot, state.stiffness_matrix[rows])
-            return eigenvalues, np.full(rests.shape, np.nan)
+            return eigenvalues, np.full(equilibria.shape, np.nan)
         return stiffness_gufunc(bent=robot.cabling.bent)(
             robot.cabling.packed_with(problems.axial_stiffness), problems.rest_lengths, problems.mass, robot.gravity,
-            robot.center_of_mass, robot.inertia, np.array(robot.free), robot.characteristic_length, rests.positions,
-            rests.rotations,
+            robot.center_of_mass, robot.inertia, np.array(robot.free), robot.characteristic_length,
+            equilibria.positions,
+            equilibria.rotations,
         )  # fmt: skip
 
 
-def solve_trajectory(trajectory: Trajectory) -> Rests:
+def solve_trajectory(trajectory: Trajectory) -> EquilibriumBatch:
     """The static equilibrium for each state's command, as if the winches had stopped there: (steps,) of them.
 
     Args:
         trajectory: from ``drive``, ``track`` or ``settle_trajectory``.
 
     Returns:
-        (steps,) rests, to be laid over the motion by ``write_video(path, trajectory, rests.poses)``.
+        (steps,) rests, to be laid over the motion by ``write_video(path, trajectory, equilibria.poses)``.
 
     Raises:
         InvalidInput: no trajectory.
@@ -208,11 +209,11 @@ def _solve(
 ) -> tuple[np.ndarray, ...]:
     """Positions, rotations, lengths, tensions, residuals, iterations and status by the compiled solvers.
 
-    That the input is not finite is said by a status, not by a warning of NumPy's. Where cables weigh something, the
+    That the input is not finite is said by a status, not by a warning of NumPy's. Where cables have mass, the
     search begins where massless ones would rest.
 
     Raises:
-        InvalidInput: some cables weigh something, and others run over pulleys or stiffen.
+        InvalidInput: some cables have mass, and others run over pulleys or stiffen.
     """
     cabling = robot.cabling
     cabling.refuse_mixture()
@@ -221,7 +222,7 @@ def _solve(
     with np.errstate(all="ignore"):
         found = equilibrium_gufunc(bent=cabling.bent)(table, rest_lengths, *platform, positions, rotations)
         if not cabling.massless:
-            started = heavy_gufunc()(table, robot.cable_weights, rest_lengths, *platform, found[0], found[1])
+            started = sagging_gufunc()(table, robot.cable_weights, rest_lengths, *platform, found[0], found[1])
             return tuple(np.asarray(result) for result in (*started[:5], started[5] + found[4], started[6]))
         at, turned, lengths, residuals, iterations, status = (np.asarray(result) for result in found)
         law = rest_lengths, axial_stiffness, *cabling.stiffening.T

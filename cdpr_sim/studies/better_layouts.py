@@ -1,21 +1,21 @@
-"""A layout that was found, shown: numbers by both roads, maps of tilt, the two robots driven side by side."""
+"""A layout that was found, shown: numbers by both methods, maps of tilt, the two robots driven side by side."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from cdpr_sim.analysis.cable_profiles import cable_profiles
 from cdpr_sim.analysis.clearance import SEARCH_POINTS, clearances
-from cdpr_sim.analysis.shapes import cable_shapes
 from cdpr_sim.analysis.workspace.grids import plane
 from cdpr_sim.analysis.workspace.sweep import sweep
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.crosscheck.layout import Proof, Side
+from cdpr_sim.crosscheck.layout_validation import LayoutValidation, ValidatedRobot
 from cdpr_sim.design.front import Front
-from cdpr_sim.drawing.layouts import draw_better_layout, draw_clearance_map, draw_front
+from cdpr_sim.drawing.layout_figures import draw_better_layout, draw_clearance_map, draw_front
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
 
@@ -26,11 +26,11 @@ CLEARANCE_POINTS = 61
 """Along the longer side of a map of distances."""
 
 
-def numbers(proof: Proof) -> list[tuple[str, str, str]]:
+def numbers(proof: LayoutValidation) -> list[tuple[str, str, str]]:
     """(what, before, after) in words: all in MuJoCo, at the poses that were asked and midway between them."""
     of, distance = proof.found.objective, proof.found.distance
 
-    def words(side: Side) -> list[str]:
+    def words(side: ValidatedRobot) -> list[str]:
         if not side.settled.converged.any():
             return ["no rest at any pose", *[""] * 4, f"0 of {len(side.agrees)}", ""]
         tilts, away = np.degrees(_tilt(side)), 1e3 * _away(side)
@@ -51,24 +51,24 @@ def numbers(proof: Proof) -> list[tuple[str, str, str]]:
     return list(zip(what, words(proof.before), words(proof.after), strict=True))
 
 
-def _tilt(side: Side) -> np.ndarray:
+def _tilt(side: ValidatedRobot) -> np.ndarray:
     return np.where(side.settled.converged, side.settled.tilt, np.nan)
 
 
-def _away(side: Side) -> np.ndarray:
+def _away(side: ValidatedRobot) -> np.ndarray:
     return np.where(side.settled.converged, np.linalg.norm(side.settled.deviation, axis=-1), np.nan)
 
 
-def _tensions(rests: Rests) -> str:
-    found = rests.tensions[rests.converged]
+def _tensions(equilibria: EquilibriumBatch) -> str:
+    found = equilibria.tensions[equilibria.converged]
     return f"{found.min(initial=np.inf):.3g} N, {found.max(initial=0):.3g} N"
 
 
-def picture(proof: Proof) -> Figure:
+def picture(proof: LayoutValidation) -> Figure:
     """Both layouts with what moved, the map of tilt through the middle of the poses, and the numbers."""
     found = proof.found
     robots = (found.given, found.robot)
-    rests = (proof.before.settled, proof.after.settled)
+    equilibria = (proof.before.settled, proof.after.settled)
     asked = found.cases.positions
     across = float(np.median(asked[:, 1]))
     axes = plane("xz", across, MAP_POINTS, [found.given])
@@ -77,7 +77,8 @@ def picture(proof: Proof) -> Figure:
     extent = (axes["x"][0] - half[0], axes["x"][-1] + half[0], axes["z"][0] - half[1], axes["z"][-1] + half[1])
     row = _worst_row(proof.before)
     return draw_better_layout(
-        rests, row, (_shapes(rests[0], row), _shapes(rests[1], row)), (maps[0].squeeze(), maps[1].squeeze()), extent,
+        equilibria, row, (_shapes(equilibria[0], row), _shapes(equilibria[1], row)),
+        (maps[0].squeeze(), maps[1].squeeze()), extent,
         asked, numbers(proof), _title(proof),
         "Robots as MuJoCo settles them where the given one tilts most. Maps: statics, commanded level at "
         f"y = {across:.4g} m, grey where nothing rests; the scale ends at 45° at the latest. The numbers are MuJoCo's, "
@@ -86,21 +87,21 @@ def picture(proof: Proof) -> Figure:
     )  # fmt: skip
 
 
-def _title(proof: Proof) -> str:
+def _title(proof: LayoutValidation) -> str:
     of, found = proof.found.objective, proof.found
     return f"{found.given.name}: {of.name} {of.shown(proof.before.score)} → {of.shown(proof.after.score)}"
 
 
-def _worst_row(side: Side) -> int:
+def _worst_row(side: ValidatedRobot) -> int:
     tilts = _tilt(side)
     return 0 if np.isnan(tilts).all() else int(np.nanargmax(tilts))
 
 
-def _shapes(rests: Rests, row: int) -> np.ndarray | None:
-    return None if rests.robot.cabling.massless else cable_shapes(rests)[row]
+def _shapes(equilibria: EquilibriumBatch, row: int) -> np.ndarray | None:
+    return None if equilibria.robot.cabling.massless else cable_profiles(equilibria)[row]
 
 
-def front_picture(front: Front) -> Figure:
+def pareto_picture(front: Front) -> Figure:
     """The trade-off between its two goals."""
     one, other = front.objectives
     sizes = np.array([one.size, other.size])
@@ -141,10 +142,12 @@ def clearance_map(robot: Robot, name: str, at: float | None, enough: float, fitt
     )  # fmt: skip
 
 
-def driven(proof: Proof, states: int, seconds: float, drive_seconds: float | None = None) -> list[Trajectory]:
+def driven(
+    proof: LayoutValidation, states: int, seconds: float, drive_seconds: float | None = None
+) -> list[Trajectory]:
     """Both robots driven by their winches from pose to pose in MuJoCo, for a video side by side.
 
-    Robots whose cables weigh something are settled at one state after the other, for a film of so many ``seconds``.
+    Robots whose cables have mass are settled at one state after the other, for a film of so many ``seconds``.
     ``drive_seconds`` is the duration of the drive; default: nearly static.
     """
     found = proof.found

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.crosscheck.layout import Proof, prove_layout
+from cdpr_sim.crosscheck.layout_validation import LayoutValidation, validate_layout
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.search import find_layout
 from cdpr_sim.physics.settle import settle_many
@@ -33,19 +33,21 @@ ERROR = 1e-3
 """[m] Of a number of the frame that was built wrong."""
 
 
-def level_parallel(reaches: Sequence[float] = REACHES, generations: int = 100) -> list[Proof]:
+def level_parallel(reaches: Sequence[float] = REACHES, generations: int = 100) -> list[LayoutValidation]:
     """The least worst tilt of ``parallel`` along the paper's line, with exits that move no further than these."""
     robot, move = load_robot("parallel"), Move("exits", FRAME_TOP)
     return [
-        prove_layout(find_layout(robot, LINE, move=move, subject_to={"displacement": reach}, generations=generations))
+        validate_layout(
+            find_layout(robot, LINE, move=move, subject_to={"displacement": reach}, generations=generations)
+        )
         for reach in reaches
     ]
 
 
-def crane_masts(generations: int = 40) -> dict[str, Proof]:
+def crane_masts(generations: int = 40) -> dict[str, LayoutValidation]:
     """The crane's deviation over its workspace, with exits that slide on their masts.
 
-    With cables that weigh something, and with pulleys: weight and a pulley on one cable the package does not know.
+    With cables with mass, and with pulleys: weight and a pulley on one cable the package does not know.
     """
     poses = np.stack(np.meshgrid([-4.5, 0.0, 4.5], [-3.0, 3.0], [1.0, 3.0], indexing="ij"), axis=-1)
     move = Move("exits", MAST, along=(0, 0, 1))
@@ -54,7 +56,7 @@ def crane_masts(generations: int = 40) -> dict[str, Proof]:
         "massless rope over pulleys": crane().replace(pulley_radius=CRANE_RADIUS, pulley_axis=BELOW),
     }
     return {
-        what: prove_layout(
+        what: validate_layout(
             find_layout(robot, poses, move=move, symmetry="none", objective="worst deviation", generations=generations)
         )
         for what, robot in robots.items()

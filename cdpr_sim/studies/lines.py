@@ -1,6 +1,6 @@
-"""Where robots rest along lines and across their width, by both roads: what the paper's figures show, computed.
+"""Where robots rest along lines and across their width, by both methods: what the paper's figures show, computed.
 
-A study returns a frozen result that knows what was asked. The static road answers densely, for lines; MuJoCo
+A study returns a frozen result that knows what was asked. The static method answers densely, for lines; MuJoCo
 sparsely, for points; neither is interpolated or corrected by the other.
 """
 
@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.analysis.workspace.feasibility import tension_margin
+from cdpr_sim.analysis.workspace.feasibility import capacity_margin
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.materials import PAPER_MATERIALS
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.compare import Agreement, compare
 from cdpr_sim.physics.settle import settle_many
@@ -39,10 +39,10 @@ SAME_TENSION = 1e-6
 """[N]"""
 
 
-# What both roads answer
+# What both methods answer
 
 
-def rests_by_statics(robot: Robot, commanded: ArrayLike) -> Rests:
+def equilibria_by_statics(robot: Robot, commanded: ArrayLike) -> EquilibriumBatch:
     """Where the static solver says the platform rests, commanded level to (rows, 3) [m].
 
     Raises:
@@ -51,7 +51,7 @@ def rests_by_statics(robot: Robot, commanded: ArrayLike) -> Rests:
     return _all_at_rest(solve_many(robot, commanded))
 
 
-def rests_by_mujoco(robot: Robot, commanded: ArrayLike) -> Rests:
+def equilibria_by_mujoco(robot: Robot, commanded: ArrayLike) -> EquilibriumBatch:
     """Where MuJoCo's platform settles, let go level at (rows, 3) [m].
 
     Raises:
@@ -62,22 +62,22 @@ def rests_by_mujoco(robot: Robot, commanded: ArrayLike) -> Rests:
 
 def homes(
     layouts: Sequence[str] = ("planar-vertical", "planar-horizontal", "parallel", "cogiro"),
-) -> tuple[Rests, ...]:
-    """Each layout at rest in the middle of its workspace, by the static road (Fig. 6 shows them).
+) -> tuple[EquilibriumBatch, ...]:
+    """Each layout at rest in the middle of its workspace, by the static method (Fig. 6 shows them).
 
     Raises:
         NotConverged: some layout has no answer.
     """
     robots = [load_robot(name) for name in layouts]
-    return tuple(rests_by_statics(robot, robot.home[None]) for robot in robots)
+    return tuple(equilibria_by_statics(robot, robot.home[None]) for robot in robots)
 
 
-def twins(rests: Rests) -> list[list[int]]:
+def twins(equilibria: EquilibriumBatch) -> list[list[int]]:
     """Cables grouped by equal tension over all rows, as symmetry makes them."""
     groups: list[list[int]] = []
-    for cable, tensions in enumerate(rests.tensions.T):
+    for cable, tensions in enumerate(equilibria.tensions.T):
         for group in groups:
-            if np.allclose(tensions, rests.tensions[:, group[0]], rtol=0, atol=SAME_TENSION):
+            if np.allclose(tensions, equilibria.tensions[:, group[0]], rtol=0, atol=SAME_TENSION):
                 group.append(cable)
                 break
         else:
@@ -85,18 +85,18 @@ def twins(rests: Rests) -> list[list[int]]:
     return groups
 
 
-def zones(rests: Rests) -> tuple[tuple[float, float, int], ...]:
+def zones(equilibria: EquilibriumBatch) -> tuple[tuple[float, float, int], ...]:
     """(from, to, number of slack cables) along the commanded x [m], for rows ordered in x."""
-    x, slack = rests.problems.positions[:, 0], rests.slack.sum(1)
+    x, slack = equilibria.problems.positions[:, 0], equilibria.slack.sum(1)
     changes = np.flatnonzero(np.diff(slack)) + 1
-    starts, ends = np.append(0, changes), np.append(changes, len(rests) - 1)
+    starts, ends = np.append(0, changes), np.append(changes, len(equilibria) - 1)
     return tuple((float(x[a]), float(x[b]), int(slack[a])) for a, b in zip(starts, ends, strict=True))
 
 
-def _all_at_rest(rests: Rests) -> Rests:
-    for row in np.flatnonzero(~rests.converged):
-        rests[int(row)]  # raises, with the reason
-    return rests
+def _all_at_rest(equilibria: EquilibriumBatch) -> EquilibriumBatch:
+    for row in np.flatnonzero(~equilibria.converged):
+        equilibria[int(row)]  # raises, with the reason
+    return equilibria
 
 
 # Along a line (Fig. 7, 8, 10, 11, 12)
@@ -104,15 +104,15 @@ def _all_at_rest(rests: Rests) -> Rests:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One robot commanded along x at one height, by both roads.
+    """One robot commanded along x at one height, by both methods.
 
     Attributes:
         static: dense, for lines.
         settled: sparse, for points.
     """
 
-    static: Rests
-    settled: Rests
+    static: EquilibriumBatch
+    settled: EquilibriumBatch
 
     @property
     def robot(self) -> Robot:
@@ -129,7 +129,7 @@ class Line:
 class CheckedLine:
     """One robot commanded along x at one height, by MuJoCo, and compared with statics row by row."""
 
-    settled: Rests
+    settled: EquilibriumBatch
     agreements: tuple[Agreement, ...]
 
 
@@ -138,13 +138,13 @@ class Width:
     """One robot across its workspace: poses to draw, and tensions along the width for each material.
 
     Attributes:
-        poses: a few poses at a few heights, by the static road, with the softest material, which shows most.
+        poses: a few poses at a few heights, by the static method, with the softest material, which shows most.
         lines: one per material, all at the same height.
         workspace: outline of the static feasible workspace in the plane of the poses, (points, 3) [m]: from the first
             to the last feasible x at each height; none where no height has any.
     """
 
-    poses: Rests
+    poses: EquilibriumBatch
     lines: tuple[Line, ...]
     workspace: Float[np.ndarray, "points 3"]
 
@@ -167,8 +167,8 @@ def line(
         NotSettled: MuJoCo's platform did not come to rest somewhere.
     """
     return Line(
-        rests_by_statics(robot, along_x(robot, height, ends, static_rows)),
-        rests_by_mujoco(robot, along_x(robot, height, ends, settled_rows)),
+        equilibria_by_statics(robot, along_x(robot, height, ends, static_rows)),
+        equilibria_by_mujoco(robot, along_x(robot, height, ends, settled_rows)),
     )
 
 
@@ -193,7 +193,7 @@ def across_the_width(
     poses = np.concatenate([along_x(robot, z, ends, columns) for z in pose_heights])
     softest = min(robots, key=lambda one: one.axial_stiffness.min())
     return Width(
-        poses=rests_by_statics(softest, poses),
+        poses=equilibria_by_statics(softest, poses),
         lines=tuple(line(one, height, ends, static_rows=static_rows, settled_rows=settled_rows) for one in robots),
         workspace=feasible_outline(robot),
     )
@@ -208,7 +208,7 @@ def feasible_outline(robot: Robot, columns: int = 601, rows: int = 71) -> Float[
     (x0, _, z0), (x1, _, z1) = robot.workspace
     x, z = np.linspace(x0, x1, columns), np.linspace(z0, z1, rows)
     grid = np.stack(np.broadcast_arrays(x, robot.home[1], z[:, None]), axis=-1)
-    margins = tension_margin(robot, grid)
+    margins = capacity_margin(robot, grid)
     left, right = [], []
     for positions, margin in zip(grid, margins, strict=True):
         held = np.flatnonzero(margin >= 0).tolist()
@@ -262,7 +262,7 @@ def checked_lines(
     ends: tuple[float, float] = PAPER_LINE,
     rows: int = 9,
 ) -> dict[tuple[str, float], CheckedLine]:
-    """Both roads along the paper's line, compared pose by pose, for each material and height z [m].
+    """Both methods along the paper's line, compared pose by pose, for each material and height z [m].
 
     Raises:
         NotConverged: the static solver found no rest somewhere.
@@ -272,7 +272,7 @@ def checked_lines(
     for material in materials:
         robot = load_robot(layout).replace(material=material)
         for height in heights:
-            settled = rests_by_mujoco(robot, along_x(robot, height, ends, rows))
+            settled = equilibria_by_mujoco(robot, along_x(robot, height, ends, rows))
             solved = solve_many(settled.problems)
             agreements = tuple(compare(a, b) for a, b in zip(solved, settled, strict=True))
             lines[material, height] = CheckedLine(settled, agreements)

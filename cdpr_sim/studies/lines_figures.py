@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.describe import describe_cables, newtons
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.words import cables_in_words, newtons
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, points, styled
@@ -34,11 +34,11 @@ PAPER_FIGURES = {
 NO_TILT = 1e-3
 """[°] Less than this is called none in a title."""
 
-ROADS = "Lines: static solver (Newton). Hollow points: MuJoCo, settled."
+METHODS = "Lines: static solver (Newton). Hollow points: MuJoCo, settled."
 
 
 @styled
-def layouts(homes: Sequence[Rests]) -> Figure:
+def layouts(homes: Sequence[EquilibriumBatch]) -> Figure:
     """Fig. 6: the four layouts, each at rest in the middle, with its cables' numbers."""
     figure = canvas(
         10.8,
@@ -48,13 +48,13 @@ def layouts(homes: Sequence[Rests]) -> Figure:
         "other figures; blue to the left, red to the right. (Paper, Fig. 6)",
     )
     grid = figure.add_gridspec(2, 2)
-    for place, rests, letter in zip(grid, homes, "abcd", strict=True):
-        robot, home = rests.robot, ", ".join(f"{value:.3g}" for value in rests.problems.positions[0])
+    for place, equilibria, letter in zip(grid, homes, "abcd", strict=True):
+        robot, home = equilibria.robot, ", ".join(f"{value:.3g}" for value in equilibria.problems.positions[0])
         in_space = robot.mobility == "spatial"
         ax = figure.add_subplot(place, projection="3d" if in_space else None)
         (drawing.draw_space if in_space else drawing.draw_front)(ax, robot)
         shown = [0, 1, 2] if in_space else [0, 2]
-        anchors = rests.positions[0] + robot.anchors @ rests.rotations[0].T
+        anchors = equilibria.positions[0] + robot.anchors @ equilibria.rotations[0].T
         names = _beside_exits(robot)
         for number, (start, end, name) in enumerate(zip(robot.exits, anchors, names, strict=True), start=1):
             color = style.LEFT if start[0] < robot.frame[:, 0].mean() else style.RIGHT
@@ -64,7 +64,7 @@ def layouts(homes: Sequence[Rests]) -> Figure:
                 *at, str(number), color=color, fontsize=8, ha="center", va="center", transform=ax.transData
             )
         draw = drawing.draw_platform_in_space if in_space else drawing.draw_platform
-        draw(ax, robot, rests.positions[0], rests.rotations[0])
+        draw(ax, robot, equilibria.positions[0], equilibria.rotations[0])
         ax.set_title(f"({letter}) {robot.name}, {robot.cables} cables, at ({home}) m", loc="left")
     figure.axes[0].legend(
         handles=[
@@ -94,28 +94,28 @@ def _beside_exits(robot: Robot) -> np.ndarray:
 @styled
 def planar(width: Width) -> Figure:
     """Fig. 7 and 8: poses of a planar robot at rest, and its cables' tensions along the width."""
-    rests = width.poses
-    commanded = rests.problems.positions
+    equilibria = width.poses
+    commanded = equilibria.problems.positions
     heights = np.unique(commanded[:, 2])[::-1]
     figure, left, right = _width(width, _headline(width), rows=len(heights))
     for ax, height in zip(left, heights, strict=True):
-        drawing.draw_front(ax, rests.robot)
+        drawing.draw_front(ax, equilibria.robot)
         ax.set_title(f"commanded to z = {height:g} m")
         for row in np.flatnonzero(commanded[:, 2] == height):
-            drawing.draw_commanded(ax, rests.robot, commanded[row])
-            drawing.draw_platform(ax, rests.robot, rests.positions[row], rests.rotations[row])
+            drawing.draw_commanded(ax, equilibria.robot, commanded[row])
+            drawing.draw_platform(ax, equilibria.robot, equilibria.positions[row], equilibria.rotations[row])
             drawing.draw_cables(
                 ax,
-                rests.robot,
-                rests.positions[row],
-                rests.rotations[row],
-                rests.slack[row],
-                rests.rest_lengths[row],
+                equilibria.robot,
+                equilibria.positions[row],
+                equilibria.rotations[row],
+                equilibria.slack[row],
+                equilibria.rest_lengths[row],
             )
         if ax is not left[-1]:
             ax.set_xlabel("")
             ax.tick_params(labelbottom=False)
-    handles = drawing.pose_legend(slack=bool(rests.slack.any()))
+    handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
     left[-1].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=2)
     for ax, one in zip(right, width.lines, strict=True):
         _tensions(ax, one, last=one is width.lines[-1])
@@ -125,17 +125,17 @@ def planar(width: Width) -> Figure:
 @styled
 def spatial(width: Width) -> Figure:
     """Fig. 10 and 11: poses of a spatial robot at rest, its feasible workspace, and tensions along the width."""
-    rests = width.poses
+    equilibria = width.poses
     figure, (left,), right = _width(width, _headline(width), projection="3d")
-    drawing.draw_space(left, rests.robot)
-    handles = drawing.pose_legend(slack=bool(rests.slack.any()))
+    drawing.draw_space(left, equilibria.robot)
+    handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
     if len(width.workspace):
         left.plot(
             *np.vstack([width.workspace, width.workspace[:1]]).T, color=style.GREEN, lw=style.LINE, gid="feasible"
         )
         handles.append(Line2D([], [], color=style.GREEN, lw=style.LINE, label="static feasible workspace"))
-    for row in range(len(rests)):
-        drawing.draw_pose_in_space(left, rests, row)
+    for row in range(len(equilibria)):
+        drawing.draw_pose_in_space(left, equilibria, row)
     left.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.06), ncols=2)
     for ax, one in zip(right, width.lines, strict=True):
         _tensions(ax, one, last=one is width.lines[-1])
@@ -194,8 +194,8 @@ def paper_line(lines: Sequence[Line]) -> Figure:
     extremes = []
     for layout in layouts:
         own = [line.static for line in lines if line.robot.name == layout]
-        tilt = max(np.abs(_beta(rests)[1]).max() for rests in own)
-        sag = max(-_sag(rests)[1].min() for rests in own)
+        tilt = max(np.abs(_beta(equilibria)[1]).max() for equilibria in own)
+        sag = max(-_sag(equilibria)[1].min() for equilibria in own)
         verbs = ("tilts ", "sags ") if not extremes else ("", "")
         extremes.append(f"{layout} {verbs[0]}{tilt:.2g}° and {verbs[1]}{sag:.2g} mm")
     figure = canvas(
@@ -203,7 +203,7 @@ def paper_line(lines: Sequence[Line]) -> Figure:
         6.6,
         f"Along the paper's line: {', '.join(extremes)}",
         f"DemoBot commanded level from x = {start[0]:g} to {end[0]:g} m (grey band) at y = {start[1]:g} m; the title "
-        f"has the largest of these lines. {ROADS} {count} points. EA is assumed ({stiffness}), as the paper gives none."
+        f"has the largest of these lines. {METHODS} {count} points. EA is assumed ({stiffness}), as the paper gives none."
         " Black bars: what the paper reports of the parallel layout at both ends, read from its text (“approximately "
         "20°”, “about 15 mm”; we take it as downwards) and not from its data. (Paper, Fig. 12)",
     )
@@ -264,8 +264,8 @@ def _width(
         7.2 if rows > 1 else 6.2,
         title,
         f"{robot.description}, {robot.mass:g} kg, commanded level. Left: {len(width.poses)} poses with "
-        f"{cables_in_words(robot)}. Right: tensions along z = {one.height:g} m, for each material (assumed EA). "
-        f"The title's numbers are of what is drawn here: {drawn}. {ROADS}" + PAPER_FIGURES.get(robot.name, ""),
+        f"{describe_cables(robot)}. Right: tensions along z = {one.height:g} m, for each material (assumed EA). "
+        f"The title's numbers are of what is drawn here: {drawn}. {METHODS}" + PAPER_FIGURES.get(robot.name, ""),
     )
     columns = figure.add_gridspec(1, 2, width_ratios=(0.92, 1))
     left, right = columns[0].subgridspec(rows, 1), columns[1].subgridspec(len(width.lines), 1)
@@ -296,7 +296,7 @@ def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
         for cable in group:
             ax.plot(settled.problems.positions[:, 0], settled.tensions[:, cable], **marker, gid=f"mujoco {cable}")
         handles.append(Line2D([], [], **marker | {"ls": line_style, "color": color}, label=label))
-    ax.set(ylabel="tension [N]", title=cables_in_words(robot))
+    ax.set(ylabel="tension [N]", title=describe_cables(robot))
     ax.set_xlim(commanded[0], commanded[-1])
     ax.set_ylim(bottom=min(-0.02 * ax.get_ylim()[1], 0))
     if last:
@@ -354,21 +354,21 @@ def _moment(balance: MomentBalance) -> str:
     )
 
 
-def _sag(rests: Rests) -> tuple[np.ndarray, np.ndarray]:
+def _sag(equilibria: EquilibriumBatch) -> tuple[np.ndarray, np.ndarray]:
     """x [m] and deviation in z [mm]."""
-    return rests.positions[:, 0], 1e3 * rests.deviation[:, 2]
+    return equilibria.positions[:, 0], 1e3 * equilibria.deviation[:, 2]
 
 
-def _beta(rests: Rests) -> tuple[np.ndarray, np.ndarray]:
+def _beta(equilibria: EquilibriumBatch) -> tuple[np.ndarray, np.ndarray]:
     """x [m] and rotation about y [°]."""
-    return rests.positions[:, 0], np.degrees(rests.euler[:, 1])
+    return equilibria.positions[:, 0], np.degrees(equilibria.euler[:, 1])
 
 
 def _headline(width: Width) -> str:
     """How far the platform tilts, drawn poses and lines taken together, and how many cables go slack."""
     robot, everything = width.poses.robot, [width.poses, *(line.static for line in width.lines)]
-    tilt = np.degrees(max(rests.tilt.max() for rests in everything))
-    slack = max(int(rests.slack.sum(1).max()) for rests in everything)
+    tilt = np.degrees(max(equilibria.tilt.max() for equilibria in everything))
+    slack = max(int(equilibria.slack.sum(1).max()) for equilibria in everything)
     tilts = f"up to {tilt:.2g}° of tilt" if tilt > NO_TILT else "no tilt"
     cables = f"up to {slack} of {robot.cables} cables go slack" if slack else "no cable goes slack"
     return f"{robot.name}: {tilts}, and {cables}"

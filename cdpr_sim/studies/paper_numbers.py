@@ -94,7 +94,7 @@ def _timed(robot: Robot, position: np.ndarray, method: Method) -> tuple[int, flo
 
 @dataclass(frozen=True, eq=False)
 class Sag:
-    """How low a layout hangs along the paper's line, by both roads.
+    """How low a layout hangs along the paper's line, by both methods.
 
     Attributes:
         robot: the layout with its cables.

@@ -1,4 +1,4 @@
-"""What pretension does to a fully constrained robot, by both roads: stiffness, slack cables, one wrong length."""
+"""What pretension does to a fully constrained robot, by both methods: stiffness, slack cables, one wrong length."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
@@ -129,14 +129,14 @@ class Pretension:
         pushes: under each of ``PUSHES``.
         wrong: for a cable from above and one from below.
         drawn: where MuJoCo's platform rests at ``DRAWN``, pushed down, (1,).
-        apart: the largest distance between the roads [m], and the largest difference of an eigenvalue, as a fraction.
+        apart: the largest distance between the methods [m], and the largest difference of an eigenvalue, as a fraction.
     """
 
     robot: Robot
     stiffening: Stiffening
     pushes: tuple[Push, ...]
     wrong: tuple[WrongLength, ...]
-    drawn: Rests
+    drawn: EquilibriumBatch
     apart: tuple[float, float]
 
 
@@ -165,8 +165,8 @@ def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretensi
         changes = np.linspace(-MOST_ERROR, MOST_ERROR, errors) * held[cable]
         cut = np.repeat(held[None], errors, axis=0)
         cut[:, cable] += changes
-        static, settled = roads = _both(robot, cut, every // 2)
-        misfits.append(roads)
+        static, settled = methods = _both(robot, cut, every // 2)
+        misfits.append(methods)
         wrong.append(
             WrongLength(
                 cable, changes, _shifts(static), _turns(static), static.tensions.max(-1), static.slack.sum(-1),
@@ -179,7 +179,9 @@ def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretensi
         for what, (static, settled) in moved.items()
     )  # fmt: skip
     static, settled = still
-    compared = [(*roads, every) for roads in (still, *moved.values())] + [(*roads, every // 2) for roads in misfits]
+    compared = [(*methods, every) for methods in (still, *moved.values())] + [
+        (*methods, every // 2) for methods in misfits
+    ]
     apart = np.max([_apart(static, settled, step) for static, settled, step in compared], axis=0)
     rigid = solve_many(robot, home[None])
     drawn = settle_many(robot, home[None], robot.rest_lengths(home, DRAWN)[None], external_wrench=PUSHES["pushed down"])
@@ -229,34 +231,34 @@ def taut_from(robot: Robot, wrench: ArrayLike) -> float:
 
 def _both(
     robot: Robot, lengths: Float[np.ndarray, "rows cables"], every: int, wrench: ArrayLike | None = None
-) -> tuple[Rests, Rests]:
+) -> tuple[EquilibriumBatch, EquilibriumBatch]:
     """By statics all rows, by MuJoCo one of ``every``, commanded to the robot's home."""
-    roads = []
-    for road, some in ((solve_many, lengths), (settle_many, lengths[::every])):
-        rests = road(robot, np.repeat(robot.home[None], len(some), axis=0), some, external_wrench=wrench)
-        for row in np.flatnonzero(~rests.converged)[:1]:
-            rests[int(row)]  # raises
-        roads.append(rests)
-    return roads[0], roads[1]
+    methods = []
+    for method, some in ((solve_many, lengths), (settle_many, lengths[::every])):
+        equilibria = method(robot, np.repeat(robot.home[None], len(some), axis=0), some, external_wrench=wrench)
+        for row in np.flatnonzero(~equilibria.converged)[:1]:
+            equilibria[int(row)]  # raises
+        methods.append(equilibria)
+    return methods[0], methods[1]
 
 
-def _shifts(rests: Rests) -> Float[np.ndarray, " rows"]:
-    return np.linalg.norm(rests.deviation, axis=-1)
+def _shifts(equilibria: EquilibriumBatch) -> Float[np.ndarray, " rows"]:
+    return np.linalg.norm(equilibria.deviation, axis=-1)
 
 
-def _turns(rests: Rests) -> Float[np.ndarray, " rows"]:
-    return np.asarray(Rotation.from_matrix(rests.rotations).magnitude())
+def _turns(equilibria: EquilibriumBatch) -> Float[np.ndarray, " rows"]:
+    return np.asarray(Rotation.from_matrix(equilibria.rotations).magnitude())
 
 
-def _directions(rests: Rests) -> tuple[str, ...]:
+def _directions(equilibria: EquilibriumBatch) -> tuple[str, ...]:
     """What each eigenvalue of the first row belongs to: amid a symmetric robot the stiffness matrix is diagonal."""
-    state = forces.at(rests[0].problem, rests.positions[0], rests.rotations[0])
-    stiffness = np.diag(state.stiffness_matrix) / rests.robot.units**2
+    state = forces.at(equilibria[0].problem, equilibria.positions[0], equilibria.rotations[0])
+    stiffness = np.diag(state.stiffness_matrix) / equilibria.robot.units**2
     return tuple(f"{'along' if i < 3 else 'about'} {'xyzxyz'[i]}" for i in np.argsort(stiffness))
 
 
-def _apart(static: Rests, settled: Rests, every: int) -> tuple[float, float]:
-    """The largest distance between the roads' positions [m], and between their eigenvalues, over the largest one."""
+def _apart(static: EquilibriumBatch, settled: EquilibriumBatch, every: int) -> tuple[float, float]:
+    """The largest distance between the methods' positions [m], and between their eigenvalues, over the largest one."""
     away = np.abs(static.positions[::every] - settled.positions).max()
     values = static.eigenvalues[::every]
     return float(away), float((np.abs(values - settled.eigenvalues).max(-1) / values.max(-1)).max())

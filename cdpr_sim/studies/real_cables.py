@@ -1,4 +1,4 @@
-"""What real cables do to a platform: pulleys, weight and a stiffening law, each by itself, by both roads."""
+"""What real cables do to a platform: pulleys, weight and a stiffening law, each by itself, by both methods."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from cdpr_sim.analysis.shapes import cable_shapes
+from cdpr_sim.analysis.cable_profiles import cable_profiles
 from cdpr_sim.core import cable_path
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.problem import Problems
-from cdpr_sim.core.rests import Rests
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
@@ -90,7 +90,7 @@ def lengths_as_if_for_points(robot: Robot, commanded: ArrayLike) -> Float[np.nda
 
 
 @dataclass(frozen=True, eq=False)
-class Effect:
+class CableEffect:
     """How far platforms move when a property of their cables is taken in, or told to the winches.
 
     Attributes:
@@ -114,7 +114,7 @@ UNAWARE, UNAWARE_ABOVE = "pulleys unknown to the winches", "the same, cables fro
 ELASTICITY, AWARE, WEIGHT, LAW = "elasticity", "pulleys known to the winches", "weight", "stiffening"
 
 
-def effects(case: Case, poses: int = POSES) -> tuple[Effect, ...]:
+def effects(case: Case, poses: int = POSES) -> tuple[CableEffect, ...]:
     """Each property of the cables by itself.
 
     Raises:
@@ -178,10 +178,10 @@ def growth(
     commanded = case.commanded(poses)
     sizes = np.linspace(0, 3 * case.radius, radii)
 
-    def shifts(road, radius: float) -> np.ndarray:
+    def shifts(method, radius: float) -> np.ndarray:
         robot = case.robot.replace(pulley_radius=radius, pulley_axis=axis)
-        unaware = road(robot, commanded, lengths_as_if_for_points(robot, commanded))
-        return np.linalg.norm(_at_rest(unaware).positions - _at_rest(road(robot, commanded)).positions, axis=-1)
+        unaware = method(robot, commanded, lengths_as_if_for_points(robot, commanded))
+        return np.linalg.norm(_at_rest(unaware).positions - _at_rest(method(robot, commanded)).positions, axis=-1)
 
     return Growth(
         title=case.title,
@@ -247,15 +247,15 @@ def radius_for_sag(sag: float, height: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Hanging:
+class CableExample:
     """A platform to be drawn, settled by MuJoCo.
 
     Attributes:
-        rests: a single row.
+        equilibria: a single row.
         shapes: how its cables hang, (cables, points, 3) [m].
     """
 
-    rests: Rests
+    equilibria: EquilibriumBatch
     shapes: Float[np.ndarray, "cables points 3"]
 
 
@@ -267,14 +267,14 @@ class RealCables:
         effects: of each robot and property.
         growths: of the pulleys' error with their radius.
         over_pulleys: DemoBot over pulleys that its winches do not know.
-        heavy: the crane, with cables that weigh something.
+        heavy: the crane, with cables with mass.
         ends: of the paper's lines.
     """
 
-    effects: tuple[Effect, ...]
+    effects: tuple[CableEffect, ...]
     growths: tuple[Growth, ...]
-    over_pulleys: Hanging
-    heavy: Hanging
+    over_pulleys: CableExample
+    heavy: CableExample
     ends: tuple[PaperEnd, ...]
 
 
@@ -297,40 +297,47 @@ def real_cables(poses: int = POSES) -> RealCables:
             growth(crossed, ABOVE, poses=poses),
             growth(large, poses=poses),
         ),
-        over_pulleys=_hanging(over, aside, lengths_as_if_for_points(over, aside)),
-        heavy=_hanging(large.robot.replace(linear_density=large.density), corner),
+        over_pulleys=_example(over, aside, lengths_as_if_for_points(over, aside)),
+        heavy=_example(large.robot.replace(linear_density=large.density), corner),
         ends=paper_ends(),
     )
 
 
-def _end(robot: Robot, heights: Sequence[float], road) -> Rests:
+def _end(robot: Robot, heights: Sequence[float], method) -> EquilibriumBatch:
     """At the left end of the paper's line, per height; lengths as if for points."""
     commanded = np.array([[PAPER_LINE[0], robot.home[1], height] for height in heights])
-    return _at_rest(road(robot, commanded, lengths_as_if_for_points(robot, commanded)))
+    return _at_rest(method(robot, commanded, lengths_as_if_for_points(robot, commanded)))
 
 
-def _both(robot: Robot, commanded: np.ndarray, rest_lengths: np.ndarray | None = None) -> tuple[Rests, Rests]:
+def _both(
+    robot: Robot, commanded: np.ndarray, rest_lengths: np.ndarray | None = None
+) -> tuple[EquilibriumBatch, EquilibriumBatch]:
     """By MuJoCo and by statics."""
     problems = Problems.of(robot, commanded, rest_lengths)
     return settle_many(problems), _at_rest(solve_many(problems))
 
 
-def _at_rest(rests: Rests) -> Rests:
-    for row in np.flatnonzero(~rests.converged):
-        rests[int(row)]  # raises, with the reason
-    return rests
+def _at_rest(equilibria: EquilibriumBatch) -> EquilibriumBatch:
+    for row in np.flatnonzero(~equilibria.converged):
+        equilibria[int(row)]  # raises, with the reason
+    return equilibria
 
 
-def _effect(title: str, what: str, found: tuple[Rests, Rests], beside: tuple[Rests, Rests] | None) -> Effect:
+def _effect(
+    title: str,
+    what: str,
+    found: tuple[EquilibriumBatch, EquilibriumBatch],
+    beside: tuple[EquilibriumBatch, EquilibriumBatch] | None,
+) -> CableEffect:
     pairs = [found] if beside is None else [found, beside]
     rows = np.all([settled.converged for settled, _ in pairs], axis=0)
     apart = max(float(np.linalg.norm(a.positions - b.positions, axis=-1)[rows].max()) for a, b in pairs)
     settled = found[0]
     start, tilt = (settled.problems.positions, 0.0) if beside is None else (beside[0].positions, beside[0].tilt)
     shifts, turns = np.linalg.norm(settled.positions - start, axis=-1), np.abs(settled.tilt - tilt)
-    return Effect(title, what, shifts[rows], turns[rows], apart, int((~rows).sum()))
+    return CableEffect(title, what, shifts[rows], turns[rows], apart, int((~rows).sum()))
 
 
-def _hanging(robot: Robot, commanded: np.ndarray, rest_lengths: np.ndarray | None = None) -> Hanging:
-    rests = _at_rest(settle_many(robot, commanded, rest_lengths))
-    return Hanging(rests, cable_shapes(rests)[0])
+def _example(robot: Robot, commanded: np.ndarray, rest_lengths: np.ndarray | None = None) -> CableExample:
+    equilibria = _at_rest(settle_many(robot, commanded, rest_lengths))
+    return CableExample(equilibria, cable_profiles(equilibria)[0])

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, points, styled
-from cdpr_sim.drawing.cables import course, wheel_of
+from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 from cdpr_sim.studies.real_cables import (
     AWARE,
     BELOW,
@@ -22,9 +22,9 @@ from cdpr_sim.studies.real_cables import (
     UNAWARE,
     UNAWARE_ABOVE,
     WEIGHT,
-    Effect,
+    CableEffect,
+    CableExample,
     Growth,
-    Hanging,
     RealCables,
 )
 
@@ -67,22 +67,22 @@ def real_cables(study: RealCables) -> Figure:
     return figure
 
 
-def _pulleys(ax: Axes, hanging: Hanging) -> None:
+def _pulleys(ax: Axes, example: CableExample) -> None:
     """DemoBot over pulleys, beside where its winches believe it to be."""
-    rests = hanging.rests
-    robot, position, rotation = rests.robot, rests.positions[0], rests.rotations[0]
+    equilibria = example.equilibria
+    robot, position, rotation = equilibria.robot, equilibria.positions[0], equilibria.rotations[0]
     drawing.draw_front(ax, robot)
-    commanded = rests.problems.positions[0]
+    commanded = equilibria.problems.positions[0]
     for exit_, anchor in zip(robot.exits, commanded + robot.anchors, strict=True):
         ax.plot([exit_[0], anchor[0]], [exit_[2], anchor[2]], color=style.COMMANDED, lw=0.6, ls=style.COMMANDED_DASH)
     drawing.draw_commanded(ax, robot, commanded)
     drawing.draw_platform(ax, robot, position, rotation)
-    drawing.draw_cables(ax, robot, position, rotation, rests.slack[0], rests.rest_lengths[0])
+    drawing.draw_cables(ax, robot, position, rotation, equilibria.slack[0], equilibria.rest_lengths[0])
     off = 1e3 * np.linalg.norm(position - commanded)
     radius = 1e3 * robot.cabling.pulley_radius.max()
     ax.set_ylim(-0.02, 0.56)
     ax.set_title(f"DemoBot over pulleys of {radius:.0f} mm that its winches do not know: {off:.0f} mm off")
-    handles = drawing.pose_legend(slack=bool(rests.slack.any()))
+    handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
     handles[0] = Line2D([], [], color=style.COMMANDED, lw=0.9, ls=style.COMMANDED_DASH, label="as its winches believe")
     ax.legend(handles=[*handles, Patch(**style.WHEEL, label="pulley")], loc="upper center", bbox_to_anchor=(0.5, -0.16),
               ncols=3)  # fmt: skip
@@ -94,7 +94,10 @@ def _pulleys(ax: Axes, hanging: Hanging) -> None:
         return
     # In the wheel's own plane: outwards and upwards from the exit.
     flat = np.array([wheel.outwards, wheel.axis])
-    rim, way = (wheel.arc() - robot.exits[cable]) @ flat.T, (course(robot.cabling, cable, anchor)) - robot.exits[cable]
+    rim, way = (
+        (wheel.arc() - robot.exits[cable]) @ flat.T,
+        (cable_curve(robot.cabling, cable, anchor)) - robot.exits[cable],
+    )
     way = way @ flat.T
     near.fill(*rim.T, fc=style.WHEEL["fc"], ec=style.WHEEL["ec"], lw=1)
     near.plot([0, 0], [-3 * wheel.radius, 0], color=style.INK, lw=1.2)
@@ -109,24 +112,24 @@ def _pulleys(ax: Axes, hanging: Hanging) -> None:
         spine.set(visible=True, color=style.FAINT)
 
 
-def _heavy(ax: Axes, hanging: Hanging) -> None:
-    """The crane with ropes that weigh something, in their true shape."""
-    rests = hanging.rests
-    robot, position, rotation = rests.robot, rests.positions[0], rests.rotations[0]
+def _heavy(ax: Axes, example: CableExample) -> None:
+    """The crane with ropes with mass, in their true shape."""
+    equilibria = example.equilibria
+    robot, position, rotation = equilibria.robot, equilibria.positions[0], equilibria.rotations[0]
     drawing.draw_front(ax, robot)
     drawing.draw_platform(ax, robot, position, rotation)
-    drawing.draw_cables(ax, robot, position, rotation, rests.slack[0], shapes=hanging.shapes)
-    along, sags = _sags(hanging)
+    drawing.draw_cables(ax, robot, position, rotation, equilibria.slack[0], shapes=example.shapes)
+    along, sags = _sags(example)
     ax.set_title(f"The crane on steel ropes, which sag by {sags.max(1).min():.0f} to {sags.max(1).max():.0f} mm")
     # The same shapes, their sag stretched.
     near = ax.inset_axes((0.52, 0.14, 0.45, 0.36))
-    for sag, slack in zip(sags, rests.slack[0], strict=True):
+    for sag, slack in zip(sags, equilibria.slack[0], strict=True):
         looks = {"color": style.SLACK_CABLE, "ls": style.SLACK_DASH} if slack else {"color": style.INK}
         near.plot(along, -sag, lw=1.0, **looks)
     near.set_title("below the straight line [mm], from exit to anchor", fontsize=8, loc="center")
     near.tick_params(labelsize=7.5)
     near.set_xticks([])
-    if rests.slack.any():
+    if equilibria.slack.any():
         slack = Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack rope")
         taut = Line2D([], [], color=style.INK, lw=style.HAIR + 0.2, label="taut rope")
         ax.legend(handles=[taut, slack], loc="lower left", bbox_to_anchor=(0.16, 0.0))
@@ -161,7 +164,7 @@ def _growth(ax: Axes, growths: tuple[Growth, ...]) -> None:
     ax.legend(handles, [*labels, "from 5 to 95 % of the poses; lines: median", "MuJoCo, settled"], loc="upper left")
 
 
-def _effects(ax: Axes, effects: tuple[Effect, ...]) -> None:
+def _effects(ax: Axes, effects: tuple[CableEffect, ...]) -> None:
     """A row per property, a point per robot: the median, with a line up to 95 % of the poses."""
     titles = list(dict.fromkeys(effect.robot for effect in effects))
     names = list(ROWS)[::-1]
@@ -186,7 +189,7 @@ def _effects(ax: Axes, effects: tuple[Effect, ...]) -> None:
     ax.set_xlim(right=100)
 
 
-def _left_out(effects: tuple[Effect, ...]) -> str:
+def _left_out(effects: tuple[CableEffect, ...]) -> str:
     missing = sum(effect.unsettled for effect in effects)
     return f" Left out: {missing} at which MuJoCo did not come to rest." if missing else ""
 
@@ -196,9 +199,9 @@ def _layout(title: str) -> str:
     return title.removeprefix("DemoBot, ")
 
 
-def _sags(hanging: Hanging) -> tuple[np.ndarray, np.ndarray]:
+def _sags(example: CableExample) -> tuple[np.ndarray, np.ndarray]:
     """How far along each rope (points,), and how far below its chord it hangs there, (cables, points) [mm]."""
-    shapes = hanging.shapes
+    shapes = example.shapes
     along = np.linspace(0, 1, shapes.shape[1])
     chords = shapes[:, :1] + along[:, None] * (shapes[:, -1:] - shapes[:, :1])
     return along, 1e3 * (chords - shapes)[..., 2]

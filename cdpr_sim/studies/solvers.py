@@ -1,4 +1,4 @@
-"""How solvers fare: how often and how fast they find rest, and how far the two roads are apart."""
+"""How solvers fare: how often and how fast they find rest, and how far the two methods are apart."""
 
 from __future__ import annotations
 
@@ -109,19 +109,19 @@ class Differences:
 
     @property
     def free(self) -> Bool[np.ndarray, " poses"]:
-        """Poses at which nothing holds the platform against some motion, so that each road may stop elsewhere."""
+        """Poses at which nothing holds the platform against some motion, so that each method may stop elsewhere."""
         return np.array([verdict is Verdict.AGREE_BUT_FREE for verdict in self.verdicts])
 
     @property
     def disagreeing(self) -> int:
-        """How many poses the two roads disagree about."""
+        """How many poses the two methods disagree about."""
         return sum(verdict not in (Verdict.AGREE, Verdict.AGREE_BUT_FREE) for verdict in self.verdicts)
 
 
 def differences(
     robots: Sequence[str] = PAPER_ROBOTS, materials: Sequence[str] = PAPER_MATERIALS, *, poses: int = 100, seed: int = 2
 ) -> tuple[Differences, ...]:
-    """Both roads from ``poses`` random level poses per robot (default: the paper's) and material.
+    """Both methods from ``poses`` random level poses per robot (default: the paper's) and material.
 
     Raises:
         NotConverged: the static solver found no rest somewhere.

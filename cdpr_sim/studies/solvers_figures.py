@@ -1,4 +1,4 @@
-"""How solvers fare, drawn: convergence and speed, and the agreement of the two roads."""
+"""How solvers fare, drawn: convergence and speed, and the agreement of the two methods."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from cdpr_sim.core.words import newtons
+from cdpr_sim.core.describe import newtons
 from cdpr_sim.crosscheck import compare
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, styled

@@ -55,7 +55,7 @@ def equal_pulls(robot: Robot, position: ArrayLike) -> MomentBalance:
     The intersection is the paper's point H or V, and ``net_moment`` makes the platform tilt.
 
     Raises:
-        InvalidInput: cables that weigh something.
+        InvalidInput: cables with mass.
     """
     robot.cabling.refuse_weight("tilt condition")
     position = np.asarray(position, dtype=float)
@@ -71,7 +71,7 @@ def balance_at_rest(robot: Robot, commanded: ArrayLike) -> MomentBalance:
     """The same at the equilibrium that the static solver finds: the lines meet on the vertical of the centre of mass.
 
     Raises:
-        InvalidInput: cables that weigh something.
+        InvalidInput: cables with mass.
         NotConverged: there is none.
     """
     robot.cabling.refuse_weight("tilt condition")

@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.rests import Rests
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.statics import two_cable
-from cdpr_sim.studies.lines import PAPER_HEIGHTS, Line, along_x, line, rests_by_mujoco, rests_by_statics
+from cdpr_sim.statics import two_cable_closed_form
+from cdpr_sim.studies.lines import PAPER_HEIGHTS, Line, along_x, equilibria_by_mujoco, equilibria_by_statics, line
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Manifold:
         rotation_about_y: the closed form's upright equilibrium, (heights, columns) [rad].
         commanded: level poses, (commands, 3) [m].
         axial_stiffness: EA, (drifts,) [N], stiffest first.
-        static: one ``Rests`` per stiffness, a row per command.
+        static: one ``EquilibriumBatch`` per stiffness, a row per command.
         settled: the same for every few stiffnesses, by MuJoCo.
     """
 
@@ -37,19 +37,19 @@ class Manifold:
     rotation_about_y: Float[np.ndarray, "heights columns"]
     commanded: Float[np.ndarray, "commands 3"]
     axial_stiffness: Float[np.ndarray, " drifts"]
-    static: tuple[Rests, ...]
-    settled: tuple[Rests, ...]
+    static: tuple[EquilibriumBatch, ...]
+    settled: tuple[EquilibriumBatch, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedForms:
-    """The two-cable bar by four witnesses: both roads, and the closed form with and without the bar's length (Fig. 4).
+    """The two-cable bar computed four times: by both methods and by two closed forms, of a bar and of a point (Fig. 4).
 
     Attributes:
         line: the bar commanded along x.
-        closed_form: rotation about y [rad] at which the bar balances where the static road put it, (rows,).
+        closed_form: rotation about y [rad] at which the bar balances where the static method put it, (rows,).
         short_bar: the same by the paper's Eq. 5 and 6, mended: a bar of no length, (rows,) [rad].
-        poses: a few poses at a few heights, by the static road.
+        poses: a few poses at a few heights, by the static method.
         settled_poses: the same by MuJoCo.
         balanced: the closed form's rotation [rad] at the commanded positions of ``poses``.
     """
@@ -57,8 +57,8 @@ class ClosedForms:
     line: Line
     closed_form: Float[np.ndarray, " rows"]
     short_bar: Float[np.ndarray, " rows"]
-    poses: Rests
-    settled_poses: Rests
+    poses: EquilibriumBatch
+    settled_poses: EquilibriumBatch
     balanced: Float[np.ndarray, " poses"]
 
 
@@ -92,8 +92,8 @@ def manifold(
         rotation_about_y=np.array([[_upright(robot, [a, 0.0, b]) for a in x] for b in z]),
         commanded=commanded,
         axial_stiffness=stiffness,
-        static=tuple(rests_by_statics(one, commanded) for one in robots),
-        settled=tuple(rests_by_mujoco(one, commanded) for one in robots[::settled_every]),
+        static=tuple(equilibria_by_statics(one, commanded) for one in robots),
+        settled=tuple(equilibria_by_mujoco(one, commanded) for one in robots[::settled_every]),
     )
 
 
@@ -119,14 +119,16 @@ def closed_forms(
     return ClosedForms(
         line=along,
         closed_form=np.array([_upright(robot, position) for position in along.static.positions]),
-        short_bar=np.array([two_cable.short_bar_rotation(robot, position) for position in along.static.positions]),
-        poses=rests_by_statics(robot, poses),
-        settled_poses=rests_by_mujoco(robot, poses),
+        short_bar=np.array(
+            [two_cable_closed_form.short_bar_rotation(robot, position) for position in along.static.positions]
+        ),
+        poses=equilibria_by_statics(robot, poses),
+        settled_poses=equilibria_by_mujoco(robot, poses),
         balanced=np.array([_upright(robot, position) for position in poses]),
     )
 
 
 def _upright(robot: Robot, position: ArrayLike) -> float:
     """Of the closed form's equilibria the one that is not turned over [rad]."""
-    rotations = two_cable.equilibrium_rotations(robot, position)
+    rotations = two_cable_closed_form.equilibrium_rotations(robot, position)
     return float(rotations[np.argmin(np.abs(rotations))])

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d import Axes3D
 
-from cdpr_sim.core.words import cables_in_words, newtons
+from cdpr_sim.core.describe import describe_cables, newtons
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, points, styled
-from cdpr_sim.drawing.numbers import power_of_ten
+from cdpr_sim.drawing.readable_numbers import power_of_ten
 from cdpr_sim.studies.two_cable import ClosedForms, Manifold
 
 
@@ -52,8 +52,8 @@ def manifold(study: Manifold) -> Figure:
 
     norm = Normalize(-1 / softest, -1 / stiffest)  # by compliance, as the drift goes
     colors = matplotlib.colormaps[style.STIFFNESS_MAP]
-    drift = np.array([rests.positions for rests in study.static])
-    turn = np.degrees([rests.euler[:, 1] for rests in study.static])
+    drift = np.array([equilibria.positions for equilibria in study.static])
+    turn = np.degrees([equilibria.euler[:, 1] for equilibria in study.static])
     for command, (start_x, _, start_z) in enumerate(study.commanded):
         here, angle = drift[:, command], turn[:, command]
         space.plot(
@@ -67,10 +67,10 @@ def manifold(study: Manifold) -> Figure:
             piece = here[i : i + 2]
             space.plot(piece[:, 0], piece[:, 2], angle[i : i + 2], color=color, lw=3.2, zorder=7)
             front.plot(piece[:, 0], piece[:, 2], color=color, lw=3.2, zorder=4)
-    for rests in study.settled:
-        degrees = np.degrees(rests.euler[:, 1])
-        space.plot(*rests.positions[:, [0, 2]].T, degrees, **points(style.INK, ms=4.5) | {"zorder": 9})
-        front.plot(*rests.positions[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
+    for equilibria in study.settled:
+        degrees = np.degrees(equilibria.euler[:, 1])
+        space.plot(*equilibria.positions[:, [0, 2]].T, degrees, **points(style.INK, ms=4.5) | {"zorder": 9})
+        front.plot(*equilibria.positions[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
     space.plot(*study.commanded[:, [0, 2]].T, 0.0, "o", color=style.INK, ms=5, zorder=10)
     front.plot(*study.commanded[:, [0, 2]].T, "o", color=style.INK, ms=5, zorder=7)
     bar = figure.colorbar(matplotlib.cm.ScalarMappable(norm, colors), ax=front, shrink=0.85, pad=0.02)
@@ -94,29 +94,29 @@ def manifold(study: Manifold) -> Figure:
 @styled
 def poses(forms: ClosedForms) -> Figure:
     """Fig. 4: where the two-cable bar is commanded, how it would have to tilt there, and where it rests."""
-    robot, rests, settled = forms.poses.robot, forms.poses, forms.settled_poses
-    shift = 1e3 * np.abs(rests.deviation[:, 0]).max()
+    robot, equilibria, settled = forms.poses.robot, forms.poses, forms.settled_poses
+    shift = 1e3 * np.abs(equilibria.deviation[:, 0]).max()
     figure = canvas(
         8.6,
         6.4,
         f"Commanded level, a bar on two cables tilts and moves up to {shift:.0f} mm inwards",
-        f"{robot.name}, {cables_in_words(robot)}, bar of {1e3 * robot.platform_size[0]:.0f} mm and {robot.mass:g} kg, "
-        f"{len(rests)} commanded poses. (Paper, Fig. 4)",
+        f"{robot.name}, {describe_cables(robot)}, bar of {1e3 * robot.platform_size[0]:.0f} mm and {robot.mass:g} kg, "
+        f"{len(equilibria)} commanded poses. (Paper, Fig. 4)",
     )
     ax = figure.add_subplot()
     drawing.draw_front(ax, robot)
-    half, turns = np.array([robot.anchors[0], robot.anchors[-1]]), rests.euler[:, 1]
+    half, turns = np.array([robot.anchors[0], robot.anchors[-1]]), equilibria.euler[:, 1]
 
     def bar(position: np.ndarray, beta: float, **looks) -> None:
         c, s = np.cos(beta), np.sin(beta)
         ends = position + half @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
         ax.plot(ends[:, 0], ends[:, 2], solid_capstyle="round", **looks)
 
-    for row, (commanded, position) in enumerate(zip(rests.problems.positions, rests.positions, strict=True)):
+    for row, (commanded, position) in enumerate(zip(equilibria.problems.positions, equilibria.positions, strict=True)):
         bar(commanded, 0.0, color=style.MUTED, lw=2, ls=(0, (1.5, 1)), zorder=3)
         bar(commanded, forms.balanced[row], color=style.GREEN, lw=2, ls=(0, (5, 1.5)), zorder=3.5)
         bar(position, turns[row], color=style.BLUE, lw=3.4, zorder=4)
-        drawing.draw_cables(ax, robot, position, rests.rotations[row], rests.slack[row], color=style.FAINT)
+        drawing.draw_cables(ax, robot, position, equilibria.rotations[row], equilibria.slack[row], color=style.FAINT)
     ax.plot(*settled.positions[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
     for side in (0, -1):
         anchors = settled.positions + settled.rotations @ robot.anchors[side]
@@ -145,7 +145,7 @@ def closed_form(forms: ClosedForms) -> Figure:
         8.6,
         5.6,
         f"Leaving the bar's length out of the closed form costs {np.abs(short - beta).max():.1f}° of tilt",
-        f"{robot.name}, {cables_in_words(robot)}, commanded level along z = {forms.line.height:g} m; at each position "
+        f"{robot.name}, {describe_cables(robot)}, commanded level along z = {forms.line.height:g} m; at each position "
         f"where the solver finds the bar at rest, {len(x)} in all. Short bar: the paper's Eq. 5 and 6 contain terms of "
         "the wrong dimension; mended, they are tan θ = (h₁X₂ + h₂X₁)/(2X₁X₂), a bar of no length.",
     )

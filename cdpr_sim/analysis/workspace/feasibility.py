@@ -1,4 +1,4 @@
-"""Which poses can rigid cables hold at all, with tensions within limits? The feasible workspaces, by two roads.
+"""Which poses can rigid cables hold at all, with tensions within limits? The feasible workspaces, by two methods.
 
 A wrench w_e on the platform can be held at a pose where
 
@@ -8,7 +8,7 @@ has a solution (paper Eq. 3). The *static* feasible workspace asks it of the wei
 one); the *wrench-feasible* workspace of every wrench of a set: all wrenches in their convex hull are then feasible too
 (Bosscher, Riechel, Ebert-Uphoff 2006, doi:10.1109/TRO.2006.878967).
 
-The fast road minimises ‖W tau + w_e‖² within the limits, compiled (``statics.balance_kernel``). It is finite, and both
+The fast method minimises ‖W tau + w_e‖² within the limits, compiled (``statics.balance_kernel``). It is finite; both
 of its answers are proofs: either tensions that balance the load, or a residual r with rᵀ(W tau + w_e) ≥ ‖r‖² > 0 for
 all tensions within the limits, a direction in which the cables cannot pull enough (Farkas). The reference is linear
 programming, by HiGHS.
@@ -136,7 +136,7 @@ def closed_form_feasible(
     return held
 
 
-def tension_margin(
+def capacity_margin(
     robot: Robot,
     positions: ArrayLike,
     *,
@@ -166,7 +166,7 @@ def tension_margin(
         InvalidInput: as in ``shortfall``.
     """
     limits, loads = checked_limits(robot, tension_limits), checked_wrenches(robot, wrenches)
-    robot.cabling.refuse_weight("tension_margin")
+    robot.cabling.refuse_weight("capacity_margin")
     return _over_poses(margin_gufunc, robot, *limits, loads, *_placed(robot, positions, rotations))
 
 

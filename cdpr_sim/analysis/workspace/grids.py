@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from cdpr_sim.core import memory
+from cdpr_sim.core import available_memory
 from cdpr_sim.core.checks import checked_array, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
@@ -63,7 +63,7 @@ def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndar
     if poses > MOST_POSES:
         raise InvalidInput(f"grid: found {poses:.1e} positions, expected {MOST_POSES:.0e} at most")
     for name, (lower, upper, count) in spread.items():
-        memory.refuse_beyond(f"grid: {count:,} coordinates {name}", LEAST_BYTES * count, "fewer")
+        available_memory.refuse_beyond(f"grid: {count:,} coordinates {name}", LEAST_BYTES * count, "fewer")
         axes[name] = np.linspace(lower, upper, count)
     for robot in robots:
         if robot.mobility == "planar" and axes["y"].any():

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.analysis.workspace.feasibility import closed_form_feasible, feasible
 from cdpr_sim.core.checks import FLAG, Frozen, checked_array, positive, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.introduced import Introduced
+from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
 
 MOST_DEPTH = 7
@@ -29,7 +29,7 @@ OCTAHEDRON = ((0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), 
 
 
 @dataclass(frozen=True, eq=False)
-class Hull(Frozen, Introduced):
+class Hull(Frozen, HtmlRepr):
     """A closed surface of triangles around a workspace.
 
     Attributes:

@@ -298,9 +298,9 @@ def _slabs(dataset: xr.Dataset) -> Iterator[dict[str, slice]]:
 def _open_zarr(path: Path) -> xr.Dataset:
     import xarray as xr
 
-    from cdpr_sim.analysis.workspace.sound_store import SoundStore
+    from cdpr_sim.analysis.workspace.checksummed_store import ChecksummedStore
 
-    return xr.open_zarr(SoundStore(path, read_only=True), consolidated=False)
+    return xr.open_zarr(ChecksummedStore(path, read_only=True), consolidated=False)
 
 
 def _identity_of(path: Path) -> str | None:

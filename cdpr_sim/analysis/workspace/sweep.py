@@ -21,14 +21,14 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid
-from cdpr_sim.core import memory
+from cdpr_sim.core import available_memory
 from cdpr_sim.core.checks import FLAG, checked_array, checked_label, listed, one_of, refuse_unless, whole
+from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits, checked_wrenches
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.core.words import cables_name
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.statics.newton import solve_many, stiffness_of
@@ -94,7 +94,7 @@ _MARGIN = {
     "units": "N",
     "long_name": "by how much rigid cables' tensions can keep from their limits, as commanded; negative outside",
 }
-"""Of ``tension_margin``, which is computed only where it is asked for: it takes longer than an equilibrium."""
+"""Of ``capacity_margin``, which is computed only where it is asked for: it takes longer than an equilibrium."""
 
 ROBOT = {
     "frame": ("m", "two opposite corners of the frame"),
@@ -139,7 +139,7 @@ def sweep(
             default: each robot's ``force_min`` and ``force_max``.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
         quantities: names of ``QUANTITIES`` and "feasible", which are the default as far as the robots' cables allow
-            (those that weigh something allow neither "feasible" nor "frequency"); or "tension_margin", which is zero on
+            (those with mass allow neither "feasible" nor "frequency"); or "capacity_margin", which is zero on
             the border of what is feasible, between the poses of the grid. The status is always there.
         chunk: poses per Dask task at most; None: one call of NumPy, on one core, without Dask.
         compute: False for a Dataset of Dask arrays that are yet to be computed, for tools and clusters of your own.
@@ -197,8 +197,8 @@ def sweep(
         part = _equilibria(robot, points, stiffness, rotation, wrench, names)
         if "feasible" in names:
             part["feasible"] = _feasible(robot, points, wrenches=wrench, **held)
-        if "tension_margin" in names:
-            part["tension_margin"] = _tension_margin(robot, points, wrenches=wrench, **held)
+        if "capacity_margin" in names:
+            part["capacity_margin"] = _capacity_margin(robot, points, wrenches=wrench, **held)
         if wrenches is not None:
             part["wrench_feasible"] = _feasible(robot, points, wrenches=np.atleast_2d(wrenches) + wrench, **held)
         parts.append(_with_robot(part, robot, stiffness))
@@ -227,13 +227,14 @@ def _refuse_what_cannot_fit(poses: int, cables: int, names: Sequence[str], store
     what = f"grid: a sweep of {poses:,.0f} poses"
     if store is None or store.suffix == ".nc":
         copies = MEMORY_COPIES if store is None else MEMORY_COPIES + 1
-        memory.refuse_beyond(what, copies * poses * each, "fewer poses, fewer quantities, or a .zarr store")
+        available_memory.refuse_beyond(what, copies * poses * each, "fewer poses, fewer quantities, or a .zarr store")
     else:
         free = shutil.disk_usage(store.parent).free
         if poses * each > COMPRESSION * free:
             raise InvalidInput(
-                f"{what} would take about {memory.in_words(poses * each)} before compression, and "
-                f"{memory.in_words(free)} are free in {store.parent}; expected fewer poses, or fewer quantities"
+                f"{what} would take about {available_memory.describe_size(poses * each)} before compression, and "
+                f"{available_memory.describe_size(free)} are free in {store.parent}; expected fewer poses or "
+                "fewer quantities"
             )
 
 
@@ -297,7 +298,7 @@ def _checked_quantities(quantities: Sequence[str] | None, robots: Sequence[Robot
     if quantities is None:
         massless = all(robot.cabling.massless for robot in robots)
         return [name for name in (*QUANTITIES, "feasible") if massless or name not in _OF_MASSLESS_CABLES]
-    known = [*QUANTITIES, "feasible", "tension_margin"]
+    known = [*QUANTITIES, "feasible", "capacity_margin"]
     for name in listed("quantities", quantities, "a list of names"):
         one_of("quantity", name, known)
         if name in _OF_MASSLESS_CABLES:
@@ -365,26 +366,26 @@ def _solve_block(
 ) -> tuple[np.ndarray, ...] | np.ndarray:
     """The quantities ``names`` over one block of the grid: what runs on each thread or worker."""
     commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
-    rests = solve_many(
+    equilibria = solve_many(
         robot, commanded, rotations=rotation, axial_stiffness=np.atleast_2d(stiffness), external_wrench=wrench
     )
-    found = rests.converged
-    eigenvalues, frequency = stiffness_of(rests) if _MODES & set(names) else (None, None)
+    found = equilibria.converged
+    eigenvalues, frequency = stiffness_of(equilibria) if _MODES & set(names) else (None, None)
     bits = 1 << np.arange(robot.cables, dtype=np.int64)
     read = {
-        "position": lambda: rests.positions,
-        "rotation_vector": lambda: _rotation_vectors(rests.rotations, found),
-        "deviation": lambda: rests.deviation,
-        "distance": lambda: np.linalg.norm(rests.deviation, axis=-1),
-        "tilt": lambda: rests.tilt,
-        "tensions": lambda: rests.tensions,
-        "slack_count": lambda: rests.slack.sum(-1),
-        "slack_set": lambda: np.where(found, rests.slack @ bits, -1),
+        "position": lambda: equilibria.positions,
+        "rotation_vector": lambda: _rotation_vectors(equilibria.rotations, found),
+        "deviation": lambda: equilibria.deviation,
+        "distance": lambda: np.linalg.norm(equilibria.deviation, axis=-1),
+        "tilt": lambda: equilibria.tilt,
+        "tensions": lambda: equilibria.tensions,
+        "slack_count": lambda: equilibria.slack.sum(-1),
+        "slack_set": lambda: np.where(found, equilibria.slack @ bits, -1),
         "eigenvalues": lambda: eigenvalues,
         "frequency": lambda: frequency,
-        "residual": lambda: rests.residuals,
-        "iterations": lambda: rests.iterations,
-        "status": lambda: rests.status,
+        "residual": lambda: equilibria.residuals,
+        "iterations": lambda: equilibria.iterations,
+        "status": lambda: equilibria.status,
     }
     results = []
     for name in names:
@@ -425,15 +426,17 @@ def _feasible_block(x, y, z, *, robot, rotation, tension_limits, wrenches) -> np
     return feasibility.feasible(robot, commanded, rotations=rotation, tension_limits=tension_limits, wrenches=wrenches)
 
 
-def _tension_margin(robot: Robot, points: Sequence[xr.DataArray], **conditions: Any) -> xr.DataArray:
-    margin = _apply_ufunc(_tension_margin_block, *points, kwargs=dict(robot=robot, **conditions), output_dtypes=[float])
+def _capacity_margin(robot: Robot, points: Sequence[xr.DataArray], **conditions: Any) -> xr.DataArray:
+    margin = _apply_ufunc(
+        _capacity_margin_block, *points, kwargs=dict(robot=robot, **conditions), output_dtypes=[float]
+    )
     margin.attrs = _MARGIN
     return margin
 
 
-def _tension_margin_block(x, y, z, *, robot, rotation, tension_limits, wrenches) -> np.ndarray:
+def _capacity_margin_block(x, y, z, *, robot, rotation, tension_limits, wrenches) -> np.ndarray:
     commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
-    return feasibility.tension_margin(
+    return feasibility.capacity_margin(
         robot, commanded, rotations=rotation, tension_limits=tension_limits, wrenches=wrenches
     )
 

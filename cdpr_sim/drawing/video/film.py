@@ -16,11 +16,11 @@ from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import FLAG, PROGRESS, checked_array, listed, one_of, refuse_unless
+from cdpr_sim.core.describe import describe_properties, describe_stiffness
 from cdpr_sim.core.errors import InvalidInput, StoreError
 from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.core.words import properties_in_words, stiffness_in_words
-from cdpr_sim.drawing.video.page import Page, nice_above
+from cdpr_sim.drawing.video.frame_layout import Page, nice_above
 from cdpr_sim.drawing.video.render import Backend, Picture, Renderer, open_renderer
 from cdpr_sim.drawing.video.scene import Stage
 
@@ -73,7 +73,7 @@ def write_video(
         path: of the file, ending in .mp4 or .gif.
         trajectories: what moves, one or several; each is shown from its first state to its last.
         static: the static solver's poses for each, a stack of (steps,) or None, drawn as outlines.
-        shapes: how each one's cables hang in each state, from ``cable_shapes``, or None; needed of cables with weight.
+        shapes: how each one's cables hang in each state, from ``cable_profiles``, or None; needed of cables with mass.
         seconds: duration of the video; the motion is shown faster or slower to fit, and the picture says so.
         fps: frames per second.
         size: (width, height) [pixel], even numbers.
@@ -143,7 +143,7 @@ def show(
     Args:
         trajectories: what moves, one or several; each is shown from its first state to its last.
         static: the static solver's poses for each, a stack of (steps,) or None, drawn as outlines.
-        shapes: how each one's cables hang in each state, (steps, cables, points, 3) [m] from ``cable_shapes``, or None;
+        shapes: how each one's cables hang in each state, (steps, cables, points, 3) [m], or None;
             needed of cables with weight.
         seconds: how long it plays; the motion is shown faster or slower to fit, and the picture says so.
         fps: frames per second.
@@ -337,8 +337,8 @@ def _captions(trajectory: Trajectory) -> list[str]:
     """What the cables, the platform and the frame are, in words from many to few."""
     robot = trajectory.robot
     size = " × ".join(f"{edge:.3g}" for edge in np.ptp(robot.frame, axis=0))
-    stiffness = ", ".join([robot.material or "cables", stiffness_in_words(robot, "kN")])
-    cables = ", ".join([stiffness, *properties_in_words(robot)])
+    stiffness = ", ".join([robot.material or "cables", describe_stiffness(robot, "kN")])
+    cables = ", ".join([stiffness, *describe_properties(robot)])
     return [
         f"{cables} · platform {robot.mass:g} kg · frame {size} m",
         f"{cables} · {robot.mass:g} kg · {size} m",

@@ -3,7 +3,7 @@
 The platform where MuJoCo has it; a translucent ghost where it was commanded; the outline of the static solver's pose;
 cables coloured by tension, slack ones hanging as chains, those over pulleys on their wheels; the commanded path and the
 trail of the platform's origin. All of it is given: poses, tensions and lengths come from a ``Trajectory``, the outline
-from a static solver, and how cables hang that weigh something from ``cable_shapes``.
+from a static solver, and how cables hang with mass from ``cable_profiles``.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -24,7 +24,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.cables import course
+from cdpr_sim.drawing.cable_curves import cable_curve
 from cdpr_sim.physics.mjcf import LEAST_SPARE, place, scene_mjcf, to_mjcf
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class Stage:
         shapes: how the cables hang in each state, (steps, cables, points, 3) [m]; needed of those that have weight.
 
     Raises:
-        InvalidInput: cables that weigh something, without their shapes; or shapes that do not fit.
+        InvalidInput: cables with mass, without their shapes; or shapes that do not fit.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Stage:
         self.trajectory, self.largest_tension, self.exaggeration = trajectory, largest_tension, exaggeration
         robot = self.robot = trajectory.robot
         self.shapes = _fitting(trajectory, shapes)
-        self._massless = robot.replace(linear_density=0.0)  # nothing moves here: a heavy cable is drawn as one line
+        self._massless = robot.replace(linear_density=0.0)  # nothing moves here: a cable with mass is drawn as one line
         self.model = _model(self._massless, trajectory.commanded[0])
         self.data = mujoco.MjData(self.model)
         self.scene = mujoco.MjvScene(self.model, maxgeom=MOST_GEOMS)
@@ -171,7 +171,7 @@ class Stage:
                 spare = self.exaggeration * max(0.0, float(trajectory.rest_lengths[step, cable] - true))
                 length = float(ways[cable]) + spare
             shape = None if self.shapes is None else self.shapes[step, cable]
-            way = course(robot.cabling, int(cable), anchors[cable], length, shape)
+            way = cable_curve(robot.cabling, int(cable), anchors[cable], length, shape)
             self._line(way, style.CABLE_RADIUS, tuple(self.model.tendon_rgba[cable].tolist()))
 
     def _draw_paths(self, step: int) -> None:
@@ -232,7 +232,7 @@ def _fitting(
     if shapes is None and not robot.cabling.massless:
         raise InvalidInput(
             f"shapes: found none of cables of {robot.cabling.linear_density.max():g} kg/m, expected how they hang, "
-            "from cable_shapes"
+            "from cable_profiles"
         )
     expected = (len(trajectory), robot.cables)
     if shapes is not None and shapes.shape[:2] != expected:

@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.robots.importers.documents import Matrix, Number, Part, Vector, as_model
 from cdpr_sim.robots.importers.draft import Draft
-from cdpr_sim.robots.importers.reading import Matrix, Number, Part, Vector, as_model
 
 TITLE = "the Bologna group's JSON"
 MARKS = {"actuator", "cable"}

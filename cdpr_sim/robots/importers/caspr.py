@@ -17,8 +17,8 @@ import numpy as np
 from cdpr_sim.core.cable import DOWN
 from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, UnknownName
+from cdpr_sim.robots.importers.documents import child, numbers, read_document, spelled
 from cdpr_sim.robots.importers.draft import Draft
-from cdpr_sim.robots.importers.reading import child, numbers, read_document, spelled
 
 TITLE = "CASPR's XML"
 MARKS = {"bodies_system"}

@@ -16,8 +16,8 @@ import numpy as np
 from pydantic import Field
 
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.robots.importers.documents import Matrix, Number, Part, Unbounded, Vector, as_model
 from cdpr_sim.robots.importers.draft import Draft
-from cdpr_sim.robots.importers.reading import Matrix, Number, Part, Unbounded, Vector, as_model
 
 TITLE = "cdpyr's JSON or YAML"
 MARKS = {"kinematic_chains"}
@@ -74,7 +74,7 @@ class _Platform(Part):
 
 
 class _Modulus(Part):
-    elasticities: list[Number] | None = None
+    tangent_stiffness: list[Number] | None = None
     viscosities: list[Any] | None = None
 
 
@@ -174,7 +174,8 @@ def _section(cable: _Cable) -> float:
 def _stiffness(cables: list[_Cable]) -> list[float] | None:
     """EA [N]: the first elasticity [Pa] is the spring that stands alone, times the section."""
     moduli = [
-        cable.modulus.elasticities[0] if cable.modulus and cable.modulus.elasticities else None for cable in cables
+        cable.modulus.tangent_stiffness[0] if cable.modulus and cable.modulus.tangent_stiffness else None
+        for cable in cables
     ]
     if None in moduli:
         return None

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from cdpr_sim.robots.importers.documents import Number, Part, Unbounded, Vector, as_model
 from cdpr_sim.robots.importers.draft import Draft
-from cdpr_sim.robots.importers.reading import Number, Part, Unbounded, Vector, as_model
 
 TITLE = "oKermorgant/cdpr's YAML"
 MARKS = {"points", "model"}

@@ -16,8 +16,8 @@ import numpy as np
 
 from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.robots.importers.documents import attribute, child
 from cdpr_sim.robots.importers.draft import Draft
-from cdpr_sim.robots.importers.reading import attribute, child
 
 TITLE = "WireX's wcrfx"
 MARKS = {"models"}

@@ -1,0 +1,48 @@
+"""A Zarr store on disk whose chunks are checked as they are read: what is lost or corrupt is never taken for zeros."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from numcodecs import get_codec
+from zarr.storage import LocalStore
+
+from cdpr_sim.core.errors import StoreError
+
+CHUNK = re.compile(r"(?P<name>.+)/(?P<chunk>\d+(\.\d+)*)")
+"""A chunk's key."""
+
+
+class ChecksummedStore(LocalStore):
+    """Reads chunks, or says in a sentence which is not there or not what was written."""
+
+    async def get(self, key: str, *args: Any, **kwargs: Any) -> Any:
+        """The content of ``key``, or None where there is no such thing and none is expected.
+
+        Raises:
+            StoreError: a chunk that is lost or corrupt.
+        """
+        content = await super().get(key, *args, **kwargs)
+        found = CHUNK.fullmatch(key)
+        if found is None:
+            return content
+        where = f"store: {self.root}: slab {found['chunk']} of {found['name']!r}"
+        if content is None:
+            raise StoreError(f"{where} is lost; expected the sweep to be run again, which computes it anew")
+        try:
+            _decoded(self.root / found["name"], content.to_bytes())
+        except Exception as error:  # each codec has its own
+            raise StoreError(
+                f"{where} is corrupt; expected {self.root / key} to be removed, and the sweep to be run again, which "
+                "computes it anew"
+            ) from error
+        return content
+
+
+def _decoded(array: Path, content: bytes) -> Any:
+    """What the array's compressor, which knows checksums, makes of it."""
+    description = json.loads((array / ".zarray").read_text(encoding="utf-8"))
+    return get_codec(description["compressor"]).decode(content) if description["compressor"] else content

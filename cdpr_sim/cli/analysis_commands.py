@@ -1,0 +1,177 @@
+"""Commands that ask what follows: compensate, sensitivity, equilibria, identify."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of, robot_of
+from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
+
+BYTES_PER_START = 1000
+"""That looking for equilibria takes: some 600 are measured (``scripts/measure_constants.py``)."""
+
+
+def compensate(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    limits: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--tensions", metavar="MIN MAX", help="Limits of tension [N]; default: the robot's."),
+    ] = None,
+    prefer: Annotated[str, typer.Option("--prefer", help="smallest tensions, or the stiffest platform.")] = "smallest",
+    arm: Annotated[
+        float | None,
+        typer.Option("--arm", help="[m] Where only a near pose can be held: how much rotation counts; 0: not at all."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Cut the cables to lengths that hold the platform where it is commanded to be, and prove it in MuJoCo.
+
+    Exit status: 0 if the commanded pose is held, 1 if only a pose near it can be or MuJoCo does not confirm it, 2 for
+    input that cannot be right.
+    """
+    from cdpr_sim.report import analysis_tables as report
+    from cdpr_sim.report import as_json as json_of
+
+    with errors_as_sentences():
+        problem = problem_of(robot, pose, material)
+        with busy("Looking for tensions"):
+            found = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
+            hold = cdpr.verify_compensation(found)
+            methods = cdpr.settle, cdpr.solve
+            before = [method(problem) for method in methods]
+            # From where the platform hangs now, so that coming to the commanded pose is its own doing.
+            hanging = zip(methods, before, strict=True)
+            after = [method(problem.robot, now.pose, found.rest_lengths) for method, now in hanging]
+    if as_json:
+        print_json(json_of.compensation(problem, found, hold, before, after))
+    else:
+        console = Output()
+        console.print(report.compensation_table(found, before, after))
+        console.print(report.compensation_lengths(found), highlight=False)
+        console.print(report.compensation_verdict(found, hold), highlight=False)
+    raise typer.Exit(0 if found.exact and hold.held else DISAGREE)
+
+
+def sensitivity(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    rows: Annotated[int, typer.Option("--rows", min=1, help="How many to print; the rest matters less.")] = 20,
+    as_json: AsJson = False,
+) -> None:
+    """What matters most: mm and degrees per mm of length, per percent of stiffness, per newton; natural frequencies."""
+    from cdpr_sim.report import analysis_tables as report
+    from cdpr_sim.report import as_json as json_of
+
+    with errors_as_sentences():
+        problem = problem_of(robot, pose, material)
+        with busy("Solving"):
+            answer = cdpr.sensitivity(problem)
+            effects, modes = answer.effects(), cdpr.natural_modes(answer.equilibrium)
+    if as_json:
+        print_json(json_of.sensitivity(answer, effects, modes))
+    else:
+        console = Output()
+        console.print(report.sensitivity_table(answer, effects[:rows]))
+        console.print(report.sensitivity_note(answer), highlight=False)
+        console.print(report.modes_table(modes))
+
+
+def equilibria(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    saddles: Annotated[bool, typer.Option("--saddles", help="Search for the unstable ones as well.")] = False,
+    starts: Annotated[int, typer.Option("--starts", help="How many poses to start from.")] = 2000,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Prove which equilibria there are, and that there are no others.")
+    ] = False,
+    time_limit: Annotated[
+        float, typer.Option("--time-limit", help="[s] For that proof: spatial robots take minutes, or longer.")
+    ] = 60.0,
+    as_json: AsJson = False,
+) -> None:
+    """All places to rest on the cable lengths of the commanded pose, and which of them the robot reaches."""
+    from cdpr_sim.core import available_memory
+    from cdpr_sim.report import analysis_tables as report
+    from cdpr_sim.report import as_json as json_of
+
+    with errors_as_sentences():
+        problem = problem_of(robot, pose, material)
+        if starts < 1:
+            raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
+        available_memory.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
+        with busy("Looking for equilibria"):
+            found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
+            followed = cdpr.follow_load(problem)
+            reached, _ = found.nearest(followed.reached.pose)
+            by_mujoco, _ = found.nearest(cdpr.grow_gravity(problem).pose)
+            every = cdpr.certify_all(problem, time_limit=time_limit) if certify else None
+            releases = [cdpr.release(one, seconds=2.0 if one.stable else 20.0) for one in found]
+    if as_json:
+        told = json_of.equilibria(problem, found, releases, followed, reached, by_mujoco)
+        print_json(told if every is None else told | json_of.complete(every))
+    else:
+        console = Output()
+        console.print(report.equilibria_table(found, releases, reached))
+        same = "MuJoCo comes to the same" if by_mujoco == reached else f"MuJoCo comes to {by_mujoco + 1} instead"
+        console.print(f"Followed while gravity grows, the platform comes to {reached + 1}; {same}.", highlight=False)
+        console.print(report.equilibria_note(found), highlight=False)
+        if every is not None:
+            from cdpr_sim.report import proof_tables
+
+            console.print(proof_tables.complete_note(every), highlight=False)
+            lacking = every.missing_from(found)
+            console.print(proof_tables.missing_note([one for one in lacking if saddles or one.stable]), highlight=False)
+    raise typer.Exit(0 if by_mujoco == reached else DISAGREE)
+
+
+def identify(
+    robot: RobotName,
+    file: Annotated[Path, typer.Argument(metavar="MEASUREMENTS", help="CSV with named columns and units.")],
+    unknown: Annotated[
+        list[str] | None,
+        typer.Option("--unknown", help="axial_stiffness (the default), axial_stiffness_each, mass, ...; repeatable."),
+    ] = None,
+    material: MaterialName = None,
+    position_error: Annotated[
+        float | None, typer.Option("--position-error", help="Standard error of a measured coordinate [mm].")
+    ] = None,
+    rotation_error: Annotated[
+        float | None, typer.Option("--rotation-error", help="Standard error of a measured angle [°].")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fit stiffness, rest lengths, mass or centre of mass to measured poses. Exit status 1 if the data cannot tell all.
+
+    Columns of the file: commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_beta [deg], and
+    so on; rest_length_1 [mm], ...; robot.
+    """
+    from cdpr_sim.report import analysis_tables as report
+    from cdpr_sim.report import as_json as json_of
+
+    with errors_as_sentences():
+        machine = robot_of(robot, material)
+        measurements = cdpr.read_measurements(file)
+        with busy("Fitting"):
+            found = cdpr.identify(
+                machine,
+                measurements,
+                unknown or ["axial_stiffness"],
+                position_error=None if position_error is None else 1e-3 * position_error,
+                rotation_error=None if rotation_error is None else math.radians(rotation_error),
+            )
+    if as_json:
+        print_json(json_of.identification(found))
+    else:
+        console = Output()
+        console.print(report.identification_table(found))
+        console.print(report.identification_note(found), highlight=False)
+    raise typer.Exit(DISAGREE if found.reasons else 0)

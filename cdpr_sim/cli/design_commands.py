@@ -1,0 +1,340 @@
+"""Commands that change a layout, or look at one in space: design, front, clearances."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli.options import AsJson, MaterialName, RobotName, robot_of
+from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json, progress_bars
+
+if TYPE_CHECKING:
+    import numpy as np
+
+GRID = (5, 3, 3)
+VIDEO_SECONDS, VIDEO_FPS = 8.0, 25.0
+
+MOST_FILES = 1000
+"""That a front is written as; its picture shows no more."""
+
+BYTES_PER_CASE = 200
+"""Of a pose that layouts are searched for, before any is looked at."""
+
+Positions = Annotated[
+    tuple[int, int, int] | None,
+    typer.Option("--grid", metavar="NX NY NZ", help="Poses along x, y and z of the workspace; default: 5 3 3."),
+]
+Line = Annotated[
+    tuple[float, float, float, float, float, float] | None,
+    typer.Option("--line", metavar="X0 Y0 Z0 X1 Y1 Z1", help="Instead of a grid: poses along a line [m]."),
+]
+Points = Annotated[int, typer.Option("--points", min=2, help="Poses along that line.")]
+
+Moves = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--move",
+        metavar="WHAT[=HOW FAR]",
+        help="exits, anchors, pulleys, center_of_mass [m], axial_stiffness or diameter [factor]; repeatable. How far "
+        "as --within has it.",
+    ),
+]
+Within = Annotated[
+    str,
+    typer.Option(
+        "--within",
+        metavar="HOW FAR",
+        help="[m] Where --move does not say: one number, or DX,DY,DZ; or a box, X0,Y0,Z0,X1,Y1,Z1, to stay in.",
+    ),
+]
+Along = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option("--along", metavar="X Y Z", help="Places slide along this direction alone: a rail, a mast."),
+]
+SymmetryName = Annotated[str, typer.Option("--symmetry", help="detected, none, half-turn, mirror-x or mirror-y.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="The same one finds the same layout.")]
+Generations = Annotated[int, typer.Option("--generations", min=1, help="At most.")]
+
+
+def design(
+    robot: RobotName,
+    move: Moves = None,
+    within: Within = "0.05",
+    along: Along = None,
+    symmetry: SymmetryName = "detected",
+    objective: Annotated[
+        str, typer.Option("--objective", help="worst tilt, worst deviation, lowest tension, softest stiffness, ...")
+    ] = "worst tilt",
+    grid: Positions = None,
+    line: Line = None,
+    points: Points = 18,
+    tensions: Annotated[
+        tuple[float, float] | None, typer.Option("--tensions", metavar="MIN MAX", help="Limits of tension [N].")
+    ] = None,
+    taut: Annotated[bool, typer.Option("--taut", help="All cables must be taut.")] = False,
+    stable: Annotated[bool, typer.Option("--stable", help="Every direction must be held.")] = False,
+    clearance: Annotated[float | None, typer.Option("--clearance", help="Least distance of cables [m].")] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option("--limit", metavar="OBJECTIVE=VALUE", help="Limit of any objective, in SI units; repeatable."),
+    ] = None,
+    stiffness: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--stiffness", help="Factor of the cables' stiffness to be good at; repeatable, the worst counts."
+        ),
+    ] = None,
+    material: MaterialName = None,
+    seed: Seed = 0,
+    generations: Generations = 200,
+    store: Annotated[
+        Path | None, typer.Option("--store", help=".npz file that an interrupted search is gone on with from.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Robot file to write: .toml.")] = None,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Before and after: .png, .svg or .pdf.")] = None,
+    video: Annotated[Path | None, typer.Option("--video", help="Both driven side by side: .mp4 or .gif.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Look for a better layout, and prove it in MuJoCo. Ctrl-C keeps the best so far.
+
+    Exit status: 0 if MuJoCo finds it better, at the poses and between them, and agrees with statics; 1 if not.
+    """
+    from cdpr_sim.core.files import check_place, write_whole
+    from cdpr_sim.drawing import maps
+    from cdpr_sim.drawing.video import film
+    from cdpr_sim.report import design_tables as report
+    from cdpr_sim.robots.writing import as_toml
+    from cdpr_sim.studies import better_layouts as shown
+
+    with errors_as_sentences():
+        for path, suffixes, name in (
+            (output, (".toml",), "output"), (picture, maps.SUFFIXES, "picture"), (video, film.SUFFIXES, "video"),
+        ):  # fmt: skip
+            if path is not None:
+                check_place(path, suffixes, force=force, field=name)
+        machine = robot_of(robot, material)
+        subject_to = {
+            "tensions": tensions, "all taut": taut or None, "stable": stable or None, "clearance": clearance,
+        }  # fmt: skip
+        subject_to |= dict(_limit(one) for one in limit or [])
+        found = cdpr.find_layout(
+            machine,
+            _poses(machine, grid, line, points),
+            move=[_move(one, within, along) for one in move or ["exits"]],
+            symmetry=symmetry,
+            objective=objective,
+            subject_to={name: value for name, value in subject_to.items() if value is not None},
+            stiffness=stiffness or None,
+            seed=seed,
+            generations=generations,
+            store=store,
+            progress=True,
+        )
+        with busy("Settling both layouts in MuJoCo"):
+            proof = cdpr.validate_layout(found)
+        if output is not None:
+            write_whole({output: as_toml(found.robot).encode()})
+        if picture is not None:
+            with busy("Drawing"):
+                maps.write(shown.picture(proof), picture)
+        if video is not None:
+            _film(proof, video, force)
+    if as_json:
+        print_json(report.design_json(proof))
+    else:
+        console = Output()
+        console.print(report.moved_table(found))
+        console.print(report.numbers_table(found, shown.numbers(proof)))
+        for sentence in (found.message, *proof.sentences):
+            console.print(sentence, highlight=False)
+        for path in filter(None, (output, picture, video)):
+            typer.echo(path)
+    raise typer.Exit(0 if proof.agrees and proof.better else DISAGREE)
+
+
+def front(
+    robot: RobotName,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for front.png and a robot file for each.")],
+    goals: Annotated[
+        tuple[str, str], typer.Option("--goals", metavar="ONE OTHER", help="Two objectives of `design`.")
+    ] = ("displacement", "worst tilt"),
+    move: Moves = None,
+    within: Within = "0.05",
+    along: Along = None,
+    symmetry: SymmetryName = "detected",
+    grid: Positions = None,
+    line: Line = None,
+    points: Points = 18,
+    material: MaterialName = None,
+    seed: Seed = 0,
+    generations: Generations = 200,
+    most: Annotated[
+        int, typer.Option("--most", min=2, max=MOST_FILES, help="Robot files along the front, at most.")
+    ] = 20,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+) -> None:
+    """Trade one goal for another: layouts none of which is better in both, as a table, a figure and robot files."""
+    from cdpr_sim.core.files import new_folder, refuse_existing, write_whole
+    from cdpr_sim.report import design_tables as report
+    from cdpr_sim.robots.writing import as_toml
+    from cdpr_sim.studies.better_layouts import pareto_picture
+    from cdpr_sim.studies.gallery import encoded
+
+    with errors_as_sentences(), new_folder(output):
+        machine = robot_of(robot, material)
+        picture = output / "front.png"
+        refuse_existing([picture, *(output / f"robot-{number}.toml" for number in range(1, most + 1))], force=force)
+        found = cdpr.find_front(
+            machine,
+            _poses(machine, grid, line, points),
+            goals,
+            move=[_move(one, within, along) for one in move or ["exits"]],
+            symmetry=symmetry,
+            seed=seed,
+            generations=generations,
+            population=max(most, 100),
+            progress=True,
+        ).thinned(most)
+        files = {picture: encoded(pareto_picture(found), "png")}
+        files |= {
+            output / f"robot-{row + 1}.toml": as_toml(found.robot(row)).encode() for row in range(len(found))
+        }  # fmt: skip
+        write_whole(files)
+    console = Output()
+    console.print(report.front_table(found))
+    console.print(
+        f"Looked for in {found.tried:,} layouts; by statics alone: `design` settles one in MuJoCo.", highlight=False
+    )
+    for sentence in found.warnings:
+        console.print(sentence, highlight=False)
+    for path in files:
+        typer.echo(path)
+
+
+def clearances(
+    robot: RobotName,
+    grid: Positions = None,
+    line: Line = None,
+    points: Points = 18,
+    least: Annotated[float, typer.Option("--least", help="[m] Nearer is interference.")] = 0.0,
+    fitting: Annotated[
+        float | None,
+        typer.Option(
+            "--fitting", help="[m] Of each cable, left out next to its ends; default: half the platform's arm."
+        ),
+    ] = None,
+    material: MaterialName = None,
+    picture: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Map of the interference-free workspace: .png, .svg or .pdf.")
+    ] = None,
+    plane: Annotated[str, typer.Option("--plane", help="Of the map: xz, xy or yz.")] = "xz",
+    at: Annotated[float | None, typer.Option("--at", help="Where [m] that plane lies; default: the middle.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
+) -> None:
+    """Distances between cables, platform and frame, where all of them rest. Exit status 1 if any is below --least."""
+    from cdpr_sim.analysis import clearance
+    from cdpr_sim.core.files import check_place
+    from cdpr_sim.drawing import maps
+    from cdpr_sim.report import design_tables as report
+
+    with errors_as_sentences():
+        machine = robot_of(robot, material)
+        if picture is not None:
+            check_place(picture, maps.SUFFIXES, force=force, field="output")
+            from cdpr_sim.studies.better_layouts import clearance_map
+
+            with busy("Looking for interference"):
+                maps.write(clearance_map(machine, plane, at, least, fitting), picture)
+        with busy("Solving"):
+            each = machine.cables * clearance.POINTS * clearance.BYTES_PER_POINT
+            found = cdpr.clearances(machine, _poses(machine, grid, line, points, each), fitting=fitting)
+        free = found.free(least)
+    console = Output()
+    console.print(report.clearance_table(found))
+    console.print(
+        f"Free of interference (more than {1e3 * least:g} mm) at {int(free.sum())} of {free.size} poses; "
+        f"{1e3 * found.fitting:.3g} mm of each cable next to its ends left out.",
+        highlight=False,
+    )
+    raise typer.Exit(0 if free.all() else DISAGREE)
+
+
+def _poses(
+    robot: cdpr.Robot,
+    grid: tuple[int, int, int] | None,
+    line: tuple[float, ...] | None,
+    points: int,
+    each: int = BYTES_PER_CASE,
+) -> np.ndarray:
+    import numpy as np
+
+    from cdpr_sim.analysis.workspace.grids import as_grid
+    from cdpr_sim.core import available_memory
+    from cdpr_sim.core.checks import checked_array
+
+    if line is not None:
+        if grid is not None:
+            raise cdpr.InvalidInput("line: found it beside a grid, expected one of the two")
+        available_memory.refuse_beyond(f"points: {points:,} poses", each * points, "fewer")
+        ends = checked_array("line", line, (6,))
+        return np.linspace(ends[:3], ends[3:], points)
+    if grid is None:
+        nx, ny, nz = (1 if edge == 0 else n for edge, n in zip(np.ptp(robot.workspace, axis=0), GRID, strict=True))
+        grid = nx, ny, nz
+    axes = as_grid(grid, [robot])
+    count = math.prod(len(values) for values in axes.values())
+    available_memory.refuse_beyond(f"grid: {count:,} poses", each * count, "fewer")
+    return np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
+
+
+def _limit(word: str) -> tuple[str, float]:
+    name, _, value = word.partition("=")
+    return name.strip(), _number("limit", word, value)
+
+
+def _number(option: str, word: str, value: str) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise cdpr.InvalidInput(f"{option}: found {word!r}, expected a name, = and a number") from None
+
+
+def _move(word: str, within: str, along: tuple[float, float, float] | None) -> cdpr.Move:
+    what, equals, reach = word.partition("=")
+    return cdpr.Move(what, _reach("move", word, reach) if equals else _reach("within", within, within), along=along)
+
+
+def _reach(option: str, word: str, reach: str) -> Any:
+    """A distance or a factor, two, three, or the two corners of a box, as ``cdpr.Move`` takes them."""
+    try:
+        numbers = [float(part) for part in reach.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 6:
+        return numbers[:3], numbers[3:]
+    if len(numbers) not in (1, 2, 3):
+        name = "a name, = and " if option == "move" else ""
+        raise cdpr.InvalidInput(f"{option}: found {word!r}, expected {name}a number, or 2, 3 or 6 with commas")
+    return numbers if len(numbers) > 1 else numbers[0]
+
+
+def _film(proof: cdpr.LayoutValidation, path: Path, force: bool) -> None:
+    from cdpr_sim.studies.better_layouts import driven
+
+    with progress_bars() as bar:
+        trajectories = driven(proof, round(VIDEO_SECONDS * VIDEO_FPS), VIDEO_SECONDS)
+        cdpr.write_video(
+            path,
+            trajectories,
+            [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories],
+            shapes=[None if one.robot.cabling.massless else cdpr.cable_profiles(one) for one in trajectories],
+            seconds=VIDEO_SECONDS,
+            fps=VIDEO_FPS,
+            force=force,
+            progress=bar("Drawing"),
+        )

@@ -1,0 +1,140 @@
+"""Commands that ask where a platform is in equilibrium: settle, solve, certify."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli.options import AsJson, MaterialName, Pose, Pretension, RobotName, problem_of, wrenches_of
+from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
+
+if TYPE_CHECKING:
+    from cdpr_sim.report.crosscheck_tables import Outcome
+
+METHODS = "newton", "fsolve", "least_squares"
+"""The static solvers."""
+
+
+def settle(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    pretension: Pretension = None,
+    certify: Annotated[
+        bool,
+        typer.Option(
+            "--certify", help="Prove the equilibria (extra proof), and of planar robots that there are no others."
+        ),
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Settle the platform in MuJoCo, solve it with Newton and SEECR, and say whether MuJoCo and Newton agree.
+
+    Exit status: 0 if they agree, 1 if they do not, 2 for input that cannot be right or a platform that does not rest.
+    """
+    from cdpr_sim.report import as_json as json_of
+    from cdpr_sim.report import crosscheck_tables as report
+    from cdpr_sim.report import proof_tables
+
+    with errors_as_sentences():
+        problem = problem_of(robot, pose, material, pretension)
+        with busy("The static solvers look for equilibrium"):
+            newton, *seecr = (_outcome(problem, method) for method in METHODS)
+        settled = cdpr.settle(problem, progress=True)
+        if not isinstance(newton, cdpr.Equilibrium):
+            raise newton
+        agreement = cdpr.compare(newton, settled)
+        outcomes = [settled, newton, *seecr]
+        proved = [cdpr.certify(one) for one in outcomes if certify and isinstance(one, cdpr.Equilibrium)]
+        every = cdpr.certify_all(problem) if certify and proof_tables.quickly_complete(problem) else None
+    if as_json:
+        told = json_of.crosscheck(problem, outcomes, agreement, proved)
+        print_json(told if every is None else told | json_of.complete(every))
+    else:
+        console = Output()
+        middle = next((one.midpoint for one in proved if one.equilibrium is newton), None)
+        shown = outcomes if middle is None else [middle, *outcomes]
+        table = report.settle_table(problem, shown)
+        if proved:
+            cells = {one.equilibrium.source: proof_tables.proof_cell(one) for one in proved}
+            sources = ["" if point is None else point.source for point in map(report.best_point, shown)]
+            table.add_row("proved", "", *(cells.get(source, "") for source in sources))
+        console.print(table)
+        if every is not None:
+            console.print(proof_tables.complete_note(every), highlight=False)
+        for outcome in outcomes:
+            if isinstance(outcome, cdpr.NotConverged):
+                console.print(outcome.reason, style="dim", markup=False, highlight=False)
+        for note in report.equilibrium_notes(newton):
+            console.print(note, highlight=False)
+        console.print(report.verdict(agreement), highlight=False)
+    raise typer.Exit(0 if agreement.agrees else DISAGREE)
+
+
+def solve(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    pretension: Pretension = None,
+    method: Annotated[str, typer.Option("--method", help="newton, fsolve or least_squares.")] = "newton",
+    as_json: AsJson = False,
+) -> None:
+    """Solve for the static equilibrium with one solver. Exit status 2 if it does not find one."""
+    from cdpr_sim.report import as_json as json_of
+    from cdpr_sim.report import crosscheck_tables as report
+
+    with errors_as_sentences():
+        problem = problem_of(robot, pose, material, pretension)
+        with busy("Solving"):
+            result = cdpr.solve(problem, method=method)  # type: ignore[arg-type]
+    if as_json:
+        print_json(json_of.solution(result))
+    else:
+        console = Output()
+        console.print(report.settle_table(problem, [result]))
+        for note in report.equilibrium_notes(result):
+            console.print(note, highlight=False)
+
+
+def certify(
+    robot: RobotName,
+    pose: Pose = None,
+    material: MaterialName = None,
+    pretension: Pretension = None,
+    wrench: Annotated[
+        str | None, typer.Option("--wrench", metavar="FX,FY,FZ,TX,TY,TZ", help="[N, N m] on the platform's origin.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Prove where the platform is in equilibrium, that no other is near, which cables are slack, and that it is stable.
+
+    The equilibria of MuJoCo and of Newton are proved, each by itself; needs the extra proof. Exit status: 0 if both are
+    proved, 1 if one is not, 2 for input that cannot be right.
+    """
+    from cdpr_sim.report import as_json as json_of
+    from cdpr_sim.report import proof_tables as report
+
+    with errors_as_sentences():
+        problem = problem_of(robot, pose, material, pretension)
+        wrenches = wrenches_of(None if wrench is None else [wrench])
+        if wrenches:
+            problem = cdpr.Problem.of(problem.robot, problem.pose, problem.rest_lengths, wrenches[0])
+        with busy("MuJoCo settles the platform, Newton solves, and both are proved"):
+            proved = [cdpr.certify(method(problem)) for method in (cdpr.settle, cdpr.solve)]
+    if as_json:
+        print_json(json_of.certificates(proved))
+    else:
+        console = Output()
+        console.print(report.certificate_table(proved))
+        for line in report.reasons(proved):
+            console.print(line, highlight=False)
+    raise typer.Exit(0 if all(one.proved for one in proved) else DISAGREE)
+
+
+def _outcome(problem: cdpr.Problem, method: str) -> Outcome:
+    try:
+        return cdpr.solve(problem, method=method)  # type: ignore[arg-type]
+    except cdpr.NotConverged as failure:
+        return failure

@@ -1,0 +1,228 @@
+"""Commands about the robots themselves: robots, new, schema, show, import, models, view."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, get_args
+
+import typer
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli.options import MaterialName, Pose, RobotName, problem_of, robot_of
+from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def robots() -> None:
+    """List the robots of the catalogue and the materials of cables."""
+    from cdpr_sim.report.table_style import new_table
+
+    console = Output()
+    for kind, machines in _by_kind().items():
+        table = new_table(f"Robots: {kind}", "robot", "mobility", "cables", "mass", words=2)
+        table.add_column("what")
+        for robot in machines:
+            table.add_row(robot.name, robot.mobility, str(robot.cables), f"{robot.mass:g} kg", robot.description)
+        console.print(table)
+    table = new_table("Cables of one size", "material", "EA", "breaks at")
+    table.add_column("source")
+    for material in cdpr.MATERIALS.values():
+        table.add_row(
+            material.name, f"{material.axial_stiffness:g} N", material.breaking_load_in_words, material.source
+        )
+    console.print(table)
+    table = new_table("Ropes of any diameter: steel-rope-4mm", "material", "modulus", "fill", "density", "strength")
+    table.add_column("source")
+    for rope in cdpr.ROPES.values():
+        table.add_row(
+            rope.name,
+            f"{rope.modulus / 1e9:g} GPa",
+            f"{rope.fill:g}",
+            f"{rope.density:g} kg/m³",
+            rope.strength_in_words,
+            rope.source,
+        )
+    console.print(table)
+
+
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the robot; NAME.toml is the file, in this folder.")],
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+) -> None:
+    """Write a robot file to begin with, with comments, that runs as it is."""
+    from cdpr_sim.core.files import check_place, write_whole
+    from cdpr_sim.robots import robot_file
+
+    with errors_as_sentences():
+        path = Path(name if name.endswith(".toml") else f"{name}.toml")
+        text = robot_file.template(path.stem)
+        write_whole({check_place(path, [".toml"], force=force): text.encode()})
+    typer.echo(f"{path}: now `cdpr-sim show {path}` and `cdpr-sim settle {path}`")
+
+
+def schema(
+    document: Annotated[bool, typer.Option("--document", help="Print the page that explains robot files.")] = False,
+) -> None:
+    """Print the JSON schema of robot files, with which editors check and complete them."""
+    from cdpr_sim.robots import robot_file
+
+    typer.echo(robot_file.document() if document else robot_file.json_schema(), nl=not document)
+
+
+def show(
+    robots: Annotated[
+        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="One, or several on one page; default: all.")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="File: .png.")] = Path("robot.png"),
+    pose: Annotated[
+        tuple[float, float, float] | None, typer.Option("--pose", metavar="X Y Z", help="Of one robot's platform [m].")
+    ] = None,
+    material: MaterialName = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+) -> None:
+    """Draw a robot as commanded, with the numbers of its cables at exits and anchors; several on one page."""
+    from cdpr_sim.core.files import check_place, write_whole
+    from cdpr_sim.drawing import still
+
+    with errors_as_sentences():
+        check_place(output, [".png"], force=force)
+        if robots and len(robots) == 1:
+            problem = problem_of(robots[0], pose, material)
+            figure = still.draw(problem.robot, problem.pose)
+        else:
+            if pose is not None:
+                raise cdpr.InvalidInput("--pose: found one beside several robots, expected it beside one")
+            everyone = [robot.name for kind in _by_kind().values() for robot in kind]
+            figure = still.sheet([robot_of(name, material) for name in robots or everyone])
+        write_whole({output: still.encoded(figure)})
+    typer.echo(output)
+
+
+def import_file(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Of CASPR's XML, WireX's wcrfx, cdpyr's JSON or YAML, oKermorgant/cdpr's YAML, the Bologna group's "
+            "JSON.",
+        ),
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Robot file to write; default: the robot's name, with .toml.")
+    ] = None,
+    format: Annotated[
+        str | None,
+        typer.Option("--format", help="caspr, wirex, cdpyr, gazebo, bologna; default: what the file looks like."),
+    ] = None,
+    cables: Annotated[str | None, typer.Option("--cables", help="CASPR's id of a set of cables.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+) -> None:
+    """Write another project's robot as a robot file, and say what it left out or assumed."""
+    from cdpr_sim.core.files import check_place, write_whole
+    from cdpr_sim.robots.writing import as_toml
+
+    with errors_as_sentences():
+        robot = cdpr.import_robot(file, format, cables)
+        place = check_place(output or Path(f"{robot.name}.toml"), [".toml"], force=force)
+        write_whole({place: as_toml(robot).encode()})
+    typer.echo(f"{place}: {robot.name}, {robot.mobility}, {robot.cables} cables, {robot.mass:g} kg")
+    for note in robot.notes:
+        typer.echo(f"- {note}")
+
+
+def models(
+    robot: Annotated[
+        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="Default: the whole catalogue.")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write <robot>/ into.")] = Path("models"),
+    pose: Pose = None,
+    material: MaterialName = None,
+    winches: Annotated[
+        bool, typer.Option("--winches", help="Add winch.xml and winch_scene.xml, whose actuators wind the cables.")
+    ] = False,
+    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is stale.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,
+) -> None:
+    """Write each robot as a MuJoCo model: robot.xml, scene.xml, a README, and a picture."""
+    from cdpr_sim.drawing import still
+    from cdpr_sim.physics.model_files import INDEX, PICTURE, model_files, models_index
+
+    stale, sources = [], []
+    with errors_as_sentences():
+        for name in robot or cdpr.list_robots():
+            problem = problem_of(name, pose, material)
+            folder, files = output / problem.robot.name, model_files(problem.robot, problem.pose)
+            sources.append("".join(files.values()))
+            if winches and (robot or problem.robot.cabling.massless):
+                files = model_files(problem.robot, problem.pose, winches=True)
+            draw = functools.partial(still.draw, problem.robot, problem.pose)
+            stale += _renewed(folder, files, folder / PICTURE, draw, sources[-1], check=check, force=force)
+            if not check:
+                typer.echo(f"{folder}: {', '.join([*files, PICTURE])}")
+        if not robot:
+            kinds = _by_kind()
+            draw = functools.partial(still.sheet, [robot for kind in kinds.values() for robot in kind])
+            index = {"README.md": models_index(kinds)}
+            stale += _renewed(output, index, output / INDEX, draw, "".join(sources), check=check, force=force)
+    command = "cdpr-sim models --winches --force" if winches else "cdpr-sim models --force"
+    for path in stale:
+        typer.echo(f"{path}: stale, expected what `{command}` writes", err=True)
+    raise typer.Exit(DISAGREE if stale else 0)
+
+
+def view(robot: RobotName, pose: Pose = None, material: MaterialName = None) -> None:
+    """Open MuJoCo's viewer on the robot, with a slider for each winch.
+
+    The sliders' 0 is the length at the commanded pose; to the right the cable is wound in.
+    """
+    from cdpr_sim.physics.viewer import open_viewer
+
+    with errors_as_sentences():
+        open_viewer(problem_of(robot, pose, material))
+
+
+def _renewed(
+    folder: Path,
+    files: dict[str, str],
+    picture: Path,
+    draw: Callable[[], Figure],
+    source: str,
+    *,
+    check: bool,
+    force: bool,
+) -> list[Path]:
+    """Write ``files``, and the picture of ``source``, where they differ from what is there; or only say where.
+
+    Raises:
+        InvalidInput: a file that is there differs, and ``force`` is off.
+    """
+    from cdpr_sim.core.files import refuse_existing, write_whole
+    from cdpr_sim.drawing import still
+    from cdpr_sim.physics.model_files import stale_models, write_models
+
+    stamp = hashlib.sha256(source.encode()).hexdigest()
+    drawn = still.stamp_of(picture) == stamp
+    if check:
+        return [folder / file for file in stale_models(folder, files)] + ([] if drawn else [picture])
+    if not drawn:
+        refuse_existing([picture], force=force)
+    write_models(folder, files, force=force)
+    if not drawn:
+        write_whole({picture: still.small(still.encoded(draw()), stamp)})
+    return []
+
+
+def _by_kind() -> dict[str, list[cdpr.Robot]]:
+    """The catalogue, each kind of robot together."""
+    from cdpr_sim.core.robot import Kind
+
+    kinds: dict[str, list[cdpr.Robot]] = {kind: [] for kind in get_args(Kind)}
+    for name in cdpr.list_robots():
+        robot = cdpr.load_robot(name)
+        kinds[robot.kind].append(robot)
+    return kinds

@@ -1,0 +1,111 @@
+"""Commands about whole workspaces: sweep, map, check."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli.options import Grid, Limits, MaterialNames, RobotNames, Wrenches, wrenches_of
+from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_POINTS = 2000
+"""Poses along the longer side of a map."""
+
+
+def sweep(
+    robot: RobotNames,
+    grid: Grid = None,
+    material: MaterialNames = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Keep the result: a new .nc file, or a .zarr folder, which is gone on with."
+        ),
+    ] = None,
+    limits: Limits = None,
+    wrench: Wrenches = None,
+) -> None:
+    """Solve for the static equilibrium over whole workspaces: tilt, deviation, slack cables, feasibility."""
+    with errors_as_sentences():
+        held = dict(tension_limits=limits, wrenches=wrenches_of(wrench))
+        dataset = cdpr.sweep(robot, grid, material or None, **held, store=output, progress=True)  # type: ignore[arg-type]
+        _print(dataset)
+
+
+def draw_map(
+    robot: RobotNames,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Picture to write: .png, .svg or .pdf.")] = Path(
+        "map.png"
+    ),
+    material: MaterialNames = None,
+    plane: Annotated[str, typer.Option("--plane", help="xz, xy or yz.")] = "xz",
+    at: Annotated[float | None, typer.Option("--at", help="Where [m] the plane lies; default: the middle.")] = None,
+    points: Annotated[int, typer.Option("--points", help="Poses along the longer side.")] = 181,
+    limits: Limits = None,
+    wrench: Wrenches = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
+) -> None:
+    """Draw tilt, deviation, slack cables and feasibility over a plane of the workspace, side by side."""
+    from cdpr_sim.analysis.workspace import grids
+    from cdpr_sim.core.files import check_place
+    from cdpr_sim.drawing import maps
+
+    with errors_as_sentences():
+        check_place(output, maps.SUFFIXES, force=force, field="output")
+        robots = [cdpr.load_robot(name) for name in robot]
+        if points > MOST_POINTS:
+            raise cdpr.InvalidInput(
+                f"points: found {points}, expected at most {MOST_POINTS}, more than a map has pixels; a .nc or .zarr "
+                "store of `cdpr-sim sweep` holds more"
+            )
+        section = grids.plane(plane, at, points, robots)
+        heavy = not all(one.cabling.massless for one in robots)
+        wanted = [name for name in maps.QUANTITIES if not heavy or name not in ("feasible", "capacity_margin")]
+        held = dict(tension_limits=limits, wrenches=wrenches_of(wrench), quantities=wanted)
+        dataset = cdpr.sweep(robots, section, material or None, **held, progress=True)  # type: ignore[arg-type]
+        names = [name for name in (*maps.ELASTIC, "wrench_feasible") if name in dataset]
+        maps.write(maps.draw_elastic_map(dataset, names=names), output)
+        _print(dataset)
+    typer.echo(output)
+
+
+def _print(dataset: xr.Dataset) -> None:
+    from cdpr_sim.report import workspace_tables as report
+
+    console = Output()
+    console.print(report.sweep_table(dataset))
+    for line in report.sweep_lines(dataset):
+        console.print(line, highlight=False)
+
+
+def check(
+    robot: RobotNames,
+    grid: Grid = None,
+    material: MaterialNames = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Picture of where they agree, seen along y.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
+) -> None:
+    """Settle every pose of a grid in MuJoCo and compare each with the solver. Exit status 1 if any disagrees."""
+    from cdpr_sim.core.files import check_place
+    from cdpr_sim.drawing import maps
+    from cdpr_sim.report import workspace_tables as report
+
+    with errors_as_sentences():
+        if output is not None:
+            check_place(output, maps.SUFFIXES, force=force, field="output")
+        result = cdpr.check(robot, grid, material or None, progress=True)
+        if output is not None:
+            maps.write(maps.draw_agreement_map(result.across()), output)
+    console = Output()
+    console.print(report.check_table(result))
+    for line in report.check_lines(result):
+        console.print(line, highlight=False)
+    raise typer.Exit(0 if result.agrees else DISAGREE)

@@ -1,0 +1,80 @@
+"""A robot's cables in words: for tables, titles and captions."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from cdpr_sim.core.robot import Robot
+
+_SIZES = {"MN": 1e6, "kN": 1e3, "N": 1.0}
+
+
+def newtons(force: float) -> str:
+    """A force with the unit that suits its size: 10 kN."""
+    unit = next((unit for unit, size in _SIZES.items() if force >= size), "N")
+    return f"{force / _SIZES[unit]:g} {unit}"
+
+
+def describe_stiffness(robot: Robot, unit: str = "") -> str:
+    """EA = 10 kN, or EA = 1 kN to 10 kN where cables differ; in a given ``unit`` EA = 10000 N, or EA = 1 to 10 kN."""
+    ends = sorted({float(robot.axial_stiffness.min()), float(robot.axial_stiffness.max())})
+    if unit:
+        return f"EA = {' to '.join(f'{end / _SIZES[unit]:g}' for end in ends)} {unit}"
+    return f"EA = {' to '.join(map(newtons, ends))}"
+
+
+def describe_cables(robot: Robot, unit: str = "") -> str:
+    """What the cables are called, their stiffness as ``describe_stiffness`` has it, and what else there is to them."""
+    stiffness = describe_stiffness(robot, unit)
+    cables = f"{robot.material} cables ({stiffness})" if robot.material else f"cables with {stiffness}"
+    return "".join([cables, *(f", {words}" for words in describe_properties(robot))])
+
+
+def cables_name(robot: Robot) -> str:
+    """The name of the cables' material, or where they have none, their stiffness: "dyneema-2mm", "EA = 1 kN"."""
+    return robot.material or describe_stiffness(robot)
+
+
+def describe_properties(robot: Robot) -> tuple[str, ...]:
+    """What sets a robot's cables apart from massless linear ones that start at points: their weight, law and pulleys.
+
+    "0.5 g/m", "stiffening by a2 = 20, a3 = 0", "over pulleys of 20 mm radius"; of how many, where not of all.
+    """
+    cabling, words = robot.cabling, []
+    if not cabling.massless:
+        heavy = cabling.linear_density > 0
+        words.append(f"{_span(1e3 * cabling.linear_density[heavy])} g/m{_some(heavy)}")
+    if not cabling.linear:
+        stiffens = np.asarray(cabling.stiffening.any(-1))
+        a2, a3 = cabling.stiffening[stiffens].T
+        words.append(f"stiffening by a2 = {_span(a2)}, a3 = {_span(a3)}{_some(stiffens)}")
+    if cabling.pulleys.any():
+        radius = 1e3 * cabling.pulley_radius[cabling.pulleys]
+        words.append(f"over pulleys of {_span(radius)} mm radius{_some(cabling.pulleys)}")
+    return tuple(words)
+
+
+def describe_twist(twist: Float[np.ndarray, "6"], robot: Robot) -> str:
+    """A small motion (translation [m], rotation vector [rad]), scaled to its largest part: in millimetres and degrees.
+
+    "+1 mm x, -0.57° about y"; a rotation alone about one axis is "rotation about y".
+    """
+    motion = twist * robot.units
+    motion = 1e-3 * motion / max(np.abs(motion).max(), np.finfo(float).tiny)
+    parts = [f"{1e3 * value:+.2g} mm {axis}" for value, axis in zip(motion[:3], "xyz", strict=True)]
+    degrees = np.degrees(motion[3:] / robot.characteristic_length)
+    parts += [f"{value:+.2g}° about {axis}" for value, axis in zip(degrees, "xyz", strict=True)]
+    some = np.flatnonzero(np.abs(motion) >= 1e-5)
+    if len(some) == 1:
+        return f"{'translation along' if some[0] < 3 else 'rotation about'} {'xyzxyz'[some[0]]}"
+    return ", ".join(parts[i] for i in some)
+
+
+def _span(values: Float[np.ndarray, " some"]) -> str:
+    """20, or 10 to 20."""
+    return " to ".join(f"{end:g}" for end in sorted({float(values.min()), float(values.max())}))
+
+
+def _some(which: Bool[np.ndarray, " cables"]) -> str:
+    return "" if which.all() else f" ({which.sum()} of {len(which)})"

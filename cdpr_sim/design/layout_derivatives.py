@@ -1,0 +1,112 @@
+"""How the rests of one layout move with its variables: exact first derivatives, all cases and variables at once.
+
+The winches know the layout: where an exit moves, the rigid lengths at the commanded pose (paper Eq. 1, 2) move with it.
+By the implicit function theorem dx = −(∂F/∂x)⁻¹ ∂F, with F the net wrench, on the present set of taut cables; as
+``analysis.sensitivity`` has it for one equilibrium and every number of the robot by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core import cable_law
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.design.robot_batch import Cases
+from cdpr_sim.statics import derivatives, forces
+
+
+@dataclass(frozen=True, eq=False)
+class LayoutDerivatives:
+    """First derivatives of the rests of one layout, by its variables.
+
+    Attributes:
+        pose: of (translation [m], left-applied rotation vector [rad]), (cases, variables, 6).
+        tensions: (cases, variables, cables) [N].
+    """
+
+    pose: Float[np.ndarray, "cases variables 6"]
+    tensions: Float[np.ndarray, "cases variables cables"]
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """What a small change of each variable does to a robot's numbers: (variables, ...).
+
+    Attributes:
+        exits, anchors: (variables, cables, 3).
+        axial_stiffness: (variables, cables).
+        center: of mass, (variables, 3).
+        known: whether the winches know of it, and adapt their rest lengths.
+    """
+
+    exits: Float[np.ndarray, "variables cables 3"]
+    anchors: Float[np.ndarray, "variables cables 3"]
+    axial_stiffness: Float[np.ndarray, "variables cables"]
+    center: Float[np.ndarray, "variables 3"]
+    known: bool = True
+
+    @classmethod
+    def errors(cls, robot: Robot) -> Steps:
+        """Every coordinate of every exit and anchor, made wrong by itself: nobody tells the winches."""
+        m = robot.cables
+        each = np.eye(3 * m).reshape(3 * m, m, 3)
+        if robot.mobility == "planar":
+            each = each[np.arange(3 * m) % 3 != 1]
+        none = np.zeros_like(each)
+        exits, anchors = np.concatenate([each, none]), np.concatenate([none, each])
+        return cls(exits, anchors, np.zeros((len(exits), m)), np.zeros((len(exits), 3)), known=False)
+
+
+def layout_derivatives(
+    robot: Robot,
+    cases: Cases,
+    positions: Float[np.ndarray, "cases 3"],
+    rotations: Float[np.ndarray, "cases 3 3"],
+    rest_lengths: Float[np.ndarray, "cases cables"],
+    steps: Steps,
+) -> LayoutDerivatives:
+    """Derivatives of the rests of ``robot`` by ``steps``; of massless cables. A case that nothing holds has nan."""
+    problems = cases.problems(robot, rest_lengths)
+    state = forces.at(problems, positions, rotations)
+    u, arms, tau, elastic = (
+        state.geometry.directions[:, None], state.geometry.arms[:, None], state.tensions[:, None],
+        state.tangent_stiffness[:, None],
+    )  # fmt: skip
+    # The far end minus the near end of each cable, at rest.
+    arm_moves = np.einsum("cij,nmj->cnmi", rotations, steps.anchors)
+    ends = steps.exits[None] - arm_moves
+    let_out = np.zeros((*ends.shape[:2], robot.cables))
+    if steps.known:
+        commanded = forces.geometry(robot, cases.positions, cases.rotations).directions[:, None]
+        let_out = (commanded * (steps.exits[None] - np.einsum("cij,nmj->cnmi", cases.rotations, steps.anchors))).sum(-1)
+    stretch = state.lengths - rest_lengths
+    per_stiffness = cable_law.per_axial_stiffness(stretch, rest_lengths, *robot.cabling.stiffening.T)
+    per_stiffness = np.where(state.tensions > 0, per_stiffness, 0.0) * cases.factors[:, None]
+    pulled = elastic * ((u * ends).sum(-1) - (state.lengths / rest_lengths)[:, None] * let_out)
+    pulled = pulled + per_stiffness[:, None] * steps.axial_stiffness[None]
+    force = pulled[..., None] * u + tau[..., None] * np.einsum("cmij,cnmj->cnmi", state.geometry.length_hessians, ends)
+    torque = np.cross(arms, force) + np.cross(arm_moves, tau[..., None] * u)
+    weight = np.array([0.0, 0.0, -robot.weight])
+    center = np.cross(np.einsum("cij,nj->cni", rotations, steps.center), weight)
+    wrench = np.concatenate([force.sum(-2), torque.sum(-2) + center], axis=-1)
+    free = robot.free
+    slope = derivatives.wrench_slope(state)[:, free][:, :, free]
+    scaled = slope / np.outer(robot.units[free], robot.units[free])
+    held = np.asarray(np.isfinite(scaled).all((-1, -2)))
+    held[held] = np.linalg.cond(scaled[held]) < CONDITION
+    pose = np.full(wrench.shape, np.nan)
+    pose[held] = 0.0
+    if held.any():
+        found = -np.linalg.solve(slope[held], wrench[held][..., free].swapaxes(-1, -2)).swapaxes(-1, -2)
+        moved = np.zeros((int(held.sum()), *wrench.shape[1:]))
+        moved[..., free] = found
+        pose[held] = moved
+    along = np.einsum("cim,cni->cnm", state.wrench_matrix, pose)
+    return LayoutDerivatives(pose, pulled - elastic * along)
+
+
+CONDITION = 1e12
+"""Beyond, some direction is held by nothing but rounding."""

@@ -1,0 +1,135 @@
+"""What a search for a layout comes to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core.checks import Frozen
+from cdpr_sim.core.html_repr import HtmlRepr
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.design.objectives import Objective
+from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria
+
+PROMISE = (
+    "It was looked for at these poses under these loads: another place, another load, other cables or what was not "
+    "asked for may be worse than before, and a better layout may exist."
+)
+"""What it does not promise."""
+
+ROUNDING = 1e-9
+"""[m] Of an exit that is kept on a face of the frame."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A number that changed.
+
+    Attributes:
+        name: as "exit 3 z" or "EA of cable 2".
+        before, after: in SI units.
+    """
+
+    name: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, eq=False)
+class LayoutResult(Frozen, HtmlRepr):
+    """The best layout that was found.
+
+    Attributes:
+        robot: with that layout.
+        given: the robot that the search began with.
+        objective: what was made small, or large.
+        before, after: its values, in SI units.
+        cases: what both robots were asked.
+        equilibria_before, equilibria: where their platforms rest, each (1, cases).
+        history: (generations, 3): generation, layouts tried so far, best value of the objective.
+        tried: how many layouts were tried in all.
+        message: how the search ended, in a sentence.
+        values: of the search's variables.
+        variables: their names.
+    """
+
+    robot: Robot
+    given: Robot
+    objective: Objective
+    before: float
+    after: float
+    cases: Cases
+    equilibria_before: LayoutEquilibria
+    equilibria: LayoutEquilibria
+    history: Float[np.ndarray, "generations 3"]
+    tried: int
+    message: str
+    values: Float[np.ndarray, " variables"]
+    variables: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        self._freeze()
+
+    @property
+    def distance(self) -> float:
+        """How far the point that moved most is from where it was [m]."""
+        return float(self.equilibria.layouts.displacements[0])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes it unlikely that this layout can be built, a sentence each."""
+        outside = outside_frame(self.robot, self.given)
+        if not outside.any():
+            return ()
+        cables = ", ".join(str(cable + 1) for cable in np.flatnonzero(outside))
+        return (
+            f"The exits of cables {cables} are outside the frame now, by up to {1e3 * outside.max():.3g} mm; a box for "
+            "`within` keeps them inside.",
+        )
+
+    @property
+    def moved(self) -> tuple[Change, ...]:
+        """Every number that is another now."""
+        found = []
+        for what, unit in (("exits", "exit"), ("anchors", "anchor")):
+            before, after = getattr(self.given, what), getattr(self.robot, what)
+            for cable, axis in np.argwhere(before != after):
+                name = f"{unit} {cable + 1} {'xyz'[axis]}"
+                found.append(Change(name, float(before[cable, axis]), float(after[cable, axis])))
+        for axis in np.flatnonzero(self.given.center_of_mass != self.robot.center_of_mass):
+            ends = (float(robot.center_of_mass[axis]) for robot in (self.given, self.robot))
+            found.append(Change(f"centre of mass {'xyz'[axis]}", *ends))
+        for name, values in (("EA", "axial_stiffness"), ("linear density", "linear_density")):
+            before, after = getattr(self.given.cabling, values), getattr(self.robot.cabling, values)
+            for cable in np.flatnonzero(before != after):
+                found.append(Change(f"{name} of cable {cable + 1}", float(before[cable]), float(after[cable])))
+        return tuple(found)
+
+    def __str__(self) -> str:
+        of = self.objective
+        return (
+            f"{self.given.name}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, with points "
+            f"moved by at most {1e3 * self.distance:.3g} mm. {' '.join([self.message, *self.warnings, PROMISE])}"
+        )
+
+    def __repr__(self) -> str:
+        of = self.objective
+        return (
+            f"<Layout of {self.given.name!r}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, "
+            f"points moved by at most {1e3 * self.distance:.3g} mm>"
+        )
+
+
+def outside_frame(robot: Robot, given: Robot) -> Float[np.ndarray, " cables"]:
+    """How far each exit of ``robot`` is outside its frame where that of ``given`` was not, or was less, (cables,) [m].
+
+    A frame that nobody gave is the box around the exits, and has none outside.
+    """
+
+    def outside(exits: Float[np.ndarray, "cables 3"]) -> Float[np.ndarray, " cables"]:
+        return np.linalg.norm(exits - exits.clip(*robot.frame), axis=-1)
+
+    now, before = outside(robot.exits), outside(given.exits)
+    return np.where(now > before + ROUNDING, now, 0.0)

@@ -1,0 +1,111 @@
+"""Where cables run in a picture, from exit to anchor, and the wheels that they run over. Geometry of what is given.
+
+A straight cable runs straight, a slack one hangs as long as it is; a cable over a pulley follows its wheel and leaves
+it on the tangent to its anchor. The shape of a cable with mass is not geometry: it has to be handed in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core import cable_path
+from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.errors import InvalidInput
+
+POINTS = 25
+"""Along a slack cable."""
+
+ARC = 24
+"""Points round a whole wheel; a cable on it has as many to the turn."""
+
+Curve = Float[np.ndarray, "points 3"]
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """The wheel of one pulley, turned towards its anchor.
+
+    Attributes:
+        center: (3,) [m].
+        outwards: unit vector from the pulley's axis to the centre, (3,); with ``axis`` it spans the wheel's plane.
+        axis: the direction in which the cable arrives, (3,).
+        radius: [m].
+        wrap: angle [rad] over which the cable lies on it, from the exit.
+    """
+
+    center: Float[np.ndarray, "3"]
+    outwards: Float[np.ndarray, "3"]
+    axis: Float[np.ndarray, "3"]
+    radius: float
+    wrap: float
+
+    def arc(self, angle: float = 2 * np.pi) -> Curve:
+        """From the exit over this angle along the rim, the way the cable goes; all of the rim if none is given."""
+        angles = np.linspace(0.0, angle, max(2, 1 + int(np.ceil(ARC * angle / (2 * np.pi)))))[:, None]
+        return self.center + self.radius * (np.sin(angles) * self.axis - np.cos(angles) * self.outwards)
+
+
+def wheel_of(cabling: Cabling, cable: int, anchor: Float[np.ndarray, "3"]) -> Wheel | None:
+    """Of a cable to ``anchor``, base frame [m]; None where it runs over none, or ends within it."""
+    if not cabling.pulleys[cable]:
+        return None
+    exit_, axis, radius = cabling.exits[cable], cabling.pulley_axis[cable], float(cabling.pulley_radius[cable])
+    with np.errstate(invalid="ignore"):
+        *_, x, y, z, _, wrap, _ = cable_path.pulley_path(*(exit_ - anchor), *axis, radius)  # pyright: ignore[reportCallIssue]
+    if np.isnan(wrap):
+        return None
+    outwards = np.cross([x, y, z], axis)
+    return Wheel(exit_ + radius * outwards, outwards, axis, radius, float(wrap))
+
+
+def cable_curve(
+    cabling: Cabling,
+    cable: int,
+    anchor: Float[np.ndarray, "3"],
+    rest_length: float | None = None,
+    shape: Curve | None = None,
+) -> Curve:
+    """The way of one cable from its exit to ``anchor``, base frame [m].
+
+    Args:
+        cabling: the robot's.
+        cable: which of them.
+        anchor: where it ends, (3,) [m].
+        rest_length: of a slack cable, which hangs that long [m]; None draws it straight.
+        shape: of a cable that has weight, (points, 3) [m]; it is moved with its end if that is drawn elsewhere.
+
+    Raises:
+        InvalidInput: a cable that has weight, without its shape.
+    """
+    if cabling.linear_density[cable] > 0:
+        if shape is None:
+            raise InvalidInput(
+                f"shapes: found none of a cable of {cabling.linear_density[cable]:g} kg/m, expected how it hangs, "
+                "from cable_profiles"
+            )
+        return shape + np.linspace(0, 1, len(shape))[:, None] * (anchor - shape[-1])
+    start, wheel = cabling.exits[cable], wheel_of(cabling, cable, anchor)
+    before = np.empty((0, 3))
+    if wheel is not None:
+        arc = wheel.arc(wheel.wrap)
+        before, start = arc[:-1], arc[-1]
+        rest_length = None if rest_length is None else rest_length - wheel.radius * wheel.wrap
+    free = np.stack([start, anchor]) if rest_length is None else sagging_curve(start, anchor, rest_length)
+    return np.concatenate([before, free])
+
+
+def sagging_curve(
+    start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_length: float, points: int = POINTS
+) -> Curve:
+    """A parabola from start to end that is about ``rest_length`` long: by 8 (s cos a)²/(3 l) longer than straight.
+
+    s is the sag below the straight line, a that line's slope; steep cables are drawn with less, as if a were 70°.
+    """
+    length = float(np.linalg.norm(end - start))
+    level = max(float(np.hypot(*(end - start)[:2])) / length, np.cos(np.radians(70)))
+    sag = np.sqrt(max(rest_length - length, 0.0) * 3 * length / 8) / level
+    along = np.linspace(0, 1, points)[:, None]
+    return start + along * (end - start) - 4 * sag * along * (1 - along) * np.array([0.0, 0.0, 1.0])

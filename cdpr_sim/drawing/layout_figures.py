@@ -1,0 +1,212 @@
+"""Two layouts side by side: what moved, the map of tilt, the numbers; and a front of trade-offs."""
+
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.drawing import style
+from cdpr_sim.drawing.axes import canvas, draw_pose_in_space, draw_space, styled
+
+WIDTH, HEIGHT = 9.6, 7.4
+"""[inch]"""
+
+FLAT = 0.2
+"""Of its longest edge: a robot no deeper than that has no room for numbers along y."""
+
+MOST_DEGREES = 45.0
+"""Where the scale of tilt ends: beyond, one colour."""
+
+
+@styled
+def draw_better_layout(
+    equilibria: tuple[EquilibriumBatch, EquilibriumBatch],
+    row: int,
+    shapes: tuple[np.ndarray | None, np.ndarray | None],
+    maps: tuple[Float[np.ndarray, "x z"], Float[np.ndarray, "x z"]],
+    extent: tuple[float, float, float, float],
+    asked: Float[np.ndarray, "poses 3"],
+    numbers: Sequence[tuple[str, str, str]],
+    title: str,
+    caption: str,
+) -> Figure:
+    """Before and after, a column each: the robot in space with what moved, the map of its tilt, and its numbers.
+
+    Args:
+        equilibria: of both robots, (rows,), at the same commands.
+        row: that is drawn in space.
+        shapes: of the cables of that row, for robots that ``cable_profiles`` is needed for.
+        maps: tilt [rad] over x and z; nan where nothing rests.
+        extent: x and z of the maps' borders [m]: (x0, x1, z0, z1).
+        asked: commanded positions that the layout was looked for at [m].
+        numbers: (what, before, after) in words.
+        title: above.
+        caption: below.
+    """
+    figure = canvas(WIDTH, HEIGHT, title, caption)
+    grid = figure.add_gridspec(4, 2, height_ratios=[0.12, 2.6, 1.5, 0.22 * len(numbers) + 0.1])
+    robots = [one.robot for one in equilibria]
+    most = min(max(float(np.nan_to_num(one).max()) for one in maps), np.radians(MOST_DEGREES))
+    image, panels = None, []
+    for column, (one, name) in enumerate(zip(equilibria, ("before", "after"), strict=True)):
+        space = figure.add_subplot(grid[1, column], projection="3d")
+        draw_space(space, one.robot)
+        _reach(space, robots)
+        if column:
+            _draw_moves(space, *robots)
+        draw_pose_in_space(space, one, row, shapes[column])
+        for drawn in space.get_children():
+            drawn.set_clip_on(False)
+            drawn.set_in_layout(False)
+        space.set_title(name, fontsize=11, fontweight="bold")
+        plane = figure.add_subplot(grid[2, column])
+        panels.append(plane)
+        image = plane.imshow(
+            np.degrees(maps[column]).T, origin="lower", extent=extent, aspect="equal", cmap=style.MAP_TILT, vmin=0,
+            vmax=max(np.degrees(most), 1e-3), interpolation="nearest",
+        )  # fmt: skip
+        plane.set_facecolor(style.MAP_UNSOLVED)
+        plane.plot(asked[:, 0], asked[:, 2], ".", ms=3, color=style.SKY, mec="white", mew=0.3)
+        plane.set(xlabel="commanded x [m]", ylabel="z [m]", xlim=extent[:2], ylim=extent[2:])
+    assert image is not None
+    figure.colorbar(image, ax=panels, label="tilt [°]", shrink=0.9, pad=0.015)
+    _write_numbers(figure.add_subplot(grid[3, :]), numbers)
+    handles = [
+        Line2D(
+            [], [], color=style.PURPLE, lw=1.6, marker="o", ms=4, mfc="white", label="exit moved, from where it was"
+        ),
+        Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack cable"),
+        Line2D([], [], color=style.SKY, ls="none", marker="o", ms=4, label="pose that was asked"),
+    ]
+    words = figure.add_subplot(grid[0, :])
+    words.axis("off")
+    words.legend(handles=handles, loc="center", ncols=3)
+    return figure
+
+
+def _reach(space, robots: Sequence[Robot]) -> None:
+    """Both pictures to the same scale, with every exit within."""
+    points = np.vstack([one.frame for one in robots] + [one.exits for one in robots])
+    lower, upper = points.min(0), points.max(0)
+    wide = np.maximum(upper - lower, 0.05 * (upper - lower).max())
+    middle = (lower + upper) / 2
+    space.set_xlim(*(middle[0] + wide[0] * np.array([-0.5, 0.5])))
+    space.set_ylim(*(middle[1] + wide[1] * np.array([-0.5, 0.5])))
+    space.set_zlim(*(middle[2] + wide[2] * np.array([-0.5, 0.5])))
+    space.set_box_aspect(tuple(wide), zoom=1.1)
+    if wide[1] < FLAT * wide.max():
+        space.set_yticks([])
+        space.set_ylabel("")
+
+
+def _draw_moves(space, before: Robot, after: Robot) -> None:
+    for start, end in zip(before.exits, after.exits, strict=True):
+        if not np.array_equal(start, end):
+            space.plot(*np.array([start, end]).T, color=style.PURPLE, lw=1.6)
+            space.plot(*start[:, None], "o", ms=4, mfc="white", mec=style.PURPLE)
+
+
+def _write_numbers(ax: Axes, numbers: Sequence[tuple[str, str, str]]) -> None:
+    ax.axis("off")
+    table = ax.table(
+        [list(row) for row in numbers], colLabels=["", "before", "after"], cellLoc="right", loc="center",
+        colWidths=[0.5, 0.2, 0.2], edges="horizontal",
+    )  # fmt: skip
+    table.auto_set_font_size(value=False)
+    table.set_fontsize(9)
+    table.scale(1, 1.15)
+    for (line, column), cell in table.get_celld().items():
+        cell.set_edgecolor(style.FAINT)
+        if column == 0:
+            cell.set_text_props(ha="left")
+        if line == 0:
+            cell.set_text_props(fontweight="bold")
+
+
+@styled
+def draw_clearance_map(
+    least: Float[np.ndarray, "horizontal vertical"],
+    extent: tuple[float, float, float, float],
+    names: tuple[str, str],
+    enough: float,
+    title: str,
+    caption: str,
+) -> Figure:
+    """The interference-free workspace: the smallest distance of all over a plane, and where it is enough.
+
+    Args:
+        least: distances [m], nan where nothing rests.
+        extent: borders of the map [m].
+        names: of its two axes.
+        enough: nearer is interference [m].
+        title: above.
+        caption: below.
+    """
+    wide, high = extent[1] - extent[0], extent[3] - extent[2]
+    figure = canvas(7.2, 1.9 + 5.4 * min(high / wide, 1.2), title, caption)
+    ax = figure.add_subplot()
+    image = ax.imshow(
+        1e3 * least.T, origin="lower", extent=extent, cmap=style.STIFFNESS_MAP, vmin=0, interpolation="nearest"
+    )  # fmt: skip
+    ax.set_facecolor(style.MAP_UNSOLVED)
+    if (least <= enough).any():
+        near = np.where(least <= enough, 1.0, np.nan)
+        ax.imshow(
+            near.T, origin="lower", extent=extent, cmap=ListedColormap([style.VERMILLION]), interpolation="nearest"
+        )  # fmt: skip
+        label = f"nearer than {1e3 * enough:g} mm" if enough else "a cable passes through something"
+        figure.legend(handles=[Patch(fc=style.VERMILLION, label=label)], loc="outside upper right")
+    ax.set(xlabel=f"commanded {names[0]} [m]", ylabel=f"commanded {names[1]} [m]", aspect="equal")
+    figure.colorbar(image, ax=ax, label="smallest distance [mm]", shrink=0.9)
+    return figure
+
+
+@styled
+def draw_front(
+    fronts: Sequence[tuple[str, Float[np.ndarray, "layouts 2"]]],
+    axes: tuple[str, str],
+    title: str,
+    caption: str,
+    given: tuple[float, float] | None = None,
+    confirmed: Float[np.ndarray, "layouts 2"] | None = None,
+    logarithmic: bool = False,
+) -> Figure:
+    """What one goal costs of the other: layouts none of which is better in both.
+
+    Args:
+        fronts: (what, numbers) of each series, in the units of ``axes``.
+        axes: their labels.
+        title: above.
+        caption: below.
+        given: where the robot as given stands.
+        confirmed: the same by MuJoCo, hollow points.
+        logarithmic: whether the second goal is.
+    """
+    figure = canvas(7.2, 4.4, title, caption)
+    ax = figure.add_subplot()
+    looks = zip((style.BLUE, style.VERMILLION, style.GREEN), style.DASHES, style.MARKERS, strict=False)
+    for (name, numbers), (color, dash, marker) in zip(fronts, looks, strict=False):
+        ax.plot(*numbers[np.argsort(numbers[:, 0])].T, color=color, ls=dash, marker=marker, ms=4, label=name)
+    if confirmed is not None:
+        ax.plot(*confirmed.T, "o", ms=8, mfc="none", mec=style.INK, mew=0.9, label="in MuJoCo, at poses twice as fine")
+    if given is not None:
+        ax.plot(*given, "D", ms=7, color=style.INK, label="as given")
+    ax.set(xlabel=axes[0], ylabel=axes[1])
+    if logarithmic:
+        ax.set_yscale("log")
+    else:
+        ax.set_ylim(bottom=0)
+    ax.grid(visible=True)
+    ax.legend()
+    return figure

@@ -1,0 +1,89 @@
+"""How forces change around a platform on cables with mass: MuJoCo's own, when everything is displaced a little."""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+
+DIFFERENCE = 1e-7
+"""Displacement for differencing forces, as a fraction of the mean cable length: smaller than in ``batch``, since
+a chain's segments are short and hardly stretched."""
+
+
+class ChainDerivatives(NamedTuple):
+    """How forces fall [N/m].
+
+    Attributes:
+        direct: on the platform as it moves.
+        across: on the slides, then.
+        within: on the slides as they move; those of one chain do not feel another's.
+    """
+
+    direct: Float[np.ndarray, "free free"]
+    across: Float[np.ndarray, "chains slides free"]
+    within: Float[np.ndarray, "chains slides slides"]
+
+    @classmethod
+    def of(cls, simulation: ChainSimulation) -> ChainDerivatives:
+        """Central differences as in ``batch``, all chains displaced together."""
+        model, data, slides, free = simulation.model, simulation.data, simulation.slides, simulation.free
+        band, springs, polynomials = (
+            model.tendon_lengthspring.copy(), model.tendon_stiffness.copy(), model.tendon_stiffnesspoly.copy()
+        )  # fmt: skip
+        taut = data.ten_length > band[:, 1]
+        model.tendon_lengthspring[:] = np.where(taut, band[:, 1], band[:, 0])[:, None]
+        model.tendon_stiffness[~taut] = model.tendon_stiffnesspoly[~taut] = 0
+        rest = data.qpos.copy()
+        step = DIFFERENCE * float(simulation.rest_lengths.mean())
+
+        def change(move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            found = []
+            for sign in (-1, 1):
+                data.qpos[:] = rest
+                mujoco.mj_integratePos(model, data.qpos, sign * move, 1)
+                simulation.turn_wheels()
+                mujoco.mj_forward(model, data)
+                found.append(simulation.forces())
+            return tuple((a - b) / (2 * step) for a, b in zip(*found, strict=True))  # type: ignore[return-value]
+
+        direct = np.empty((free, free))
+        across = np.empty((*slides.shape, free))
+        within = np.empty((*slides.shape, slides.shape[1]))
+        moves = [simulation.in_dofs(step * axis) for axis in np.eye(free)]
+        for j, move in enumerate(moves):
+            direct[:, j], across[:, :, j] = change(move)
+        for j in range(slides.shape[1]):
+            move = np.zeros(model.nv)
+            move[slides[:, j]] = step
+            _, within[:, :, j] = change(move)
+        data.qpos[:] = rest
+        model.tendon_lengthspring[:], model.tendon_stiffness[:] = band, springs
+        model.tendon_stiffnesspoly[:] = polynomials
+        mujoco.mj_forward(model, data)
+        return cls(direct, across, within)
+
+    @property
+    def known(self) -> bool:
+        """Whether MuJoCo had forces to tell wherever it was asked."""
+        return bool(np.isfinite(self.direct).all() and np.isfinite(self.within).all())
+
+    def stiffness(self) -> tuple[Float[np.ndarray, " free"], Float[np.ndarray, " free"]]:
+        """Eigenvalues [N/m], ascending, of how the force on the platform gives way; and the softest direction.
+
+        With the masses' degrees of freedom condensed out; nan where the slopes are not known.
+        """
+        if not self.known:
+            return np.full(len(self.direct), np.nan), np.full(len(self.direct), np.nan)
+        stiffness = self.direct - sum(
+            a.T @ np.linalg.lstsq((k + k.T) / 2, a, rcond=None)[0]
+            for a, k in zip(self.across, self.within, strict=True)
+        )
+        values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+        return values, vectors[:, 0]

@@ -1,0 +1,230 @@
+"""Dynamic relaxation of one platform on cables with mass: steps and damping that follow what it does, until it rests.
+
+As ``physics.relaxation`` for massless cables, with steps that bear chains (``stepping``) and a short cut at the end
+(``approach``).
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.core.status import Status
+from cdpr_sim.physics.dynamic_relaxation import ACCEPTABLE, ALONG, RESIDUAL, ROUNDING, SPEED
+from cdpr_sim.physics.sagging.approach import approach
+from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+from cdpr_sim.physics.sagging.stepping import Stepping
+
+STEPS, MOST_STEPS = 10_000, 30_000
+"""Time steps after which a platform is restless: on taut cables it needs some ten, on slack ones tens to thousands.
+And in all, when it has begun again, in shorter steps or from a saddle."""
+
+MOST_APPROACHES = 400
+"""Steps of ``approach``, in all: one costs as much as some fifty time steps."""
+
+LOOK = 5
+"""Time steps between two looks at the residual."""
+
+LONGEST, SHORTEST = 0.1, 1e-4
+"""Time steps, as fractions of the slowest swing's 1/omega."""
+
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1.5, 0.5, 1000.0
+"""Damping ratio of the platform's slowest swing. Where it has to wander with chains that are just slack, steps stay
+long and the platform is slowed down: what the chains cannot bear is its speed."""
+
+BETTER, PATIENCE = 0.9, 5
+"""A residual below this fraction of the best so far is progress; and after this many looks without it, the platform
+rattles."""
+
+CLOSE = 0.01
+"""Of the load, and of each chain's weight, what is left unbalanced where a platform begins to ``approach`` its rest."""
+
+Frames = list[tuple[float, RigidTransform, np.ndarray, np.ndarray]]
+"""(time, pose, lengths, tensions) at every step of a motion."""
+
+
+class ChainRelaxation:
+    """The motion of one platform towards rest.
+
+    Args:
+        simulation: the platform.
+        frames: takes every step, if it is given.
+        say: is told now and then how far it is.
+        longest: time step, as a fraction of the slowest swing's 1/omega.
+    """
+
+    def __init__(
+        self,
+        simulation: ChainSimulation,
+        frames: Frames | None = None,
+        say: Callable[[str], None] = lambda words: None,
+        longest: float = LONGEST,
+    ) -> None:
+        self.simulation, self.frames, self.say, self.longest = simulation, frames, say, longest
+        rest = simulation.rest_lengths
+        self.swing = float(np.sqrt(simulation.load / simulation.robot.mass / rest.mean()))
+        self.speed = SPEED * self.swing * float(rest.max())
+        rounding = ROUNDING * float(simulation.springs[simulation.chains.segments].max()) * float(rest.max())
+        self.target = min(max(RESIDUAL * simulation.load, rounding), ACCEPTABLE * simulation.load)
+        self.stepping = Stepping(simulation, longest / self.swing)
+        self.film = mujoco.MjData(simulation.model)
+        self.steps, self.time, self.approaches, self.status = 0, 0.0, 0, Status.ITERATION_LIMIT
+
+    def again(self, longest: float) -> ChainRelaxation:
+        """Another, from where the platform is now, in steps as long as that; time goes on."""
+        other = ChainRelaxation(self.simulation, self.frames, self.say, longest)
+        other.steps, other.time, other.approaches = self.steps, self.time, self.approaches
+        return other
+
+    def divide_at_bends(self) -> ChainRelaxation:
+        """Come to rest with the chains divided where they bend: this relaxation, or one that has gone on."""
+        if self.status is not Status.CONVERGED or not self.simulation.divide_at_bends():
+            return self
+        other = self.again(self.longest)
+        other.stepping.stiffen()
+        if not other._approach():
+            other.run()
+        return other
+
+    def run(self) -> None:
+        """Move until the platform has come to rest or will not."""
+        simulation, data = self.simulation, self.simulation.data
+        self.step, self.ratio = self.longest, FIRST_DAMPING
+        self.velocity = np.zeros(simulation.free)
+        self.best, self.patience, self.good = np.inf, 0, data.qpos.copy()
+        self.stepping.begin()
+        self._damp()
+        limit, close = min(self.steps + STEPS, MOST_STEPS), CLOSE
+        self.status = Status.ITERATION_LIMIT
+        while self.steps < limit:
+            for _ in range(LOOK):
+                self._advance()
+            simulation.turn_wheels()
+            if data.warning.number.any() or not np.isfinite(data.qvel).all():
+                if self.step < SHORTEST:
+                    self.status = Status.DIVERGED
+                    break
+                self._restart()
+                continue
+            residual = simulation.unbalanced()
+            self.say(f"{self.steps} time steps, {residual:.1e} N of {simulation.load:.3g} N unbalanced")
+            self.stepping.heed(residual)
+            apart = self._apart() if simulation.true else np.inf
+            if residual <= self.target and simulation.true and self._at_rest():
+                self.status = Status.CONVERGED
+                break
+            if apart <= close:
+                if self._approach():
+                    break
+                close = min(close, 0.1 * apart)
+            self._adapt(residual)
+        if self.status is not Status.CONVERGED:
+            data.qpos[:] = self.good
+
+    def approach_from_afar(self) -> bool:
+        """Whether the platform's ``approach`` leads to rest from here, with chains laid that pull by their weight."""
+        simulation = self.simulation
+        simulation.residual()
+        spans = simulation.spans()
+        simulation.lay(simulation.weights[:, None] * spans / np.linalg.norm(spans, axis=1, keepdims=True))
+        return self._approach()
+
+    def nudge(self, direction: Float[np.ndarray, " free"]) -> None:
+        """Set the platform going along the direction in which it is not held, as any breath of air would."""
+        simulation = self.simulation
+        self.stepping.stiffen()
+        velocity = direction * (-1 if direction.sum() < 0 else 1) * 1e-3 * self.swing * simulation.rest_lengths.max()
+        simulation.data.qvel[:] = simulation.in_dofs(velocity)
+
+    def _approach(self) -> bool:
+        """Whether the platform's ``approach`` leads to rest, which then is the motion's next state and its end."""
+        equilibria, taken = approach(self.simulation, self.target, MOST_APPROACHES - self.approaches)
+        self.approaches += taken
+        if equilibria:
+            self.status = Status.CONVERGED
+            self._went_on(self.longest / self.swing)
+        return equilibria
+
+    def _advance(self) -> None:
+        self._went_on(self.stepping.advance(self.step / self.swing))
+
+    def _went_on(self, time: float) -> None:
+        """By one step, which took that long [s]."""
+        self.steps, self.time = self.steps + 1, self.time + time
+        if self.frames is not None:
+            self._film(self.frames)
+
+    def _film(self, frames: Frames) -> None:
+        """The present state, looked at in a copy: looking changes nothing."""
+        simulation, data = self.simulation, self.simulation.data
+        self.film.qpos[:], self.film.qvel[:] = data.qpos, 0
+        simulation.data = self.film
+        tensions = simulation.tensions()
+        frames.append((self.time, simulation.pose, simulation.lengths, tensions))
+        simulation.data = data
+
+    def _restart(self) -> None:
+        """From the last good coordinates, in shorter steps."""
+        self.simulation.reset()
+        self.simulation.data.qpos[:] = self.good
+        self.step *= 0.3
+        self.best, self.patience = np.inf, 0
+        self.stepping.soften()
+
+    def _adapt(self, residual: float) -> None:
+        """Steps and damping to how this residual compares: longer and less where it goes on, else the other way."""
+        better, slow = residual < BETTER * self.best, self._slow()
+        self.best, self.patience = (residual, 0) if better or slow else (self.best, self.patience + 1)
+        if better:
+            self.good = self.simulation.data.qpos.copy()
+        if better or slow:
+            self.step = min(1.2 * self.step, self.longest)
+            self.ratio = max((0.9 if slow else 0.95) * self.ratio, LEAST_DAMPING)
+        if self.patience > PATIENCE:
+            if self.ratio == MOST_DAMPING:
+                self.step = max(0.6 * self.step, SHORTEST)
+            self.ratio = min(3 * self.ratio, MOST_DAMPING)
+            self.best, self.patience = residual, 0
+        self._damp()
+
+    def _damp(self) -> None:
+        """The platform, by the present ratio."""
+        simulation = self.simulation
+        simulation.model.dof_damping[: simulation.free] = 2 * self.ratio * self.swing * simulation.inertia
+
+    def _slow(self) -> bool:
+        """Whether force and velocity point the same way as before: damping alone holds the platform back."""
+        simulation = self.simulation
+        root = np.sqrt(simulation.inertia)
+        force = simulation.net[: simulation.free] / root
+        velocity, before = simulation.data.qvel[: simulation.free] * root, self.velocity
+        self.velocity = velocity
+
+        def parallel(a: np.ndarray, b: np.ndarray) -> bool:
+            return bool(a @ b > ALONG * np.sqrt(a @ a * (b @ b)))
+
+        return parallel(force, velocity) and parallel(velocity, before)
+
+    def _at_rest(self) -> bool:
+        """The forces are those of one time step ago, and velocity bends them: look again, at rest."""
+        simulation, data = self.simulation, self.simulation.data
+        speed = np.abs(data.qvel[: simulation.free])
+        speed[simulation.angular] *= simulation.length
+        velocity = data.qvel.copy()
+        if speed.max() <= self.speed and simulation.residual() <= self.target:
+            return True
+        data.qvel[:] = velocity
+        return False
+
+    def _apart(self) -> float:
+        """From rest: unbalanced forces, of the load and of each chain's weight."""
+        simulation = self.simulation
+        platform, slides = simulation.forces()
+        apart = (np.abs(slides) / simulation.weights[:, None]).max()
+        return float(apart if simulation.held else max(apart, np.abs(platform).max() / simulation.load))

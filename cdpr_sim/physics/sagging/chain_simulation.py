@@ -1,0 +1,275 @@
+"""One platform on cables with mass in MuJoCo: its state, the forces on it, and the lie and division of its chains."""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import copy
+import functools
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
+from cdpr_sim.physics import pulleys, tendons
+from cdpr_sim.physics.batch import HELD
+from cdpr_sim.physics.chains import STRAIGHT, Chains, divisions, straight
+from cdpr_sim.physics.mjcf import place, to_mjcf
+
+TURNING = 5.0
+"""Inertia that is added to the platform's rotation, as a multiple of its own: a small platform turns faster than it
+swings, and only the swing has to be followed."""
+
+IMMOVABLE = 1e100
+"""Inertia of a platform that is held: no force moves it."""
+
+
+class ChainSimulation:
+    """One platform on cables of which some are heavy.
+
+    Args:
+        robot: whose platform it is.
+        rest_lengths: (cables,) [m].
+        axial_stiffness: (cables,) [N].
+        external_wrench: force and torque on the platform's origin, (6,) [N, N m].
+        start: where the platform is at first.
+        model: the model to use instead of the generated one, with the springs and masses that it has.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        rest_lengths: Float[np.ndarray, " cables"],
+        axial_stiffness: Float[np.ndarray, " cables"],
+        external_wrench: Float[np.ndarray, "6"],
+        start: RigidTransform,
+        model: mujoco.MjModel | None = None,
+    ) -> None:
+        self.robot, self.rest_lengths = robot, rest_lengths
+        cabling = robot.cabling
+        self.model = copy.copy(_model_of(robot) if model is None else model)
+        self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        self.model.opt.viscosity = self.model.opt.density = 0
+        self.data = mujoco.MjData(self.model)
+        self.chains = Chains.of(self.model, cabling)
+        self.slides = self.chains.dofs.reshape(len(self.chains.dofs), -1)
+        self.weights = (cabling.linear_density * robot.gravity * rest_lengths)[self.chains.cables]
+        self.massless = np.flatnonzero(cabling.linear_density == 0)
+        self.single = np.array([self._id(mujoco.mjtObj.mjOBJ_TENDON, f"cable_{i + 1}") for i in self.massless], int)
+        self.swivels = pulleys.Swivels.of(self.model, cabling)
+        self.entries = pulleys.entries(cabling)
+        self.axial_stiffness, self.given = axial_stiffness, model is not None
+        if not self.given:
+            self._let_out()
+        self.free, self.length, self.held = len(robot.free), robot.characteristic_length, False
+        self.angular = slice(3, 6) if self.free == 6 else slice(2, 3)
+        self.inertia = np.concatenate([np.full(3, robot.mass), np.diag(robot.inertia)])[robot.free]
+        self.model.dof_armature[self.angular] = TURNING * self.inertia[self.angular]
+        self.model.dof_armature[self.swivels.dofs] = HELD * robot.mass * self.length**2
+        self._compile()
+        self.tendons = np.concatenate([self.chains.segments.ravel(), self.single])
+        self.platform = self._id(mujoco.mjtObj.mjOBJ_BODY, "platform")
+        self.load = (
+            max(robot.weight, float(np.abs(external_wrench / robot.units).max())) or robot.mass * STANDARD_GRAVITY
+        )
+        self.let_go(start)
+        if external_wrench.any():
+            self.data.xfrc_applied[self._id(mujoco.mjtObj.mjOBJ_BODY, "origin")] = external_wrench
+
+    def let_go(self, pose: RigidTransform) -> None:
+        """Put the platform at ``pose``, with zero velocity."""
+        self.reset()
+        place(self.model, self.data, self.robot, pose)
+
+    def reset(self) -> None:
+        """Forget the motion, and not the load."""
+        wrenches = self.data.xfrc_applied.copy()
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.xfrc_applied[:] = wrenches
+
+    def _id(self, kind: mujoco.mjtObj, name: str) -> int:
+        return mujoco.mj_name2id(self.model, kind.value, name)
+
+    def _let_out(self) -> None:
+        model, cabling, rest, axial_stiffness = self.model, self.robot.cabling, self.rest_lengths, self.axial_stiffness
+        self.chains.let_out(model, cabling, axial_stiffness, rest, straight())
+        model.tendon_lengthspring[self.single, 1] = (rest + self.entries)[self.massless]
+        model.tendon_stiffness[self.single] = tendons.springs(axial_stiffness, rest)[self.massless]
+        further = tendons.polynomials(axial_stiffness, cabling.stiffening, rest)
+        model.tendon_stiffnesspoly[self.single] = further[self.massless]
+
+    def _compile(self) -> None:
+        """What follows from springs and masses."""
+        mujoco.mj_setConst(self.model, self.data)
+        self.springs = self.model.tendon_stiffness.copy()
+        self.reset()
+
+    @property
+    def pose(self) -> RigidTransform:
+        """The platform's, as of MuJoCo's last call."""
+        data = self.data
+        return RigidTransform.from_components(
+            data.xpos[self.platform].copy(), Rotation.from_quat(data.xquat[self.platform], scalar_first=True)
+        )
+
+    @property
+    def rotation(self) -> Float[np.ndarray, "3 3"]:
+        """The platform's, as MuJoCo has it."""
+        return self.data.xmat[self.platform].reshape(3, 3)
+
+    @property
+    def chords(self) -> Float[np.ndarray, " chains"]:
+        """From exit to anchor [m]."""
+        return self.data.ten_length[self.chains.chords]
+
+    @property
+    def lengths(self) -> Float[np.ndarray, " cables"]:
+        """Of each cable [m]; of a heavy one the chord."""
+        lengths = np.empty(self.robot.cables)
+        lengths[self.chains.cables] = self.chords
+        lengths[self.massless] = self.data.ten_length[self.single] - self.entries[self.massless]
+        return lengths
+
+    @property
+    def net(self) -> Float[np.ndarray, " dofs"]:
+        """Generalised forces that are left over [N, N m], as of MuJoCo's last call."""
+        return self.data.qfrc_smooth - self.data.qfrc_damper
+
+    def forces(self) -> tuple[Float[np.ndarray, " free"], Float[np.ndarray, "chains slides"]]:
+        """Net force and torque over the characteristic length [N] on the platform, base frame; and on the slides."""
+        net = self.net
+        platform = net[: self.free].copy()
+        if self.free == 6:
+            platform[3:] = self.rotation @ platform[3:]
+        platform[self.angular] /= self.length
+        return platform, net[self.slides]
+
+    def in_dofs(self, x: Float[np.ndarray, " free"]) -> Float[np.ndarray, " dofs"]:
+        """A translation and rotation of the platform, base frame [m], in MuJoCo's degrees of freedom; or a velocity."""
+        move = np.zeros(self.model.nv)
+        move[: self.free] = x
+        move[self.angular] /= self.length
+        if self.free == 6:
+            move[3:6] = self.rotation.T @ move[3:6]
+        return move
+
+    def unbalanced(self) -> float:
+        """The largest force [N] left over, on the platform, on a mass, or turning a wheel, as of MuJoCo's last call."""
+        platform, slides = self.forces()
+        largest = np.abs(slides).max() if self.held else max(np.abs(platform).max(), np.abs(slides).max())
+        if len(self.swivels.dofs):
+            largest = max(largest, np.abs(self.net[self.swivels.dofs] / self.swivels.radii).max())
+        return float(largest)
+
+    def hold(self) -> None:
+        """Let the platform move no more, whatever pulls it."""
+        self.model.dof_armature[: self.free] = IMMOVABLE
+        self.held = True
+
+    def residual(self) -> float:
+        """``unbalanced`` at the present coordinates, at zero velocity and with the true springs."""
+        self.model.tendon_stiffness[:] = self.springs
+        self.data.qvel[:] = 0
+        self.turn_wheels()
+        mujoco.mj_forward(self.model, self.data)
+        return self.unbalanced()
+
+    @property
+    def true(self) -> bool:
+        """Whether every spring has its true stiffness."""
+        return bool((self.model.tendon_stiffness == self.springs).all())
+
+    def turn_wheels(self) -> None:
+        """Turn each wheel towards its anchor."""
+        if len(self.swivels):
+            pulleys.toward_anchors(self.model, self.data, self.robot)
+
+    def anchor_pulls(self) -> Float[np.ndarray, "chains 3"]:
+        """What each chain pulls the platform by [N], base frame: its last segment, and the weight of the mass there."""
+        with self._only(self.chains.segments[:, -1]):
+            pulled = self.data.qfrc_spring[self.chains.dofs[:, 0]] @ self.rotation.T
+        return self.model.body_mass[self.chains.ends, None] * self.model.opt.gravity - pulled
+
+    def tensions(self) -> Float[np.ndarray, " cables"]:
+        """Of each cable [N], with the springs that there are; of a heavy one at the platform's end.
+
+        Of a massless cable, its own spring's force, along it.
+        """
+        model, data = self.model, self.data
+        tensions = np.empty(self.robot.cables)
+        tensions[self.chains.cables] = np.linalg.norm(self.anchor_pulls(), axis=1)
+        for cable, tendon in zip(self.massless, self.single, strict=True):
+            first, entries = model.ten_J_rowadr[tendon], model.ten_J_rownnz[tendon]
+            with self._only(tendon):
+                row = data.ten_J[first : first + entries]
+                force = data.qfrc_spring[model.ten_J_colind[first : first + entries]]
+                tensions[cable] = -(row @ force) / max(row @ row, np.finfo(float).tiny) + 0.0
+        return tensions
+
+    @contextmanager
+    def _only(self, tendons: np.ndarray | np.integer) -> Iterator[None]:
+        """MuJoCo's forces with no other springs than these, within the block."""
+        model, data = self.model, self.data
+        springs, polynomials = model.tendon_stiffness.copy(), model.tendon_stiffnesspoly.copy()
+        model.tendon_stiffness[:] = model.tendon_stiffnesspoly[:] = 0
+        model.tendon_stiffness[tendons] = springs[tendons]
+        model.tendon_stiffnesspoly[tendons] = polynomials[tendons]
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        yield
+        model.tendon_stiffness[:], model.tendon_stiffnesspoly[:] = springs, polynomials
+
+    def off_wheel(self) -> bool:
+        """Whether a cable is off its wheel, as of MuJoCo's last call."""
+        if not len(self.swivels):
+            return False
+        points = self.data.ten_wrapnum[self.single[np.isin(self.massless, self.swivels.cables)]]
+        return bool(self.swivels.off_wheel(self.data.xpos, self.data.xmat, self.data.site_xpos, points).any())
+
+    def lay(self, pulls: Float[np.ndarray, "chains 3"]) -> Bool[np.ndarray, " chains"]:
+        """Lay chains where they would hang between exit and anchor, as they pull about so on the platform [N].
+
+        Those for which that is found; which they are.
+        """
+        model, data, chains = self.model, self.data, self.chains
+        mujoco.mj_kinematics(model, data)
+        spans = self.spans()
+        extents, found = chains.hung(model, pulls, spans)
+        data.qpos[chains.coordinates[found]] = extents[found] @ self.rotation
+        return found
+
+    def spans(self) -> Float[np.ndarray, "chains 3"]:
+        """From anchors to exits [m], as of MuJoCo's last call."""
+        return self.robot.exits[self.chains.cables] - self.data.xpos[self.chains.ends]
+
+    def divide_at_bends(self) -> bool:
+        """Move the masses of chains that bend to where they do; whether there are any.
+
+        Where it does, MuJoCo's pull on the anchor says: its horizontal part is the same all along the chain, and its
+        vertical part over the weight per length is how far it is to where the chain lies level.
+        """
+        model, data, chains = self.model, self.data, self.chains
+        weights = self.weights[:, None]
+        pulls = self.anchor_pulls() / weights
+        bends = np.hypot(pulls[:, 0], pulls[:, 1])
+        if self.given or not (bends < STRAIGHT).any():
+            return False
+        qpos = data.qpos.copy()
+        for _ in range(2):
+            division = divisions(1 + pulls[:, 2], bends)
+            chains.let_out(model, self.robot.cabling, self.axial_stiffness, self.rest_lengths, division)
+            self._compile()
+            data.qpos[:] = qpos
+            bends[~self.lay(pulls * weights)] = STRAIGHT  # one that hangs folded stays as it is
+        return True
+
+
+@functools.lru_cache(maxsize=16)
+def _model_of(robot: Robot) -> mujoco.MjModel:
+    """The compiled model of ``robot``, never written to."""
+    middle = RigidTransform.from_translation(robot.workspace.mean(0))
+    return mujoco.MjModel.from_xml_string(to_mjcf(robot, middle, np.ones(robot.cables)))

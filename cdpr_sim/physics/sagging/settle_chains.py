@@ -1,0 +1,109 @@
+"""Settling of robots whose cables have mass, problem by problem; and the load that holds a platform at a pose."""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.status import NEUTRAL, Status
+from cdpr_sim.physics.batch import quiet, refuse_own_masses
+from cdpr_sim.physics.dynamic_relaxation import NUDGES
+from cdpr_sim.physics.sagging.chain_relaxation import ChainRelaxation, Frames
+from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+from cdpr_sim.physics.sagging.chain_state import ChainState
+
+LONGEST_AGAIN = 0.03
+"""Longest time step, as a fraction of the slowest swing's 1/omega, of a platform that did not come to rest at first."""
+
+
+def released(
+    problems: Problems,
+    starts: RigidTransform,
+    *,
+    model: mujoco.MjModel | None = None,
+    frames: Frames | None = None,
+    say: Callable[[str], None] = lambda words: None,
+) -> tuple[list[ChainState], list[int], list[Status]]:
+    """Each of (rows,) problems, its platform let go at its start: the last state, time steps, and how it ended.
+
+    Args:
+        problems: what is asked.
+        starts: a stack, one for each.
+        model: the model to use instead of the generated one.
+        frames: takes the first one's motion.
+        say: is told now and then how far it is.
+
+    Raises:
+        InvalidInput: masses of their own, which one model cannot have.
+    """
+    readings, steps, status = [], [], []
+    for row, simulation in enumerate(_rows(problems, starts, model)):
+        which = f"pose {row + 1} of {len(problems)}: " if len(problems) > 1 else ""
+        relaxation = _relaxed(
+            simulation, starts[row], frames if row == 0 else None, lambda words, which=which: say(which + words)
+        )
+        reading = ChainState.of(simulation)
+        for _ in range(NUDGES):
+            values = reading.eigenvalues
+            if relaxation.status is not Status.CONVERGED or not values[0] < -NEUTRAL * np.abs(values).max():
+                break
+            relaxation.nudge(reading.softest)
+            relaxation.run()
+            reading = ChainState.of(simulation)
+        readings.append(reading)
+        steps.append(relaxation.steps)
+        if problems.robot.cabling.beyond_law(reading.lengths, simulation.rest_lengths).any():
+            status.append(Status.OVERSTRAINED)
+            continue
+        # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
+        status.append(Status.OFF_WHEEL if reading.off_wheel else relaxation.status)
+    return readings, steps, status
+
+
+def _relaxed(
+    simulation: ChainSimulation, start: RigidTransform, frames: Frames | None, say: Callable[[str], None]
+) -> ChainRelaxation:
+    """In long steps, or else by approach from the start, or else in shorter ones; then divided where chains bend."""
+    relaxation = ChainRelaxation(simulation, frames, say)
+    relaxation.run()
+    if relaxation.status is not Status.CONVERGED:
+        simulation.let_go(start)
+        if relaxation.approach_from_afar():
+            return relaxation.divide_at_bends()
+        simulation.let_go(start)
+        relaxation = relaxation.again(LONGEST_AGAIN)
+        relaxation.run()
+    return relaxation.divide_at_bends()
+
+
+def unbalanced(
+    problems: Problems, poses: RigidTransform, *, model: mujoco.MjModel | None = None
+) -> Float[np.ndarray, " rows"]:
+    """The largest force [N] on each platform held at its pose, with its chains at rest; nan where they do not rest."""
+    found = []
+    for simulation in _rows(problems, poses, model):
+        simulation.hold()
+        relaxation = ChainRelaxation(simulation)
+        relaxation.run()
+        rested = relaxation.divide_at_bends().status is Status.CONVERGED
+        simulation.held = False
+        found.append(simulation.unbalanced() if rested else np.nan)
+    return np.array(found)
+
+
+def _rows(problems: Problems, starts: RigidTransform, model: mujoco.MjModel | None) -> Iterator[ChainSimulation]:
+    robot, rows = problems.robot, len(problems)
+    refuse_own_masses(problems)
+    rest = np.broadcast_to(problems.rest_lengths, (rows, robot.cables))
+    stiffness = np.broadcast_to(problems.axial_stiffness, (rows, robot.cables))
+    wrenches = np.broadcast_to(problems.external_wrench, (rows, 6))
+    with quiet():
+        for row in range(rows):
+            yield ChainSimulation(robot, rest[row], stiffness[row], wrenches[row], starts[row], model)

@@ -1,0 +1,135 @@
+"""One time step of a platform on cables with mass, implicit in all that is stiff.
+
+A spring acts as it will at the step's end, since a taut tendon is damped by as much as its spring gains in the step;
+and so does a taut string that is plucked.
+
+A slack chain is a row of nearly rigid links, which a step cannot but stretch. While its shape is still wrong it is
+therefore let stretch by a hundredth under its own weight; then it stiffens from step to step, up to what it is.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from cdpr_sim.physics.chains import plucked
+from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+
+PASSAGE = 0.2
+"""By how much of its distance from being just taut a chain may come nearer to it in a step, or go away from it."""
+
+NEAREST = 1e-9
+"""That distance is never less than this fraction of the length."""
+
+SOFT, GROWTH, STIFF = 100.0, 1.3, 1e100
+"""A slack chain's axial stiffness at first, in its weight; by how much it grows in a step; and more than any is."""
+
+CALM = 0.05
+"""While more than this fraction of the load is unbalanced, or on a chain more than its weight, it does not stiffen."""
+
+PLUCKED = 1.2
+"""Of a segment's resistance to being plucked, how much is taken to be there; below 0.5 a step would overshoot."""
+
+GENTLE, LEAST_PULL = 0.1, 1e-3
+"""With less than this fraction of a chain's weight unbalanced, each segment resists being plucked by its own tension,
+though by no less than this fraction of the chain's largest; before, all resist by the largest."""
+
+
+class Stepping:
+    """Takes a platform's time steps, and knows how soft its slack chains still are.
+
+    Args:
+        simulation: the platform.
+        longest: time step that will be asked for [s].
+    """
+
+    def __init__(self, simulation: ChainSimulation, longest: float) -> None:
+        self.simulation, self.longest = simulation, longest
+        chains, model = simulation.chains, simulation.model
+        self.segment_lengths = model.tendon_lengthspring[chains.segments, 1]
+        self.stiffness = simulation.springs[chains.segments] * self.segment_lengths
+        mujoco.mj_fwdPosition(model, simulation.data)
+        self.slack = (simulation.chords <= simulation.rest_lengths[chains.cables]) & (simulation.weights > 0)
+        self.soften()
+
+    def soften(self) -> None:
+        """Let chains stretch that were slack at first."""
+        self.softness = np.where(self.slack, SOFT, STIFF)
+
+    def stiffen(self) -> None:
+        """Let none stretch: their shape is right already."""
+        self.softness[:] = STIFF
+
+    def begin(self) -> None:
+        """From rest, of which nothing is known yet."""
+        self.pulls = np.zeros(len(self.slack))
+        self.calm, self.gentle = True, False
+
+    def heed(self, residual: float) -> None:
+        """Take the next steps as suits this unbalanced force [N]."""
+        simulation = self.simulation
+        self.calm = residual < CALM * simulation.load
+        self.gentle = simulation.true and residual < GENTLE * simulation.weights.max()
+
+    def advance(self, longest: float) -> float:
+        """One time step, no longer than that [s]; how long it was."""
+        simulation, model, data, weights = (
+            self.simulation,
+            self.simulation.model,
+            self.simulation.data,
+            self.simulation.weights,
+        )
+        chains = simulation.chains
+        mujoco.mj_step1(model, data)
+        with np.errstate(divide="ignore", invalid="ignore"):  # what stands still may take any step
+            model.opt.timestep = step = self._time_step(longest)
+        soft = np.where(
+            self.slack[:, None], np.minimum((self.softness * weights)[:, None], self.stiffness), self.stiffness
+        )
+        model.tendon_stiffness[chains.segments] = np.where(
+            soft == self.stiffness, simulation.springs[chains.segments], soft / self.segment_lengths
+        )
+        _, left_over = simulation.forces()
+        grows = self.calm & (np.abs(left_over).max(1) <= weights)
+        self.softness = np.where(grows, np.minimum(GROWTH * self.softness, STIFF), self.softness)
+        stretch = np.maximum(data.ten_length - model.tendon_lengthspring[:, 1], 0)[simulation.tendons]
+        tangent = model.tendon_stiffness[simulation.tendons] + (
+            stretch[:, None] ** [1, 2] * [2, 3] * model.tendon_stiffnesspoly[simulation.tendons]
+        ).sum(1)
+        model.tendon_damping[simulation.tendons] = np.where(stretch > 0, step * tangent, 0)
+        pulls = (stretch[: chains.segments.size] * model.tendon_stiffness[chains.segments.ravel()]).reshape(soft.shape)
+        self.pulls = pulls.max(1)
+        largest = np.maximum(self.pulls, weights)[:, None]
+        tension = np.maximum(pulls, LEAST_PULL * largest) if self.gentle else largest
+        resisting = plucked(self.longest, PLUCKED * tension, self.segment_lengths)
+        model.dof_damping[chains.dofs] = resisting[:, :0:-1, None]
+        model.tendon_damping[chains.brakes] = resisting[:, :1]
+        mujoco.mj_passive(model, data)
+        mujoco.mj_step2(model, data)
+        return step
+
+    def _time_step(self, longest: float) -> float:
+        """[s], short enough for chains that pass from slack to taut or back, and for segments that turn.
+
+        As a chain becomes taut its tension rises from its weight to EA within a strain of (weight/EA)^(2/3). A segment
+        that turns by an angle in a step is stretched by half its square, which is to be no more than it is already.
+        """
+        simulation, data, chains, weights = (
+            self.simulation,
+            self.simulation.data,
+            self.simulation.chains,
+            self.simulation.weights,
+        )
+        rest = simulation.rest_lengths[chains.cables]
+        stiffness = np.minimum(self.stiffness[:, 0], np.where(self.slack, self.softness * weights, np.inf))
+        near = np.maximum((weights / stiffness) ** (2 / 3), NEAREST) * rest
+        passage = (
+            PASSAGE * np.maximum(np.abs(simulation.chords - rest), near) / np.abs(data.ten_velocity[chains.chords])
+        )
+        strains = np.maximum(self.pulls, weights) / stiffness
+        extending = np.concatenate([data.ten_velocity[chains.brakes][:, None], data.qvel[chains.dofs][:, ::-1]], axis=1)
+        turning = np.sqrt(np.maximum((extending**2).sum(2) - data.ten_velocity[chains.segments] ** 2, 0))
+        turns = np.sqrt(2 * np.maximum(strains, NEAREST**2))[:, None] * self.segment_lengths / turning
+        return float(min(longest, np.nanmin(passage), np.nanmin(turns)))

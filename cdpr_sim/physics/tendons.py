@@ -1,0 +1,131 @@
+"""What a cable is in MuJoCo: a spatial tendon whose spring pulls beyond its rest length and never pushes.
+
+The tendon runs from its exit site to its anchor site, with ``stiffness`` EA/l0 and ``springlength="0 l0"``: MuJoCo's
+spring is silent inside that dead band, so
+
+    tau = EA/l0 (l - l0)  for l > l0,  else 0          (paper Eq. 10, 11)
+
+A cable that stiffens has the two further coefficients of MuJoCo's polynomial, EA a2/l0² and EA a3/l0³. One that runs
+over a pulley begins before it (``pulleys``) and is longer by as much as that entry.
+
+Three things a tendon could have are left out on purpose. ``range`` would add a constraint that stops the cable
+stretching; ``damping`` ignores the dead band, so that a slack cable would push, and it turns off the drawing of a
+slack cable as a hanging chain; ``frictionloss`` would hold the platform away from its equilibrium.
+
+This is the law's second coding: the mathematics has its own in ``core.cable_law``, and neither reads the other's.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics import chains, pulleys, winches
+from cdpr_sim.physics.number_format import text
+
+NOTHING = 1e-200
+"""[N/m] MuJoCo draws hanging chains only where there is a spring: one that changes no force, not even by rounding."""
+
+
+def add_exits(world: ET.Element, cabling: Cabling) -> None:
+    """The sites ``exit_1``, ... at which cables enter the scene."""
+    for i, position in enumerate(cabling.exits, start=1):
+        ET.SubElement(world, "site", {"name": f"exit_{i}", "class": "exit", "pos": text(position)})
+
+
+def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
+    """The sites ``anchor_1``, ... at which they pull on the platform."""
+    for i, position in enumerate(cabling.anchors, start=1):
+        ET.SubElement(platform, "site", {"name": f"anchor_{i}", "class": "anchor", "pos": text(position)})
+
+
+def add_tendons(
+    root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float, *, wound: bool = False
+) -> None:
+    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]; a cable with mass has several, for this time step.
+
+    Where cables are ``wound``, their winches do what their springs would, unless they stiffen and begin at a drum; and
+    ``rope_1``, ... are there to be drawn in their place (``winches.hang``).
+    """
+    tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
+    stiffnesses = springs(cabling.axial_stiffness, rest_lengths)
+    further = polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
+    lengths = rest_lengths + (winches.behind(robot) if wound else pulleys.entries(cabling))
+    for i, (stiffness, length) in enumerate(zip(stiffnesses, lengths, strict=True), start=1):
+        if cabling.linear_density[i - 1] > 0:
+            chains.add_segments(tendons, robot, i - 1, rest_lengths[i - 1], step)
+            continue
+        cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
+        stiffens = cabling.stiffening[i - 1].any()
+        if stiffens or not wound:
+            cable.set("stiffness", text([stiffness, *further[i - 1]] if stiffens else stiffness))
+            cable.set("springlength", text([0, length]))
+        if not cabling.massless:
+            cable.set("damping", text(step * stiffness))  # this integrator does not know springs
+        if stiffens and wound:
+            ET.SubElement(cable, "site", site=f"drum_{i}")
+        elif cabling.pulleys[i - 1]:
+            ET.SubElement(cable, "site", site=f"entry_{i}")
+        if cabling.pulleys[i - 1]:
+            pulleys.add_way(cable, i)
+        else:
+            ET.SubElement(cable, "site", site=f"exit_{i}")
+        ET.SubElement(cable, "site", site=f"anchor_{i}")
+        if wound and not cabling.pulleys[i - 1]:
+            add_twin(tendons, f"rope_{i}", i, rest_lengths[i - 1], group=str(winches.HIDDEN))
+
+
+def add_twin(tendons: ET.Element, name: str, cable: int, length: float, **look: str) -> None:
+    """A tendon along ``cable`` (from 1 on) without force, which is drawn hanging where it is below ``length`` [m]."""
+    twin = ET.SubElement(tendons, "spatial", {"name": name, "class": "cable"} | look)
+    twin.set("stiffness", text(NOTHING))
+    twin.set("springlength", text([0, length]))
+    for end in ("exit", "anchor"):
+        ET.SubElement(twin, "site", site=f"{end}_{cable}")
+
+
+def springs(
+    axial_stiffness: Float[np.ndarray, "*#batch cables"], rest_lengths: Float[np.ndarray, "*#batch cables"]
+) -> Float[np.ndarray, "*batch cables"]:
+    """MuJoCo's ``stiffness`` of each tendon [N/m]: of two cables alike, the shorter is the stiffer."""
+    return axial_stiffness / rest_lengths
+
+
+def polynomials(
+    axial_stiffness: Float[np.ndarray, "*#batch cables"],
+    stiffening: Float[np.ndarray, "cables 2"],
+    rest_lengths: Float[np.ndarray, "*#batch cables"],
+) -> Float[np.ndarray, "*batch cables 2"]:
+    """MuJoCo's ``stiffnesspoly`` of each tendon [N/m², N/m³]: of the stretch's square and cube."""
+    squares = rest_lengths * rest_lengths
+    return (axial_stiffness[..., None] * stiffening) / np.stack([squares, squares * rest_lengths], axis=-1)
+
+
+def pull(
+    lengths: Float[np.ndarray, "rows cables"],
+    bands: Float[np.ndarray, "rows cables 2"],
+    stiffnesses: Float[np.ndarray, "rows cables"],
+) -> Float[np.ndarray, "rows cables"]:
+    """What each tendon pulls with, before it stiffens: from lengths, dead bands and stiffnesses, in MuJoCo's unit."""
+    return stiffnesses * np.maximum(lengths - bands[:, :, 1], 0)
+
+
+def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, "steps cables"]) -> Iterator[None]:
+    """Set a model's cables to one row of ``rest_lengths`` [m] after the other, as winches do."""
+    ends, stiffnesses, further = model.tendon_lengthspring[:, 1], model.tendon_stiffness, model.tendon_stiffnesspoly
+    lengths = rest_lengths + pulleys.entries(cabling)
+    pulls = springs(cabling.axial_stiffness, rest_lengths)
+    bends = None if cabling.linear else polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
+    for step in range(len(lengths)):
+        ends[:], stiffnesses[:] = lengths[step], pulls[step]
+        if bends is not None:
+            further[:] = bends[step]
+        yield

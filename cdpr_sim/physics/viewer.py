@@ -1,0 +1,44 @@
+"""MuJoCo's own viewer on a robot that is driven by its winches, with their sliders."""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import warnings
+
+import mujoco
+
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
+from cdpr_sim.physics.winches import hang
+
+FILE = "winch.xml"
+
+
+def open_viewer(problem: Problem) -> None:
+    """Open the viewer, and return when it is closed.
+
+    Raises:
+        InvalidInput: there is no display; or a robot whose cables no winch can wind in MuJoCo.
+    """
+    scene = scene_mjcf(problem.robot, FILE)
+    model = mujoco.MjModel.from_xml_string(scene, {FILE: to_mjcf(problem, winches=True).encode()})
+    _refuse_without_display()
+    from mujoco import viewer
+
+    mujoco.set_mjcb_control(hang)
+    try:
+        viewer.launch(model, mujoco.MjData(model))
+    finally:
+        mujoco.set_mjcb_control(None)
+
+
+def _refuse_without_display() -> None:
+    """Before MuJoCo's viewer ends the process for it."""
+    import glfw
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the same, in GLFW's words
+        if not glfw.init():
+            raise InvalidInput("display: found none, expected one on which MuJoCo's viewer can open its window")

@@ -1,0 +1,58 @@
+"""What real cables do, as tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich.table import Table
+
+from cdpr_sim.report.table_style import new_table
+from cdpr_sim.studies.real_cables import CableEffect, PaperEnd
+
+
+def effects_table(effects: Sequence[CableEffect]) -> Table:
+    """A row for each robot and property: how far the platform moves, and how far the methods are apart."""
+    poses = max(len(effect.shifts) for effect in effects)
+    table = new_table(
+        f"How far the platform moves, over {poses} poses, settled in MuJoCo",
+        "", "mm\nmedian", "mm\n95 %", "tilt °\nmedian", "tilt °\n95 %", "methods\napart\nnm", dense=True,
+    )  # fmt: skip
+    last = ""
+    for effect in effects:
+        if effect.robot != last:
+            if last:
+                table.add_section()
+            table.add_row(effect.robot, style="bold")
+        shifts, turns = (np.quantile(values, [0.5, 0.95]) for values in (1e3 * effect.shifts, np.degrees(effect.turns)))
+        table.add_row(
+            f"  {effect.what}",
+            *map(_short, (*shifts, *turns)),
+            _short(1e9 * effect.apart),
+        )
+        last = effect.robot
+    return table
+
+
+def _short(value: float) -> str:
+    """Two or three digits."""
+    return f"{value:.3g}" if value >= 1 else f"{value:.2g}" if value >= 1e-3 else f"{value:.0e}"
+
+
+def left_out(effects: Sequence[CableEffect]) -> str:
+    """At which poses MuJoCo's platform did not come to rest, or nothing."""
+    missing = [f"{one.unsettled} ({one.robot}, {one.what})" for one in effects if one.unsettled]
+    return f"Left out, as MuJoCo's platform did not come to rest there: {', '.join(missing)}." if missing else ""
+
+
+def ends_table(ends: Sequence[PaperEnd]) -> Table:
+    """A row for each property: sag and tilt of the parallel layout, and the crossed layout's deviation in z."""
+    table = new_table(
+        "At the ends of the paper's lines, lengths as if for point exits, in MuJoCo",
+        "", "parallel\nsag mm\n0.1 m", "\n\n0.2 m", "\ntilt °\n0.1 m", "\n\n0.2 m", "crossed\nz mm\n0.1 m",
+        "\n\n0.2 m", dense=True,
+    )  # fmt: skip
+    for end in ends:
+        numbers = [*1e3 * end.sags, *np.degrees(end.tilts), *1e3 * end.crossed_rises]
+        table.add_row(end.what, *(f"{value:.2f}" for value in numbers))
+    return table

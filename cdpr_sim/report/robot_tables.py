@@ -1,0 +1,131 @@
+"""A robot as tables, cable by cable; and batches and motions of it in a few numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from cdpr_sim.core.describe import describe_cables
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import Status
+from cdpr_sim.core.trajectory import Trajectory
+from cdpr_sim.report.crosscheck_tables import HEADINGS
+from cdpr_sim.report.table_style import new_table
+
+
+def robot_table(robot: Robot) -> Table:
+    """What a robot is, in a column."""
+    table = new_table(robot.name, "", "", words=2)
+    low, high = robot.workspace
+    rows = {
+        "": robot.description,
+        "kind": f"{robot.kind}, {robot.mobility}",
+        "cables": f"{robot.cables} {describe_cables(robot)}",
+        "limits of tension": _limits(robot),
+        "breaking load": f"{_span(robot.breaking_load)} N" if np.isfinite(robot.breaking_load).all() else "",
+        "platform": f"{robot.mass:g} kg, {_size(robot.platform_size, 1e3)} mm",
+        "centre of mass": f"({_point(robot.center_of_mass)}) mm in the platform",
+        "frame": f"{_size(np.ptp(robot.frame, axis=0), 1.0)} m",
+        "workspace": f"({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}) to ({high[0]:.4g}, {high[1]:.4g}, {high[2]:.4g}) m",
+        "gravity": f"{robot.gravity:g} m/s²",
+        "source": robot.source,
+    }
+    for label, words in rows.items():
+        if words:
+            table.add_row(label, escape(" ".join(words.split())))
+    return table
+
+
+def cables_table(robot: Robot) -> Table:
+    """Each cable: where it leaves the frame, where it holds the platform, how stiff it is."""
+    table = new_table(
+        "Its cables",
+        "cable",
+        "exit\nx [mm]",
+        "\ny [mm]",
+        "\nz [mm]",
+        "anchor\nx [mm]",
+        "\ny [mm]",
+        "\nz [mm]",
+        "EA\n[N]",
+    )
+    for number, (exit_, anchor, stiffness) in enumerate(
+        zip(robot.exits, robot.anchors, robot.axial_stiffness, strict=True), start=1
+    ):
+        table.add_row(str(number), *(f"{1e3 * value:.1f}" for value in (*exit_, *anchor)), f"{stiffness:.6g}")
+    return table
+
+
+def batch_table(equilibria: EquilibriumBatch) -> Table:
+    """A batch in a few numbers: how many rest, and of those how far, how tilted, how often slack."""
+    name = f"{equilibria.robot.name}, by {_method(equilibria)}".replace("\n", " ")
+    table = new_table(f"{name}: {' × '.join(map(str, equilibria.shape))} problems", "", "median", "worst")
+    done = equilibria.converged
+    table.add_row("at rest", "", f"{int(done.sum()):,} of {done.size:,}")
+    for status in Status:
+        count = int((equilibria.status == status).sum())
+        if count and status is not Status.CONVERGED:
+            table.add_row(escape(f"not at rest: {status.sentence}"), "", f"{count:,}", style="red")
+    if done.any():
+        for label, values in {
+            "deviation [mm]": 1e3 * np.linalg.norm(equilibria.deviation[done], axis=-1),
+            "sag [mm]": -1e3 * equilibria.deviation[done][:, 2],
+            "tilt [°]": np.degrees(equilibria.tilt[done]),
+            "largest tension [N]": equilibria.tensions[done].max(-1),
+            "unbalanced [N]": equilibria.residuals[done],
+        }.items():
+            form = ".1e" if "unbalanced" in label else ".3f"
+            table.add_row(escape(label), f"{np.median(values):{form}}", f"{values.max():{form}}")
+        slack = equilibria.slack[done].sum(-1)
+        table.add_row("slack cables", f"{np.median(slack):g}", f"{slack.max()} of {equilibria.robot.cables}")
+    return table
+
+
+def trajectory_table(motion: Trajectory) -> Table:
+    """A motion in a few numbers, and when each was worst."""
+    table = new_table(
+        f"{motion.robot.name}: {len(motion)} states in {np.ptp(motion.times):.3g} s, by {_method(motion)}",
+        "", "at the start", "at the end", "worst", "after [s]",
+    )  # fmt: skip
+    start, taut = motion.times[0], np.where(motion.slack, np.inf, motion.tensions).min(-1)
+    for label, values in {
+        "deviation [mm]": 1e3 * np.linalg.norm(motion.deviation, axis=-1),
+        "sag [mm]": -1e3 * motion.deviation[:, 2],
+        "tilt [°]": np.degrees(motion.tilt),
+        "largest tension [N]": motion.tensions.max(-1),
+        "slack cables": motion.slack.sum(-1),
+    }.items():
+        worst, form = int(np.argmax(values)), "d" if label == "slack cables" else ".3f"
+        shown = (f"{values[row]:{form}}" for row in (0, -1, worst))
+        table.add_row(escape(label), *shown, f"{motion.times[worst] - start:.3g}")
+    least = int(np.argmin(taut))
+    if np.isfinite(taut[least]):
+        shown = (f"{taut[row]:.3f}" if np.isfinite(taut[row]) else "" for row in (0, -1, least))
+        table.add_row(escape("least tension of a taut cable [N]"), *shown, f"{motion.times[least] - start:.3g}")
+    return table
+
+
+def _method(equilibria: EquilibriumBatch) -> str:
+    return HEADINGS.get(equilibria.source, equilibria.source)
+
+
+def _limits(robot: Robot) -> str:
+    least, most = robot.force_min, robot.force_max
+    if not least.any() and not np.isfinite(most).any():
+        return ""
+    above = f"at most {_span(most)} N" if np.isfinite(most).all() else "without an upper limit"
+    return f"at least {_span(least)} N, {above}"
+
+
+def _span(values: np.ndarray) -> str:
+    return " to ".join(f"{end:g}" for end in sorted({float(values.min()), float(values.max())}))
+
+
+def _size(edges: np.ndarray, unit: float) -> str:
+    return " × ".join(f"{unit * edge:.4g}" for edge in edges)
+
+
+def _point(point: np.ndarray) -> str:
+    return ", ".join(f"{1e3 * value:.4g}" for value in point)

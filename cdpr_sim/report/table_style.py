@@ -1,0 +1,103 @@
+"""What all tables have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich import box
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.markup import escape
+from rich.segment import Segment
+from rich.table import Table
+from rich.text import Text
+
+WIDE = 10_000
+"""Columns of a terminal in which nothing is cut."""
+
+CUT = "…"
+"""With which rich ends what it cuts."""
+
+
+class Sheet(Table):
+    """A table that never cuts a number: where it is too wide, its records stand one below the other.
+
+    A record is a row, headed by its first ``words`` cells; or, where methods stand side by side, a column.
+    """
+
+    words = 1
+    methods = False
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """The table, or its records."""
+        drawn = self._drawn(console, options)
+        if _cuts(drawn) > _cuts(self._drawn(console, options.update(width=WIDE, max_width=WIDE))):
+            if self.title:
+                yield Text.from_markup(str(self.title))
+            for record in self._columns_below() if self.methods else self._rows_below():
+                yield Text("")
+                yield record
+            yield Text("")
+        else:
+            yield from drawn
+
+    def _drawn(self, console: Console, options: ConsoleOptions) -> list[Segment]:
+        return list(console.render(_Plain(self), options))
+
+    def _columns_below(self) -> Iterator[Text]:
+        labels, *columns = self.columns
+        for column in columns:
+            pairs = zip(labels.cells, column.cells, strict=True)
+            yield _record(_line(column.header), [(_line(label), _line(cell)) for label, cell in pairs])
+
+    def _rows_below(self) -> Iterator[Text]:
+        heads = [_line(column.header) for column in self.columns]
+        for row in zip(*(column.cells for column in self.columns), strict=True):
+            cells = [_line(cell) for cell in row]
+            name = Text(", ").join(cell for cell in cells[: self.words] if cell.plain)
+            yield _record(name, list(zip(heads[self.words :], cells[self.words :], strict=True)))
+
+
+class _Plain:
+    """The table as rich draws it."""
+
+    def __init__(self, table: Table) -> None:
+        self.table = table
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield from Table.__rich_console__(self.table, console, options)
+
+
+def new_table(title: str, *columns: str, words: int = 1, dense: bool = False, methods: bool = False) -> Sheet:
+    """A table without rows yet: its first ``words`` columns flush left, for words, the others flush right.
+
+    Args:
+        title: may have several lines.
+        columns: their headings.
+        words: how many of them hold words.
+        dense: one blank between two columns, rather than two.
+        methods: whether the columns are what is compared, side by side.
+    """
+    padding = (0, 1, 0, 0) if dense else (0, 1)
+    table = Sheet(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=padding, pad_edge=False)
+    table.words, table.methods = words, methods
+    for number, name in enumerate(columns):
+        table.add_column(escape(name), justify="left" if number < words else "right", no_wrap=True)
+    return table
+
+
+def _cuts(drawn: list[Segment]) -> int:
+    return sum(segment.text.count(CUT) for segment in drawn)
+
+
+def _line(cell: object) -> Text:
+    """A cell or a heading on one line, words together that were divided."""
+    return Text.from_markup(str(cell).replace("-\n", "").replace("\n", " "))
+
+
+def _record(name: Text, pairs: list[tuple[Text, Text]]) -> Text:
+    """What it is called, and a line for each of its values."""
+    pairs = [(label, value) for label, value in pairs if value.plain]
+    wide = max((label.cell_len for label, _ in pairs), default=0)
+    lines = [Text("  ").join([label, Text(" " * (wide - label.cell_len)) + value]) for label, value in pairs]
+    name.stylize("bold")
+    return Text("\n").join([name] * bool(name.plain) + lines)

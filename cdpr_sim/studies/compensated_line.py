@@ -1,0 +1,86 @@
+"""Compensation along a line: where the platform rests before and after, by both methods."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
+
+from cdpr_sim.analysis.compensation import Compensation, compensate
+from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.settle import settle_many
+from cdpr_sim.statics.newton import solve_many
+
+
+@dataclass(frozen=True, eq=False)
+class CompensatedLine:
+    """A robot's compensation at poses along a line.
+
+    Attributes:
+        title: what the robot and its cables are called.
+        before: by statics, with the rigid lengths, one per pose.
+        after: by statics, with the compensated lengths.
+        settled_before: by MuJoCo, likewise.
+        settled_after: by MuJoCo, likewise.
+        compensations: one per pose.
+        position_alone: by MuJoCo, with lengths compensated for the position whatever the rotation, or none of it.
+    """
+
+    title: str
+    before: Sequence[Equilibrium]
+    after: Sequence[Equilibrium]
+    settled_before: Sequence[Equilibrium]
+    settled_after: Sequence[Equilibrium]
+    compensations: Sequence[Compensation]
+    position_alone: Sequence[Equilibrium] = ()
+
+    @property
+    def exact(self) -> Bool[np.ndarray, " poses"]:
+        """(poses,) where the commanded pose is held, rather than one near it."""
+        return np.array([one.exact for one in self.compensations])
+
+    def position_errors(self, results: Sequence[Equilibrium]) -> Float[np.ndarray, " poses"]:
+        """How far each of ``results`` is from the commanded position [m]."""
+        pairs = zip(results, self.compensations, strict=True)
+        return np.array([np.linalg.norm(found.position - one.commanded.translation) for found, one in pairs])
+
+    def rotation_errors(self, results: Sequence[Equilibrium]) -> Float[np.ndarray, " poses"]:
+        """How far each of ``results`` is turned from the commanded rotation [rad]."""
+        pairs = zip(results, self.compensations, strict=True)
+        return np.array([(found.rotation * one.commanded.rotation.inv()).magnitude() for found, one in pairs])
+
+
+def compensated_line(robot: Robot, title: str, commanded: ArrayLike, *, arm: float | None = None) -> CompensatedLine:
+    """Before and after by both methods; after starts where the uncompensated platform hangs.
+
+    Args:
+        robot: the robot.
+        title: what it is called.
+        commanded: positions at which it should be level, (poses, 3) [m].
+        arm: as ``compensate`` has it [m].
+
+    Raises:
+        NotConverged: the static solver found no rest somewhere.
+        NotSettled: MuJoCo's platform did not come to rest somewhere.
+    """
+    commanded = np.asarray(commanded, dtype=float)
+    compensations = [compensate(robot, pose, arm=arm) for pose in commanded]
+    lengths = np.array([one.rest_lengths for one in compensations])
+    before, settled_before = solve_many(robot, commanded), settle_many(robot, commanded)
+    alone: Sequence[Equilibrium] = ()
+    if not all(one.exact for one in compensations):
+        for_position = np.array([compensate(robot, pose, arm=0).rest_lengths for pose in commanded])
+        alone = tuple(settle_many(robot, settled_before.poses, for_position))
+    return CompensatedLine(
+        title=title,
+        before=tuple(before),
+        after=tuple(solve_many(robot, before.poses, lengths)),
+        settled_before=tuple(settled_before),
+        settled_after=tuple(settle_many(robot, settled_before.poses, lengths)),
+        compensations=compensations,
+        position_alone=alone,
+    )

@@ -1,0 +1,220 @@
+"""Robots whose cables have mass: where the compiled solver lets them rest, certified from outside it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import cdpr_sim as cdpr
+from cdpr_sim.core.status import Status
+from cdpr_sim.robots.catalogue import PAPER_ROBOTS
+from cdpr_sim.statics.catenary import catenary
+from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
+from cdpr_sim.statics.sagging_kernel import sagging_gufunc
+
+ROBOTS = 300
+"""Random ones; 10,000 were tried when this was written."""
+
+LARGEST_RESIDUAL = 1e-6
+"""Unbalanced force [N] that no answer may have."""
+
+ENDS_TOLERANCE = 1e-11
+"""Of a cable that pulls as it is said to: how far off its anchor it may end, per size of the robot. Of 10,000
+robots one is off by 1e-12: Irvine's equations cancel where cables are taut and nearly massless."""
+
+
+class Case:
+    """A robot, the question it is asked, and the answer."""
+
+    def __init__(self, robot, position, rest_lengths, weights, wrench=None, start=None):
+        self.robot, self.rest, self.weights = robot, np.asarray(rest_lengths), np.asarray(weights)
+        self.wrench = np.zeros(6) if wrench is None else wrench
+        free = np.zeros(6)
+        free[robot.free] = 1.0
+        asked = (robot.weight, robot.center_of_mass, self.wrench, free, robot.characteristic_length)
+        with np.errstate(all="ignore"):
+            if start is None:
+                given = (robot.cabling.packed, self.rest, *asked, position, np.eye(3))
+                start_position, start_rotation, *_, self.massless_status = equilibrium_gufunc()(*given)
+            else:
+                start_position, start_rotation = start
+            self.start = start_position, start_rotation
+            found = sagging_gufunc()(
+                robot.cabling.packed, self.weights, self.rest, *asked, start_position, start_rotation
+            )  # fmt: skip
+        self.position, self.rotation, self.lengths, self.tensions, self.residual, self.iterations, self.status = found
+
+    def anchors(self, position, rotation):
+        return position + self.robot.anchors @ rotation.T
+
+    def pulls(self, position, rotation):
+        return catenary(
+            self.robot.exits, self.anchors(position, rotation), self.rest, self.robot.axial_stiffness, self.weights
+        ).pull
+
+    def unbalanced(self, position, rotation):
+        """Forces and torques over characteristic lengths, on the free directions."""
+        arms, pulls = self.robot.anchors @ rotation.T, self.pulls(position, rotation)
+        weight = np.array([0, 0, -self.robot.weight])
+        net = np.r_[
+            pulls.sum(0) + weight, np.cross(arms, pulls).sum(0) + np.cross(rotation @ self.robot.center_of_mass, weight)
+        ]
+        return ((net + self.wrench) / self.robot.units)[self.robot.free]
+
+    def stiffness(self, step=1e-8):
+        """By central differences of the unbalanced forces, with steps too short to slacken most cables."""
+        columns = []
+        for direction in self.robot.free:
+            there = []
+            for sign in (step, -step):
+                x = np.zeros(6)
+                x[direction] = sign * self.robot.characteristic_length / self.robot.units[direction]
+                moved = self.position + x[:3], Rotation.from_rotvec(x[3:]).as_matrix() @ self.rotation
+                there.append(self.unbalanced(*moved))
+            columns.append((there[1] - there[0]) / (2 * step * self.robot.characteristic_length))
+        matrix = np.array(columns)
+        return 0.5 * (matrix + matrix.T)
+
+
+def misses(case: Case) -> float:
+    """How far from its anchor each cable ends that hangs from its exit and is pulled as said, per size of the robot.
+
+    By Irvine's two equations in extended precision: none of ours.
+    """
+    pull = case.pulls(case.position, case.rotation).astype(np.longdouble)
+    apart = (case.anchors(case.position, case.rotation) - case.robot.exits).astype(np.longdouble)
+    L0, EA, w = (np.asarray(v, np.longdouble) for v in (case.rest, case.robot.axial_stiffness, case.weights))
+    heavy = (w > 0) & (np.hypot(pull[:, 0], pull[:, 1]) > 0)
+    pull, apart, L0, EA, w = pull[heavy], apart[heavy], L0[heavy], EA[heavy], w[heavy]
+    H, top = np.hypot(pull[:, 0], pull[:, 1]), -pull[:, 2]
+    bottom = top - w * L0
+    x = H * L0 / EA + H / w * (np.arcsinh(top / H) - np.arcsinh(bottom / H))
+    z = (top + bottom) / 2 * L0 / EA + (np.hypot(H, top) - np.hypot(H, bottom)) / w
+    off = np.hypot(x - np.hypot(apart[:, 0], apart[:, 1]), z - apart[:, 2])
+    return float(off.max(initial=0) / np.abs(case.robot.exits).max())
+
+
+def random_case(seed: int) -> Case:
+    """Two to ten cables, some of them massless, some slack; light and heavy, spatial and planar, loaded or not."""
+    random = np.random.default_rng(seed)
+    size, cables, planar = 10 ** random.uniform(-0.3, 1.2), random.integers(2, 11), random.random() < 0.15
+    exits = random.uniform(-0.5, 0.5, (cables, 3)) * size
+    exits[:, 2] = size * random.uniform(0.3, 1, cables)
+    if random.random() < 0.3:
+        exits[random.integers(1, cables), 2] = -0.2 * size
+    anchors = random.uniform(-0.5, 0.5, (cables, 3)) * size * 10 ** random.uniform(-1.3, -0.4)
+    mass = 10 ** random.uniform(-1, 2.5)
+    load = 9.81 * mass
+    stiffness = load * 10 ** random.uniform(1, 4.5) * random.uniform(1, 2, cables)
+    center = random.uniform(-0.1, 0.1, 3) * np.abs(anchors).max() * (random.random() < 0.5)
+    wrench = np.zeros(6)
+    if random.random() < 0.3:
+        wrench[:3] = 0.2 * load * random.normal(size=3)
+        if cables > 5:
+            wrench[3:] = 0.01 * load * np.abs(anchors).max() * random.normal(size=3)
+    position = random.uniform(-0.3, 0.3, 3) * size * [1, 1, 0.4] + [0, 0, 0.1 * size]
+    if planar:
+        exits[:, 1], anchors[:, 1], center[1], position[1] = 0, 0, 0, 0
+        wrench[[1, 3, 5]] = 0
+    robot = cdpr.Robot(
+        exits, anchors, stiffness, mass, center_of_mass=center, mobility="planar" if planar else "spatial"
+    )
+    slack = random.choice([0, random.uniform(-0.02, 0.02), random.uniform(0, 0.4)], cables)
+    weights = load / size * 10 ** random.uniform(-5, 0) * random.uniform(1, 3, cables)
+    weights *= random.random(cables) < random.choice([0.6, 1.0])
+    return Case(robot, position, robot.rest_lengths(position) * (1 + slack), weights, wrench)
+
+
+def certify(case: Case) -> None:
+    """Forces balance, each is that of a cable which ends at its anchor, and the platform returns when it is moved."""
+    assert case.status == Status.CONVERGED
+    load = max(case.robot.weight, np.abs(case.wrench / case.robot.units).max())
+    stiffest = (case.robot.axial_stiffness / case.rest).max()
+    size = np.abs(case.robot.exits).max()
+    rounding = 8 * np.finfo(float).eps * (2 * stiffest * size + (case.weights * case.rest).sum())
+    net = np.abs(case.unbalanced(case.position, case.rotation)).max()
+    assert net == pytest.approx(case.residual, abs=2 * rounding)
+    assert net <= min(2e-9 * load, LARGEST_RESIDUAL) + 2 * rounding
+    assert misses(case) <= ENDS_TOLERANCE
+    # Shorter steps where a massless cable is just taut: across its kink, differences are no slope.
+    eigenvalues = (np.linalg.eigvalsh(case.stiffness(step)) for step in (1e-8, 1e-10))
+    assert any(values[0] >= -1e-6 * values[-1] for values in eigenvalues)
+    found = catenary(
+        case.robot.exits, case.anchors(case.position, case.rotation), case.rest, case.robot.axial_stiffness,
+        case.weights,
+    )  # fmt: skip
+    np.testing.assert_allclose(case.tensions, found.anchor_tension, rtol=1e-9, atol=rounding)
+
+
+def test_random_heavy_robots_come_to_rest() -> None:
+    """Every one where springs alone do, too: about a torque that no rest can balance the platform turns for ever."""
+    cases = [random_case(seed) for seed in range(ROBOTS)]
+    held = [case for case in cases if case.massless_status == Status.CONVERGED]
+    assert len(held) >= 0.99 * ROBOTS
+    for case in held:
+        certify(case)
+    assert np.mean([case.iterations for case in held]) < 10
+
+
+@pytest.mark.parametrize("name", PAPER_ROBOTS)
+@pytest.mark.parametrize("density", [5e-4, 0.05])
+def test_the_catalogues_robots_come_to_rest(name: str, density: float, catalogue: dict[str, cdpr.Robot]) -> None:
+    """With cables of half a gramme per metre and of a hundred times that, commanded to places all over their frames."""
+    random = np.random.default_rng(7)
+    robot = catalogue[name]
+    for _ in range(20):
+        position = random.uniform([0.2, 0.13, 0.05], [0.6, 0.37, 0.35])
+        if robot.mobility == "planar":
+            position[1] = 0
+        certify(Case(robot, position, robot.rest_lengths(position), np.full(len(robot.exits), 9.81 * density)))
+
+
+def test_cables_without_weight_are_springs() -> None:
+    """The same rest as from the solver for massless robots, where it starts from elsewhere."""
+    robot = cdpr.load_robot("parallel")
+    for x in (0.25, 0.4, 0.5):
+        position = np.array([x, 0.25, 0.15])
+        rest = robot.rest_lengths(position)
+        springs = cdpr.solve(robot, position)
+        there = position + np.array([0.01, -0.01, 0.01]), Rotation.from_euler("xyz", [0.05, -0.05, 0.1]).as_matrix()
+        case = Case(robot, position, rest, np.zeros(8), start=there)
+        assert case.status == Status.CONVERGED
+        np.testing.assert_allclose(case.position, springs.position, atol=1e-9)
+        np.testing.assert_allclose(case.tensions, springs.tensions, atol=1e-5)
+
+
+def test_it_leaves_a_saddle() -> None:
+    """A platform balanced upside down on its cables rolls over, and rests at a minimum."""
+    exits = [[-1, 0, 1.0], [1, 0, 1]]
+    robot = cdpr.Robot(exits, [[-0.2, 0, 0.0], [0.2, 0, 0]], 1e4, 1.0, center_of_mass=(0, 0, -0.1), mobility="planar")
+    rest, weights = np.full(2, 1.2), np.full(2, 0.5)
+    certified = Case(robot, np.array([0, 0, 0.1]), rest, weights)
+    turned = np.diag([-1.0, 1, -1])
+    upside_down = Case(robot, None, rest, weights, start=(np.array([0, 0, 0.1]), turned))
+    certify(certified)
+    certify(upside_down)
+    assert upside_down.rotation[2, 2] > 0.99
+
+
+def test_what_is_not_finite_is_said_to_be() -> None:
+    """By a status, and no pose is called an equilibrium."""
+    robot = cdpr.load_robot("cogiro")
+    position = np.array([0.4, 0.25, 0.1])
+    for rest, weight in ((np.full(8, np.nan), 0.1), (robot.rest_lengths(position), np.nan)):
+        case = Case(robot, position, rest, np.full(8, weight), start=(position, np.eye(3)))
+        assert case.status == Status.NOT_FINITE
+        assert np.isnan(case.residual)
+
+
+def test_turning_the_world_turns_the_answer() -> None:
+    """About the vertical, with everything in it; and shifting it shifts the answer."""
+    case = random_case(4)
+    turn, shift = Rotation.from_rotvec([0, 0, 0.7]).as_matrix(), np.array([0.5, -0.3, 0.2])
+    old = case.robot
+    robot = old.replace(exits=old.exits @ turn.T + shift)
+    wrench = np.r_[turn @ case.wrench[:3], turn @ case.wrench[3:]]
+    start = turn @ case.start[0] + shift, turn @ case.start[1]
+    moved = Case(robot, None, case.rest, case.weights, wrench, start=start)
+    np.testing.assert_allclose(moved.position, turn @ case.position + shift, atol=1e-7)
+    np.testing.assert_allclose(moved.rotation, turn @ case.rotation, atol=1e-7)
