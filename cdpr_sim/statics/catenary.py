@@ -11,8 +11,8 @@ and so F(a) = (z/L0)² [tanh a/(tanh a + kappa)]² + (x/L0)² [sinh a/(a + kappa
 two ends' tensions is T = w L0/(2 tanh a).
 
 Its energy, of stretch and of its own weight, is w L0 (zA + zB)/2 + U(x, z), and U is convex with the slope (H, V): to
-the platform a cable with mass is a convex potential plus half its weight at the anchor. Without mass it is a spring that
-only pulls.
+the platform a cable with mass is a convex potential plus half its weight at the anchor. Without mass it is a spring
+that only pulls.
 """
 
 from __future__ import annotations

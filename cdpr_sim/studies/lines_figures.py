@@ -203,7 +203,7 @@ def paper_line(lines: Sequence[Line]) -> Figure:
         6.6,
         f"Along the paper's line: {', '.join(extremes)}",
         f"DemoBot commanded level from x = {start[0]:g} to {end[0]:g} m (grey band) at y = {start[1]:g} m; the title "
-        f"has the largest of these lines. {METHODS} {count} points. EA is assumed ({stiffness}), as the paper gives none."
+        f"has the largest of these lines. {METHODS} {count} points. EA is assumed ({stiffness}): the paper gives none."
         " Black bars: what the paper reports of the parallel layout at both ends, read from its text (“approximately "
         "20°”, “about 15 mm”; we take it as downwards) and not from its data. (Paper, Fig. 12)",
     )
