@@ -149,7 +149,7 @@ class LoadPath(HtmlRepr):
     def __repr__(self) -> str:
         x, y, z = self.reached.position
         return (
-            f"<Following of {self.reached.problem.robot.name!r}: to ({x:.6f}, {y:.6f}, {z:.6f}) m in "
+            f"<LoadPath of {self.reached.problem.robot.name!r}: to ({x:.6f}, {y:.6f}, {z:.6f}) m in "
             f"{len(self.loads)} steps of the load, with {len(self.jumps)} jumps>"
         )
 

@@ -75,7 +75,7 @@ class Reference:
         return (before - 2 * now + after) / INSTANT**2
 
     def __repr__(self) -> str:
-        return f"<Course: {self.seconds:.3g} s, after a pause of {self.pause:.3g} s>"
+        return f"<Reference: {self.seconds:.3g} s, after a pause of {self.pause:.3g} s>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class Measurement:
 
     def __repr__(self) -> str:
         x, y, z = self.pose.translation
-        return f"<Sensed at {self.time:.4g} s: ({x:.6f}, {y:.6f}, {z:.6f}) m>"
+        return f"<Measurement at {self.time:.4g} s: ({x:.6f}, {y:.6f}, {z:.6f}) m>"
 
 
 @dataclass(frozen=True, eq=False)
