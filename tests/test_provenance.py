@@ -14,9 +14,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
+from cdpr_sim import RigidLengths
 from cdpr_sim.analysis.workspace import sweep as sweeping
 from cdpr_sim.cli import app
-from cdpr_sim.control import RigidLengths
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck import check as checking

@@ -571,7 +571,7 @@ def test_methods_agree_on_heavy_cables(name):
 
 
 def heavy_problem(seed: int) -> cdpr.Problem:
-    """One of the random robots of scripts/attack_real_cables.py that MuJoCo settles."""
+    """One of the random robots of scripts/stress_test_real_cables.py that MuJoCo settles."""
     robot, position, random = random_robot(seed, stiffest=1e6)
     density = 10 ** random.uniform(-4, -1) * robot.mass / robot.rest_lengths(position).sum()
     return cdpr.Problem.of(robot.replace(linear_density=density), position)
@@ -614,7 +614,7 @@ def test_one_percent_more_weight_in_mujoco_alone_is_noticed():
     ],
 )
 def test_robots_on_hard_heavy_cables_settle_where_statics_has_them(seed, why):
-    """Of 300 random ones (scripts/attack_real_cables.py) those that did not settle, or settled up to 0.1 mm off."""
+    """Of 300 random ones (scripts/stress_test_real_cables.py) those that did not settle, or settled 0.1 mm off."""
     problem = heavy_problem(seed)
     found = cdpr.compare(cdpr.solve(problem), cdpr.settle(problem))
     assert found.agrees, why
