@@ -121,7 +121,7 @@ def test_spun_up_row_raises_and_carries_the_best_point(catalogue, source):
     )  # whatever was asked before
     for ask in (lambda: equilibria[1], lambda: one(equilibria.problems[1])):
         with pytest.raises(
-            error, match="under a torque that keeps its direction in space there may be no rest"
+            error, match="under a torque with a constant direction in space there may be no equilibrium"
         ) as said:
             ask()
         assert cdpr.Status(int(equilibria.status[1])).sentence in str(said.value)

@@ -317,7 +317,7 @@ def test_settle_is_right_about_weight_beside_pulleys_or_laws(kind, density):
 
 # --- strains beyond which a law is not given --------------------------------------------------------------------------
 
-STRAINED = "a cable is strained by more than 20%, up to which its nonlinear law is given"
+STRAINED = "a cable is strained by more than 20%, beyond the range of its nonlinear law"
 
 
 def plumb(mass: float, stiffening: tuple[float, float]) -> cdpr.Robot:
@@ -461,7 +461,7 @@ def test_no_equilibrium_under_a_wheel_is_an_answer():
         for method, kind in ((cdpr.solve, cdpr.NotConverged), (cdpr.settle, cdpr.NotSettled))[: 2 if trial < 4 else 1]:
             with pytest.raises(kind, match="anchor of cable 1 inside or below its pulley's wheel") as told:
                 method(robot, pose)
-            assert f"expected it further from there than the radius, {robot.cabling.pulley_radius[0]:g} m" in str(
+            assert f"expected a larger distance than the radius, {robot.cabling.pulley_radius[0]:g} m" in str(
                 told.value
             )
 

@@ -1,7 +1,7 @@
 """Robots of the Gazebo plugin ``oKermorgant/cdpr``: YAML with the points of each cable on the frame and the platform.
 
-Its Gazebo model takes the same numbers: metres, roll-pitch-yaw about fixed axes, inertia about the platform's origin in
-the order xx, yy, zz, xy, xz, yz. Cables there are driven by force and do not stretch.
+Its Gazebo model uses the same numbers: metres, roll-pitch-yaw about fixed axes, inertia about the platform's origin in
+the order xx, yy, zz, xy, xz, yz. Cables there are force-controlled and rigid.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def read(document: Any, path: Path) -> Draft:
     """The robot of such a file.
 
     Raises:
-        InvalidInput: something is missing or cannot be right.
+        InvalidInput: something is missing or invalid.
     """
     model = as_model(_Model, document["model"] if "points" not in document else document)
     platform = model.platform
