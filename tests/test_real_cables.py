@@ -6,6 +6,7 @@ import warnings
 import mujoco
 import numpy as np
 import pytest
+from chain_reference import equilibrium_of_chains, gauss
 from sample_problems import random_robot
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
@@ -17,7 +18,6 @@ from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.design.robot_batch import Cases, RobotBatch, rest
 from cdpr_sim.statics import derivatives, forces
 from cdpr_sim.statics.catenary import catenary
-from cdpr_sim.statics.chain import equilibrium_of_chains, gauss
 from cdpr_sim.statics.newton import stiffness_of
 
 SOFT = 1e3

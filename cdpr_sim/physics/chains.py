@@ -77,8 +77,8 @@ def refuse_weight(robot: Robot, doing: str) -> None:
         )
 
 
-class Division(NamedTuple):
-    """Division of chains from exit to anchor: segments' lengths, and masses, the one at the anchor last.
+class ChainDivision(NamedTuple):
+    """ChainDivision of chains from exit to anchor: segments' lengths, and masses, the one at the anchor last.
 
     As fractions of the whole. The missing mass would be at the exit.
     """
@@ -88,13 +88,13 @@ class Division(NamedTuple):
 
 
 @cache
-def straight() -> Division:
-    """Division by the quadrature along the cable."""
+def straight() -> ChainDivision:
+    """ChainDivision by the quadrature along the cable."""
     points, weights = _quadrature()
-    return Division(weights[None] / 2, np.diff((points + 1) / 2, append=1.0)[None])
+    return ChainDivision(weights[None] / 2, np.diff((points + 1) / 2, append=1.0)[None])
 
 
-def divisions(level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " chains"]) -> Division:
+def divisions(level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " chains"]) -> ChainDivision:
     """Divisions of chains with bends: by the quadrature in u, with level + bend sinh(u) the position along the cable.
 
     So they are divided more finely where they bend. Chains that hardly bend are divided like straight ones.
@@ -108,8 +108,8 @@ def divisions(level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " cha
     first, last = np.arcsinh(-level / bend), np.arcsinh((1 - level) / bend)
     u = (first + last + (last - first) * points) / 2
     lengths = weights * np.cosh(u)
-    bent = Division(lengths / lengths.sum(1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
-    return Division(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(), strict=True)))
+    bent = ChainDivision(lengths / lengths.sum(1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
+    return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(), strict=True)))
 
 
 @cache
@@ -286,7 +286,7 @@ class Chains:
         cabling: Cabling,
         axial_stiffness: Float[np.ndarray, " cables"],
         rest_lengths: Float[np.ndarray, " cables"],
-        division: Division,
+        division: ChainDivision,
     ) -> None:
         """Set a model's cables with mass to these rest lengths: springs and masses. ``mj_setConst`` has to follow."""
         lengths = rest_lengths[self.cables, None]

@@ -162,10 +162,10 @@ def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml") -> str:
     _camera(world, "front", center, np.array([0.0, -1.0, 0.12]), 1.35 * diagonal)
     _camera(world, "iso", center, np.array([0.75, -1.0, 0.55]), 1.35 * diagonal)
     if problem is not None:
-        tendons = ET.SubElement(root, "tendon")
+        drawn_tendons = ET.SubElement(root, "tendon")
         for i in np.flatnonzero(~robot.cabling.pulleys & (robot.cabling.linear_density == 0)):
             drawn = float(f"{(1 + LEAST_SPARE) * problem.rest_lengths[i]:.12g}")
-            tendons.add_twin(tendons, f"line_{i + 1}", int(i) + 1, drawn)
+            tendons.add_twin(drawn_tendons, f"line_{i + 1}", int(i) + 1, drawn)
     return _document(root)
 
 
