@@ -158,7 +158,7 @@ def test_a_trajectory_is_a_batch_with_times(catalogue):
     assert not motion.converged.any()
     assert np.isnan(motion.residuals).all()
     assert np.isnan(motion.eigenvalues).all()
-    with pytest.raises(cdpr.NotSettled, match="the platform is on its way"):
+    with pytest.raises(cdpr.NotSettled, match="the platform is moving"):
         motion[-1]
     last = motion.point(-1)
     np.testing.assert_array_equal(last.pose.as_matrix(), rest.pose.as_matrix())

@@ -251,7 +251,7 @@ def test_mujocos_warnings_become_not_settled_and_leave_no_log(tmp_path, monkeypa
 def test_running_out_of_steps_is_not_settling(monkeypatch):
     """Given too few steps, the status says so, the reason says what is left, and the state is no equilibrium."""
     monkeypatch.setattr(dynamic_relaxation, "STEPS", 2 * dynamic_relaxation.CHUNK)
-    words = r"no equilibrium was reached within the .* time steps .* \(26 time steps, \d.* N still unbalanced\)"
+    words = r"no equilibrium was reached within the .* time steps \(26 time steps, \d.* N still unbalanced\)"
     with pytest.raises(NotSettled, match=words) as caught:
         settle(load_robot("parallel"), [0.17, 0.25, 0.1])
     assert caught.value.equilibrium is not None

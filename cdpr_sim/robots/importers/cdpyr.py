@@ -75,7 +75,7 @@ class _Platform(Part):
 
 
 class _Modulus(Part):
-    tangent_stiffness: list[Number] | None = None
+    elasticities: list[Number] | None = None
     viscosities: list[Any] | None = None
 
 
@@ -175,8 +175,7 @@ def _section(cable: _Cable) -> float:
 def _stiffness(cables: list[_Cable]) -> list[float] | None:
     """EA [N]: the first elasticity [Pa] is the static spring, times the section."""
     moduli = [
-        cable.modulus.tangent_stiffness[0] if cable.modulus and cable.modulus.tangent_stiffness else None
-        for cable in cables
+        cable.modulus.elasticities[0] if cable.modulus and cable.modulus.elasticities else None for cable in cables
     ]
     if None in moduli:
         return None
