@@ -139,7 +139,7 @@ def test_solve_shows_the_solver_that_is_asked(methods, method):
 
 def test_compensate_shows_each_method_before_and_after(methods, monkeypatch):
     """Four columns; whether it is held is what MuJoCo's ``verify_compensation`` says, and not what statics says."""
-    monkeypatch.setattr(cdpr, "confirm", lambda found: CompensationCheck(found, None, None))
+    monkeypatch.setattr(cdpr, "verify_compensation", lambda found: CompensationCheck(found, None, None))
     result = run("compensate", "cogiro")
     assert result.exit_code == 1
     assert "What statics finds is not held in MuJoCo" in result.stdout

@@ -143,7 +143,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "closed_form_feasible": of_many | limits,
         "compare": dict(static=found, settled=cdpr.settle(robot, pose)),
         "compensate": asked,
-        "confirm": dict(compensation=cdpr.compensate(robot, pose)),
+        "verify_compensation": dict(compensation=cdpr.compensate(robot, pose)),
         "draw": asked,
         "drive": moved | dict(states=3),
         "feasible": of_many,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cdpr_sim.core.errors import MissingExtra
+from cdpr_sim.core import extras
 
 BITS = 106
 """Precision of midpoints: twice a double's, so that 16 digits are left where half of them cancel."""
@@ -41,22 +41,15 @@ def load() -> Any:
     Raises:
         MissingExtra: python-flint is not installed.
     """
-    try:
-        import flint
-    except ImportError:
-        raise MissingExtra(
-            'proof: found no python-flint, which proofs need; install it with: pip install "cdpr-sim[proof]"'
-        ) from None
+    extras.require("proof", "proof")
+    import flint
+
     return flint
 
 
 def installed() -> bool:
     """Whether proofs can be computed here."""
-    try:
-        load()
-    except MissingExtra:
-        return False
-    return True
+    return not extras.missing("proof")
 
 
 def exact(value: float) -> Ball:

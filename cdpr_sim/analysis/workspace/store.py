@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cdpr_sim.core import extras
 from cdpr_sim.core.checks import checked_path as given_path
 from cdpr_sim.core.errors import InvalidInput, StoreError
 from cdpr_sim.core.files import refuse_unwritable
@@ -72,6 +73,7 @@ def open_sweep(store: str | Path) -> xr.Dataset:
         InvalidInput: there is no sweep, or it is unfinished.
         StoreError: a chunk of it is lost or corrupt: raised here, or when it is read.
     """
+    extras.require("sweep", "open_sweep")
     import xarray as xr
 
     path = given_path("store", store)

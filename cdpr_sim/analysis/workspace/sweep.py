@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid
-from cdpr_sim.core import available_memory
+from cdpr_sim.core import available_memory, extras
 from cdpr_sim.core.checks import FLAG, checked_array, checked_label, listed, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.errors import InvalidInput
@@ -158,6 +158,7 @@ def sweep(
         UnknownName: no such robot, material or quantity.
         StoreError: the store cannot be written; its content is kept.
     """
+    extras.require("sweep", "sweep")
     refuse_unless(FLAG, compute=compute, progress=progress)
     many = not isinstance(robots, (str, Robot))
     group = as_robots(robots)
