@@ -270,8 +270,8 @@ def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
     pulling = replace(demand, lower=np.zeros(robot.cables), upper=np.full(robot.cables, np.inf))
     if balances(pulling):
         least = smallest(pulling)
-        told = "" if least is None else f" (the smallest: {least.min():.3g} to {least.max():.3g} N)"
-        return (f"cables that only pull could balance the load there, but not within the limits of tension{told}",)
+        bounds = "" if least is None else f" (the smallest: {least.min():.3g} to {least.max():.3g} N)"
+        return (f"cables that only pull could balance the load there, but not within the limits of tension{bounds}",)
     pushing = np.linalg.lstsq(demand.wrench_matrix, -demand.load, rcond=None)[0]
     can_push = np.abs(demand.wrench_matrix @ pushing + demand.load).max() <= BALANCED * demand.scale
     why = (

@@ -202,12 +202,12 @@ class Cabling(Frozen):
             InvalidInput: some cables have mass, and others run over pulleys or have nonlinear laws.
         """
         if not self.massless and self.bent:
-            heavy = int(np.argmax(self.linear_density))
+            massive = int(np.argmax(self.linear_density))
             other = int(np.argmax(self.pulleys | self.stiffening.any(-1)))
             what = "a pulley" if self.pulleys[other] else "nonlinear elasticity"
             raise InvalidInput(
-                f"linear_density: found {self.linear_density[heavy]:g} kg/m in cable {heavy + 1} and {what} in cable "
-                f"{other + 1}, expected only one of the two in a robot: statics does not take both into account "
+                f"linear_density: found {self.linear_density[massive]:g} kg/m in cable {massive + 1} and {what} in "
+                f"cable {other + 1}, expected only one of the two in a robot: statics does not take both into account "
                 "(cdpr_sim.settle does)"
             )
 

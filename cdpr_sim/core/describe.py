@@ -43,12 +43,12 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
     """
     cabling, words = robot.cabling, []
     if not cabling.massless:
-        heavy = cabling.linear_density > 0
-        words.append(f"{_span(1e3 * cabling.linear_density[heavy])} g/m{_some(heavy)}")
+        with_mass = cabling.linear_density > 0
+        words.append(f"{_span(1e3 * cabling.linear_density[with_mass])} g/m{_some(with_mass)}")
     if not cabling.linear:
-        stiffens = np.asarray(cabling.stiffening.any(-1))
-        a2, a3 = cabling.stiffening[stiffens].T
-        words.append(f"nonlinear with a2 = {_span(a2)}, a3 = {_span(a3)}{_some(stiffens)}")
+        nonlinear = np.asarray(cabling.stiffening.any(-1))
+        a2, a3 = cabling.stiffening[nonlinear].T
+        words.append(f"nonlinear with a2 = {_span(a2)}, a3 = {_span(a3)}{_some(nonlinear)}")
     if cabling.pulleys.any():
         radius = 1e3 * cabling.pulley_radius[cabling.pulleys]
         words.append(f"over pulleys of {_span(radius)} mm radius{_some(cabling.pulleys)}")

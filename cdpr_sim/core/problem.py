@@ -410,8 +410,8 @@ def _fitting(parts: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     try:
         return np.broadcast_shapes(*parts.values())
     except ValueError:
-        told = ", ".join(f"{name} {found}" for name, found in parts.items() if found)
-        raise InvalidInput(f"shapes before the last dimensions do not fit one another: {told}") from None
+        listed_shapes = ", ".join(f"{name} {found}" for name, found in parts.items() if found)
+        raise InvalidInput(f"shapes before the last dimensions do not fit one another: {listed_shapes}") from None
 
 
 def _checked_rotations(rotations: ArrayLike) -> Float[np.ndarray, "*batch 3 3"]:

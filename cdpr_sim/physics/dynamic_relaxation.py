@@ -100,7 +100,7 @@ class Relaxation:
         self.swing = np.sqrt(np.where(self.strained, pull, self.load) / robot.mass / self.length)
         rounding = ROUNDING * stiffness.max(1)
         self.target = np.minimum(np.maximum(RESIDUAL * self.load, rounding), ACCEPTABLE * self.load)
-        self.own_inertia, self.heavy = _inertias(robot), False
+        self.own_inertia, self.inertia_added = _inertias(robot), False
         self.inertia = np.tile(self.own_inertia, (len(self.load), 1))
         turning = self.inertia[:, simulations.angular]
         needed = robot.mass * simulations.length * self.length / SLUGGISH**2
@@ -224,7 +224,7 @@ class Relaxation:
         self.ratio = np.minimum(np.maximum(self.ratio, self.least_damping), MOST_DAMPING)
         self.best = np.where(going | rattling, self.residual, self.best)
         self.patience[rattling] = 0
-        if not (self.heavy or rattling.any()):
+        if not (self.inertia_added or rattling.any()):
             return
         self.rattles += rattling
         heavier = rattling & (self.rattles % RATTLES == 0)
@@ -236,7 +236,7 @@ class Relaxation:
     def _add_inertia(self, added: Float[np.ndarray, "rows turns"]) -> None:
         """Increase the rotational inertia: the equilibrium does not depend on it."""
         simulations = self.simulations
-        self.heavy = bool((added > 0).any()) or self.heavy
+        self.inertia_added = bool((added > 0).any()) or self.inertia_added
         simulations.armature[:, simulations.angular] += added / simulations.unit
         self.inertia[:, simulations.angular] += added
         self.root_inertia, self.twice_inertia = np.sqrt(self.inertia), 2 * self.inertia / simulations.unit

@@ -65,13 +65,13 @@ def add_tendons(
             chains.add_segments(tendons, robot, i - 1, rest_lengths[i - 1], step)
             continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
-        stiffens = cabling.stiffening[i - 1].any()
-        if stiffens or not wound:
-            cable.set("stiffness", text([stiffness, *further[i - 1]] if stiffens else stiffness))
+        nonlinear = cabling.stiffening[i - 1].any()
+        if nonlinear or not wound:
+            cable.set("stiffness", text([stiffness, *further[i - 1]] if nonlinear else stiffness))
             cable.set("springlength", text([0, length]))
         if not cabling.massless:
             cable.set("damping", text(step * stiffness))  # this integrator does not know springs
-        if stiffens and wound:
+        if nonlinear and wound:
             ET.SubElement(cable, "site", site=f"drum_{i}")
         elif cabling.pulleys[i - 1]:
             ET.SubElement(cable, "site", site=f"entry_{i}")

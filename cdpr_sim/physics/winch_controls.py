@@ -45,11 +45,11 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
             f"{highest[cable]:.4g} m, which its winch can let out"
         )
     controls = problem.rest_lengths / wanted - 1
-    stiffens = robot.cabling.stiffening.any(1)
-    if stiffens.any():
+    nonlinear = robot.cabling.stiffening.any(1)
+    if nonlinear.any():
         servos = SERVO * robot.axial_stiffness / problem.rest_lengths
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
             drawn_in = rest.lengths * controls[row] + rest.tensions / servos  # plus the servos' displacement
-            controls[row][stiffens] = drawn_in[stiffens]
+            controls[row][nonlinear] = drawn_in[nonlinear]
     return controls

@@ -205,7 +205,7 @@ def _descent(unpack: Callable) -> Callable:
 _LAYOUT = "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(),(),()"
 _INTEGERS = "iterations", "status"
 _PLAIN = Kernel("static solver", _descent(ck.unpack), _LAYOUT, _INTEGERS)
-_BENT = Kernel("static solver for pulleys and laws that stiffen", _descent(ck.unpack_bent), _LAYOUT, _INTEGERS)
+_BENT = Kernel("static solver for pulleys and nonlinear laws", _descent(ck.unpack_bent), _LAYOUT, _INTEGERS)
 
 
 def equilibrium_gufunc(*, bent: bool = False) -> Kernel:

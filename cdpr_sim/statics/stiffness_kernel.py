@@ -78,7 +78,7 @@ def _element(unpack: Callable) -> Callable:
 _LAYOUT = "(m,k),(m),(),(),(c),(c,c),(f),(),(c),(c,c)->(f),()"
 _PLAIN = Kernel("stiffness and frequencies", _element(ck.unpack), _LAYOUT, ("free",))
 _BENT = Kernel(
-    "stiffness and frequencies with pulleys and laws that stiffen", _element(ck.unpack_bent), _LAYOUT, ("free",)
+    "stiffness and frequencies with pulleys and nonlinear laws", _element(ck.unpack_bent), _LAYOUT, ("free",)
 )
 
 

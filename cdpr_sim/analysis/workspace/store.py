@@ -236,7 +236,7 @@ def _held(path: Path) -> Iterator[None]:
     try:
         lock.acquire()
     except Timeout:
-        raise StoreError(f"store: {path} is being written to by {holder}; expected to be asked later") from None
+        raise StoreError(f"store: {path} is being written to by {holder}; expected to be run later") from None
     except NotImplementedError:  # a file system without locks: treated as locked
         yield
         return

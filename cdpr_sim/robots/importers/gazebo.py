@@ -19,7 +19,7 @@ TITLE = "oKermorgant/cdpr's YAML"
 MARKS = {"points", "model"}
 
 
-class _Point(Part):
+class _Attachment(Part):
     frame: Vector
     platform: Vector
 
@@ -59,8 +59,8 @@ class _Joints(Part):
     actuated: _Actuated = _Actuated()
 
 
-class _Model(Part):
-    points: list[_Point] = Field(min_length=1)
+class _Document(Part):
+    points: list[_Attachment] = Field(min_length=1)
     platform: _Platform
     frame: _Frame | None = None
     joints: _Joints = _Joints()
@@ -72,7 +72,7 @@ def read(document: Any, path: Path) -> Draft:
     Raises:
         InvalidInput: something is missing or invalid.
     """
-    model = as_model(_Model, document["model"] if "points" not in document else document)
+    model = as_model(_Document, document["model"] if "points" not in document else document)
     platform = model.platform
     inertia = platform.inertia
     if inertia is None and (given := platform.inertial) is not None:
