@@ -111,9 +111,9 @@ def profile(
     run = sideways * s / EA + sideways * turned / w
     rise = s * (2 * end + w * s) * (0.5 / EA + 1 / both)
     across = -pull[..., None, :2] / H[..., None]
-    points = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
-    points[..., -1, :] = B
-    return points
+    positions = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
+    positions[..., -1, :] = B
+    return positions
 
 
 def _one(exit_, anchor, rest_length, axial_stiffness, weight, pull, stiffness, energy, exit_tension, anchor_tension):
