@@ -1,7 +1,7 @@
-"""How the net wrench on the platform changes: with the pose, with the tensions, and with every number of the robot.
+"""Derivatives of the net wrench on the platform by the pose, the tensions and every parameter of the robot.
 
-The building blocks of sensitivities, identification, compensation and the search for saddles. A step of the pose is
-(translation, left-applied rotation vector), as in ``forces``. All are exact on the present set of taut cables.
+Sensitivities, identification, compensation and the search for saddles are built on them. A step of the pose is
+(translation, left-applied rotation vector), as in ``forces``. All are exact for the present set of taut cables.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from cdpr_sim.statics.forces import State, cross_matrix
 Array = np.ndarray
 
 PARAMETERS = ("rest_lengths", "axial_stiffness", "exits", "anchors", "mass", "center_of_mass", "external_wrench")
-"""What an equilibrium depends on, by the names of ``Robot`` and ``Problem``."""
+"""Parameters of an equilibrium, by the names of ``Robot`` and ``Problem``."""
 
 PULLEY_PARAMETERS = ("pulley_radius",)
-"""And that of a robot with pulleys."""
+"""Parameters of an equilibrium of a robot with pulleys."""
 
 
 def parameters(robot: Robot) -> tuple[str, ...]:
-    """What an equilibrium of ``robot`` depends on."""
+    """Parameters on which an equilibrium of ``robot`` depends."""
     return PARAMETERS + (PULLEY_PARAMETERS if robot.cabling.pulleys.any() else ())
 
 
 def wrench_slope(state: State) -> Float[Array, "*batch 6 6"]:
     """∂(net wrench)/∂(pose step) [N/m, N, N m], at any pose, in equilibrium or not.
 
-    Minus the stiffness matrix, but for one term: the Hessian in a rotation vector is symmetric, whereas the torque
-    that it is the slope of turns with the platform. With m the torque of cables and weight alone, that is −½ [m]×
+    It is minus the stiffness matrix, except for one term: the Hessian in a rotation vector is symmetric, but the torque
+    turns with the platform. With m the torque of cables and weight without the external wrench, the term is −½ [m]×
     in the rotations' block. It vanishes at an equilibrium without an external torque.
     """
     slope = -state.stiffness_matrix
@@ -41,7 +41,7 @@ def wrench_slope(state: State) -> Float[Array, "*batch 6 6"]:
 
 
 def wrench_slope_at_fixed_tensions(state: State) -> Float[Array, "*batch 6 6"]:
-    """As ``wrench_slope``, of cables whose tension would not change with their length: what geometry alone does."""
+    """As ``wrench_slope``, for cables whose tensions do not change with their lengths: the geometric part."""
     W = state.wrench_matrix
     return wrench_slope(state) + np.einsum("...ic,...c,...jc->...ij", W, state.tangent_stiffness, W)
 
@@ -54,7 +54,7 @@ def wrench_by_parameter(state: State) -> dict[str, Float[Array, "6 parameters"]]
     robot, rotation, geometry, tau = state.problem.robot, state.rotation, state.geometry, state.tensions
     arms, directions, W = geometry.arms, geometry.directions, geometry.wrench_matrix
     tension_by = tension_by_parameter(state)
-    # The cable's force f = tau u: moving its upper end turns it, and moving its lower end turns it back.
+    # The cable's force is f = tau u: a step of its exit turns it, and a step of its anchor turns it back.
     turning = tau[:, None, None] * geometry.length_hessians
     by_exit = np.concatenate([turning, cross_matrix(arms) @ turning], axis=1)
     lever = np.concatenate([np.zeros_like(turning), -cross_matrix(tau[:, None] * directions)], axis=1)
@@ -80,7 +80,8 @@ def wrench_by_parameter(state: State) -> dict[str, Float[Array, "6 parameters"]]
 def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables parameters"]]:
     """∂(tensions)/∂(parameter) at a fixed pose, for each of ``parameters``; ``state`` is of a single pose.
 
-    A law is one of strain, s/l0, so that letting out a length dl0 gives way as much as (l/l0) dl0 of less length.
+    The law is a function of the strain s/l0, so that a change dl0 of the rest length acts like a change −(l/l0) dl0 of
+    the length.
     """
     problem, lengths, elastic = state.problem, state.lengths, state.tangent_stiffness
     rest, cables = problem.rest_lengths, problem.robot.cables
@@ -92,7 +93,7 @@ def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables paramet
     by_anchor[rows, rows] = -(elastic[:, None] * directions) @ state.rotation
     by_radius = {}
     if problem.robot.cabling.pulleys.any():
-        # A thicker wheel takes up its wrap, and stands nearer to the anchor by as much.
+        # A larger wheel takes up more cable by its wrap, and reduces the distance to the anchor by as much.
         wraps = state.geometry.wraps
         by_radius["pulley_radius"] = np.diag(elastic * (wraps - np.sin(wraps)))
     per_stiffness = cable_law.per_axial_stiffness(lengths - rest, rest, *problem.robot.cabling.stiffening.T)
@@ -108,12 +109,12 @@ def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables paramet
 
 
 def tension_by_pose(state: State) -> Float[Array, "cables 6"]:
-    """∂(tensions)/∂(pose step): a taut cable's stiffness times the slope of its length, −Wᵀ."""
+    """∂(tensions)/∂(pose step): the tangent stiffness of a taut cable times the slope of its length, −Wᵀ."""
     return -state.wrench_matrix.T * state.tangent_stiffness[:, None]
 
 
 def _turning_by_radius(state: State) -> Float[Array, "cables 3"]:
-    """∂u/∂r of the directions in which cables pull [1/m], zero where there is no wheel.
+    """∂u/∂r of the directions in which cables pull [1/m], zero without a wheel.
 
     With e the axis, u = −(sin(theta) n + cos(theta) e) and m = cos(theta) n − sin(theta) e: −m (1 − cos(theta))/s.
     """
