@@ -142,12 +142,12 @@ def html_page(robot_summary: RobotSummary) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<link rel="icon" href="data:,">'
         f"<title>{escape(robot.name)}: where the platform really ends up</title>"
-        f"<style>{(_HERE / 'page.css').read_text(encoding='utf-8')}</style></head><body>"
+        f"<style>{(_HERE / 'html_page.css').read_text(encoding='utf-8')}</style></head><body>"
         f'<header><h1>{escape(robot.name)}</h1><p class="lead">{escape(robot.description)}</p>'
         f'<nav aria-label="Sections">{links}</nav>{_summary(robot_summary)}</header><main>{body}</main>'
         f"<footer><p>Written by cdpr_sim {escape(_version())}. The page is all in this one file.</p></footer>"
         f'<script type="application/json" id="scene">{_embedded(_data(robot, views))}</script>'
-        f"<script>{(_HERE / 'page.js').read_text(encoding='utf-8')}</script></body></html>\n"
+        f"<script>{(_HERE / 'html_page.js').read_text(encoding='utf-8')}</script></body></html>\n"
     )
 
 
@@ -324,8 +324,8 @@ def _film(robot_summary: RobotSummary) -> str:
         write_video(path, motion, robot_summary.static, shapes=shapes, seconds=seconds, fps=FILM_RATE, size=FILM_SIZE)
         source = html.data(path.read_bytes(), "video/mp4")
     words = (
-        f"Film: the winches drive {robot_summary.robot.name} along x through its workspace in MuJoCo; the yellow outline "
-        "is the static solver's pose."
+        f"Film: the winches drive {robot_summary.robot.name} along x through its workspace in MuJoCo; the yellow "
+        "outline is the static solver's pose."
     )
     return (
         f'<figure><video controls loop muted playsinline preload="auto" aria-label="{escape(words)}" src="{source}">'
