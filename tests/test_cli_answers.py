@@ -66,8 +66,8 @@ def test_equilibria_marks_the_one_that_is_reached():
     result = run("equilibria", "cogiro", "--material", "fishing-0.4mm", "--starts", "1000")
     assert result.exit_code == 0
     assert result.stdout.count("stays") == 7
-    assert "the platform comes to 1;" in result.stdout
-    assert "MuJoCo comes to the same" in result.stdout
+    assert "the platform reaches equilibrium 1;" in result.stdout
+    assert "MuJoCo reaches the same one" in result.stdout
     values = json.loads(run("equilibria", "two-cable", "--saddles", "--starts", "300", "--json").stdout)
     assert values["imbalance"] == 0
     assert [one["stays_in_mujoco"] for one in values["equilibria"]] == [True, False]

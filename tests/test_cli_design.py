@@ -99,7 +99,7 @@ def test_front_says_which_layouts_leave_the_frame():
         (["--limit", "displacement"], "limit: found 'displacement', expected a name, = and a number"),
         (["--limit", "displacment=1"], "unknown constraint 'displacment': did you mean displacement?"),
         (["--symmetry", "mirror-x"], "symmetry: found 'mirror-x', which 'cogiro' has not got"),
-        (["--grid", "2", "2", "2"], "line: found it beside a grid"),
+        (["--grid", "2", "2", "2"], "line: found a line and a grid"),
         (["-o", "better.txt"], "output: found 'better.txt', expected a name that ends in .toml"),
         (["--tensions", "100", "200"], "subject_to: found no layout that holds everything"),
     ],

@@ -180,8 +180,8 @@ def test_an_interrupt_while_importing_is_130_as_well():
 def test_help_says_what_each_exit_status_means():
     """And cuts no sentence."""
     text = " ".join(run("--help").stdout.split())
-    assert "Exit status: 0 if all is well; 1 if" in text
-    for status in ("2 for input", "3 for what lies outside", "130 if interrupted"):
+    assert "Exit status: 0 for success; 1 if" in text
+    for status in ("2 for invalid input", "3 for system errors", "130 if interrupted"):
         assert status in text
     assert "..." not in text.replace("[ARGS]...", "")
     for name in COMMANDS:

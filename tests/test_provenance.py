@@ -174,7 +174,7 @@ def test_equilibria_shows_what_mujocos_platforms_do(monkeypatch):
     result = run(*words)
     rows = [line.split() for line in result.stdout.splitlines() if line.split()[:1] and line.split()[0].isdigit()]
     assert [row[-1] for row in rows] == ["neither", "leaves"]
-    assert "MuJoCo comes to 2 instead" in result.stdout
+    assert "MuJoCo reaches 2 instead" in result.stdout
     assert result.exit_code == 1
     said = itertools.cycle([Release(1.0, 1.0, 1.0), answers[1]])
     told = json.loads(run(*words, "--json").stdout)

@@ -105,7 +105,7 @@ def test_a_page_shows_all_robots(tmp_path):
     assert "25 kg, 4 × 3 × 2 m" in figure.axes[2].texts[0].get_text()
     assert run("show", "cogiro", "two-cable", "-o", str(tmp_path / "two.png")).exit_code == 0
     refused = run("show", "cogiro", "two-cable", "--pose", "1", "1", "1", "-o", str(tmp_path / "none.png"))
-    assert (refused.exit_code, "found one beside several robots" in refused.stderr) == (2, True)
+    assert (refused.exit_code, "found a pose and several robots" in refused.stderr) == (2, True)
 
 
 def test_a_telescopes_tensions_agree_like_those_of_a_toy():
