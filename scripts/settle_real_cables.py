@@ -12,7 +12,7 @@ from rich.console import Console
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.report.real_cable_tables import effects_table, ends_table, left_out
 from cdpr_sim.studies.gallery import encoded
-from cdpr_sim.studies.lines import PAPER_SAG, PAPER_TILT
+from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_TILT
 from cdpr_sim.studies.real_cables import BELOW, real_cables
 from cdpr_sim.studies.real_cables_figures import real_cables as draw
 
@@ -31,13 +31,16 @@ def main() -> None:
     console.print()
     console.print(ends_table(study.ends))
     plain, weight, law, *_, wide = study.ends
+    by_weight, by_law = (
+        1e3 * np.abs(one.downward_deviations - plain.downward_deviations).max() for one in (weight, law)
+    )
     console.print(
-        f"Does any of it explain the paper's {1e3 * PAPER_SAG:.0f} mm at about {np.degrees(PAPER_TILT):.0f}° of tilt? "
-        f"No. Weight changes the sag by {1e3 * np.abs(weight.sags - plain.sags).max():.1g} mm, stiffening by "
-        f"{1e3 * np.abs(law.sags - plain.sags).max():.1g} mm. Cables that come up masts and over pulleys lift the "
-        f"platform. Cables from above lower it, but {1e3 * PAPER_SAG:.0f} mm at the lower line take {wide.what}; "
-        f"the upper line then sags by {1e3 * wide.sags[1]:.1f} mm, and the crossed layout, which the paper saw follow "
-        f"its line, would hang {-1e3 * wide.crossed_rises[0]:.1f} mm low.",
+        f"Does any of it explain the paper's {1e3 * PAPER_DEVIATION:.0f} mm at about {np.degrees(PAPER_TILT):.0f}° "
+        f"of tilt? No. Weight changes the sag by {by_weight:.1g} mm, stiffening by {by_law:.1g} mm. Cables that come up "
+        "masts and over pulleys lift the "
+        f"platform. Cables from above lower it, but {1e3 * PAPER_DEVIATION:.0f} mm at the lower line take {wide.what}; "
+        f"the upper line then sags by {1e3 * wide.downward_deviations[1]:.1f} mm, and the crossed layout, "
+        f"which the paper saw follow its line, would hang {-1e3 * wide.crossed_deviations[0]:.1f} mm low.",
         highlight=False,
     )
     OUTPUT.parent.mkdir(exist_ok=True)

@@ -23,7 +23,7 @@ def test_compensate_shows_the_error_before_and_after_by_both_methods():
     """Half a millimetre before, nothing after, exit status 0."""
     result = run("compensate", "cogiro", "--material", "fishing-0.4mm", "--pose", "0.3", "0.25", "0.1")
     assert result.exit_code == 0
-    before_mujoco, before_newton, after_mujoco, after_newton = map(float, row(result.stdout, "error of position")[-4:])
+    before_mujoco, before_newton, after_mujoco, after_newton = map(float, row(result.stdout, "position error")[-4:])
     assert before_mujoco == pytest.approx(before_newton, abs=1e-4)
     assert before_mujoco > 0.4
     assert max(after_mujoco, after_newton) < 1e-6

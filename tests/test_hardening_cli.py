@@ -19,7 +19,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.cli import COMMANDS, app, terminal, workspace_commands
 from cdpr_sim.design import search
 from cdpr_sim.design.moves import Space
-from cdpr_sim.design.robot_batch import Cases, rest
+from cdpr_sim.design.robot_batch import Cases, solve_layouts
 from cdpr_sim.drawing.video import film
 from cdpr_sim.report import table_style
 from cdpr_sim.report.analysis_tables import compensation_table
@@ -301,7 +301,7 @@ def test_large_errors_are_written_like_their_neighbours():
     robot = cdpr.load_robot("parallel")
     found = cdpr.compensate(robot, (0.45, 0.25, 0.1))
     table = compensation_table(found, [cdpr.solve(robot, (0.2, 0.25, 0.1))], [found.equilibrium])
-    row = list(table.columns[0].cells).index(r"error of position \[mm]")
+    row = list(table.columns[0].cells).index(r"position error \[mm]")
     before, after = (list(column.cells)[row] for column in table.columns[1:])
     assert re.fullmatch(r"\d+\.\d{6}", before)
     assert re.fullmatch(r"\d+\.\d{6}|\d\.\d\de-\d\d", after)
@@ -440,4 +440,4 @@ def test_a_search_that_cannot_fit_is_refused():
     many = Cases.of(robot, np.broadcast_to([0.3, 0.25, 0.1], (1_000_000, 3)))
     crowd = space.layouts(np.zeros((20_000, len(space))))
     with pytest.raises(cdpr.InvalidInput, match="poses: 1,000,000 of them in each of 20,000 layouts would take about"):
-        rest(crowd, many)
+        solve_layouts(crowd, many)

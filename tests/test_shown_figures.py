@@ -130,16 +130,16 @@ def test_a_legend_of_poses_names_what_is_where(width):
     figure = lines_figures.planar(width)
     fronts = [ax for ax in figure.axes if ax.get_ylabel() == "z [m]"]
     names, equilibria = legend(fronts[-1]), width.poses
-    assert set(names) == {"commanded pose", "platform at rest", "taut cable", "slack cable"}
+    assert set(names) == {"commanded pose", "platform at equilibrium", "taut cable", "slack cable"}
     assert fronts[-1].get_xlabel() == "x [m]"
     for ax, row in zip(fronts, (0, 1), strict=True):  # the higher one above
         boxes = [patch for patch in ax.patches if len(patch.get_path().vertices) == 5 and hasattr(patch, "get_xy")]
         middles = {}
-        for what in ("commanded pose", "platform at rest"):
+        for what in ("commanded pose", "platform at equilibrium"):
             (box,) = (box for box in boxes if looks(box) == looks(names[what]) and not hasattr(box, "get_width"))
             middles[what] = box.get_xy()[:-1].mean(0)
         np.testing.assert_allclose(middles["commanded pose"], equilibria.problems.positions[row][[0, 2]])
-        np.testing.assert_allclose(middles["platform at rest"], equilibria.positions[row][[0, 2]])
+        np.testing.assert_allclose(middles["platform at equilibrium"], equilibria.positions[row][[0, 2]])
         cables = [line for line in ax.lines if line.get_marker() == "None"]
         for cable, line in enumerate(cables):
             what = "slack cable" if cable == 0 else "taut cable"
@@ -180,7 +180,7 @@ def test_the_papers_line_has_each_series_under_its_name():
         sags = np.concatenate([(along - line.static.positions)[:, 2] for line in own])
         said.append((f"{np.degrees(turned.max()):.2g}°", f"{1e3 * sags.max():.2g} mm"))
     (tilt, fall), (other_tilt, other_fall) = said
-    title = f"parallel tilts {tilt} and sags {fall}, cogiro {other_tilt} and {other_fall}"
+    title = f"parallel tilts {tilt} and deviates {fall} downwards, cogiro {other_tilt} and {other_fall} downwards"
     assert title in figure.get_suptitle().replace("\n", " ")
 
 
@@ -345,7 +345,7 @@ def test_each_solver_is_drawn_under_its_name():
 
 def test_each_difference_of_the_methods_is_drawn_in_its_panel():
     """Positions in m, rotations in degrees, tensions in N; with what counts as the same, and crosses where free."""
-    agree, free = cdpr.Verdict.AGREE, cdpr.Verdict.AGREE_BUT_FREE
+    agree, free = cdpr.Verdict.AGREE, cdpr.Verdict.AGREE_EXCEPT_NEUTRAL
     study = [
         solvers.Differences(name, *(scale * 10.0 ** RANDOM.uniform(-12, -9, 4) for scale in (1, 10, 100)),
                             (agree, agree, agree, free))
@@ -361,7 +361,7 @@ def test_each_difference_of_the_methods_is_drawn_in_its_panel():
     assert [ax.get_xlabel() for ax in figure.axes] == list(panels)
     for ax, (field, unit, tolerance) in zip(figure.axes, panels.values(), strict=True):
         for one in study:
-            curve, cross = by_gid(ax)[one.name], by_gid(ax)[f"{one.name} free"]
+            curve, cross = by_gid(ax)[one.name], by_gid(ax)[f"{one.name} neutral"]
             values = unit * getattr(one, field)
             np.testing.assert_allclose(curve.get_xdata(), np.sort(values[:3]))
             np.testing.assert_allclose(curve.get_ydata(), [100 / 3, 200 / 3, 100])
@@ -452,7 +452,7 @@ def test_a_wrong_length_is_told_of_the_right_cable(stretched):
     for wrong, entry in zip(stretched.wrong, names.values(), strict=True):
         for ax, static, settled in (
             (misses, 1e3 * wrong.shifts, 1e3 * wrong.settled_shifts),
-            (overload, wrong.tightest, wrong.settled_tightest),
+            (overload, wrong.largest_tensions, wrong.settled_largest_tensions),
         ):
             line = by_gid(ax)[f"static {wrong.cable}"]
             assert same_color(line.get_color(), entry.get_color())
@@ -462,8 +462,8 @@ def test_a_wrong_length_is_told_of_the_right_cable(stretched):
             ]
             hollow = next(one for one in points if len(one.get_xdata()) == 3)
             np.testing.assert_allclose(hollow.get_xydata(), np.transpose([1e3 * wrong.settled_errors, settled]))
-    assert misses.get_ylabel() == "the platform is off by [mm]"
-    assert overload.get_ylabel() == "the tightest cable pulls with [N]"
+    assert misses.get_ylabel() == "displacement of the platform [mm]"
+    assert overload.get_ylabel() == "largest tension [N]"
     limit = float(stretched.robot.force_max[0])
     short = np.interp(limit, [300, 700, 1200], [0, 5, 10])  # mm
     said = [text.get_text() for text in overload.texts]
@@ -500,7 +500,7 @@ def test_before_and_after_compensation_are_drawn_as_they_are():
     }
     for ax, label, numbers, unit in zip(
         figure.axes,
-        ("error of position [mm]", "error of rotation [°]"),
+        ("position error [mm]", "rotation error [°]"),
         (away, turned),
         (1e3, 180 / np.pi),
         strict=True,
@@ -569,7 +569,7 @@ def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_method_has_them():
         np.testing.assert_allclose(settled.get_xydata(), np.transpose([[0, 20], 1e3 * np.median(one.settled, axis=1)]))
         assert looks(names.pop(f"parallel, {arriving}: {rate:.2f} mm per mm"))[:2] == looks(static)[:2]
     assert next(iter(names)) == f"not drawn: crane, from below: {rates[2]:.2f} mm per mm"
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("radius of the pulleys [mm]", "error of position [mm]")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("radius of the pulleys [mm]", "position error [mm]")
     assert (real_cables.BELOW[2], real_cables.ABOVE[2]) == (1, -1)  # the way a cable goes that arrives from there
 
 
@@ -582,7 +582,7 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     real_cables_figures._pulleys(ax, real_cables.Hanging(equilibria, np.zeros((8, 2, 3))))
     assert ax.get_title() == "DemoBot over pulleys of 20 mm that its winches do not know: 5 mm off"
     names = legend(ax)
-    believed = [line for line in ax.lines if looks(line) == looks(names["as its winches believe"])]
+    believed = [line for line in ax.lines if looks(line) == looks(names["commanded, with point exits"])]
     for line, exit_, anchor in zip(believed, robot.exits, np.array([0.3, 0.25, 0.1]) + robot.anchors, strict=True):
         np.testing.assert_allclose(line.get_xydata(), [exit_[[0, 2]], anchor[[0, 2]]])
     heavy = robot.replace(pulley_radius=0.0, linear_density=0.01)
@@ -591,8 +591,10 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     anchors = equilibria.positions[0] + heavy.anchors @ equilibria.rotations[0].T
     middles = (heavy.exits + anchors) / 2 - sags[:, None] * np.array([0, 0, 1])
     ax = Figure().add_subplot()
-    real_cables_figures._heavy(ax, real_cables.Hanging(equilibria, np.stack([heavy.exits, middles, anchors], axis=1)))
-    assert ax.get_title() == "The crane on steel ropes, which sag by 3 to 10 mm"
+    real_cables_figures._ropes_with_mass(
+        ax, real_cables.CableExample(equilibria, np.stack([heavy.exits, middles, anchors], axis=1))
+    )
+    assert ax.get_title() == "The crane on steel ropes, with a sag of 3 to 10 mm"
     (inset,) = ax.child_axes
     assert inset.get_title() == "below the straight line [mm], from exit to anchor"
     for line, sag in zip(inset.lines, sags, strict=True):
@@ -620,7 +622,7 @@ def test_runs_of_controllers_are_drawn_under_their_names():
     figure = controller_comparison_figures.controllers(runs)
     key, *panels = figure.axes
     names, grid = legend(key), np.reshape(panels, (2, 3))
-    assert [ax.get_xlabel() for ax in grid[1]] == ["error of position [mm]", "error of tilt [°]", "tension [N]"]
+    assert [ax.get_xlabel() for ax in grid[1]] == ["position error [mm]", "tilt error [°]", "tension [N]"]
     titles = [ax.get_title(loc="left") or ax.get_title() for ax in grid[:, 0]]
     assert titles == ["crossed cables (cogiro): position", "parallel cables: position"]
     ticks = dict(zip([tick.get_text() for tick in grid[1, 2].get_xticklabels()], grid[1, 2].get_xticks(), strict=True))
@@ -671,7 +673,7 @@ def proof() -> LayoutValidation:
 def test_a_layouts_numbers_are_mujocos_before_and_after(proof):
     """Degrees, millimetres, newtons; the worst before the mean, the lowest before the highest."""
     rows = {what: words for what, *words in better_layouts.numbers(proof)}
-    move = np.linalg.norm(proof.found.robot.exits - proof.found.given.exits, axis=1).max()
+    move = np.linalg.norm(proof.layout.robot.exits - proof.layout.given.exits, axis=1).max()
     expected = {
         "worst deviation, in MuJoCo": ["12.3 mm", "24.6 mm"],
         "most slack cables": ["2", "1"],
@@ -692,7 +694,7 @@ def test_a_layouts_numbers_are_mujocos_before_and_after(proof):
 
 def test_a_front_is_drawn_in_its_goals_units(proof):
     """Tilt in degrees to the right, deviation in millimetres up; the given robot where it stands."""
-    found = proof.found
+    found = proof.layout
     goals = tuple(dataclasses.replace(found.objective, name=name, unit=unit, size=size)
                   for name, unit, size in (("tilt", "°", np.pi / 180), ("deviation", "mm", 1e-3)))  # fmt: skip
     scores = np.array([[0.1, 0.02], [0.2, 0.01]])

@@ -60,13 +60,13 @@ def test_a_frames_numbers_are_the_states(written):
     written.clear()
     a_frame(of, [0.0, 0.5, 2.0, 1.0], [True, False, False, False])
     words = [word.text for word in written]
-    shown = [words[words.index(name) + 1 : words.index(name) + 3] for name in ("tilt", "shift", "sag")]
+    shown = [words[words.index(name) + 1 : words.index(name) + 3] for name in ("tilt", "dev. xy", "dev. -z")]
     assert shown == [["26.0", " °"], ["5.00", " mm"], ["12.3", " mm"]]
     place = words.index(" of 4")
     assert words[place - 2 : place] == ["slack", "1"]
     units = [word for word in written if word.text in (" °", " mm", " of 4")]
     left = of.cells[0].numbers.left
-    names = [word for word in written if word.x == left and word.text in ("tilt", "shift", "sag", "slack")]
+    names = [word for word in written if word.x == left and word.text in ("tilt", "dev. xy", "dev. -z", "slack")]
     assert [word.y for word in units] == [word.y for word in names]  # each in its own line
 
 
@@ -290,7 +290,7 @@ def test_before_and_after_are_not_swapped(layouts):
     """Each with its exits, its map in degrees and its column of numbers; what moved is drawn on the second alone."""
     before, _ = layouts
     tilts = np.radians([[1.0, 2.0, 3.0], [4.0, 5.0, np.nan]])  # over x, and z
-    asked, numbers = before.problems.positions, [("worst tilt", "6°", "3°"), ("sag", "2 mm", "1 mm")]
+    asked, numbers = before.problems.positions, [("worst tilt", "6°", "3°"), ("deviation", "2 mm", "1 mm")]
     figure = layout_pictures.draw_better_layout(
         layouts, 1, (None, None), (tilts, tilts / 2), (0.0, 2.0, 0.0, 3.0), asked, numbers, "title", "caption"
     )

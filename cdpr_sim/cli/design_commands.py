@@ -155,7 +155,7 @@ def design(
         print_json(report.design_json(validation))
     else:
         console = Output()
-        console.print(report.moved_table(result))
+        console.print(report.changes_table(result))
         console.print(report.numbers_table(result, shown.numbers(validation)))
         for sentence in (result.message, *validation.sentences):
             console.print(sentence, highlight=False)
@@ -213,7 +213,8 @@ def front(
     console = Output()
     console.print(report.front_table(pareto))
     console.print(
-        f"{pareto.tried:,} layouts evaluated, by statics alone; `design` validates a layout in MuJoCo.", highlight=False
+        f"{pareto.layouts_evaluated:,} layouts evaluated, by statics alone; `design` validates a layout in MuJoCo.",
+        highlight=False,
     )
     for sentence in pareto.warnings:
         console.print(sentence, highlight=False)

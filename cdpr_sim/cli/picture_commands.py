@@ -33,7 +33,7 @@ def figures(
     from cdpr_sim.studies.gallery import paths_of
 
     if names:
-        table = new_table("", "figure", "paper", words=2)
+        table = new_table("", "figure", "paper", text_columns=2)
         table.add_column("content")
         for one, picture in cdpr.PICTURES.items():
             table.add_row(one, picture.paper, picture.shows)

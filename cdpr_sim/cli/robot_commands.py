@@ -24,7 +24,7 @@ def robots() -> None:
 
     console = Output()
     for kind, machines in _by_kind().items():
-        table = new_table(f"Robots: {kind}", "robot", "mobility", "cables", "mass", words=2)
+        table = new_table(f"Robots: {kind}", "robot", "mobility", "cables", "mass", text_columns=2)
         table.add_column("description")
         for robot in machines:
             table.add_row(robot.name, robot.mobility, str(robot.cables), f"{robot.mass:g} kg", robot.description)
