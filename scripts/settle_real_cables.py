@@ -36,8 +36,8 @@ def main() -> None:
     )
     console.print(
         f"Does any of it explain the paper's {1e3 * PAPER_DEVIATION:.0f} mm at about {np.degrees(PAPER_TILT):.0f}° "
-        f"of tilt? No. Weight changes the sag by {by_weight:.1g} mm, stiffening by {by_law:.1g} mm. Cables that come up "
-        "masts and over pulleys lift the "
+        f"of tilt? No. Weight changes the sag by {by_weight:.1g} mm, stiffening by {by_law:.1g} mm. Cables that come "
+        "up masts and over pulleys lift the "
         f"platform. Cables from above lower it, but {1e3 * PAPER_DEVIATION:.0f} mm at the lower line take {wide.what}; "
         f"the upper line then sags by {1e3 * wide.downward_deviations[1]:.1f} mm, and the crossed layout, "
         f"which the paper saw follow its line, would hang {-1e3 * wide.crossed_deviations[0]:.1f} mm low.",

@@ -148,7 +148,7 @@ def test_titles_say_how_far_it_tilts_and_how_many_cables_go_slack(results):
     titles = {
         name: gallery.PICTURES[name].draw(results[name]).get_suptitle() for name in ("planar-horizontal", "cogiro")
     }
-    assert titles["planar-horizontal"] == "planar-horizontal: no tilt, and no cable goes slack"
+    assert titles["planar-horizontal"] == "planar-horizontal: no tilt, and no cable slack"
     tilt = np.degrees(max(line.static.tilt.max() for line in results["cogiro"].lines))
     poses = np.degrees(results["cogiro"].poses.tilt.max())
     assert f"up to {max(tilt, poses):.2g}° of tilt" in titles["cogiro"]

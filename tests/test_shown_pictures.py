@@ -333,7 +333,7 @@ def test_a_map_of_distances_is_in_millimetres_and_red_where_they_are_too_small()
         np.testing.assert_allclose(np.ma.filled(image.get_array(), np.nan), of)
     assert same_color(near.cmap(0.5), style.VERMILLION)
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["nearer than 5 mm"]
+    assert [text.get_text() for text in legend.get_texts()] == ["below 5 mm"]
     assert same_color(legend.get_patches()[0].get_facecolor(), style.VERMILLION)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("commanded y [m]", "commanded z [m]")
     assert bar.get_ylabel() == "smallest distance [mm]"
@@ -350,7 +350,7 @@ def test_a_front_has_its_first_goal_to_the_right():
     assert drawn == {
         "first": [[1, 30], [2, 10]],
         "second": [[2, 31], [3, 11]],
-        "in MuJoCo, at poses twice as fine": [[2.1, 11], [1.1, 31]],
+        "MuJoCo, at twice as many poses": [[2.1, 11], [1.1, 31]],
         "as given": [[5, 50]],
     }
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("tilt [°]", "size [mm]")
