@@ -262,7 +262,7 @@ def test_four_witnesses_of_the_bars_tilt_are_drawn_under_their_names(forms):
     np.testing.assert_allclose(errors["short bar"], np.degrees(forms.short_bar) - beta)
     most = np.abs(np.degrees(forms.short_bar) - beta).max()
     assert figure.get_suptitle().replace("\n", " ").endswith(f"has an error of up to {most:.1f}° of tilt")
-    assert (bottom.get_xlabel(), bottom.get_ylabel()) == ("x where the bar rests [m]", "minus static solver [°]")
+    assert (bottom.get_xlabel(), bottom.get_ylabel()) == ("x of the bar [m]", "error to static solver [°]")
 
 
 def test_the_bars_three_poses_are_drawn_under_their_names(forms):
@@ -579,7 +579,7 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     equilibria = made_up(robot, [(0.3, 0.25, 0.1)])
     equilibria = dataclasses.replace(equilibria, positions=np.array([[0.303, 0.25, 0.096]]))
     ax = Figure().add_subplot()
-    real_cables_figures._pulleys(ax, real_cables.Hanging(equilibria, np.zeros((8, 2, 3))))
+    real_cables_figures._pulleys(ax, real_cables.CableExample(equilibria, np.zeros((8, 2, 3))))
     assert ax.get_title() == "DemoBot with 20 mm pulleys unknown to its winches: error of 5 mm"
     names = legend(ax)
     believed = [line for line in ax.lines if looks(line) == looks(names["commanded, with point exits"])]
@@ -678,7 +678,7 @@ def test_a_layouts_numbers_are_mujocos_before_and_after(proof):
         "worst deviation, in MuJoCo": ["12.3 mm", "24.6 mm"],
         "most slack cables": ["2", "1"],
         "Newton and MuJoCo agree at": ["1 of 3", "2 of 3"],
-        "furthest move of a point": ["", f"{1e3 * move:.3g} mm"],
+        "largest displacement of a point": ["", f"{1e3 * move:.3g} mm"],
         "worst, mean tilt": [],
         "worst, mean deviation": [],
         "lowest, highest tension": [],

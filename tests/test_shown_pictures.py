@@ -145,7 +145,7 @@ def test_the_legends_swatches_have_the_colours_of_what_they_name(written):
 
 def test_a_picture_says_what_is_drawn_larger(written, moving):
     """So many times, in every frame; and nothing where all is to scale."""
-    for times, said in ((3.0, ["Deviations drawn 3 × as large; the numbers are true"]), (1.0, [])):
+    for times, said in ((3.0, ["Deviations drawn 3 × larger; the numbers are the true values"]), (1.0, [])):
         with film._Film(moving, None, None, 0.5, 10.0, (1280, 720), times, "raycast", None) as shown:
             written.clear()
             next(shown.frames())

@@ -95,7 +95,7 @@ def test_settle_shows_each_result_under_the_name_of_its_own_source():
     assert cells(lines, "z [mm]", 5) == ["200.000", "193.000", "190.000", "187.000", "184.000"]
     assert cells(lines, "deviation -z [mm]", 4) == ["7.000", "10.000", "13.000", "16.000"]  # downwards is positive
     shifts = [math.hypot(11 + n, 3 + 2 * n) for n in range(4)]
-    assert cells(lines, "shift x, y [mm]", 4) == [f"{shift:.3f}" for shift in shifts]
+    assert cells(lines, "deviation x, y [mm]", 4) == [f"{shift:.3f}" for shift in shifts]
     # Ry(b) Rx(a) takes the vertical to an angle whose cosine is cos a cos b.
     tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in DEGREES.values()]
     assert cells(lines, "tilt [°]", 5) == ["0.000", *(f"{math.degrees(tilt):.3f}" for tilt in tilts)]
@@ -282,7 +282,7 @@ def test_sensitivity_and_modes_name_their_units():
     effect = Effect("exit 3 z", "exits", 8, "mm", 1.5, 2.5, 3.5)
     shown = columns(analysis_tables.sensitivity_table(Sensitivity(made_up("newton"), {}, {}, 4e-3), [effect]))
     assert shown == {"": ["exit 3 z"], "per": ["1 mm"], "mm": ["1.5"], "°": ["2.5"], "N": ["3.5"]}
-    assert "the nearest cable is 4 mm of length from it" in analysis_tables.sensitivity_note(
+    assert "the cable closest to a change is 4 mm of length away" in analysis_tables.sensitivity_note(
         Sensitivity(made_up("newton"), {}, {}, 4e-3)
     )
     one = made_up("newton")

@@ -226,7 +226,9 @@ class _Film:
             [_captions(trajectory) for trajectory in several],
             largest_tension=largest,
             footnote=_footnote(several, seconds),
-            warning="" if exaggeration == 1 else f"Deviations drawn {exaggeration:g} × larger; numbers are to scale",
+            warning=""
+            if exaggeration == 1
+            else f"Deviations drawn {exaggeration:g} × larger; the numbers are the true values",
             outlined=any(poses is not None for poses in statics),
         )
         self._wholes = [

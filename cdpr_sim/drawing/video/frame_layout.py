@@ -246,7 +246,7 @@ class Page:
     def _numbers_width(self) -> float:
         """Width of the widest line of numbers: a label, a number and its unit."""
         label, figure = self._font(style.LABEL_HEIGHT), self._font(style.NUMBER_HEIGHT, bold=True)
-        return label.getlength("dev. xy ") + figure.getlength("00.00") + label.getlength(" of 8")
+        return label.getlength("dev. xy ") + figure.getlength("−0.00") + label.getlength(" of 8")
 
     def _draw_legend(self, draw: ImageDraw.ImageDraw, footnote: str, outlined: bool) -> None:
         width, height = self.size
