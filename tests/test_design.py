@@ -66,7 +66,7 @@ def test_symmetries_are_found_and_not_imagined(parallel):
     assert len(group(parallel.replace(exits=exits), "detected")) == 1
     assert len(group(parallel.replace(center_of_mass=(0.001, 0, 0)), "detected")) == 2  # the mirror in y is left
     assert len(group(parallel, ["mirror-x", "mirror-y"])) == 4
-    with pytest.raises(cdpr.InvalidInput, match="'mirror-x', which 'cogiro' has not got: the image of cable 1 is"):
+    with pytest.raises(cdpr.InvalidInput, match="'mirror-x', which 'cogiro' does not have: the image of cable 1 is"):
         group(cdpr.load_robot("cogiro"), "mirror-x")
 
 
@@ -226,7 +226,7 @@ def test_a_seed_repeats_and_a_store_goes_on(better, parallel, tmp_path):
     assert len(again.history) == 40
     other = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, seed=1, polish=False)
     assert not np.array_equal(other.robot.exits, first.robot.exits)
-    with pytest.raises(cdpr.InvalidInput, match="holds the search of another question"):
+    with pytest.raises(cdpr.InvalidInput, match="holds a search with other arguments"):
         cdpr.find_layout(parallel, LINE, within=0.2, store=store)
     (tmp_path / "no.npz").write_text("not a store")
     with pytest.raises(cdpr.InvalidInput, match="is not the store of a search"):
@@ -245,7 +245,7 @@ def test_ctrl_c_keeps_the_best_so_far(parallel, monkeypatch):
 
     monkeypatch.setattr(search, "rest", interrupted)
     found = cdpr.find_layout(parallel, LINE, within=0.1)
-    assert "Interrupted after 5 generations: this is the best so far." in str(found)
+    assert "Interrupted after 5 generations: this is the best layout so far." in str(found)
     assert found.after < found.before
 
 
@@ -262,7 +262,7 @@ def test_a_robot_that_falls_is_laid_out_so_that_it_does_not(parallel):
     masts = Move("exits", (0, 0.2), along=(0, 0, 1))
     found = cdpr.find_layout(parallel, [(0.4, 0.25, 0.5), (0.4, 0.25, 0.3)], move=masts, generations=5)
     assert np.isnan(found.before)
-    assert "no rest at some pose before" in str(found)
+    assert "no equilibrium at some pose before" in str(found)
     assert found.equilibria.converged.all()
     assert validate_layout(found).better
 
@@ -310,7 +310,7 @@ def test_objectives_are_what_single_rests_say(two_layouts):
         ("mean deviation", 0.0123, "12.3 mm"), ("most slack cables", 3, "3"), ("lowest tension", 1.25, "1.25 N"),
         ("softest stiffness", 1500, "1500 N/m"), ("lowest frequency", 11.5, "11.5 Hz"),
         ("feasible volume", 0.42, "42 %"), ("worst sensitivity", 2.5, "2.5 mm/mm"), ("displacement", 0.05, "50 mm"),
-        ("size of frame", 1.06, "1.06 m"), ("worst tilt", np.nan, "no rest at some pose"),
+        ("size of frame", 1.06, "1.06 m"), ("worst tilt", np.nan, "no equilibrium at some pose"),
     ],
 )  # fmt: skip
 def test_objectives_are_read_in_their_units(name: str, value: float, shown: str):
@@ -416,7 +416,7 @@ REFUSED = {
     "not the robot's": (dict(within=0.05, symmetry="mirror-z"), "unknown symmetry 'mirror-z'"),
     "no bounds": (dict(), "within: found none for exits"),
     "nothing": (dict(within=0.0), "within: found nothing that can move"),
-    "no pulleys": (dict(move="pulleys", within=0.1), "move: found pulleys, and 'parallel' has none"),
+    "no pulleys": (dict(move="pulleys", within=0.1), "move: found 'pulleys', but 'parallel' has none"),
     "twice": (dict(move=["exits", "exits"], within=0.1), "move: found exits of cable 1 twice"),
     "no such thing": (dict(move="exit", within=0.1), "unknown move 'exit': did you mean exits?"),
     "no such goal": (
@@ -442,7 +442,7 @@ def test_what_cannot_be_is_refused_in_a_sentence(why: str, parallel):
 
 def test_what_no_layout_can_do_is_said(parallel):
     """A pose above every exit; constraints that nothing meets, with the one that is missed the most."""
-    with pytest.raises(cdpr.InvalidInput, match=r"rests at all of them.*at 1 of 2, the first at \(0.4, 0.25, 0.9\) m"):
+    with pytest.raises(cdpr.InvalidInput, match=r"equilibrium at all of them.*at 1 of 2, the first at \(0.4, 0.25, 0.9\) m"):
         cdpr.find_layout(parallel, [(0.4, 0.25, 0.1), (0.4, 0.25, 0.9)], within=0.05, generations=2)
     asked = {"tensions": (0.0, 1.5), "lowest tension": 100.0}
     with pytest.raises(cdpr.InvalidInput, match="misses 'lowest tension at least 100 N' the most") as raised:
@@ -495,7 +495,7 @@ def test_a_front_trades_displacement_against_tilt(parallel):
     better = (front.scores[:, None] <= front.scores).all(-1) & (front.scores[:, None] < front.scores).any(-1)
     assert not better.any()
     assert cdpr.solve_many(front.robot(len(front) - 1), LINE).tilt.max() == pytest.approx(tilt[-1], abs=1e-9)
-    with pytest.raises(cdpr.InvalidInput, match="holds everything"):
+    with pytest.raises(cdpr.InvalidInput, match="satisfies all constraints"):
         cdpr.find_front(parallel, LINE, within=0.01, generations=1, population=5, subject_to={"lowest tension": 9.0})
 
 

@@ -111,7 +111,7 @@ def test_captions_and_model_readmes_say_it_too(real):
     """In a video's caption, and in the README of a model folder, with the law that holds."""
     trajectory = at_rest(real["pulley"])
     assert "over pulleys of 20 mm radius" in _captions(trajectory)[0]
-    assert "come to rest" in _footnote([trajectory], 1.0)
+    assert "has settled at every state" in _footnote([trajectory], 1.0)
     assert "a2 eps²" in model_files(real["law"])["README.md"]
     assert "tension is EA (l - l0)/l0 beyond" in model_files(real["pulley"])["README.md"]
 
