@@ -426,7 +426,7 @@ def test_a_store_that_is_none_is_refused_in_a_sentence(tmp_path):
     pipe, text, half = (tmp_path / name for name in ("pipe.npz", "text.npz", "half.npz"))
     os.mkfifo(pipe)
     text.write_text("no store")
-    np.savez(half, identity="x", done=1, crowd=np.zeros(1000), history=np.zeros(3))
+    np.savez(half, identity="x", done=1, members=np.zeros(1000), history=np.zeros(3))
     half.write_bytes(half.read_bytes()[:-300])
     for path in (pipe, text, half):
         with pytest.raises(cdpr.InvalidInput, match=r"npz: found a (file|folder, a pipe)"):
