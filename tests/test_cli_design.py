@@ -62,7 +62,7 @@ def test_design_says_that_exits_leave_the_frame_and_a_box_keeps_them_in(tmp_path
     boxed = run("design", "cogiro", *quick, "--move", "exits", "--within", "0,0,0.4,0.8,0.5,0.5", "--json")
     found = json.loads(boxed.stdout)
     assert found["warnings"] == []
-    assert found["moved"]
+    assert found["changes"]
     exits = np.array(found["exits"])
     assert (exits >= [0, 0, 0.4]).all()
     assert (exits <= [0.8, 0.5, 0.5]).all()
