@@ -322,7 +322,11 @@ def sizes() -> Iterator[Row]:
         robot = cdpr.load_robot(name)
         cases = robot_batch.Cases.of(robot, random_poses(robot, 2000))
         asked = robot_batch.RobotBatch.of([robot] * 20)
-        most = bytes_of(lambda asked=asked, cases=cases: robot_batch.rest(asked, cases).tilt) / 40_000 / robot.cables
+        most = (
+            bytes_of(lambda asked=asked, cases=cases: robot_batch.solve_layouts(asked, cases).tilt)
+            / 40_000
+            / robot.cables
+        )
         yield Row(
             f"BYTES_PER_CABLE = {robot_batch.BYTES_PER_CABLE}", f"of 40,000 equilibria of {name}", f"{most:.0f}",
             most < robot_batch.BYTES_PER_CABLE,
@@ -340,7 +344,7 @@ FAMILIES = (equilibrium_constants, identifications, compensations, balances, met
 
 
 def main() -> int:
-    table = new_table("", "constant", "measured quantity", "measured", "holds", words=2)
+    table = new_table("", "constant", "measured quantity", "measured", "holds", text_columns=2)
     rows = [row for family in FAMILIES for row in family()]
     for *cells, holds in rows:
         table.add_row(*map(escape, cells), "yes" if holds else "[red]no[/]")
