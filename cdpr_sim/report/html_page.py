@@ -270,7 +270,7 @@ def _worst_table(summary: RobotSummary) -> Table:
 def _verdict(view: View) -> str:
     if view.agreement is None:
         return "[red]no result[/]"
-    name = view.agreement.verdict.name.lower().replace("_", " ")
+    name = view.agreement.verdict.name.lower().replace("_", " ").replace(" except", ",")  # to fit on A4
     return f"[green]{name}[/]" if view.agreement.agrees else f"[red]{name}[/]"
 
 
