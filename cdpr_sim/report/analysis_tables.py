@@ -10,6 +10,7 @@ from rich.table import Table
 
 from cdpr_sim.analysis.compensation import Compensation
 from cdpr_sim.analysis.equilibria import Equilibria, unstable_directions
+from cdpr_sim.analysis.identifiability import best_of_fewer, described
 from cdpr_sim.analysis.identification import Identification
 from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
@@ -187,4 +188,11 @@ def identification_note(found: Identification) -> str:
     if found.judged:
         said = {"position": f"{1e3 * found.scatters[0]:.3g} mm", "rotation": f"{np.degrees(found.scatters[1]):.3g}°"}
         head += f" Errors of measurement judged from them: {' and '.join(said[kind] for kind in found.judged)}."
+    asked = next(iter(found.predictions.values()))
+    fewer, least = best_of_fewer(found.predictions)
+    if np.isinf(asked):
+        head += "\nNo row can be left out: one alone determines an unknown."
+    elif np.isfinite(asked):
+        head += f"\nRows left out are missed by {asked:.2f} standard errors"
+        head += f"; by {least:.2f} with {described(fewer)}." if np.isfinite(least) else "."
     return "\n".join([head, *(f"[yellow]-[/] {escape(reason)}" for reason in found.reasons)])

@@ -180,6 +180,9 @@ def identification(found: Identification) -> dict[str, Any]:
             name: {"value": value, "standard_error": error, "unit": unit} for name, value, error, unit in unknowns
         },
         "spread": found.spread,
+        "predictions": [
+            {"unknowns": list(names), "error": _finite([error])[0]} for names, error in found.predictions.items()
+        ],
         "reasons": list(found.reasons),
     }
 
