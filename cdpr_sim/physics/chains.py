@@ -300,7 +300,8 @@ class Chains:
 
         Each segment lies along its own pull, which grows inwards by the weights of the masses, and is stretched by it;
         Newton's method finds the pulls on the anchors with which they span what they have to. That is where the masses
-        are put, and no more: whether they are at rest there is for MuJoCo to say.
+        are put, and no more: whether they are at rest there is for MuJoCo to say. A chain that hangs folded, with a
+        segment that nothing pulls taut, has no such pulls, and is not sought.
 
         Args:
             model: with springs and masses.
@@ -323,20 +324,26 @@ class Chains:
             )
             return segments, spans - segments.sum(1), slope
 
+        # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
+        # segment: it is least there where the others leave no more than that length to span.
+        folded = np.zeros(len(pulls), dtype=bool)
+        for segment in range(SEGMENTS):
+            _, off, _ = laid(-hanging[:, segment])
+            folded |= np.linalg.norm(off, axis=1) <= rest[:, segment, 0]
         segments, off, slope = laid(pulls)
         found = np.zeros(len(pulls), dtype=bool)
         for _ in range(LAYINGS):
             found = np.linalg.norm(off, axis=1) <= CLOSED * rest.sum(1)[:, 0]
+            if (found | folded).all():
+                break
             step = np.linalg.solve(slope, off[..., None])[..., 0]
             for _ in range(SHORTER):
                 worse = np.linalg.norm(laid(pulls + step)[1], axis=1) > np.linalg.norm(off, axis=1)
-                if found.all() or not worse.any():
+                if not (worse & ~folded).any():
                     break
                 step[worse] *= 0.5
             pulls = pulls + step
             segments, off, slope = laid(pulls)
-            if found.all():
-                break
         return segments[:, :-1], found
 
 

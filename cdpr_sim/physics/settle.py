@@ -59,7 +59,8 @@ def settle(
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
         model: settle this model of the robot instead of the generated one, with the springs, masses and gravity that
             it has. Its names must be those of ``to_mjcf``.
-        progress: show on standard error how far it is: where cables have mass it may take a minute.
+        progress: show on standard error how far it is: where cables have mass it may take a minute, and gives up then
+            (after 30,000 time steps, and 2,000 longer ones near rest).
 
     Returns:
         The equilibrium by MuJoCo's own pose, forces and stiffness; its ``source`` is "mujoco".

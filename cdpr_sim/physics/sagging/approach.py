@@ -29,41 +29,41 @@ def approach(simulation: ChainSimulation, target: float, most: int) -> tuple[boo
     Args:
         simulation: the platform.
         target: the largest force [N] that may be left over at rest.
-        most: steps to be taken; a handful do where chains hang well, and some two hundred where one hangs folded.
+        most: steps to be tried; a handful do where chains hang well, and some hundreds where one hangs folded.
 
     Returns:
-        Whether that leads to rest, and how many steps were taken.
+        Whether that leads to rest, and how many steps were tried.
     """
     data, angular = simulation.data, simulation.angular
     before, turn, last = (data.qpos.copy(), data.qvel.copy()), TURN, np.zeros_like(data.qvel[angular])
-    taken, vain = 0, 0
-    while (residual := simulation.residual()) > target and taken < most and vain < VAIN:
+    tried, vain = 0, 0
+    while (residual := simulation.residual()) > target and tried < most and vain < VAIN:
         step = _implicit_step(simulation)
         if step is None:
             break
-        taken += 1
         back = step[angular] @ last < 0
         turn, last = turn / 2 if back else turn, step[angular]
         step = step / max(1.0, float(np.abs(last).max()) / turn)
-        vain = 0 if _stepped(simulation, step, residual) else vain + 1
+        trusted, tries = _stepped(simulation, step, residual)
+        tried, vain = tried + tries, 0 if trusted else vain + 1
     equilibria = bool(residual <= target)
     if not equilibria:
         data.qpos[:], data.qvel[:] = before
-    return equilibria, taken
+    return equilibria, tried
 
 
-def _stepped(simulation: ChainSimulation, step: Float[np.ndarray, " dofs"], residual: float) -> bool:
-    """Go that step, as far as it can be trusted; whether it can."""
+def _stepped(simulation: ChainSimulation, step: Float[np.ndarray, " dofs"], residual: float) -> tuple[bool, int]:
+    """Go that step, as far as it can be trusted; whether it can, and how many were tried."""
     data, start, pulls = simulation.data, simulation.data.qpos.copy(), simulation.anchor_pulls()
     for shortened in range(SHORTER):
         data.qpos[:] = start
         mujoco.mj_integratePos(simulation.model, data.qpos, 0.5**shortened * step, 1)
         if simulation.residual() <= CLOSER * residual:
-            return True
+            return True, shortened + 1
         simulation.lay(pulls)
         if simulation.residual() <= max(TRUSTED * simulation.load, CLOSER * residual):
-            return True
-    return False
+            return True, shortened + 1
+    return False, SHORTER
 
 
 def _implicit_step(simulation: ChainSimulation) -> Float[np.ndarray, " dofs"] | None:

@@ -25,8 +25,8 @@ STEPS, MOST_STEPS = 10_000, 30_000
 """Time steps after which a platform is restless: on taut cables it needs some ten, on slack ones tens to thousands.
 And in all, when it has begun again, in shorter steps or from a saddle."""
 
-MOST_APPROACHES = 400
-"""Steps of ``approach``, in all: one costs as much as some fifty time steps."""
+MOST_APPROACHES = 2000
+"""Steps that ``approach`` tries, in all: one costs as much as one to fifty time steps."""
 
 LOOK = 5
 """Time steps between two looks at the residual."""
