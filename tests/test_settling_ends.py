@@ -54,6 +54,7 @@ def test_settling_ends_at_its_bounds_in_a_sentence(beside_a_folded_chain, monkey
         cdpr.NotSettled, match=r"did not come to rest .* time steps that it is given \(30 time steps"
     ) as stopped:
         cdpr.settle(beside_a_folded_chain)
+    assert stopped.value.equilibrium is not None
     assert 30 <= stopped.value.equilibrium.iterations <= 30 + chain_relaxation.LOOK
 
 
