@@ -37,10 +37,10 @@ def main() -> None:
     console.print(
         f"None of these effects explains the paper's deviation of {1e3 * PAPER_DEVIATION:.0f} mm with about "
         f"{np.degrees(PAPER_TILT):.0f}° of tilt. Cable mass changes the deviation in z by {by_weight:.1g} mm, "
-        f"nonlinear elasticity by {by_law:.1g} mm. Pulleys whose cables arrive from below raise the platform. Cables from above "
-        f"lower it, but {1e3 * PAPER_DEVIATION:.0f} mm at the lower line need {wide.what}. The deviation at the upper "
-        f"line is then {1e3 * wide.downward_deviations[1]:.1f} mm, and the crossed layout, which followed its line in "
-        f"the paper's experiment, would be {-1e3 * wide.crossed_deviations[0]:.1f} mm too low.",
+        f"nonlinear elasticity by {by_law:.1g} mm. Pulleys whose cables arrive from below raise the platform. Cables "
+        f"from above lower it, but {1e3 * PAPER_DEVIATION:.0f} mm at the lower line need {wide.what}. The deviation at "
+        f"the upper line is then {1e3 * wide.downward_deviations[1]:.1f} mm, and the crossed layout, which followed "
+        f"its line in the paper's experiment, would be {-1e3 * wide.crossed_deviations[0]:.1f} mm too low.",
         highlight=False,
     )
     OUTPUT.parent.mkdir(exist_ok=True)

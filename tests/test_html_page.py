@@ -549,8 +549,8 @@ def tab_to(browser, name: str) -> None:
 
 
 def wait_for(true: Callable[[], bool]) -> None:
-    """Until something is, for ten seconds."""
-    end = time.monotonic() + 10
+    """Until something is, for a minute: machines can be busy."""
+    end = time.monotonic() + 60
     while not true():
         assert time.monotonic() < end
         time.sleep(0.05)

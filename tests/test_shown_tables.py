@@ -393,6 +393,7 @@ def identification() -> Identification:
         values=np.array([1234.5, 0.0021, 0.4]), standard_errors=np.array([6.7, 0.00031, np.inf]),
         correlations=np.eye(3), residuals=np.array([[3e-3, 4e-3, np.nan, np.radians(2), np.nan, np.nan]]), spread=1.5,
         scatters=(5e-3, math.radians(6)), judged=("position", "rotation"), reasons=("mass is unknown",),
+        predictions={("axial_stiffness", "mass"): 3.4567, ("mass",): np.inf, ("axial_stiffness",): 1.2345},
     )  # fmt: skip
 
 
@@ -406,10 +407,14 @@ def test_identification_shows_lengths_in_millimetres_and_the_rest_in_its_unit():
     ]  # fmt: skip
     note = analysis_tables.identification_note(identification())
     assert f"Residuals: {math.sqrt((9 + 16) / 2):.3g} mm and 2° (root mean square)." in note
-    assert "estimated from them: 5 mm and 6°" in note
+    assert "judged from them: 5 mm and 6°" in note
+    assert "\nRows left out are missed by 3.46 standard errors; by 1.23 with axial_stiffness alone.\n" in note
+    assert repr(identification()).endswith("mass = 0.4 ± inf kg; mass is unknown>")
     told = as_json.identification(identification())
     assert told["unknowns"]["rest_length_offset 3"] == {"value": 0.0021, "standard_error": 0.00031, "unit": "m"}
     assert told["unknowns"]["mass"]["standard_error"] is None
+    assert told["predictions"][0] == {"unknowns": ["axial_stiffness", "mass"], "error": 3.4567}
+    assert told["predictions"][1] == {"unknowns": ["mass"], "error": None}
 
 
 def over_x(**variables) -> xr.Dataset:

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from cdpr_sim.analysis.compensation import Compensation
 from cdpr_sim.analysis.equilibria import Equilibria, unstable_directions
+from cdpr_sim.analysis.identifiability import best_of_fewer, described
 from cdpr_sim.analysis.identification import Identification
 from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
@@ -194,4 +195,11 @@ def identification_note(result: Identification) -> str:
             "rotation": f"{np.degrees(result.scatters[1]):.3g}°",
         }
         head += f" Measurement errors estimated from them: {' and '.join(errors[kind] for kind in result.judged)}."
+    error = next(iter(result.predictions.values()))
+    fewer, smallest = best_of_fewer(result.predictions)
+    if np.isinf(error):
+        head += "\nNo row can be left out: one alone determines an unknown."
+    elif np.isfinite(error):
+        head += f"\nRows left out are predicted with an error of {error:.2f} standard errors"
+        head += f", and of {smallest:.2f} with {described(fewer)}." if np.isfinite(smallest) else "."
     return "\n".join([head, *(f"[yellow]-[/] {escape(reason)}" for reason in result.reasons)])

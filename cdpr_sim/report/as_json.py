@@ -179,6 +179,9 @@ def identification(result: Identification) -> dict[str, Any]:
             name: {"value": value, "standard_error": error, "unit": unit} for name, value, error, unit in unknowns
         },
         "spread": result.spread,
+        "predictions": [
+            {"unknowns": list(names), "error": _finite([error])[0]} for names, error in result.predictions.items()
+        ],
         "reasons": list(result.reasons),
     }
 
