@@ -234,8 +234,8 @@ def test_many_cables_are_asked_at_once() -> None:
     """Everything broadcasts, row by row as one by one."""
     A, B, L0, EA, w = _ordinary(6)
     table = catenary(A[:, None], B, L0, EA, w)
-    assert table.pull.profile == (6, 6, 3)
-    assert table.stiffness.profile == (6, 6, 3, 3)
+    assert table.pull.shape == (6, 6, 3)
+    assert table.stiffness.shape == (6, 6, 3, 3)
     np.testing.assert_array_equal(table.pull[2, 4], catenary(A[2], B[4], L0[4], EA[4], w[4]).pull)
     np.testing.assert_array_equal(profile(A, B, L0, EA, w, 7)[3], profile(A[3], B[3], L0[3], EA[3], w[3], 7))
 

@@ -93,7 +93,7 @@ def video(
         film.check_count(len(wanted))
         machines = [robot_of(name, cables) for name, cables, _ in wanted]
         for robot in machines:
-            robot.cabling.refuse_mixture()  # before it settles at every state
+            robot.cabling.refuse_mixture("video")  # before it settles at every state
             for option, chosen in (("--compensate", compensate), ("--drop", drop)):
                 if chosen:
                     robot.cabling.refuse_weight(option)

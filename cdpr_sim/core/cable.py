@@ -143,14 +143,6 @@ class Cabling(Frozen):
         for name, value in values.items():
             object.__setattr__(self, name, frozen(value))
         _refuse_falling_law(self.stiffening)
-        both = (self.linear_density > 0) & ((self.pulley_radius > 0) | self.stiffening.any(-1))
-        if both.any():
-            cable = int(np.argmax(both))
-            other = "a pulley" if self.pulley_radius[cable] > 0 else "a stiffening law"
-            raise InvalidInput(
-                f"linear_density: found {self.linear_density[cable]:g} kg/m and {other} in cable {cable + 1}, expected "
-                "one of the two: weight is taken into account for straight cables with a linear law alone"
-            )
 
     def __len__(self) -> int:
         return len(self.exits)
@@ -192,20 +184,19 @@ class Cabling(Frozen):
                 "their weight into account"
             )
 
-    def refuse_mixture(self) -> None:
-        """Where weight is taken into account, but not together with pulleys and laws on the other cables.
+    def refuse_mixture(self, what: str) -> None:
+        """Where weight is taken into account, but not together with a pulley or a nonlinear law on the same cable.
 
         Raises:
-            InvalidInput: some cables have mass, and others run over pulleys or stiffen.
+            InvalidInput: some cable has mass, and runs over a pulley or stiffens.
         """
-        if not self.massless and self.bent:
-            heavy = int(np.argmax(self.linear_density))
-            other = int(np.argmax(self.pulleys | self.stiffening.any(-1)))
-            what = "a pulley" if self.pulleys[other] else "a stiffening law"
+        both = (self.linear_density > 0) & (self.pulleys | self.stiffening.any(-1))
+        if both.any():
+            cable = int(np.argmax(both))
+            other = "a pulley" if self.pulleys[cable] else "a nonlinear law"
             raise InvalidInput(
-                f"linear_density: found {self.linear_density[heavy]:g} kg/m in cable {heavy + 1} and {what} in cable "
-                f"{other + 1}, expected only one of the two in a robot: statics does not take both into account "
-                "(cdpr_sim.settle does)"
+                f"{what}: found {self.linear_density[cable]:g} kg/m and {other} in cable {cable + 1}, expected one of "
+                "the two: it does not take both into account (cdpr_sim.solve does)"
             )
 
     def beyond_law(
@@ -239,6 +230,8 @@ class Cabling(Frozen):
         self, axial_stiffness: Float[np.ndarray, "*batch cables"]
     ) -> Float[np.ndarray, "*batch cables columns"]:
         """``packed`` with another stiffness, or many."""
+        if axial_stiffness is self.axial_stiffness:
+            return self.packed
         table = np.empty((*axial_stiffness.shape, COLUMNS))
         table[...] = self.packed
         table[..., STIFFNESS] = axial_stiffness

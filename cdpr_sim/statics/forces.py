@@ -20,7 +20,8 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.statics.catenary import Catenary, catenary
+from cdpr_sim.statics.any_cable import any_cables
+from cdpr_sim.statics.catenary import Catenary
 
 Array = np.ndarray
 
@@ -195,17 +196,13 @@ def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[
 def at(
     problem: Problem | Problems, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
 ) -> State:
-    """The forces of ``problem`` with the platform at a pose, or many; of many problems, each at its own.
-
-    Raises:
-        InvalidInput: some cables have mass, and others run over pulleys or stiffen.
-    """
-    problem.robot.cabling.refuse_mixture()
-    cables = geometry(problem.robot, position, rotation)
-    rest, stiffness = problem.rest_lengths, problem.axial_stiffness
-    if not problem.robot.cabling.massless:
-        anchors = np.asarray(position)[..., None, :] + cables.arms
-        hanging = catenary(problem.robot.exits, anchors, rest, stiffness, problem.robot.cable_weights)
+    """The forces of ``problem`` with the platform at a pose, or many; of many problems, each at its own."""
+    robot, cables = problem.robot, geometry(problem.robot, position, rotation)
+    rest = problem.rest_lengths
+    if not robot.cabling.massless:
+        apart = np.asarray(position)[..., None, :] + cables.arms - robot.exits
+        table = robot.cabling.packed_with(problem.axial_stiffness)
+        hanging = any_cables(table, apart, rest, robot.cable_weights, robot.wrapped_lengths)
         return State(problem, np.asarray(position), rotation, cables, hanging.anchor_tension, hanging)
     tau = cable_law.tension(cables.lengths - rest, *_law(problem))
     return State(problem, np.asarray(position), rotation, cables, tau)
