@@ -27,12 +27,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import AXIS, RADIUS, STIFFENING, STIFFNESS
+from cdpr_sim.core.cable import AXIS, RADIUS, STIFFENING, STIFFNESS, Cabling
 from cdpr_sim.core.compiling import Kernel, inline, outlined
-from cdpr_sim.statics.catenary import Catenary, elastic_catenary
+from cdpr_sim.statics.catenary import Catenary, elastic_catenary, profile
 
 MAX_STEPS = 100
 """Newton steps: three or four do, seven nearly always."""
@@ -95,6 +96,44 @@ def any_cables(
     """
     with np.errstate(all="ignore"):
         return Catenary(*any_cable_gufunc()(table, apart, rest_lengths, weights, wrapped))
+
+
+def profiles(
+    cabling: Cabling,
+    exits: ArrayLike,
+    anchors: ArrayLike,
+    rest_lengths: ArrayLike,
+    axial_stiffness: Float[np.ndarray, "*#batch cables"],
+    weights: Float[np.ndarray, "*#batch cables"],
+    wrapped: ArrayLike,
+    points: int,
+) -> Float[np.ndarray, "*batch cables points 3"]:
+    """Where cables hang: points from exit to anchor, or from where a cable with mass leaves its wheel, to draw [m].
+
+    Arguments as of ``any_cables``. A massless cable has the shape to which its weight's last trace would bring it,
+    without its pulley. A nonlinear one is taken as linear there, as stiff as at its mean tension.
+    """
+    exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
+    if not (np.any(weights) and cabling.bent):
+        return profile(exits, anchors, rest, axial_stiffness, weights, points)
+    found = any_cables(cabling.packed_with(axial_stiffness), anchors - exits, rest, weights, wrapped)
+    with np.errstate(all="ignore"):
+        t = -found.pull
+        t[..., 2] -= weights * (rest - wrapped)
+        T, e, r = found.exit_tension, cabling.pulley_axis, cabling.pulley_radius
+        u = t / T[..., None]
+        cosine = (u * e).sum(-1)[..., None]
+        n = u - cosine * e
+        sine = np.linalg.norm(n, axis=-1, keepdims=True)
+        law = axial_stiffness, *cabling.stiffening.T
+        on_wheel = r * np.arctan2(sine, cosine)[..., 0] * cable_law.rest_length_for(1.0, T, *law)
+        mean = np.fmax(0.5 * (T + found.anchor_tension), np.finfo(float).tiny * 1e10)
+        secant = mean / (1 / cable_law.rest_length_for(1.0, mean, *law) - 1)
+        over = cabling.pulleys & (weights > 0)
+        starts = np.where(over[..., None], exits + r[:, None] * ((1 - cosine) * n / sine + sine * e), exits)
+    rest = np.where(over, rest - on_wheel, rest)
+    stiffness = np.where(cabling.stiffening.any(-1) & np.isfinite(secant) & (secant > 0), secant, axial_stiffness)
+    return profile(starts, anchors, rest, stiffness, weights, points)
 
 
 def _one(table, apart, rest_length, weight, wrapped, pull, stiffness, energy, exit_tension, anchor_tension):
