@@ -1,7 +1,7 @@
-"""Where does the platform of a cable-driven parallel robot really end up? Statics and MuJoCo, cross-checked.
+"""Static equilibria of cable-driven parallel robots with elastic cables, by statics and by MuJoCo, cross-checked.
 
-The names below are the public API. They load on first use, so that importing the package stays light: what they are
-and where they live is in ``__init__.pyi``.
+The names below are the public API. They load on first use, so that importing the package is fast: ``__init__.pyi``
+lists them and their modules.
 """
 
 import lazy_loader
@@ -12,7 +12,7 @@ _attribute, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> object:
-    """A public name, or the version that is installed."""
+    """A public name, or the installed version."""
     if name == "__version__":
         from importlib.metadata import PackageNotFoundError, version
 
@@ -24,7 +24,7 @@ def __getattr__(name: str) -> object:
 
 
 def _in_html(result: object) -> str:
-    """What a notebook shows of a result; tables are loaded when the first is shown."""
+    """Display of a result in a notebook; the tables are imported at the first call."""
     from cdpr_sim.report.notebook import html_of
 
     return html_of(result)

@@ -1,4 +1,4 @@
-"""``python -m cdpr_sim``, and the command ``cdpr-sim``: an interrupt is one from the first import on."""
+"""``python -m cdpr_sim``, and the command ``cdpr-sim``; Ctrl-C is handled from the first import on."""
 
 import sys
 
@@ -9,7 +9,7 @@ def main() -> None:
         from cdpr_sim.cli import main as run
 
         run()
-    except KeyboardInterrupt:  # before a command could see to it: importing takes a second
+    except KeyboardInterrupt:  # before a command can handle it: importing takes a second
         sys.exit(130)
 
 

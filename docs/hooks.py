@@ -1,8 +1,8 @@
-"""What the manual is made of besides its pages, when ``mkdocs`` builds it.
+"""Hooks of ``mkdocs`` for the manual: links, the page of commands, formulas.
 
-Pages link to pictures, scripts and other files of the repository by their relative paths, so that they read as well
-where the repository is browsed; what they link to becomes a part of the site. The page of commands is printed by the
-command line itself, and formulas become MathML, which browsers set without a library.
+Pages link to pictures, scripts and other files of the repository by relative paths, so that the links also work where
+the repository is browsed. The linked files are added to the site. The page of commands is generated from the command
+line itself. Formulas are converted to MathML, which browsers display without a library.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 
 LINK = re.compile(r"(?<=\]\()(?!\w+:|#)([^)#\s]+)")
-"""Where a link or a picture of Markdown leads to, within the repository."""
+"""The target of a link or a picture in Markdown, within the repository."""
 
 SHIM = "https://unpkg.com/iframe-worker/shim"
-"""A web worker for pages that are opened from a disk, which the search needs there."""
+"""The web worker that the search needs on pages opened from a disk."""
 
-PAGES = ("CONTRIBUTING.md", "CHANGELOG.md")
-"""Of the repository's root, that are pages of the manual as well."""
+PAGES = ("CONTRIBUTING.md", "CHANGELOG.md", "problems/README.md")
+"""Files outside of docs/ that are pages of the manual as well."""
 
 
 def site_path(path: str) -> str:
-    """Where a file of the repository lies in the site: what is in docs/ at its root, all else where it is."""
+    """Path of a repository file in the site: files of docs/ are at the root, other files keep their path."""
     return path.removeprefix("docs/")
 
 
 def repository_path(uri: str) -> str:
-    """The file that lies there."""
+    """Path in the repository of a file of the site; the inverse of ``site_path``."""
     return f"docs/{uri}" if (ROOT / "docs" / uri).exists() else uri
 
 
 def linked(path: str) -> Iterator[str]:
-    """The files of the repository, outside of docs/, that a page leads to."""
+    """The repository files outside of docs/ that a page links to."""
     text = (ROOT / path).read_text(encoding="utf-8")
     for link in LINK.findall(text):
         target = posixpath.normpath(posixpath.join(posixpath.dirname(path), link))
@@ -47,7 +47,7 @@ def linked(path: str) -> Iterator[str]:
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """What pages lead to joins the site."""
+    """Add the files that pages link to."""
     from mkdocs.structure.files import File
 
     pages = [repository_path(file.src_uri) for file in files.documentation_pages()]
@@ -57,7 +57,7 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Links lead to where their files lie in the site; the page of commands is filled in."""
+    """Replace link targets by their paths in the site, and generate the page of commands."""
     here = repository_path(page.file.src_uri)
 
     def moved(match: re.Match[str]) -> str:
@@ -75,7 +75,7 @@ PICTURE = re.compile(r'<img [^>]*src="([^"]+)"[^>]*>')
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Formulas as MathML; and a picture leads to itself, as large as it is."""
+    """Convert formulas to MathML, and link each picture to its full size."""
     from latex2mathml.converter import convert
 
     content = FORMULA.sub(
@@ -85,17 +85,17 @@ def on_page_content(content: str, **_: Any) -> str:
 
 
 def on_post_page(output: str, page: Any, **_: Any) -> str:
-    """The one script that the theme would load from elsewhere comes along."""
+    """Load the theme's only external script from the site itself."""
     return output.replace(SHIM, posixpath.relpath("iframe-worker.js", posixpath.dirname(page.file.dest_uri) or "."))
 
 
 def on_post_template(output_content: str, **_: Any) -> str:
-    """As ``on_post_page``, of the page that says that there is none."""
+    """Do the same as ``on_post_page`` for the page of the error 404."""
     return output_content.replace(SHIM, "/iframe-worker.js")
 
 
 def commands() -> str:
-    """Every command with its arguments and options, in Markdown, as ``--help`` says them."""
+    """All commands with their arguments and options, in Markdown, with the text of ``--help``."""
     import typer
 
     from cdpr_sim.cli import app
@@ -116,7 +116,7 @@ def commands() -> str:
 
 
 def _prose(text: str | None) -> str:
-    """As Markdown that means nothing but letters."""
+    """Escape Markdown's special characters; return plain text."""
     escaped = re.sub(
         r"([*_<>\[\]|])", r"\\\1", " \n\n ".join(" ".join(one.split()) for one in (text or "").split("\n\n"))
     )

@@ -1,7 +1,7 @@
-"""How fast and how reliable: static solvers and MuJoCo, side by side in one run.
+"""Benchmark: speed and reliability of the static solvers and of MuJoCo in one run.
 
-Run it: python scripts/benchmark.py [--quick]
-Times are medians over repetitions on one core unless said otherwise; machines are noisy, so read ratios.
+Run: python scripts/benchmark.py [--quick]
+Times are medians over repetitions on one core unless stated otherwise. Timings vary between runs: compare ratios.
 """
 
 import argparse
@@ -22,10 +22,10 @@ from cdpr_sim.statics import newton, seecr
 ROBOTS = ["cogiro", "parallel"]
 STIFFNESSES = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7]  # [N] EA
 POSES = 100_000  # random commanded positions in the robot's workspace
-SCIPY_POSES = 60  # of the same positions, for the paper's solvers
+SCIPY_POSES = 60  # the first of these positions, for the paper's solvers
 SETTLES = 300  # one by one
 BATCH = 2_000  # side by side
-LINES = 100  # through the workspace along x, a pose each millimetre
+LINES = 100  # lines through the workspace along x, with a pose every millimetre
 REPETITIONS = 3
 SEED = 2024
 
@@ -42,10 +42,10 @@ def main() -> None:
 
 
 def static(poses: int, scipy_poses: int) -> None:
-    """Every pose solved? In how many iterations, at what cost? And the paper's solvers on the same poses."""
+    """Solved poses, iterations and time of Newton's method, and of the paper's solvers for the same poses."""
     ours = table(
         f"Newton, {poses:,} random poses per row",
-        "robot", "EA [N]", "solved", "stable", "free", "largest residual [N]", "iterations", "most", "µs per pose",
+        "robot", "EA [N]", "solved", "stable", "neutral", "largest residual [N]", "iterations", "most", "µs per pose",
     )  # fmt: skip
     theirs = table(
         f"SEECR, the first {scipy_poses} of those poses",
@@ -86,10 +86,10 @@ def static(poses: int, scipy_poses: int) -> None:
 
 
 def neighbours(lines: int) -> None:
-    """Is a pose solved sooner from its neighbour's answer, and is it the same answer?"""
+    """Iterations from the neighbour's solution instead of the commanded pose, and how often the solution differs."""
     rows = table(
-        f"Newton along {lines} lines, a pose each millimetre, started where it is commanded or from the answer before",
-        "robot", "poses", "iterations", "from the neighbour", "other answers",
+        f"Newton along {lines} lines, a pose every millimetre, from the commanded pose or from the previous solution",
+        "robot", "poses", "iterations", "from the neighbour", "other solutions",
     )  # fmt: skip
     for name in ROBOTS:
         robot = cdpr.load_robot(name)
@@ -131,10 +131,10 @@ def failures(solve: Callable[[cdpr.Problem], object], problems: list[cdpr.Proble
 
 
 def physics(settles: int, batch: int) -> None:
-    """One settle at a time, and many side by side on threads."""
+    """Time to settle poses one by one, and in batches on threads."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     rows = table(
-        f"MuJoCo, {settles} settles one by one and {batch:,} side by side per row",
+        f"MuJoCo, {settles} poses settled one by one and a batch of {batch:,} per row",
         "robot", "EA [N]", "settled", "steps", "most", "ms per settle", "settles/s, 1 thread",
         f"per core, {cores} threads", "residual/weight",
     )  # fmt: skip
@@ -165,14 +165,14 @@ def physics(settles: int, batch: int) -> None:
 
 
 def timed(call: Callable[..., object], *arguments: object, **keywords: object) -> float:
-    """Seconds that a call takes."""
+    """Time of a call [s]."""
     start = time.perf_counter()
     call(*arguments, **keywords)
     return time.perf_counter() - start
 
 
 def table(title: str, *columns: str) -> Table:
-    """An empty table of figures."""
+    """Return an empty table with these columns."""
     made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for column in columns:
         made.add_column(escape(column), justify="right")

@@ -1,4 +1,4 @@
-"""How long compensation, sensitivities, modes, equilibria and identification take: medians, in milliseconds."""
+"""Benchmark of compensation, sensitivities, modes, equilibria and identification: median times in milliseconds."""
 
 import statistics
 import time
@@ -14,7 +14,7 @@ POSE = (0.25, 0.22, 0.1)  # m
 
 
 def median(call: Callable[[], object]) -> float:
-    """Milliseconds per call, the first one (which compiles) not counted."""
+    """Milliseconds per call, without the first call, which compiles."""
     call()
     times = []
     for _ in range(REPEATS):

@@ -1,4 +1,4 @@
-"""How fast are robots that are driven? On a machine that others use, too, processor time is what can be compared.
+"""Benchmark of driven robots. On a shared machine compare processor times.
 
 Run: python scripts/benchmark_control.py
 """
@@ -17,7 +17,7 @@ STEPS = 20_000  # per repeat
 REPEATS = 5
 
 LINE = [(0.17, 0.25, 0.1), (0.63, 0.25, 0.1)]  # m, the paper's
-SPEED = 0.05  # m/s, at the fastest: the mean is lower by 1.875
+SPEED = 0.05  # m/s, largest speed; the mean is smaller by a factor of 1.875
 SECONDS = 1.875 * 0.46 / SPEED
 
 
@@ -29,7 +29,7 @@ def main() -> None:
 
 
 def winch_model(robot: cdpr.Robot) -> str:
-    """Steps a second of the winch model as it is written, against real time; one core."""
+    """Steps per second of the winch model with its own integrator, compared with real time, on one core."""
     model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, robot.home, winches=True))
     data = mujoco.MjData(model)
     costs = []
@@ -39,7 +39,7 @@ def winch_model(robot: cdpr.Robot) -> str:
         costs.append((time.process_time() - start) / STEPS)
     cost, step = statistics.median(costs), model.opt.timestep
     return (
-        f"winch model of {robot.name}: {1 / cost:,.0f} steps a second, {step / cost:.0f} times real time at "
+        f"winch model of {robot.name}: {1 / cost:,.0f} steps per second, {step / cost:.0f} times real time at "
         f"{1e3 * step:g} ms; median of {REPEATS}, one core"
     )
 
@@ -53,7 +53,7 @@ def tracking(robot: cdpr.Robot) -> str:
         cdpr.track(robot, LINE, controller, seconds=SECONDS, sensors=cdpr.Sensors(delay=0.01))
         costs.append(time.process_time() - start)
         walls.append(time.perf_counter() - begun)
-    cost, wall = statistics.median(costs[1:]), statistics.median(walls[1:])  # without the first, which compiles
+    cost, wall = statistics.median(costs[1:]), statistics.median(walls[1:])  # without the first run, which compiles
     return (
         f"track of {robot.name} along the paper's line, {SECONDS:.1f} s at up to {SPEED:g} m/s, pose feedback "
         f"at 100 Hz: {cost:.2f} s of one core, {wall:.2f} s on the clock; median of {REPEATS}"

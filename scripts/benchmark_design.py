@@ -1,8 +1,6 @@
-"""How many layouts a second, and how many would SciPy's fsolve manage of the same? Prints two tables.
+"""Benchmark of layout evaluation: layouts per second, compared with SciPy's solvers. Prints two tables.
 
-Best on an idle machine:
-
-python scripts/benchmark_design.py
+Run on an idle machine: python scripts/benchmark_design.py
 """
 
 import os
@@ -19,7 +17,7 @@ from cdpr_sim.design.robot_batch import Cases, RobotBatch, rest
 
 ROBOT = "parallel"
 POSES = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 18)]  # m, along the paper's line
-NEAR, BOX = 0.05, [[0.0, 0.0, 0.4], [0.8, 0.5, 0.5]]  # m: about where the exits are; anywhere in the frame's top
+NEAR, BOX = 0.05, [[0.0, 0.0, 0.4], [0.8, 0.5, 0.5]]  # m: around the exits; in the top of the frame
 LAYOUTS, REPEATS = 3000, 5
 FSOLVE_LAYOUTS = 40
 GENERATIONS = 100
@@ -37,11 +35,11 @@ def main() -> None:
         name: space.layouts(rng.uniform(space.lower, space.upper, (LAYOUTS, len(space))))
         for name, space in spaces.items()
     }
-    sets["those that a search tries"] = tried(robot)
+    sets["layouts of a search"] = tried(robot)
     rest(sets["exits within 50 mm"].take(slice(0, 5)), cases)  # compiles
     cores = os.cpu_count() or 1
     print(f"{ROBOT}, {len(POSES)} poses; {cores} cores, load {os.getloadavg()[0]:.1f}; medians of {REPEATS}\n")
-    columns = ("one core [1/s]", "by CPU time", "all cores [1/s]", "iterations", "no rest")
+    columns = ("one core [1/s]", "by CPU time", "all cores [1/s]", "iterations", "unsolved")
     print(f"{'worst tilt of random layouts':>32}" + "".join(f"{column:>17}" for column in columns))
     for name, layouts in sets.items():
         one, all_cores = (rates(layouts, cases, threads) for threads in (1, cores))
@@ -49,7 +47,7 @@ def main() -> None:
         lost = int((~found.converged).any(1).sum())
         numbers = [*(f"{rate:,.0f}" for rate in (*one, all_cores[0])), f"{found.iterations.mean():.1f}", str(lost)]
         print(f"{name:>32}" + "".join(f"{number:>17}" for number in numbers))
-    print(f"\n{'the same by one pose at a time':>32} {'layouts/s':>15} {'no answer':>12} {'of layouts':>16}")
+    print(f"\n{'the same with one pose at a time':>32} {'layouts/s':>15} {'unsolved':>12} {'of layouts':>16}")
     for name in spaces:
         layouts = sets[name].take(slice(0, FSOLVE_LAYOUTS))
         for method in ("fsolve", "least_squares"):
@@ -58,7 +56,7 @@ def main() -> None:
 
 
 def rates(layouts: RobotBatch, cases: Cases, threads: int) -> tuple[float, float]:
-    """Layouts a second, by the clock and by the processor's time."""
+    """Layouts per second, by wall time and by processor time."""
     runs = []
     for _ in range(REPEATS):
         wall, busy = time.perf_counter(), time.process_time()
@@ -68,7 +66,7 @@ def rates(layouts: RobotBatch, cases: Cases, threads: int) -> tuple[float, float
 
 
 def tried(robot: cdpr.Robot) -> RobotBatch:
-    """The layouts of a search, in its order."""
+    """The layouts that a search evaluates, in its order."""
     seen: list[RobotBatch] = []
 
     def noted(layouts, cases, threads=None):
@@ -85,7 +83,7 @@ def tried(robot: cdpr.Robot) -> RobotBatch:
 
 
 def one_by_one(layouts: RobotBatch, method: Literal["fsolve", "least_squares"]) -> tuple[float, int]:
-    """Layouts a second, and how many have a pose that the solver does not solve."""
+    """Layouts per second, and the number of layouts with a pose that the solver does not solve."""
     failed, began = 0, time.perf_counter()
     for row in range(len(layouts)):
         robot = layouts.robot_at(row)

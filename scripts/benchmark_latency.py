@@ -1,7 +1,8 @@
-"""What a user waits for: one table, each line beside its target, and beside another checkout measured in turn with it.
+"""Benchmark of latency: times that a user waits for, with their targets, compared with another checkout.
 
-Run it: python scripts/benchmark_latency.py [first] [start] [call] [kernel] [video] [--beside FOLDER]
-Figures are medians over processes, after one that fills the caches; machines are noisy, so read ratios.
+Run: python scripts/benchmark_latency.py [first] [start] [call] [kernel] [video] [--beside FOLDER]
+Numbers are medians over processes, after one that fills the caches. Both checkouts are measured alternately. Timings
+vary between runs: compare ratios.
 """
 
 import argparse
@@ -52,11 +53,11 @@ TARGETS = {
         "two robots, 300 frames, no OpenGL [s]": "12",
     },
 }
-"""By group, in the order in which its function returns them."""
+"""Targets by group, in the order in which the group's function returns its numbers."""
 
 ROUNDS = {"first": 3, "start": 9, "call": 5, "kernel": 5, "video": 3}
-CALLS = 200  # poses, each asked once
-BATCH, SETTLES, REPEATS = 50_000, 500, 5  # poses side by side
+CALLS = 200  # poses, each solved once
+BATCH, SETTLES, REPEATS = 50_000, 500, 5  # poses in a batch
 SEED = 2026
 
 COMMAND = "from cdpr_sim.cli import main; main()"
@@ -67,10 +68,10 @@ VIDEO = "video cogiro parallel --renderer raycast --force -o"  # 1280 x 720, 10 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("groups", nargs="*", metavar="GROUP", help=f"{', '.join(TARGETS)}; default: all")
-    parser.add_argument("--beside", metavar="FOLDER", help="another checkout, to be measured in turn with this one")
+    parser.add_argument("--beside", metavar="FOLDER", help="another checkout, measured alternately with this one")
     parser.add_argument("--inside", choices=MEASURES, help=argparse.SUPPRESS)
     asked = parser.parse_args()
-    if asked.inside:  # in a process of its own, whose PYTHONPATH says which checkout
+    if asked.inside:  # in a process of its own, whose PYTHONPATH selects the checkout
         print(json.dumps(MEASURES[asked.inside]()))
         return
     if not set(asked.groups) <= set(TARGETS):
@@ -94,7 +95,7 @@ def main() -> None:
 
 
 def measured(group: str, tree: str) -> list[float]:
-    """A figure for each line of a group, by a process that imports this checkout."""
+    """The numbers of a group, measured by a process that imports this checkout."""
     words = [sys.executable, __file__, "--inside", group]
     done = subprocess.run(words, env=os.environ | {"PYTHONPATH": tree}, capture_output=True, text=True)
     if done.returncode:
@@ -117,7 +118,7 @@ def video() -> list[float]:
 
 
 def process(code: str, *words: str, **environment: str) -> list[float]:
-    """Seconds of processor time and on the clock."""
+    """Processor time and wall time [s]."""
     before, begun = os.times(), time.perf_counter()
     command = [sys.executable, "-P", "-c", code, *words]  # -P: PYTHONPATH comes first
     subprocess.run(command, env=os.environ | environment, capture_output=True, check=True)
@@ -146,7 +147,7 @@ def kernel() -> list[float]:
 
 
 def often(work: Callable[[], object]) -> float:
-    """Seconds of processor time, of all cores together; the median of a few, the first time not counted."""
+    """Processor time of all cores [s]; the median of a few runs, without the first."""
     taken = []
     for _ in range(REPEATS + 1):
         begun = time.process_time()
@@ -156,18 +157,18 @@ def often(work: Callable[[], object]) -> float:
 
 
 def positions(robot: cdpr.Robot, count: int) -> np.ndarray:
-    """The same places anywhere in the workspace each time."""
+    """Random positions in the workspace, the same in each run."""
     lower, upper = robot.workspace
     return np.random.default_rng(SEED).uniform(lower, upper, (count, 3))
 
 
 def each(ask: Callable[[int], object]) -> float:
-    """Seconds for one call, the median over as many poses."""
+    """Time of one call [s], the median over these poses."""
     return statistics.median(once(lambda row=row: ask(row)) for row in range(CALLS))
 
 
 def once(work: Callable[[], object]) -> float:
-    """Seconds, the first time not counted."""
+    """Time [s], without the first call."""
     work()
     begun = time.perf_counter()
     work()

@@ -1,7 +1,7 @@
-"""How fast are sweeps, feasible workspaces and checks over whole workspaces? Prints a table; run it on an idle machine.
+"""Benchmark of sweeps, feasible workspaces and checks over whole workspaces. Run it on an idle machine.
 
-python scripts/benchmark_sweep.py            # everything: some minutes on 2 cores
-python scripts/benchmark_sweep.py --quick    # no 10⁷ poses, a smaller check
+python scripts/benchmark_sweep.py            # everything: a few minutes on 2 cores
+python scripts/benchmark_sweep.py --quick    # without 10⁷ poses, and with a smaller check
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ import numpy as np
 
 ROBOT, AXIAL_STIFFNESS = "parallel", 10e3  # [N]
 GRIDS = {10**4: (40, 25, 10), 10**5: (100, 50, 20), 10**6: (200, 100, 50), 10**7: (400, 250, 100)}  # poses
-IN_MEMORY = 10**6  # poses; more go into Zarr
+IN_MEMORY = 10**6  # poses; more are written to Zarr
 REPEATS = 3
-PAIRS = 5  # for ratios: with and without Dask in turn, so that both see the same machine
+PAIRS = 5  # for ratios: with and without Dask alternately, under the same load of the machine
 CHECK_GRID, QUICK_CHECK_GRID = (40, 25, 10), (20, 13, 6)
 SWEEP, FEASIBLE = (12, 9, 10, 9, 13, 11, 15), (12, 14, 12, 9, 15, 8)  # widths of the tables' columns
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
@@ -35,8 +35,8 @@ def main() -> None:
     quick = parser.parse_args().quick
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; medians of {REPEATS}\n")
 
-    print(f"Sweep of {ROBOT}, EA = {AXIAL_STIFFNESS:g} N, every quantity, end to end; each in a process of its own")
-    _print_row(SWEEP, "poses", "into", "wall [s]", "us/pose", "CPU us/pose", "peak [MB]", "grown by [MB]")
+    print(f"Sweep of {ROBOT}, EA = {AXIAL_STIFFNESS:g} N, all quantities, end to end; each in a process of its own")
+    _print_row(SWEEP, "poses", "into", "wall [s]", "us/pose", "CPU us/pose", "peak [MB]", "growth [MB]")
     for poses in GRIDS:
         if poses > IN_MEMORY and quick:
             continue
@@ -48,7 +48,7 @@ def main() -> None:
 
     overheads = in_process(dask_overheads, 10**6 if not quick else 10**5)
     print(
-        f"\nDask's overhead, one core, with Dask against without, in turn: {100 * statistics.median(overheads):+.1f} % "
+        f"\nOverhead of Dask on one core: {100 * statistics.median(overheads):+.1f} % "
         f"(median of {PAIRS}, {100 * min(overheads):+.1f} to {100 * max(overheads):+.1f} %)"
     )
 
@@ -64,7 +64,7 @@ def main() -> None:
     grid = QUICK_CHECK_GRID if quick else CHECK_GRID
     wall, poses, counts, disagreements = in_process(check, grid)
     print(f"\nCheck of parallel and cogiro, both materials: {poses:,} poses settled and compared in {wall:.1f} s")
-    print(f"  {1e3 * wall / poses:.2f} ms per pose; {counts}; findings: {disagreements}")
+    print(f"  {1e3 * wall / poses:.2f} ms per pose; {counts}; disagreements: {disagreements}")
 
 
 def _print_row(widths: tuple[int, ...], *cells: str) -> None:
@@ -72,7 +72,7 @@ def _print_row(widths: tuple[int, ...], *cells: str) -> None:
 
 
 def in_process(function: Callable, *arguments):
-    """The result of ``function`` in a fresh process: its memory, and nothing cached but what is compiled."""
+    """Return the result of ``function`` in a new process: with its own memory, and no cache except compiled code."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(function, *arguments).result()
 
@@ -88,7 +88,7 @@ def sweep(poses: int) -> tuple[float, float, float, float]:
     import cdpr_sim as cdpr
 
     robot = the_robot()
-    cdpr.sweep(robot, (4, 3, 2))  # imports, and loads the compiled code
+    cdpr.sweep(robot, (4, 3, 2))  # imports the package and loads the compiled code
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     with tempfile.TemporaryDirectory() as folder:
         store = Path(folder) / "sweep.zarr" if poses > IN_MEMORY else None
@@ -101,7 +101,7 @@ def sweep(poses: int) -> tuple[float, float, float, float]:
 
 
 def dask_overheads(poses: int) -> list[float]:
-    """With Dask on one thread over one call of NumPy, in CPU time, less 1."""
+    """CPU time with Dask on one thread divided by that of one NumPy call, minus 1."""
     from dask.config import set as configured
 
     import cdpr_sim as cdpr
@@ -121,7 +121,7 @@ def dask_overheads(poses: int) -> list[float]:
 
 
 def feasibility(name: str, limits: tuple[float, float]) -> tuple[float, float]:
-    """Seconds of CPU per pose by the fast method and by HiGHS."""
+    """CPU time per pose [s] of the fast method and of HiGHS."""
     import cdpr_sim as cdpr
     from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 
@@ -140,7 +140,7 @@ def feasibility(name: str, limits: tuple[float, float]) -> tuple[float, float]:
 
 
 def check(grid: tuple[int, int, int]) -> tuple[float, int, str, int]:
-    """Wall time [s], poses, outcomes in words, and the number of findings."""
+    """Wall time [s], number of poses, outcomes as text, and the number of disagreements."""
     import cdpr_sim as cdpr
     from cdpr_sim.crosscheck.check import OUTCOMES
 

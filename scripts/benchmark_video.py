@@ -1,6 +1,6 @@
-"""How many frames a second does a video take, end to end, by each renderer?
+"""Benchmark of videos: frames per second of each renderer, end to end.
 
-On a machine that others use, too, the processor time per frame is what can be compared.
+On a shared machine compare the processor times per frame.
 
 Run: python scripts/benchmark_video.py
 """
@@ -58,13 +58,13 @@ def main() -> None:
             else:  # the first run compiles
                 rate, cost = statistics.median(rates[1:]), statistics.median(costs[1:])
                 print(
-                    f"{backend:8} {shown} robot(s): {rate:5.1f} frames a second, {cost:4.0f} ms of processor time each"
+                    f"{backend:8} {shown} robot(s): {rate:5.1f} frames per second, {cost:4.0f} ms of CPU time per frame"
                 )
     showpiece()
 
 
 def showpiece() -> None:
-    """The whole command, without OpenGL: start, two drives, the static solver, drawing and encoding."""
+    """The whole command without OpenGL: start, two drives, the static solver, rendering and encoding."""
     seconds, costs = [], []
     for _ in range(REPEATS):
         with tempfile.TemporaryDirectory() as folder:
@@ -80,7 +80,7 @@ def showpiece() -> None:
 
 
 def processor_seconds() -> float:
-    """Of this process and of its encoders."""
+    """Processor time [s] of this process and its encoders."""
     return sum(os.times()[:4])
 
 

@@ -1,7 +1,7 @@
-"""Better layouts: `parallel` made level, a crane's masts, and the numbers of DemoBot's frame that matter most.
+"""Layout optimisation: `parallel` without tilt, a crane's masts, and the critical dimensions of DemoBot's frame.
 
-Run it: python scripts/better_layouts.py. It prints three tables and draws pictures/layout-front.png and
-pictures/better-layout.png. With pymoo (the extra `design`) the front is drawn by NSGA-II as well.
+Run: python scripts/better_layouts.py. It prints three tables and draws pictures/layout-front.png and
+pictures/better-layout.png. With pymoo (the extra `design`) NSGA-II computes the Pareto front as well.
 """
 
 from pathlib import Path
@@ -17,9 +17,9 @@ from cdpr_sim.studies.better_layouts import picture
 from cdpr_sim.studies.gallery import encoded
 from cdpr_sim.studies.layout_studies import FRAME_TOP, LINE, crane_masts, frame_numbers, level_parallel
 
-SHOWN = 0.16  # m, the furthest move of the layout that is drawn
+SHOWN = 0.16  # m, the largest displacement of an exit of the drawn layout
 GENERATIONS = 200  # of NSGA-II
-FURTHEST = 0.25  # m, where the figure ends: from 0.16 m on, all are level
+FURTHEST = 0.25  # m, the end of the figure's axis: from 0.16 m on, all layouts are level
 FOLDER = Path(__file__).parent.parent / "pictures"
 
 
@@ -89,11 +89,11 @@ def main() -> None:
             f"{1e3 * proof.after.errors['position_error']:.1e}", f"{masts.min():+.2f} to {masts.max():+.2f}",
         )  # fmt: skip
     console.print(table)
-    console.print("Weight and a pulley on one cable is refused: each is taken in by itself.", highlight=False)
+    console.print("Mass and a pulley on one cable are refused: the table shows each of them alone.", highlight=False)
 
     for name in ("parallel", "cogiro"):
         robot = cdpr.load_robot(name)
-        title = f"{name}: 1 mm wrong in the frame, unknown to the winches, along that line, in MuJoCo"
+        title = f"{name}: effect of an unknown error of 1 mm in the frame along that line, in MuJoCo"
         columns = ("number", "shift, rms [mm]", "most [mm]", "turn, rms [°]", "most [°]", "MuJoCo − Newton [mm]")
         table = new_table(title, *columns)
         for one in frame_numbers(robot)[:3]:

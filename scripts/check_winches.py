@@ -1,10 +1,11 @@
-"""Where winch models come to rest, against ``solve``: DemoBot's layouts, three stiffnesses, integrators and time steps.
+"""Compare winch models with ``solve``: DemoBot's layouts, three stiffnesses, several integrators and time steps.
 
-Each model is written in the middle of its workspace and wound to random poses. It is "there" once it is where ``solve``
-says to 1e-9 m; "elsewhere" if ``solve``, asked again from where the model came to rest, finds a rest there, too. Poses
-with a direction that is nearly free are left out: nothing comes to rest there soon.
+Each model is written for the middle of its workspace and driven to random poses. It is "there" when its position
+differs from that of ``solve`` by at most 1e-9 m. It is "elsewhere" if it settles at another position, and ``solve``
+started there finds an equilibrium there. Poses with a nearly neutral direction are left out, because settling there
+takes long.
 
-Run it: python scripts/check_winches.py [poses of each robot, default 20]
+Run: python scripts/check_winches.py [poses of each robot, default 20]
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -23,20 +24,20 @@ ROBOTS = ("cogiro", "parallel", "planar-horizontal", "planar-vertical", "two-cab
 """DemoBot's layouts."""
 
 STEPS = {1e3: [5], 1e4: [2, 1], 1e5: [0.5]}
-"""Time steps [ms] of the integrators that do not know springs, per axial stiffness [N]."""
+"""Time steps [ms] of the integrators that treat springs explicitly, per axial stiffness [N]."""
 
 SOFT = 0.2
-"""[N/m] Smallest stiffness of a pose that is looked at."""
+"""[N/m] Smallest stiffness of the poses that are used."""
 
 THERE = 1e-9
-"""[m] From where ``solve`` says."""
+"""[m] Largest distance from the position of ``solve``."""
 
 WINDING, PATIENCE = 3.0, 60.0
-"""[s] To wind from the middle to the pose, and to wait for rest at most."""
+"""[s] Time to drive from the middle to the pose, and longest time to settle."""
 
 
 def seconds_to_rest(model: mujoco.MjModel, data: mujoco.MjData, controls: np.ndarray, position: np.ndarray) -> float:
-    """Until the platform is where it should rest, from the beginning [s]; inf if it never is."""
+    """Time from the beginning until the platform settles where it should [s]; inf if it does not."""
     mujoco.mj_resetDataKeyframe(model, data, 0)
     chunk = max(1, round(0.01 / model.opt.timestep))
     while data.time < WINDING:
@@ -53,7 +54,7 @@ def seconds_to_rest(model: mujoco.MjModel, data: mujoco.MjData, controls: np.nda
 
 
 def is_equilibrium(data: mujoco.MjData, static: cdpr.Equilibrium) -> bool:
-    """Whether ``solve`` as well finds a rest on these lengths where the platform is now."""
+    """Whether ``solve`` finds an equilibrium with these rest lengths at the platform's present pose."""
     position = data.sensor("position").data
     turned = Rotation.from_quat(data.sensor("orientation").data, scalar_first=True)
     pose = RigidTransform.from_components(position, turned)
@@ -67,10 +68,10 @@ def is_equilibrium(data: mujoco.MjData, static: cdpr.Equilibrium) -> bool:
 def main() -> None:
     poses = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     random, console = np.random.default_rng(1), Console()
-    table = new_table("Rest of winch models against solve", "EA [N]", "integrator", "step [ms]", "there", "elsewhere")
+    table = new_table("Winch models compared with solve", "EA [N]", "integrator", "step [ms]", "there", "elsewhere")
     for name in ("median [s]", "most [s]"):
         table.add_column(name, justify="right")
-    table.add_column("not at rest")
+    table.add_column("not settled")
     for stiffness, steps in STEPS.items():
         cases = []
         for name in ROBOTS:

@@ -1,7 +1,7 @@
-"""Both methods over the whole workspace of every robot of the zoo: python scripts/check_zoo.py [ROBOT...].
+"""Compare both methods over the workspace of each robot of the catalogue: python scripts/check_zoo.py [ROBOT...].
 
-Once at the rest lengths of the commanded poses, and of robots that are held from all sides once more with every cable
-shorter by a thousandth.
+The rest lengths are those of the commanded poses. Fully constrained robots are also compared with all cables shorter by
+a thousandth.
 """
 
 import sys
@@ -10,7 +10,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.studies.zoo_check import DRAWN_IN, visit
 
-POSES = 200  # random level ones per robot
+POSES = 200  # random poses without rotation, per robot
 HEAD = (
     "robot",
     "drawn in",
@@ -18,7 +18,7 @@ HEAD = (
     "free",
     "different",
     "disagree",
-    "no rest",
+    "unsolved",
     "apart [mm]",
     "tension [N]",
     "apart [N]",
@@ -26,7 +26,7 @@ HEAD = (
 
 
 def main(names: list[str]) -> None:
-    print(f"{POSES} random level poses per row\n")
+    print(f"{POSES} random poses without rotation per row\n")
     print(f"{HEAD[0]:>22}" + "".join(f"{word:>13}" for word in HEAD[1:]))
     for name in names or cdpr.list_robots():
         robot = cdpr.load_robot(name)

@@ -1,8 +1,8 @@
-"""Control schemes compared: both layouts, both cables, the paper's line and a circle, slow and fast, a wrong model.
+"""Compare controllers: both layouts, both cables, the paper's line and a circle, slow and fast, with a wrong model.
 
-Run it: python scripts/compare_controllers.py. It takes some three minutes of one core, a third of them for compensation
-where no lengths hold the platform. It prints a table, draws pictures/controllers.png, and films the best beside the
-worst along the line: pictures/controllers.gif.
+Run: python scripts/compare_controllers.py. It takes about three minutes on one core, a third of it for compensation at
+poses that cannot be held. It prints a table, draws pictures/controllers.png, and renders the best and the worst
+controller along the line, side by side: pictures/controllers.gif.
 """
 
 import dataclasses
@@ -22,12 +22,12 @@ from cdpr_sim.studies.controller_comparison_figures import controllers
 from cdpr_sim.studies.gallery import encoded
 
 FILMED = "line", 0.05  # path, top speed [m/s]
-SIZE, SECONDS, FPS = (800, 450), 9.2, 10.0  # pixel, s of video, frames a second
+SIZE, SECONDS, FPS = (800, 450), 9.2, 10.0  # pixel, s of video, frames per second
 FOLDER = Path(__file__).parents[1] / "pictures"
 
 
 def titled(run: Run) -> cdpr.Trajectory:
-    """Its motion after the pause, with its scheme in the robot's name, which heads the picture."""
+    """The motion after the pause; the robot's name, which is the heading, contains the scheme."""
     motion = run.trajectory
     robot = motion.robot.replace(name=f"{run.task.layout}: {run.scheme}", material=run.task.material)
     rows = np.flatnonzero(run.moving)
@@ -47,7 +47,7 @@ def main() -> None:
     for layout in LAYOUTS:
         for path in ("line", "circle"):
             part = held(Task(layout, PAPER_MATERIALS[0], path, 0.5))
-            console.print(f"{layout}: along {part:.0%} of the {path} some tensions hold the platform level.")
+            console.print(f"{layout}: the platform can be held level along {part:.0%} of the {path}.")
     console.print(f"{len(found)} runs, {time.process_time() - begun:.0f} s of one core")
     FOLDER.mkdir(exist_ok=True)
     write_whole({FOLDER / "controllers.png": encoded(controllers(found), "png")})
@@ -58,7 +58,7 @@ def main() -> None:
     pair = [titled(best), titled(worst)]
     cdpr.write_video(FOLDER / "controllers.gif", pair, seconds=SECONDS, fps=FPS, size=SIZE, force=True)
     for one in (best, worst):
-        console.print(f"Filmed: {one.task.layout}, {one.task.material}, {one.scheme}")
+        console.print(f"In the video: {one.task.layout}, {one.task.material}, {one.scheme}")
 
 
 if __name__ == "__main__":

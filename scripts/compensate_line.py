@@ -1,4 +1,4 @@
-"""Compensation along the paper's line, before and after, in one picture: pictures/compensation.png."""
+"""Draw the errors along the paper's line without and with compensation: pictures/compensation.png."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from cdpr_sim.studies.compensation_figures import draw_compensation
 ROBOTS = {"cogiro": "crossed cables (Cogiro), fishing line", "parallel": "parallel cables, fishing line"}
 MATERIAL = "fishing-0.4mm"
 LINE = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 24)]  # m, the paper's
-ARM = None  # m, how much rotation counts where no lengths hold the pose; None: the characteristic length, 59 mm
+ARM = None  # m, weight of rotation where the pose cannot be held; None: the characteristic length, 59 mm
 DPI = 150
 OUTPUT = Path(__file__).parent.parent / "pictures" / "compensation.png"
 
@@ -22,7 +22,7 @@ def main() -> None:
         line = compensated_line(cdpr.load_robot(name).replace(material=MATERIAL), title, LINE, arm=ARM)
         for when, results in (("before", line.settled_before), ("after", line.settled_after)):
             shift, turn = 1e3 * line.position_errors(results).max(), np.degrees(line.rotation_errors(results).max())
-            print(f"{name}, {when}: at most {shift:.3g} mm and {turn:.3g}° off, in MuJoCo")
+            print(f"{name}, {when}: errors in MuJoCo of at most {shift:.3g} mm and {turn:.3g}°")
         print(f"{name}: the commanded pose is held at {line.exact.sum()} of {len(LINE)} points")
         lines.append(line)
     OUTPUT.parent.mkdir(exist_ok=True)

@@ -1,6 +1,6 @@
-"""Write models/ anew, or check with --check that it is what the generator writes today.
+"""Generate models/, or check with --check that models/ is up to date.
 
-Run it: python scripts/generate_models.py [--check]
+Run: python scripts/generate_models.py [--check]
 """
 
 import sys

@@ -1,6 +1,6 @@
-"""Draw the set of problems and prove its answers: ``python scripts/generate_problems.py [FOLDER] [PER_LEVEL]``.
+"""Generate the problem set and prove its solutions: ``python scripts/generate_problems.py [FOLDER] [PER_LEVEL]``.
 
-The files are the same each time but for digits beyond those that are proved: draws are seeded.
+Draws are seeded: the files are the same in each run, except for digits beyond the proved ones.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Which axial stiffness gives the paper's 15 mm at the ends of its line, and what that implies for its two lines."""
+"""Compute the axial stiffness for the paper's 15 mm at the ends of its line, and the consequences for its two lines."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ RATIO = 10  # the fishing line is "approximately 10 times" softer
 
 
 def deviations(stiffness: float, height: float) -> str:
-    """Of z and of the rotation about y at the left end, and the sag of ``cogiro`` in the middle."""
+    """Deviation in z and rotation about y at the left end, and the deviation of ``cogiro`` in z in the middle."""
     end = cdpr.solve(cdpr.load_robot(ROBOT).replace(axial_stiffness=stiffness), (ENDS[0], Y, height))
     middle = cdpr.solve(cdpr.load_robot("cogiro").replace(axial_stiffness=stiffness), (0.4, Y, height))
     return (

@@ -1,19 +1,19 @@
-"""Draw every figure, or those that are named: ``python scripts/make_figures.py [NAME...]``.
+"""Draw all figures, or those that are named: ``python scripts/make_figures.py [NAME...]``.
 
-The manual's pictures among them are copied to where it shows them.
+Figures that docs/gallery.md draws with this script are also copied to pictures/, where the manual shows them.
 """
 
+import re
 import shutil
 import sys
 from pathlib import Path
 
 from cdpr_sim import CdprError, list_figures, write_figures
 
-FOLDER = Path("figures")  # where <name>.svg and <name>.png go; not part of the repository
-MANUAL_FOLDER = Path("pictures")  # part of the repository
-MANUAL_PICTURES = (
-    "paper-line", "parallel", "tilt-condition", "two-cable-manifold", "layouts", "convergence", "agreement",
-)  # fmt: skip
+ROOT = Path(__file__).parents[1]
+FOLDER = Path("figures")  # of <name>.svg and <name>.png; not part of the repository
+MANUAL_FOLDER = ROOT / "pictures"  # part of the repository
+MANUAL_PICTURES = re.findall(r"make_figures\.py ([\w-]+)", (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8"))
 
 
 def main(names: list[str]) -> None:
@@ -23,7 +23,6 @@ def main(names: list[str]) -> None:
     for name, paths in written.items():
         print(*paths)
         if name in MANUAL_PICTURES:
-            MANUAL_FOLDER.mkdir(exist_ok=True)
             print(shutil.copy(FOLDER / f"{name}.png", MANUAL_FOLDER))
 
 

@@ -1,7 +1,7 @@
-"""The showpiece: two layouts of DemoBot along the paper's line, side by side; and the small picture of the README.
+"""Render the README's video: two layouts of DemoBot along the paper's line, side by side; and a small version of it.
 
-One is level all the way. The other tilts, strays from the line, and hangs on half of its cables. Both do what MuJoCo
-says; the gold outline is what the static solver says.
+One layout stays level. The other tilts, deviates from the line, and half of its cables are slack. The motion is from
+MuJoCo; the gold outline is the result of the static solver.
 
 Run: python scripts/make_video.py
 """
@@ -17,7 +17,7 @@ LINE = [(0.17, 0.25, 0.1), (0.63, 0.25, 0.1)]  # m, the paper's
 DRIVE_SECONDS = None  # s; None: nearly static
 SECONDS = 10.0  # s, of video
 FOLDER = Path(__file__).parents[1] / "pictures"
-FILES = {"showpiece.gif": ((800, 450), 10.0)}  # file: size [pixel], frames a second; .mp4 as well
+FILES = {"showpiece.gif": ((800, 450), 10.0)}  # file: size [pixel], frames per second; .mp4 is supported as well
 
 
 def main() -> None:

@@ -1,9 +1,9 @@
-"""Measure again what constants are justified by, and see that they still hold.
+"""Repeat the measurements that justify constants, and check that the constants are still valid.
 
     python scripts/measure_constants.py
 
-A constant whose comment names a measurement stands here with it. Exit status 1 where one no longer holds. Takes about a
-minute, and as long again where nothing is compiled yet.
+Each constant whose comment cites a measurement is listed here with the measurement. Exit status 1 if a constant is no
+longer valid. The script takes about a minute, and twice as long if nothing is compiled yet.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -46,18 +46,18 @@ from cdpr_sim.statics.newton_kernel import MAX_ITERATIONS
 from cdpr_sim.studies.controller_comparison import SENSORS, believed
 
 POSES = 30_000
-"""Random ones of the workspace, for each layout and material."""
+"""Random poses in the workspace, for each layout and material."""
 
 SEED = 0
 
 LAYOUTS, MATERIALS = ("cogiro", "parallel"), ("vectran-0.7mm", "fishing-0.4mm")
 
 FREE = 1e-9
-"""Loads per characteristic length: what is softer is rounding, as the gap that is printed shows."""
+"""Loads per characteristic length: a smaller stiffness is rounding, as the printed gap shows."""
 
 
 class Row(NamedTuple):
-    """Of the table."""
+    """A row of the table."""
 
     constant: str
     what: str
@@ -66,18 +66,18 @@ class Row(NamedTuple):
 
 
 def robots() -> list[cdpr.Robot]:
-    """DemoBot's two layouts in space on each of its cables."""
+    """DemoBot's two spatial layouts with each of its cables."""
     return [cdpr.load_robot(name).replace(material=cables) for name in LAYOUTS for cables in MATERIALS]
 
 
 def random_poses(robot: cdpr.Robot, count: int) -> np.ndarray:
-    """(count, 3), evenly over the workspace [m]."""
+    """Random positions, (count, 3) [m], uniform in the workspace."""
     low, high = robot.workspace
     return np.random.default_rng(SEED).uniform(low, high, (count, 3))
 
 
 def bytes_of(call: Callable[[], object]) -> int:
-    """What a call takes at most; a first one loads what is loaded once."""
+    """Largest memory of a call [bytes]; a first call loads what is loaded only once."""
     tracemalloc.start()
     call()
     most = tracemalloc.get_traced_memory()[1]
@@ -86,7 +86,7 @@ def bytes_of(call: Callable[[], object]) -> int:
 
 
 def equilibrium_constants() -> Iterator[Row]:
-    """How softly rests are held, how many steps it takes to them, and how far apart two solutions of one are."""
+    """Stiffness of equilibria, iterations of the solver, and the distance between two solutions of one equilibrium."""
     most, nearer, farther = 0, 0.0, np.inf
     for robot in robots():
         of, arm, poses = f"{robot.name}, {robot.material}", robot.characteristic_length, random_poses(robot, POSES)
@@ -97,16 +97,16 @@ def equilibrium_constants() -> Iterator[Row]:
         free = softest < FREE
         few = int((softest[~free] < compensation.HELD).sum())
         yield Row(
-            f"HELD = {compensation.HELD:g}", f"{of}: softest rest that is held, and how many have less",
+            f"HELD = {compensation.HELD:g}", f"{of}: smallest stiffness of a constrained equilibrium; number below",
             f"{softest[~free].min():.1e}, {few}", few <= 3,
         )  # fmt: skip
         yield Row(
-            f"LOOSE = {equilibria.LOOSE:g}", f"{of}: softest over stiffest, of those held",
+            f"LOOSE = {equilibria.LOOSE:g}", f"{of}: smallest over largest stiffness, constrained equilibria",
             f"{ratio[~free].min():.1e}", ratio[~free].min() > equilibria.LOOSE,
         )  # fmt: skip
         if free.any():
             yield Row(
-                f"NEUTRAL = {NEUTRAL:g}", f"{of}: the same of those free", f"{ratio[free].max():.1e}",
+                f"NEUTRAL = {NEUTRAL:g}", f"{of}: the same for neutral equilibria", f"{ratio[free].max():.1e}",
                 np.abs(ratio[free]).max() < min(NEUTRAL, equilibria.LOOSE),
             )  # fmt: skip
             yield Row("the manual: 2 to 4 %", f"{of}: free", f"{100 * free.mean():.1f} %", 0.015 < free.mean() < 0.045)
@@ -118,16 +118,23 @@ def equilibrium_constants() -> Iterator[Row]:
         nearer = max(nearer, apart[held & (apart < equilibria.SAME)].max())
         farther = min(farther, apart[held & (apart > equilibria.SAME)].min(initial=np.inf))
     same = f"equilibria.SAME = {equilibria.SAME:g}"
-    yield Row(same, "two solutions of one rest that is held, at most", f"{nearer:.0e}", nearer < equilibria.SAME / 1e3)
-    yield Row(same, "two such rests of the same lengths, at least", f"{farther:.0e}", farther > 10 * equilibria.SAME)
     yield Row(
-        f"MAX_ITERATIONS = {MAX_ITERATIONS}", "Newton's at random poses, at most", f"{most}",
+        same, "two solutions of one constrained equilibrium, at most", f"{nearer:.0e}", nearer < equilibria.SAME / 1e3
+    )
+    yield Row(
+        same,
+        "two such equilibria with the same rest lengths, at least",
+        f"{farther:.0e}",
+        farther > 10 * equilibria.SAME,
+    )
+    yield Row(
+        f"MAX_ITERATIONS = {MAX_ITERATIONS}", "of Newton's method at random poses, at most", f"{most}",
         10 * most <= MAX_ITERATIONS,
     )  # fmt: skip
 
 
 def unseen(*unknowns: str) -> float:
-    """Smallest over largest singular value of what 12 poses of ``cogiro`` say of these, in columns of unit length."""
+    """Smallest over largest singular value of the sensitivities at 12 poses of ``cogiro``; columns of unit length."""
     robot = cdpr.load_robot("cogiro")
     poses = random_poses(robot, 12)
     solved = cdpr.solve_many(robot, poses)
@@ -139,7 +146,7 @@ def unseen(*unknowns: str) -> float:
 
 
 def identifications() -> Iterator[Row]:
-    """What rounding leaves of unknowns that cannot be told apart, and of those that can."""
+    """Singular values of unknowns that cannot be identified together, and of those that can."""
     least, name = identification.UNSEEN, f"UNSEEN = {identification.UNSEEN:g}"
     same, apart = unseen("axial_stiffness", "mass"), unseen("axial_stiffness", "rest_length_offsets", "center_of_mass")
     yield Row(name, "EA and mass, which have the same effect", f"{same:.0e}", same < least / 10)
@@ -147,7 +154,7 @@ def identifications() -> Iterator[Row]:
 
 
 def compensations() -> Iterator[Row]:
-    """What the nearest pose misses for numerical reasons, and cutting planes for the stiffest tensions."""
+    """Numerical errors of the nearest pose, and cutting planes for the stiffest tensions."""
     missed, off = [], []
     robot = cdpr.load_robot("parallel")
     for pose in [(0.17, 0.25, 0.1), (0.25, 0.25, 0.1), (0.25, 0.2, 0.15), (0.6, 0.3, 0.2)]:
@@ -156,11 +163,11 @@ def compensations() -> Iterator[Row]:
         rest = found.equilibrium
         off.append(distance(rest.problem.pose, rest.pose, robot.characteristic_length))
     yield Row(
-        f"LEAST_ARM = {compensation.LEAST_ARM:g}", "how far a position that can be held is missed [m], at most",
+        f"LEAST_ARM = {compensation.LEAST_ARM:g}", "error of a position that can be held [m], at most",
         f"{max(missed):.0e}", max(missed) < 2e-8,
     )  # fmt: skip
     yield Row(
-        f"_EQUAL = {compensation._EQUAL:g}", "from SLSQP's pose to the rest of its lengths [m], at most",
+        f"_EQUAL = {compensation._EQUAL:g}", "from SLSQP's pose to the equilibrium of its rest lengths [m], at most",
         f"{max(off):.0e}", max(off) < 1e-12,
     )  # fmt: skip
     cuts = []
@@ -177,7 +184,7 @@ def compensations() -> Iterator[Row]:
 
 
 def balances() -> Iterator[Row]:
-    """What tensions leave of a load that they balance, and a nanometre beyond the border."""
+    """Unbalanced part of a load that tensions balance, and a nanometre beyond the boundary."""
     within = []
     for name in ("cogiro", "parallel", "ipanema-1"):
         robot = cdpr.load_robot(name)
@@ -190,12 +197,12 @@ def balances() -> Iterator[Row]:
         inside, outside = (x, outside) if shortfall(robot, (x, 0.25, 0.1)) < 1e-14 else (inside, x)
     beyond = float(shortfall(robot, (inside - 1e-9, 0.25, 0.1)))
     name = f"balance_kernel.BALANCED = {balance_kernel.BALANCED:g}"
-    yield Row(name, "what is left of a load that is balanced, at most", f"{max(within):.0e}", max(within) < 1e-14)
+    yield Row(name, "unbalanced part of a balanced load, at most", f"{max(within):.0e}", max(within) < 1e-14)
     yield Row(name, "a nanometre outside parallel's workspace", f"{beyond:.0e}", beyond > balance_kernel.BALANCED)
 
 
 def methods() -> Iterator[Row]:
-    """How far MuJoCo rests and strays from statics, and what it has left over where statics is in balance."""
+    """Deviation of MuJoCo's equilibria from statics, and MuJoCo's residual at static equilibria."""
     apart = []
     for robot in robots():
         poses = random_poses(robot, 1000)
@@ -211,7 +218,7 @@ def methods() -> Iterator[Row]:
     largest_deviation = max(one.largest_deviation / one.nudge for one in released)
     yield Row(
         f"STAYS = {STAYS:g}",
-        "how far stable platforms stray, in nudges",
+        "largest deviation of stable platforms, in initial displacements",
         f"{largest_deviation:.2f}",
         largest_deviation < 1.01,
     )
@@ -230,14 +237,14 @@ def methods() -> Iterator[Row]:
         max(*right, ACCEPTABLE) < CROSS_TOLERANCE,
     )  # fmt: skip
     yield Row(
-        name, "the same with one taut cable 1 % too stiff, at least", f"{min(wrong):.1e}", min(wrong) > CROSS_TOLERANCE
+        name, "the same with one taut cable 1 % stiffer, at least", f"{min(wrong):.1e}", min(wrong) > CROSS_TOLERANCE
     )
 
 
 def missed_by(division: chains.Division, level: np.ndarray, bend: float) -> float:
-    """How far a chain's end is from the catenary's under the same pull, as a part of its length, at most.
+    """Largest distance between the ends of a chain and of the catenary with the same force, over the length.
 
-    Of chains that lie level at ``level`` and pull sideways by ``bend`` of their weights. See ``chains.divisions``.
+    The chains are horizontal at ``level``; their horizontal force is ``bend`` weights. See ``chains.divisions``.
     """
     down = 1 - np.cumsum(division.masses[:, ::-1], axis=1)[:, ::-1] - level[:, None]
     pull = np.hypot(bend, down)
@@ -249,30 +256,30 @@ def missed_by(division: chains.Division, level: np.ndarray, bend: float) -> floa
 
 
 def curves() -> Iterator[Row]:
-    """How well pieces stand for cables that hang: MuJoCo's chains, and the straight pieces of clearances."""
+    """Errors of the approximations of sagging cables: MuJoCo's chains, and the straight segments of clearances."""
     level = np.linspace(-2, 3, 501)
     for bend in (chains.STRAIGHT, 1.0):
         missed = missed_by(chains.straight(), level, bend)
         yield Row(
-            f"SEGMENTS = {chains.SEGMENTS}", f"end of a chain that pulls sideways by {bend:g} weights, per length",
+            f"SEGMENTS = {chains.SEGMENTS}", f"end of a chain with a horizontal force of {bend:g} weights, per length",
             f"{missed:.0e}", missed < (1e-11 if bend == chains.STRAIGHT else 2e-8),
         )  # fmt: skip
     bends = np.geomspace(chains.SHARPEST, chains.STRAIGHT, 30, endpoint=False)
     missed = max(missed_by(chains.divisions(level, np.full(len(level), bend)), level, bend) for bend in bends)
-    yield Row(f"SHARPEST = {chains.SHARPEST:g}", "the same, slack and divided anew", f"{missed:.0e}", missed < 1e-6)
+    yield Row(f"SHARPEST = {chains.SHARPEST:g}", "the same, slack and subdivided again", f"{missed:.0e}", missed < 1e-6)
     pieces, finer = clearance.POINTS - 1, 40
     hung = catenary.profile(np.zeros(3), np.array([1.0, 0, 0]), 1.001, 1e4, 1.0, finer * pieces + 1)
     knots = np.arange(0, len(hung), finer)
     straight = np.stack([np.interp(np.arange(len(hung)), knots, hung[knots, axis]) for axis in range(3)], axis=1)
     part = np.ptp(hung[:, 2]) / np.linalg.norm(hung - straight, axis=1).max()
     yield Row(
-        f"clearance.POINTS = {clearance.POINTS}", "a shallow cable's sag over its distance from its pieces",
+        f"clearance.POINTS = {clearance.POINTS}", "sag of a shallow cable over its distance from its segments",
         f"{part:.0f}", part > 550,
     )  # fmt: skip
 
 
 def feedback() -> Iterator[Row]:
-    """How an integral of the pose swings in 20 s on the softer cables."""
+    """Oscillation of the integral feedback of the pose in 20 s with the softer cables."""
     for name, gain in itertools.product(LAYOUTS, (pose_feedback.GAIN, 2.0)):
         robot = cdpr.load_robot(name).replace(material="fishing-0.4mm")
         controller = cdpr.PoseFeedback(cdpr.RigidLengths(believed(robot)), gain)
@@ -287,7 +294,7 @@ def feedback() -> Iterator[Row]:
 
 
 def sizes() -> Iterator[Row]:
-    """What is taken of memory, time and pages."""
+    """Memory, time and file sizes."""
     robot, each = cdpr.load_robot("parallel"), sweep.CHUNK
     count = round((sweep.TASKS * each) ** (1 / 3))  # along each axis: as many chunks as a small sweep is split into
     with configured(scheduler="synchronous"):
@@ -296,12 +303,12 @@ def sizes() -> Iterator[Row]:
         result = cdpr.sweep(robot, (count, count, count))
         seconds = (time.process_time() - start) * each / count**3
         beyond = bytes_of(lambda: cdpr.sweep(robot, (count, count, count))) - result.nbytes
-    yield Row(f"CHUNK = {each}", "processor's time for a chunk [s]", f"{seconds:.1f}", 0.1 < seconds < 2)
-    yield Row(f"CHUNK = {each}", "memory while it is computed [MB]", f"{beyond / 1e6:.0f}", beyond < 40e6)
+    yield Row(f"CHUNK = {each}", "processor time for a chunk [s]", f"{seconds:.1f}", 0.1 < seconds < 2)
+    yield Row(f"CHUNK = {each}", "memory during computation [MB]", f"{beyond / 1e6:.0f}", beyond < 40e6)
     rows, points = clearance.ROWS, clearance.POINTS
     cdpr.clearances(robot, random_poses(robot, 1))
     most = bytes_of(lambda: cdpr.clearances(robot, random_poses(robot, rows)))
-    yield Row(f"clearance.ROWS = {rows}", "memory for their distances [MB]", f"{most / 1e6:.0f}", most < 80e6)
+    yield Row(f"clearance.ROWS = {rows}", "memory for the distances [MB]", f"{most / 1e6:.0f}", most < 80e6)
     solved = cdpr.solve_many(robot, random_poses(robot, 5000))
     weights = np.zeros(robot.cables)
     most = bytes_of(lambda: clearance.cable_curves(solved, robot.exits, robot.anchors, weights, 0.03, points))
@@ -317,7 +324,7 @@ def sizes() -> Iterator[Row]:
         asked = robot_batch.RobotBatch.of([robot] * 20)
         most = bytes_of(lambda asked=asked, cases=cases: robot_batch.rest(asked, cases).tilt) / 40_000 / robot.cables
         yield Row(
-            f"BYTES_PER_CABLE = {robot_batch.BYTES_PER_CABLE}", f"of 40,000 rests of {name}", f"{most:.0f}",
+            f"BYTES_PER_CABLE = {robot_batch.BYTES_PER_CABLE}", f"of 40,000 equilibria of {name}", f"{most:.0f}",
             most < robot_batch.BYTES_PER_CABLE,
         )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
@@ -326,14 +333,14 @@ def sizes() -> Iterator[Row]:
         film = re.search(r"data:video/mp4;base64,([^\"]+)", page.read_text(encoding="utf-8"))
         most = len(base64.b64decode(film[1])) if film else np.inf
     name = f"FILM_SIZE, FILM_RATE = {FILM_SIZE[0]} × {FILM_SIZE[1]}, {FILM_RATE:g}"
-    yield Row(name, "film on the page of parallel [MB]", f"{most / 1e6:.2f}", most < 0.5e6)
+    yield Row(name, "video in the report of parallel [MB]", f"{most / 1e6:.2f}", most < 0.5e6)
 
 
 FAMILIES = (equilibrium_constants, identifications, compensations, balances, methods, curves, feedback, sizes)
 
 
 def main() -> int:
-    table = new_table("", "constant", "what is measured", "measured", "holds", words=2)
+    table = new_table("", "constant", "measured quantity", "measured", "holds", words=2)
     rows = [row for family in FAMILIES for row in family()]
     for *cells, holds in rows:
         table.add_row(*map(escape, cells), "yes" if holds else "[red]no[/]")

@@ -1,14 +1,14 @@
-"""Put faults in, one at a time, and see whether a test notices: the table that this prints says what is guarded.
+"""Mutation testing: insert faults one at a time, and print a table of how many the tests detect.
 
     python scripts/mutate.py [FOLDER ...] [--markdown] [--sample COUNT [--seed SEED]]
 
-The faults and the tests that should notice are in mutations.toml; with ``--sample``, as many faults as that, which a
-machine draws from the same files, and any test may notice. Takes seconds for each fault, and is not part of the tests.
-Exit status 1 if one survives that is not explained.
+mutations.toml lists the faults and the tests that should detect them. With ``--sample``, that number of faults is drawn
+at random from the same files, and any test may detect them. A fault takes seconds; the script is not part of the tests.
+Exit status 1 if a fault survives without an explanation.
 
-Tests are collected once for a folder. For each fault the process is forked, the changed functions get their new code,
-and the tests that come by them run, the quickest first, until one fails. What is done while modules are imported, and
-what Numba compiles, is tested in a process that imports all of it anew.
+The tests of a folder are collected once. For each fault the process is forked, the changed functions get their new
+code, and the tests that execute them run, the fastest first, until one fails. Code that runs during imports and code
+that Numba compiles is tested in a process that imports everything again.
 """
 
 import argparse
@@ -44,21 +44,21 @@ ROOT = Path(__file__).parents[1]
 FOLDERS = tomllib.loads(Path(__file__).with_name("mutations.toml").read_text(encoding="utf-8"))
 PRELOADED = ["numba", "mujoco", "scipy.optimize", "scipy.spatial.transform", "matplotlib.figure", "xarray"]
 PRELOADED += ["dask.array", "pydantic", "typer", "PIL.ImageDraw", "__main__"]
-"""What takes long to import, and is no plugin of pytest's."""
+"""Modules that take long to import, except plugins of pytest."""
 
 PATIENCE = 5
-"""Tests that take so many times as long as without any fault, and half a minute, have noticed it."""
+"""A test that takes this many times longer than without the fault, and more than half a minute, has detected it."""
 
 OTHER = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult, ast.Lt: ast.GtE,
     ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq, ast.And: ast.Or,
     ast.Or: ast.And, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
 }  # fmt: skip
-"""What a machine puts in place of an operator."""
+"""Replacements of operators for random faults."""
 
 
 class Fault(NamedTuple):
-    """What is put wrong in a file, at its only place, or at ``place``; ``reason``: why nobody could notice."""
+    """A change of a file, at the only occurrence or at ``place``; ``reason``: why it cannot change any result."""
 
     file: str
     right: str
@@ -67,7 +67,7 @@ class Fault(NamedTuple):
     place: int | None = None
 
     def texts(self, tree: Path) -> tuple[Path, str, str]:
-        """The file, as it is, and as it is put wrong."""
+        """The text of the file without and with the fault."""
         path = tree / "cdpr_sim" / self.file
         text = path.read_text(encoding="utf-8")
         if self.place is None and text.count(self.right) != 1:
@@ -83,17 +83,17 @@ class Fault(NamedTuple):
         return f"{self.file}, line {line}: `{right}` put as `{wrong}`"
 
 
-# In a process of its own, which has what takes long imported already
+# In a separate process, which has imported the slow modules already
 
 
 class Loop:
-    """For pytest: the tests without any fault, and then with one after the other, each time in a fork."""
+    """A plugin of pytest: run the tests without a fault, and then with one fault after another, each in a fork."""
 
     def __init__(self, tree: Path, faults: list[Fault], answers: Any, interpreted: bool) -> None:
         self.tree, self.faults, self.answers, self.interpreted = tree, faults, answers, interpreted
 
     def pytest_runtestloop(self, session: Any) -> bool:
-        """Says to the other process whether each fault goes unnoticed; None where that cannot be said here."""
+        """Send to the parent process whether each fault survives; None if this process cannot decide it."""
         items, place = session.items, self.tree / "passed"
         place.unlink(missing_ok=True)
         alive = self._fork(session, items, lambda: _record(session, f"{self.tree}/cdpr_sim/", place))
@@ -131,7 +131,7 @@ class Loop:
             signal.alarm(seconds)
             session.items = items
             prepare()
-            with suppress(session.Failed, session.Interrupted):  # by the first test that fails
+            with suppress(session.Failed, session.Interrupted):  # detected by the first test that fails
                 pytest_runtestloop(session)
             status = int(session.testsfailed > 0)
         except BaseException:
@@ -141,7 +141,7 @@ class Loop:
 
 
 def _record(session: Any, folder: str, place: Path) -> None:
-    """Write down by which functions each test comes; what is done to set it up, others of its file may share."""
+    """Record the functions that each test executes; its setup may be shared with other tests of its file."""
     import pytest
 
     seen: set[str] = set()
@@ -150,7 +150,7 @@ def _record(session: Any, folder: str, place: Path) -> None:
         if event == "call" and frame.f_code.co_filename.startswith(folder):
             seen.add(f"{frame.f_code.co_filename}:{frame.f_code.co_qualname}")
 
-    threading.setprofile(note)  # of threads that begin from now on, for as long as they live
+    threading.setprofile(note)  # applies to all threads that start from now on
 
     def watch(who: str) -> Iterator[Any]:
         seen.clear()
@@ -176,21 +176,21 @@ def _record(session: Any, folder: str, place: Path) -> None:
 
 
 def _functions(code: CodeType) -> Iterator[CodeType]:
-    """Of a module's code: that of its functions, of methods and of those within, in order."""
+    """The code objects of a module's functions, methods and nested functions, in order."""
     for one in code.co_consts:
         if isinstance(one, CodeType):
-            yield from [one] if one.co_flags & 1 else []  # optimised: of a function, not of a class
+            yield from [one] if one.co_flags & 1 else []  # CO_OPTIMIZED is set for functions, not for classes
             yield from _functions(one)
 
 
 def _rest(code: CodeType) -> tuple:
-    """What a module's code does beside: when it is imported."""
+    """The module's code that runs when it is imported."""
     there = [one for one in code.co_consts if not (isinstance(one, CodeType) and one.co_flags & 1)]
     return code.co_code, [_rest(one) if isinstance(one, CodeType) else one for one in there]
 
 
 def _changed(path: Path, right: str, wrong: str, interpreted: bool) -> list[tuple[str, CodeType, CodeType]] | None:
-    """Functions that are another in the second text; None where more than functions is, or what Numba compiles."""
+    """Functions that differ in the second text; None if code outside of functions or compiled code differs."""
     before, after = (compile(text, path, "exec") for text in (right, wrong))
     functions = [list(_functions(code)) for code in (before, after)]
     names = [[one.co_qualname for one in some] for some in functions]
@@ -203,7 +203,7 @@ def _changed(path: Path, right: str, wrong: str, interpreted: bool) -> list[tupl
 
 
 def _patch(changed: list[tuple[str, CodeType, CodeType]]) -> None:
-    """Give functions their new code, wherever they are referred to; what nothing has imported yet, is imported."""
+    """Replace the code of functions in all places that refer to them; import modules that are not imported yet."""
     for path, *_ in changed:
         importlib.import_module(".".join(Path(path).relative_to(Path.cwd()).with_suffix("").parts))
     living = [one for one in gc.get_objects() if isinstance(one, FunctionType)]
@@ -220,7 +220,7 @@ def _patch(changed: list[tuple[str, CodeType, CodeType]]) -> None:
 
 
 def run_tests(tree: Path, tests: list[str], interpreted: bool, faults: list[Fault], answers: Any) -> None:
-    """Pytest's exit status is the process's; with faults, the answers to them are put where they are waited for."""
+    """Run pytest and exit with its status; with faults, put the results into the queue."""
     import pytest
 
     os.chdir(tree)
@@ -232,16 +232,16 @@ def run_tests(tree: Path, tests: list[str], interpreted: bool, faults: list[Faul
     if interpreted:
         from cdpr_sim.core import compiling
 
-        compiling.FEW = sys.maxsize  # kernels stay Python, however much is asked of them
+        compiling.FEW = sys.maxsize  # kernels stay interpreted for any number of poses
     loop = [Loop(tree, faults, answers, interpreted)] if faults else []
     os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=loop)))
 
 
-# In the process that counts
+# In the process that counts the faults
 
 
 def outcomes(tree: Path, groups: list[tuple[dict, list[Fault]]]) -> Iterator[tuple[Fault, bool]]:
-    """Whether each fault goes unnoticed."""
+    """Return whether each fault survives."""
     context = multiprocessing.get_context("forkserver")
     answers, interpreted = context.SimpleQueue(), groups[0][0].get("interpreted", False)
     tests = list(dict.fromkeys(test for group, _ in groups for test in group["tests"]))
@@ -251,7 +251,7 @@ def outcomes(tree: Path, groups: list[tuple[dict, list[Fault]]]) -> Iterator[tup
     begin = time.monotonic()
     process.start()
     if not _answer(process, answers, tree):
-        raise RuntimeError(f"tests fail without any fault:\n{(tree / 'output').read_text()[-2000:]}")
+        raise RuntimeError(f"tests fail without a fault:\n{(tree / 'output').read_text()[-2000:]}")
     seconds = 30 + PATIENCE * (time.monotonic() - begin)
     again = []
     for group, fault in faults:
@@ -261,7 +261,7 @@ def outcomes(tree: Path, groups: list[tuple[dict, list[Fault]]]) -> Iterator[tup
         else:
             yield fault, alive
     if not _answer(process, answers, tree):
-        raise RuntimeError("a test that passed fails after all of them, without any fault")
+        raise RuntimeError("a test that passed before fails after all of them, without a fault")
     process.join()
     for group, fault in again:
         yield fault, survives(tree, fault, group["tests"], interpreted, seconds)
@@ -276,10 +276,10 @@ def _answer(process: Any, answers: Any, tree: Path) -> bool | None:
 
 
 def survives(tree: Path, fault: Fault, tests: list[str], interpreted: bool, seconds: float) -> bool:
-    """Whether the tests pass in a process that imports what is wrong, which is put right again."""
+    """Return whether the tests pass in a process that imports the fault; the file is restored afterwards."""
     path, right, wrong = fault.texts(tree)
     times = path.stat()
-    compile(wrong, path, "exec")  # what is no Python would be killed by any test
+    compile(wrong, path, "exec")  # any test would detect a syntax error
     path.write_text(wrong, encoding="utf-8")
     process = multiprocessing.get_context("forkserver").Process(
         target=run_tests, args=(tree, tests, interpreted, [], None)
@@ -293,11 +293,11 @@ def survives(tree: Path, fault: Fault, tests: list[str], interpreted: bool, seco
         return process.exitcode == 0
     finally:
         path.write_text(right, encoding="utf-8")
-        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # what was compiled of it is valid again
+        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # its cached bytecode is valid again
 
 
 def drawn(file: str) -> list[Fault]:
-    """All operators and numbers of a file but those of types, each put wrong."""
+    """Faults of all operators and numbers of a file, except in types."""
     text, found = (ROOT / "cdpr_sim" / file).read_text(encoding="utf-8"), []
     nodes, lines = list(ast.walk(ast.parse(text))), text.splitlines(keepends=True)
     types = [getattr(node, name, None) for node in nodes for name in ("annotation", "returns")]
@@ -322,7 +322,7 @@ def drawn(file: str) -> list[Fault]:
 
 
 def faults_of(groups: list[dict], count: int, seed: int) -> list[tuple[dict, list[Fault]]]:
-    """Of a folder: those listed, or ``count`` drawn by a machine; with the group whose tests should notice."""
+    """The faults of a folder, listed or ``count`` random ones, with the group of tests that should detect them."""
     if not count:
         return [(group, [Fault(group["file"], *words) for words in group["faults"]]) for group in groups]
     groups = [group | {"tests": ["tests"]} for group in groups]
@@ -332,7 +332,7 @@ def faults_of(groups: list[dict], count: int, seed: int) -> list[tuple[dict, lis
 
 
 def count_folder(tree: Path, folder: str, count: int, seed: int, equivalent: list[Fault]) -> Counter:
-    """What came of each of its faults; survivors are printed, or added to those that nobody could notice."""
+    """Test the faults of a folder and count the outcomes; print survivors, or add them to the equivalent faults."""
     counts: Counter = Counter()
     everything = faults_of(FOLDERS[folder], count, seed)
     for interpreted in (False, True):
@@ -343,7 +343,7 @@ def count_folder(tree: Path, folder: str, count: int, seed: int, equivalent: lis
             if alive and fault.reason:
                 equivalent.append(fault)
             elif fault.reason:
-                print(f"noticed after all: {fault}", flush=True)
+                print(f"detected, although listed as equivalent: {fault}", flush=True)
             elif alive:
                 print(f"survived: {fault}", flush=True)
             if counts.total() == 1 or counts.total() % 20 == 0:
@@ -352,7 +352,7 @@ def count_folder(tree: Path, folder: str, count: int, seed: int, equivalent: lis
 
 
 def copied_tree() -> Path:
-    """A copy of the repository; always in the same place, so that what is compiled there serves the next time."""
+    """Copy the repository, always to the same place, so that compiled code can be used again."""
     tree = (
         Path(tempfile.gettempdir()).resolve() / f"cdpr_sim-mutate-{hashlib.sha256(str(ROOT).encode()).hexdigest()[:8]}"
     )
@@ -367,7 +367,7 @@ def main() -> int:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("folders", nargs="*", choices=[*FOLDERS, []], metavar="FOLDER", help=", ".join(FOLDERS))
     asked.add_argument("--markdown", action="store_true", help="print the table for docs/mutations.md")
-    asked.add_argument("--sample", type=int, default=0, metavar="COUNT", help="faults that a machine draws, a folder")
+    asked.add_argument("--sample", type=int, default=0, metavar="COUNT", help="number of random faults per folder")
     asked.add_argument("--seed", type=int, default=0)
     options = asked.parse_args()
     multiprocessing.get_context("forkserver").set_forkserver_preload(PRELOADED)

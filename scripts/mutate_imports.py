@@ -1,8 +1,8 @@
-"""Damaged files through every importer: each has to give a robot or one sentence, never another exception.
+"""Import damaged files: each importer has to return a robot or a one-sentence error, never another exception.
 
-A file of each format is cut short, or has bytes flipped, dropped, doubled, or replaced by what trips parsers: other
-encodings, entities, aliases, huge numbers, deep brackets. Exit status 1 if an importer answers with anything but a
-robot or an InvalidInput of one line.
+A file of each format is truncated, or has bytes that are flipped, removed, doubled, or replaced by text that is
+difficult to parse: other encodings, entities, aliases, huge numbers, deep brackets. Exit status 1 if an importer does
+anything but return a robot or raise an InvalidInput of one line.
 """
 
 import argparse
@@ -55,7 +55,7 @@ SNIPPETS = (
 
 
 def mutated(content: bytes, random: np.random.Generator) -> bytes:
-    """The file, damaged in one of many ways."""
+    """Return the file, damaged in one of many ways."""
     kind = random.integers(9)
     at = int(random.integers(len(content) + 1))
     if kind == 0:
@@ -84,7 +84,7 @@ def mutated(content: bytes, random: np.random.Generator) -> bytes:
 
 
 def answers(file: Path, mutations: int, seed: int, folder: Path) -> Iterator[tuple[str, str]]:
-    """The importer's answer to each mutation of the file; of CASPR's two files, either is hit."""
+    """The importer's result for each mutation of the file; of CASPR's two files, one is damaged."""
     random = np.random.default_rng(seed)
     parts = [file, *([file.with_name(file.name.replace("_bodies", "_cables"))] if "_bodies" in file.name else [])]
     for _ in range(mutations):
@@ -96,7 +96,7 @@ def answers(file: Path, mutations: int, seed: int, folder: Path) -> Iterator[tup
 
 
 def answer(file: Path) -> tuple[str, str]:
-    """What the importer makes of a file: "robot", "sentence", or what is wrong; and what was said."""
+    """The result of the importer: "robot", "sentence", or what is wrong; and its message."""
     start = time.monotonic()
     try:
         said = repr(cdpr.import_robot(file))
@@ -104,13 +104,13 @@ def answer(file: Path) -> tuple[str, str]:
     except cdpr.InvalidInput as error:
         said = str(error)
         kind = "sentence" if said.isprintable() and len(said) < LONGEST else "no sentence"
-    except Exception as error:  # that is what is looked for
+    except Exception as error:  # the kind of error that this script looks for
         said, kind = f"{error!r:.300}", "another exception"
     return ("too slow" if time.monotonic() - start > SLOWEST else kind), said
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Damaged files through every importer.")
+    parser = argparse.ArgumentParser(description="Import damaged files with every importer.")
     parser.add_argument("--mutations", type=int, default=MUTATIONS, help="per file")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()

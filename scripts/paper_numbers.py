@@ -1,6 +1,6 @@
-"""The paper's numbers beside ours: its solver's performance, what its tracker could see, and a nylon line's sag.
+"""Compare the paper's numbers with ours: performance of the solvers, resolution of the tracker, and nylon lines.
 
-Run it: python scripts/paper_numbers.py
+Run: python scripts/paper_numbers.py
 """
 
 import numpy as np
@@ -57,22 +57,22 @@ def performance() -> None:
 
 
 def tracker() -> None:
-    """Cogiro with Vectran, the stiffest and levellest."""
+    """How much too low ``cogiro`` is with Vectran, the stiffest cable."""
     robot = cdpr.load_robot("cogiro").replace(material="vectran-0.7mm")
     sags = np.concatenate([study.sag(robot, height, rows=ROWS).by_mujoco for height in PAPER_HEIGHTS])
     console.print(
-        f"cogiro with Vectran sags by {1e3 * sags.min():.3f} to {1e3 * sags.max():.3f} mm along the line, "
-        f"{1e3 * np.median(sags):.3f} mm in the median; the paper's tracker is accurate to "
+        f"cogiro with Vectran is {1e3 * sags.min():.3f} to {1e3 * sags.max():.3f} mm too low along the line, "
+        f"{1e3 * np.median(sags):.3f} mm in the median; the paper's tracker has an accuracy of "
         f"{1e3 * study.TRACKER_ACCURACY:g} mm.\n",
         highlight=False,
     )
 
 
 def nylon() -> None:
-    """How low parallel hangs at the ends of the line, with the materials and with nylon from soft to stiff."""
+    """How much too low ``parallel`` is at the ends of the line, with the materials and with soft to stiff nylon."""
     rows = table(
-        "parallel at the ends of the paper's line (the paper: about 15 mm)",
-        "cable", "EA [N]", *(f"sag [mm] in MuJoCo\nat z = {z:g} m" for z in PAPER_HEIGHTS), "methods apart\n[mm]",
+        "parallel at the ends of the paper's line, settled in MuJoCo (the paper: about 15 mm too low)",
+        "cable", "EA [N]", *(f"too low by [mm]\nat z = {z:g} m" for z in PAPER_HEIGHTS), "methods differ\nby [mm]",
     )  # fmt: skip
     cables = [(name, material.axial_stiffness) for name, material in cdpr.MATERIALS.items()]
     low, high = NYLON_FIBRES
@@ -89,7 +89,7 @@ def nylon() -> None:
 
 
 def table(title: str, *columns: str) -> Table:
-    """An empty table."""
+    """Return an empty table with these columns."""
     made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for column in columns:
         made.add_column(escape(column), justify="right", no_wrap=True)

@@ -1,6 +1,6 @@
 """DemoBot with 8 crossed cables (Cogiro): it stays level and nearly straight.
 
-Run it: python scripts/settle_cogiro.py
+Run: python scripts/settle_cogiro.py
 """
 
 import numpy as np
@@ -14,9 +14,9 @@ MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
 HEIGHTS = [0.1, 0.2]  # [m], of the paper's lines
 
 WHY = """
-Why: the crossed cables pull from both sides of the platform on every side of the frame. Their tensions can
-balance the weight at the level pose itself, so that elasticity costs only the small stretch that makes those
-tensions: ten times softer cables, ten times the sag.
+Why: on each side of the frame the crossed cables pull from both sides of the platform. Their tensions can balance the
+weight at the level pose itself. The only deviation is then that of the stretch under these tensions: it is ten times
+larger with cables that are ten times softer.
 """
 
 
@@ -31,8 +31,8 @@ def main() -> None:
         sags = [-1e3 * e.deviation[2] for e in settled]
         console.print(
             f"{material}: over the whole line the platform tilts by {tilt:.3f}° at most, "
-            f"hangs {min(sags):.3f} to {max(sags):.3f} mm "
-            f"low, and at least {min((~e.slack).sum() for e in settled)} of 8 cables are taut.",
+            f"is {min(sags):.3f} to {max(sags):.3f} mm "
+            f"too low, and at least {min((~e.slack).sum() for e in settled)} of 8 cables are taut.",
             highlight=False,
         )
     console.print(" ".join(WHY.split()), highlight=False)

@@ -1,6 +1,6 @@
-"""How pretension stiffens IPAnema 1, where a cable goes slack, and what 1 % of error in one length costs; both methods.
+"""Effect of pretension on IPAnema 1: stiffness, slack cables, and the effect of a length error of 1 %; by both methods.
 
-Run it: python scripts/settle_fully_constrained.py. It prints a table, says what it means, and draws
+Run: python scripts/settle_fully_constrained.py. It prints a table with conclusions and draws
 pictures/fully-constrained.png.
 """
 
@@ -14,7 +14,7 @@ from cdpr_sim.studies.gallery import encoded
 from cdpr_sim.studies.pretension import pretension
 from cdpr_sim.studies.pretension_figures import pretension as draw
 
-POINTS = 121  # pretensions between the least at which all cables pull and what the winches take
+POINTS = 121  # pretensions, from the smallest without slack cables to the largest of the winches
 OUTPUT = Path(__file__).parent.parent / "pictures" / "fully-constrained.png"
 
 

@@ -1,6 +1,6 @@
 """A planar robot on 4 cables in horizontal parallelograms: it does not tilt at all.
 
-Run it: python scripts/settle_planar_horizontal.py
+Run: python scripts/settle_planar_horizontal.py
 """
 
 import numpy as np
@@ -14,9 +14,8 @@ MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
 HEIGHTS = [0.1, 0.2]  # [m], of the paper's lines
 
 WHY = """
-Why: the midlines of the two pairs meet in a point H on the vertical through the centre of mass, wherever the
-platform is. Equal tensions in each pair make no torque about H, and the weight makes none either while the
-platform is level.
+Why: at each position the midlines of the two pairs meet in a point H on the vertical line through the centre of mass.
+Equal tensions in each pair produce no torque about H, and the weight produces none while the platform is level.
 """
 
 

@@ -1,6 +1,6 @@
-"""A planar robot on 4 cables in vertical parallelograms: from 4 taut cables to 3 to 2 towards the sides.
+"""A planar robot on 4 cables in vertical parallelograms: 4 taut cables in the middle, then 3, then 2 towards the sides.
 
-Run it: python scripts/settle_planar_vertical.py
+Run: python scripts/settle_planar_vertical.py
 """
 
 import numpy as np
@@ -15,9 +15,9 @@ MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
 HEIGHTS = [0.1, 0.2]  # [m], of the paper's lines
 
 WHY = """
-Why: the midlines of the two pairs meet in a point V, about which equal tensions in each pair make no torque.
-The weight passes through V only in the middle; elsewhere the pairs share their load unevenly until one cable
-after the other goes slack. With two left the robot is the two-cable robot.
+Why: the midlines of the two pairs meet in a point V, about which equal tensions in each pair produce no torque. The
+line of the weight passes through V only in the middle. Elsewhere the tensions of a pair differ, until one cable after
+the other becomes slack. With two taut cables left, the robot is a two-cable robot.
 """
 
 

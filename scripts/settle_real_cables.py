@@ -1,6 +1,6 @@
-"""Pulleys, weight and stiffening cables: how far each moves DemoBot and a large crane, settled in MuJoCo.
+"""Effect of pulleys, cable mass and nonlinear elasticity on DemoBot and on a large crane, settled in MuJoCo.
 
-Run it: python scripts/settle_real_cables.py. It prints two tables, says what they mean, and draws
+Run: python scripts/settle_real_cables.py. It prints two tables with conclusions and draws
 pictures/real-cables.png.
 """
 
@@ -32,12 +32,13 @@ def main() -> None:
     console.print(ends_table(study.ends))
     plain, weight, law, *_, wide = study.ends
     console.print(
-        f"Does any of it explain the paper's {1e3 * PAPER_SAG:.0f} mm at about {np.degrees(PAPER_TILT):.0f}° of tilt? "
-        f"No. Weight changes the sag by {1e3 * np.abs(weight.sags - plain.sags).max():.1g} mm, stiffening by "
-        f"{1e3 * np.abs(law.sags - plain.sags).max():.1g} mm. Cables that come up masts and over pulleys lift the "
-        f"platform. Cables from above lower it, but {1e3 * PAPER_SAG:.0f} mm at the lower line take {wide.what}; "
-        f"the upper line then sags by {1e3 * wide.sags[1]:.1f} mm, and the crossed layout, which the paper saw follow "
-        f"its line, would hang {-1e3 * wide.crossed_rises[0]:.1f} mm low.",
+        f"None of these effects explains the paper's deviation of {1e3 * PAPER_SAG:.0f} mm with about "
+        f"{np.degrees(PAPER_TILT):.0f}° of tilt. Cable mass changes the deviation in z by "
+        f"{1e3 * np.abs(weight.sags - plain.sags).max():.1g} mm, nonlinear elasticity by "
+        f"{1e3 * np.abs(law.sags - plain.sags).max():.1g} mm. Pulleys whose cables arrive from below raise the "
+        f"platform. Cables from above lower it, but {1e3 * PAPER_SAG:.0f} mm at the lower line need {wide.what}. The "
+        f"deviation at the upper line is then {1e3 * wide.sags[1]:.1f} mm, and the crossed layout, which followed "
+        f"its line in the paper's experiment, would be {-1e3 * wide.crossed_rises[0]:.1f} mm too low.",
         highlight=False,
     )
     OUTPUT.parent.mkdir(exist_ok=True)

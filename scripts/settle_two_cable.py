@@ -1,6 +1,6 @@
-"""A bar on 2 cables: under-actuated, it always turns towards the middle; the closed form is the third witness.
+"""A bar on 2 cables: under-actuated, it always rotates towards the middle. The closed form is an independent reference.
 
-Run it: python scripts/settle_two_cable.py
+Run: python scripts/settle_two_cable.py
 """
 
 import numpy as np
@@ -17,9 +17,9 @@ MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]
 HEIGHTS = [0.1, 0.2]  # [m], of the paper's lines
 
 WHY = """
-Why: two cables hold two of the three free directions. The bar turns until the lines of both cables and the
-vertical through its middle meet in one point, whatever the elasticity; that decides only where along the way
-it hangs. The paper's formula is this for a bar of no length.
+Why: two cables constrain two of the three degrees of freedom. The bar rotates until the lines of both cables and the
+vertical line through its middle meet in one point. This holds for every stiffness; the stiffness only determines the
+position. The paper's formula is the limit for a bar of length zero.
 """
 
 
@@ -29,7 +29,7 @@ def main() -> None:
         console.print(line_table(f"{ROBOT}, {material}, z = {z} m", line.settled, line.agreements))
 
     robot = cdpr.load_robot(ROBOT)
-    headings = "commanded x", "MuJoCo", "closed form", "short bar (paper, mended)"
+    headings = "commanded x", "MuJoCo", "closed form", "short bar (paper, corrected)"
     table = new_table("Rotation about y at z = 0.1 m", *headings, words=0)
     furthest = 0.0
     for end in lines[MATERIALS[0], HEIGHTS[0]].settled:
@@ -42,7 +42,7 @@ def main() -> None:
             *(f"{np.degrees(angle):.3f}°" for angle in (end.euler[1], nearest, short)),
         )
     console.print(table)
-    console.print(f"MuJoCo and the closed form are {furthest:.1e} rad apart at most.", highlight=False)
+    console.print(f"MuJoCo and the closed form differ by at most {furthest:.1e} rad.", highlight=False)
     console.print(" ".join(WHY.split()), highlight=False)
 
 

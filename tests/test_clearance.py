@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from mujoco_clearances import clearances_in_mujoco
 from scipy.optimize import minimize_scalar
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.clearance import clearances, segment_box, segment_segment
-from cdpr_sim.crosscheck.clearance import clearances_in_mujoco
 from cdpr_sim.statics.forces import geometry
 from cdpr_sim.studies.real_cables import crane
 

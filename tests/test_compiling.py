@@ -257,7 +257,7 @@ IN_THREADS = (
     DOUBLED
     + """
 import threading
-threads = [threading.Thread(target=lambda: print(f"{kernel(many).sum()}\n", end="")) for _ in range(2)]
+threads = [threading.Thread(target=lambda: print(f"{kernel(many).sum()}\\n", end="")) for _ in range(2)]
 for thread in threads:
     thread.start()
 for thread in threads:

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.control import ElasticLengths, HeldTensions, LengthsAndTensions, PoseFeedback, RigidLengths
+from cdpr_sim import ElasticLengths, HeldTensions, LengthsAndTensions, PoseFeedback, RigidLengths
 from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import moved
 

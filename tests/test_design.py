@@ -1,6 +1,7 @@
 """Better layouts: batches over robots, symmetry, bounds, exact slopes, the search, and what MuJoCo says of it."""
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -499,6 +500,6 @@ def test_a_front_trades_displacement_against_tilt(parallel):
 
 def test_a_front_without_pymoo_says_how_to_get_it(parallel, monkeypatch):
     """In a sentence."""
-    monkeypatch.setitem(__import__("sys").modules, "pymoo.optimize", None)
-    with pytest.raises(cdpr.InvalidInput, match=r"pip install 'cdpr-sim\[design\]'"):
+    monkeypatch.setitem(sys.modules, "pymoo", None)
+    with pytest.raises(cdpr.MissingExtra, match=r'pip install "cdpr-sim\[design\]"'):
         cdpr.find_front(parallel, LINE, within=0.1)

@@ -121,7 +121,7 @@ def test_spun_up_row_raises_and_carries_the_best_point(catalogue, source):
     )  # whatever was asked before
     for ask in (lambda: equilibria[1], lambda: one(equilibria.problems[1])):
         with pytest.raises(
-            error, match="under a torque that keeps its direction in space there may be no rest"
+            error, match="under a torque with a constant direction in space there may be no equilibrium"
         ) as said:
             ask()
         assert cdpr.Status(int(equilibria.status[1])).sentence in str(said.value)
@@ -158,7 +158,7 @@ def test_a_trajectory_is_a_batch_with_times(catalogue):
     assert not motion.converged.any()
     assert np.isnan(motion.residuals).all()
     assert np.isnan(motion.eigenvalues).all()
-    with pytest.raises(cdpr.NotSettled, match="the platform is on its way"):
+    with pytest.raises(cdpr.NotSettled, match="the platform is moving"):
         motion[-1]
     last = motion.point(-1)
     np.testing.assert_array_equal(last.pose.as_matrix(), rest.pose.as_matrix())

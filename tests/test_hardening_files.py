@@ -68,6 +68,20 @@ def test_what_contributors_are_sent_to_is_there():
         assert (ROOT / link).exists(), link
 
 
+def test_the_table_of_files_that_a_change_touches_names_files_and_counts_them():
+    """Every path exists in the package or in the repository, but for new files; and each row's count is its own."""
+    table = (
+        (ROOT / "CONTRIBUTING.md").read_text().partition("## How many files a change touches")[2].partition("\n## ")[0]
+    )
+    rows = re.findall(r"^\| [^|]+ \| (\d+)(?: more)? \| ([^|]+) \|$", table, re.MULTILINE)
+    assert len(rows) > 10
+    for count, cell in rows:
+        paths = re.findall(r"`([^`]+)`", cell)
+        assert len(set(paths)) == int(count), cell
+        for path in paths:
+            assert "NAME" in path or (ROOT / path).exists() or (ROOT / "cdpr_sim" / path).exists(), path
+
+
 def test_ci_leaves_the_folder_that_it_is_called_in_as_it_is(tmp_path):
     """README's tests run in a copy, with what is not committed yet, and a developer's .venv is not touched."""
     here, beside = tmp_path / "checkout", tmp_path / "beside"

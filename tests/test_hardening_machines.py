@@ -120,7 +120,7 @@ def test_the_lightest_robots_that_are_taken_settle():
     ("text", "words"),
     [
         ("a = " + "[" * 900 + "]" * 900, "found brackets nested too deeply"),
-        ("a = " + "9" * 5000, "found a whole number of thousands of digits"),
+        ("a = " + "9" * 5000, "found an integer of thousands of digits"),
         ("name = 'a\\u0000b'\n".replace("'", '"') + FILE.lstrip().partition("\n")[2] + CABLES, "name: found"),
         (FILE.replace("2.0", "1e-12") + CABLES, "mass: found 1e-12 kg"),
         (FILE.replace("2.0", "[" * 40 + "1" + "]" * 40) + CABLES, "platform.mass: found [[[[[["),

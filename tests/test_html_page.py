@@ -55,7 +55,7 @@ def found(robot) -> robot_summary.RobotSummary:
 def text(found) -> str:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(html_page, "FILM_SIZE", (320, 240))
-        return html_page.page(found)
+        return html_page.html_page(found)
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +137,7 @@ def test_what_is_worst_is_the_same_in_the_summary_and_on_the_maps(monkeypatch):
     equilibria = cdpr.solve_many(robot, list(itertools.product(*axes)))
     distance, tilt = 1e3 * np.linalg.norm(equilibria.deviation, axis=-1).max(), np.degrees(equilibria.tilt.max())
     assert tilt > 10 * np.degrees(found.first.solved.tilt)
-    words = Page(html_page.page(found)).words
+    words = Page(html_page.html_page(found)).words
     assert f"it is up to {distance:.2f} mm away and tilted by up to {tilt:.2f}°" in words
     y = found.worst[0].problem.pose.translation[1]
     assert found.plane["y"].item() == y
@@ -180,7 +180,7 @@ def test_methods_that_do_not_agree_are_said_first(robot, monkeypatch):
     monkeypatch.setattr(robot_summary, "solve_many", wrong)
     bad = robot_summary.portray(robot, POSE, grid=(2, 1, 1), motion=False)
     assert not bad.check.agrees
-    shown = Page(html_page.page(bad))
+    shown = Page(html_page.html_page(bad))
     assert any(values.get("class") == "verdict no" for _, values in shown.tags)
     assert "poses do not agree" in shown.words
     assert not any(tag == "video" for tag, _ in shown.tags)
@@ -194,7 +194,7 @@ def test_a_platform_that_does_not_rest_is_said_not_to(found):
     failure = cdpr.NotSettled("it did not come to rest", view.settled)
     first = dataclasses.replace(view, settled=failure, agreement=None)
     broken = dataclasses.replace(found, first=first, plane=None, motion=None)
-    text = html_page.page(broken)
+    text = html_page.html_page(broken)
     shown = scene(text)["views"][0]
     assert shown["words"].endswith("does not come to rest in MuJoCo.")
     assert shown["platform"] == shown["commanded"]
@@ -208,7 +208,9 @@ def test_what_cannot_be_shown_is_said(robot):
     """A workspace without height has no map, and a sentence says why."""
     flat = robot.workspace.copy()
     flat[:, 2] = 0.2
-    shown = Page(html_page.page(robot_summary.portray(robot.replace(workspace=flat), grid=(2, 1, 1), motion=False)))
+    shown = Page(
+        html_page.html_page(robot_summary.portray(robot.replace(workspace=flat), grid=(2, 1, 1), motion=False))
+    )
     assert "No maps: plane: found a workspace of" in shown.words
     assert "Maps of the workspace" not in shown.words
 

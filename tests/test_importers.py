@@ -192,7 +192,7 @@ NOTED = {
     "crane.wcrfx": ["Motors, drums and limits"],
     "crane_cdpyr.json": ["Motors, gearboxes and drums", "viscosity"],
     "crane_bologna.json": [
-        "not active were left out, 1 of its 5",
+        "Inactive actuators were left out, 1 of its 5",
         "Transmission ratios",
         r"external force (1.0, 0.0, 0.0) N",
     ],
@@ -223,7 +223,7 @@ def test_dummies_of_wirex_are_recognised(tmp_path):
     robot = cdpr.import_robot(changed(tmp_path, "crane.wcrfx", *dummies))
     assert not robot.center_of_mass.any()
     assert robot.inertia[0, 1] == 0
-    for words in ("a metre off", "25 kg", "incomplete", "steel wire", "0.1 m, is WireX's default"):
+    for words in ("placeholder, at 1 m", "25 kg", "incomplete", "steel wire", "0.1 m, is WireX's default"):
         assert any(words in note for note in robot.notes), words
 
 
@@ -340,8 +340,8 @@ def test_platforms_that_only_shift_are_points_or_refused():
     """Ours turn: a point does not mind, a rigid one would be another robot."""
     point = Draft("point", EXITS, np.zeros((4, 3)), 5.0, turns=False).robot()
     assert point.platform_size.tolist() == [0.1] * 3
-    assert any("does not turn there" in note for note in point.notes)
-    with pytest.raises(cdpr.InvalidInput, match="shifts and does not turn"):
+    assert any("does not rotate there" in note for note in point.notes)
+    with pytest.raises(cdpr.InvalidInput, match="translates and does not rotate"):
         Draft("stiff", EXITS, ANCHORS, 5.0, turns=False).robot()
 
 
@@ -458,7 +458,7 @@ def test_missing_files_and_formats_are_one_sentence(tmp_path):
         cdpr.import_robot(tmp_path / "crane_cables.xml")
     (tmp_path / "crane_cables.xml").rename(tmp_path / "cables.xml")
     for name, mine, other in (("crane.xml", "bodies", "cables"), ("cables.xml", "cables", "bodies")):
-        expected = rf"found the name '{name}', expected NAME_{mine}\.xml, with NAME_{other}\.xml beside it"
+        expected = rf"found the name '{name}', expected NAME_{mine}\.xml, with NAME_{other}\.xml in the same folder"
         with pytest.raises(cdpr.RobotFileError, match=expected):
             cdpr.import_robot(tmp_path / name)
     with pytest.raises(cdpr.UnknownName, match=r"unknown format 'wirx': did you mean wirex"):

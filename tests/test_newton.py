@@ -189,7 +189,7 @@ def test_pose_that_is_not_a_number_is_not_filled_in(catalogue):
 def test_torque_that_nothing_resists_is_not_converged():
     """A mass on one cable, turned about it by a constant torque, spins for ever."""
     problem = hanging_mass()
-    with pytest.raises(cdpr.NotConverged, match="there may be no rest") as error:
+    with pytest.raises(cdpr.NotConverged, match="there may be no equilibrium") as error:
         cdpr.solve(problem.robot, problem.pose, external_wrench=[0, 0, 0, 0, 0, 1.0])
     assert error.value.equilibrium is not None
     assert error.value.equilibrium.residual > 1

@@ -65,7 +65,15 @@ def test_every_public_result_is_among_them(results):
     public = {name for name in cdpr.__all__ if inspect.isclass(getattr(cdpr, name))}
     introduced = {name for name in public if issubclass(getattr(cdpr, name), HtmlRepr)}
     assert introduced <= results.keys()
-    assert {"Robot", "Equilibrium", "Trajectory", "Compensation", "Modes", "Agreement", "Rests"} <= introduced
+    assert {
+        "Robot",
+        "Equilibrium",
+        "Trajectory",
+        "Compensation",
+        "Modes",
+        "Agreement",
+        "EquilibriumBatch",
+    } <= introduced
     arrays = {  # other public data with arrays in it: each says in a line what it is
         name
         for name in public
@@ -167,7 +175,11 @@ def test_results_survive_pickle_and_copies(results, robot):
     asked = {type(value).__name__ for value in [*results.values(), *others]}
     public = {name for name in cdpr.__all__ if inspect.isclass(getattr(cdpr, name))}
     errors = {name for name in public if issubclass(getattr(cdpr, name), Exception)}
-    assert public - errors - asked == {"Controller", "Course", "Sensed"}  # a protocol, and what only controllers see
+    assert public - errors - asked == {
+        "Controller",
+        "Measurement",
+        "Reference",
+    }  # a protocol, and what only controllers see
 
 
 def all_errors() -> set[type[Exception]]:

@@ -14,9 +14,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
+from cdpr_sim import RigidLengths
 from cdpr_sim.analysis.workspace import sweep as sweeping
 from cdpr_sim.cli import app
-from cdpr_sim.control import RigidLengths
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck import check as checking
@@ -139,7 +139,7 @@ def test_solve_shows_the_solver_that_is_asked(methods, method):
 
 def test_compensate_shows_each_method_before_and_after(methods, monkeypatch):
     """Four columns; whether it is held is what MuJoCo's ``verify_compensation`` says, and not what statics says."""
-    monkeypatch.setattr(cdpr, "confirm", lambda found: CompensationCheck(found, None, None))
+    monkeypatch.setattr(cdpr, "verify_compensation", lambda found: CompensationCheck(found, None, None))
     result = run("compensate", "cogiro")
     assert result.exit_code == 1
     assert "What statics finds is not held in MuJoCo" in result.stdout

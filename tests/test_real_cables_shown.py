@@ -52,7 +52,7 @@ def real(catalogue) -> dict[str, cdpr.Robot]:
 def test_words_say_what_the_cables_are(real):
     """Weight, law and pulleys; of how many, where not of all."""
     assert describe_properties(real["pulley"]) == ("over pulleys of 20 mm radius",)
-    assert describe_properties(real["law"]) == ("stiffening by a2 = 20, a3 = 0",)
+    assert describe_properties(real["law"]) == ("nonlinear with a2 = 20, a3 = 0",)
     assert describe_cables(real["heavy"], "N") == "vectran-0.7mm cables (EA = 10000 N), 0.5 g/m"
     mixed = real["heavy"].replace(
         linear_density=[0.064] + [0.0] * 7, pulley_radius=[0.0] + [0.01] * 6 + [0.02], material=None
@@ -82,7 +82,7 @@ def test_plain_cables_are_described_as_ever(catalogue):
     [
         ("pulley = { radius = 0.01, axis = [0, 0, 2] }", "over pulleys of 10 mm radius",
          {"pulley_radius": [0.01] * 8, "pulley_axis": [[0, 0, 1]] * 8}),
-        ("stiffening = [20, 3]", "stiffening by a2 = 20, a3 = 3", {"stiffening": [[20, 3]] * 8}),
+        ("stiffening = [20, 3]", "nonlinear with a2 = 20, a3 = 3", {"stiffening": [[20, 3]] * 8}),
         ("linear_density = 0.0005", "0.5 g/m", {"linear_density": [0.0005] * 8}),
     ],
 )  # fmt: skip

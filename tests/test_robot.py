@@ -209,7 +209,7 @@ def test_a_law_that_just_rises_is_taken():
 def test_a_law_that_falls_in_between_is_refused():
     """1 − 40 eps + 3 a3 eps² has its least, 1 − 400/(3 a3), at 20/(3 a3): at a3 = 132 below zero, at 135 above."""
     assert robot(stiffening=(-20.0, 135.0)).cabling.stiffening.tolist() == [[-20.0, 135.0]] * 3
-    with pytest.raises(cdpr.InvalidInput, match="expected a law that rises"):
+    with pytest.raises(cdpr.InvalidInput, match="expected an increasing law"):
         robot(stiffening=(-20.0, 132.0))
 
 

@@ -526,7 +526,7 @@ def test_what_real_cables_do_is_drawn_in_its_row_and_under_its_name():
     """Medians and 95 % of each property in its row, in the robot's colour; growth with the radius, by either method."""
     robots = ["DemoBot, crossed (cogiro)", "DemoBot, parallel", "crane of 15 m"]
     effects = tuple(
-        real_cables.Effect(robot, what, RANDOM.uniform(1e-3, 9e-3, 21), RANDOM.uniform(0, 1, 21), 1e-9, 0)
+        real_cables.CableEffect(robot, what, RANDOM.uniform(1e-3, 9e-3, 21), RANDOM.uniform(0, 1, 21), 1e-9, 0)
         for robot in robots
         for what in real_cables_figures.ROWS
     )
@@ -579,7 +579,7 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     equilibria = made_up(robot, [(0.3, 0.25, 0.1)])
     equilibria = dataclasses.replace(equilibria, positions=np.array([[0.303, 0.25, 0.096]]))
     ax = Figure().add_subplot()
-    real_cables_figures._pulleys(ax, real_cables.Hanging(equilibria, np.zeros((8, 2, 3))))
+    real_cables_figures._pulleys(ax, real_cables.CableExample(equilibria, np.zeros((8, 2, 3))))
     assert ax.get_title() == "DemoBot over pulleys of 20 mm that its winches do not know: 5 mm off"
     names = legend(ax)
     believed = [line for line in ax.lines if looks(line) == looks(names["as its winches believe"])]
@@ -591,7 +591,9 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     anchors = equilibria.positions[0] + heavy.anchors @ equilibria.rotations[0].T
     middles = (heavy.exits + anchors) / 2 - sags[:, None] * np.array([0, 0, 1])
     ax = Figure().add_subplot()
-    real_cables_figures._heavy(ax, real_cables.Hanging(equilibria, np.stack([heavy.exits, middles, anchors], axis=1)))
+    real_cables_figures._heavy(
+        ax, real_cables.CableExample(equilibria, np.stack([heavy.exits, middles, anchors], axis=1))
+    )
     assert ax.get_title() == "The crane on steel ropes, which sag by 3 to 10 mm"
     (inset,) = ax.child_axes
     assert inset.get_title() == "below the straight line [mm], from exit to anchor"

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 import cdpr_sim as cdpr
-from cdpr_sim.control import HeldTensions, PoseFeedback, RigidLengths
+from cdpr_sim import HeldTensions, PoseFeedback, RigidLengths
 from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import moved
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell

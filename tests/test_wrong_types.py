@@ -34,7 +34,7 @@ MADE = ("Command.of", "Measurements.of", "Problem.of", "Problems.of", "Problems.
 """And those that are made by a method."""
 
 ASKED = (
-    "Check.across", "Clearances.free", "Course.acceleration", "Course.fractions", "Course.pose", "Course.poses",
+    "Check.across", "Clearances.free", "Reference.acceleration", "Reference.fractions", "Reference.pose", "Reference.poses",
     "Equilibria.nearest", "Front.thinned", "Identification.__getitem__", "Measurements.check_robot", "Problem.same_as",
     "Robot.placed", "Robot.pose", "Robot.replace", "Robot.rest_lengths", "Rope.of", "Sensitivity.tilt",
 )  # fmt: skip
@@ -143,7 +143,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "closed_form_feasible": of_many | limits,
         "compare": dict(static=found, settled=cdpr.settle(robot, pose)),
         "compensate": asked,
-        "confirm": dict(compensation=cdpr.compensate(robot, pose)),
+        "verify_compensation": dict(compensation=cdpr.compensate(robot, pose)),
         "draw": asked,
         "drive": moved | dict(states=3),
         "feasible": of_many,
@@ -196,10 +196,10 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
     methods: dict[str, tuple[object, Mapping[str, object]]] = {
         "Check.across": (cdpr.check("two-cable", (1, 1, 1)), {}),
         "Clearances.free": (cdpr.clearances(equilibria), {}),
-        "Course.acceleration": (reference, dict(time=0.5)),
-        "Course.fractions": (reference, dict(times=0.5)),
-        "Course.pose": (reference, dict(time=0.5)),
-        "Course.poses": (reference, dict(times=0.5)),
+        "Reference.acceleration": (reference, dict(time=0.5)),
+        "Reference.fractions": (reference, dict(times=0.5)),
+        "Reference.pose": (reference, dict(time=0.5)),
+        "Reference.poses": (reference, dict(times=0.5)),
         "Equilibria.nearest": (cdpr.find_equilibria(robot, pose, starts=1), dict(pose=pose)),
         "Front.thinned": (cdpr.find_front(robot, poses, within=0.01, generations=1, population=5), dict(most=2)),
         "Identification.__getitem__": (cdpr.identify(robot, measurements), dict(name="axial_stiffness")),

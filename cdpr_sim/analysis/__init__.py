@@ -1,1 +1,1 @@
-"""What follows from statics: sensitivities, modes, all equilibria, compensation, identification, whole workspaces."""
+"""Analysis by statics: sensitivities, modes, all equilibria, compensation, identification, whole workspaces."""

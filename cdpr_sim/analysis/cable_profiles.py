@@ -1,4 +1,4 @@
-"""How cables hang between their exits and a platform at rest, for whoever draws them."""
+"""Profiles of cables between their exits and a platform in equilibrium, for drawing and distances."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.statics import any_cable
 
 MOST_POINTS = 100_000
-"""Along a cable; a picture has fewer pixels."""
+"""Largest number of points along a cable; a picture has fewer pixels."""
 
 
 def cable_profiles(equilibria: EquilibriumBatch, points: int = 25) -> Float[np.ndarray, "*batch cables points 3"]:
-    """Points along each cable from exit to anchor, with the platforms where ``equilibria`` has them [m], base frame.
+    """Points along each cable from exit to anchor, with the platforms at the poses of ``equilibria`` [m], base frame.
 
-    They are equally far apart on the cable at rest. A massless taut cable is straight, a massless slack one hangs as
-    its weight's last trace would have it; nan of massless cables over pulleys, which drawing leads over their wheels by
-    itself. Those of cables with mass over pulleys begin where the cable leaves its wheel.
+    They are equally spaced on the unstretched cable. A massless taut cable is straight; a massless slack one has the
+    profile of the limit of small weight; nan for massless cables over pulleys, which drawing leads over their wheels
+    itself. Profiles of cables with mass over pulleys begin where the cable leaves its wheel.
 
     Args:
-        equilibria: platforms at rest, by either method.
-        points: along each cable, 2 or more.
+        equilibria: equilibria by either method.
+        points: number of points along each cable, 2 or more.
 
     Returns:
-        (..., cables, points, 3) [m]; nan of massless cables over pulleys.
+        (..., cables, points, 3) [m]; nan for massless cables over pulleys.
 
     Raises:
-        InvalidInput: no rests; fewer points, or no whole number of them.
+        InvalidInput: not equilibria; fewer than 2 points, or not an integer.
     """
     refuse_unless(EquilibriumBatch, equilibria=equilibria)
     whole("points", points, 2, MOST_POINTS)

@@ -1,7 +1,7 @@
-"""How near cables come to one another, to the platform and to the frame, where they rest.
+"""Distances between cables, platform and frame in equilibrium.
 
-Taut cables are straight; those that are slack or have mass hang in the curve that ``cable_profiles`` gives them, as
-a chain of straight pieces; over a pulley, what counts is the free piece. Distances are those of centre lines, to the
+Taut cables are straight; slack cables and cables with mass have the profiles of ``cable_profiles``, as chains of
+straight pieces; over a pulley, only the free segment counts. Distances are those of centre lines, to the
 platform's box and to the twelve edges of the frame; 0 where a cable passes through the box.
 """
 
@@ -26,29 +26,30 @@ from cdpr_sim.statics import any_cable
 from cdpr_sim.statics.newton import solve_many
 
 POINTS = 25
-"""Along a hanging cable: where it is shallow, its 24 pieces then lie within 1/575 of its sag
-(``scripts/measure_constants.py``); a parabola's, of n pieces, within 1/n²."""
+"""Number of points along a hanging cable: where it is shallow, its 24 pieces deviate by at most 1/575 of its sag
+(``scripts/measure_constants.py``); those of a parabola, with n pieces, by 1/n²."""
 
 SEARCH_POINTS = 9
-"""The same while layouts are searched for."""
+"""The same number in a search for layouts."""
 
 BYTES_PER_POINT = 200
-"""That distances take at a pose, for each point along each cable: 172 are measured of 5,000 poses
+"""[bytes] Memory for distances at a pose, per point along each cable: 172 are measured for 5,000 poses
 (``scripts/measure_constants.py``)."""
 
 ROWS = 16
-"""Poses at a time: their pairs of pieces take some 50 MB, with eight cables (``scripts/measure_constants.py``)."""
+"""Number of poses at a time: their pairs of pieces take some 50 MB, with eight cables
+(``scripts/measure_constants.py``)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clearances(Frozen, HtmlRepr):
-    """Distances [m] between centre lines of cables, the platform and the frame; nan where the platform does not rest.
+    """Distances [m] between centre lines of cables, the platform and the frame; nan for rows without equilibrium.
 
     Attributes:
-        equilibria: where the platforms are.
+        equilibria: equilibria of the platform.
         fitting: length of each cable next to its exit and to its anchor that is left out [m].
         curves: the cables without those ends, (..., cables, points, 3) [m].
-        cable_cable: (..., pairs) of ``pairs``.
+        cable_cable: (..., pairs) distances of ``pairs``.
         cable_platform: (..., cables).
         cable_frame: (..., cables).
     """
@@ -65,29 +66,29 @@ class Clearances(Frozen, HtmlRepr):
 
     @property
     def pairs(self) -> Int[np.ndarray, "pairs 2"]:
-        """Which two cables each distance of ``cable_cable`` is between, counted from 0."""
+        """The two cables of each distance of ``cable_cable``, counted from 0."""
         return pairs(self.equilibria.robot.cables)
 
     @cached_property
     def least(self) -> Float[np.ndarray, "*batch"]:
-        """The smallest of all of them."""
+        """The smallest of all distances."""
         return np.concatenate([self.cable_cable, self.cable_platform, self.cable_frame], axis=-1).min(
             -1, keepdims=True
         )[..., 0]
 
     def free(self, least: float = 0.0) -> Bool[np.ndarray, "*batch"]:
-        """Where nothing comes nearer to anything than ``least`` [m]: the interference-free workspace.
+        """Where all distances are at least ``least`` [m]: the interference-free workspace.
 
         Returns:
-            (...) True where ``least`` is kept; False where the platform does not rest.
+            (...) True where ``least`` is kept; False for rows without equilibrium.
         """
         return np.asarray(self.least > checked_array("least", least, ()))
 
     def nearest(self, row: tuple[int, ...] | int) -> str:
-        """What comes nearest in one row, in words.
+        """The smallest distance of one row, as text.
 
         Returns:
-            Two parts by name and their distance in millimetres; nan mm where the platform does not rest.
+            Two parts by name and their distance in millimetres; nan mm for a row without equilibrium.
         """
         found = {
             f"cables {a + 1} and {b + 1}": float(one)
@@ -100,7 +101,7 @@ class Clearances(Frozen, HtmlRepr):
 
     def __repr__(self) -> str:
         known = self.least[np.isfinite(self.least)]
-        least = f"{1e3 * known.min():.3g} mm at the nearest" if known.size else "no rest"
+        least = f"{1e3 * known.min():.3g} mm at the nearest" if known.size else "no equilibrium"
         return f"<Clearances of {self.equilibria.robot.name!r}: {self.equilibria.shape}, {least}>"
 
 
@@ -111,25 +112,25 @@ def clearances(
     fitting: float | None = None,
     points: int = POINTS,
 ) -> Clearances:
-    """Distances between cables, platform and frame with everything where it rests.
+    """Distances between cables, platform and frame in equilibrium.
 
     Args:
-        robot: the robot; or rests of either method, alone.
-        poses: commanded, as ``solve_many`` takes them.
-        fitting: of each cable, the piece next to its exit and to its anchor that is left out [m], since there it
-            touches what it is fixed to; default: half the characteristic length of the platform.
-        points: along a cable that hangs.
+        robot: the robot; or equilibria by either method, without other arguments.
+        poses: commanded, as for ``solve_many``.
+        fitting: length of each cable next to its exit and to its anchor that is left out [m], since there it touches
+            its fixture; default: half the characteristic length of the platform.
+        points: number of points along a hanging cable.
 
     Returns:
         Every distance [m] for each pose, and the curves between which they were measured.
 
     Raises:
-        InvalidInput: what ``solve_many`` refuses, or a fitting below 0.
+        InvalidInput: as in ``solve_many``, or a fitting below 0.
     """
     refuse_unless(Robot | EquilibriumBatch, robot=robot)
     equilibria = robot if isinstance(robot, EquilibriumBatch) else solve_many(robot, poses)
     if isinstance(robot, EquilibriumBatch) and poses is not None:
-        raise InvalidInput("poses: found them beside rests, expected the rests alone")
+        raise InvalidInput("poses: found them beside equilibria, expected the equilibria only")
     machine, points = equilibria.robot, whole("points", points, 2)
     fitting = default_fitting(machine) if fitting is None else float(checked_array("fitting", fitting, ()))
     if fitting < 0:
@@ -153,7 +154,7 @@ def least_clearance(
     anchors: Float[np.ndarray, "*#batch cables 3"],
     weights: Float[np.ndarray, "*#batch cables"],
 ) -> Float[np.ndarray, "*batch"]:
-    """The smallest distance of all [m], where each row has a layout of its own: exits, anchors, weights per length."""
+    """The smallest distance [m], where each row has its own layout: exits, anchors, weights per length."""
     curves = cable_curves(equilibria, exits, anchors, weights, default_fitting(equilibria.robot), SEARCH_POINTS)
     return np.concatenate(_distances(equilibria, curves), axis=-1).min(-1)
 
@@ -166,7 +167,7 @@ def cable_curves(
     fitting: float,
     points: int,
 ) -> Float[np.ndarray, "*batch cables points 3"]:
-    """Each cable's course without its two ends; of two points where all are straight."""
+    """Each cable's curve without its two ends; of two points where all are straight."""
     robot, positions, slack = equilibria.robot, equilibria.positions, equilibria.slack
     cabling = robot.cabling
     ends = positions[..., None, :] + np.einsum(
@@ -190,7 +191,7 @@ def cable_curves(
     lengths = np.linalg.norm(np.diff(curves, axis=-2), axis=-1).sum(-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         cut = np.minimum(fitting / lengths, 0.5)[..., None]
-    at = (cut + fractions * (1 - 2 * cut)) * (len(fractions) - 1)  # along the points, which are equally far apart
+    at = (cut + fractions * (1 - 2 * cut)) * (len(fractions) - 1)  # index of the equally spaced points
     at = np.nan_to_num(at)
     before = np.clip(at.astype(int), 0, len(fractions) - 2)
     part = (at - before)[..., None]
@@ -204,7 +205,7 @@ def pairs(cables: int) -> Int[np.ndarray, "pairs 2"]:
 
 
 def frame_edges(robot: Robot) -> Float[np.ndarray, "edges 2 3"]:
-    """The edges of the frame, those without length left out."""
+    """The edges of the frame, except those of zero length."""
     corners = np.array(list(itertools.product(*robot.frame.T)))
     edges = [(a, b) for a, b in itertools.combinations(corners, 2) if np.count_nonzero(a != b) == 1]
     return np.array(edges).reshape(-1, 2, 3)
@@ -213,7 +214,7 @@ def frame_edges(robot: Robot) -> Float[np.ndarray, "edges 2 3"]:
 def _distances(
     equilibria: EquilibriumBatch, curves: Float[np.ndarray, "*batch cables points 3"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cable to cable, to platform, to frame; some rows at a time."""
+    """Distances of cables to cables, to the platform and to the frame; some rows at a time."""
     robot = equilibria.robot
     shape, cables = curves.shape[:-3], robot.cables
     rows = curves.reshape(-1, *curves.shape[-3:])
@@ -242,7 +243,7 @@ def segment_segment(
     c: Float[np.ndarray, "*#batch 3"],
     d: Float[np.ndarray, "*#batch 3"],
 ) -> Float[np.ndarray, "*batch"]:
-    """Distance between the segments ab and cd: between their lines where both feet lie within, or from an end."""
+    """Distance between the segments ab and cd: between their lines if both feet lie within, else from an end."""
     u, v, w = b - a, d - c, a - c
     uu, vv, uv = _dot(u, u), _dot(v, v), _dot(u, v)
     uw, vw = _dot(u, w), _dot(v, w)
@@ -272,7 +273,7 @@ def segment_box(
     """Distance between the segment ab and a box about the origin with these half edges; 0 where they meet.
 
     Along the segment the squared distance is convex and piecewise quadratic; its pieces end where a coordinate crosses
-    a face. It is least at such an end, or where the slope, linear on a piece, vanishes.
+    a face. Its minimum is at such an end, or where the slope, linear on a piece, vanishes.
     """
     along = b - a
     with np.errstate(invalid="ignore", divide="ignore"):

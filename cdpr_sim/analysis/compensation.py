@@ -1,13 +1,13 @@
-"""Compensation: how long to cut elastic cables so that they hold the platform where it was told to be.
+"""Compensation: unstretched lengths with which elastic cables hold the platform at the commanded pose.
 
 At the commanded pose, choose tensions within limits that balance the load (``tensions``), and give each cable the
-rest length that its tension stretches to the length it has there,
+rest length that its tension stretches to its length there,
 
     l0 = l EA / (EA + tau)          from  tau = EA (l − l0)/l0  (paper Eq. 10).
 
-The commanded pose is then an equilibrium; that its stiffness matrix is positive definite makes it one that the platform
-comes back to. Where no tensions within limits do this, the nearest pose where some do is found instead: the least
-sqrt(|translation|² + (arm·angle)²), with an arm of the robot's characteristic length unless another is asked for.
+The commanded pose is then an equilibrium; it is stable if its stiffness matrix is positive definite. Where no tensions
+within limits do this, the nearest pose where some do is found instead: the least sqrt(|translation|² + (arm·angle)²),
+with the robot's characteristic length as arm by default.
 """
 
 from __future__ import annotations
@@ -43,35 +43,35 @@ Prefer = Literal["smallest", "stiffest"]
 _Start = tuple[RigidTransform, Float[np.ndarray, " cables"]]
 
 TAUT = 0.01
-"""Default lower limit of tension, as a fraction of the load (without one, of what forces are compared with): keeps
-every cable taut, so that each one holds."""
+"""Default lower limit of tension, as a fraction of the load (or, without one, of the scale of forces): keeps
+every cable taut, so that each one contributes stiffness."""
 
 HELD = 1e-3
-"""Least stiffness that counts as held, in loads per characteristic length: with less, a thousandth of the load moves
-the platform by a characteristic length. A choice: of 30,000 poses each, the softest rest of ``cogiro`` has 0.1, and
-of those of ``parallel`` that anything holds, three have less (``scripts/measure_constants.py``)."""
+"""Least stiffness that counts as stable, in loads per characteristic length: with less, a thousandth of the load moves
+the platform by a characteristic length. A choice: of 30,000 poses each, the softest equilibrium of ``cogiro`` has 0.1,
+and of the stable ones of ``parallel``, three have less (``scripts/measure_constants.py``)."""
 
 LEAST_ARM = 1e-3
-"""Of the characteristic length. Where position alone counts, this much weight on the rotation still chooses the least
-of those that go with it, and moves the position by its square times centimetres: 8e-9 m
-at most (``scripts/measure_constants.py``)."""
+"""Weight of the rotation, in characteristic lengths, if only the position counts: this small weight still chooses the
+least rotation for a position, and moves the position by its square times centimetres: at most 8e-9 m
+(``scripts/measure_constants.py``)."""
 
 MOST_STRAIN, MOST_LOADS, WORKING = 0.05, 3.0, 1 / 5
-"""Default upper limit of tension: what strains a cable by 5 %, where ropes break, and at most a fifth of the breaking
-load if that is known, the working load of lifting ropes (Directive 2006/42/EC, Annex I, 4.1.2.4); or so many loads, if
-that is more, since the softest cables cannot hold their load with less."""
+"""Default upper limit of tension: a strain of 5 %, where ropes break, and at most a fifth of the breaking
+load if that is known, the working load of lifting ropes (Directive 2006/42/EC, Annex I, 4.1.2.4); or this many loads,
+if that is more, since the softest cables cannot hold their load with less."""
 
 ROUNDS, SAMPLES, STARTS, APART = 6, 1000, 3, 0.3
-"""Searches for a nearer pose than the nearest found; poses that are looked at in each, and how many it starts from; how
-far apart those are, as a fraction of the distance of the nearest."""
+"""Number of searches for a pose nearer than the nearest found; poses sampled in each, and number of starts from them;
+their least mutual distance, as a fraction of the distance of the nearest."""
 
 _EQUAL = 1e-6
-"""[m] Distance between SLSQP's nearest pose and the equilibrium of its rest lengths: it measures below
+"""[m] Tolerance between SLSQP's nearest pose and the equilibrium of its rest lengths: the difference measures below
 1e-12, where SLSQP has converged (``scripts/measure_constants.py``)."""
 
 
 class CompensationOutcome(enum.Enum):
-    """What compensation came to; the value says it in words."""
+    """Outcome of a compensation; the value is its description."""
 
     EXACT = "the commanded pose is held exactly"
     NEAREST = "no lengths hold the commanded pose; this is the nearest found"
@@ -79,18 +79,18 @@ class CompensationOutcome(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class Compensation(Frozen, HtmlRepr):
-    """Rest lengths that put the platform where it was told to be, or as near as any that were found can.
+    """Rest lengths with which the platform is in equilibrium at the commanded pose, or at the nearest pose found.
 
     Attributes:
-        commanded: the pose asked for.
-        equilibrium: what the compensated lengths lead to, by statics: its pose, tensions and stiffness.
+        commanded: the commanded pose.
+        equilibrium: equilibrium on the compensated lengths, by statics: its pose, tensions and stiffness.
         reach: whether that is the commanded pose.
-        distance: of the two poses [m], sqrt(|translation|² + (arm·angle)²); 0 where exact.
-        arm: what turns rotations into lengths in that distance [m].
+        distance: distance of the two poses [m], sqrt(|translation|² + (arm·angle)²); 0 where exact.
+        arm: factor of rotations in that distance [m].
         reasons: why no lengths hold the commanded pose, a sentence each; empty where exact.
         tension_limits: (2, cables) [N].
-        reached: where the platform comes to rest on these lengths from the commanded pose, by statics; None where
-            nowhere. MuJoCo's word on both is ``crosscheck.hold``'s.
+        reached: equilibrium that the platform reaches on these lengths from the commanded pose, by statics; None if
+            there is none. ``verify_compensation`` checks both in MuJoCo.
     """
 
     commanded: RigidTransform
@@ -104,7 +104,7 @@ class Compensation(Frozen, HtmlRepr):
 
     @property
     def reached_from_commanded(self) -> bool:
-        """Whether the platform comes to the compensated pose from the commanded one, by statics."""
+        """Whether the platform reaches the compensated pose from the commanded one, by statics."""
         reach = self.equilibrium.problem.robot.characteristic_length
         return self.reached is not None and distance(self.pose, self.reached.pose, reach) <= _EQUAL
 
@@ -120,17 +120,17 @@ class Compensation(Frozen, HtmlRepr):
 
     @property
     def rest_lengths(self) -> Float[np.ndarray, " cables"]:
-        """Compensated unstretched lengths l0, (cables,) [m]: what the winches should let out."""
+        """Compensated unstretched lengths l0, (cables,) [m]: those that the winches should let out."""
         return self.equilibrium.rest_lengths
 
     @property
     def tensions(self) -> Float[np.ndarray, " cables"]:
-        """At that pose, (cables,) [N]."""
+        """Tensions at that pose, (cables,) [N]."""
         return self.equilibrium.tensions
 
     @property
     def overloaded(self) -> Bool[np.ndarray, " cables"]:
-        """Which cables pull harder there than their breaking load, (cables,); none where that is not known."""
+        """Which cables have a tension there above their breaking load, (cables,); none where it is unknown."""
         return self.equilibrium.overloaded
 
     def __repr__(self) -> str:
@@ -148,27 +148,26 @@ def compensate(
     prefer: Prefer = "smallest",
     arm: float | None = None,
 ) -> Compensation:
-    """Rest lengths with which the platform rests at ``pose``, elastic cables and all.
+    """Rest lengths with which the platform with elastic cables is in equilibrium at ``pose``.
 
     Args:
-        robot: the robot; or a ``Problem`` that is ready, alone, whose rest lengths play no part.
-        pose: where the platform should be.
+        robot: the robot; or a ``Problem``, without other arguments, whose rest lengths have no effect.
+        pose: the wanted pose of the platform.
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
-        tensions: smallest and largest tension [N], each one number or one per cable: what a robot with cables from
-            below is pretensioned with. Default: the robot's ``force_min`` and ``force_max``; where it has none, from
-            1 % of the load, which keeps every cable taut, to a strain of 5 % or a fifth of the breaking load, whichever
-            is less, and at least three loads.
-        tension_limits: the same by the name that ``feasible`` and ``sweep`` have for it.
-        prefer: of all tensions that do, the "smallest" (by norm) or those that make the platform "stiffest".
-        arm: how much rotation counts where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
-            0 [m] asks for the position, and of the rotations that go with it for a small one; default: the robot's
-            characteristic length.
+        tensions: smallest and largest tension [N], each one number or one per cable: the pretension of a robot with
+            cables from below. Default: the robot's ``force_min`` and ``force_max``; where it has none, from 1 % of the
+            load, which keeps every cable taut, to a strain of 5 % or a fifth of the breaking load, whichever is less,
+            and at least three loads.
+        tension_limits: the same argument by its name in ``feasible`` and ``sweep``.
+        prefer: of all such tensions, the "smallest" (by norm) or those that make the platform "stiffest".
+        arm: weight of rotation where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least. 0 [m]
+            minimises the distance of the position, with a small rotation; default: the robot's characteristic length.
 
     Returns:
-        The lengths, the equilibrium that they lead to, and whether that is the commanded pose; if not, why none does.
+        The lengths, their equilibrium, and whether that is the commanded pose; if not, the reasons.
 
     Raises:
-        InvalidInput: an argument that cannot be right; limits that no tension can be within.
+        InvalidInput: an invalid argument; limits that no tension satisfies.
         UnknownName: no such preference.
         NotConverged: no pose was found that tensions within limits hold.
     """
@@ -186,7 +185,7 @@ def compensate(
         cable = int(np.argmax(lower > upper))
         raise InvalidInput(
             f"{field}: found a smallest tension of {lower[cable]:g} N in cable {cable + 1}, expected at most "
-            f"{upper[cable]:g} N, up to which its nonlinear law is given"
+            f"{upper[cable]:g} N, up to which its nonlinear law is defined"
         )
     limits = frozen(np.array([lower, upper]))
     arm = robot.characteristic_length if arm is None else float(checked_array("arm", arm, ()))
@@ -212,7 +211,7 @@ def compensate(
 
 
 def default_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """The robot's limits of force; where it has none, those that keep every cable taut and whole."""
+    """The robot's force limits; where it has none, those that keep every cable taut and below its breaking load."""
     robot = problem.robot
     most = np.minimum(MOST_STRAIN * robot.axial_stiffness, WORKING * robot.breaking_load)
     most = np.maximum(most, MOST_LOADS * problem.load)
@@ -222,7 +221,7 @@ def default_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Floa
 
 
 def _holds(found: Equilibrium, idle: int, floor: float = 0.0) -> bool:
-    """Whether the platform comes back from all directions but ``idle`` ones, which nothing holds (``Demand.held``)."""
+    """Whether the equilibrium is stable except in ``idle`` directions, which no tensions change (``Demand.held``)."""
     held = found.eigenvalues[idle:]
     return found.stability is not Stability.UNSTABLE and bool(held[0] > max(floor, NEUTRAL * held[-1]))
 
@@ -233,7 +232,7 @@ def demand_at(
     lower: Float[np.ndarray, " cables"],
     upper: Float[np.ndarray, " cables"],
 ) -> Demand:
-    """What tensions must do at ``pose`` under the problem's load; its rest lengths play no part."""
+    """Requirements on tensions at ``pose`` under the problem's load; its rest lengths have no effect."""
     robot, position, rotation = problem.robot, pose.translation, pose.rotation.as_matrix()
     free, units = robot.free, robot.units
 
@@ -241,7 +240,7 @@ def demand_at(
         state = forces.at(_cut(problem, pose, tensions), position, rotation)
         return (state.stiffness_matrix / np.outer(units, units))[np.ix_(free, free)]
 
-    # The stiffness matrix is affine in the tensions, all taut: as many values as there are cables, and one, tell it.
+    # The stiffness matrix is affine in the tensions, all taut: one more values than cables determine it.
     some = np.full(robot.cables, problem.load or 1.0)
     base = stiffness(some)
     stiffening = np.array([(stiffness(some + step) - base) / some[0] for step in np.diag(some)])
@@ -256,7 +255,7 @@ def demand_at(
 
 
 def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " cables"]) -> Problem:
-    """``problem`` with its cables cut so that they have these tensions at ``pose``, which it is asked to start from."""
+    """``problem`` with the unstretched lengths that have these tensions at ``pose``, from which it starts."""
     robot = problem.robot
     lengths = forces.geometry(robot, pose.translation, pose.rotation.as_matrix()).lengths
     rest = forces.rest_lengths_for(robot, lengths, tensions)
@@ -264,15 +263,15 @@ def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " c
 
 
 def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
-    """Why no tensions within limits hold the commanded pose, most to the point first."""
+    """Reasons why no tensions within limits hold the commanded pose, the most important first."""
     robot = problem.robot
     if balances(demand):
-        return ("tensions within limits balance the load there, but none hold it: pushed, the platform would leave",)
+        return ("tensions within limits balance the load there, but every such equilibrium is unstable",)
     pulling = replace(demand, lower=np.zeros(robot.cables), upper=np.full(robot.cables, np.inf))
     if balances(pulling):
         least = smallest(pulling)
-        told = "" if least is None else f" (the smallest: {least.min():.3g} to {least.max():.3g} N)"
-        return (f"cables that only pull could balance the load there, but not within the limits of tension{told}",)
+        bounds = "" if least is None else f" (the smallest: {least.min():.3g} to {least.max():.3g} N)"
+        return (f"cables that only pull could balance the load there, but not within the limits of tension{bounds}",)
     pushing = np.linalg.lstsq(demand.wrench_matrix, -demand.load, rcond=None)[0]
     can_push = np.abs(demand.wrench_matrix @ pushing + demand.load).max() <= BALANCED * demand.scale
     why = (
@@ -293,12 +292,12 @@ def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
 def _nearest(
     problem: Problem, limits: Float[np.ndarray, "2 cables"], floor: float, idle: int, arm: float
 ) -> Equilibrium:
-    """The nearest found to the problem's pose of the stable equilibria of cables cut for tensions within limits.
+    """The stable equilibrium nearest to the problem's pose among those with tensions within limits.
 
-    SLSQP over (step, tensions) with exact gradients, from the commanded pose and from where uncompensated cables of
-    several softnesses would let the platform hang; then, again and again, from poses nearer than the nearest found at
-    which tensions within limits do most for the load. Where what SLSQP finds is not held, the smallest eigenvalue joins
-    as a constraint, differenced.
+    SLSQP over (step, tensions) with exact gradients, from the commanded pose and from the equilibria of uncompensated
+    cables of several stiffnesses; then, repeatedly, from poses nearer than the nearest found at which tensions within
+    limits balance most of the load. Where the result of SLSQP is not stable, the smallest eigenvalue becomes a
+    constraint, differentiated by differences.
     """
     best: Equilibrium | None = None
 
@@ -317,7 +316,7 @@ def _nearest(
             elif away(found) < away(best):
                 best = found
         for start, nearest in not_held:
-            if nearest < away(best):  # else holding it would only take it further
+            if nearest < away(best):  # else a constraint of stability would only increase the distance
                 found = _descend(problem, start, limits, floor, idle, arm)
                 if found is not None and _holds(found, idle) and away(found) < away(best):
                     best = found
@@ -336,7 +335,7 @@ def _nearest(
 
 
 def _starts(problem: Problem, limits: Float[np.ndarray, "2 cables"]) -> list[_Start]:
-    """Poses and tensions to search from: the commanded pose, and where softer and softer cables let it hang."""
+    """Poses and tensions to search from: the commanded pose, and equilibria with softer and softer cables."""
     robot, starts = problem.robot, []
     softness = np.array([1.0, 0.1, 0.01])
     hanging = newton.solve_many(
@@ -358,7 +357,7 @@ def _spread(
 ) -> list[_Start]:
     """Poses and tensions to search from, anywhere within ``radius`` [m] of the commanded pose.
 
-    Of many poses those where tensions within limits leave least of the load, and not all of them in one place.
+    Of many poses those where tensions within limits leave the smallest residual, at some distance from each other.
     """
     robot, free = problem.robot, problem.robot.free
     arm = max(arm, LEAST_ARM * robot.characteristic_length)
@@ -459,7 +458,7 @@ def _descend(
     pose = moved(problem.pose, stepped(found.x))
     try:
         equilibrium = newton.solve(Problem.of(robot, pose, cut(found.x).problem.rest_lengths, problem.external_wrench))
-    except (NotConverged, InvalidInput):  # or a cable of no length
+    except (NotConverged, InvalidInput):  # or a cable of zero length
         return None
     return equilibrium if distance(pose, equilibrium.pose, reach) <= _EQUAL else None
 

@@ -1,12 +1,13 @@
 """All equilibria of given cable lengths, and which of them a robot reaches when its load is applied.
 
-Cables that are let out leave a platform more than one place to rest: upright, turned over, hooked onto two of eight.
+Long cables allow a platform more than one equilibrium: upright, upside down, hanging on two of eight cables.
 Many starts, spread over every position and rotation that the cables allow, descend the energy to the stable ones;
-saddles, asked for, are roots of the net wrench found from as many starts, and from between the stable ones.
+saddles, on request, are roots of the net wrench found from as many starts, and from poses between the stable ones.
 
-That none is missing cannot be proved, but sometimes refuted: on the space of poses, which but for positions that can
-be shrunk away is that of rotations, as many equilibria have an even as have an odd number of unstable directions, if
-none is neutral (Morse; the Euler characteristic of SO(3), and of the circle, is 0).
+That none is missing cannot be proved this way, but it can sometimes be refuted: the space of poses is, up to
+contraction of positions, that of rotations; on it, the equilibria with an even number of unstable directions are as
+many as those with an odd number, if none is neutral (Morse; the Euler characteristic of SO(3), and of the circle, is
+0).
 """
 
 from __future__ import annotations
@@ -30,13 +31,15 @@ from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.statics import derivatives, forces, newton
 
 SAME = 1e-3
-"""Two equilibria nearer than this fraction of the characteristic length, with as many unstable directions, are one: two
-solutions of one that is held scatter by 3e-8 of it at most, and two that are held are 0.01 of it apart at least, of
-120,000 random ones (``scripts/measure_constants.py``). Near a fold, a stable one and a saddle are nearer."""
+"""Two equilibria at a distance below this fraction of the characteristic length, with as many unstable directions, are
+one: two solutions of one stable equilibrium scatter by at most 3e-8 of it, and two different stable ones differ by at
+least 0.01, of 120,000 random ones (``scripts/measure_constants.py``). Near a fold, a stable one and a saddle are
+nearer."""
 
 LOOSE = 1e-8
-"""Equilibria whose softest direction has this fraction of the stiffest may belong to a family: ``parallel``, hanging on
-two diagonal cables, measures 5e-16, and the softest rest that is held 1e-7 (``scripts/measure_constants.py``)."""
+"""Equilibria whose smallest eigenvalue is below this fraction of the largest may belong to a family: ``parallel``,
+hanging on two diagonal cables, measures 5e-16, and the softest stable equilibrium 1e-7
+(``scripts/measure_constants.py``)."""
 
 BALANCED = 1e-8
 """Unbalanced force of a root, as a fraction of the load."""
@@ -48,20 +51,21 @@ BETWEEN = 7
 """Starts on the screw motion between each two stable equilibria."""
 
 MOST_PAIRS = 300
-"""Of equilibria, that starts are made between."""
+"""Largest number of equilibria between which starts are made."""
 
 MOST_SEARCHES = 8
-"""Searches for saddles, each from starts of its own, that are made while some are known to be missing."""
+"""Largest number of searches for saddles, each with its own starts, while some are known to be missing."""
 
 SOFT_STRAIN, STIFFENING = 0.01, 3.0
 """Saddles are searched for first with cables that the load strains by this much, then with cables stiffer by this
-factor, and again, until they are as stiff as they are."""
+factor, repeatedly, up to the true stiffness."""
 
 FIRST_LOAD, SHORTEST_STEP, LONGEST_STEP = 1e-3, 1e-4, 0.05
-"""Fractions of the load: where following begins, and its steps."""
+"""Fractions of the load: the first one, and the steps."""
 
 JUMP = 0.2
-"""A pose that moves by more than this fraction of the characteristic length within the shortest step has jumped."""
+"""A pose that moves by more than this fraction of the characteristic length within the shortest step counts as a
+jump."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +73,10 @@ class Equilibria(HtmlRepr):
     """Equilibria of one problem, lowest energy first. Iterates over them.
 
     Attributes:
-        problem: rest lengths and load; its pose plays no part.
-        found: each certified by its own residual and eigenvalues.
-        energies: of each [J], zero where gravity's is at z = 0 and all cables are slack.
-        starts: how many starts were made.
+        problem: rest lengths and load; its pose has no effect.
+        found: the equilibria, each certified by its own residual and eigenvalues.
+        energies: energy of each [J], zero where gravity's is at z = 0 and all cables are slack.
+        starts: number of starts.
         saddles: whether unstable ones were searched for.
     """
 
@@ -93,7 +97,7 @@ class Equilibria(HtmlRepr):
 
     @property
     def stable(self) -> tuple[Equilibrium, ...]:
-        """Those at which a platform can rest, neutral ones included."""
+        """The stable ones, neutral ones included."""
         return tuple(one for one in self.found if one.stability is not Stability.UNSTABLE)
 
     @property
@@ -105,7 +109,7 @@ class Equilibria(HtmlRepr):
     def imbalance(self) -> int | None:
         """Equilibria with an even minus those with an odd number of unstable directions: 0 if none is missing.
 
-        None where it says nothing: saddles were not searched for, or some equilibrium is neutral.
+        None if undefined: saddles were not searched for, or some equilibrium is neutral.
         """
         if not self.saddles:
             return None
@@ -115,7 +119,7 @@ class Equilibria(HtmlRepr):
         """Index of the equilibrium nearest to ``pose``, and its distance [m], rotations scaled.
 
         Returns:
-            Its place in ``found``, and the distance sqrt(|translation|² + (characteristic length · angle)²) [m].
+            Its index in ``found``, and the distance sqrt(|translation|² + (characteristic length · angle)²) [m].
         """
         arm, pose = self.problem.robot.characteristic_length, as_pose(pose)
         distances = [distance(one.pose, pose, arm) for one in self.found]
@@ -124,17 +128,17 @@ class Equilibria(HtmlRepr):
 
     def __repr__(self) -> str:
         unstable = f", {len(self.unstable)} unstable" if self.saddles else ""
-        return f"<Equilibria of {self.problem.robot.name!r}: {len(self.stable)} to rest at{unstable}, lowest first>"
+        return f"<Equilibria of {self.problem.robot.name!r}: {len(self.stable)} stable{unstable}, lowest energy first>"
 
 
 @dataclass(frozen=True, eq=False)
 class LoadPath(HtmlRepr):
-    """How a platform comes to rest while its load grows from nothing.
+    """Equilibria of a platform while its load grows from zero.
 
     Attributes:
         loads: fractions of the load, ascending to 1, (steps,).
-        equilibria: at each of them.
-        jumps: loads at which the platform lost its equilibrium and fell to another.
+        equilibria: the equilibrium at each of them.
+        jumps: loads at which the platform lost its equilibrium and jumped to another.
     """
 
     loads: Float[np.ndarray, " steps"]
@@ -143,13 +147,13 @@ class LoadPath(HtmlRepr):
 
     @property
     def reached(self) -> Equilibrium:
-        """Under the full load."""
+        """The equilibrium under the full load."""
         return self.equilibria[-1]
 
     def __repr__(self) -> str:
         x, y, z = self.reached.position
         return (
-            f"<Following of {self.reached.problem.robot.name!r}: to ({x:.6f}, {y:.6f}, {z:.6f}) m in "
+            f"<LoadPath of {self.reached.problem.robot.name!r}: to ({x:.6f}, {y:.6f}, {z:.6f}) m in "
             f"{len(self.loads)} steps of the load, with {len(self.jumps)} jumps>"
         )
 
@@ -164,32 +168,33 @@ def find_equilibria(
     starts: int = 2000,
     seed: int = 0,
 ) -> Equilibria:
-    """Where the platform can rest on cables of these lengths, lowest energy first.
+    """Equilibria of the platform on cables of these lengths, lowest energy first.
 
-    A neutral equilibrium stands for the family that it belongs to.
+    A neutral equilibrium represents the family to which it belongs.
 
     Args:
-        robot: the robot; or a ``Problem`` that is ready, alone.
-        pose: the commanded pose, whose rigid lengths are let out; it plays no other part.
+        robot: the robot; or a ``Problem``, without other arguments.
+        pose: the commanded pose, which determines the default of the rest lengths; it has no other effect.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
-        external_wrench: a force [N], and no torque, on the platform's origin, base frame, besides gravity.
+        external_wrench: a force [N], without torque, on the platform's origin, base frame, besides gravity.
         saddles: whether to search for the unstable ones as well.
-        starts: how many poses to start from. For saddles, as many again and again, while some are known to be missing,
+        starts: number of starting poses. For saddles, the same number repeatedly, while some are known to be missing,
             up to 8 times.
-        seed: of the starts.
+        seed: seed of the starts.
 
     Returns:
-        All that were found, each with its energy [J]; none is promised to be the last.
+        All that were found, each with its energy [J]; there may be more.
 
     Raises:
-        InvalidInput: an argument that cannot be right; a load that pulls nowhere.
-        NotConverged: all starts lead to where a cable is strained further than its law is given; carries one such pose.
+        InvalidInput: an invalid argument; a load of zero.
+        NotConverged: all starts lead to poses where a cable is strained beyond the range of its law; carries one such
+            pose.
     """
     if isinstance(robot, Robot) and pose is None and rest_lengths is not None:
         pose = robot.home
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
     if problem.external_wrench[3:].any():
-        raise InvalidInput("external_wrench: found a torque, expected a force alone: a torque has no energy to sort by")
+        raise InvalidInput("external_wrench: found a torque, expected a force only: a torque has no energy to sort by")
     if not problem.load > 0:
         raise InvalidInput("find_equilibria: found no load, expected weight or force: slack cables hold any pose then")
     refuse_unless(FLAG, saddles=saddles)
@@ -222,10 +227,10 @@ def follow_load(
     """The equilibrium that the platform reaches from ``pose`` when its load is applied slowly.
 
     Gravity and wrench grow from a thousandth to the whole, and each equilibrium is the start of the next. Steps are
-    halved where the platform moves far; where it still does in the shortest, its equilibrium has ceased to be: a jump.
+    halved where the platform moves far; if it still does in the shortest step, its equilibrium has disappeared: a jump.
 
     Args:
-        robot: the robot; or a ``Problem`` that is ready, alone.
+        robot: the robot; or a ``Problem``, without other arguments.
         pose: the commanded pose, near which the platform starts.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity; it grows too.
@@ -234,7 +239,7 @@ def follow_load(
         The equilibria under growing load, (steps,), and the loads at which the platform jumped.
 
     Raises:
-        InvalidInput: an argument that cannot be right; a load of nothing.
+        InvalidInput: an invalid argument; a load of zero.
         NotConverged: no equilibrium under some load; carries the best point.
     """
     whole = Problem.of(robot, pose, rest_lengths, external_wrench)
@@ -265,7 +270,7 @@ def follow_load(
 
 
 def unstable_directions(equilibrium: Equilibrium) -> int:
-    """How many directions the platform leaves along: 0 at rest, 1 at a saddle between two places of rest."""
+    """Index of the equilibrium, the number of unstable directions: 0 if stable, 1 at a saddle."""
     values = equilibrium.eigenvalues
     return int((values < -NEUTRAL * np.abs(values).max()).sum())
 
@@ -273,7 +278,7 @@ def unstable_directions(equilibrium: Equilibrium) -> int:
 def _starts(
     problem: Problem, count: int, rng: np.random.Generator
 ) -> tuple[Float[np.ndarray, "starts 3"], Float[np.ndarray, "starts 3 3"]]:
-    """Positions within a cable's length of the exits, downwards and a little aside, and every rotation alike."""
+    """Positions within a cable's length of the exits, below and beside them, and uniform rotations."""
     robot, longest = problem.robot, problem.rest_lengths.max()
     reach = longest + robot.characteristic_length
     lower, upper = robot.exits.min(0), robot.exits.max(0)
@@ -288,7 +293,7 @@ def _starts(
 def _around(
     problem: Problem, found: list[Equilibrium], count: int, random: np.random.Generator
 ) -> tuple[Float[np.ndarray, "starts 3"], Float[np.ndarray, "starts 3 3"]]:
-    """Starts around equilibria that are found, near and far: what is missing is mostly where others are."""
+    """Starts around equilibria that are known, near and far: missing ones are mostly near others."""
     robot = problem.robot
     steps = np.zeros((count, 6))
     steps[:, robot.free] = random.normal(size=(count, len(robot.free))) * 10 ** random.uniform(-1.5, 0.5, (count, 1))
@@ -311,7 +316,7 @@ def _resting(
     rotations: Float[np.ndarray, "starts 3 3"],
     known: list[Equilibrium],
 ) -> list[Equilibrium]:
-    """Stable equilibria that descent from the starts leads to, besides those ``known``."""
+    """Stable equilibria that descent from the starts reaches, besides those ``known``."""
     descended = newton.solve_many(
         problem.robot,
         positions,
@@ -331,7 +336,7 @@ def _with_saddles(
     rotations: Float[np.ndarray, "starts 3 3"],
     found: list[Equilibrium],
 ) -> tuple[list[Equilibrium], int]:
-    """``found`` and the roots from the starts and from between them, stable or not; how many starts were made."""
+    """``found`` and the roots from the starts and from between them, stable or not; and the number of starts."""
     between = _between(found)
     positions = np.concatenate([positions, between.translation])
     rotations = np.concatenate([rotations, between.rotation.as_matrix()])
@@ -340,7 +345,7 @@ def _with_saddles(
 
 
 def _between(found: list[Equilibrium]) -> RigidTransform:
-    """Poses on the screw motions between each two equilibria: a saddle parts them. Of very many, some."""
+    """Poses on the screw motions between pairs of equilibria, since a saddle lies between; a part if many."""
     poses = [RigidTransform.identity()]
     pairs = [(one, other) for i, one in enumerate(found) for other in found[:i]]
     for one, other in pairs[:: len(pairs) // MOST_PAIRS + 1]:
@@ -353,9 +358,9 @@ def _between(found: list[Equilibrium]) -> RigidTransform:
 def _stiffened_roots(
     problem: Problem, positions: Float[np.ndarray, "starts 3"], rotations: Float[np.ndarray, "starts 3 3"]
 ) -> tuple[Float[np.ndarray, "roots 3"], Float[np.ndarray, "roots 3 3"]]:
-    """Roots from the starts, and from the roots of softer cables, stiffened step by step.
+    """Roots from the starts, and from the roots of softer cables, with increasing stiffness.
 
-    The stiffer the cables the narrower the valleys that lead to a saddle: at a strain of a percent they are wide.
+    The stiffer the cables, the narrower the valleys that lead to a saddle: at a strain of a percent they are wide.
     """
     robot = problem.robot
     straight = _roots(problem, positions, rotations)
@@ -367,7 +372,7 @@ def _stiffened_roots(
         softer = robot.replace(axial_stiffness=robot.axial_stiffness / STIFFENING**level)
         part = Problem(softer, problem.pose, problem.rest_lengths, problem.external_wrench)
         positions, rotations = _roots(part, positions, rotations, 1e-2 if level == levels else 1e-12)
-        if level:  # pairs of equilibria are born as cables get stiffer
+        if level:  # pairs of equilibria appear as cables get stiffer
             positions, rotations = _different(positions, rotations, robot.characteristic_length)
             rows = fresh[level - 1]
             born = _roots(part, starts[0][rows], starts[1][rows], 1e-2)
@@ -378,7 +383,7 @@ def _stiffened_roots(
 def _different(
     positions: Float[np.ndarray, "rows 3"], rotations: Float[np.ndarray, "rows 3 3"], arm: float
 ) -> tuple[Float[np.ndarray, "some 3"], Float[np.ndarray, "some 3 3"]]:
-    """One of each of those that are the same but for rounding: thousands of starts lead to tens of roots."""
+    """One of each group that is equal up to rounding: thousands of starts lead to tens of roots."""
     rows = np.hstack([positions / arm, rotations.reshape(-1, 9)])
     _, first = np.unique(np.round(rows / SAME), axis=0, return_index=True)
     return positions[first], rotations[first]
@@ -390,7 +395,7 @@ def _roots(
     rotations: Float[np.ndarray, "starts 3 3"],
     damping: float = 1e-2,
 ) -> tuple[Float[np.ndarray, "roots 3"], Float[np.ndarray, "roots 3 3"]]:
-    """Where the net wrench vanishes, stable or not: Levenberg-Marquardt with the exact slope, all starts at once."""
+    """Roots of the net wrench, stable or not: Levenberg-Marquardt with the exact slope, all starts at once."""
     robot = problem.robot
     free, units = robot.free, robot.units
     eye = np.eye(len(free))
@@ -430,7 +435,7 @@ def _roots(
         live[rows[dampings[rows] > 1e8]] = False
         dampings = np.maximum(dampings, 1e-14)
     balanced = size <= BALANCED * problem.load
-    # Products of many small rotations drift from orthogonality by rounding.
+    # The orthogonality of products of many small rotations deteriorates by rounding.
     return positions[balanced], Rotation.from_matrix(rotations[balanced]).as_matrix()
 
 
@@ -442,7 +447,7 @@ def _distinct(
     polish: bool,
     known: list[Equilibrium] | None = None,
 ) -> list[Equilibrium]:
-    """One equilibrium of each kind, besides those ``known``; of a neutral family, the first."""
+    """One of each distinct equilibrium, besides those ``known``; the first of a neutral family."""
     arm = problem.robot.characteristic_length
     found: list[Equilibrium] = []
     left = np.ones(len(positions), dtype=bool)
@@ -474,13 +479,13 @@ def _distinct(
 
 
 def _merged(one: Equilibrium, other: Equilibrium, arm: float) -> bool:
-    """Whether two are one: so near that they are, unless one is held where the other leaves, as at a fold."""
+    """Whether two are one: nearly equal, unless one is stable where the other is unstable, as at a fold."""
     sides = _sides(np.stack([one.eigenvalues, other.eigenvalues]))
     return distance(one.pose, other.pose, arm) <= SAME * arm and bool(sides[0] == sides[1] or sides.min() < 0)
 
 
 def _sides(eigenvalues: Float[np.ndarray, "rows free"]) -> np.ndarray:
-    """The number of unstable directions of each; −1 where a direction is too loose to tell."""
+    """The number of unstable directions of each; −1 where an eigenvalue is too small to decide."""
     size = np.abs(eigenvalues)
     with np.errstate(invalid="ignore"):
         loose = ~(size.min(-1) > LOOSE * size.max(-1))
@@ -497,7 +502,7 @@ def _near(
 
 
 def _related(one: Equilibrium, other: Equilibrium) -> bool:
-    """Whether two equilibria that nothing holds belong to one family: the same tensions at the same energy."""
+    """Whether two neutral equilibria belong to one family: the same tensions at the same energy."""
     if min(np.abs(e.eigenvalues).min() / np.abs(e.eigenvalues).max() for e in (one, other)) > LOOSE:
         return False
     problem = one.problem

@@ -1,4 +1,4 @@
-"""Identification: what the cables' stiffness, rest lengths, mass or centre of mass must be for the measured poses.
+"""Identification: fit of the cables' stiffness, rest lengths, mass or centre of mass to measured poses.
 
 Nonlinear least squares (Levenberg 1944; SciPy's trust-region reflective) on
 
@@ -6,7 +6,7 @@ Nonlinear least squares (Levenberg 1944; SciPy's trust-region reflective) on
 
 where x(θ) is the equilibrium of statics, with the exact derivatives of the implicit function theorem. Positive unknowns
 are fitted by their logarithm. Standard errors are the square roots of the diagonal of (JᵀJ)⁻¹; directions of θ that the
-data do not see, by the singular values of J with unit columns, have infinite ones, and a sentence.
+data do not determine, by the singular values of J with unit columns, have infinite ones, and a sentence.
 """
 
 from __future__ import annotations
@@ -29,40 +29,41 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import derivatives, forces, newton
 
 UNKNOWNS = ("axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "mass", "center_of_mass")
-"""What can be fitted: one EA for all cables, one each, what is added to each rest length, mass, centre of mass."""
+"""Unknowns that can be fitted: one EA for all cables, one each, an offset of each rest length, mass, centre of mass."""
 
 UNSEEN = 1e-6
 """A singular value below this fraction of the largest, with columns of unit length, is rounding: EA and mass together,
-which have exactly the same effect, measure 6e-11; EA, offsets and centre of mass, told apart by 12 poses, 0.02
+which have exactly the same effect, measure 6e-11; EA, offsets and centre of mass, distinguished by 12 poses, 0.02
 (``scripts/measure_constants.py``)."""
 
 REWEIGHTINGS = 20
-"""Fits, each weighted by the scatters that the last one left; they settle in three or four."""
+"""Number of fits, each weighted by the scatters from the residuals of the last one; they converge in three or four."""
 
 LEAST_FREEDOM = 1e-6
-"""Numbers of a kind that are left free by the unknowns: with fewer, their scatter cannot be judged on its own."""
+"""Least number of degrees of freedom of a kind of measurement: with fewer, its scatter cannot be estimated
+separately."""
 
 EXACT = 1e-9
-"""[m, rad] No scatter is judged smaller: two solutions of one equilibrium differ by as much."""
+"""[m, rad] Least estimate of a scatter: two solutions of one equilibrium differ by as much."""
 
 INVISIBLE = 0.01
-"""Of a number's standard error: what changes no residual by more cannot be seen."""
+"""Fraction of a number's standard error: a smaller change of all residuals is not observable."""
 
 ALIKE = 0.99
-"""Correlation above which two unknowns are hardly told apart."""
+"""Correlation above which two unknowns are hardly distinguishable."""
 
 UNCERTAIN = 1 / 3
-"""Standard error of a positive unknown, as a fraction of it, above which the data hardly say how large it is: twice
-that is a factor of two."""
+"""Standard error of a positive unknown, as a fraction of it, above which the data hardly determine it: twice
+this is a factor of two."""
 
 SURPRISING = 1e-3
 """Probability of residuals as large as found, below which the model does not explain the data."""
 
 RANGE = 1e4
-"""Positive unknowns are sought within this factor of the robot's own."""
+"""Positive unknowns are fitted within this factor of the robot's own."""
 
 SCAN = 10.0 ** np.arange(-2, 2.01, 0.25)
-"""Factors of EA that are tried before the fit: far from it the platform may hang elsewhere."""
+"""Factors of EA that are tried before the fit: far from the true one the platform may have another equilibrium."""
 
 SAID = 3
 """Unknowns that ``repr`` names one by one."""
@@ -70,21 +71,21 @@ SAID = 3
 
 @dataclass(frozen=True, eq=False)
 class Identification(HtmlRepr):
-    """What the measurements say of the unknowns.
+    """Result of an identification.
 
     Attributes:
-        robot: the robot with what was found in it (rest-length offsets are not part of a robot).
-        names: of the unknowns, one by one: "axial_stiffness", "mass", "rest_length_offset 3".
-        units: of each.
-        values: of each.
-        standard_errors: of each; ``inf`` where the data do not determine it.
+        robot: the robot with the identified values (rest-length offsets are not part of a robot).
+        names: names of the unknowns, one by one: "axial_stiffness", "mass", "rest_length_offset 3".
+        units: unit of each.
+        values: value of each.
+        standard_errors: standard error of each; ``inf`` where the data do not determine it.
         correlations: between them, (unknowns, unknowns); nan where undetermined.
-        residuals: what is left, in coordinates (rows, 6) [m, rad]; nan where not measured.
+        residuals: residuals in coordinates (rows, 6) [m, rad]; nan where not measured.
         spread: root mean square of residuals over their stated error; 1 if model and errors are right, and by
-            construction where errors were judged.
-        scatters: standard errors of a measured coordinate [m] and of an angle [rad], as stated or judged.
-        judged: which of them were judged from the residuals: "position", "rotation".
-        reasons: what the data cannot tell, and whether the model explains them, a sentence each.
+            construction where errors were estimated.
+        scatters: standard errors of a measured coordinate [m] and of an angle [rad], as stated or estimated.
+        judged: which of them were estimated from the residuals: "position", "rotation".
+        reasons: what the data do not determine, and whether the model explains them, a sentence each.
     """
 
     robot: Robot
@@ -140,15 +141,15 @@ def identify(
     """Fit ``unknowns`` to measured poses.
 
     Args:
-        robot: what is known, and where the fit starts.
+        robot: the known values, and the start of the fit.
         measurements: from ``read_measurements`` or ``Measurements.of``.
         unknowns: any of ``UNKNOWNS``.
-        position_error: standard error of a measured coordinate [m]; default: judged from the residuals of positions.
-        rotation_error: standard error of a measured angle [rad]; default: judged from the residuals of angles.
+        position_error: standard error of a measured coordinate [m]; default: estimated from the residuals of positions.
+        rotation_error: standard error of a measured angle [rad]; default: estimated from the residuals of angles.
 
     Returns:
-        Values of the unknowns with standard errors in the unit of each, what is left of the residuals, and a robot with
-        what was found.
+        Values of the unknowns with standard errors in the unit of each, the residuals, and a robot with the identified
+        values.
 
     Raises:
         InvalidInput: measurements of another robot or too few, errors that are not positive, or unknowns that exclude
@@ -201,7 +202,7 @@ def identify(
         before = scatters
         scatters = _scatters(scatters, judged, kinds, weighted(x), slope(x), arm)
         if not judged or (kinds == kinds[0]).all():
-            break  # a factor common to all numbers moves no fit
+            break  # a factor common to all numbers does not change the fit
         if np.allclose(scatters, before, rtol=1e-3, atol=0):
             break
     x = _nearest_to_known(x, weighted, slope)
@@ -243,11 +244,11 @@ def _scatters(
     slope: Float[np.ndarray, "numbers unknowns"],
     arm: float,
 ) -> Float[np.ndarray, "2"]:
-    """Scatters of positions and angles, those that are ``judged`` from their residuals, apart.
+    """Scatters of positions and angles; those that are ``judged`` are estimated from their residuals, separately.
 
-    Each from the numbers of its kind that the unknowns leave free: their count, less what they take part in fitting
-    (the trace of their block of the hat matrix; Förstner 1979). Of kinds that were measured, none is below a thousandth
-    of the other by the ``arm``.
+    Each by the degrees of freedom of its kind: the count of its numbers, less their share in the fit (the trace of
+    their block of the hat matrix; Förstner 1979). Of kinds that were measured, none is below a thousandth of the other
+    by the ``arm``.
     """
     leverage = _leverages(slope)
     together = np.isin(kinds, judged)
@@ -259,13 +260,13 @@ def _scatters(
         free = float((1 - leverage[rows]).sum())
         own = np.sqrt(float((residuals[rows] ** 2).sum()) / free) if free > LEAST_FREEDOM else pooled
         found[kind] = max(found[kind] * own, EXACT)
-    alike = np.array([1.0, 1.0 / arm])  # scatters of one size: an angle's, of a position's on that arm
+    alike = np.array([1.0, 1.0 / arm])  # scatters of one size: an angle's is a position's over the arm
     least = 1e-3 * (found / alike)[np.unique(kinds)].max() * alike
     return np.where(np.isin([0, 1], judged), np.maximum(found, least), scatters)
 
 
 def _nearest_to_known(x: Float[np.ndarray, " unknowns"], weighted, slope) -> Float[np.ndarray, " unknowns"]:
-    """``x`` without its part along what the data do not see: there, what is known of the robot stays."""
+    """``x`` without its component along undetermined directions: there, the robot's known values remain."""
     slopes = slope(x)
     seen, unseen, _ = _directions(slopes)
     scaled = x * seen
@@ -280,7 +281,7 @@ def _nearest_to_known(x: Float[np.ndarray, " unknowns"], weighted, slope) -> Flo
 
 
 def _leverages(slope: Float[np.ndarray, "numbers unknowns"]) -> Float[np.ndarray, " numbers"]:
-    """How far each number is fitted by the unknowns: the diagonal of the hat matrix, whose sum is their count."""
+    """Leverage of each number: the diagonal of the hat matrix, whose sum is the number of unknowns."""
     seen, _, kept = _directions(slope)
     basis = (slope / seen) @ kept.T
     return ((basis / np.linalg.norm(basis, axis=0)) ** 2).sum(1)
@@ -289,7 +290,7 @@ def _leverages(slope: Float[np.ndarray, "numbers unknowns"]) -> Float[np.ndarray
 def _directions(
     slope: Float[np.ndarray, "numbers unknowns"],
 ) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unseen unknowns"], Float[np.ndarray, "seen unknowns"]]:
-    """Lengths of the columns, 1 for those of nothing; and, with unit columns, the directions unseen and seen."""
+    """Lengths of the columns, 1 for zero columns; and undetermined and determined directions for unit columns."""
     sizes = np.linalg.norm(slope, axis=0)
     seen = np.where(sizes > 0, sizes, 1.0)
     _, singular, directions = np.linalg.svd(slope / seen, full_matrices=True)
@@ -330,7 +331,7 @@ def _wanted(robot: Robot, unknowns: Sequence[str]) -> list[_Unknown]:
 
 
 def _value(unknown: _Unknown, x: float) -> float:
-    """From the fit's coordinate, 0 at the start: a logarithm, or a difference."""
+    """Value from the fit's coordinate, 0 at the start: a logarithm, or a difference."""
     return unknown.start * float(np.exp(x)) if unknown.logarithmic else unknown.start + float(x)
 
 
@@ -367,7 +368,7 @@ class _Model:
         return self.robot.replace(**{name: value for name, value in new.items() if name in touched}), rest
 
     def solve(self, x: Float[np.ndarray, " unknowns"]) -> None:
-        """Equilibria at ``x``, kept until another is asked for."""
+        """Equilibria at ``x``, kept until the next call."""
         if self._at is not None and np.array_equal(self._at, x):
             return
         self.now, self.rest = self.changed(x)
@@ -403,7 +404,8 @@ class _Model:
             wrench = np.stack(
                 [by_parameter[one.parameter][:, list(one.columns)].sum(1) for one in self.unknowns], axis=1
             )
-            # Where nothing holds the platform, the least of all derivatives: the data do not see that direction.
+            # Where the platform is unconstrained, the least of all derivatives: the data do not determine that
+            # direction.
             result[row, free] = -np.linalg.lstsq(slope, wrench[free], rcond=1e-12)[0]
             result[row, 3:] = _angle_rates(angles[row]) @ result[row, 3:]
         scale = [_value(one, at) if one.logarithmic else 1.0 for one, at in zip(self.unknowns, x, strict=True)]
@@ -418,7 +420,7 @@ def _angle_rates(angles: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
 
 
 def _scanned(wanted: list[_Unknown], weighted) -> Float[np.ndarray, " unknowns"]:
-    """The best of several stiffnesses to start from, all else as known."""
+    """The best of several stiffnesses to start from, with the other known values."""
     start = np.zeros(len(wanted))
     stiff = np.array([one.parameter == "axial_stiffness" for one in wanted])
     if not stiff.any():
@@ -443,7 +445,7 @@ def _scanned(wanted: list[_Unknown], weighted) -> Float[np.ndarray, " unknowns"]
 def _certainty(
     slope: Float[np.ndarray, "numbers unknowns"], wanted: list[_Unknown]
 ) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unknowns unknowns"], list[str]]:
-    """Standard errors for unit errors of the data, correlations, and in words what the data cannot tell."""
+    """Standard errors for unit errors of the data, correlations, and sentences about what the data do not determine."""
     names = [one.name for one in wanted]
     reasons = [f"the data do not depend on {names[i]}" for i in np.flatnonzero(~slope.any(0))]
     seen, unseen, kept = _directions(slope)

@@ -1,4 +1,4 @@
-"""Measured poses: where the platform was commanded to and where it was found, from arrays or from CSV.
+"""Measured poses: commanded and measured coordinates, from arrays or from CSV.
 
 A CSV file names its columns and their units, ``commanded_x [mm]``, ``measured_beta [deg]``: commanded_x, _y, _z are
 needed, commanded_alpha, _beta, _gamma are 0 unless given, at least one measured_... is, rest_length_1, ... where the
@@ -30,7 +30,7 @@ LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180, "°": np.pi / 180, "mrad": 1e-3}
 
 LARGEST_FILE = 50_000_000
-"""Bytes: half a million rows."""
+"""Largest size of a file [bytes]: half a million rows."""
 
 _HEADER = re.compile(r"^(?P<name>[a-z_0-9]+)\s*(\[(?P<unit>[^\]]+)\])?$")
 _REST_LENGTH = re.compile(r"^rest_length_(\d+)$")
@@ -44,8 +44,8 @@ class Measurements:
         commanded: (rows, 6).
         measured: (rows, 6), nan where not measured.
         rest_lengths: (rows, cables) [m], or None where the winches followed the rigid geometry.
-        robot: what the robot was called, if it was.
-        source: where they come from, for messages.
+        robot: name of the robot, if given.
+        source: origin of the data, for messages.
     """
 
     commanded: Float[np.ndarray, "rows 6"]
@@ -64,14 +64,14 @@ class Measurements:
         rest_lengths: ArrayLike | None = None,
         robot: str | None = None,
     ) -> Measurements:
-        """From arrays.
+        """Measurements from arrays.
 
         Args:
             commanded: (rows, 3) [m] or (rows, 6) [m, rad].
             measured: (rows, len(coordinates)) [m, rad].
             coordinates: which of x, y, z, alpha, beta, gamma the columns of ``measured`` are.
             rest_lengths: (rows, cables) [m]; default: the rigid ones at each commanded pose.
-            robot: what the robot is called; checked when it is identified.
+            robot: name of the robot; checked when it is identified.
 
         Returns:
             Measurements of (rows,) poses, checked; coordinates that were not measured are nan.
@@ -109,7 +109,7 @@ class Measurements:
         return len(self.commanded)
 
     def check_robot(self, robot: Robot) -> None:
-        """That these can be of ``robot``.
+        """Check that these can be measurements of ``robot``.
 
         Raises:
             InvalidInput: they are of another one.
@@ -137,10 +137,10 @@ class Measurements:
 
 
 def read_measurements(path: str | Path) -> Measurements:
-    """From a CSV file with named columns and units; see the module.
+    """Measurements from a CSV file with named columns and units; the module describes the format.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Returns:
         A row for each line of the file [m, rad], whatever units its columns have.
@@ -190,7 +190,7 @@ def read_measurements(path: str | Path) -> Measurements:
 
 
 def _column(path: Path, cell: str) -> tuple[str, float]:
-    """A column's name and its unit in SI units."""
+    """A column's name, and its unit in SI units."""
     known = [f"{kind}_{name}" for kind in ("commanded", "measured") for name in COORDINATES] + [
         "rest_length_1",
         "robot",

@@ -1,4 +1,4 @@
-"""Natural frequencies and mode shapes: how a platform swings about where it rests.
+"""Natural frequencies and mode shapes of a platform about its equilibrium.
 
 For small motions about a stable equilibrium, M q̈ + K q = 0 with the stiffness matrix K and the mass matrix M of
 (translation of the origin, rotation vector), so that the modes solve K q = ω² M q.
@@ -25,7 +25,7 @@ from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import forces, newton
 
 ROUNDING = 1e-6
-"""Of a unit motion: less of an axis is not part of it."""
+"""Least component of a unit motion along an axis; smaller ones count as zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class Modes(HtmlRepr):
     """Natural frequencies and mode shapes, slowest first.
 
     Attributes:
-        equilibrium: about which the platform swings.
-        frequencies: (free,) [Hz]; a direction that nothing holds has 0.
+        equilibrium: equilibrium about which the platform oscillates.
+        frequencies: (free,) [Hz]; 0 for an unconstrained direction.
         shapes: (free, 6), each a (translation [m], left-applied rotation vector [rad]) of unit kinetic energy at 1/s.
     """
 
@@ -57,7 +57,8 @@ def natural_modes(
     """Natural frequencies and mode shapes about an equilibrium.
 
     Args:
-        equilibrium: found by either method, alone; or a problem, or a robot with what follows, as ``solve`` takes them.
+        equilibrium: an equilibrium by either method, without other arguments; or a problem, or a robot with the
+            arguments of ``solve``.
         pose: the commanded pose.
         rest_lengths: (cables,) [m]; default: the rigid lengths at ``pose``.
         external_wrench: (6,) [N, N m].
@@ -66,21 +67,18 @@ def natural_modes(
         (free,) frequencies [Hz], slowest first, and the shape of each.
 
     Raises:
-        InvalidInput: the equilibrium is unstable, or held by a torque that keeps its direction in space.
+        InvalidInput: the equilibrium is unstable, or depends on a torque with a constant direction in space.
         NotConverged: there is none.
     """
     equilibrium = newton.equilibrium_of(equilibrium, pose, rest_lengths, external_wrench)
     problem = equilibrium.problem
     if equilibrium.stability is Stability.UNSTABLE:
-        raise InvalidInput(
-            f"equilibrium: found an unstable one of {problem.robot.name!r}, expected one that the platform swings about"
-        )
+        raise InvalidInput(f"equilibrium: found an unstable one of {problem.robot.name!r}, expected a stable one")
     if problem.external_wrench[3:].any():
         raise InvalidInput(
-            "equilibrium: found one under an external torque, expected none: such a torque is not conservative, and a "
-            "platform need not swing about it"
+            "equilibrium: found one under an external torque, expected none: such a torque is not conservative, and "
+            "the platform need not oscillate about the equilibrium"
         )
-    problem.robot.cabling.refuse_weight("natural_modes")
     free = problem.robot.free
     stiffness = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix()).stiffness_matrix
     mass = mass_matrix(problem.robot, equilibrium.rotation)
@@ -92,16 +90,16 @@ def natural_modes(
 
 
 def neutral_directions(equilibrium: Equilibrium) -> Float[np.ndarray, "neutral 6"]:
-    """The small motions that nothing holds at an equilibrium of either method, by statics; none where it is stable.
+    """The unconstrained directions of an equilibrium of either method, by statics; none where it is stable.
 
-    Without gravity and pretension that is every direction; of a mass whose cables meet in one point, its rotations.
+    Without gravity and pretension that is every direction; for a mass whose cables meet in one point, its rotations.
 
     Returns:
         As many (translation of the origin [m], left-applied rotation vector [rad]) as there are neutral directions,
-        along single axes where possible; ``core.words.describe_twist`` says them.
+        along single axes where possible; ``core.describe.describe_twist`` describes them.
 
     Raises:
-        InvalidInput: no equilibrium.
+        InvalidInput: not an equilibrium.
     """
     refuse_unless(Equilibrium, equilibrium=equilibrium)
     problem, free, units = equilibrium.problem, equilibrium.problem.robot.free, equilibrium.problem.robot.units
@@ -119,7 +117,7 @@ def neutral_directions(equilibrium: Equilibrium) -> Float[np.ndarray, "neutral 6
 def mass_matrix(robot: Robot, rotation: Rotation) -> Float[np.ndarray, "6 6"]:
     """M about the platform's origin in the base frame [kg, kg m, kg m²].
 
-    With c the centre of mass seen from there: [[m 1, −m [c]×], [m [c]×, R I Rᵀ + m (c·c 1 − c cᵀ)]].
+    With c the centre of mass relative to it: [[m 1, −m [c]×], [m [c]×, R I Rᵀ + m (c·c 1 − c cᵀ)]].
     """
     R = rotation.as_matrix()
     center = R @ robot.center_of_mass

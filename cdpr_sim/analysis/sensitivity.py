@@ -1,4 +1,4 @@
-"""What matters most: how an equilibrium moves with every length, point, stiffness and load that it depends on.
+"""Sensitivities: derivatives of an equilibrium by every length, point, stiffness and load on which it depends.
 
 At equilibrium the net wrench F(x, θ) vanishes, so that by the implicit function theorem
 
@@ -28,10 +28,10 @@ from cdpr_sim.statics import derivatives, forces, newton
 
 @dataclass(frozen=True)
 class Effect:
-    """What a small change of one number does, in units that people compare.
+    """Effect of a small change of one number, in practical units.
 
     Attributes:
-        name: of the number, as "exit 3 z".
+        name: name of the number, such as "exit 3 z".
         parameter: one of ``derivatives.parameters``.
         index: within that parameter, flattened.
         per: the unit of change: "mm", "%", "N" or "N mm".
@@ -51,15 +51,16 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity(HtmlRepr):
-    """First derivatives of an equilibrium, by the name of what it depends on (``derivatives.parameters``).
+    """First derivatives of an equilibrium, by the names of its parameters (``derivatives.parameters``).
 
     Exits and anchors are flattened: x, y, z of cable 1, of cable 2, and so on.
 
     Attributes:
-        equilibrium: where they hold.
-        pose: of (translation [m], left-applied rotation vector [rad]), each (6, parameters).
-        tensions: of the tensions [N], each (cables, parameters).
-        margin: how close a cable is to going slack or taut [m of its length]: beyond that the derivatives change.
+        equilibrium: the equilibrium.
+        pose: derivatives of (translation [m], left-applied rotation vector [rad]), each (6, parameters).
+        tensions: derivatives of the tensions [N], each (cables, parameters).
+        margin: smallest distance of a cable from changing between slack and taut [m of its length]: beyond it the
+            derivatives change.
     """
 
     equilibrium: Equilibrium
@@ -68,7 +69,7 @@ class Sensitivity(HtmlRepr):
     margin: float
 
     def tilt(self, parameter: str) -> Float[np.ndarray, " parameters"]:
-        """Derivative of the tilt [rad] by each number of ``parameter``; of a level one, how fast it tilts at all.
+        """Derivative of the tilt [rad] by each number of ``parameter``; at tilt zero, the rate of any tilt.
 
         Returns:
             (parameters,) [rad] per unit of the parameter, in SI units.
@@ -78,13 +79,14 @@ class Sensitivity(HtmlRepr):
         flat = np.hypot(axis[0], axis[1])
         if flat < 1e-9:
             return np.hypot(turning[0], turning[1])
-        # The tilt is the angle of the platform's z axis to the vertical: it grows by turning about z × axis.
+        # The tilt is the angle of the platform's z axis to the vertical: it increases by rotation about z × axis.
         return (-axis[1] * turning[0] + axis[0] * turning[1]) / flat
 
     def effects(self) -> list[Effect]:
-        """What a millimetre, a percent or a newton of each number does, the largest move of any anchor first.
+        """Effects of a millimetre, a percent or a newton of each number, the largest displacement of any anchor first.
 
-        Moves and turns are compared by what an anchor at the characteristic length from the origin sees.
+        Translations and rotations are compared by the displacement of an anchor at the characteristic length from the
+        origin.
 
         Returns:
             One for each number of each parameter, in millimetres, degrees and newtons.
@@ -124,29 +126,29 @@ def sensitivity(
     *,
     external_wrench: ArrayLike | None = None,
 ) -> Sensitivity:
-    """The derivatives of an equilibrium by everything it depends on.
+    """The derivatives of an equilibrium by all its parameters.
 
     Args:
-        equilibrium: found by either method, alone; or a problem, or a robot with what follows, as ``solve`` takes them.
+        equilibrium: an equilibrium by either method, without other arguments; or a problem, or a robot with the
+            arguments of ``solve``.
         pose: the commanded pose.
         rest_lengths: (cables,) [m]; default: the rigid lengths at ``pose``.
         external_wrench: (6,) [N, N m].
 
     Returns:
-        Derivatives of pose and tensions, by the name of what they are taken by.
+        Derivatives of pose and tensions, by the names of the parameters.
 
     Raises:
-        InvalidInput: nothing holds some direction, so that the derivatives are infinite.
+        InvalidInput: some direction is unconstrained, so that the derivatives are infinite.
         NotConverged: there is no equilibrium.
     """
     equilibrium = newton.equilibrium_of(equilibrium, pose, rest_lengths, external_wrench)
     problem = equilibrium.problem
     if equilibrium.stability is Stability.NEUTRAL:
         raise InvalidInput(
-            f"equilibrium: found a neutral one of {problem.robot.name!r}, expected one held in every direction: "
+            f"equilibrium: found a neutral one of {problem.robot.name!r}, expected a stable one: "
             "the slightest change moves the platform without limit"
         )
-    problem.robot.cabling.refuse_weight("sensitivity")
     free = problem.robot.free
     state = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix())
     slope = derivatives.wrench_slope(state)[np.ix_(free, free)]

@@ -1,4 +1,4 @@
-"""Tension distribution: which tensions, within limits, carry a load at a given pose, and which of them to choose.
+"""Tension distribution: tensions within limits that carry a load at a given pose, and the choice among them.
 
 Tensions tau must balance the load, W tau + w = 0, and lie within limits. Those that do form a polytope (Bouchard et al.
 2010, doi:10.1115/1.3211025). Out of it are chosen
@@ -9,7 +9,7 @@ Tensions tau must balance the load, W tau + w = 0, and lie within limits. Those 
   its smallest eigenvalue is concave in them and cutting planes (Kelley 1960, doi:10.1137/0108053) find its maximum
   between an upper and a lower bound.
 
-Either may be asked to keep the smallest eigenvalue above a floor: tensions that balance a platform need not hold it.
+Both can keep the smallest eigenvalue above a floor: an equilibrium with balancing tensions need not be stable.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from cdpr_sim.core.status import NEUTRAL
 Array = np.ndarray
 
 CUTS = 200
-"""Cutting planes before giving up. DemoBot's eight cables need 1 to 4 (``scripts/measure_constants.py``)."""
+"""Largest number of cutting planes. DemoBot's eight cables need 1 to 4 (``scripts/measure_constants.py``)."""
 
 GAP = 1e-6
-"""Between the stiffest tensions' stiffness and its upper bound, as a fraction."""
+"""Tolerance between the stiffest tensions' stiffness and its upper bound, as a fraction."""
 
 
 @dataclass(frozen=True, eq=False)
 class Demand:
-    """What tensions must do at one pose: balance a load within limits, and what stiffness they give.
+    """Requirements on tensions at one pose: balance a load within limits; and the stiffness that they give.
 
     Attributes:
         wrench_matrix: W on the free directions, torques per characteristic length, (free, cables).
-        load: w, likewise, (free,) [N].
+        load: w on the free directions, in the same units, (free,) [N].
         lower: smallest tension of each cable, (cables,) [N].
         upper: largest tension of each cable, (cables,) [N]; may be infinite.
         stiffness: the stiffness matrix at zero tension with all cables taut, (free, free) [N/m].
-        stiffening: what a newton of tension in each cable adds to it, (cables, free, free) [1/m].
+        stiffening: change of that matrix by a newton of tension in each cable, (cables, free, free) [1/m].
     """
 
     wrench_matrix: Float[Array, "free cables"]
@@ -57,9 +57,9 @@ class Demand:
 
     @cached_property
     def held(self) -> Float[Array, "free held"]:
-        """Orthonormal directions in which the load or some cable does anything; all, but of masses on a single point.
+        """Orthonormal directions in which the load or some cable has an effect; not all if all cables meet in a point.
 
-        A platform whose anchors all lie in one point turns about it, and nothing that its cables do changes that.
+        A platform whose anchors all lie in one point rotates about it, and its cables have no effect on that.
         """
         parts = (self.wrench_matrix, self.stiffness, *self.stiffening)
         sizes = [np.linalg.norm(part) or 1.0 for part in parts]
@@ -68,13 +68,13 @@ class Demand:
 
     @property
     def scale(self) -> float:
-        """The size of the load [N]; of the lower limits where there is none."""
+        """The size of the load [N]; of the lower limits if there is none."""
         return float(np.linalg.norm(self.load)) or float(np.linalg.norm(self.lower)) or 1.0
 
     def softest(self, tensions: Float[Array, " cables"]) -> tuple[float, Float[Array, " free"]]:
-        """The smallest eigenvalue [N/m] of the stiffness matrix, all cables taken to be taut, and its direction.
+        """The smallest eigenvalue [N/m] of the stiffness matrix with all cables taut, and its direction.
 
-        Of the directions in which anything can be held at all.
+        Only within the directions of ``held``.
         """
         matrix = self.stiffness + np.einsum("c,cij->ij", tensions, self.stiffening)
         values, vectors = np.linalg.eigh(self.held.T @ matrix @ self.held)
@@ -106,12 +106,12 @@ def smallest(demand: Demand, floor: float = -np.inf) -> Float[Array, " cables"] 
 
 
 def stiffest(demand: Demand, floor: float = -np.inf) -> Float[Array, " cables"] | None:
-    """The tensions that balance the load within limits and make the platform's softest direction as stiff as can be.
+    """The tensions that balance the load within limits and maximise the platform's smallest stiffness.
 
     None where there are none, or where none keep the smallest eigenvalue above ``floor`` [N/m].
 
     Raises:
-        InvalidInput: more tension is stiffer without end, and no limit was given.
+        InvalidInput: the stiffness grows without bound with the tensions, and no limit was given.
     """
     start = _least_norm(demand, [], [])
     if start is None:
@@ -152,7 +152,7 @@ def stiffest(demand: Demand, floor: float = -np.inf) -> Float[Array, " cables"] 
 
 
 def nearest(demand: Demand) -> Float[Array, " cables"]:
-    """The tensions within limits that leave least of the load, (cables,) [N]."""
+    """The tensions within limits that leave the smallest residual of the load, (cables,) [N]."""
     scale = demand.scale
     found = lsq_linear(
         demand.wrench_matrix, -demand.load / scale, (demand.lower / scale, demand.upper / scale), method="bvls"
@@ -161,10 +161,10 @@ def nearest(demand: Demand) -> Float[Array, " cables"]:
 
 
 def leftover(demand: Demand) -> Float[Array, " free"]:
-    """The smallest wrench that tensions within limits leave over, (free,) [N]; zero where they balance the load.
+    """The smallest residual wrench of tensions within limits, (free,) [N]; zero where they balance the load.
 
-    Where it is not zero it is also a proof (Farkas): the platform moved along it gains work from the load, while no
-    cable that could pull harder gets longer, nor any shorter that could pull less.
+    Where it is not zero it is also a proof (Farkas): along it the load does positive work, while no cable that could
+    pull harder gets longer, nor any shorter that could pull less.
     """
     return demand.wrench_matrix @ nearest(demand) + demand.load
 
@@ -208,6 +208,6 @@ def _least_norm(demand: Demand, gains: list[Array], least: list[float]) -> Float
 
 
 def _on_the_balance(demand: Demand, tensions: Float[Array, " cables"]) -> Float[Array, " cables"]:
-    """A linear program's tensions balance the load to 1e-7: mend what is missing, by the smallest change."""
+    """Correct a linear program's tensions, which balance the load to 1e-7, by the smallest change that balances it."""
     correction = np.linalg.pinv(demand.wrench_matrix) @ (demand.wrench_matrix @ tensions + demand.load)
     return np.clip(tensions - correction, demand.lower, demand.upper)

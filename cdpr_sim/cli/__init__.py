@@ -11,7 +11,7 @@ from cdpr_sim.cli import (
     picture_commands,
     report_command,
     robot_commands,
-    score,
+    score_command,
     workspace_commands,
 )
 from cdpr_sim.cli.command_classes import CommandGroup, CommandWithHelp
@@ -49,7 +49,7 @@ COMMANDS = {
     "sweep": workspace_commands.sweep,
     "map": workspace_commands.draw_map,
     "check": workspace_commands.check,
-    "score": score.score,
+    "score": score_command.score,
     "video": picture_commands.video,
     "report": report_command.report,
 }

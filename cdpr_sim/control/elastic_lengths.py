@@ -1,4 +1,4 @@
-"""Let out what elastic cables must be cut to."""
+"""Feedforward of elastic cables' unstretched lengths."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from cdpr_sim.core.robot import Robot
 
 @dataclass
 class ElasticLengths:
-    """Winches let out rigid lengths less what tensions stretch: lengths by ``compensate``, or the nearest it finds.
+    """Winches let out rigid lengths less the stretch by the tensions: the lengths of ``compensate``, or its nearest.
 
     Attributes:
-        robot: that the controller believes in, elastic cables and all.
+        robot: the controller's model of the robot, with its elastic cables.
         tension_limits: smallest and largest tension [N]; default: those of ``compensate``.
     """
 
@@ -31,7 +31,7 @@ class ElasticLengths:
         checked_limits(self.robot, self.tension_limits)
 
     def start(self, reference: Reference) -> Float[np.ndarray, " cables"]:
-        """Compensate along the course.
+        """Compensate along the reference motion.
 
         Returns:
             (cables,) [m], the compensated rest lengths at the first pose.
@@ -40,7 +40,7 @@ class ElasticLengths:
         return self.robot.rest_lengths(reference.pose(0.0)) + self._plan.at(0.0)[0]
 
     def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Float[np.ndarray, " cables"]:
-        """The lengths at ``pose``, corrected as the course wants it at ``time``.
+        """The lengths at ``pose``, with the correction of the reference motion at ``time``.
 
         Returns:
             (cables,) rest lengths [m].

@@ -1,4 +1,4 @@
-"""Force control: winches hold the tensions that carry the platform where it is wanted."""
+"""Force control: winches control the tensions that carry the platform along the reference motion."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from cdpr_sim.statics import forces
 
 @dataclass
 class HeldTensions:
-    """Winches hold the smallest tensions within limits that carry and accelerate the platform as is wanted.
+    """Winches control the smallest tensions within limits that carry and accelerate the platform along the reference.
 
-    Where none do, those that leave least of its weight and inertia. Cables whose tension does not depend on their
-    length are no springs: what calls the platform back to its pose is only that the cables' directions change.
+    Where none do, those that leave the smallest part of its weight and inertia unbalanced. Cables whose tension does
+    not depend on their length are no springs: only the change of the cables' directions returns the platform to its
+    pose.
 
     Attributes:
-        robot: that the controller believes in.
+        robot: the controller's model of the robot.
         tension_limits: smallest and largest tension [N]; default: those of ``compensate``.
     """
 
@@ -38,7 +39,7 @@ class HeldTensions:
         checked_limits(self.robot, self.tension_limits)
 
     def start(self, reference: Reference) -> Float[np.ndarray, " cables"]:
-        """The lengths of cables that have these tensions at the first pose, or near it.
+        """The unstretched lengths of cables with these tensions at the first pose, or near it.
 
         Returns:
             (cables,) rest lengths [m].

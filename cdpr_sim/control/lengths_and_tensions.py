@@ -1,4 +1,4 @@
-"""Lengths on some cables, tensions on the others: as many as a platform can do without."""
+"""Hybrid control: lengths of some cables, tensions of the others, which are the redundant ones."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
 
 LOOKS = 5
-"""Knots of a course at which the choice of cables is judged."""
+"""Knots of a reference motion at which the choice of cables is evaluated."""
 
 
 @dataclass
 class LengthsAndTensions:
-    """Some winches hold the tensions of ``compensate`` and the others its lengths.
+    """Some winches control the tensions of ``compensate`` and the others its lengths.
 
-    With no more cables held by length than the platform has free directions, lengths that do not fit one another cannot
-    pull against each other.
+    If at most as many cables as the platform has free directions are controlled by length, inconsistent lengths cause
+    no internal tensions.
 
     Attributes:
-        robot: that the controller believes in.
-        by_tension: the cables that are held by tension, counted from 1; default: as many as there are more than free
-            directions, chosen so that the others hold the platform stiffly all along the course.
+        robot: the controller's model of the robot.
+        by_tension: the cables that are controlled by tension, counted from 1; default: the surplus of cables over free
+            directions, chosen so that the others hold the platform stiffly along the whole motion.
         tension_limits: smallest and largest tension [N]; default: those of ``compensate``.
     """
 
@@ -52,7 +52,7 @@ class LengthsAndTensions:
                 raise InvalidInput(f"by_tension: found all {len(chosen)} cables, expected some that hold their lengths")
 
     def start(self, reference: Reference) -> Float[np.ndarray, " cables"]:
-        """Compensate along the course, and choose cables if nobody has.
+        """Compensate along the reference motion, and choose cables unless they are given.
 
         Returns:
             (cables,) rest lengths [m].
@@ -66,7 +66,7 @@ class LengthsAndTensions:
         return self.robot.rest_lengths(reference.pose(0.0)) + self._plan.at(0.0)[0]
 
     def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command:
-        """The lengths at ``pose``, corrected as the course wants it at ``time``; and its tensions then.
+        """The lengths at ``pose``, with the correction of the reference at ``time``; and its tensions at that time.
 
         Returns:
             Lengths [m] for some winches and tensions [N] for the others.
@@ -76,14 +76,14 @@ class LengthsAndTensions:
 
 
 def _left_to_tension(robot: Robot, compensations: Sequence[Compensation]) -> tuple[int, ...]:
-    """The cables without whose elasticity the platform's softest direction, anywhere on the way, is stiffest."""
+    """The cables without whose elasticity the platform's smallest stiffness, along the motion, is largest."""
     spare = max(0, robot.cables - len(robot.free))
     some = np.unique(np.linspace(0, len(compensations) - 1, LOOKS).round().astype(int))
     found = [compensations[row].equilibrium for row in some]
     states = [forces.at(one.problem, one.position, one.rotation.as_matrix()) for one in found]
 
     def softest(chosen: tuple[int, ...]) -> float:
-        """The smallest eigenvalue on the way, of what is left of the stiffness."""
+        """The smallest eigenvalue of the remaining stiffness along the motion."""
         held = np.isin(np.arange(robot.cables), chosen)
         lost = ((one.wrench_matrix * (one.tangent_stiffness * held)) @ one.wrench_matrix.T for one in states)
         pairs = zip(states, lost, strict=True)

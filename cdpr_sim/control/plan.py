@@ -1,4 +1,4 @@
-"""Compensation along a course, before it begins: what it takes away from lengths, and the tensions that go with it."""
+"""Compensation along a reference motion, computed in advance: corrections of the lengths, and the tensions."""
 
 from __future__ import annotations
 
@@ -17,21 +17,20 @@ SPACING = 0.02
 """[m] Mean distance of the poses that are compensated, along the path; rotations count by the characteristic length."""
 
 KEPT = 4096
-"""Compensations that are kept for the next run: where no lengths hold a pose, finding the nearest takes tenths of a
-second."""
+"""Number of cached compensations: where no lengths hold a pose, finding the nearest takes tenths of a second."""
 
 Limits = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Compensations at knots of a course, and what lies between them.
+    """Compensations at knots of a reference motion, interpolated in between.
 
     Attributes:
-        reference: the motion that is wanted.
+        reference: the reference motion.
         knots: fractions of its time, (knots,).
         compensations: one per knot.
-        corrections: of the rigid lengths at the wanted poses, (knots, cables) [m].
+        corrections: corrections of the rigid lengths at the reference poses, (knots, cables) [m].
         tensions: (knots, cables) [N].
     """
 
@@ -43,10 +42,10 @@ class Plan:
 
     @classmethod
     def of(cls, robot: Robot, reference: Reference, tension_limits: Limits | None) -> Plan:
-        """For the robot that is believed in.
+        """The plan for the controller's model of the robot.
 
         Raises:
-            InvalidInput: a pose or limits that cannot be right.
+            InvalidInput: an invalid pose or invalid limits.
             NotConverged: a pose near which no tensions within limits hold the platform.
         """
         knots = np.linspace(0, 1, 1 + int(np.ceil(reference.path.length / SPACING)))

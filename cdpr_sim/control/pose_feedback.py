@@ -1,4 +1,4 @@
-"""Look where the platform is, and want it as far on the other side."""
+"""Integral feedback of the pose around another controller."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from cdpr_sim.core.controller import Command, Controller, Measurement, Reference
 from cdpr_sim.core.pose import moved
 
 GAIN = 1.0
-"""[1/s] Rate at which a constant error is removed. An integral swings a platform up that is damped more slowly than
-that: ``parallel`` on its softer cables by a centimetre at 2, and slowly at 1; ``cogiro`` comes to rest at either
-(``scripts/measure_constants.py``)."""
+"""[1/s] Rate at which a constant error is removed. An integral destabilises a platform whose damping rate is lower than
+this: ``parallel`` on its softer cables oscillates by a centimetre at 2, and slowly at 1; ``cogiro`` comes to rest at
+either (``scripts/measure_constants.py``)."""
 
 REACH, TURN = 0.05, 0.3
-"""[m], [rad] Largest correction: beyond, the cables are not at fault, or nothing helps."""
+"""[m], [rad] Largest correction: a larger error has other causes than the cables, or cannot be corrected."""
 
 
 @dataclass
 class PoseFeedback:
-    """Another controller, which is told a pose that makes up for the errors seen so far: their integral.
+    """Integral feedback around another controller: it gets a pose that is corrected by the integral of the errors.
 
-    For controllers that hold lengths. On tensions, which leave the platform swing, an integral swings it up.
+    For controllers of lengths. With controlled tensions, the platform can swing, and an integral amplifies the swing.
 
     Attributes:
-        inner: makes commands of poses.
+        inner: controller that turns poses into commands.
         gain: rate at which a constant error is removed [1/s].
     """
 
@@ -46,19 +46,19 @@ class PoseFeedback:
         positive("gain", self.gain, "1/s")
 
     def start(self, reference: Reference) -> ArrayLike:
-        """With no correction yet.
+        """Start the inner controller, without any correction.
 
         Returns:
-            (cables,) rest lengths [m], where the other controller starts.
+            (cables,) rest lengths [m] of the inner controller.
         """
         self._course, self._correction, self._seen, self._told = reference, np.zeros(6), 0.0, deque()
         return self.inner.start(reference)
 
     def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command | ArrayLike:
-        """What the other commands for a corrected pose; a sample is held against what was wanted when it was taken.
+        """Command of the inner controller for a corrected pose; a sample is compared with the reference at its time.
 
         Returns:
-            The other controller's answer.
+            The inner controller's command.
         """
         self._told.append((time, pose))
         if measurement.time > self._seen:
@@ -73,7 +73,7 @@ class PoseFeedback:
         return self.inner.command(time, moved(pose, self._correction), measurement)
 
     def _wanted(self, time: float) -> RigidTransform:
-        """What was wanted at ``time`` [s], mostly as it was told then."""
+        """Reference pose at ``time`` [s], usually the one that was passed to ``command`` then."""
         while self._told[0][0] < time:
             self._told.popleft()
         return self._told[0][1] if self._told[0][0] == time else self._course.pose(time)

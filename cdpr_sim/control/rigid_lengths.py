@@ -1,4 +1,4 @@
-"""Let out the lengths that rigid cables would have: what DemoBot does."""
+"""Feedforward of the lengths of rigid cables, as on DemoBot."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from cdpr_sim.core.robot import Robot
 
 @dataclass(frozen=True)
 class RigidLengths:
-    """Winches let out the distance from exit to anchor at the pose that is wanted (paper Eq. 1, 2).
+    """Winches let out the distance from exit to anchor at the reference pose (paper Eq. 1, 2).
 
     Attributes:
-        robot: that the controller believes in; of its cables only where they run.
+        robot: the controller's model of the robot; only its geometry is used.
     """
 
     robot: Robot

@@ -1,1 +1,1 @@
-"""What is asked and what is answered: robots, problems, equilibria, and the words that all rooms share."""
+"""Shared data types: robots, problems, equilibria, and the checks, errors and files that all folders use."""

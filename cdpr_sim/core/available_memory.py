@@ -1,4 +1,4 @@
-"""How much memory there is, so that a request that cannot fit is refused before the machine is on its knees."""
+"""Available memory, so that a request that cannot fit is refused before the machine runs out of memory."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from pathlib import Path
 from cdpr_sim.core.errors import InvalidInput
 
 CGROUP = Path("/sys/fs/cgroup")
-"""Where Linux says how much memory a container may have."""
+"""Files in which Linux reports the memory limit of a container."""
 
 
 def available() -> float:
-    """Bytes that can be had without swapping: of the machine, the container, and this process, the least; or inf."""
+    """Bytes available without swapping: the minimum over machine, container and process; inf if unknown."""
     return min(_of_machine(), _of_container(), _of_process())
 
 
 def refuse_beyond(what: str, need: float, instead: str) -> None:
-    """See that ``need`` bytes can be had.
+    """Refuse a request for more memory than is available.
 
     Args:
-        what: asks for them, to begin a sentence with.
-        need: an estimate [bytes].
-        instead: what to ask for, to end the sentence with.
+        what: the request, with which the message begins.
+        need: estimated memory [bytes].
+        instead: what to request instead, with which the message ends.
 
     Raises:
-        InvalidInput: they cannot.
+        InvalidInput: fewer than ``need`` bytes are available.
     """
     free = available()
     if need > free:

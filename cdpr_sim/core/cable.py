@@ -1,7 +1,7 @@
-"""What cables are: where they run, how stiff they are, what they weigh. Data: each method codes what a cable does.
+"""Cables as data: where they run, how stiff they are, their mass per length.
 
-The mathematics says it in ``core.cable_path``, ``core.cable_law`` and ``statics.catenary``, MuJoCo's side in
-``physics.cables``, ``physics.pulleys`` and ``physics.chains``.
+Each method codes the behaviour of cables itself: the mathematics in ``core.cable_path``, ``core.cable_law`` and
+``statics.catenary``, the MuJoCo side in ``physics.cables``, ``physics.pulleys`` and ``physics.chains``.
 """
 
 from __future__ import annotations
@@ -18,32 +18,33 @@ from cdpr_sim.core.checks import MOST_LENGTH, Frozen, as_numbers, checked_array,
 from cdpr_sim.core.errors import InvalidInput
 
 EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, COLUMNS = 0, 3, 6, 7, 9, 10, 13
-"""Of ``Cabling.packed``: where coordinates of exit and anchor begin, axial stiffness, its coefficients of stiffening,
-the pulley's radius and axis; and how many columns there are."""
+"""Columns of ``Cabling.packed``: the first coordinate of the exit and of the anchor, axial stiffness, the coefficients
+of nonlinear elasticity, the pulley's radius and axis; and the number of columns."""
 
 DOWN = (0.0, 0.0, -1.0)
-"""A pulley's axis unless one is given: the cable arrives downwards, along a mast."""
+"""Default axis of a pulley: the cable arrives downwards, along a mast."""
 
 MOST_STRAIN = 0.2
-"""Up to which a law that is not linear is given, and has to rise; no rope survives it."""
+"""Strain up to which a nonlinear law is defined and must be increasing; no rope survives it."""
 
 MOST_CABLES = 1000
-"""Of one robot; real ones have up to some dozens."""
+"""Largest number of cables of one robot; real robots have up to some dozens."""
 
 MOST_DENSITY = 1e5
-"""[kg/m] A steel rope of a metre has 6e3."""
+"""[kg/m] Largest linear density; a steel rope of one metre diameter has 6e3."""
 
 LEAST_RADIUS = 1e-6
-"""[m] Of a pulley: MuJoCo draws no wheel of a tenth of it, and cables bend round none."""
+"""[m] Smallest pulley radius: MuJoCo draws no wheel of a tenth of it, and no real cable bends that sharply."""
 
 MOST_STIFFENING = 1e9
-"""Of either coefficient; measured ones are some hundreds."""
+"""Largest magnitude of either coefficient of nonlinear elasticity; measured ones are some hundreds."""
 
 ROUNDING = 4e-16
-"""How far from 1 the length of a unit vector of doubles lies."""
+"""Largest deviation from 1 of the length of a unit vector in double precision."""
 
 STIFFNESS_RANGE = (1e-6, 1e15)
-"""[N] Axial stiffnesses that are taken: from spider silk to steel ropes of a metre, and far beyond."""
+"""[N] Range of axial stiffness that is accepted: from spider silk to steel ropes of one metre diameter, and far
+beyond."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -51,22 +52,24 @@ class Cabling(Frozen):
     """The cables of one robot; arrays are read-only.
 
     Args:
-        exits: exit points A_i in the base frame, (cables, 3) [m]; of a cable over a pulley, where it touches the wheel
-            first.
+        exits: exit points A_i in the base frame, (cables, 3) [m]; for a cable over a pulley, the point where it first
+            touches the wheel.
         anchors: anchor points B_i in the platform frame, (cables, 3) [m].
         axial_stiffness: EA [N], one number or one per cable.
         linear_density: mass per length [kg/m], one number or one per cable; 0 is a massless cable.
-        pulley_radius: of the swivelling wheel at the exit [m], one number or one per cable; 0 is a point.
-        pulley_axis: the direction in which the cable arrives at the wheel and about which it swivels, (3,) or
-            (cables, 3); made a unit vector.
-        stiffening: (a2, a3) of tau = EA (eps + a2 eps² + a3 eps³) for a strain eps > 0, one pair or one per cable.
-        force_min: smallest tension that is wanted [N], one number or one per cable. Limits play no part in where a
-            platform rests: they say which tensions are chosen, and which poses are feasible.
-        force_max: largest tension that the cable or its winch takes [N], likewise; infinite without a limit.
-        breaking_load: smallest tension at which a cable breaks [N], likewise; infinite where it is not known.
+        pulley_radius: radius of the swivelling wheel at the exit [m], one number or one per cable; 0 is a point.
+        pulley_axis: direction in which the cable arrives at the wheel and about which the wheel swivels, (3,) or
+            (cables, 3); normalised to a unit vector.
+        stiffening: (a2, a3) of the nonlinear law tau = EA (eps + a2 eps² + a3 eps³) for a strain eps > 0, one pair or
+            one per cable.
+        force_min: smallest wanted tension [N], one number or one per cable. Force limits do not change the equilibrium:
+            they decide which tensions are chosen, and which poses are feasible.
+        force_max: largest tension that the cable or its winch allows [N], one number or one per cable; infinite without
+            a limit.
+        breaking_load: smallest tension at which a cable breaks [N], one number or one per cable; infinite if unknown.
 
     Raises:
-        InvalidInput: a field that cannot be right; the message names it.
+        InvalidInput: a field is invalid; the message names it.
     """
 
     exits: Float[np.ndarray, "cables 3"]
@@ -149,7 +152,7 @@ class Cabling(Frozen):
 
     @cached_property
     def massless(self) -> bool:
-        """Whether no cable has weight."""
+        """Whether no cable has mass."""
         return not self.linear_density.any()
 
     @cached_property
@@ -164,55 +167,55 @@ class Cabling(Frozen):
 
     @cached_property
     def bent(self) -> bool:
-        """Whether some cable runs over a pulley or stiffens: compiled code has a type of its own for such cables."""
+        """Whether some cable runs over a pulley or has a nonlinear law: compiled code has a type for them."""
         return bool(self.pulleys.any()) or not self.linear
 
     @property
     def law(self) -> tuple[Float[np.ndarray, " cables"], ...]:
-        """What ``cable_law`` wants to know of each cable besides lengths: axial stiffness [N], a2, a3."""
+        """The arguments of ``cable_law`` for each cable besides lengths: axial stiffness [N], a2, a3."""
         return self.axial_stiffness, *self.stiffening.T
 
     def refuse_weight(self, what: str) -> None:
-        """Where weight is not taken into account.
+        """Refuse cables with mass, where mass is not taken into account.
 
         Raises:
             InvalidInput: some cable has mass.
         """
         if not self.massless:
             raise InvalidInput(
-                f"{what}: found cables of {self.linear_density.max():g} kg/m, expected massless ones: it does not take "
-                "their weight into account"
+                f"{what}: found cables of {self.linear_density.max():g} kg/m, expected massless ones: their mass "
+                "is not taken into account here"
             )
 
     def refuse_mixture(self, what: str) -> None:
-        """Where weight is taken into account, but not together with a pulley or a nonlinear law on the same cable.
+        """Refuse cables with mass that run over pulleys or have nonlinear laws.
 
         Raises:
-            InvalidInput: some cable has mass, and runs over a pulley or stiffens.
+            InvalidInput: a cable has mass, and runs over a pulley or has a nonlinear law.
         """
         both = (self.linear_density > 0) & (self.pulleys | self.stiffening.any(-1))
         if both.any():
             cable = int(np.argmax(both))
-            other = "a pulley" if self.pulleys[cable] else "a nonlinear law"
+            other = "a pulley" if self.pulleys[cable] else "nonlinear elasticity"
             raise InvalidInput(
                 f"{what}: found {self.linear_density[cable]:g} kg/m and {other} in cable {cable + 1}, expected one of "
-                "the two: it does not take both into account (cdpr_sim.solve does)"
+                "the two: both together are not taken into account here (cdpr_sim.solve does)"
             )
 
     def beyond_law(
         self, lengths: Float[np.ndarray, "*batch cables"], rest_lengths: Float[np.ndarray, "*#batch cables"]
     ) -> Bool[np.ndarray, "*batch cables"]:
-        """Which cables are strained further than their law is given; a linear one holds for every strain.
+        """Which cables are strained beyond the range of their law; a linear law holds for every strain.
 
         Args:
-            lengths: [m].
-            rest_lengths: unstretched [m].
+            lengths: stretched lengths [m].
+            rest_lengths: unstretched lengths [m].
         """
         return self.stiffening.any(-1) & (lengths > (1 + MOST_STRAIN) * rest_lengths)
 
     @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:
-        """All of it as one table, a row per cable, for compiled code."""
+        """All fields as one table, a row per cable, for compiled code."""
         return frozen(
             np.column_stack(
                 [
@@ -229,7 +232,7 @@ class Cabling(Frozen):
     def packed_with(
         self, axial_stiffness: Float[np.ndarray, "*batch cables"]
     ) -> Float[np.ndarray, "*batch cables columns"]:
-        """``packed`` with another stiffness, or many."""
+        """``packed`` with another axial stiffness, or with many."""
         if axial_stiffness is self.axial_stiffness:
             return self.packed
         table = np.empty((*axial_stiffness.shape, COLUMNS))
@@ -238,13 +241,13 @@ class Cabling(Frozen):
         return table
 
     def same_as(self, other: Cabling) -> bool:
-        """Whether both hold a platform in the very same way, to the last bit; limits of force play no part in it."""
+        """Whether both describe identical cables, to the last bit; force limits are not compared."""
         names = {field.name for field in dataclasses.fields(self)} - {"force_min", "force_max", "breaking_load"}
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
 
 
 def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int) -> Float[np.ndarray, "..."]:
-    """A row for each cable, of one for all or of one each."""
+    """A row for each cable, from one row for all or one row each."""
     array = checked_array(field, value, None)
     if array.shape != core:
         array = checked_array(field, array, (cables, *core))
@@ -252,7 +255,7 @@ def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int)
 
 
 def _limit_per_cable(field: str, value: ArrayLike, cables: int) -> Float[np.ndarray, " cables"]:
-    """Likewise of upper limits, which may be infinite and are never zero or less."""
+    """The same for upper limits, which must be positive and may be infinite."""
     given = as_numbers(field, value)
     none = np.isposinf(given)
     limits = _per_cable(field, np.where(none, 1.0, given), (), cables)
@@ -268,12 +271,12 @@ def _unit(axes: Float[np.ndarray, "cables 3"]) -> Float[np.ndarray, "cables 3"]:
     if not lengths.min() > 0:
         cable = int(np.argmin(lengths))
         raise InvalidInput(f"pulley_axis: found an axis of length zero in cable {cable + 1}, expected a direction")
-    rounding = np.abs(lengths - 1) < ROUNDING  # a unit vector, written and read again, is the very same
+    rounding = np.abs(lengths - 1) < ROUNDING  # a unit vector that is written and read again stays identical
     return axes / np.where(rounding, 1.0, lengths)[:, None]
 
 
 def _refuse_falling_law(stiffening: Float[np.ndarray, "cables 2"]) -> None:
-    """1 + 2 a2 eps + 3 a3 eps² > 0 on [0, MOST_STRAIN]: at its ends, and at its vertex where that lies within."""
+    """Check 1 + 2 a2 eps + 3 a3 eps² > 0 on [0, MOST_STRAIN], at both ends and at a vertex in between."""
     a2, a3 = stiffening.T
     vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
     slopes = [1 + 2 * a2 * strain + 3 * a3 * strain**2 for strain in (np.full_like(a2, MOST_STRAIN), vertex)]
@@ -281,6 +284,6 @@ def _refuse_falling_law(stiffening: Float[np.ndarray, "cables 2"]) -> None:
     if not least.min() > 0:
         cable = int(np.argmin(least))
         raise InvalidInput(
-            f"stiffening: found ({a2[cable]:g}, {a3[cable]:g}) in cable {cable + 1}, with which tension falls before a "
-            f"strain of {MOST_STRAIN:.0%}, expected a law that rises"
+            f"stiffening: found ({a2[cable]:g}, {a3[cable]:g}) in cable {cable + 1}, with which the tension falls "
+            f"before a strain of {MOST_STRAIN:.0%}, expected an increasing law"
         )

@@ -1,13 +1,13 @@
-"""The law of a cable: its tension, energy and stiffness when it is stretched. Written here once for the mathematics.
+"""The cable law: tension, energy and stiffness of a stretched cable. The mathematics has this one coding of it.
 
-A cable is a spring that only pulls (paper Eq. 10, 11), and may stiffen as it is pulled: with the strain eps = s/l0 of a
-stretch s = l − l0,
+A cable is a spring that only pulls (paper Eq. 10, 11), and its elasticity may be nonlinear: with the strain eps = s/l0
+of a stretch s = l − l0,
 
     tau = EA (eps + a2 eps² + a3 eps³)   for s > 0,   else 0.
 
-A law with a2 or a3 is given up to a strain of 20 % (``cable.MOST_STRAIN``), and no equilibrium is claimed beyond it
-(``Cabling.beyond_law``). Here it goes on straight there: a polynomial that falls would let a search for equilibrium run
-away. The functions work on arrays and, compiled, on numbers alike.
+A law with a2 or a3 is defined up to a strain of 20 % (``cable.MOST_STRAIN``), and no equilibrium is accepted beyond it
+(``Cabling.beyond_law``). These functions continue it linearly there: with a decreasing polynomial, a search for
+equilibrium could diverge. The functions work on arrays and, compiled, on numbers alike.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import numpy as np
 from cdpr_sim.core.cable import MOST_STRAIN as M
 
 STRAIN_STEPS = 30
-"""Newton steps to the strain of a given tension; a handful do."""
+"""Largest number of Newton steps to the strain of a given tension; five or fewer suffice."""
 
 
 def tension(stretch, rest_length, axial_stiffness, a2, a3):
-    """tau [N]: a cable pulls and never pushes (Eq. 10, 11)."""
+    """tau [N]: tension of a cable, which pulls and never pushes (Eq. 10, 11)."""
     pulled = np.maximum(stretch, 0.0)
     linear = axial_stiffness * pulled / rest_length
     if not (np.any(a2) or np.any(a3)):
@@ -30,7 +30,7 @@ def tension(stretch, rest_length, axial_stiffness, a2, a3):
 
 
 def largest_tension(axial_stiffness, a2, a3):
-    """Up to which a law is given [N]: infinite of a linear one."""
+    """Tension up to which a law is defined [N]: infinite for a linear law."""
     return np.where((a2 != 0) | (a3 != 0), tension(M, 1.0, axial_stiffness, a2, a3), np.inf)
 
 
@@ -47,7 +47,7 @@ def energy(stretch, rest_length, axial_stiffness, a2, a3):
 def tangent(stretch, rest_length, axial_stiffness, a2, a3):
     """(k, e): the linear spring k max(e, 0) that has the law's tension and slope at this stretch [N/m, m].
 
-    Of a slack cable, the spring that it becomes when it is stretched.
+    For a slack cable, the spring at the beginning of its stretch.
     """
     strain = np.maximum(stretch, 0.0) / rest_length
     curved = np.minimum(strain, M)
@@ -56,7 +56,7 @@ def tangent(stretch, rest_length, axial_stiffness, a2, a3):
 
 
 def stiffened(strain, a2, a3):
-    """tau/EA − eps, for eps of zero or more."""
+    """tau/EA − eps, the nonlinear part of the law, for eps >= 0."""
     curved = np.minimum(strain, M)
     return curved * curved * (a2 + curved * a3) + (strain - curved) * (curved * (2.0 * a2 + curved * (3.0 * a3)))
 
@@ -68,7 +68,7 @@ def per_axial_stiffness(stretch, rest_length, a2, a3):
 
 
 def rest_length_for(length, pull, axial_stiffness, a2, a3):
-    """l0 = l/(1 + eps): what a cable of length l under the tension ``pull`` measures when nothing pulls (Eq. 10)."""
+    """l0 = l/(1 + eps): unstretched length of a cable that has length l under the tension ``pull`` (Eq. 10)."""
     if not (np.any(a2) or np.any(a3)):
         return length * axial_stiffness / (axial_stiffness + pull)
     pull = pull / axial_stiffness

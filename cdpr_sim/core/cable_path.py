@@ -1,7 +1,7 @@
-"""The path of a cable from its exit to its anchor: how long it is, and its free piece. Geometry, without elasticity.
+"""The path of a cable from its exit to its anchor: its length and its free segment. Geometry, without elasticity.
 
-This is what a winch that believes in rigid cables knows (paper Eq. 1, 2), and hence part of the question that both
-methods are asked: the rest lengths. Beyond that, the mathematics alone builds on it; MuJoCo has paths of its own.
+A winch that assumes rigid cables uses this length (paper Eq. 1, 2), so it is part of the problem that both methods
+solve: the rest lengths. Beyond that, only the mathematics uses this module; MuJoCo has its own paths.
 
 Functions of coordinates work on arrays and, compiled, on numbers alike.
 """
@@ -15,31 +15,32 @@ from cdpr_sim.core.cable import Cabling
 
 
 def path(x, y, z):
-    """Of a cable whose exit lies at (x, y, z) from its anchor, base frame [m]: (length, free piece, its length).
+    """Path of a cable whose exit lies at (x, y, z) from its anchor, base frame [m]: (length, free segment, its length).
 
-    The free piece runs from the anchor to the point where the cable leaves what guides it; a straight cable is free all
-    the way. The cable pulls along it, and its direction turns as the anchor moves across it: as fast as at the end of a
-    rod of its length.
+    The free segment runs from the anchor to the point where the cable leaves its guide; a straight cable is free over
+    its whole length. The cable pulls along the free segment. When the anchor moves across it, its direction changes
+    like that of a rod of this length.
     """
     length = np.sqrt(x * x + y * y + z * z)
     return length, x, y, z, length
 
 
 def pulley_path(x, y, z, ex, ey, ez, radius):
-    """The same over a swivelling wheel, and more: (length, free piece, its length, across, its bend, wrap, clear).
+    """Path over a swivelling wheel: (length, free segment, its length, across, bend, wrap angle, clear).
 
     The cable arrives along the unit vector e, touches the wheel at the exit, and leaves it on the tangent to the
     anchor; the wheel turns about e so that its plane contains the anchor (Pott 2012, "Influence of pulley kinematics on
     cable-driven parallel robots", doi:10.1007/978-94-007-4620-6_25). With the anchor at height h along e and at the
-    distance rho from that axis, the free piece s and the wrap angle theta are
+    distance rho from that axis, the free segment has length s, and with the wrap angle theta
 
         s² = (rho − r)² + h² − r²,   theta = atan2(rho − r, h) + atan2(r, s),   l = r theta + s.
 
-    In the wheel's plane the cable turns as at the end of a rod of length s. Across it, along the unit vector
-    ``across``, it turns about the axis e, by ``bend`` [1/m] more slowly: sin(theta)/rho − 1/s.
+    In the wheel's plane the cable's direction changes like that of a rod of length s. Across it, along the unit vector
+    ``across``, the cable turns about the axis e, and its direction changes by ``bend`` [1/m] less: sin(theta)/rho −
+    1/s.
 
-    Inside the wheel all of it is nan. Under the wheel's footprint (rho < r) a cable leaves its wheel, and has no path:
-    there the formula is continued, so that a search for an equilibrium can pass, and ``clear`` = rho − r is negative.
+    Inside the wheel all results are nan. Below the wheel (rho < r) a cable leaves its wheel and has no path: the
+    formula is continued there, so that a search for an equilibrium can pass, and ``clear`` = rho − r is negative.
     """
     h = -(x * ex + y * ey + z * ez)
     nx, ny, nz = -x - h * ex, -y - h * ey, -z - h * ez
@@ -68,7 +69,7 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
 
 
 def paths(cabling: Cabling, apart: Float[np.ndarray, "*batch cables 3"]) -> Float[np.ndarray, "10 *batch cables"]:
-    """What ``pulley_path`` says of each cable, by where its exit is from its anchor; of straight ones, ``path``."""
+    """Results of ``pulley_path``, or ``path`` for straight cables, by the vectors from anchors to exits."""
     x, y, z = np.moveaxis(apart, -1, 0)
     found = np.zeros((10, *x.shape))
     found[:5] = path(x, y, z)
@@ -84,7 +85,7 @@ def wheel_paths(
     y: Float[np.ndarray, "*batch pulleys"],
     z: Float[np.ndarray, "*batch pulleys"],
 ) -> Float[np.ndarray, "10 *batch pulleys"]:
-    """What ``pulley_path`` says of each cable that runs over a pulley, but ``clear``; nan where it has no path."""
+    """Results of ``pulley_path`` without ``clear`` for each cable over a pulley; nan where it has no path."""
     over = cabling.pulleys
     ex, ey, ez = cabling.pulley_axis[over].T
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -100,7 +101,7 @@ def wrapped_lengths(
 
 
 def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Float[np.ndarray, "3 3"]) -> str:
-    """Which anchor lies where its cable has no path with the platform at this pose, in words; "" where none does."""
+    """Message about the first anchor whose cable has no path with the platform at this pose; "" if there is none."""
     apart = cabling.exits - position - cabling.anchors @ rotation.T
     lost = np.isnan(paths(cabling, apart)[0])
     if not lost.any():
@@ -108,8 +109,8 @@ def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Floa
     cable = int(np.argmax(lost))
     distance = np.linalg.norm(np.cross(cabling.pulley_axis[cable], apart[cable]))
     return (
-        f"the anchor of cable {cable + 1} inside its pulley's wheel or under its footprint, {distance:.3g} m from the "
-        f"pulley's axis, expected it further from there than the radius, {cabling.pulley_radius[cable]:g} m"
+        f"the anchor of cable {cable + 1} inside or below its pulley's wheel, {distance:.3g} m from the pulley's axis, "
+        f"expected a larger distance than the radius, {cabling.pulley_radius[cable]:g} m"
     )
 
 
@@ -131,7 +132,7 @@ def lengths(
     apart = []
     for i, exits in enumerate(cabling.exits.T):
         at, turn = np.asarray(positions)[..., i, None], rotations[..., i, :, None]
-        # In the order in which SciPy's RigidTransform.apply adds: to the last bit the same, of one pose or of many.
+        # The same order of additions as SciPy's RigidTransform.apply: identical to the last bit, for one pose or many.
         anchors = (turn[..., 1, :] * b + at) + (turn[..., 0, :] * a + turn[..., 2, :] * c)
         apart.append(exits - anchors)
     found = path(*apart)[0]

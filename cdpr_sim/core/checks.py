@@ -1,4 +1,4 @@
-"""What users give, as arrays that can be right: numbers, finite, of the shape that is expected."""
+"""Checks of users' input: finite numbers, arrays of the expected shape, names, paths and types."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from numpy.typing import ArrayLike
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 
 MOST_LENGTH = 1e6
-"""[m] The largest coordinate that is taken: beyond, double precision does not resolve what stretches."""
+"""[m] The largest coordinate that is accepted: beyond it, double precision does not resolve the stretch of cables."""
 
 LONGEST_NAME = 100
-"""Characters of a name: it heads tables, and names folders."""
+"""Largest number of characters of a name: it is printed in tables, and folders are named after it."""
 
 LONGEST_QUOTE = 150
-"""Characters of a value that a message quotes."""
+"""Largest number of characters of a value that a message quotes."""
 
 MOST_THREADS = 1024
 
 LARGEST_COUNT = 2**63 - 1
-"""The largest whole number that machines count to."""
+"""The largest integer of 64 bits."""
 
 FLAG = bool | np.bool_
-"""True or False; not just anything that Python takes for true, such as "no"."""
+"""True or False; other values that Python treats as true, such as "no", are not accepted."""
 
 PROGRESS = Callable | None
-"""What is called while a user waits."""
+"""A callback of progress."""
 
 NAMES = {
     bool: "True or False", str: "text", os.PathLike: "a path", Callable: "a function", Mapping: "a mapping",
     NoneType: "None",
 }  # fmt: skip
-"""What a message calls types, where their own names do not serve."""
+"""Names of types in messages, where their own names are unclear."""
 
 
 class _Short(reprlib.Repr):
-    """A few entries of what is long, an array by its shape, a huge number, which Python may refuse, by its digits."""
+    """A few entries of a long value, an array by its shape, a huge integer by its number of digits."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -58,20 +58,20 @@ class _Short(reprlib.Repr):
 
 
 def shown(value: Any) -> str:
-    """``value`` as a message quotes it: never more than a line, however large it is."""
+    """``value`` as a message quotes it: at most one line."""
     text = " ".join(_Short().repr(value).split())
     return text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE]}..."
 
 
 def refuse_unless(kind: Any, **values: Any) -> None:
-    """See that each of ``values`` is of a type, or of one of a union of types.
+    """Check that each of ``values`` is of a type, or of one of a union of types.
 
     Args:
-        kind: what ``isinstance`` takes.
-        values: by the names that users know them by.
+        kind: second argument of ``isinstance``.
+        values: by their public names.
 
     Raises:
-        InvalidInput: one is not; the message names it.
+        InvalidInput: a value of another type; the message names it.
     """
     for field, value in values.items():
         if not isinstance(value, kind):
@@ -98,10 +98,10 @@ def checked_path(field: str, value: Any) -> Path:
 
 
 def listed(field: str, value: Any, what: str = "a list") -> list:
-    """The entries of a list, a tuple or anything else that has entries, but for bytes.
+    """The entries of a list, a tuple or any other iterable except bytes.
 
     Raises:
-        InvalidInput: it has none.
+        InvalidInput: it is not iterable.
     """
     try:
         if not isinstance(value, bytes | bytearray):
@@ -112,10 +112,10 @@ def listed(field: str, value: Any, what: str = "a list") -> list:
 
 
 def one_of(what: str, name: Any, known: Collection[str], meant: Callable[[str], Iterable[str]] | None = None) -> str:
-    """A name that is known; ``meant`` says which names an unknown one stands for, if not for those spelled alike.
+    """A known name; for an unknown one, ``meant`` gives the suggestions, by default the names with similar spelling.
 
     Raises:
-        UnknownName: it is not, or is no name at all.
+        UnknownName: the name is unknown, or is not text.
     """
     if not isinstance(name, str) or name not in known:
         text = name if isinstance(name, str) else shown(name)
@@ -124,10 +124,10 @@ def one_of(what: str, name: Any, known: Collection[str], meant: Callable[[str], 
 
 
 def checked_name(field: str, value: Any) -> str:
-    """A name that tables can print and folders can carry.
+    """A name that is valid in tables and as the name of a folder.
 
     Raises:
-        InvalidInput: no text, nothing to be seen, too long, not printable, or one that leads to another folder.
+        InvalidInput: not text, empty, too long, not printable, or with a path separator.
     """
     name = checked_label(field, value)
     if set(name) & {"/", "\\"} or name in {".", ".."}:
@@ -138,25 +138,25 @@ def checked_name(field: str, value: Any) -> str:
 
 
 def checked_label(field: str, value: Any) -> str:
-    """A short text that tables can print.
+    """A short text that is valid in tables.
 
     Raises:
-        InvalidInput: no text, nothing to be seen, too long, or not printable.
+        InvalidInput: not text, empty, too long, or not printable.
     """
     if not isinstance(value, str) or not value.strip():
         raise InvalidInput(f"{field}: found {shown(value)}, expected text")
     if len(value) > LONGEST_NAME:
         raise InvalidInput(f"{field}: found {len(value)} characters, expected at most {LONGEST_NAME}")
     if not value.isprintable():
-        raise InvalidInput(f"{field}: found {shown(value)}, expected printable characters alone")
+        raise InvalidInput(f"{field}: found {shown(value)}, expected printable characters only")
     return value
 
 
 def checked_text(field: str, value: Any) -> str:
-    """A text of any length, perhaps of several lines.
+    """A text of any length, which may have several lines.
 
     Raises:
-        InvalidInput: no text, or characters that cannot be printed.
+        InvalidInput: not text, or not printable.
     """
     if not isinstance(value, str) or not all(one.isprintable() or one in "\n\t\N{NO-BREAK SPACE}" for one in value):
         raise InvalidInput(f"{field}: found {shown(value)}, expected printable text")
@@ -164,14 +164,14 @@ def checked_text(field: str, value: Any) -> str:
 
 
 def in_range(field: str, value: Float[np.ndarray, "..."] | float, least: float, most: float, unit: str) -> None:
-    """Refuse what no robot can be, and what numbers of 16 digits cannot compute with.
+    """Check that numbers are in the range of real robots and of double precision.
 
     Args:
-        field: what it is.
+        field: name of the field.
         value: a number, or an array with a row for each cable.
-        least: the smallest that is taken.
-        most: the largest.
-        unit: of all three.
+        least: smallest accepted number.
+        most: largest accepted number.
+        unit: unit of all three.
 
     Raises:
         InvalidInput: a number beyond ``least`` or ``most``.
@@ -188,7 +188,7 @@ def in_range(field: str, value: Float[np.ndarray, "..."] | float, least: float, 
 
 
 def refuse_far(field: str, lengths: Float[np.ndarray, "..."]) -> None:
-    """Refuse lengths and coordinates that are beyond any robot; what is no number is another check's matter.
+    """Refuse lengths and coordinates beyond any robot; nan passes, since another check refuses it.
 
     Raises:
         InvalidInput: one beyond ``MOST_LENGTH``.
@@ -199,7 +199,7 @@ def refuse_far(field: str, lengths: Float[np.ndarray, "..."]) -> None:
 
 
 def checked_array(field: str, value: ArrayLike, shape: tuple[int | None, ...] | None) -> Float[np.ndarray, "..."]:
-    """A fresh float array of ``value``; ``None`` in ``shape`` stands for any length.
+    """A new float array of ``value``; ``None`` in ``shape`` stands for any length.
 
     Raises:
         InvalidInput: not numbers, not finite, or of another shape.
@@ -217,10 +217,10 @@ def checked_array(field: str, value: ArrayLike, shape: tuple[int | None, ...] | 
 
 
 def as_numbers(field: str, value: ArrayLike, expected: str = "numbers") -> Float[np.ndarray, "..."]:
-    """A fresh float array of ``value``, of any shape, finite or not.
+    """A new float array of ``value``, of any shape, finite or not.
 
     Raises:
-        InvalidInput: not real numbers: NumPy would read text, call True 1, and drop what is imaginary.
+        InvalidInput: not real numbers: NumPy would convert text and booleans, and drop imaginary parts.
     """
     try:
         array = np.array(value)
@@ -235,7 +235,7 @@ def positive(field: str, value: ArrayLike, unit: str) -> float:
     """A single number above zero.
 
     Raises:
-        InvalidInput: another.
+        InvalidInput: any other value.
     """
     number = float(checked_array(field, value, ()))
     if not number > 0:
@@ -244,10 +244,10 @@ def positive(field: str, value: ArrayLike, unit: str) -> float:
 
 
 def whole(field: str, value: object, least: int, most: int = LARGEST_COUNT) -> int:
-    """A whole number within limits.
+    """An integer within limits.
 
     Raises:
-        InvalidInput: another.
+        InvalidInput: any other value.
     """
     limits = f"{least} or more" if most == LARGEST_COUNT else f"{least} to {most}"
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool):
@@ -259,7 +259,7 @@ def whole(field: str, value: object, least: int, most: int = LARGEST_COUNT) -> i
 
 
 class Frozen:
-    """A value whose arrays are read-only, in copies and after unpickling as well."""
+    """Base of values whose arrays are read-only, also in copies and after unpickling."""
 
     def _freeze(self) -> None:
         for value in vars(self).values():
@@ -272,6 +272,6 @@ class Frozen:
 
 
 def frozen(array: np.ndarray) -> np.ndarray:
-    """The same array, read-only from now on."""
+    """The same array, made read-only."""
     array.flags.writeable = False
     return array

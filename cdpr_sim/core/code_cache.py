@@ -1,13 +1,13 @@
-"""Compiled code on disk: published whole, in folders that are never written to again.
+"""Cache of compiled code on disk: folders that are published complete and never changed afterwards.
 
-Numba's own cache allows two processes to compile the same functions into one folder at once; a cache with files of both
-has crashed every later run. So nobody compiles into a folder that others read: a process compiles in a private folder
-and publishes it by one rename. Processes need no lock and never wait for each other: of two that come at once, both
-compile, and one publishes. A process that cannot use a published folder (another Numba, another processor, a damaged
-file) publishes its own under the next number.
+Numba's own cache allows two processes to compile the same functions into one folder at the same time; a cache with
+files of both crashed every later run. So no process compiles into a folder that others read: it compiles in a private
+folder and publishes it by one rename. Processes need no lock and never wait for each other: if two start at the same
+time, both compile, and one publishes. A process that cannot use a published folder (another Numba, another processor, a
+damaged file) publishes its own under the next number.
 
-Numba's own key to its cache is the text of one file, while our kernels are made of several and compile in constants of
-others. So each version of the package's sources has a folder of its own: stale machine code is never loaded.
+The key of Numba's own cache is the text of one file, but our kernels consist of several files and compile in constants
+of others. So each version of the package's sources has its own folder: stale machine code is never loaded.
 """
 
 from __future__ import annotations
@@ -36,22 +36,23 @@ SOURCES = (
     "statics/catenary.py", "statics/sagging_kernel.py", "statics/matrix_kernel.py", "statics/newton_kernel.py",
     "statics/stiffness_kernel.py",
 )  # fmt: skip
-"""What is compiled, and all that it imports from this package; a test keeps the list whole."""
+"""Modules that are compiled, and all that they import from this package; a test checks that the list is complete."""
 
 ABANDONED = 86400.0
-"""Seconds after which a private folder is one that a killed process has left."""
+"""Age in seconds above which a private folder was left by a killed process."""
 
 _PACKAGE = Path(__file__).parents[1]
 _log = logging.getLogger("cdpr_sim")
 
 
 def fetch(name: str, load: Callable[[], Any], compile: Callable[[], Any]) -> Any:
-    """What ``load`` finds in a published folder, or what ``compile`` leaves in a new one, which is then published.
+    """Result of ``load`` from a published folder, or of ``compile`` in a new one, which is then published.
 
     Args:
-        name: of the folders: letters and underscores.
-        load: has Numba make the code, as ``compile`` does; where it would begin to compile, it meets an exception.
-        compile: has Numba make the code.
+        name: name of the folders: letters and underscores.
+        load: makes Numba load the code by the same calls as ``compile``; an exception is raised where Numba would begin
+            to compile.
+        compile: makes Numba compile the code.
 
     Raises:
         StoreError: there is no folder, or no space in it.
@@ -63,7 +64,7 @@ def fetch(name: str, load: Callable[[], Any], compile: Callable[[], Any]) -> Any
         try:
             with settings(CACHE_DIR=str(published)), _no_compilation():
                 return load()
-        except Exception as error:  # whatever it is: the compiler would raise it again
+        except Exception as error:  # any kind: the compiler would raise it again
             _log.debug("cdpr_sim cannot use %s: %r", published, error)
 
 
@@ -87,7 +88,7 @@ def _publish(place: Path, compile: Callable[[], Any]) -> Any:
 
 @contextmanager
 def _no_compilation() -> Iterator[None]:
-    """Where Numba would begin to compile within the block, in this thread, it is an error."""
+    """Raises an error where Numba would begin to compile within the block, in this thread."""
     from numba.core import event
 
     here = threading.get_ident()
@@ -106,7 +107,7 @@ def _no_compilation() -> Iterator[None]:
 
 @contextmanager
 def settings(**ours: Any) -> Iterator[None]:
-    """Numba's settings within the block; elsewhere they are as the user has them."""
+    """Changes Numba's settings within the block; elsewhere they stay as the user set them."""
     from numba.core import config
 
     before = {name: config.__dict__[name] for name in ours}
@@ -119,7 +120,7 @@ def settings(**ours: Any) -> Iterator[None]:
 
 @functools.cache
 def digest() -> str:
-    """Of all that is compiled: another for every change of the sources."""
+    """Hash of all sources that are compiled."""
     state = hashlib.sha256()
     for name in SOURCES:
         state.update(name.encode() + b"\0" + (_PACKAGE / name).read_bytes())
@@ -128,7 +129,7 @@ def digest() -> str:
 
 @functools.cache
 def folder() -> Path:
-    """The first place that can be written, with a folder for this version; those of others are cleared.
+    """The first place that can be written, with a folder for this version; folders of other versions are removed.
 
     Raises:
         StoreError: there is none.
@@ -143,7 +144,7 @@ def folder() -> Path:
         except OSError:
             tried.append(str(place))
             continue
-        with suppress(OSError):  # others may clear as well
+        with suppress(OSError):  # another process may remove them at the same time
             left = {path for path in folder.glob(".*") if path.stat().st_mtime < time.time() - ABANDONED}
             for stale in {*place.iterdir(), *left} - {folder}:
                 shutil.rmtree(stale, ignore_errors=True)
@@ -160,7 +161,7 @@ def _places(mine: str) -> Iterator[Path]:
         yield Path(given) / "cdpr_sim" / mine
     yield _PACKAGE / "__pycache__" / "compiled"
     home = Path(os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache"))
-    if home.is_absolute():  # not where nobody knows whose home it would be
+    if home.is_absolute():  # a relative one is not the user's home
         yield home / "cdpr_sim" / mine
     with suppress(OSError):
         user = getattr(os, "getuid", str)()

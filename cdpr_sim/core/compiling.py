@@ -1,8 +1,8 @@
-"""Compile late, and once: what a few poses ask for, Python answers by itself, from the same source.
+"""Late compilation: a few elements are interpreted by Python, from the same source that is compiled for more.
 
-Numba takes seconds to compile what Python works out in a millisecond or two, and longer to be imported and to load what
-is compiled. So a ``Kernel`` is interpreted for its first few elements, and compiled for whoever asks for more. Threads
-that need the same compiled function wait for the first of them; processes do not wait for each other.
+Numba takes seconds to compile code that Python interprets in a millisecond or two, and more time to be imported and to
+load compiled code. So a ``Kernel`` is interpreted for its first few elements, and compiled when more are evaluated.
+Threads that need the same compiled function wait for the first of them; processes do not wait for each other.
 """
 
 from __future__ import annotations
@@ -25,34 +25,35 @@ from cdpr_sim.core import code_cache
 from cdpr_sim.core.errors import CdprError
 
 FEW = 10
-"""Elements that a kernel answers interpreted, in each process: what a command or a first look asks for."""
+"""Elements that a kernel interprets, in each process: as many as a command or a first try evaluates."""
 
 PARTS, WHOLE = 1, 2
-"""How hard LLVM tries: what a kernel calls is compiled on its own first, and again within the whole. Beyond
-these levels compiling takes longer, and the kernels are no faster."""
+"""Optimisation levels of LLVM: each function that a kernel calls is compiled separately first, and again within the
+kernel. Higher levels take longer to compile, and the kernels are no faster."""
 
 PATIENCE = 2.0, 60.0
-"""Seconds of waiting for another thread's import of Numba: after the first this is said, after the second an error."""
+"""Seconds to wait for another thread's import of Numba: after the first a warning is logged, after the second an error
+is raised."""
 
 _log = logging.getLogger("cdpr_sim")
 _called_by_kernels: list[Callable[[], None]] = []
 _cut_off = False
 
 _threads = threading.RLock()
-"""Held by the thread that compiles or loads. Taken by ``with`` only: between any other call and what follows it, Ctrl-C
-can leave a lock locked for ever."""
+"""Held by the thread that compiles or loads. Acquired by ``with`` only: between any other call and the next statement,
+Ctrl-C can leave a lock locked for ever."""
 
 
 class Compiled:
-    """A function as machine code, which is compiled or loaded when it is first asked for."""
+    """A function as machine code, compiled or loaded at its first use."""
 
     def __init__(self, what: str, function: Callable, signature: str, **options: Any) -> None:
-        """Compiles nothing.
+        """Stores the arguments; nothing is compiled yet.
 
         Args:
-            what: is compiled, in words.
-            function: of arguments as ``signature`` says.
-            signature: as Numba writes it: "void(int64, float64[::1])".
+            what: name of the compiled code in messages.
+            function: its arguments are those of ``signature``.
+            signature: in Numba's notation: "void(int64, float64[::1])".
             options: of ``numba.njit``.
         """
         self._what, self._function, self._signature, self._options = what, function, signature, options
@@ -76,7 +77,7 @@ class Compiled:
     def _compile(self) -> Any:
         _log.warning("cdpr_sim compiles its %s: up to half a minute, once on this machine", self._what)
         while _called_by_kernels:
-            _called_by_kernels[-1]()  # and only then is it forgotten: Ctrl-C may come between
+            _called_by_kernels[-1]()  # removed only afterwards: Ctrl-C may interrupt between the two
             _called_by_kernels.pop()
         return self._build()
 
@@ -90,17 +91,17 @@ class Kernel(Compiled):
     """A function of one element as a NumPy generalised ufunc: it broadcasts and, compiled, releases the GIL."""
 
     def __init__(self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = ()) -> None:
-        """Compiles nothing.
+        """Stores the arguments; nothing is compiled yet.
 
         Args:
-            what: is compiled, in words.
-            function: of one element's inputs and results, which it fills in; those without dimensions have one entry.
-            layout: their core dimensions as NumPy writes them: "(m,k),(m),()->(m),()".
-            integers: the names of those that are whole numbers; all others are floats.
+            what: name of the compiled code in messages.
+            function: of one element's inputs and results, which it fills in; scalars are arrays of one entry.
+            layout: core dimensions in NumPy's notation: "(m,k),(m),()->(m),()".
+            integers: names of the integer arguments; all others are floats.
         """
         super().__init__(what, function, layout)
         self._left = FEW
-        # Numba names machine code after this: with one name, what two processes compiled is taken for the same code.
+        # Numba names machine code after this: with one name, code that two processes compiled counts as the same code.
         function.__qualname__ = f"{function.__name__}_{_as_name(what)}"
         kinds = ["int64" if name in integers else "float64" for name in inspect.signature(function).parameters]
         core = [re.findall(r"\w+", dims) for dims in re.findall(r"\(.*?\)", layout)]
@@ -108,7 +109,7 @@ class Kernel(Compiled):
         self._inputs, self._results = arguments[:inputs], arguments[inputs:]
 
     def __call__(self, *inputs: Any) -> Any:
-        """For each element: interpreted while few are asked for, then compiled, or loaded from where that lies."""
+        """Evaluate each element: interpreted for the first few, then compiled, or loaded from the cache."""
         if self._compiled is None:
             pairs = zip(inputs, self._inputs, strict=True)
             loop = np.broadcast_shapes(*(np.shape(value)[: np.ndim(value) - len(dims)] for value, (_, dims) in pairs))
@@ -145,10 +146,10 @@ class Kernel(Compiled):
 
 
 def for_kernels(**options: Any) -> Callable:
-    """For functions that compiled ones call: they stay Python, and are compiled into those that call them.
+    """Decorator of functions that compiled ones call: they stay Python, and are compiled into their callers.
 
     Args:
-        options: of ``numba.njit``.
+        options: options of ``numba.njit``.
     """
 
     def register(function: Callable) -> Callable:
@@ -159,14 +160,14 @@ def for_kernels(**options: Any) -> Callable:
 
 
 inline = for_kernels(forceinline=True)
-"""The same where a call would cost more than the work."""
+"""The same for functions whose call would take longer than their work."""
 
 outlined = for_kernels()
-"""And for what is rarely called."""
+"""The same for functions that are rarely called."""
 
 
 def by_type(alternatives: dict[type, Callable]) -> Callable:
-    """One function for several types of named tuples as its first argument; compiled, the choice costs nothing."""
+    """One function for several types of named tuples as its first argument; compiled, the choice has no cost."""
 
     def function(first, *others):
         return alternatives[type(first)](first, *others)
@@ -178,7 +179,7 @@ def by_type(alternatives: dict[type, Callable]) -> Callable:
 
 
 def _register(function: Callable, choose: Callable, **options: Any) -> None:
-    """Numba compiles what ``choose`` says, where a kernel calls ``function``."""
+    """Make Numba compile the function that ``choose`` returns, where a kernel calls ``function``."""
     from numba.extending import overload
 
     how: Any = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
@@ -186,10 +187,10 @@ def _register(function: Callable, choose: Callable, **options: Any) -> None:
 
 
 def import_numba() -> None:
-    """Import Numba, while this thread holds no lock of ours: the import may run any module, and wait for its threads.
+    """Import Numba while this thread holds none of our locks: the import may run any module, and wait for its threads.
 
     Raises:
-        CdprError: another thread imports it, and has not finished or does not exist in this process.
+        CdprError: another thread is importing it, and has not finished or does not exist in this process.
     """
     if _cut_off:
         raise CdprError(
@@ -208,8 +209,8 @@ def import_numba() -> None:
                 f"{PATIENCE[1]:g} s; expected `import numba` before threads are started"
             )
         time.sleep(0.01)
-    # Numba imports ``coverage`` wherever there is one. One that measures has been imported before; any other may be a
-    # user's script of that name, which would be run here, within the import that its threads need.
+    # Numba imports ``coverage`` if there is such a module. A tool that measures coverage is imported already; any other
+    # may be a user's script of that name, which would run here, within the import for which its threads wait.
     shielded = not {"coverage", "numba"} & sys.modules.keys()
     try:
         if shielded:
@@ -229,7 +230,7 @@ def _as_name(what: str) -> str:
 
 
 def _optimised(level: int) -> AbstractContextManager:
-    """How hard LLVM tries within the block."""
+    """Sets the optimisation level of LLVM within the block."""
     from numba.core import config, registry
 
     registry.cpu_target.target_context  # noqa: B018  (made now, with the user's own level, which it keeps)
@@ -237,12 +238,12 @@ def _optimised(level: int) -> AbstractContextManager:
 
 
 def _in_child() -> None:
-    """A forked child has only one thread of its parent's; what another one was amid, it can neither use nor await."""
+    """A forked child has only one thread of its parent: another thread's operation never ends there."""
     global _cut_off
     _cut_off |= _being_imported()
     try:
         _threads.release()
-    except RuntimeError:  # not ours: Ctrl-C ended the wait for it
+    except RuntimeError:  # not our lock: Ctrl-C ended the wait for it
         _cut_off = True
 
 

@@ -1,7 +1,7 @@
-"""What a controller is asked and answers: the motion that is wanted, what sensors say, what winches are to hold.
+"""Interface of controllers: the reference motion, sensors' measurements, and commands to the winches.
 
-A controller knows the robot that it believes in, and of the true one what sensors say. What becomes of its commands is
-the business of whoever runs it: ``cdpr_sim.track``, or a real robot.
+A controller has a model of the robot, and about the true robot only the measurements. Its commands are carried out by
+the caller: ``cdpr_sim.track``, or a real robot.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.path import Path
 
 INSTANT = 0.01
-"""[s] Over which accelerations are taken."""
+"""[s] Time step of the second difference for accelerations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The motion that is wanted: a path in time, which begins after a pause at its first pose.
+    """The reference motion: a path in time, which begins after a pause at its first pose.
 
     Attributes:
-        path: where it leads.
-        seconds: how long it takes, the pause not counted.
-        pause: how long the platform stands still before it sets off [s].
+        path: the path.
+        seconds: duration, without the pause.
+        pause: time for which the platform stands still before the motion [s].
     """
 
     path: Path
@@ -38,11 +38,11 @@ class Reference:
 
     @property
     def end(self) -> float:
-        """When it is over [s]."""
+        """End of the motion [s]."""
         return self.pause + self.seconds
 
     def fractions(self, times: ArrayLike) -> Float[np.ndarray, " times"]:
-        """Of the path's time that have passed at these ``times`` [s]: 0 before it begins, 1 after its end.
+        """Fractions of the path's duration at these ``times`` [s]: 0 before it begins, 1 after its end.
 
         Returns:
             (times,) between 0 and 1.
@@ -50,7 +50,7 @@ class Reference:
         return np.clip((np.atleast_1d(checked_array("times", times, None)) - self.pause) / self.seconds, 0, 1)
 
     def poses(self, times: ArrayLike) -> RigidTransform:
-        """What is wanted at these ``times`` [s], a stack.
+        """Reference poses at these ``times`` [s], a stack.
 
         Returns:
             A stack of (times,) poses [m].
@@ -58,7 +58,7 @@ class Reference:
         return self.path.at(self.fractions(times))
 
     def pose(self, time: float) -> RigidTransform:
-        """What is wanted at ``time`` [s].
+        """Reference pose at ``time`` [s].
 
         Returns:
             A single pose [m].
@@ -66,7 +66,7 @@ class Reference:
         return self.poses(checked_array("time", time, ()))[0]
 
     def acceleration(self, time: float) -> Float[np.ndarray, "3"]:
-        """Of the wanted position at ``time`` [m/s²]; where the path bends, over an instant.
+        """Acceleration of the reference position at ``time`` [m/s²]; at a corner of the path, a mean over a short time.
 
         Returns:
             (3,) [m/s²], base frame.
@@ -75,18 +75,18 @@ class Reference:
         return (before - 2 * now + after) / INSTANT**2
 
     def __repr__(self) -> str:
-        return f"<Course: {self.seconds:.3g} s, after a pause of {self.pause:.3g} s>"
+        return f"<Reference: {self.seconds:.3g} s, after a pause of {self.pause:.3g} s>"
 
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What sensors say: the newest sample that has come through.
+    """Measurement of the sensors: the newest sample that has arrived.
 
     Attributes:
-        time: when it was taken [s], which is some delay ago.
-        pose: of the platform.
-        tensions: of the cables, (cables,) [N].
-        rest_lengths: that winches had let out, by their encoders, (cables,) [m].
+        time: time of the sample [s], which is earlier than now by a delay.
+        pose: pose of the platform.
+        tensions: cable tensions, (cables,) [N].
+        rest_lengths: unstretched lengths that the winches had let out, by their encoders, (cables,) [m].
     """
 
     time: float
@@ -96,17 +96,17 @@ class Measurement:
 
     def __repr__(self) -> str:
         x, y, z = self.pose.translation
-        return f"<Sensed at {self.time:.4g} s: ({x:.6f}, {y:.6f}, {z:.6f}) m>"
+        return f"<Measurement at {self.time:.4g} s: ({x:.6f}, {y:.6f}, {z:.6f}) m>"
 
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """What winches are to hold: lengths, or tensions.
+    """A command to the winches: lengths, or tensions.
 
     Attributes:
-        rest_lengths: to be let out, (cables,) [m].
+        rest_lengths: unstretched lengths to be let out, (cables,) [m].
         tensions: (cables,) [N].
-        by_tension: (cables,) which winches hold their tension, whatever the length; the others hold their length.
+        by_tension: (cables,) which winches control their tension, at any length; the others control their length.
     """
 
     rest_lengths: Float[np.ndarray, " cables"]
@@ -115,13 +115,13 @@ class Command:
 
     @classmethod
     def of(cls, answer: Command | ArrayLike, cables: int) -> Command:
-        """A controller's answer, checked; plain numbers are lengths.
+        """Check the return value of a controller; plain numbers are lengths.
 
         Returns:
             The command, with one entry for each of the ``cables``.
 
         Raises:
-            InvalidInput: what no winch can hold.
+            InvalidInput: a command that no winch can carry out.
         """
         whole("cables", cables, 1)
         if not isinstance(answer, Command):
@@ -147,23 +147,23 @@ class Command:
 
 @runtime_checkable
 class Controller(Protocol):
-    """What moves a robot along a course. Any class with these two methods is one."""
+    """A controller of a robot along a reference motion. Any class with these two methods is one."""
 
     def start(self, reference: Reference) -> ArrayLike:
-        """Begin anew: nothing of an earlier run may be left.
+        """Begin a new run, without any state of an earlier one.
 
         Returns:
-            The rest lengths (cables,) [m] on which the platform hangs at rest when the run begins.
+            The rest lengths (cables,) [m] on which the platform hangs in equilibrium when the run begins.
         """
         ...
 
     def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command | ArrayLike:
-        """What winches are to hold at ``time`` [s], one period from now; they run there evenly.
+        """Command to the winches for ``time`` [s], one period from now; they move to it at constant speed.
 
         Args:
-            time: for which the command is.
-            pose: that is wanted then: the course's, or one that corrects it.
-            measurement: the newest that sensors say.
+            time: time of the command.
+            pose: reference pose at that time: the one of the motion, or a corrected one.
+            measurement: the newest measurement.
 
         Returns:
             A ``Command``; or rest lengths, (cables,) [m].
@@ -173,15 +173,15 @@ class Controller(Protocol):
 
 @dataclass(frozen=True)
 class Sensors:
-    """What sensors are like: they sample the pose and the tensions together, and what they say comes late.
+    """Properties of the sensors: they sample the pose and the tensions together, and samples arrive after a delay.
 
     Attributes:
-        period: between two samples [s].
-        delay: until a sample comes through [s].
-        position_noise: of each coordinate, standard deviation [m].
-        rotation_noise: of the rotation vector's coordinates, standard deviation [rad].
-        tension_noise: of each tension, standard deviation [N].
-        seed: of the noise; the same seed, the same noise.
+        period: time between two samples [s].
+        delay: time until a sample arrives [s].
+        position_noise: standard deviation of each coordinate [m].
+        rotation_noise: standard deviation of each coordinate of the rotation vector [rad].
+        tension_noise: standard deviation of each tension [N].
+        seed: seed of the noise; the same seed gives the same noise.
     """
 
     period: float = 0.01

@@ -1,4 +1,4 @@
-"""A robot's cables in words: for tables, titles and captions."""
+"""Descriptions of a robot's cables as text: for tables, titles and captions."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ _SIZES = {"MN": 1e6, "kN": 1e3, "N": 1.0}
 
 
 def newtons(force: float) -> str:
-    """A force with the unit that suits its size: 10 kN."""
+    """A force with a suitable unit: 10 kN."""
     unit = next((unit for unit, size in _SIZES.items() if force >= size), "N")
     return f"{force / _SIZES[unit]:g} {unit}"
 
 
 def describe_stiffness(robot: Robot, unit: str = "") -> str:
-    """EA = 10 kN, or EA = 1 kN to 10 kN where cables differ; in a given ``unit`` EA = 10000 N, or EA = 1 to 10 kN."""
+    """EA = 10 kN, or EA = 1 kN to 10 kN where cables differ; with a given ``unit`` EA = 10000 N, or EA = 1 to 10 kN."""
     ends = sorted({float(robot.axial_stiffness.min()), float(robot.axial_stiffness.max())})
     if unit:
         return f"EA = {' to '.join(f'{end / _SIZES[unit]:g}' for end in ends)} {unit}"
@@ -25,30 +25,30 @@ def describe_stiffness(robot: Robot, unit: str = "") -> str:
 
 
 def describe_cables(robot: Robot, unit: str = "") -> str:
-    """What the cables are called, their stiffness as ``describe_stiffness`` has it, and what else there is to them."""
+    """Name of the cables, their stiffness as ``describe_stiffness`` writes it, and ``describe_properties``."""
     stiffness = describe_stiffness(robot, unit)
     cables = f"{robot.material} cables ({stiffness})" if robot.material else f"cables with {stiffness}"
     return "".join([cables, *(f", {words}" for words in describe_properties(robot))])
 
 
 def cables_name(robot: Robot) -> str:
-    """The name of the cables' material, or where they have none, their stiffness: "dyneema-2mm", "EA = 1 kN"."""
+    """The name of the cables' material, or their stiffness if they have none: "dyneema-2mm", "EA = 1 kN"."""
     return robot.material or describe_stiffness(robot)
 
 
 def describe_properties(robot: Robot) -> tuple[str, ...]:
-    """What sets a robot's cables apart from massless linear ones that start at points: their weight, law and pulleys.
+    """Properties in which cables differ from massless linear ones without pulleys: mass, law and pulleys.
 
-    "0.5 g/m", "stiffening by a2 = 20, a3 = 0", "over pulleys of 20 mm radius"; of how many, where not of all.
+    "0.5 g/m", "nonlinear with a2 = 20, a3 = 0", "over pulleys of 20 mm radius"; with the number of cables if not all.
     """
     cabling, words = robot.cabling, []
     if not cabling.massless:
-        heavy = cabling.linear_density > 0
-        words.append(f"{_span(1e3 * cabling.linear_density[heavy])} g/m{_some(heavy)}")
+        with_mass = cabling.linear_density > 0
+        words.append(f"{_span(1e3 * cabling.linear_density[with_mass])} g/m{_some(with_mass)}")
     if not cabling.linear:
-        stiffens = np.asarray(cabling.stiffening.any(-1))
-        a2, a3 = cabling.stiffening[stiffens].T
-        words.append(f"stiffening by a2 = {_span(a2)}, a3 = {_span(a3)}{_some(stiffens)}")
+        nonlinear = np.asarray(cabling.stiffening.any(-1))
+        a2, a3 = cabling.stiffening[nonlinear].T
+        words.append(f"nonlinear with a2 = {_span(a2)}, a3 = {_span(a3)}{_some(nonlinear)}")
     if cabling.pulleys.any():
         radius = 1e3 * cabling.pulley_radius[cabling.pulleys]
         words.append(f"over pulleys of {_span(radius)} mm radius{_some(cabling.pulleys)}")
@@ -56,7 +56,7 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
 
 
 def describe_twist(twist: Float[np.ndarray, "6"], robot: Robot) -> str:
-    """A small motion (translation [m], rotation vector [rad]), scaled to its largest part: in millimetres and degrees.
+    """A small motion (translation [m], rotation vector [rad]), scaled to 1 in mm or degrees, as text.
 
     "+1 mm x, -0.57° about y"; a rotation alone about one axis is "rotation about y".
     """
@@ -72,7 +72,7 @@ def describe_twist(twist: Float[np.ndarray, "6"], robot: Robot) -> str:
 
 
 def _span(values: Float[np.ndarray, " some"]) -> str:
-    """20, or 10 to 20."""
+    """The value 20, or the range 10 to 20."""
     return " to ".join(f"{end:g}" for end in sorted({float(values.min()), float(values.max())}))
 
 

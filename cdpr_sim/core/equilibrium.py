@@ -1,4 +1,4 @@
-"""Where a platform rests, as either method found it: the one result type, which certifies itself."""
+"""``Equilibrium``: a static equilibrium of the platform by either method, with the evidence that certifies it."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from cdpr_sim.core.status import NEUTRAL, Status
 
 
 class Stability(enum.Enum):
-    """What happens to the platform after a small push."""
+    """Behaviour of the platform after a small push."""
 
-    STABLE = "it comes back"
-    NEUTRAL = "it stays where it was pushed: some direction is held by nothing"
-    UNSTABLE = "it leaves: the point is a saddle or a maximum of the energy"
+    STABLE = "it returns"
+    NEUTRAL = "it stays where it was pushed: some direction is unconstrained"
+    UNSTABLE = "it moves away: the point is a saddle or a maximum of the energy"
 
 
 class EigenvaluesField:
-    """The field of a frozen dataclass that takes an array, or what computes it when it is first read."""
+    """Field of a frozen dataclass that takes an array, or a function that computes it at its first use."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
@@ -47,7 +47,7 @@ class EigenvaluesField:
 
 
 class _Held:
-    """What has the field ``eigenvalues``."""
+    """Base with the field ``eigenvalues``."""
 
     eigenvalues = EigenvaluesField()
 
@@ -56,17 +56,17 @@ class _Held:
 class Equilibrium(_Held, Posed, HtmlRepr):
     """A pose, the cables' state there, and the evidence that it is (or is not) a static equilibrium.
 
-    Data only: each method fills in its own residual and eigenvalues, by its own means.
+    Data only: each method computes its own residual and eigenvalues, by its own means.
 
     Attributes:
-        problem: what was asked.
-        pose: the platform's pose, a ``RigidTransform``; ``position`` and ``rotation_matrix`` are it as plain arrays.
+        problem: the problem.
+        pose: the platform's pose, a ``RigidTransform``; ``position`` and ``rotation_matrix`` are its plain arrays.
         tensions: (cables,) [N], 0 where slack.
         lengths: (cables,) [m].
         residual: largest unbalanced force [N] over the free directions, torques divided by the robot's
             characteristic length; 0 at equilibrium.
-        eigenvalues: of the stiffness matrix on the free directions, ascending [N/m], rotations scaled by the
-            characteristic length.
+        eigenvalues: eigenvalues of the stiffness matrix on the free directions, ascending [N/m], rotations scaled by
+            the characteristic length.
         iterations: Newton iterations, function evaluations (SEECR) or time steps (MuJoCo).
         source: "newton", "seecr/fsolve", "seecr/least_squares", "mujoco".
     """
@@ -85,7 +85,7 @@ class Equilibrium(_Held, Posed, HtmlRepr):
 
     @property
     def rotation(self) -> Rotation:
-        """From the platform frame to the base frame."""
+        """Rotation from the platform frame to the base frame."""
         return self.pose.rotation
 
     @property
@@ -100,7 +100,7 @@ class Equilibrium(_Held, Posed, HtmlRepr):
 
     @property
     def deviation(self) -> Float[np.ndarray, "3"]:
-        """Position minus commanded position [m]; its z is minus the sag."""
+        """Position minus commanded position [m]."""
         return self.position - self.problem.position
 
     @property
@@ -110,14 +110,14 @@ class Equilibrium(_Held, Posed, HtmlRepr):
 
     @property
     def slack(self) -> Bool[np.ndarray, " cables"]:
-        """Which cables are not stretched, (cables,): they carry no tension, but for their own weight."""
+        """Which cables are not stretched, (cables,): they carry no tension, except for their own weight."""
         if self.problem.robot.cabling.massless:
             return self.tensions <= 0
         return self.lengths <= self.rest_lengths
 
     @property
     def overloaded(self) -> Bool[np.ndarray, " cables"]:
-        """Which cables pull harder than their breaking load, (cables,); none where that is not known."""
+        """Which cables have a tension above their breaking load, (cables,); none where it is unknown."""
         return self.tensions > self.problem.robot.breaking_load
 
     @property
@@ -140,7 +140,7 @@ class Equilibrium(_Held, Posed, HtmlRepr):
 
 
 def stability_of(eigenvalues: Float[np.ndarray, " free"]) -> Stability:
-    """What ascending eigenvalues of a stiffness matrix say."""
+    """Stability by the ascending eigenvalues of a stiffness matrix."""
     smallest, scale = eigenvalues[0], np.abs(eigenvalues).max()
     if not smallest >= -NEUTRAL * scale:  # also where it is nan
         return Stability.UNSTABLE
@@ -148,10 +148,10 @@ def stability_of(eigenvalues: Float[np.ndarray, " free"]) -> Stability:
 
 
 class _NoEquilibrium(CdprError):
-    """A method that did not reach static equilibrium; carries the best point it saw.
+    """A method did not reach static equilibrium; carries the best point found.
 
     Attributes:
-        reason: what happened, in words.
+        reason: the reason as text.
         equilibrium: the best point, its residual included; it is *not* an equilibrium.
     """
 
@@ -162,7 +162,7 @@ class _NoEquilibrium(CdprError):
 
     @classmethod
     def because(cls, status: Status, point: Equilibrium) -> _NoEquilibrium:
-        """With the status in words, and how far the point is from rest."""
+        """Exception for a status, with its sentence and the residual of the point."""
         counted = "time steps" if point.source == "mujoco" else "iterations"
         robot, where = point.problem.robot, ""
         evidence = f"{point.iterations} {counted}, {point.residual:.1e} N still unbalanced"
@@ -177,7 +177,7 @@ class _NoEquilibrium(CdprError):
             evidence = f"cable{'s' if len(cables) > 1 else ''} {', '.join(cables)}"
         reason = f"{robot.name}: {point.source}: {status.sentence}{where} ({evidence})"
         if point.problem.external_wrench[3:].any():
-            reason += "; under a torque that keeps its direction in space there may be no rest"
+            reason += "; under a torque with a constant direction in space there may be no equilibrium"
         return cls(reason, point)
 
 
@@ -186,4 +186,4 @@ class NotConverged(_NoEquilibrium):
 
 
 class NotSettled(_NoEquilibrium):
-    """MuJoCo's platform did not come to rest."""
+    """The platform did not come to rest in MuJoCo."""

@@ -1,4 +1,4 @@
-"""Many answers of one robot in one batch, as either method found them: where each platform rests, or why not."""
+"""``EquilibriumBatch``: a stack of equilibria of one robot, with a status for each row."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ from cdpr_sim.core.status import Status
 
 @dataclass(frozen=True, eq=False)
 class EquilibriumBatch(Frozen, HtmlRepr):
-    """Where platforms rest, as arrays over the dimensions of the problems.
+    """A stack of equilibria of one robot, as arrays over the dimensions of the problems.
 
-    Indexing gives a single ``Equilibrium``, and raises where there is none. Data only: each method fills in its own
+    Indexing gives a single ``Equilibrium``, and raises where there is none. Data only: each method computes its own
     residuals and eigenvalues, by its own means.
 
     Attributes:
-        problems: what was asked.
-        positions: (..., 3) [m]; where a row did not converge, of the best point seen, as all that follows.
+        problems: the problems.
+        positions: (..., 3) [m]; where a row did not converge, this and all fields below are those of the best point
+            found.
         rotations: rotation matrices of the platform, (..., 3, 3).
         lengths: (..., cables) [m].
         tensions: (..., cables) [N], 0 where slack.
@@ -37,7 +38,7 @@ class EquilibriumBatch(Frozen, HtmlRepr):
         iterations: (...) Newton iterations, or time steps.
         status: (...) a ``Status`` each.
         source: "newton" or "mujoco".
-        stiffness: the eigenvalues, or what computes them when they are asked for.
+        stiffness: the eigenvalues, or a function that computes them at their first use.
     """
 
     problems: Problems
@@ -56,12 +57,12 @@ class EquilibriumBatch(Frozen, HtmlRepr):
 
     @property
     def robot(self) -> Robot:
-        """Whose platform it is."""
+        """The robot of all rows."""
         return self.problems.robot
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the batch."""
+        """Shape of the batch."""
         return self.problems.shape
 
     def __len__(self) -> int:
@@ -75,7 +76,7 @@ class EquilibriumBatch(Frozen, HtmlRepr):
 
         Raises:
             NotConverged: statics found none there; carries the best point.
-            NotSettled: MuJoCo's platform did not come to rest; carries its last state.
+            NotSettled: the platform did not come to rest in MuJoCo; carries its last state.
         """
         point, status = self.point(row), Status(int(self.status[row]))
         if status is Status.CONVERGED:
@@ -84,10 +85,10 @@ class EquilibriumBatch(Frozen, HtmlRepr):
         raise kind.because(status, point)
 
     def point(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Equilibrium:
-        """The row as it is, whether it is an equilibrium or not.
+        """One row, whether it is an equilibrium or not.
 
         Returns:
-            That row as an ``Equilibrium``, whose residual [N] says what it is worth.
+            That row as an ``Equilibrium``, with its residual [N].
         """
         return Equilibrium(
             problem=self.problems[row],
@@ -107,12 +108,12 @@ class EquilibriumBatch(Frozen, HtmlRepr):
 
     @cached_property
     def poses(self) -> RigidTransform:
-        """(...) the poses; where a row has none, its position is nan."""
+        """(...) the poses; for a row without one, the position is nan."""
         return poses_of(self.positions, self.rotations)
 
     @property
     def commanded(self) -> RigidTransform:
-        """The poses that the winches were set for, a stack of (rows,)."""
+        """The commanded poses, a stack of (rows,)."""
         return self.problems.poses
 
     @property
@@ -137,19 +138,19 @@ class EquilibriumBatch(Frozen, HtmlRepr):
 
     @property
     def deviation(self) -> Float[np.ndarray, "*batch 3"]:
-        """(..., 3) position minus commanded position [m]; its z is minus the sag."""
+        """(..., 3) position minus commanded position [m]."""
         return self.positions - self.problems.positions
 
     @property
     def slack(self) -> Bool[np.ndarray, "*batch cables"]:
-        """(..., cables) which cables are not stretched: they carry no tension, but for their own weight."""
+        """(..., cables) which cables are not stretched: they carry no tension, except for their own weight."""
         if self.robot.cabling.massless:
             return self.tensions <= 0
         return self.lengths <= self.rest_lengths
 
     @cached_property
     def eigenvalues(self) -> Float[np.ndarray, "*batch free"]:
-        """(..., free) of the stiffness matrix on the free directions, ascending [N/m]."""
+        """(..., free) eigenvalues of the stiffness matrix on the free directions, ascending [N/m]."""
         return self.stiffness(self) if callable(self.stiffness) else self.stiffness
 
     @property
@@ -167,4 +168,4 @@ class EquilibriumBatch(Frozen, HtmlRepr):
 
     def __repr__(self) -> str:
         done = int(self.converged.sum())
-        return f"<{type(self).__name__} of {self.robot.name!r} by {self.source}: {self.shape}, {done} at rest>"
+        return f"<{type(self).__name__} of {self.robot.name!r} by {self.source}: {self.shape}, {done} in equilibrium>"

@@ -1,4 +1,4 @@
-"""What can go wrong, as exceptions: one family, each message one clear sentence."""
+"""Exceptions of the package: one base class; each message is one clear sentence."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 LONGEST = 60
-"""Characters of a name that a message quotes."""
+"""Largest number of characters of a name that a message quotes."""
 
 
 class CdprError(Exception):
@@ -14,21 +14,21 @@ class CdprError(Exception):
 
 
 class InvalidInput(CdprError, ValueError):
-    """A value that cannot be right: the message names the field, what was found, what is expected."""
+    """An invalid value: the message names the field, the value found and the value expected."""
 
 
 class UnknownName(CdprError, LookupError):
     """A name that is not in a catalogue: the message lists the nearest valid names."""
 
     def __init__(self, what: str, name: str, known: Iterable[str], note: str = "", meant: Iterable[str] = ()) -> None:
-        """Its arguments are kept as they are: copies are made from them.
+        """The arguments are stored unchanged: copies are made from them.
 
         Args:
-            what: is unknown, in words.
-            name: as it was given.
+            what: kind of the unknown name.
+            name: the name as given.
             known: names that are valid.
-            note: what else may be given.
-            meant: what was surely meant; default: the nearest of ``known``.
+            note: other valid input.
+            meant: suggestions; default: the nearest of ``known``.
         """
         super().__init__(what, name, tuple(sorted(known)), note, tuple(meant))
 
@@ -47,7 +47,7 @@ class RobotFileError(InvalidInput):
 
 
 class StoreError(CdprError, OSError):
-    """A file or folder that cannot be written; what was there is still there."""
+    """A file or folder that cannot be written; existing files are unchanged."""
 
 
 class MissingExtra(CdprError, ImportError):
@@ -55,8 +55,8 @@ class MissingExtra(CdprError, ImportError):
 
 
 class ImplausibleRobot(UserWarning):
-    """A robot that can be computed and is hardly meant: lengths in millimetres, cables that stretch by half.
+    """A robot that can be computed but is implausible: lengths in millimetres, cables that stretch by half.
 
-    Said once, where a robot is made or loaded; changed copies of it are silent. And where it is commanded to a position
+    Issued once, when a robot is made or loaded, not for changed copies of it; and when it is commanded to a position
     beside or above its frame.
     """

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and never over others unless asked; and files read if not too large."""
+"""Files that are written completely or not at all, replaced only on request, and read up to a maximum size."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cdpr_sim.core.checks import checked_path
 from cdpr_sim.core.errors import InvalidInput, StoreError
 
 OUTSIDE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG, errno.EPIPE}
-"""What befalls a place that was well chosen: a full disk, a quota, a broken device, an encoder that was killed."""
+"""Errors of a valid place: a full disk, a quota, a broken device, a killed encoder."""
 
 
 def read_text(path: Path, most: int) -> str:
@@ -22,7 +22,7 @@ def read_text(path: Path, most: int) -> str:
     Raises:
         OSError: no such file, or one that cannot be read.
         UnicodeDecodeError: not UTF-8.
-        InvalidInput: no file, or one that is too large: a device, a picture, a mistake.
+        InvalidInput: not a file, or one that is too large: a device, a picture, a mistake.
     """
     return read_bytes(path, most).decode("utf-8-sig")
 
@@ -32,7 +32,7 @@ def read_bytes(path: Path, most: int) -> bytes:
 
     Raises:
         OSError: no such file, or one that cannot be read.
-        InvalidInput: no file, or one that is too large: a device, a picture, a mistake.
+        InvalidInput: not a file, or one that is too large: a device, a picture, a mistake.
     """
     if path.exists() and not (path.is_file() or path.is_fifo()) and not path.is_dir():
         raise InvalidInput(f"{path}: found a device, expected a file")
@@ -44,16 +44,16 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 
 def check_place(path: str | Path, suffixes: Sequence[str], *, force: bool = False, field: str = "") -> Path:
-    """``path``, where a file can be written; to be asked before work begins.
+    """``path``, if a file can be written there; to be called before work begins.
 
     Args:
-        path: of the file.
-        suffixes: with one of which it ends.
-        force: whether a file that is there may be replaced.
-        field: what a sentence about the path calls it; default: the path itself.
+        path: path of the file.
+        suffixes: accepted suffixes.
+        force: whether an existing file may be replaced.
+        field: name of the path in messages; default: the path itself.
 
     Raises:
-        InvalidInput: another suffix, a file that is there without ``force``, or a folder that cannot be written.
+        InvalidInput: another suffix, an existing file without ``force``, or a folder that cannot be written.
     """
     path = checked_path("path", path)
     if path.suffix.lower() not in suffixes:
@@ -76,7 +76,7 @@ def check_place(path: str | Path, suffixes: Sequence[str], *, force: bool = Fals
 
 
 def refuse_unwritable(path: Path) -> None:
-    """See that a file can be put where ``path`` is to be; to be asked before work begins.
+    """Check that a file can be written to ``path``; to be called before work begins.
 
     Raises:
         InvalidInput: it cannot.
@@ -93,10 +93,10 @@ def refuse_unwritable(path: Path) -> None:
 
 
 def refuse_existing(paths: Iterable[Path], *, force: bool = False) -> None:
-    """Only with ``force`` are files replaced.
+    """Refuse to replace files, unless ``force`` is given.
 
     Raises:
-        InvalidInput: one of ``paths`` is there, and ``force`` is off.
+        InvalidInput: one of ``paths`` exists, and ``force`` is off.
     """
     for path in paths:
         if path.exists() and not force:
@@ -104,7 +104,7 @@ def refuse_existing(paths: Iterable[Path], *, force: bool = False) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make ``folder``, where it is not there, and see that it can be written to.
+    """Make ``folder`` if it does not exist, and check that it can be written to.
 
     Raises:
         InvalidInput: it cannot.
@@ -119,7 +119,7 @@ def make_folder(folder: Path) -> None:
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """``folder``, made and found to be writable; where it was made in vain, it is gone again.
+    """``folder``, made and checked to be writable; it is removed again if it stays empty after an error.
 
     Raises:
         InvalidInput: it cannot be made or written to.
@@ -131,17 +131,17 @@ def new_folder(folder: Path) -> Iterator[Path]:
     except BaseException:
         with suppress(OSError):
             for place in made:
-                place.rmdir()  # only where it is empty
+                place.rmdir()  # only if it is empty
         raise
 
 
 @contextmanager
 def appearing(*paths: Path) -> Iterator[list[Path]]:
-    """Temporary files beside ``paths``, to write to; they take their places when all went well, and else are gone.
+    """Temporary files beside ``paths``, to write to; they replace ``paths`` after success, and are removed otherwise.
 
     Raises:
-        InvalidInput: a place that cannot be written; what was there is still there.
-        StoreError: a full disk or the like; likewise.
+        InvalidInput: a place that cannot be written; existing files are unchanged.
+        StoreError: a full disk or the like; existing files are unchanged.
     """
     temporaries: list[Path] = []
     path = Path()
@@ -154,7 +154,7 @@ def appearing(*paths: Path) -> Iterator[list[Path]]:
         for path, temporary in zip(paths, temporaries, strict=True):
             os.chmod(temporary, 0o644)
             os.replace(temporary, path)
-    except StoreError:  # an OSError that says already what is full
+    except StoreError:  # an OSError whose message is complete
         raise
     except OSError as error:
         raise _unwritable(path, error) from error
@@ -167,8 +167,8 @@ def write_whole(contents: Mapping[Path, bytes]) -> None:
     """Write all of these files or none.
 
     Raises:
-        InvalidInput: a place that cannot be written; what was there is still there.
-        StoreError: a full disk or the like; likewise.
+        InvalidInput: a place that cannot be written; existing files are unchanged.
+        StoreError: a full disk or the like; existing files are unchanged.
     """
     with appearing(*contents) as temporaries:
         for content, temporary in zip(contents.values(), temporaries, strict=True):

@@ -1,4 +1,4 @@
-"""How results introduce themselves: ``repr`` in a line, by each class itself, and in a notebook as HTML."""
+"""Display of results in notebooks as HTML; ``repr`` in one line is a method of each class."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import ClassVar
 
 
 class HtmlRepr:
-    """What a notebook shows as tables and pictures: by words of a room above, which the package hands down."""
+    """Base of classes with a display in notebooks; ``report.notebook`` sets the function that writes it."""
 
     _in_html: ClassVar[Callable[[object], str]]
 

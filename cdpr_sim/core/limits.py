@@ -1,4 +1,4 @@
-"""Limits of tension, and sets of wrenches, as users give them: checked, one row per cable or per wrench."""
+"""Checks of tension limits and of sets of wrenches: one row per cable or per wrench."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cdpr_sim.core.robot import Robot
 def checked_limits(
     robot: Robot, tension_limits: Sequence[ArrayLike] | np.ndarray | None, field: str = "tension_limits"
 ) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """Tension limits, one per cable, (cables,) and (cables,) [N]; the robot's own where none are given.
+    """Tension limits, one per cable, (cables,) and (cables,) [N]; by default the robot's own.
 
     Raises:
         InvalidInput: no robot; not a pair, nan, negative, or a smallest tension above the largest.
@@ -36,7 +36,7 @@ def checked_limits(
         raise InvalidInput(
             f"{field}: found a smallest tension of {lower.min():g} N, expected 0 or more: cables only pull"
         )
-    if not (lower <= upper).all():  # also where one is nan
+    if not (lower <= upper).all():  # also if one is nan
         cable = int(np.argmin(lower <= upper))
         raise InvalidInput(
             f"{field}: found a smallest tension of {lower[cable]:g} N above the largest, {upper[cable]:g} N, "
@@ -46,10 +46,10 @@ def checked_limits(
 
 
 def checked_wrenches(robot: Robot, wrenches: ArrayLike | None) -> Float[np.ndarray, "sets 6"]:
-    """External wrenches on the platform's origin, (sets, 6) [N, N m]; a single one, of zero, for none.
+    """External wrenches on the platform's origin, (sets, 6) [N, N m]; by default a single one, of zero.
 
     Raises:
-        InvalidInput: an empty set, not wrenches, or one that a planar robot cannot take.
+        InvalidInput: an empty set, not wrenches, or one out of the plane of a planar robot.
     """
     loads = np.atleast_2d(checked_array("wrenches", np.zeros(6) if wrenches is None else wrenches, None))
     loads = checked_array("wrenches", loads, (None, 6))

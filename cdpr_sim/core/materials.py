@@ -1,4 +1,4 @@
-"""What cables are made of: ropes of any diameter, and the cables of one size that robots here are built with."""
+"""Materials of cables: ropes of any diameter, and single cables of the robots of the catalogue."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from cdpr_sim.core.plausibility import checked_diameter
 
 
 def line_stiffness(modulus: float, diameter: float, fill: float = 1.0) -> float:
-    """EA [N] of a round line: its modulus [Pa] times its section, from its diameter [m] and the part that is filled."""
+    """EA [N] of a round line from its modulus [Pa], its diameter [m] and the filled fraction of its section."""
     return modulus * fill * math.pi * diameter**2 / 4
 
 
 @dataclass(frozen=True)
 class Material:
-    """A cable.
+    """A cable of one size.
 
     Attributes:
-        name: what it is called.
+        name: name of the cable.
         axial_stiffness: EA [N].
-        source: where the numbers come from.
-        linear_density: mass per length [kg/m]; None where it is not known.
-        breaking_load: smallest tension at which a new one breaks [N]; None where it is not known.
+        source: source of the numbers.
+        linear_density: mass per length [kg/m]; None if unknown.
+        breaking_load: smallest tension at which a new one breaks [N]; None if unknown.
     """
 
     name: str
@@ -42,15 +42,15 @@ class Material:
 
 @dataclass(frozen=True)
 class Rope:
-    """What cables of any diameter are made of.
+    """A material of cables of any diameter.
 
     Attributes:
-        name: of the material.
-        modulus: over the section of wires or fibres alone [Pa].
+        name: name of the material.
+        modulus: modulus over the section of wires or fibres without voids [Pa].
         fill: that section over the circle of the nominal diameter.
         density: mass over that section and length [kg/m³].
-        source: where the numbers come from.
-        strength: breaking load over the square of the nominal diameter [Pa]; None where no source is known.
+        source: source of the numbers.
+        strength: breaking load over the square of the nominal diameter [Pa]; None if no source is known.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Rope:
         return "unknown" if self.strength is None else f"{self.strength / 1e6:.0f} MPa"
 
     def of(self, diameter: float) -> Material:
-        """The cable of this diameter [m], called ``steel-rope-4mm``.
+        """The cable of this diameter [m], named like ``steel-rope-4mm``.
 
         Returns:
             Its axial stiffness EA = E fill π d²/4 [N], its mass per length [kg/m] and its breaking load [N].
@@ -89,16 +89,17 @@ _ASSUMED = (
 )
 
 NYLON_MODULUS = 1.5e9
-"""[Pa] Of nylon 66 that has taken up moisture from air: 7.5 MPa at 0.5 % (Toray, "AMILAN nylon resin: mechanical
-properties", tensile characteristics). The tensions here stretch a 0.4 mm line by up to 1 %."""
+"""[Pa] Modulus of nylon 66 that has absorbed moisture from air: 7.5 MPa at 0.5 % (Toray, "AMILAN nylon resin:
+mechanical properties", tensile characteristics). The tensions in the paper's study stretch a 0.4 mm line by up to 1
+%."""
 
 NYLON_FIBRES = (0.6 * 1.14e9, 3.0 * 1.14e9)
-"""[Pa] How far drawn nylon lies around that: initial moduli at 65 % humidity of 0.6 N/tex for nylon 6 and 3.0 N/tex for
-nylon 6.6 of medium tenacity (Morton and Hearle, "Physical Properties of Textile Fibres", Table 13.2), times the density
-of nylon, 1.14 g/cm³."""
+"""[Pa] Range of drawn nylon around that modulus: initial moduli at 65 % humidity of 0.6 N/tex for nylon 6 and 3.0 N/tex
+for nylon 6.6 of medium tenacity (Morton and Hearle, "Physical Properties of Textile Fibres", Table 13.2), times the
+density of nylon, 1.14 g/cm³."""
 
 NYLON_STRENGTH = 0.48 * 1.14e9
-"""[Pa] Of drawn nylon 6.6 of medium tenacity, 0.48 N/tex (the same table); nylon 6 has 0.29 N/tex."""
+"""[Pa] Strength of drawn nylon 6.6 of medium tenacity, 0.48 N/tex (the same table); nylon 6 has 0.29 N/tex."""
 
 _NYLON = (
     "1.5 GPa, nylon 66 in moist air (Toray, AMILAN technical data), times a 0.4 mm line's section; not in the paper; "
@@ -122,7 +123,7 @@ MATERIALS = {
 
 
 PAPER_MATERIALS = ("vectran-0.7mm", "fishing-0.4mm")
-"""What DemoBot was strung with (section IV)."""
+"""The cables of DemoBot (section IV)."""
 
 _YARNS = "Table 1, synthetic fibre yarn properties (Tension Technology International, tensiontech.com/papers/deep-mor)"
 _MOORPY = "MoorPy's fit of makers' catalogues (github.com/NREL/MoorPy, MoorProps_default.yaml)"
@@ -163,16 +164,16 @@ ROPES = {
         ),
     )
 }  # fmt: skip
-"""What people string robots with, by name."""
+"""Common materials of cables, by name."""
 
 OTHERWISE = "or give axial_stiffness [N], or modulus [Pa] and diameter"
-"""What does without a material."""
+"""Alternatives to the name of a material, for messages."""
 
 _OF_A_DIAMETER = re.compile(r"(.+)-(\d+(?:\.\d+)?)mm")
 
 
 def is_material(name: str) -> bool:
-    """Whether ``load_material`` knows the name."""
+    """Whether ``load_material`` accepts the name."""
     try:
         load_material(name)
     except UnknownName:
@@ -181,11 +182,11 @@ def is_material(name: str) -> bool:
 
 
 def load_material(name: str) -> Material:
-    """The material called ``name``: of ``MATERIALS``, or one of ``ROPES`` with its diameter, "steel-rope-4mm".
+    """The material called ``name``: one of ``MATERIALS``, or one of ``ROPES`` with its diameter, "steel-rope-4mm".
 
     Raises:
         UnknownName: no such material, or a rope without its diameter.
-        InvalidInput: no text, or a diameter of 0.
+        InvalidInput: not text, or a diameter of 0.
     """
     refuse_unless(str, material=name)
     if name in MATERIALS:

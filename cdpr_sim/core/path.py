@@ -1,4 +1,4 @@
-"""A path of commands: straight lines through poses, smooth in time, and what winches let out on the way."""
+"""A path of commanded poses: straight lines through poses, smooth in time, and the rest lengths along it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from cdpr_sim.core.robot import Robot
 class Path:
     """Straight lines through poses, as a function of the fraction of time that has passed.
 
-    The command turns evenly and follows the minimum-jerk profile of Flash and Hogan (1985,
-    doi:10.1523/JNEUROSCI.05-07-01688.1985) over the whole path: it starts and ends at rest.
+    The command moves smoothly and follows the minimum-jerk profile of Flash and Hogan (1985,
+    doi:10.1523/JNEUROSCI.05-07-01688.1985) over the whole path: velocity and acceleration are zero at both ends.
 
     Args:
-        robot: whose winches follow it.
+        robot: robot whose winches follow the path.
         poses: at least one.
-        rest_lengths: what the winches let out at each pose, (poses, cables) [m]; in between, their difference from the
-            rigid lengths changes evenly. Default: the rigid lengths.
+        rest_lengths: rest lengths at each pose, (poses, cables) [m]; between two poses, their difference from the rigid
+            lengths is interpolated linearly. Default: the rigid lengths.
 
     Raises:
         InvalidInput: rest lengths that do not fit.

@@ -1,4 +1,4 @@
-"""Robots that can be computed and are hardly meant: millimetres for metres, a rope of rubber, a platform of air."""
+"""Warnings about implausible robots: millimetres for metres, a rope as soft as rubber, a platform as light as air."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from cdpr_sim.core.checks import positive
 from cdpr_sim.core.errors import ImplausibleRobot
 
 MOST_STRAIN = 0.05
-"""Of cables under the weight alone; ropes of steel and of polymers break at 2 to 5 %, nylon at 20 %."""
+"""Strain of cables under the weight alone; ropes of steel and of polymers break at 2 to 5 %, nylon at 20 %."""
 
 LARGEST_FRAME = 1000.0
 """[m] The largest robot on cables, the FAST telescope, is 600 m across."""
 
 LIGHTEST = 0.01
-"""[kg/m³] A hundredth of air's density; with lengths in millimetres a platform has a billionth of its own."""
+"""[kg/m³] A hundredth of air's density; with lengths in millimetres a platform has a billionth of its true density."""
 
 OUTSIDE = 0.1
-"""Of the frame's diagonal: a platform that is commanded further beside or above the frame is hardly meant to be there.
-Below, it may hang as deep as its cables are long."""
+"""Fraction of the frame's diagonal: a commanded position further beside or above the frame is implausible.
+Below the frame, the platform may hang as deep as its cables are long."""
 
 LARGEST_DIAMETER = 0.2
-"""[m] Of a rope. The FAST telescope hangs on ropes of 46 mm, floating platforms are moored by ropes of about this."""
+"""[m] Diameter of a rope. The FAST telescope hangs on ropes of 46 mm; floating platforms are moored by ropes of about
+this."""
 
 _PACKAGE = str(Path(__file__).parents[1])
 
@@ -42,7 +43,7 @@ def implausibilities(
     frame: Float[np.ndarray, "2 3"],
     workspace: Float[np.ndarray, "2 3"],
 ) -> Iterator[str]:
-    """A sentence for each thing that is unlikely: what was found, and what is expected of most robots."""
+    """A sentence for each implausible property: the value found, and the value expected of most robots."""
     diagonal = math.dist(*frame)
     platform = float(np.linalg.norm(platform_size))
     density = mass / float(np.prod(platform_size))
@@ -70,14 +71,14 @@ def implausibilities(
 
 
 def surroundings(frame: Float[np.ndarray, "2 3"]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Two opposite corners of the box in which positions are commanded; a frame that is a point says nothing of it."""
+    """Two opposite corners of the box of plausible commanded positions; unbounded if the frame is a point."""
     margin = OUTSIDE * math.dist(*frame) or np.inf
     lower, upper = (frame + np.array([[-margin], [margin]])).tolist()
     return (*lower[:2], -np.inf), tuple(upper)
 
 
 def warn_of_outside(name: str, frame: Float[np.ndarray, "2 3"]) -> None:
-    """Say that a robot of this name and frame is commanded outside."""
+    """Warn that a robot of this name and frame is commanded to a position outside."""
     lower, upper = (f"({', '.join(f'{x:.4g}' for x in corner)})" for corner in frame)
     warn(
         f"{name}: found a commanded position beside or above the frame, which reaches from {lower} to {upper} m; are "
@@ -86,7 +87,7 @@ def warn_of_outside(name: str, frame: Float[np.ndarray, "2 3"]) -> None:
 
 
 def checked_diameter(diameter: float) -> float:
-    """The diameter of a rope [m], with a warning where nobody makes such a rope.
+    """The diameter of a rope [m], with a warning if no such rope exists.
 
     Raises:
         InvalidInput: not above 0.
@@ -98,7 +99,7 @@ def checked_diameter(diameter: float) -> float:
 
 
 def warn(sentence: str) -> None:
-    """An ``ImplausibleRobot``, told of the line outside this package that made the robot or commanded it."""
+    """Issue an ``ImplausibleRobot`` at the line outside this package that made the robot or commanded it."""
     frame, level = sys._getframe(1), 2
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
         frame, level = frame.f_back, level + 1

@@ -1,4 +1,4 @@
-"""Poses in and out: a position, the paper's six-vector, or a SciPy ``RigidTransform``.
+"""Poses as users give them: a position, the paper's six-vector, or a SciPy ``RigidTransform``.
 
 The pose of the platform frame in the base frame: z up, metres and radians. The six-vector is the paper's
 [x, y, z, alpha, beta, gamma] with R = Rz(gamma) Ry(beta) Rx(alpha).
@@ -23,11 +23,11 @@ from cdpr_sim.core.errors import InvalidInput
 
 @dataclass(frozen=True, eq=False)
 class Pose(Frozen):
-    """A pose as plain arrays; a ``RigidTransform`` for who asks, since making one takes longer than solving.
+    """A pose as plain arrays, and as a ``RigidTransform`` on demand, since making one takes longer than solving.
 
     Attributes:
-        position: of the platform's origin in the base frame, (3,) [m].
-        rotation_matrix: from the platform frame to the base frame, (3, 3).
+        position: position of the platform's origin in the base frame, (3,) [m].
+        rotation_matrix: rotation from the platform frame to the base frame, (3, 3).
     """
 
     position: Float[np.ndarray, "3"]
@@ -67,7 +67,7 @@ class Pose(Frozen):
 
     @cached_property
     def transform(self) -> RigidTransform:
-        """The same, as SciPy has it."""
+        """The same pose as a SciPy ``RigidTransform``."""
         return poses_of(self.position, self.rotation_matrix)
 
 
@@ -75,9 +75,9 @@ PoseLike: TypeAlias = ArrayLike | Sequence[float] | RigidTransform | Pose
 
 
 class PoseField:
-    """The field of a frozen dataclass that takes a ``RigidTransform`` or a ``Pose``, and reads as the former.
+    """Field of a frozen dataclass that takes a ``RigidTransform`` or a ``Pose``, and returns the former.
 
-    It stands in a base class of the dataclass, which would take it for the field's default.
+    It must be in a base class of the dataclass, which would otherwise take it for the field's default.
     """
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -93,7 +93,7 @@ class PoseField:
 
 
 class Posed(Frozen):
-    """What has the field ``pose``: as plain arrays as well."""
+    """Base with the field ``pose``, which is also available as plain arrays."""
 
     pose = PoseField()
 
@@ -104,12 +104,12 @@ class Posed(Frozen):
 
     @property
     def position(self) -> Float[np.ndarray, "3"]:
-        """Of the platform's origin in the base frame, (3,) [m]."""
+        """Position of the platform's origin in the base frame, (3,) [m]."""
         return self.at.position.copy()
 
     @property
     def rotation_matrix(self) -> Float[np.ndarray, "3 3"]:
-        """From the platform frame to the base frame, (3, 3)."""
+        """Rotation from the platform frame to the base frame, (3, 3)."""
         return self.at.rotation_matrix
 
 
@@ -135,7 +135,7 @@ def euler(rotation: Rotation) -> Float[np.ndarray, "3"]:
     At beta = ±90° only the sum or difference of alpha and gamma is defined; gamma is then 0.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # SciPy's gimbal-lock warning, answered above
+        warnings.simplefilter("ignore", UserWarning)  # SciPy's gimbal-lock warning; see the docstring
         return rotation.as_euler("xyz")
 
 
@@ -165,14 +165,14 @@ def tilt_of_matrices(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndar
 
 
 def angle_between(one: Float[np.ndarray, "*#batch 3 3"], other: Float[np.ndarray, "*#batch 3 3"]) -> np.ndarray:
-    """The angle of the rotation from one to the other, (...) [rad], by its sine and cosine: exact where it is small."""
+    """The angle of the rotation from one to the other, (...) [rad], by sine and cosine: accurate if small."""
     turn = one @ np.swapaxes(other, -1, -2)
     sines = [turn[..., i, j] - turn[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
     return np.arctan2(np.sqrt(sum(sine * sine for sine in sines)), np.trace(turn, axis1=-2, axis2=-1) - 1)
 
 
 def poses_of(positions: Float[np.ndarray, "*batch 3"], matrices: Float[np.ndarray, "*batch 3 3"]) -> RigidTransform:
-    """Poses of their positions and rotation matrices; where either is nan, level and with a position of nan."""
+    """Poses from positions and rotation matrices; where either is nan, level and with a position of nan."""
     known = np.asarray(np.isfinite(positions).all(-1) & np.isfinite(matrices).all((-1, -2)))
     if known.all():
         return RigidTransform.from_components(positions, Rotation.from_matrix(matrices))

@@ -1,4 +1,4 @@
-"""What both methods solve: the equilibrium of a robot with given rest lengths and load. One problem, or many."""
+"""The problem that both methods solve: the equilibrium of a robot with given rest lengths and load; one or many."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from cdpr_sim.core.robot import IN_PLANE, Robot
 from cdpr_sim.core.status import IDLE_STRAIN, Status
 
 ORTHOGONAL = 1e-6
-"""How far the rows of a rotation matrix may be from unit length and right angles."""
+"""Tolerance of unit length and orthogonality of the rows of a rotation matrix."""
 
 MOST_FORCE = 1e15
-"""[N], [N m] Of an external wrench: as stiff as the stiffest cables that are taken."""
+"""[N], [N m] Largest external wrench: as large as the largest axial stiffness that is accepted."""
 
 SHORTEST = 1e-9
-"""Least rest length, as a fraction of the largest coordinate of an exit or of the platform: rounding of those
-coordinates is 1e-7 of strain in such a cable, and the whole of it in one of a millionth of its length."""
+"""Smallest rest length, as a fraction of the largest coordinate of an exit or of the platform: rounding of those
+coordinates is a strain of 1e-7 in such a cable, and 100 % in one of a millionth of its length."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem(Posed, HtmlRepr):
-    """A robot, the pose it starts from, its rest lengths and an external wrench; checked and frozen.
+    """A robot, the commanded pose, the rest lengths and an external wrench; checked and frozen.
 
     Attributes:
         robot: the robot.
@@ -56,22 +56,22 @@ class Problem(Posed, HtmlRepr):
         rest_lengths: ArrayLike | None = None,
         external_wrench: ArrayLike | None = None,
     ) -> Problem:
-        """The problem that users describe; rest lengths default to the rigid ones at ``pose`` (paper Eq. 1, 2).
+        """The problem from users' arguments; rest lengths default to the rigid ones at ``pose`` (paper Eq. 1, 2).
 
-        A problem that is ready goes through as it is, and takes nothing beside it.
+        A ``Problem`` is returned unchanged, and no other argument may be given beside it.
 
         Returns:
             The problem, checked and frozen.
 
         Raises:
-            InvalidInput: a pose, a length or a wrench that cannot be right, or a commanded pose at which every
-                exit lies below the platform, so that it falls.
+            InvalidInput: an invalid pose, length or wrench, or a commanded pose at which every exit lies below the
+                platform, so that it falls.
         """
         if isinstance(robot, Problem):
             beside = {"pose": pose, "rest_lengths": rest_lengths, "external_wrench": external_wrench}
             for name, value in beside.items():
                 if value is not None:
-                    raise InvalidInput(f"{name}: found one beside a Problem, expected it in the Problem alone")
+                    raise InvalidInput(f"{name}: found one beside a Problem, expected it only in the Problem")
             return robot
         refuse_unless(Robot | Problem, robot=robot)
         if pose is None:
@@ -108,7 +108,7 @@ class Problem(Posed, HtmlRepr):
 
     @property
     def mass(self) -> float:
-        """Of the robot's platform [kg]."""
+        """Mass of the robot's platform [kg]."""
         return self.robot.mass
 
     @property
@@ -118,14 +118,14 @@ class Problem(Posed, HtmlRepr):
 
     @property
     def force_scale(self) -> float:
-        """What an unbalanced force is compared with [N]: the load, or, without one, a thousandth of the mean EA."""
+        """Scale of unbalanced forces [N]: the load, or, without one, a thousandth of the mean EA."""
         return self.load or IDLE_STRAIN * float(self.axial_stiffness.mean())
 
     def same_as(self, other: Problem) -> bool:
-        """Whether both ask for the same robot, rest lengths and load (the starting pose may differ).
+        """Whether both have the same robot, rest lengths and load (the starting pose may differ).
 
         Returns:
-            True if answers to the two can be compared.
+            True if equilibria of the two can be compared.
         """
         refuse_unless(Problem, other=other)
         mine, theirs = self.robot, other.robot
@@ -151,19 +151,19 @@ class Problem(Posed, HtmlRepr):
 class Problems(Frozen):
     """Many problems of one robot, checked as a whole; arrays broadcast to one ``shape``.
 
-    Indexing gives a single ``Problem``; a row that cannot be asked says why in ``refusals``.
+    Indexing gives a single ``Problem``; ``refusals`` gives the reason why a row cannot be solved.
 
     Attributes:
         robot: the robot.
-        positions: commanded, (..., 3) [m].
+        positions: commanded positions, (..., 3) [m].
         rotations: commanded rotation matrices, (..., 3, 3).
         rest_lengths: unstretched cable lengths l0, (..., cables) [m].
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, (..., 6).
         axial_stiffness: EA, (..., cables) [N].
         mass: (...) [kg].
-        shape: that all of them broadcast to.
+        shape: shape to which all of them broadcast.
         falls: (...) where every exit lies below the platform, which then falls.
-        singles: the problems that were stacked, if they were.
+        singles: the stacked problems, if there are any.
     """
 
     robot: Robot
@@ -192,15 +192,15 @@ class Problems(Frozen):
         axial_stiffness: ArrayLike | None = None,
         mass: ArrayLike | None = None,
     ) -> Problems:
-        """The problems that users describe.
+        """The problems from users' arguments.
 
         Args:
-            robot: the robot; its cables and mass are the default of what follows. Or problems that are ready.
-            poses: commanded, (..., 3) [m], (..., 6) [m, rad], a stack of transforms, or a list of anything that is a
-                pose.
+            robot: the robot; its cables and mass are the defaults of the other arguments. Or ``Problems``.
+            poses: commanded poses, (..., 3) [m], (..., 6) [m, rad], a stack of transforms, or a list of poses of any
+                kind.
             rest_lengths: (..., cables) [m]; default: the rigid lengths at each commanded pose (paper Eq. 1, 2).
             external_wrench: (..., 6) [N, N m].
-            rotations: commanded rotation matrices (..., 3, 3), where ``poses`` are positions; default: level.
+            rotations: commanded rotation matrices (..., 3, 3), if ``poses`` are positions; default: level.
             axial_stiffness: EA [N], a number, or with the cables last: (..., cables), or (..., 1) for all cables alike.
             mass: (...) [kg].
 
@@ -208,13 +208,13 @@ class Problems(Frozen):
             Problems of the shape to which all of these broadcast.
 
         Raises:
-            InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
+            InvalidInput: shapes that do not fit or are ambiguous, or invalid numbers.
         """
         refuse_unless(Robot | Problems, robot=robot)
         if isinstance(robot, Problems):
             for name, value in {k: v for k, v in locals().items() if k not in ("cls", "robot")}.items():
                 if value is not None:
-                    raise InvalidInput(f"{name}: found it beside Problems, expected it in them alone")
+                    raise InvalidInput(f"{name}: found it beside Problems, expected it only in them")
             return robot
         if poses is None:
             raise InvalidInput("poses: found none, expected (..., 3), (..., 6) or a stack of RigidTransform")
@@ -252,13 +252,13 @@ class Problems(Frozen):
 
     @classmethod
     def stack(cls, problems: Sequence[Problem]) -> Problems:
-        """(rows,) problems of one and the same robot, each ready on its own.
+        """(rows,) problems from single problems of the same robot.
 
         Returns:
             (rows,) problems.
 
         Raises:
-            InvalidInput: none, or something else.
+            InvalidInput: an empty list, something else than problems, or different robots.
         """
         for problem in listed("problems", problems, "Problems of one robot"):
             refuse_unless(Problem, problems=problem)
@@ -278,7 +278,7 @@ class Problems(Frozen):
         )
 
     def take(self, rows: Int[np.ndarray, " some"] | Bool[np.ndarray, "*batch"]) -> Problems:
-        """Some of (rows,) problems, by their numbers; or those of any shape where ``rows`` is true.
+        """Some of (rows,) problems, by their indices; or those of any shape where ``rows`` is true.
 
         Returns:
             (some,) problems.
@@ -323,7 +323,7 @@ class Problems(Frozen):
 
     @cached_property
     def finite(self) -> Bool[np.ndarray, "*batch"]:
-        """(...) where pose and rest lengths are numbers, and no cable is shorter than rounding."""
+        """(...) where pose and rest lengths are finite, and no cable is shorter than rounding."""
         known = np.isfinite(self.positions).all(-1) & np.isfinite(self.rotations).all((-1, -2))
         with np.errstate(invalid="ignore"):
             long = self.rest_lengths.min(-1) > _shortest(self.robot, self.positions)
@@ -331,9 +331,9 @@ class Problems(Frozen):
 
     @cached_property
     def refusals(self) -> Int[np.ndarray, "*batch"]:
-        """(...) a ``Status`` that says why a problem cannot be asked; ``PENDING`` where it can."""
+        """(...) a ``Status`` with the reason why a problem cannot be solved; ``PENDING`` where it can."""
         placed = np.isfinite(self.positions).all(-1) & np.isfinite(self.rotations).all((-1, -2))
-        off_wheel = placed & np.isnan(self.rest_lengths).any(-1)  # those that are given are finite
+        off_wheel = placed & np.isnan(self.rest_lengths).any(-1)  # given rest lengths are finite
         why = np.where(self.finite, Status.PENDING.value, np.where(off_wheel, Status.OFF_WHEEL, Status.NOT_FINITE))
         return np.where(self.falls, Status.FALLS.value, why)
 
@@ -353,7 +353,7 @@ class Problems(Frozen):
 
     @property
     def force_scale(self) -> Float[np.ndarray, "*#batch"]:
-        """(...) what an unbalanced force is compared with [N]: the load, or without one a thousandth of the mean EA."""
+        """(...) scale of unbalanced forces [N]: the load, or without one a thousandth of the mean EA."""
         return np.where(self.load > 0, self.load, IDLE_STRAIN * self.axial_stiffness.mean(-1))
 
     def __repr__(self) -> str:
@@ -363,7 +363,7 @@ class Problems(Frozen):
 def positions_and_rotations(
     robot: Robot, poses: RigidTransform | ArrayLike, rotations: ArrayLike | None, field: str = "poses"
 ) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*#batch 3 3"]]:
-    """Poses as users give them: positions (..., 3) [m] and rotation matrices, of all or of each.
+    """Positions (..., 3) [m] and rotation matrices, for all or for each, from poses as users give them.
 
     Raises:
         InvalidInput: not poses, positions beyond any robot, or out of the plane of a planar robot.
@@ -406,12 +406,12 @@ def positions_and_rotations(
 
 
 def _fitting(parts: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """The shape that these broadcast to."""
+    """The shape to which these broadcast."""
     try:
         return np.broadcast_shapes(*parts.values())
     except ValueError:
-        told = ", ".join(f"{name} {found}" for name, found in parts.items() if found)
-        raise InvalidInput(f"shapes before the last dimensions do not fit one another: {told}") from None
+        listed_shapes = ", ".join(f"{name} {found}" for name, found in parts.items() if found)
+        raise InvalidInput(f"shapes before the last dimensions do not fit one another: {listed_shapes}") from None
 
 
 def _checked_rotations(rotations: ArrayLike) -> Float[np.ndarray, "*batch 3 3"]:
@@ -437,7 +437,7 @@ def _with_last(
     unit: str = "",
     number: bool = False,
 ) -> Float[np.ndarray, "*batch last"]:
-    """``value`` as finite numbers whose last dimension has one of the lengths ``last``; a single number, if allowed."""
+    """``value`` as finite numbers with a last dimension of one of the lengths ``last``; a single number, if allowed."""
     array = checked_array(field, value, None)
     if array.ndim == 0 and number:
         array = array[None]
@@ -450,17 +450,17 @@ def _with_last(
 
 
 def _place(wrong: Bool[np.ndarray, "..."]) -> str:
-    """Where the first is, in words."""
+    """Index of the first wrong entry, as text."""
     return f" at {[int(i) for i in np.argwhere(wrong)[0]]}" if wrong.ndim else ""
 
 
 def refuse_wrench_out_of_plane(
     robot: Robot, wrench: Float[np.ndarray, "*batch 6"], field: str = "external_wrench"
 ) -> None:
-    """A planar robot feels forces along x and z and torques about y alone; and none is beyond ``MOST_FORCE``.
+    """Refuse wrenches out of the plane of a planar robot, and any beyond ``MOST_FORCE``.
 
     Raises:
-        InvalidInput: another.
+        InvalidInput: such a wrench.
     """
     if np.abs(wrench).max(initial=0.0) > MOST_FORCE:
         raise InvalidInput(f"{field}: found {np.abs(wrench).max():g}, expected at most {MOST_FORCE:g} N or N m")
@@ -474,18 +474,18 @@ def refuse_wrench_out_of_plane(
 
 
 def warn_where_outside(robot: Robot, positions: Float[np.ndarray, "*batch 3"]) -> None:
-    """Say that winches are told to hold a position that is hardly meant."""
+    """Warn if a commanded position is implausible."""
     ends = (positions, positions)
     if positions.ndim > 1:
         ends = np.fmin.reduce(positions.reshape(-1, 3)), np.fmax.reduce(positions.reshape(-1, 3))
-    least, most = (end.tolist() for end in ends)  # plain numbers are compared ten times faster
+    least, most = (end.tolist() for end in ends)  # comparing Python numbers is ten times faster
     (x, y, _), (right, back, top) = robot.surroundings
     if least[0] < x or least[1] < y or most[0] > right or most[1] > back or most[2] > top:
         warn_of_outside(robot.name, robot.frame)
 
 
 def _shortest(robot: Robot, positions: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
-    """The length [m] of a cable that is all rounding, with the platform at these positions."""
+    """Cable length [m] below which coordinates are all rounding, with the platform at these positions."""
     return SHORTEST * np.maximum(np.abs(positions).max(-1), np.abs(robot.exits).max())
 
 
@@ -496,7 +496,7 @@ def _falls(
     positions: Float[np.ndarray, "*#batch 3"],
     rotations: Float[np.ndarray, "*#batch 3 3"],
 ) -> Bool[np.ndarray, "*batch"]:
-    """A cable only pulls: with every exit below its anchor, nothing holds a platform that is pushed down."""
+    """Whether the platform falls: every exit is below its anchor, and the load pushes down."""
     turn, (a, b, c) = rotations[..., 2, :, None], robot.anchors.T
     highest = (robot.exits[:, 2] - (turn[..., 0, :] * a + turn[..., 1, :] * b + turn[..., 2, :] * c)).max(-1)
     return (weight > wrench[..., 2]) & (positions[..., 2] >= highest)

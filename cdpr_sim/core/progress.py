@@ -1,4 +1,4 @@
-"""A progress bar for a person who waits, on standard error; nothing at all where nobody looks."""
+"""A progress bar on standard error; nothing if standard error is not a terminal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def bar(what: str, total: float, *, show: bool = True) -> Iterator[Callable[[float], None]]:
-    """A bar of ``total``, and the function that moves it on by an amount."""
+    """A progress bar up to ``total``, and the function that advances it by an amount."""
     if not show:
         yield lambda amount: None
         return
@@ -23,7 +23,7 @@ def bar(what: str, total: float, *, show: bool = True) -> Iterator[Callable[[flo
 
 @contextmanager
 def saying(show: bool = True) -> Iterator[Callable[[str], None]]:
-    """A line on standard error that changes, and the function that changes it; nothing where nobody looks."""
+    """A line on standard error, and the function that changes it; nothing if standard error is not a terminal."""
     if not show:
         yield lambda words: None
         return

@@ -44,19 +44,20 @@ STANDARD_GRAVITY = 9.81
 """Acceleration of gravity [m/s²], as in DemoBot's study."""
 
 IN_PLANE = 1e-9
-"""How far [m, or sine of an angle] out of the x-z plane still counts as rounding."""
+"""Distance from the x-z plane [m, or sine of an angle] that still counts as rounding."""
 
 MASS_RANGE = (1e-6, 1e12)
-"""[kg] From a milligram: MuJoCo takes no mass and no inertia below 1e-15 in SI units."""
+"""[kg] Range of masses, from a milligram: MuJoCo accepts no mass and no inertia below 1e-15 in SI units."""
 
 INERTIA_RANGE = (1e-14, 1e24)
-"""[kg m²] Principal moments that are taken."""
+"""[kg m²] Range of principal moments."""
 
 LEAST_LENGTH = 1e-9
-"""[m] The shortest edge of a platform; and how far from its origin one anchor has to be, unless all lie there."""
+"""[m] The shortest edge of a platform; and the smallest distance of the farthest anchor from its origin, unless it is
+0."""
 
 BALANCED = 1e-3
-"""Of the largest tension: what given tensions may leave unbalanced. Four digits of a printed table are enough."""
+"""Fraction of the largest tension that given tensions may leave unbalanced. Four digits of a printed table suffice."""
 
 MOST_GRAVITY = 1e6
 """[m/s²]"""
@@ -70,35 +71,36 @@ class Robot(HtmlRepr):
         exits: exit points A_i in the base frame, (cables, 3) [m].
         anchors: anchor points B_i in the platform frame, (cables, 3) [m].
         axial_stiffness: EA [N], one number or one per cable.
-        mass: of the platform [kg].
-        linear_density: of the cables [kg/m], one number or one per cable; 0 is a massless cable.
-        pulley_radius: of the swivelling wheels at the exits [m], one number or one per cable; 0 is a point.
-        pulley_axis: the direction in which the cable arrives at its wheel, (3,) or (cables, 3).
-        stiffening: (a2, a3) of tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable; given up to a strain of
-            20 %, beyond which no equilibrium is claimed.
-        force_min: smallest tension that is wanted of a cable [N], one number or one per cable.
-        force_max: largest tension that a cable or its winch takes [N], likewise; infinite without a limit. Both limit
-            what is chosen (``compensate``) and what is feasible (``sweep``), not where a platform rests.
-        breaking_load: smallest tension at which a cable breaks [N], likewise; infinite where it is not known.
-            Equilibria say which cables are overloaded.
+        mass: mass of the platform [kg].
+        linear_density: mass per length of the cables [kg/m], one number or one per cable; 0 is a massless cable.
+        pulley_radius: radius of the swivelling wheels at the exits [m], one number or one per cable; 0 is a point.
+        pulley_axis: direction in which the cable arrives at its wheel, (3,) or (cables, 3).
+        stiffening: (a2, a3) of the nonlinear law tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable;
+            defined up to a strain of 20 %, beyond which no equilibrium is accepted.
+        force_min: smallest wanted tension of a cable [N], one number or one per cable.
+        force_max: largest tension that a cable or its winch allows [N], one number or one per cable; infinite
+            without a limit. Both limits are used by ``compensate`` and ``sweep`` (feasibility); they do not change
+            the equilibrium.
+        breaking_load: smallest tension at which a cable breaks [N], one number or one per cable; infinite if
+            unknown. Equilibria report overloaded cables.
         center_of_mass: in the platform frame, (3,) [m].
-        inertia: about the centre of mass in the platform frame [kg m²], (3, 3) or its diagonal (3,);
+        inertia: inertia about the centre of mass in the platform frame [kg m²], (3, 3) or its diagonal (3,);
             default: a uniform box of ``platform_size`` centred there.
         mobility: "spatial" (six free directions) or "planar" (x, z and the rotation about y).
         gravity: acceleration downwards, along -z [m/s²].
-        name: what tables, models and pictures call the robot.
+        name: name of the robot in tables, models and pictures.
         platform_size: edges of the box that is drawn, (3,) [m]; default: the box around the anchors.
-        frame: two opposite corners of the frame that is drawn, (2, 3) [m]; default: the box around the
-            exits, down to the floor z = 0.
-        workspace: two opposite corners of the box in which studies command the platform, (2, 3) [m];
-            default: the middle of the frame.
-        material: what the cables are called; for display only (``replace(material=...)`` sets the stiffness too).
+        frame: two opposite corners of the frame that is drawn, (2, 3) [m]; default: the box around the exits, down
+            to the floor z = 0.
+        workspace: two opposite corners of the box in which studies command the platform, (2, 3) [m]; default: the
+            middle of the frame.
+        material: name of the cables; for display only (``replace(material=...)`` sets the stiffness too).
         description: one line.
-        source: where the numbers come from.
-        notes: what another project's file said and this robot has not got, a sentence each; and what was assumed.
+        source: source of the numbers.
+        notes: properties of another project's file that this robot does not have, a sentence each; and assumptions.
 
     Raises:
-        InvalidInput: a field that cannot be right; the message names it.
+        InvalidInput: a field is invalid; the message names it.
     """
 
     cabling: Cabling
@@ -243,7 +245,7 @@ class Robot(HtmlRepr):
 
     @property
     def pulley_radius(self) -> Float[np.ndarray, " cables"]:
-        """Of the wheel at each exit, (cables,) [m]; 0 is a point."""
+        """Radius of the wheel at each exit, (cables,) [m]; 0 is a point."""
         return self.cabling.pulley_radius
 
     @property
@@ -258,17 +260,17 @@ class Robot(HtmlRepr):
 
     @property
     def force_min(self) -> Float[np.ndarray, " cables"]:
-        """Smallest tension that is wanted of each cable, (cables,) [N]."""
+        """Smallest wanted tension of each cable, (cables,) [N]."""
         return self.cabling.force_min
 
     @property
     def force_max(self) -> Float[np.ndarray, " cables"]:
-        """Largest tension that each cable or its winch takes, (cables,) [N]; infinite without a limit."""
+        """Largest tension that each cable or its winch allows, (cables,) [N]; infinite without a limit."""
         return self.cabling.force_max
 
     @property
     def breaking_load(self) -> Float[np.ndarray, " cables"]:
-        """Smallest tension at which each cable breaks, (cables,) [N]; infinite where it is not known."""
+        """Smallest tension at which each cable breaks, (cables,) [N]; infinite if unknown."""
         return self.cabling.breaking_load
 
     @property
@@ -283,17 +285,17 @@ class Robot(HtmlRepr):
 
     @cached_property
     def free(self) -> list[int]:
-        """``free_directions`` as a list, which NumPy takes as an index."""
+        """``free_directions`` as a list, which is an index of NumPy arrays."""
         return list(self.free_directions)
 
     @cached_property
     def units(self) -> Float[np.ndarray, "6"]:
-        """What turns (translation, rotation) into lengths, and (force, torque) into forces: 1 and a length [m]."""
+        """Scales that turn (translation, rotation) into lengths, and torques into forces: 1 and a length [m]."""
         return frozen(np.repeat([1.0, self.characteristic_length], 3))
 
     @property
     def kind(self) -> Kind:
-        """How its cables hold it, amid its workspace: fewer than its freedoms, all from above, or some from below."""
+        """Kind of cabling in the middle of the workspace: too few cables, all from above, or some from below."""
         if self.cables < len(self.free_directions):
             return "under-actuated"
         above = self.exits[:, 2] >= self.home[2] + self.anchors[:, 2]
@@ -330,12 +332,12 @@ class Robot(HtmlRepr):
 
     @property
     def home(self) -> Float[np.ndarray, "3"]:
-        """The middle of the workspace, (3,) [m]: where a robot is commanded to if nobody says where."""
+        """The middle of the workspace, (3,) [m]: the default of commanded positions."""
         return np.round(self.workspace.mean(0), 12)  # 0.4, not 0.39999999999999997
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What makes it unlikely that this is the robot that was meant, a sentence each; none is an error."""
+        """Reasons why the robot is implausible, a sentence each; none is an error."""
         return tuple(
             f"{self.name}: {sentence}"
             for sentence in implausibilities(
@@ -345,11 +347,11 @@ class Robot(HtmlRepr):
 
     @cached_property
     def surroundings(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Two opposite corners of the box in which positions are plausible [m]; without a bottom."""
+        """Two opposite corners of the box of plausible positions [m]; unbounded below."""
         return surroundings(self.frame)
 
     def pose(self, pose: PoseLike) -> RigidTransform:
-        """``pose`` as a ``RigidTransform``, checked to be one this robot can take.
+        """``pose`` as a ``RigidTransform``, checked to be possible for this robot.
 
         Returns:
             The pose, position [m] and rotation of the platform frame in the base frame.
@@ -360,7 +362,7 @@ class Robot(HtmlRepr):
         return self.placed(pose).transform
 
     def placed(self, pose: PoseLike) -> Pose:
-        """``pose`` as plain arrays, checked likewise.
+        """``pose`` as plain arrays, checked in the same way.
 
         Returns:
             The pose, with position (3,) [m] and rotation matrix (3, 3).
@@ -378,28 +380,28 @@ class Robot(HtmlRepr):
     def rest_lengths(
         self, pose: PoseLike, tensions: ArrayLike | None = None, *, external_wrench: ArrayLike | None = None
     ) -> Float[np.ndarray, " cables"]:
-        """Cable lengths l0 to let out for a pose, (cables,) [m].
+        """Unstretched cable lengths l0 for a pose, (cables,) [m].
 
-        Without tensions, those of rigid cables (paper Eq. 1, 2), on which a platform sags. With tensions, each elastic
-        cable is cut so that it has its tension at the pose, which is then an equilibrium: how a fully constrained
-        robot is pretensioned.
+        Without tensions, those of rigid cables (paper Eq. 1, 2), with which the equilibrium is below the pose. With
+        tensions, each elastic cable gets the unstretched length with which it has its tension at the pose, which is
+        then an equilibrium: this is how a fully constrained robot is pretensioned.
 
         Args:
             pose: the commanded pose.
-            tensions: (cables,) [N], which have to balance the load at the pose. Or one number p [N], a pretension:
-                those that balance the load and are nearest to p in every cable, tau = p − W⁺ (W p + w_e) (Pott,
+            tensions: (cables,) [N], which have to balance the load at the pose. Or one number p [N], a pretension: the
+                tensions that balance the load and are nearest to p in every cable, tau = p − W⁺ (W p + w_e) (Pott,
                 Bruckmann, Mikelsons, "Closed-form force distribution for parallel wire robots", Computational
                 Kinematics 2009). ``compensate`` finds any that balance the load within limits.
             external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity: part of
-                the load that tensions balance.
+                the load that the tensions balance.
 
         Returns:
             (cables,) [m].
 
         Raises:
-            InvalidInput: a bad pose, an exit that lies on its anchor there, or tensions that do not balance the load or
-                strain a cable further than its law is given; a pretension near which none do, within the cables'
-                limits of force.
+            InvalidInput: an invalid pose, an exit that lies on its anchor there, or tensions that do not balance the
+                load or strain a cable beyond the range of its law; a pretension near which no tensions within the force
+                limits balance the load.
         """
         lengths = self._path_lengths(pose)
         if tensions is None:
@@ -413,14 +415,14 @@ class Robot(HtmlRepr):
             cable = int(np.argmax(pulls > most))
             raise InvalidInput(
                 f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1}, expected at most {most[cable]:.4g} N, a "
-                f"strain of {MOST_STRAIN:.0%}, up to which its nonlinear law is given"
+                f"strain of {MOST_STRAIN:.0%}, up to which its nonlinear law is defined"
             )
         return cable_law.rest_length_for(lengths, pulls, *law)
 
     def _balancing(
         self, at: Pose, tensions: ArrayLike, external_wrench: ArrayLike | None
     ) -> Float[np.ndarray, " cables"]:
-        """Tensions as ``rest_lengths`` takes them, one per cable and found to balance the load."""
+        """Tensions for ``rest_lengths``, one per cable, checked to balance the load."""
         wanted = checked_array("tensions", tensions, None)
         if wanted.ndim:
             wanted = checked_array("tensions", wanted, (self.cables,))
@@ -440,7 +442,7 @@ class Robot(HtmlRepr):
         if left > BALANCED * scale:
             raise InvalidInput(
                 f"tensions: found that they leave {left:.3g} N unbalanced at the pose, expected tensions that balance "
-                "the load there; one number finds the nearest, and compensate any within limits"
+                "the load there; one number gives the nearest, and compensate finds any within limits"
                 if wanted.ndim
                 else f"tensions: found none near {wanted:g} N that balance the load at the pose: cables that pull or "
                 f"push leave {left:.3g} N, expected a pose at which they can carry it"
@@ -457,7 +459,7 @@ class Robot(HtmlRepr):
         return pulls
 
     def _path_lengths(self, pose: PoseLike) -> Float[np.ndarray, " cables"]:
-        """Of the cables from exit to anchor, (cables,) [m] (paper Eq. 1, 2)."""
+        """Lengths of the cables from exit to anchor, (cables,) [m] (paper Eq. 1, 2)."""
         at = self.placed(pose)
         lengths = cable_path.lengths(self.cabling, at.position, at.rotation_matrix)
         if np.isnan(lengths).any():
@@ -472,7 +474,7 @@ class Robot(HtmlRepr):
     def replace(self, **changes) -> Robot:
         """A copy with some fields changed; ``material="fishing-0.4mm"`` sets stiffness and breaking load as well.
 
-        The breaking load of cables of another ``axial_stiffness`` is not known, unless it is given too.
+        With another ``axial_stiffness``, the breaking load becomes unknown, unless it is given too.
 
         What was derived by default (the uniform box's inertia, the frame, the workspace) follows the change.
 
@@ -480,7 +482,7 @@ class Robot(HtmlRepr):
             The changed copy; this robot stays as it is.
 
         Raises:
-            InvalidInput: a field that cannot be right.
+            InvalidInput: an invalid field.
             UnknownName: no such field or material.
         """
         for name in changes:
@@ -494,7 +496,7 @@ class Robot(HtmlRepr):
         return _robot_of(self._given | changes)
 
     def __reduce__(self) -> tuple:
-        """Copies and pickles are made anew from what was given, so that their arrays are read-only as well."""
+        """Copies and pickles are constructed from the arguments, so that their arrays are read-only as well."""
         return _robot_of, (self._given,)
 
     def __repr__(self) -> str:
@@ -502,11 +504,11 @@ class Robot(HtmlRepr):
 
 
 FIELDS = tuple(inspect.signature(Robot).parameters)
-"""What a robot is made of, and what ``replace`` can change."""
+"""Fields of a robot, which ``replace`` can change."""
 
 
 def _robot_of(given: dict[str, Any]) -> Robot:
-    """A copy, perhaps changed: what is odd about the robot has been said."""
+    """A copy, perhaps changed, without the warnings about implausible properties."""
     robot = object.__new__(Robot)
     object.__setattr__(robot, "_copied", True)
     Robot.__init__(robot, **given)
@@ -522,7 +524,7 @@ def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"
         if abs(rows[row, 1]) > IN_PLANE:
             where = field_name if field_name == "center_of_mass" else f"{field_name} of cable {row + 1}"
             raise InvalidInput(
-                f"{where}: found y = {rows[row, 1]:g} m, expected 0: a planar robot lives in the x-z plane"
+                f"{where}: found y = {rows[row, 1]:g} m, expected 0: a planar robot moves in the x-z plane"
             )
 
 

@@ -1,4 +1,4 @@
-"""A motion of the platform and what was commanded meanwhile: a batch with times, filled in by MuJoCo."""
+"""A motion of the platform and its commands: a batch with times, computed by MuJoCo."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cdpr_sim.core.status import Status
 class Trajectory(EquilibriumBatch):
     """A motion of the platform, state by state: a batch of (steps,), and the time of each; usable without rendering.
 
-    A platform on its way is not at rest: residuals and eigenvalues are nan, and the status says ``MOVING``.
+    A moving platform is not in equilibrium: residuals and eigenvalues are nan, and the status is ``MOVING``.
 
     Attributes:
         times: (steps,) [s].
@@ -36,7 +36,7 @@ class Trajectory(EquilibriumBatch):
         lengths: Float[np.ndarray, "steps cables"],
         tensions: Float[np.ndarray, "steps cables"],
     ) -> Trajectory:
-        """From what MuJoCo shows: ``problems`` are the commands and the rest lengths that the winches had let out.
+        """A motion from its states: ``problems`` are the commands and the rest lengths that the winches had let out.
 
         Returns:
             A motion of (steps,) states.
@@ -63,7 +63,7 @@ class Trajectory(EquilibriumBatch):
         """A motion so slow that each state, (steps,), is one of ``equilibria``; for robots that ``drive`` refuses.
 
         Returns:
-            A motion of (steps,) states, each at rest.
+            A motion of (steps,) states, each in equilibrium.
         """
         return cls(
             **{field.name: getattr(equilibria, field.name) for field in dataclasses.fields(equilibria)}, times=times
@@ -78,7 +78,7 @@ class Trajectory(EquilibriumBatch):
 
 
 class PlatformFell(CdprError):
-    """MuJoCo's platform fell while it was driven.
+    """The platform fell in MuJoCo while it was driven.
 
     Attributes:
         trajectory: the motion so far; its last state is the fallen one.
@@ -90,7 +90,7 @@ class PlatformFell(CdprError):
 
 
 class BadCommand(InvalidInput):
-    """A controller that was tracked gave a command that no winch can follow, or none.
+    """A controller gave no command, or one that no winch can carry out.
 
     Attributes:
         trajectory: the motion so far.

@@ -16,7 +16,7 @@ from jaxtyping import Bool
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
-from cdpr_sim.core import available_memory
+from cdpr_sim.core import available_memory, extras
 from cdpr_sim.core.checks import FLAG, MOST_THREADS, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
@@ -132,6 +132,7 @@ def check(
         InvalidInput: a grid or names that cannot be right.
         UnknownName: no such robot or material.
     """
+    extras.require("sweep", "check")
     import xarray as xr
 
     refuse_unless(FLAG, progress=progress)

@@ -66,7 +66,8 @@ class CompensationCheck(HtmlRepr):
 
     def __repr__(self) -> str:
         return (
-            f"<Hold: MuJoCo {'confirms the compensation' if not self.reasons else 'says: ' + '; '.join(self.reasons)}>"
+            "<CompensationCheck: "
+            f"{'MuJoCo confirms the compensation' if not self.reasons else '; '.join(self.reasons)}>"
         )
 
 

@@ -89,7 +89,8 @@ class LayoutValidation(HtmlRepr):
     def __repr__(self) -> str:
         said = "both methods agree" if self.agrees else "the methods do not agree"
         name, poses = self.found.given.name, len(self.cases)
-        return f"<Proof of {name!r}: {'better' if self.better else 'no better'} in MuJoCo at {poses} poses, {said}>"
+        result = "better" if self.better else "no better"
+        return f"<LayoutValidation of {name!r}: {result} in MuJoCo at {poses} poses, {said}>"
 
 
 def validate_layout(found: LayoutResult) -> LayoutValidation:

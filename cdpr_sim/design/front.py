@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
+from cdpr_sim.core import extras
 from cdpr_sim.core.checks import Frozen, listed, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
@@ -125,17 +126,15 @@ def find_front(
         The layouts of the front with their scores, (layouts, 2) in SI units.
 
     Raises:
-        InvalidInput: as ``find_layout``; or pymoo is not installed.
+        InvalidInput: as ``find_layout``.
+        MissingExtra: pymoo is not installed.
     """
-    try:
-        from pymoo.algorithms.moo.nsga2 import NSGA2  # pyright: ignore[reportMissingImports]
-        from pymoo.core.callback import Callback  # pyright: ignore[reportMissingImports]
-        from pymoo.core.problem import Problem  # pyright: ignore[reportMissingImports]
-        from pymoo.optimize import minimize  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise InvalidInput(
-            "find_front: found no pymoo, expected it installed: pip install 'cdpr-sim[design]'"
-        ) from None
+    extras.require("design", "find_front")
+    from pymoo.algorithms.moo.nsga2 import NSGA2  # pyright: ignore[reportMissingImports]
+    from pymoo.core.callback import Callback  # pyright: ignore[reportMissingImports]
+    from pymoo.core.problem import Problem  # pyright: ignore[reportMissingImports]
+    from pymoo.optimize import minimize  # pyright: ignore[reportMissingImports]
+
     objectives = tuple(listed("objectives", objectives, "two"))
     if len(objectives) != 2:
         raise InvalidInput(f"objectives: found {len(objectives)}, expected two")

@@ -117,8 +117,8 @@ class LayoutResult(Frozen, HtmlRepr):
     def __repr__(self) -> str:
         of = self.objective
         return (
-            f"<Layout of {self.given.name!r}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, "
-            f"points moved by at most {1e3 * self.distance:.3g} mm>"
+            f"<LayoutResult of {self.given.name!r}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} "
+            f"now, points moved by at most {1e3 * self.distance:.3g} mm>"
         )
 
 

@@ -1,1 +1,1 @@
-"""MuJoCo: models, settling, driving, releasing. Never a formula of statics."""
+"""MuJoCo: models, settling, driving, tracking and releasing, without formulas of statics."""

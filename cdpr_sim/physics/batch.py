@@ -1,6 +1,6 @@
-"""One robot's simulations side by side in MuJoCo, and what MuJoCo says of their state.
+"""Simulations of one robot side by side in MuJoCo, and the readout of their state.
 
-Everything is read out of MuJoCo; no formula of statics stands here.
+All results are read out of MuJoCo; this module uses no formula of statics.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -28,26 +28,26 @@ from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 
 MASS_IN_UNITS = 2.0**30
-"""The platform's mass, in the unit of mass that MuJoCo is given. Its discrete integrator ends each step's iteration
-at an absolute tolerance: in kilograms, 3e-8 N no longer accelerate 1 kg, and the platform would come to a false rest. A
-unit of a power of two kilograms rounds no number, so that the motion is the same."""
+"""The platform's mass, in the unit of mass of the model in MuJoCo. MuJoCo's discrete integrator ends each step's
+iteration at an absolute tolerance: in kilograms, 3e-8 N no longer accelerate 1 kg, and the platform would stop before
+equilibrium. A unit of a power of two kilograms rounds no number, so that the motion is the same."""
 
 ARENA = 2**17
 """Bytes of working memory for MuJoCo; a model without contacts needs little of the default's 13 MB per thread."""
 
 DIFFERENCE = 3e-6
 """Displacement for differencing forces, as a fraction of the mean cable length: near the cube root of rounding, where
-truncation (its square) and rounding (over it) meet."""
+the error of truncation (its square) equals that of rounding (its inverse)."""
 
 
 HELD = 1e6
-"""Inertia of a wheel about its axis, as a multiple of the platform's: between two looks at it MuJoCo does not turn it.
-Only at the end it must not want to: what turns a wheel belongs to the residual."""
+"""Inertia of a wheel about its axis, as a multiple of the platform's: MuJoCo does not rotate it between two updates.
+At equilibrium its torque must vanish too: it is part of the residual."""
 
 
 @dataclass(frozen=True)
 class Observation:
-    """What MuJoCo says of each row's pose and cables."""
+    """Pose and cables of each row, from MuJoCo."""
 
     positions: Float[np.ndarray, "rows 3"]
     rotations: Float[np.ndarray, "rows 3 3"]
@@ -62,7 +62,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class SimulationReading(Observation):
-    """What MuJoCo says of each row's state at zero velocity, its balance included."""
+    """State of each row at zero velocity, from MuJoCo, with residual and stiffness."""
 
     residuals: Float[np.ndarray, " rows"]
     eigenvalues: Float[np.ndarray, "rows free"]
@@ -71,7 +71,7 @@ class SimulationReading(Observation):
 
 
 class Simulations:
-    """One robot side by side, each with its own rest lengths, load and state."""
+    """Simulations of one robot side by side, each with its own rest lengths, load and state."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, rows: int, threads: int = 1) -> None:
         self.robot, self.model = robot, model
@@ -116,7 +116,7 @@ class Simulations:
         self.armature[:] = self.model.dof_armature
 
     def reset(self, rows: Bool[np.ndarray, " rows"]) -> None:
-        """Forget the motion of ``rows`` and MuJoCo's warnings of it, and not their loads."""
+        """Reset the motion of ``rows`` and MuJoCo's warnings about it, but not their loads."""
         loads = self._loads.copy()
         self.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self._loads[:] = loads
@@ -128,7 +128,7 @@ class Simulations:
         self.turn_wheels()
 
     def turn_wheels(self, rows: Bool[np.ndarray, " rows"] | None = None) -> None:
-        """Turn each wheel towards its anchor, as a taut cable does and as nothing does with a slack one."""
+        """Turn each wheel towards its anchor, as a taut cable does and a slack one does not."""
         if not len(self.swivels):
             return
         rows = np.ones(len(self.qpos), dtype=bool) if rows is None else rows
@@ -158,13 +158,13 @@ class Simulations:
     def accelerating(self) -> Float[np.ndarray, "rows free"]:
         """Net generalised force on the platform without the damping, as of MuJoCo's last call [N, N m].
 
-        In its joints' coordinates.
+        In the coordinates of its joints.
         """
         return (self._smooth[:, : self.free] - self._damper[:, : self.free]) * self.unit
 
     @property
     def unbalanced(self) -> Float[np.ndarray, " rows"]:
-        """The largest component of ``forces``, and of what turns a wheel, over its radius [N]."""
+        """The largest component of ``forces``, and of the torques on wheels, over their radii [N]."""
         largest = np.abs(self.forces).max(1)
         if len(self.swivels.dofs):
             turning = np.abs(self._smooth - self._damper)[:, self.swivels.dofs] * self.unit / self.swivels.radii
@@ -182,7 +182,7 @@ class Simulations:
     def _in_base_frame(
         self, forces: Float[np.ndarray, "*batch free"], rotations: Float[np.ndarray, "*batch 3 3"]
     ) -> Float[np.ndarray, "*batch free"]:
-        """``forces`` of accelerating ones, which are overwritten, on platforms that are turned so."""
+        """``forces`` from ``accelerating``, which is overwritten, for platforms with these rotations."""
         if self.robot.mobility == "spatial":  # a free joint's torque is in the body frame
             forces[..., 3:] = (rotations @ forces[..., 3:, None])[..., 0]
         forces[..., self.angular] /= self.length
@@ -190,7 +190,7 @@ class Simulations:
 
     @property
     def pull(self) -> Float[np.ndarray, " rows"]:
-        """The tensions of all cables together [N], as of MuJoCo's last call: to judge the motion by, and no answer."""
+        """The sum of all tensions [N], as of MuJoCo's last call: it controls the motion, and is not a result."""
         return tendons.pull(self._lengths, self.band, self.springs).sum(1) * self.unit
 
     @property
@@ -223,20 +223,20 @@ class Simulations:
         return SimulationReading(*seen, residuals, *self._stiffness(), off_wheel)
 
     def observe(self, qpos: Float[np.ndarray, "rows coordinates"]) -> Observation:
-        """Each row's pose and cables at ``qpos``: ``read`` without the balance, for motions of many states."""
+        """Each row's pose and cables at ``qpos``: ``read`` without residual and stiffness, for many states."""
         self.qpos[:], self.qvel[:] = qpos, 0
         self.batch.forward()
         return Observation(*self._observed())
 
     def _observed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """What an observation consists of."""
+        """The data of an observation."""
         at, lengths = self._xpos[:, self._platform].copy(), self._lengths - self.entries
         return at, self.rotations.copy(), lengths, self._tensions()
 
     def _tensions(self) -> Float[np.ndarray, "rows cables"]:
         """Tension [N] of each cable: MuJoCo's spring force with only that spring switched on, along its tendon.
 
-        qfrc_spring = -J' tau, hence tau = -(J . qfrc_spring) / (J . J): negative, were a cable to push.
+        qfrc_spring = -J' tau, hence tau = -(J . qfrc_spring) / (J . J): it would be negative if a cable pushed.
         """
         all_springs, all_polynomials = self.springs.copy(), self.polynomials.copy()
         forces = np.empty((self.robot.cables, *self._spring.shape))
@@ -248,16 +248,16 @@ class Simulations:
         self.springs[:], self.polynomials[:] = all_springs, all_polynomials
         jacobian = np.zeros_like(forces)
         jacobian[self._entry_cables, :, self.model.ten_J_colind] = self._jacobian.T
-        # The two are parallel. Where J vanishes, at an anchor on its exit, so does the spring's force.
+        # The two are parallel. Where J vanishes, at an anchor on its exit, the spring's force vanishes too.
         squares = (jacobian * jacobian).sum(-1)
         tensions = -(jacobian * forces).sum(-1) / np.maximum(squares, np.finfo(float).tiny)
         return tensions.T * self.unit + 0.0  # no negative zero
 
     def _stiffness(self) -> tuple[Float[np.ndarray, "rows free"], Float[np.ndarray, "rows free"]]:
-        """Eigenvalues [N/m], ascending, of how MuJoCo's force gives way at the present poses; the softest direction.
+        """Eigenvalues [N/m], ascending, of the stiffness in MuJoCo at the present poses; direction of the smallest.
 
-        Central differences on the cables that are taut now: for the while those may push and slack ones do nothing, so
-        that a displacement does not cross the kink of a cable that is stretched by less. The wheels follow
+        Central differences on the cables that are taut now: during the differencing these may push and slack ones have
+        no force, so that a displacement does not cross the kink of a cable that is stretched by less. The wheels follow
         the platform.
         """
         band, springs, polynomials = self.band.copy(), self.springs.copy(), self.polynomials.copy()
@@ -295,7 +295,7 @@ class Simulations:
 
 
 def refuse_own_masses(problems: Problems) -> None:
-    """One model has one mass.
+    """Refuse a mass per problem, since one model has one mass.
 
     Raises:
         InvalidInput: another mass than the robot's.
@@ -305,28 +305,28 @@ def refuse_own_masses(problems: Problems) -> None:
 
 
 _idle: dict[Robot, Simulations] = {}
-"""Simulations of one row between two uses: building one takes as long as a settling."""
+"""Cache of simulations of one row: building one takes as long as a settling."""
 
 MOST_IDLE = 16
-"""Robots whose simulations are kept."""
+"""Number of robots whose simulations are cached."""
 
 
 @contextmanager
 def simulations_of(problems: Problems, model: mujoco.MjModel | None = None, threads: int = 1) -> Iterator[Simulations]:
-    """``problems`` at their start: for this caller alone, and with MuJoCo kept quiet.
+    """Simulations of ``problems`` at their start: for this caller only, with MuJoCo's warnings suppressed.
 
     Args:
-        problems: (rows,) of them, of one mass.
-        model: the model to use instead of the generated one, with the springs that it has.
+        problems: (rows,) problems, of one mass.
+        model: the model to use instead of the generated one, with its own springs.
         threads: 0 for one per processor.
 
     Raises:
-        InvalidInput: masses of their own, which one model cannot have.
+        InvalidInput: a mass per problem, since all rows have one model.
     """
     robot, rows = problems.robot, len(problems)
     refuse_own_masses(problems)
     reusable = model is None and rows == 1
-    found = _idle.pop(robot, None) if reusable else None  # taken out, so that no other thread can have it
+    found = _idle.pop(robot, None) if reusable else None  # removed, so that no other thread can use it
     with quiet():
         if found is None:
             found = Simulations(robot, _model_of(robot) if model is None else _prepared(model, robot), rows, threads)
@@ -340,7 +340,7 @@ def simulations_of(problems: Problems, model: mujoco.MjModel | None = None, thre
 
 @functools.lru_cache(maxsize=MOST_IDLE)
 def _model_of(robot: Robot) -> mujoco.MjModel:
-    """The compiled model of ``robot``, never written to: each problem brings its own pose, lengths and stiffnesses."""
+    """The compiled model of ``robot``, never modified: each problem sets its own pose, lengths and stiffnesses."""
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
     spec = mujoco.MjSpec.from_string(to_mjcf(robot, middle, np.ones(robot.cables)))
     spec.memory = ARENA
@@ -348,14 +348,14 @@ def _model_of(robot: Robot) -> mujoco.MjModel:
 
 
 def unit_of(robot: Robot) -> float:
-    """Of mass [kg], and hence of force [N], in which MuJoCo is given this robot: a power of two."""
+    """Unit of mass [kg], and hence of force [N], of this robot's model in MuJoCo: a power of two."""
     return float(2.0 ** np.round(np.log2(robot.mass / MASS_IN_UNITS)))
 
 
 def _prepared(model: mujoco.MjModel, robot: Robot) -> mujoco.MjModel:
-    """A copy of ``model`` in its unit, whose damping, time step and wheels' inertia are ours to choose.
+    """A copy of ``model`` in its unit, with our own damping, time step and inertia of wheels.
 
-    They move no equilibrium.
+    They do not change the equilibrium.
     """
     model, unit = copy.copy(model), unit_of(robot)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
@@ -370,7 +370,7 @@ def _prepared(model: mujoco.MjModel, robot: Robot) -> mujoco.MjModel:
         quantity /= unit
     dofs = pulleys.Swivels.of(model, robot.cabling).dofs
     model.dof_armature[dofs] = HELD * robot.mass * robot.characteristic_length**2 / unit
-    mujoco.mj_setConst(model, mujoco.MjData(model))  # what MuJoCo derives from masses
+    mujoco.mj_setConst(model, mujoco.MjData(model))  # constants that MuJoCo computes from masses
     return model
 
 
@@ -382,7 +382,7 @@ _quiet_users: list[object] = []
 def quiet() -> Iterator[None]:
     """Keep MuJoCo's warnings out of the terminal and MUJOCO_LOG.TXT: they are read from the warning counters instead.
 
-    The handler belongs to the process: the first to come replaces it and the last to go puts it back.
+    The handler belongs to the process: the first caller replaces it and the last one restores it.
     """
     with _quiet_lock:
         _quiet_users.append(mujoco.get_mju_user_warning() if not _quiet_users else None)

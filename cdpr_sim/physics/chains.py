@@ -1,20 +1,21 @@
-"""A cable that has weight, in MuJoCo: a chain of segments that pull and never push, with point masses between them.
+"""A cable with mass in MuJoCo: a chain of segments that pull and never push, with point masses between them.
 
-Segments are as long as the weights of Gauss and Legendre's quadrature times the rest length, each a tendon like a
-massless cable's, ``springlength="0 l"`` and ``stiffness`` EA/l. The masses lie between them, each what the cable weighs
-between two of the quadrature's points; what is left beyond the last point is a mass at the anchor. The chain's ends
-then lie as that quadrature integrates: six segments miss 1e-8 of the length where a cable pulls sideways by its weight,
-and 4e-12 where by twice that (``scripts/measure_constants.py``). In chains of equal segments the error falls with the
-square of their number only.
+The lengths of segments are the weights of Gauss and Legendre's quadrature times the rest length; each is a tendon like
+that of a massless cable, ``springlength="0 l"`` and ``stiffness`` EA/l. Each mass between them is the mass of the cable
+between two of the quadrature's points; the mass beyond the last point is at the anchor. The ends of the chain are then
+accurate to the order of that quadrature: with six segments the error is 1e-8 of the length where the horizontal tension
+is the cable's weight, and 4e-12 where it is twice the weight (``scripts/measure_constants.py``). In chains of equal
+segments the error falls only with the square of their number.
 
-What bends sharply such a division misses by percents: a slack chain, once it hangs, is divided anew, finer where it
-bends, and misses 3e-7 at most, unless it bends more sharply than ``SHARPEST``.
+For a cable that bends sharply such a division has errors of percents: a slack chain is divided again when it hangs,
+more finely where it bends, and then has an error of at most 3e-7, unless it bends more sharply than ``SHARPEST``.
 
-The masses are branches of the platform: each moves on three slide joints from the one that is nearer to the anchor, so
-that a coordinate is a segment's own extent, in the platform's frame, and only the first segment reaches the world.
-MuJoCo's implicit integrator knows damping, and not how a taut string resists being plucked. So damping stands for it:
-of the slides, for the segments between masses; of three tendons to far away, ``brake_1_x`` and so on, for the segment
-at the exit. All of it acts on velocities alone and moves no rest.
+The masses are branches of the platform: each moves on three slide joints relative to its neighbour on the side of the
+anchor, so that a coordinate is a segment's own extent, in the platform's frame, and only the first segment is attached
+to the world. MuJoCo's implicit integrator takes account of damping, but not of the transverse stiffness of a taut
+string. So damping replaces it: of the slides, for the segments between masses; of three tendons to distant points,
+``brake_1_x`` and so on, for the segment at the exit. All damping depends on velocities only and does not change the
+equilibrium.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -37,47 +38,49 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.number_format import LEAST_INERTIA, magnitude, text
 
 SEGMENTS = 6
-"""Of a chain."""
+"""Number of segments of a chain."""
 
 SHARPEST = 0.02
-"""Of a chain's bends, as a part of its length, the sharpest for which it is divided: segments get no smaller then."""
+"""Sharpest bend for which a chain is divided, as a fraction of its length: segments get no smaller."""
 
 STRAIGHT = 2.0
-"""A chain that pulls sideways by so many of its weights is divided as straight ones are: they have it to 4e-12."""
+"""Horizontal tension, in weights of the chain, above which it is divided like a straight one: the error is then
+4e-12."""
 
 LEAST_MASS = 1e-14
-"""[kg] Of a point mass: ten times the least that MuJoCo takes."""
+"""[kg] Smallest point mass: ten times the smallest that MuJoCo accepts."""
 
 LAYINGS, SHORTER = 60, 10
-"""Newton's steps at most when a chain is laid, and how often each is halved at most. A handful do."""
+"""Largest number of Newton steps to lay out a chain, and of halvings of each. A few suffice."""
 
 CLOSED, LEAST_PULL = 1e-13, 1e-12
-"""What a chain that is laid may miss its exit by, as a part of its length; and the least pull [N] with a direction."""
+"""Largest distance of a chain's end from its exit, as a fraction of its length; and the smallest pull [N] with a
+direction."""
 
 FAR = 1e4
-"""Distance of a brake's other end, in rest lengths: from there, directions do not change."""
+"""Distance of a brake's other end, in rest lengths: at that distance, directions do not change."""
 
 SHALLOWEST = 0.1
-"""Of a chain's first shape: the chord that its sag is reckoned with, in rest lengths, at least."""
+"""Smallest chord, in rest lengths, in the formula for a chain's first profile."""
 
 
 def refuse_weight(robot: Robot, doing: str) -> None:
-    """Weight is not ignored in silence.
+    """Refuse cables with mass where mass is not taken into account.
 
     Raises:
-        InvalidInput: a robot whose cables have weight.
+        InvalidInput: a robot whose cables have mass.
     """
     if not robot.cabling.massless:
         raise InvalidInput(
             f"linear_density: found {robot.cabling.linear_density.max():g} kg/m, expected massless cables: "
-            f"{doing} takes no account of their weight"
+            f"{doing} does not take account of their mass"
         )
 
 
-class Division(NamedTuple):
-    """How chains are divided from exit to anchor: segments' lengths, and masses, the one at the anchor last.
+class ChainDivision(NamedTuple):
+    """ChainDivision of chains from exit to anchor: segments' lengths, and masses, the one at the anchor last.
 
-    As parts of the whole. What is missing of the masses would be at the exit.
+    As fractions of the whole. The missing mass would be at the exit.
     """
 
     lengths: Float[np.ndarray, "#chains segments"]
@@ -85,41 +88,41 @@ class Division(NamedTuple):
 
 
 @cache
-def straight() -> Division:
-    """By the quadrature along the cable."""
+def straight() -> ChainDivision:
+    """ChainDivision by the quadrature along the cable."""
     points, weights = _quadrature()
-    return Division(weights[None] / 2, np.diff((points + 1) / 2, append=1.0)[None])
+    return ChainDivision(weights[None] / 2, np.diff((points + 1) / 2, append=1.0)[None])
 
 
-def divisions(level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " chains"]) -> Division:
-    """Of chains that bend: by the quadrature along u, with level + bend sinh(u) as the place along the cable.
+def divisions(level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " chains"]) -> ChainDivision:
+    """Divisions of chains with bends: by the quadrature in u, with level + bend sinh(u) the position along the cable.
 
-    So they are divided more finely where they turn. Those that hardly do are divided as straight ones.
+    So they are divided more finely where they bend. Chains that hardly bend are divided like straight ones.
 
     Args:
-        level: where each would lie level, from the exit, as a part of its length.
-        bend: from there on to where it slants by 45 degrees.
+        level: position along each chain, from the exit, where it is horizontal, as a fraction of its length.
+        bend: distance from there to where its slope is 45 degrees.
     """
     points, weights = _quadrature()
     level, bend = level[:, None], np.maximum(bend, SHARPEST)[:, None]
     first, last = np.arcsinh(-level / bend), np.arcsinh((1 - level) / bend)
     u = (first + last + (last - first) * points) / 2
     lengths = weights * np.cosh(u)
-    bent = Division(lengths / lengths.sum(1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
-    return Division(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(), strict=True)))
+    bent = ChainDivision(lengths / lengths.sum(1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
+    return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(), strict=True)))
 
 
 @cache
 def _quadrature() -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
-    """Points from -1 to 1, and weights; rounded, since the last digits differ from one NumPy to the next."""
+    """Points from -1 to 1, and weights; rounded, since the last digits differ between versions of NumPy."""
     points, weights = np.polynomial.legendre.leggauss(SEGMENTS)
     return np.round(points, 14), np.round(weights, 14)
 
 
 def shape(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_length: float) -> Float[np.ndarray, "n 3"]:
-    """Where a chain's simulation begins: its segments, from exit to anchor, straight or sagging along a parabola.
+    """Initial profile of a chain: its segments, from exit to anchor, straight or sagging along a parabola.
 
-    About as long as the cable; a guess, of which MuJoCo makes the shape.
+    Its length is approximately that of the cable; MuJoCo then computes the true profile.
     """
     (parts,) = straight().lengths
     s = np.append(0.0, np.cumsum(parts))
@@ -133,7 +136,7 @@ def shape(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_lengt
 def extents(
     robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"]
 ) -> Float[np.ndarray, "chains nodes 3"]:
-    """The slides' coordinates with the platform at ``pose``: of each cable with mass, from anchor to first mass."""
+    """The slides' coordinates with the platform at ``pose``: per cable with mass, from anchor to first mass."""
     anchors = pose.apply(robot.anchors)
     rows = [shape(robot.exits[i], anchors[i], rest_lengths[i]) for i in np.flatnonzero(robot.cabling.linear_density)]
     inwards = -np.array(rows).reshape(-1, SEGMENTS, 3)[:, :0:-1]
@@ -146,14 +149,14 @@ def add_chains(
     """The masses ``node_1_4``, ..., ``node_1_1`` of each cable with mass, from the anchor; returns their coordinates.
 
     Args:
-        platform: whose branches they are.
-        robot: whose cables.
-        pose: at which the platform is written.
+        platform: body of which they are branches.
+        robot: the robot.
+        pose: pose at which the platform is written.
         rest_lengths: (cables,) [m].
-        step: the time step [s] that the damping is for.
+        step: the time step [s] that determines the damping.
 
     Raises:
-        InvalidInput: a cable that is too light.
+        InvalidInput: a cable with too small a mass.
     """
     cabling = robot.cabling
     (lengths,), (parts,) = straight()
@@ -164,7 +167,7 @@ def add_chains(
         if masses.min() < LEAST_MASS:
             raise InvalidInput(
                 f"linear_density: found {cabling.linear_density[cable]:g} kg/m in cable {i}, {length:g} m long, "
-                "expected 0 or more than that: masses so light are none to MuJoCo"
+                "expected 0 or more than that: MuJoCo does not accept smaller masses"
             )
         _point(platform, f"end_{i}", cabling.anchors[cable], masses[-1])
         parent, place = platform, cabling.anchors[cable]
@@ -192,8 +195,8 @@ def add_far(world: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray,
 def add_segments(tendons: ET.Element, robot: Robot, cable: int, rest_length: float, step: float) -> None:
     """The tendons ``cable_1_1``, ..., from exit to anchor, of one cable with mass, its brakes, and ``chord_1``.
 
-    Their damping is for the time step ``step`` [s] of a model that is just stepped. It resists slack segments as well,
-    which slows them down and moves no rest.
+    Their damping is for the time step ``step`` [s] of a model that is only stepped. It also damps slack segments, which
+    slows them down and does not change the equilibrium.
     """
     (parts,) = straight().lengths
     i = cable + 1
@@ -220,23 +223,23 @@ def add_segments(tendons: ET.Element, robot: Robot, cable: int, rest_length: flo
 def plucked(
     step: float, tension: float | Float[np.ndarray, "*#n"], length: float | Float[np.ndarray, "*#n"]
 ) -> Float[np.ndarray, "*n"]:
-    """Damping [N s/m] that does in a time step what the tension in a segment of this length does against plucking."""
+    """Damping [N s/m] with the same effect in a time step as the transverse stiffness of a segment of this length."""
     return np.asarray(step * tension / length)
 
 
 @dataclass(frozen=True)
 class Chains:
-    """Where a model has its cables with mass, one row for each.
+    """Indices in a model of its cables with mass, one row for each.
 
     Attributes:
-        cables: whose they are.
+        cables: indices of the cables.
         segments: tendons from exit to anchor.
-        brakes: tendons to far away.
+        brakes: tendons to distant points.
         chords: tendons from exit to anchor.
         nodes: bodies from anchor to exit.
         ends: bodies at the anchors.
-        coordinates: of the slides in ``qpos``, from anchor to exit.
-        dofs: of the slides in ``qvel``.
+        coordinates: indices of the slides in ``qpos``, from anchor to exit.
+        dofs: indices of the slides in ``qvel``.
     """
 
     cables: Int[np.ndarray, " chains"]
@@ -250,7 +253,7 @@ class Chains:
 
     @classmethod
     def of(cls, model: mujoco.MjModel, cabling: Cabling) -> Chains:
-        """Found by their names."""
+        """The indices, by name."""
         cables, inwards = np.flatnonzero(cabling.linear_density), range(SEGMENTS - 1, 0, -1)
 
         def ids(kind: mujoco.mjtObj, names: list[str]) -> Int[np.ndarray, "..."]:
@@ -283,9 +286,9 @@ class Chains:
         cabling: Cabling,
         axial_stiffness: Float[np.ndarray, " cables"],
         rest_lengths: Float[np.ndarray, " cables"],
-        division: Division,
+        division: ChainDivision,
     ) -> None:
-        """Set a model's cables with mass to these rest lengths: springs and masses. ``mj_setConst`` follows."""
+        """Set a model's cables with mass to these rest lengths: springs and masses. ``mj_setConst`` has to follow."""
         lengths = rest_lengths[self.cables, None]
         model.tendon_lengthspring[self.segments, 1] = division.lengths * lengths
         model.tendon_stiffness[self.segments] = axial_stiffness[self.cables, None] / (division.lengths * lengths)
@@ -296,16 +299,16 @@ class Chains:
     def hung(
         self, model: mujoco.MjModel, pulls: Float[np.ndarray, "chains 3"], spans: Float[np.ndarray, "chains 3"]
     ) -> tuple[Float[np.ndarray, "chains nodes 3"], Bool[np.ndarray, " chains"]]:
-        """Extents from anchor to first mass, base frame, of chains that hang, and whether they span what they have to.
+        """Extents from anchor to first mass, base frame, of hanging chains, and whether they reach their exits.
 
-        Each segment lies along its own pull, which grows inwards by the weights of the masses, and is stretched by it;
-        Newton's method finds the pulls on the anchors with which they span what they have to. That is where the masses
-        are put, and no more: whether they are at rest there is for MuJoCo to say.
+        Each segment is parallel to its own pull, which changes from segment to segment by the weights of the masses,
+        and is stretched by it; Newton's method finds the pulls on the anchors with which the chains reach their exits.
+        These are only initial positions of the masses: whether they are in equilibrium there is decided in MuJoCo.
 
         Args:
             model: with springs and masses.
-            pulls: on the anchors, about [N].
-            spans: from anchors to exits [m].
+            pulls: approximate pulls on the anchors [N].
+            spans: vectors from anchors to exits [m].
         """
         masses = np.concatenate([model.body_mass[self.ends, None], model.body_mass[self.nodes]], axis=1)
         hanging = -masses.cumsum(1)[..., None] * model.opt.gravity

@@ -1,9 +1,9 @@
-"""Drive the platform along a path by its winches, in MuJoCo, in time.
+"""Driving: the winches move the platform along a path in MuJoCo, in time.
 
-The winches know the robot's geometry and believe in rigid cables: at every instant they let out the rest lengths of the
-commanded pose (paper Eq. 1, 2), and a shorter cable is a stiffer one, EA/l0. Where the platform then goes is MuJoCo's
-business: real mass and inertia, the model that ``to_mjcf`` writes, its integrator and its viscous air. Poses, lengths
-and tensions are read out of MuJoCo.
+The winches use the robot's geometry and assume rigid cables: at every instant they let out the rest lengths of the
+commanded pose (paper Eq. 1, 2), and a shorter cable is a stiffer one, EA/l0. The motion of the platform is computed by
+MuJoCo: with true mass and inertia, the model of ``to_mjcf``, its integrator and its viscous air. Poses, lengths and
+tensions are read out of MuJoCo.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -34,30 +34,30 @@ from cdpr_sim.physics.settle import settle
 from cdpr_sim.physics.tendons import let_out
 
 STATES = 301
-"""States of a trajectory, unless the caller says otherwise: ten seconds of video at 30 frames a second."""
+"""Default number of states of a trajectory: ten seconds of video at 30 frames a second."""
 
 NEARLY_STATIC = 1e-3
-"""Drag of the viscous air at the drive's top speed, as a fraction of the weight. It pulls a hanging platform back by
-this angle [rad], 0.06°, which is what keeps a slow drive from being static."""
+"""Drag of the viscous air at the top speed of a drive, as a fraction of the weight. It deflects a hanging platform by
+this angle [rad], 0.06°: this is the difference between a slow drive and a static one."""
 
 PEAK = 1.875
 """Top speed over mean speed of the minimum-jerk profile (15/8, at half time)."""
 
 PAUSE = 3.0
-"""[s] Duration of a drive along a path without length, unless the caller says otherwise."""
+"""[s] Default duration of a drive along a path of zero length."""
 
 MOST_STATES = 1_000_000
-"""Of one trajectory: half a gigabyte of numbers, and far more than anybody looks at."""
+"""Largest number of states of a trajectory: half a gigabyte of numbers, far more than is useful."""
 
 MOST_SECONDS = 1e5
 """Longest drive [s]: fifty million time steps."""
 
 FALLEN = 0.5
 """Distance from the commanded position, in mean rest lengths, beyond which the platform has fallen: no cable that
-obeys the law of a spring stretches by half, so that it must have swung out from under its cables."""
+obeys the law of a spring stretches by half, so that it must have swung out from below its cables."""
 
 ROWS = 128
-"""States that are read out of MuJoCo side by side; bounds the memory that takes."""
+"""States that are read out of MuJoCo side by side; this limits the memory."""
 
 
 def drive(
@@ -72,29 +72,28 @@ def drive(
 ) -> Trajectory:
     """Drive the platform along ``waypoints`` by its winches while MuJoCo simulates it.
 
-    The command moves along straight lines from waypoint to waypoint as ``core.path`` says: turning evenly, starting
-    and ending at rest.
+    The command moves along straight lines from waypoint to waypoint as described in ``core.path``: smoothly, with zero
+    velocity at both ends.
 
     Args:
         robot: the robot.
-        waypoints: poses to be commanded in turn, at least one: (rows, 3), (rows, 6) or a stack of transforms. A single
-            one holds the command still.
+        waypoints: commanded poses in order, at least one: (rows, 3), (rows, 6) or a stack of transforms. With a single
+            one the command is constant.
         seconds: duration of the drive; default: slow enough to be nearly static.
-        states: how many states to return, evenly spaced in time, the first and the last included.
-        from_rest: start where the platform settles at the first waypoint; if False it is let go at the waypoint
-            itself, with its cables just not taut, and drops.
-        rest_lengths: what the winches let out at each waypoint, (waypoints, cables) [m], compensated ones for instance;
-            in between, their difference from the rigid lengths changes evenly. Default: the rigid lengths.
-        progress: called now and then with the fraction done, 0 to 1.
+        states: number of states to return, evenly spaced in time, the first and the last included.
+        from_rest: start at the equilibrium to which the platform settles from the first waypoint; if False it is
+            released at the waypoint itself, with its cables just not taut, and drops.
+        rest_lengths: rest lengths at each waypoint, (waypoints, cables) [m], compensated ones for instance; between two
+            waypoints, their difference from the rigid lengths is interpolated linearly. Default: the rigid lengths.
+        progress: is called from time to time with the fraction done, 0 to 1.
 
     Returns:
-        The motion, (states,) of them, where MuJoCo's platform was, with its tensions [N], and what was commanded then.
+        The motion, (states,): the platform's poses in MuJoCo with tensions [N], and the commands at those times.
 
     Raises:
-        InvalidInput: waypoints, rest lengths, a duration or a number of states that cannot be right; cables that have
-            weight.
+        InvalidInput: invalid waypoints, rest lengths, duration or number of states; cables with mass.
         NotSettled: the platform does not come to rest at the first waypoint.
-        PlatformFell: it fell on the way; carries the trajectory so far.
+        PlatformFell: it fell during the drive; carries the trajectory so far.
     """
     refuse_unless(FLAG, from_rest=from_rest)
     refuse_unless(PROGRESS, progress=progress)
@@ -112,7 +111,7 @@ def drive(
     held = Problems.of(robot, commanded)
     refused = held.refusals != Status.PENDING
     if refused.any():
-        Problem.of(robot, commanded[int(np.argmax(refused))])  # says why
+        Problem.of(robot, commanded[int(np.argmax(refused))])  # raises the error
     problems = Problems.of(robot, commanded, path.winches(fractions))
     start = settle(robot, poses[0], problems.rest_lengths[0]).pose if from_rest else poses[0]
     with quiet():
@@ -134,7 +133,7 @@ def poses_through(robot: Any, waypoints: Any, doing: str) -> list[RigidTransform
     """The waypoints as poses of a robot that can be driven.
 
     Raises:
-        InvalidInput: no robot or no poses; cables that have weight, of which ``doing`` takes no account.
+        InvalidInput: no robot or no poses; cables with mass, which ``doing`` does not take into account.
     """
     refuse_unless(Robot, robot=robot)
     chains.refuse_weight(robot, doing)
@@ -160,7 +159,7 @@ def _simulate(
     seconds: float,
     progress: Callable[[float], None] | None,
 ) -> tuple[Float[np.ndarray, "steps coordinates"], str | None]:
-    """MuJoCo's coordinates at each problem's instant, and why the platform counts as fallen at the last, if it does."""
+    """MuJoCo's coordinates at each problem's instant, and the reason if the platform has fallen at the last."""
     robot, commanded = problems.robot, problems.poses[0]
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, commanded))
     data = mujoco.MjData(model)
@@ -172,7 +171,7 @@ def _simulate(
     qpos = np.empty((len(problems), model.nq))
     for k, rest_lengths in enumerate(problems.rest_lengths):
         if k > 0:
-            # The lengths that hold at the end of each time step, as an implicit integrator wants them.
+            # The lengths at the end of each time step, as an implicit integrator requires.
             rest = path.winches((k - 1 + np.arange(1, steps + 1) / steps) / intervals)
             for _ in let_out(model, robot.cabling, rest):
                 mujoco.mj_step(model, data)
@@ -193,9 +192,9 @@ def fallen(
     data: mujoco.MjData,
     platform: int,
 ) -> str | None:
-    """Why the platform, a body commanded to this pose, counts as fallen, if it does: in words."""
+    """Reason why the platform, with this commanded pose, has fallen, as text; None if it has not."""
     if data.warning.number.any():
-        return "MuJoCo found its motion unstable"
+        return "the simulation in MuJoCo became unstable"
     away, limit = np.linalg.norm(data.xpos[platform] - position), FALLEN * rest_lengths.mean()
     if not away <= limit:
         return f"it is {away:.3g} m away, expected at most {limit:.3g} m, half the mean cable length"
@@ -207,7 +206,7 @@ def fallen(
 def _read(
     problems: Problems, qpos: Float[np.ndarray, "steps coordinates"]
 ) -> tuple[RigidTransform, Float[np.ndarray, "steps cables"], Float[np.ndarray, "steps cables"]]:
-    """What MuJoCo says of these states: poses, lengths and tensions."""
+    """Poses, lengths and tensions of these states, from MuJoCo."""
     seen = []
     for first in range(0, len(problems), ROWS):
         rows = np.arange(first, min(first + ROWS, len(problems)))

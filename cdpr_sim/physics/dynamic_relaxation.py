@@ -1,7 +1,7 @@
-"""Dynamic relaxation: move platforms in MuJoCo until they rest, with damping and time steps that follow what they do.
+"""Dynamic relaxation: move platforms in MuJoCo to equilibrium, with adaptive damping and time steps.
 
-Otter and Day 1960; Underwood 1983. Only the place of rest matters and not the time that it takes: real mass, inertia
-and cables, from the commanded pose at zero velocity, in a medium whose damping adapts, with time steps that do.
+Otter and Day 1960; Underwood 1983. Only the equilibrium matters and not the time to reach it: true mass, inertia and
+cables, from the commanded pose at zero velocity, in a medium of adaptive damping, with adaptive time steps.
 """
 
 from __future__ import annotations
@@ -18,60 +18,66 @@ from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, Status
 from cdpr_sim.physics.batch import MOST_IDLE, Simulations
 
 RESIDUAL = 1e-9
-"""Largest unbalanced force at rest, as a fraction of the load (the weight, or the external wrench where larger)."""
+"""Largest unbalanced force of an equilibrium, as a fraction of the load (the weight, or the external wrench if
+larger)."""
 
 ROUNDING = 2 * np.finfo(float).eps
-"""A cable's force is known to this fraction of EA at best: the rounding of a length, times EA/l0."""
+"""Relative accuracy of a cable's force, in EA: the rounding of a length, times EA/l0."""
 
 SPEED = 1e-6
-"""Speed at rest, as a fraction of (cable length x swing rate): it would take days to cross the frame."""
+"""Largest speed at equilibrium, as a fraction of (cable length x angular frequency): at it, crossing the frame takes
+days."""
 
 STEPS = 30_000
-"""Time steps after which a platform is restless. DemoBot needs a hundred; sliding along stiff cables, thousands."""
+"""Time steps after which a platform counts as not converging. DemoBot needs a hundred; sliding along stiff cables,
+thousands."""
 
 NUDGES = 3
-"""How often a platform that is balanced on a saddle is pushed off it. One that comes back each time is at rest after
+"""Number of pushes of a platform that is balanced on a saddle. One that returns each time counts as stable after
 all: under an external torque, which is not conservative, the symmetric part of the stiffness does not decide."""
 
 CHUNK = 13
-"""Time steps between two looks at the residual; odd, so that a velocity that turns round at every step shows."""
+"""Time steps between two evaluations of the residual; odd, so that a velocity that alternates at every step is
+visible."""
 
 FIRST_STEP, SHORTEST_STEP, LONGEST_STEP = 0.1, 1e-4, 0.3
-"""Time steps as fractions of the slowest swing's 1/omega; with longer ones stiff cables throw light platforms about."""
+"""Time steps as fractions of 1/omega of the slowest oscillation; with longer ones stiff cables make light platforms
+unstable."""
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1.5, 0.5, 20.0
-"""Damping ratio of the slowest swing: overdamped at first, so that the platform sinks into the equilibrium below it
-rather than swinging over into another one."""
+"""Damping ratio of the slowest oscillation: overdamped at first, so that the platform sinks into the equilibrium below
+it and does not swing into another one."""
 
 OVERDAMPED = 10.0
-"""Least damping ratio of a platform that had been lost under a wheel: it does not swing past an equilibrium beside the
-wheel, where at 5 one in thirty on a single cable still did."""
+"""Smallest damping ratio of a platform that has been below a wheel: it does not swing past an equilibrium beside the
+wheel; at 5, one in thirty on a single cable still did."""
 
 STRAINED = 20.0
-"""Tensions of this many loads, together, at the start: then they, and not the load, set the pace of the swings."""
+"""Sum of initial tensions, in loads, above which they, and not the load, determine the frequencies of oscillations."""
 
 SLUGGISH = 3.0
-"""Rate at which such a platform turns under its tensions, over that of its swings, once it is given the inertia for it:
-cables that are drawn tight turn a small platform faster than time steps that suit the rest can follow."""
+"""Rate at which such a platform rotates under its tensions, over that of its translations, after its inertia is
+increased: highly tensioned cables rotate a small platform faster than the time steps for the translations can
+resolve."""
 
 RATTLES = 8
-"""After so many, and again after as many more, the rotational inertia is doubled. What was added is halved again where
+"""Numbers of time steps after which the rotational inertia is doubled. The added inertia is halved again where
 a platform is slow at the least damping."""
 
 BETTER, ALONG, PATIENCE = 0.7, 0.95, 2
 """A residual below this fraction of the best so far is progress; a cosine above this is a force along the velocity; and
-after this many looks without either, the platform rattles."""
+after this many evaluations without either, the platform oscillates."""
 
 
 class Relaxation:
-    """Each row's motion towards rest, with a time step and a damping of its own.
+    """Motion of each row towards equilibrium, with its own time step and damping.
 
-    While the residual falls the step grows. Where it does not, there are two reasons, told apart by force and velocity:
+    While the residual falls, the step grows. Where it does not, force and velocity distinguish two cases:
 
-    - *slow*: the force keeps pointing along a steady velocity, as it does when damping alone holds the platform back.
+    - *slow*: the force keeps the direction of a steady velocity, because only damping slows the platform.
       Then the step grows and the damping falls.
-    - *rattling*: the force points elsewhere: in a step that long, cables go slack and taut again. Then the step shrinks
-      and the damping rises.
+    - *oscillating*: the force has another direction: in such a long step, cables go slack and taut again. Then the step
+      shrinks and the damping grows.
     """
 
     def __init__(self, simulations: Simulations, frames: list[tuple[float, np.ndarray]] | None) -> None:
@@ -85,7 +91,7 @@ class Relaxation:
         )
         simulations.qvel[:] = 0
         simulations.batch.forward()
-        # Without gravity or wrench the load is what the cables could do to one another.
+        # Without gravity or wrench the load is the largest force of the cables on each other.
         stiffness = simulations.springs * rest_lengths * simulations.unit
         self.load = np.where(self.load > 0, self.load, IDLE_STRAIN * stiffness.mean(1))
         self.length = rest_lengths.mean(1)
@@ -94,7 +100,7 @@ class Relaxation:
         self.swing = np.sqrt(np.where(self.strained, pull, self.load) / robot.mass / self.length)
         rounding = ROUNDING * stiffness.max(1)
         self.target = np.minimum(np.maximum(RESIDUAL * self.load, rounding), ACCEPTABLE * self.load)
-        self.own_inertia, self.heavy = _inertias(robot), False
+        self.own_inertia, self.inertia_added = _inertias(robot), False
         self.inertia = np.tile(self.own_inertia, (len(self.load), 1))
         turning = self.inertia[:, simulations.angular]
         needed = robot.mass * simulations.length * self.length / SLUGGISH**2
@@ -116,11 +122,11 @@ class Relaxation:
 
     @property
     def settled(self) -> Bool[np.ndarray, " rows"]:
-        """Which rows have come to rest."""
+        """Which rows have reached equilibrium."""
         return self.status == Status.CONVERGED
 
     def nudge(self, rows: Bool[np.ndarray, " rows"], directions: Float[np.ndarray, "rows free"]) -> None:
-        """Set ``rows`` going along the direction in which they are not held, as any breath of air would."""
+        """Give ``rows`` a small velocity along the direction in which they are unstable, as any disturbance would."""
         simulations = self.simulations
         speed = 1e-3 * self.swing * self.reach
         velocity = directions * (speed * np.where(directions.sum(1) < 0, -1, 1))[:, None]
@@ -131,7 +137,7 @@ class Relaxation:
         self._set_off(rows, self.qpos)
 
     def again(self, rows: Bool[np.ndarray, " rows"]) -> None:
-        """Let ``rows`` go again where they started, overdamped."""
+        """Start ``rows`` again from their initial pose, overdamped."""
         self.least_damping[rows] = OVERDAMPED
         self.simulations.reset(rows)
         self._set_off(rows, self.start)
@@ -147,7 +153,7 @@ class Relaxation:
         self.limit[rows] = self.steps[rows] + STEPS
 
     def run(self) -> None:
-        """Move the live rows on until each has come to rest or will not."""
+        """Move the live rows until each has reached equilibrium or its limit."""
         simulations = self.simulations
         while self.live.any():
             if self.strained.any():
@@ -181,7 +187,7 @@ class Relaxation:
         self.residual = simulations.unbalanced
         calm = self.live & (self.residual <= self.target)
         if calm.any():
-            # These are the forces of one time step ago, and velocity bends them: look again, at rest.
+            # These are the forces of one time step ago, at a velocity: evaluate them again at zero velocity.
             speed = np.abs(simulations.qvel[:, : simulations.free])
             speed[:, simulations.angular] *= simulations.length
             calm &= speed.max(1) <= SPEED * self.swing * self.reach
@@ -218,7 +224,7 @@ class Relaxation:
         self.ratio = np.minimum(np.maximum(self.ratio, self.least_damping), MOST_DAMPING)
         self.best = np.where(going | rattling, self.residual, self.best)
         self.patience[rattling] = 0
-        if not (self.heavy or rattling.any()):
+        if not (self.inertia_added or rattling.any()):
             return
         self.rattles += rattling
         heavier = rattling & (self.rattles % RATTLES == 0)
@@ -228,9 +234,9 @@ class Relaxation:
             self._add_inertia(heavier[:, None] * turning - lighter[:, None] * (turning - own) / 2)
 
     def _add_inertia(self, added: Float[np.ndarray, "rows turns"]) -> None:
-        """Make rotations slower: the pose of rest does not depend on inertia."""
+        """Increase the rotational inertia: the equilibrium does not depend on it."""
         simulations = self.simulations
-        self.heavy = bool((added > 0).any()) or self.heavy
+        self.inertia_added = bool((added > 0).any()) or self.inertia_added
         simulations.armature[:, simulations.angular] += added / simulations.unit
         self.inertia[:, simulations.angular] += added
         self.root_inertia, self.twice_inertia = np.sqrt(self.inertia), 2 * self.inertia / simulations.unit

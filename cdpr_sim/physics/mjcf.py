@@ -1,4 +1,4 @@
-"""A robot as a MuJoCo model (MJCF text), and a scene to look at it in. What a cable is there, ``cables`` says."""
+"""A robot as a MuJoCo model (MJCF text), and a scene to view it in. ``tendons`` describes the model of a cable."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -23,7 +23,8 @@ from cdpr_sim.physics.number_format import magnitude, text
 from cdpr_sim.physics.winches import LEAST_SPARE, add_drums, add_winches
 
 TIMESTEP = 0.002
-"""[s] The discrete integrator is implicit in the cables' springs, so that this need not shrink with their stiffness."""
+"""[s] Time step; the discrete integrator is implicit in the cables' springs, so that it need not shrink with their
+stiffness."""
 
 CABLE_COLOR = (0.93, 0.45, 0.13, 1)
 PLATFORM_COLOR = (0.16, 0.38, 0.62, 1)
@@ -49,28 +50,28 @@ def to_mjcf(
     ``qpos``; a cable over a pulley has a body ``pulley_1`` and, in space, its joint ``swivel_1``. A cable with mass is
     a chain of tendons ``cable_1_1``, ... with masses ``node_1_1``, ... between them; ``length_1`` is its chord.
 
-    The air is made viscous enough to calm the platform's slowest swing without overshoot: that changes how it comes to
-    rest, and not where.
+    The air is viscous enough to damp the platform's slowest oscillation without overshoot: that changes how it comes to
+    rest, but not its equilibrium.
 
     With ``winches`` the model is driven: the actuator ``winch_1`` lets out L/(1 + u) of cable 1 at the control u, with
-    L the rest length that is written (``winch_controls`` turns lengths into controls). It starts at 0, and MuJoCo
+    L the written rest length (``winch_controls`` converts lengths into controls). It starts at 0, and MuJoCo
     clamps it silently to ``ctrlrange``, which covers the workspace. Sensors are ``length_1`` [m], ``tension_1`` [N],
     ``position`` [m] and ``orientation`` (quaternion w x y z) of the platform in the frame of the site ``base``. The air
-    does nothing; its part is done by damping on the platform's joints, in space ``x``, ``y``, ``z`` and the ball
-    ``rotation``, which counts from the written orientation. So nothing is lost where the model becomes a part of
-    another one, and any body can carry it.
+    has no effect; it is replaced by damping on the platform's joints, in space ``x``, ``y``, ``z`` and the ball joint
+    ``rotation``, whose zero is the written orientation. So nothing is lost when the model is attached to another one,
+    and any body can be its parent.
 
     Args:
-        robot: the robot; or a ``Problem`` that is ready, alone.
+        robot: the robot; or a ``Problem``, without other arguments.
         pose: the commanded pose, where the model starts.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
-        winches: let ``ctrl`` wind the cables.
+        winches: let ``ctrl`` drive the winches.
 
     Returns:
-        An MJCF document, which ``mujoco.MjModel.from_xml_string`` compiles; its numbers parse back to the very same.
+        An MJCF document, which ``mujoco.MjModel.from_xml_string`` compiles; its numbers parse back exactly.
 
     Raises:
-        InvalidInput: a pose or a length that cannot be right; winches on cables with mass.
+        InvalidInput: an invalid pose or length; winches on cables with mass.
     """
     problem = Problem.of(robot, pose, rest_lengths)
     refuse_unless(FLAG, winches=winches)
@@ -89,7 +90,7 @@ def to_mjcf(
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
     tendons.add_exits(world, robot.cabling)
-    paddles = magnitude(robot.platform_size)  # [m] which calms it within a second, and stiff cables too
+    paddles = magnitude(robot.platform_size)  # [m] at which the air calms it within a second, also with stiff cables
     platform = _platform(robot, problem.pose, (drag, drag * paddles * paddles) if winches else None)
     world.append(platform)
     nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
@@ -118,19 +119,19 @@ def to_mjcf(
 def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml") -> str:
     """A scene around the model in ``robot_file``: the robot's frame, a floor, light and two cameras, as MJCF text.
 
-    Nothing in it collides, has mass or pulls: it changes the picture and not the physics.
+    Nothing in it collides, has mass or pulls: it changes the picture, not the physics.
 
     Args:
-        robot: the robot; or the ``Problem`` that ``robot_file`` is written for, if that has no winches. MuJoCo draws no
-            cable whose length is just its rest length, as it is where a model starts; with a problem, the scene has
+        robot: the robot; or the ``Problem`` for which ``robot_file`` is written, if that has no winches. MuJoCo draws
+            no cable whose length equals its rest length, as at the start of a model; with a problem, the scene has
             tendons ``line_1``, ... without force, which are drawn there.
-        robot_file: the name of the file that ``to_mjcf``'s text is saved in.
+        robot_file: name of the file with the text of ``to_mjcf``.
 
     Returns:
-        An MJCF document that includes ``robot_file`` from the folder that it is saved in.
+        An MJCF document that includes ``robot_file`` from its own folder.
 
     Raises:
-        InvalidInput: no robot, or no name of a file.
+        InvalidInput: not a robot, or not the name of a file.
     """
     refuse_unless(Robot | Problem, robot=robot)
     checked_label("robot_file", robot_file)
@@ -162,10 +163,10 @@ def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml") -> str:
     _camera(world, "front", center, np.array([0.0, -1.0, 0.12]), 1.35 * diagonal)
     _camera(world, "iso", center, np.array([0.75, -1.0, 0.55]), 1.35 * diagonal)
     if problem is not None:
-        tendons = ET.SubElement(root, "tendon")
+        drawn_tendons = ET.SubElement(root, "tendon")
         for i in np.flatnonzero(~robot.cabling.pulleys & (robot.cabling.linear_density == 0)):
             drawn = float(f"{(1 + LEAST_SPARE) * problem.rest_lengths[i]:.12g}")
-            tendons.add_twin(tendons, f"line_{i + 1}", int(i) + 1, drawn)
+            tendons.add_twin(drawn_tendons, f"line_{i + 1}", int(i) + 1, drawn)
     return _document(root)
 
 
@@ -191,13 +192,13 @@ def coordinates_of(
 def since_written(
     start: Float[np.ndarray, " coordinates"], written: Float[np.ndarray, "4"]
 ) -> Float[np.ndarray, " coordinates"]:
-    """Coordinates of a platform on slides and a ball joint, which counts from the orientation that is written."""
+    """Coordinates of a platform on slides and a ball joint, whose zero is the written orientation."""
     turned = Rotation.from_quat(written, scalar_first=True).inv() * Rotation.from_quat(start[3:], scalar_first=True)
     return np.concatenate([start[:3], turned.as_quat(scalar_first=True)])
 
 
 def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
-    """Put one simulation's platform at ``pose`` and what follows it: wheels, and chains as well as one can guess."""
+    """Put the platform of one simulation at ``pose``, with its wheels, and its chains in an approximate profile."""
     start = coordinates(robot, pose)
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "rotation") >= 0:
         start = since_written(start, model.body("platform").quat)
@@ -211,18 +212,18 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidT
 
 
 def _air(problem: Problem) -> tuple[float, float]:
-    """Drag [N s/m] that damps the slowest swing, of a pendulum as long as the cables, critically; and a length [m].
+    """Drag [N s/m] that critically damps the slowest oscillation, of a pendulum as long as the cables; a length [m].
 
-    Damping a free joint by one number would do the same to translation and rotation, whose units differ; a viscous
-    medium tells them apart. MuJoCo's drag on a body is 3 pi d eta v, and pi d³ eta against turning, with d the length
+    A damping coefficient of a free joint is the same number for translation and rotation, whose units differ; a viscous
+    medium has separate ones. MuJoCo's drag on a body is 3 pi d eta v, and pi d³ eta against rotation, with d the length
     returned here: the mean edge of the box that has the body's mass and inertia.
     """
     robot = problem.robot
     moments = np.empty(3)
-    mujoco.mju_eig3(moments, np.empty(9), np.empty(4), robot.inertia.ravel())  # as MuJoCo finds that box
+    mujoco.mju_eig3(moments, np.empty(9), np.empty(4), robot.inertia.ravel())  # as MuJoCo computes that box
     edges = np.sqrt(np.maximum(6 / robot.mass * (moments.sum() - 2 * moments), 0))
     swing = np.sqrt((robot.gravity or STANDARD_GRAVITY) / problem.rest_lengths.mean())
-    # Rounded: the last digits of principal moments differ from one version of MuJoCo to the next.
+    # Rounded: the last digits of principal moments differ between versions of MuJoCo.
     return float(2 * robot.mass * swing), float(f"{edges.mean():.12g}")
 
 
@@ -246,7 +247,7 @@ def _platform(robot: Robot, pose: RigidTransform, damping: tuple[float, float] |
     body = ET.Element("body", name="platform", pos=text(pose.translation))
     along, turning = damping or (0.0, 0.0)
     if robot.mobility == "planar":
-        # The body stays level, so that x and z are exactly the base frame's; ``ref`` makes them its coordinates.
+        # The body stays level, so that x and z are exactly the base frame's; ``ref`` sets their zero.
         x, z, _ = coordinates(robot, pose)
         _slide(body, "x", np.array([1.0, 0, 0]), x, along)
         _slide(body, "z", np.array([0, 0, 1.0]), z, along)
@@ -254,7 +255,7 @@ def _platform(robot: Robot, pose: RigidTransform, damping: tuple[float, float] |
     else:
         body.set("quat", text(pose.rotation.as_quat(scalar_first=True)))
         if damping:
-            # The slides' axes are the base frame's, said in the body's.
+            # The slides' axes are the base frame's, expressed in the body's frame.
             for name, axis, at in zip("xyz", pose.rotation.as_matrix(), pose.translation, strict=True):
                 _slide(body, name, axis, at, along)
             _damp(ET.SubElement(body, "joint", name="rotation", type="ball"), turning)

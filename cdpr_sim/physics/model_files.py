@@ -14,7 +14,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
 
 PICTURE, INDEX = "robot.png", "robots.png"
-"""Beside a robot's models, and beside the folders of all; drawn elsewhere."""
+"""Pictures beside a robot's models, and beside the folders of all; they are drawn elsewhere."""
 
 WINCHES = """\
 - `winch.xml`: the robot with an actuator for each winch, see below.
@@ -25,13 +25,12 @@ WINCHES = """\
 def model_files(robot: Robot, pose: PoseLike | None = None, *, winches: bool = False) -> dict[str, str]:
     """Name and text of every file in the robot's folder, commanded to ``pose`` (default: the middle of its workspace).
 
-    Args:
         robot: the robot.
-        pose: where the models are written.
-        winches: add the model that is driven by its winches, and how to use it.
+        pose: commanded pose of the models.
+        winches: add the model that is driven by its winches, and its description.
 
     Raises:
-        InvalidInput: a pose that cannot be right; winches on cables that have no such model.
+        InvalidInput: an invalid pose; winches on cables that have no such model.
     """
     problem = Problem.of(robot, robot.home if pose is None else pose)
     x, y, z = problem.pose.translation
@@ -61,8 +60,8 @@ def models_index(kinds: Mapping[str, Sequence[Robot]]) -> str:
     """The README of a folder with the models of ``kinds`` of robots."""
     parts = [
         "# MuJoCo models of cable-driven parallel robots\n\n"
-        "Cables pull and never push. `python -m mujoco.viewer --mjcf=NAME/scene.xml` shows one; its README says where "
-        f"its numbers come from.\n\n![all of them]({INDEX})\n"
+        "Cables pull and never push. `python -m mujoco.viewer --mjcf=NAME/scene.xml` shows one; its README gives "
+        f"the source of its numbers.\n\n![all of them]({INDEX})\n"
     ]
     for kind, robots in kinds.items():
         parts.append(f"\n## {kind.capitalize()}\n\n| robot | cables | mass | what |\n|---|---|---|---|\n")
@@ -74,10 +73,10 @@ def models_index(kinds: Mapping[str, Sequence[Robot]]) -> str:
 
 
 def write_models(folder: Path, files: dict[str, str], *, force: bool = False) -> list[Path]:
-    """Write ``files`` into ``folder``, all or none, each whole or not at all; return the paths that changed.
+    """Write ``files`` into ``folder``, all or none; return the paths that changed.
 
     Raises:
-        InvalidInput: a file that is there differs and ``force`` is off, or the folder cannot be written.
+        InvalidInput: an existing file differs and ``force`` is off, or the folder cannot be written.
     """
     stale = [folder / name for name in stale_models(folder, files)]
     existing = [path for path in stale if path.exists()]
@@ -94,7 +93,7 @@ def write_models(folder: Path, files: dict[str, str], *, force: bool = False) ->
 
 
 def stale_models(folder: Path, files: dict[str, str]) -> list[str]:
-    """Names of the files that ``folder`` lacks or holds in another version."""
+    """Names of the files that are missing in ``folder`` or have another content."""
 
     def current(path: Path) -> str | None:
         try:
@@ -109,13 +108,13 @@ def _winch_guide(robot: Robot) -> str:
     if robot.cabling.linear:
         meaning = "L/l0 - 1, L the length at the written pose: each rest length l0 shorter by 2 %"
     else:
-        meaning = "L/l0 - 1, or where a cable stiffens the length that its drum draws in [m]"
+        meaning = "L/l0 - 1, or for a nonlinear cable the length that its drum draws in [m]"
     return f"""## winch.xml: the same robot, driven by its winches
 
 ```python
 import mujoco
 
-robot, world = mujoco.MjSpec.from_file("winch.xml"), mujoco.MjSpec()  # or a world of yours
+robot, world = mujoco.MjSpec.from_file("winch.xml"), mujoco.MjSpec()  # or your own world
 world.option.integrator = robot.option.integrator  # or leave it as it is
 world.attach(robot, prefix="cdpr/", frame=world.worldbody.add_frame(pos=[1, 0, 0]))
 model = world.compile()
@@ -125,16 +124,16 @@ mujoco.mj_step(model, data, 5000)
 print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # N; m, from the site `cdpr/base`
 ```
 
-- Wind: `cdpr.winch_controls(robot, pose, rest_lengths)` says the controls of the actuators `winch_i`. MuJoCo clamps
-  them silently to `ctrlrange`, which covers the workspace. Wind gradually.
+- Control: `cdpr.winch_controls(robot, pose, rest_lengths)` gives the controls of the actuators `winch_i`. MuJoCo clamps
+  them silently to `ctrlrange`, which covers the workspace. Change them gradually.
 - Read: sensors `tension_i` [N], `length_i` [m], `position` [m] and `orientation` (quaternion w x y z).
-- Attach: any body can carry it. Damping sits on joints and actuators and comes along; integrator, time step and
-  gravity are the world's.
-- Steps, for platforms of some 0.4 kg: `integrator="discrete"` up to 10 ms, 2 ms from an EA of 100 kN on; Euler and
-  implicitfast up to 5, 1, 0.5 ms at 1, 10, 100 kN. They go with the root of mass over stiffness; with longer ones a
-  platform may keep rattling. MJX knows no `discrete`: set Euler or implicitfast before `mjx.put_model`, and read
-  `data.actuator_force`, as it skips sensors of forces without constraints.
-- Look: `cdpr-sim view {robot.name}`, or `python -m mujoco.viewer --mjcf=winch_scene.xml`, which draws slack cables as
+- Attach: any body can be the parent. Damping is on joints and actuators and is kept; integrator, time step and gravity
+  are the world's.
+- Time steps, for platforms of about 0.4 kg: `integrator="discrete"` up to 10 ms, 2 ms from an EA of 100 kN on; Euler
+  and implicitfast up to 5, 1, 0.5 ms at 1, 10, 100 kN. They scale with the square root of mass over stiffness; with
+  longer ones a platform may keep oscillating. MJX has no `discrete`: set Euler or implicitfast before `mjx.put_model`,
+  and read `data.actuator_force`, as it skips sensors of forces without constraints.
+- View: `cdpr-sim view {robot.name}`, or `python -m mujoco.viewer --mjcf=winch_scene.xml`, which draws slack cables as
   straight lines.
 
 """

@@ -1,7 +1,7 @@
-"""Numbers as MJCF text that MuJoCo parses back to the very same doubles, and that every machine writes alike.
+"""Numbers as MJCF text that MuJoCo parses back to exactly the same doubles, identical on every machine.
 
-What is written is summed in a fixed order. BLAS, which ``np.linalg``, ``@`` and ``einsum`` call, sums in the order that
-its kernel for the processor has, so that the last digit differs from one processor to the next.
+Sums of written numbers are in a fixed order. BLAS, which ``np.linalg``, ``@`` and ``einsum`` call, sums in an order
+that depends on the processor, so that the last digit differs between processors.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 LEAST_INERTIA = 1e-14
-"""[kg m²] Of a point mass or a tiny wheel: ten times the least that MuJoCo takes, and felt by nothing that moves."""
+"""[kg m²] Inertia of a point mass or a small wheel: ten times the least that MuJoCo accepts, and negligible in any
+motion."""
 
 
 def text(values: float | Sequence[float] | np.ndarray) -> str:

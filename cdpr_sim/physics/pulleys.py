@@ -1,15 +1,15 @@
-"""A pulley in MuJoCo: a body that swivels about the cable's way in, and a groove that the tendon wraps.
+"""A pulley in MuJoCo: a body that swivels about the axis of the arriving cable, and a sphere that the tendon wraps.
 
-The cable comes in along the axis e and touches the wheel at the exit A. In MuJoCo that is
+The cable arrives along the axis e and touches the wheel at the exit A. In MuJoCo that is
 
 - a body at A with a hinge about e, the swivel; its x axis points from A to the centre of the wheel;
 - a *sphere* of the wheel's radius at that centre, the groove. The plane of entry, centre and anchor cuts it in a great
   circle, wherever the anchor is. On a cylinder the tendon may slide off as a helix, and the swivel is then unstable;
-- a site beyond the wheel, seen along e: the side on which the tendon passes;
-- a site on the axis before A, where the tendon begins. Nearer than about ten radii, the swivel turns away.
+- a site beyond the wheel, seen along e: it selects the side on which the tendon passes;
+- a site on the axis before A, where the tendon begins. At less than about ten radii, the swivel is unstable.
 
-So the tendon is longer than the cable by that straight entry, ``ENTRY`` radii. Where a cable is slack nothing turns its
-wheel; it is kept turned towards its anchor (``toward_anchors``), as a taut cable would turn it. A planar robot's wheel
+So the tendon is longer than the cable by that straight entry, ``ENTRY`` radii. No force turns the wheel of a slack
+cable; it is turned towards its anchor explicitly (``toward_anchors``), as by a taut cable. A planar robot's wheel
 lies in the plane, on the side of its axis where the anchor is, and does not swivel.
 """
 
@@ -33,32 +33,33 @@ ENTRY = 10.0
 """Length of the straight entry, in radii."""
 
 SIDE = 1.2
-"""Distance from the wheel's centre to the site that tells the side, in radii."""
+"""Distance from the wheel's centre to the site that selects the side, in radii."""
 
 WIDTH = 0.15
-"""Half the width of the wheel that is drawn, in radii."""
+"""Half the width of the drawn wheel, in radii."""
 
 POINTS = 4
-"""Of a tendon's path: entry, where it meets the wheel, where it leaves it, anchor."""
+"""Points of a tendon's path: entry, first and last contact with the wheel, anchor."""
 
 SWIVELLING = 50.0
-"""[rad/s] How fast a wheel swings about its axis in a cable that carries the platform's weight: faster than platforms,
-slow enough for the time step also where cables carry hundreds of times the weight."""
+"""[rad/s] Angular frequency of a wheel about its axis with a cable that carries the platform's weight: higher than that
+of platforms, low enough for the time step also where cables carry hundreds of times the weight."""
 
 SWIVEL_DAMPING = 0.5
-"""Damping ratio of that swing."""
+"""Damping ratio of that oscillation."""
 
 LIGHT = 1e-6
-"""Mass of a swivel, as a fraction of the platform's: MuJoCo wants one. It lies on the axis, where it turns nothing."""
+"""Mass of a swivel, as a fraction of the platform's: MuJoCo requires one. It lies on the axis, where it has no
+effect."""
 
 
 def entries(cabling: Cabling) -> Float[np.ndarray, " cables"]:
-    """By how much each tendon is longer than its cable [m]."""
+    """Difference between the length of each tendon and its cable [m]."""
     return ENTRY * cabling.pulley_radius
 
 
 def add_defaults(defaults: ET.Element) -> None:
-    """Classes of what is not looked at: it lies in a group that viewers hide."""
+    """Classes of auxiliary elements: they are in a group that viewers hide."""
     hidden = ET.SubElement(defaults, "default", {"class": "guide"})
     ET.SubElement(hidden, "site", group="4", size="0.001")
     ET.SubElement(hidden, "geom", type="sphere", group="4", contype="0", conaffinity="0", mass="0")
@@ -67,8 +68,8 @@ def add_defaults(defaults: ET.Element) -> None:
 def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tuple[float, ...]) -> None:
     """The bodies ``pulley_1``, ... with joints ``swivel_1``, ..., turned towards the anchors at ``pose``.
 
-    After the platform, so that its coordinates stay the first ones. ``ref`` makes a swivel's coordinate its angle from
-    a direction that belongs to the axis, in all models of a robot the same.
+    They follow the platform in the model, so that its coordinates stay the first ones. ``ref`` makes a swivel's
+    coordinate its angle from a direction that depends only on the axis, and is the same in all models of a robot.
     """
     cabling = robot.cabling
     load, directions, angles = _load(robot), *facing(robot, pose)
@@ -101,8 +102,8 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
 def facing(robot: Robot, pose: RigidTransform) -> tuple[Float[np.ndarray, "pulleys 3"], Float[np.ndarray, " pulleys"]]:
     """Unit vectors from the exits to the centres of the wheels, turned towards the anchors; the swivels' angles [rad].
 
-    Of the cables that have a pulley. The angles are rounded to 1e-12, since the last digit of an arc tangent
-    differs from one processor to the next. An anchor on the axis leaves its wheel at the angle 0.
+    For the cables that have a pulley. The angles are rounded to 1e-12, since the last digit of an arc tangent
+    differs between processors. For an anchor on the axis the angle is 0.
     """
     cabling = robot.cabling
     over = np.flatnonzero(cabling.pulleys)
@@ -118,21 +119,21 @@ def facing(robot: Robot, pose: RigidTransform) -> tuple[Float[np.ndarray, "pulle
 
 
 def add_way(tendon: ET.Element, i: int) -> None:
-    """Over the wheel: what stands between entry and anchor in the tendon of cable ``i``."""
+    """Elements between entry and anchor in the tendon of cable ``i``, over the wheel."""
     ET.SubElement(tendon, "geom", geom=f"groove_{i}", sidesite=f"side_{i}")
 
 
 @dataclass(frozen=True)
 class Swivels:
-    """Where a model has its pulleys, in the order of the cables that have one.
+    """Indices in a model of its pulleys, in the order of the cables that have one.
 
     Attributes:
-        cables: whose they are.
-        bodies: of the pulleys.
-        anchors: sites.
-        coordinates: of the swivels in ``qpos``; none in planar robots.
-        dofs: of the swivels in ``qvel``.
-        radii: of the wheels in the model [m].
+        cables: indices of the cables.
+        bodies: bodies of the pulleys.
+        anchors: sites of the anchors.
+        coordinates: indices of the swivels in ``qpos``; none in planar robots.
+        dofs: indices of the swivels in ``qvel``.
+        radii: radii of the wheels in the model [m].
     """
 
     cables: Int[np.ndarray, " pulleys"]
@@ -144,7 +145,7 @@ class Swivels:
 
     @classmethod
     def of(cls, model: mujoco.MjModel, cabling: Cabling) -> Swivels:
-        """Found by their names."""
+        """The indices, by name."""
         cables = np.flatnonzero(cabling.pulleys)
 
         def ids(kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " pulleys"]:
@@ -170,7 +171,7 @@ class Swivels:
         matrices: Float[np.ndarray, "*rows bodies 9"],
         sites: Float[np.ndarray, "*rows sites 3"],
     ) -> Float[np.ndarray, "*rows pulleys"]:
-        """By how much each wheel has to turn about its axis to face its anchor [rad], as MuJoCo has them."""
+        """Angle by which each wheel has to rotate about its axis to face its anchor [rad], from MuJoCo's positions."""
         x, y, _ = self._seen(positions, matrices, sites)
         return np.arctan2(y, x)
 
@@ -181,7 +182,7 @@ class Swivels:
         sites: Float[np.ndarray, "*rows sites 3"],
         points: Int[np.ndarray, "*rows pulleys"],
     ) -> Bool[np.ndarray, "*rows pulleys"]:
-        """Whether each cable is off its wheel: its tendon misses it, or its anchor is under the wheel's footprint."""
+        """Whether each cable is off its wheel: its tendon misses the wheel, or its anchor is below the wheel."""
         x, y, _ = self._seen(positions, matrices, sites)
         return (points < POINTS) | (np.hypot(x, y) < self.radii)
 
@@ -193,7 +194,7 @@ class Swivels:
 
 
 def toward_anchors(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> None:
-    """Turn each wheel of a single simulation towards its anchor: what places the platform leaves them behind."""
+    """Turn each wheel of a single simulation towards its anchor, after the platform was placed."""
     swivels = Swivels.of(model, robot.cabling)
     if not len(swivels):
         return
@@ -215,7 +216,7 @@ def flipped(
 
 
 def swivelling(robot: Robot, tension: float) -> float:
-    """An upper bound of how fast wheels swing about their axes in cables of this tension [rad/s]."""
+    """An upper bound of the angular frequency of wheels about their axes with cables of this tension [rad/s]."""
     return float(SWIVELLING * np.sqrt(2 * tension / _load(robot)))
 
 

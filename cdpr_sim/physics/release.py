@@ -1,6 +1,6 @@
-"""Let a platform go in MuJoCo, undamped, and see whether it stays; or let gravity grow slowly, and see where it ends.
+"""Release a platform in MuJoCo without damping, to see whether it stays; or increase gravity slowly from zero.
 
-The physics side's own word on equilibria: no formula of statics stands here.
+Checks of equilibria by the physics side alone: this module uses no formula of statics.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -29,28 +29,29 @@ from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.settle import settle
 
 NUDGE = 1e-6
-"""[m] How far a platform is displaced along its softest direction before it is let go. Less than most taut cables'
-stretch, and more than the 1e-9 m that an equilibrium's rounding leaves open."""
+"""[m] Displacement of a platform along its direction of least stiffness before the release. Less than most taut cables'
+stretch, and more than the 1e-9 m of an equilibrium's rounding."""
 
 STAYS, LEAVES = 3.0, 100.0
-"""In nudges; 1.0 is measured (``scripts/measure_constants.py``). Energy forbids a stable platform to stray further than
-it was displaced along its softest direction; one that leaves grows exponentially."""
+"""Largest deviation of a stable platform, in initial displacements; 1.0 is measured (``scripts/measure_constants.py``).
+By conservation of energy a stable platform deviates no further than its displacement along the direction of least
+stiffness; the deviation of an unstable one grows exponentially."""
 
 FINEST = 0.1
-"""Time step of the undamped motion, over the 1/omega of an upper bound of its fastest swing."""
+"""Time step of the undamped motion, in 1/omega of an upper bound of its fastest oscillation."""
 
 RAMP = 20.0
-"""[s] in which gravity grows to its full size: tens of times DemoBot's slowest swing."""
+"""[s] Time in which gravity grows to its full value: tens of times the period of DemoBot's slowest oscillation."""
 
 
 @dataclass(frozen=True)
 class Release:
-    """What became of a platform that was displaced by a nudge and let go.
+    """Motion of a platform that was displaced by a nudge and released.
 
     Attributes:
-        largest_deviation: the farthest it came [m], rotations scaled by the characteristic length.
-        nudge: how far it was displaced [m].
-        seconds: how long it was watched.
+        largest_deviation: largest distance from the equilibrium [m], rotations scaled by the characteristic length.
+        nudge: initial displacement [m].
+        seconds: duration of the motion.
     """
 
     largest_deviation: float
@@ -59,42 +60,42 @@ class Release:
 
     @property
     def stays(self) -> bool:
-        """Whether it strayed no further than it was displaced, but for rounding."""
+        """Whether it deviated no further than its initial displacement, except for rounding."""
         return self.largest_deviation <= STAYS * self.nudge
 
     @property
     def leaves(self) -> bool:
-        """Whether it strayed a hundred times as far as it was displaced."""
+        """Whether it deviated a hundred times as far as its initial displacement."""
         return self.largest_deviation >= LEAVES * self.nudge
 
     def __repr__(self) -> str:
-        said = "stays" if self.stays else "leaves" if self.leaves else "neither stays nor leaves"
+        verdict = "stays" if self.stays else "leaves" if self.leaves else "neither stays nor leaves"
         return (
-            f"<Release: {said}: strayed {1e6 * self.largest_deviation:.3g} µm in {self.seconds:.3g} s, nudged by "
-            f"{1e6 * self.nudge:.3g} µm>"
+            f"<Release: {verdict}: deviates by {1e6 * self.largest_deviation:.3g} µm in {self.seconds:.3g} s, "
+            f"nudged by {1e6 * self.nudge:.3g} µm>"
         )
 
 
 def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
-    """Displace the platform a micrometre along its softest direction, let it go undamped, and see how far it strays.
+    """Displace the platform by a micrometre along its direction of least stiffness, and release it undamped.
 
-    Stops as soon as it has left.
+    The simulation stops as soon as the platform ``leaves``.
 
     Args:
         equilibrium: of either method, stable or not.
-        seconds: how long it is watched at most.
+        seconds: longest duration of the motion.
 
     Returns:
-        How far it strayed [m], and so whether it ``stays`` or ``leaves``.
+        The largest deviation [m], and with it whether the platform ``stays`` or ``leaves``.
 
     Raises:
-        InvalidInput: an equilibrium under an external wrench, or on cables that have weight.
+        InvalidInput: an equilibrium under an external wrench, or on cables with mass.
     """
     refuse_unless(Equilibrium, equilibrium=equilibrium)
     problem = equilibrium.problem
     robot, pose = problem.robot, equilibrium.pose
     if problem.external_wrench.any():
-        raise InvalidInput("equilibrium: found one under an external wrench, expected gravity alone")
+        raise InvalidInput("equilibrium: found one under an external wrench, expected gravity only")
     seconds, arm = _duration(seconds), robot.characteristic_length
     chains.refuse_weight(robot, "releasing a platform")
     with simulations_of(Problems.stack([dataclasses.replace(problem, pose=pose)])) as simulations:
@@ -124,24 +125,24 @@ def grow_gravity(
     *,
     seconds: float = RAMP,
 ) -> Equilibrium:
-    """Where MuJoCo's platform rests after gravity has grown slowly from nothing, starting at ``pose`` in viscous air.
+    """Equilibrium in MuJoCo after gravity has grown slowly from zero, starting at ``pose`` in viscous air.
 
     Args:
-        robot: the robot; or a ``Problem`` that is ready, alone.
-        pose: where the platform starts.
+        robot: the robot; or a ``Problem``, without other arguments.
+        pose: initial pose of the platform.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
-        seconds: how long gravity grows.
+        seconds: time in which gravity grows.
 
     Returns:
-        The equilibrium at which MuJoCo's platform comes to rest under all of gravity.
+        The equilibrium at which the platform comes to rest in MuJoCo under full gravity.
 
     Raises:
-        InvalidInput: an argument that cannot be right; cables that have weight.
+        InvalidInput: an invalid argument; cables with mass.
         NotSettled: it does not come to rest, or MuJoCo warns of its motion.
     """
     problem = Problem.of(robot, pose, rest_lengths)
     if problem.external_wrench.any():
-        raise InvalidInput("external_wrench: found one, expected gravity alone, which grows")
+        raise InvalidInput("external_wrench: found one, expected gravity only, which grows")
     seconds, robot = _duration(seconds), problem.robot
     chains.refuse_weight(robot, "growing gravity")
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, problem.pose, problem.rest_lengths))
@@ -153,7 +154,7 @@ def grow_gravity(
         model.opt.gravity[2] = -robot.gravity * (step + 1) / steps
         mujoco.mj_step(model, data)
     if any(warning.number for warning in data.warning):
-        raise NotSettled(f"{robot.name}: MuJoCo found its motion unstable while gravity grew")
+        raise NotSettled(f"{robot.name}: the simulation in MuJoCo became unstable while gravity grew")
     return settle(robot, _pose(data), problem.rest_lengths)
 
 
@@ -169,9 +170,10 @@ def _pose(data: mujoco.MjData) -> RigidTransform:
 
 
 def _fastest(model: mujoco.MjModel, equilibrium: Equilibrium) -> float:
-    """An upper bound of the fastest swing [rad/s]: every spring at the farthest anchor, against the least inertia.
+    """An upper bound of the highest angular frequency [rad/s]: all springs at the farthest anchor, least inertia.
 
-    Springs that stiffen as they are at the largest strain; or a wheel's swing about its axis, where that is faster.
+    Nonlinear springs have their stiffness at the largest strain; or the oscillation of a wheel about its axis, if that
+    is faster.
     """
     robot = equilibrium.problem.robot
     reach = np.linalg.norm(robot.anchors - robot.center_of_mass, axis=1).max()

@@ -1,4 +1,4 @@
-"""Sensors on a model in MuJoCo: what they read, how noisy, and how late it comes through."""
+"""Sensors on a model in MuJoCo: their readings, noise and delay."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -17,11 +17,11 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys
 
 INSTANT = 1e-9
-"""[s] By which two times may differ that are the same."""
+"""[s] Tolerance of equal times."""
 
 
 class Readings:
-    """What a model's own sensors say, exact; after ``mj_forward``."""
+    """Exact readings of a model's own sensors; after ``mj_forward``."""
 
     def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
         def addresses(*names: str) -> Int[np.ndarray, " numbers"]:
@@ -35,25 +35,25 @@ class Readings:
         self._entries = pulleys.entries(robot.cabling)
 
     def pose(self, data: mujoco.MjData) -> Float[np.ndarray, "7"]:
-        """Of the platform: position [m], and quaternion w x y z."""
+        """Pose of the platform: position [m], and quaternion w x y z."""
         return data.sensordata[self._pose]
 
     def lengths(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
-        """Of the cables, from their exits [m]."""
+        """Lengths of the cables, from their exits [m]."""
         return data.sensordata[self._lengths] - self._entries
 
     def tensions(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
-        """Of the cables [N]."""
+        """Tensions of the cables [N]."""
         return data.sensordata[self._tensions]
 
 
 def pose_of(reading: Float[np.ndarray, "*rows 7"]) -> RigidTransform:
-    """What a reading of position and quaternion means, or many."""
+    """The pose of a reading of position and quaternion, or of many."""
     return RigidTransform.from_components(reading[..., :3], Rotation.from_quat(reading[..., 3:], scalar_first=True))
 
 
 class Sensing:
-    """Samples on their way from the sensors to the controller."""
+    """Queue of samples from the sensors to the controller."""
 
     def __init__(self, sensors: Sensors, readings: Readings) -> None:
         self._sensors, self._readings = sensors, readings
@@ -67,7 +67,7 @@ class Sensing:
         return time >= self._taken * self._sensors.period - INSTANT
 
     def sample(self, data: mujoco.MjData, time: float, rest_lengths: Float[np.ndarray, " cables"]) -> None:
-        """Take one; after ``mj_forward``."""
+        """Take a sample; after ``mj_forward``."""
         sensors, tensions = self._sensors, self._readings.tensions(data)
         noise = self._random.standard_normal(6 + len(tensions))
         step = noise[:6] * np.repeat([sensors.position_noise, sensors.rotation_noise], 3)
@@ -77,7 +77,7 @@ class Sensing:
         self._taken += 1
 
     def newest(self, time: float) -> Measurement:
-        """The newest sample that has come through; before the first has, what was so while the platform stood still."""
+        """The newest sample that has arrived; before the first, the initial state of the platform."""
         while self._waiting and self._waiting[0].time + self._sensors.delay <= time + INSTANT:
             self._newest = self._waiting.popleft()
         if self._newest is None:

@@ -1,9 +1,9 @@
-"""Let the platform come to rest in MuJoCo, and read out of MuJoCo where that is.
+"""Settling: let the platform come to rest in MuJoCo, and read its equilibrium out of MuJoCo.
 
-The second method to a static equilibrium, which shares nothing with the first: no formula of statics stands here.
-MuJoCo moves the platform and knows its pose, cable lengths and spring forces; a tension is the force that MuJoCo
-applies when all other springs are switched off; the residual is the generalised force that it has left over at zero
-velocity; the stiffness is how that force changes when the platform is displaced. How it is moved, ``relaxation`` says.
+The second method for a static equilibrium is independent of the first: it uses no formula of statics.
+MuJoCo moves the platform and computes its pose, cable lengths and spring forces; a tension is the force that MuJoCo
+applies when all other springs are switched off; the residual is the remaining generalised force at zero velocity; the
+stiffness is the change of that force when the platform is displaced. ``dynamic_relaxation`` describes the motion.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -47,27 +47,27 @@ def settle(
     model: mujoco.MjModel | None = None,
     progress: bool = False,
 ) -> Equilibrium:
-    """Where MuJoCo's platform comes to rest, let go at ``pose`` with zero velocity.
+    """Equilibrium at which the platform comes to rest in MuJoCo, released at ``pose`` with zero velocity.
 
-    A platform that its cables do not hold there falls until they catch it, however far: nothing else is in its way.
-    Where cables have mass it is let go where it would rest if they did not.
+    A platform that its cables do not hold there falls until they catch it, however far: there is no other contact.
+    Where cables have mass, the platform is released at the equilibrium with massless cables.
 
     Args:
-        robot: the robot; or a ``Problem`` that is ready, alone.
-        pose: where the platform starts: (x, y, z) [m], a six-vector [m, rad], or a ``RigidTransform``.
+        robot: the robot; or a ``Problem``, without other arguments.
+        pose: initial pose of the platform: (x, y, z) [m], a six-vector [m, rad], or a ``RigidTransform``.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
-        model: settle this model of the robot instead of the generated one, with the springs, masses and gravity that
-            it has. Its names must be those of ``to_mjcf``.
-        progress: show on standard error how far it is: where cables have mass it may take a minute.
+        model: settle this model of the robot instead of the generated one, with its own springs, masses and gravity.
+            Its names must be those of ``to_mjcf``.
+        progress: show the progress on standard error: where cables have mass it may take a minute.
 
     Returns:
         The equilibrium by MuJoCo's own pose, forces and stiffness; its ``source`` is "mujoco".
 
     Raises:
-        InvalidInput: a pose, a length or a wrench that cannot be right.
-        NotSettled: it never comes to rest, MuJoCo warns of its motion, or a nonlinear cable is strained by more than
-            20 %; carries the last state.
+        InvalidInput: an invalid pose, length or wrench.
+        NotSettled: it never comes to rest, MuJoCo warns of its motion, or a nonlinear cable is strained by more than 20
+            %; carries the last state.
     """
     refuse_unless(FLAG, progress=progress)
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
@@ -82,20 +82,20 @@ def settle_trajectory(
     external_wrench: ArrayLike | None = None,
     model: mujoco.MjModel | None = None,
 ) -> tuple[Equilibrium, Trajectory]:
-    """``settle``, and the motion that led there, time step by time step (their lengths vary).
+    """``settle``, and the motion to the equilibrium, time step by time step (their lengths vary).
 
     Args:
-        robot: this and the rest as ``settle`` takes them.
-        pose: where the platform starts.
+        robot: the robot; all arguments are those of ``settle``.
+        pose: initial pose of the platform.
         rest_lengths: (cables,) [m].
         external_wrench: (6,) [N, N m].
-        model: settle this one instead.
+        model: settle this model instead.
 
     Returns:
         The equilibrium, as by ``settle``; and the motion, (steps,) with times [s].
 
     Raises:
-        InvalidInput: a pose, a length or a wrench that cannot be right.
+        InvalidInput: an invalid pose, length or wrench.
         NotSettled: as ``settle``.
     """
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
@@ -129,21 +129,21 @@ def settle_many(
     """Settle one robot from many poses, side by side on threads; the same motions as ``settle`` one by one.
 
     Args:
-        robot: the robot; or (rows,) ``Problems`` that are ready, alone.
-        poses: where the platform starts, (rows, 3) [m], (rows, 6) [m, rad], a stack of transforms, or a list of
-            anything that is a pose.
+        robot: the robot; or (rows,) ``Problems``, without other arguments.
+        poses: initial poses of the platform, (rows, 3) [m], (rows, 6) [m, rad], a stack of transforms, or a list of
+            poses of any kind.
         rest_lengths: (cables,) for all or (rows, cables) [m]; default: the rigid ones at each pose.
         external_wrench: (6,) for all or (rows, 6) [N, N m].
-        rotations: (rows, 3, 3), where ``poses`` are positions; default: level.
+        rotations: (rows, 3, 3), if ``poses`` are positions; default: level.
         axial_stiffness: EA [N], a number, or with the cables last: (rows, cables), or (rows, 1) for all cables alike.
         threads: 0 for one per processor.
-        progress: show on standard error how far it is, where cables have mass.
+        progress: show the progress on standard error, where cables have mass.
 
     Returns:
-        A row for each pose. One that is not finite, or at which the platform would fall, says so by its status.
+        A row for each pose. The status marks a row that is not finite, or at which the platform would fall.
 
     Raises:
-        InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
+        InvalidInput: shapes that do not fit or are ambiguous, or invalid numbers.
     """
     refuse_unless(FLAG, progress=progress)
     problems = Problems.of(
@@ -184,12 +184,12 @@ def settle_many(
 
 
 def residual_of(problem: Problem, pose: PoseLike, *, model: mujoco.MjModel | None = None) -> float:
-    """The largest unbalanced force [N] that MuJoCo finds on the platform held at ``pose``; zero at equilibrium.
+    """The largest unbalanced force [N] in MuJoCo on the platform held at ``pose``; zero at equilibrium.
 
     Torques are divided by the robot's characteristic length, as in ``Equilibrium.residual``.
 
     Raises:
-        InvalidInput: a pose that cannot be right.
+        InvalidInput: an invalid pose.
     """
     at = problem.robot.placed(pose)
     where = at.position[None], at.rotation_matrix[None]
@@ -197,10 +197,10 @@ def residual_of(problem: Problem, pose: PoseLike, *, model: mujoco.MjModel | Non
 
 
 def residuals_of(problems: Problems, poses: RigidTransform, *, threads: int = 0) -> Float[np.ndarray, " rows"]:
-    """``residual_of`` for (rows,) problems, each at its own of the poses, (rows,) [N].
+    """``residual_of`` for (rows,) problems, each at its own pose, (rows,) [N].
 
     Args:
-        problems: what is asked.
+        problems: the problems.
         poses: a stack, one for each.
         threads: 0 for one per processor.
     """
@@ -229,7 +229,7 @@ def _settled(
     frames: Frames | None = None,
     progress: bool = False,
 ) -> EquilibriumBatch:
-    """Settle (rows,) problems that can be asked; ``frames`` takes the first one's motion."""
+    """Settle (rows,) problems that can be solved; ``frames`` collects the motion of the first one."""
     refuse_unless(mujoco.MjModel | None, model=model)
     if _weighs(problems.robot, model):
         with saying(progress) as say:
@@ -239,7 +239,7 @@ def _settled(
         relaxation = Relaxation(simulations, frames)
         relaxation.run()
         reading = simulations.read(relaxation.qpos)
-        # Under a wheel MuJoCo's tendon jumps off it, which is another robot's motion from there on.
+        # Below a wheel MuJoCo's tendon jumps off it, and the motion after that is not this robot's.
         lost = reading.off_wheel | ((relaxation.status == Status.DIVERGED) & bool(len(simulations.swivels)))
         if lost.any():
             relaxation.again(lost)
@@ -254,7 +254,7 @@ def _settled(
             reading = simulations.read(relaxation.qpos)
         beyond = problems.robot.cabling.beyond_law(reading.lengths, simulations.rest_lengths).any(1)
     relaxation.status[beyond] = Status.OVERSTRAINED
-    # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
+    # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
     relaxation.status[reading.off_wheel] = Status.OFF_WHEEL
     return EquilibriumBatch(
         problems=asked,
@@ -278,7 +278,7 @@ def _settled_heavy(
     frames: heavy.Frames | None = None,
     say: Callable[[str], None] = lambda words: None,
 ) -> EquilibriumBatch:
-    """``_settled`` where cables have mass: let go where the platform would rest if they did not."""
+    """``_settled`` where cables have mass: released at the equilibrium with massless cables."""
     light = _settled(_without_weight(problems), threads=threads)
     finite = np.isfinite(light.residuals)
     starts = [(light if finite[row] else problems).poses[row] for row in range(len(problems))]
@@ -304,12 +304,12 @@ def _settled_heavy(
 
 
 def _weighs(robot: Robot, model: mujoco.MjModel | None = None) -> bool:
-    """Whether cables pull by their weight; a model that is given has the chains that its robot's cables are."""
+    """Whether some cables have mass; a given model has chains for exactly the cables with mass of its robot."""
     return not robot.cabling.massless and (robot.gravity > 0 or model is not None)
 
 
 def _without_weight(problems: Problems) -> Problems:
-    """The same question on massless cables."""
+    """The same problems with massless cables."""
     if problems.robot.cabling.massless:
         return problems
     return dataclasses.replace(problems, robot=_weightless(problems.robot), singles=())
@@ -317,5 +317,5 @@ def _without_weight(problems: Problems) -> Problems:
 
 @functools.lru_cache(maxsize=16)
 def _weightless(robot: Robot) -> Robot:
-    """The same robot on massless cables; kept, since so is its simulation."""
+    """The same robot with massless cables; cached, since its simulation is cached too."""
     return robot.replace(linear_density=0.0)

@@ -1,14 +1,14 @@
-"""What a cable is in MuJoCo: a spatial tendon whose spring pulls beyond its rest length and never pushes.
+"""Model of a cable in MuJoCo: a spatial tendon whose spring pulls beyond its rest length and never pushes.
 
 The tendon runs from its exit site to its anchor site, with ``stiffness`` EA/l0 and ``springlength="0 l0"``: MuJoCo's
-spring is silent inside that dead band, so
+spring has no force inside that dead band, so
 
     tau = EA/l0 (l - l0)  for l > l0,  else 0          (paper Eq. 10, 11)
 
-A cable that stiffens has the two further coefficients of MuJoCo's polynomial, EA a2/l0² and EA a3/l0³. One that runs
-over a pulley begins before it (``pulleys``) and is longer by as much as that entry.
+A nonlinear cable has the two further coefficients of MuJoCo's polynomial, EA a2/l0² and EA a3/l0³. The tendon of one
+over a pulley begins before the pulley (``pulleys``) and is longer by that entry.
 
-Three things a tendon could have are left out on purpose. ``range`` would add a constraint that stops the cable
+Three attributes of tendons are left out on purpose. ``range`` would add a constraint that stops the cable
 stretching; ``damping`` ignores the dead band, so that a slack cable would push, and it turns off the drawing of a
 slack cable as a hanging chain; ``frictionloss`` would hold the platform away from its equilibrium.
 
@@ -32,7 +32,8 @@ from cdpr_sim.physics import chains, pulleys, winches
 from cdpr_sim.physics.number_format import text
 
 NOTHING = 1e-200
-"""[N/m] MuJoCo draws hanging chains only where there is a spring: one that changes no force, not even by rounding."""
+"""[N/m] Stiffness of a drawn twin. MuJoCo draws hanging chains only where there is a spring: this one changes no force,
+not even by rounding."""
 
 
 def add_exits(world: ET.Element, cabling: Cabling) -> None:
@@ -42,7 +43,7 @@ def add_exits(world: ET.Element, cabling: Cabling) -> None:
 
 
 def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
-    """The sites ``anchor_1``, ... at which they pull on the platform."""
+    """The sites ``anchor_1``, ... at which cables pull on the platform."""
     for i, position in enumerate(cabling.anchors, start=1):
         ET.SubElement(platform, "site", {"name": f"anchor_{i}", "class": "anchor", "pos": text(position)})
 
@@ -50,10 +51,10 @@ def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
 def add_tendons(
     root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float, *, wound: bool = False
 ) -> None:
-    """The tendons ``cable_1``, ..., let out to ``rest_lengths`` [m]; a cable with mass has several, for this time step.
+    """The tendons ``cable_1``, ..., with ``rest_lengths`` [m]; a cable with mass has several, for this time step.
 
-    Where cables are ``wound``, their winches do what their springs would, unless they stiffen and begin at a drum; and
-    ``rope_1``, ... are there to be drawn in their place (``winches.hang``).
+    Where cables are ``wound``, the actuators of their winches replace their springs, except for nonlinear cables, which
+    begin at a drum; and ``rope_1``, ... are drawn in their place (``winches.hang``).
     """
     tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
     stiffnesses = springs(cabling.axial_stiffness, rest_lengths)
@@ -64,13 +65,13 @@ def add_tendons(
             chains.add_segments(tendons, robot, i - 1, rest_lengths[i - 1], step)
             continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
-        stiffens = cabling.stiffening[i - 1].any()
-        if stiffens or not wound:
-            cable.set("stiffness", text([stiffness, *further[i - 1]] if stiffens else stiffness))
+        nonlinear = cabling.stiffening[i - 1].any()
+        if nonlinear or not wound:
+            cable.set("stiffness", text([stiffness, *further[i - 1]] if nonlinear else stiffness))
             cable.set("springlength", text([0, length]))
         if not cabling.massless:
             cable.set("damping", text(step * stiffness))  # this integrator does not know springs
-        if stiffens and wound:
+        if nonlinear and wound:
             ET.SubElement(cable, "site", site=f"drum_{i}")
         elif cabling.pulleys[i - 1]:
             ET.SubElement(cable, "site", site=f"entry_{i}")
@@ -95,7 +96,7 @@ def add_twin(tendons: ET.Element, name: str, cable: int, length: float, **look: 
 def springs(
     axial_stiffness: Float[np.ndarray, "*#batch cables"], rest_lengths: Float[np.ndarray, "*#batch cables"]
 ) -> Float[np.ndarray, "*batch cables"]:
-    """MuJoCo's ``stiffness`` of each tendon [N/m]: of two cables alike, the shorter is the stiffer."""
+    """MuJoCo's ``stiffness`` of each tendon [N/m]: of two cables of one material, the shorter is the stiffer."""
     return axial_stiffness / rest_lengths
 
 
@@ -114,7 +115,7 @@ def pull(
     bands: Float[np.ndarray, "rows cables 2"],
     stiffnesses: Float[np.ndarray, "rows cables"],
 ) -> Float[np.ndarray, "rows cables"]:
-    """What each tendon pulls with, before it stiffens: from lengths, dead bands and stiffnesses, in MuJoCo's unit."""
+    """Pull of each linear tendon: from lengths, dead bands and stiffnesses, in MuJoCo's unit."""
     return stiffnesses * np.maximum(lengths - bands[:, :, 1], 0)
 
 

@@ -1,10 +1,10 @@
-"""Track a course in MuJoCo: a controller in closed loop, with winches and sensors that are not perfect.
+"""Tracking in MuJoCo: a controller in closed loop along a reference motion, with imperfect winches and sensors.
 
-Time goes in control periods. At each the controller is given the newest sample that has come through from the sensors,
-and says what winches hold one period later; meanwhile they run there evenly, as drives that interpolate do, and no
-faster than they can. A winch that holds a length is the model's actuator at that control. One that holds a tension is
-the same actuator with a constant force instead of a spring: an ideal motor that gives way. It can do so no faster than
-it turns; beyond that it is held by its speed, and its cable is a spring again.
+Time is divided into control periods. In each, the controller gets the newest sample that has arrived from the sensors,
+and commands the winches for the end of the next period; meanwhile they move at constant speed, as interpolating drives
+do, and no faster than their maximum. A winch that controls a length is the model's actuator at that control. One that
+controls a tension is the same actuator with a constant force instead of a spring: an ideal motor with free speed. Its
+speed is limited too; at the limit its length is controlled, and its cable is a spring again.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -36,26 +36,27 @@ from cdpr_sim.physics.sensing import Readings, Sensing, pose_of
 from cdpr_sim.physics.settle import settle
 
 SPEED = 0.05
-"""[m/s] Mean speed along the waypoints, unless the caller says otherwise."""
+"""[m/s] Default of the mean speed along the waypoints."""
 
 DAMPING = 0.05
-"""Of the platform's slowest swing, as a fraction of critical damping, unless the caller says otherwise: it swings on
-for some periods, as platforms on cables do."""
+"""Default damping of the platform's slowest oscillation, as a fraction of critical damping: it oscillates for
+some periods, as platforms on cables do."""
 
 CABLE_DAMPING = 2.5e-4
-"""[s] Assumed: a loss factor of 2 % at the 10 Hz of ``cogiro``'s softest motion on fishing line, of 5 % at
+"""[s] Assumed: a loss factor of 2 % at the 10 Hz of ``cogiro``'s motion of least stiffness on fishing line, of 5 % at
 Vectran's 33 Hz."""
 
 STEPS = 20
-"""Per period of the platform's stiffest motion, at least. The model's own integrator, which is implicit in the springs,
-is stable with far fewer: but it damps them, so that feedback looked stable that is not, and tensions peaked far too
-high. This one is velocity Verlet: of second order, and it damps nothing that the model does not."""
+"""Least number of time steps per period of the platform's fastest oscillation. The model's own integrator, which is
+implicit in the springs, is stable with far fewer: but it damps them, so that unstable feedback looked stable, and peaks
+of tension were far too high. This one is velocity Verlet: of second order, and without damping beyond that of the
+model."""
 
 ROUNDING = 1e-9
-"""Of a length or a number of steps, as a fraction."""
+"""Rounding of a length or a number of steps, as a fraction."""
 
 EXACT = Sensors()
-"""Sensors unless the caller says otherwise: at 100 Hz, at once and without noise."""
+"""Default sensors: at 100 Hz, without delay and noise."""
 
 
 def track(
@@ -72,34 +73,35 @@ def track(
     cable_damping: float = CABLE_DAMPING,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Move the platform along ``waypoints`` in MuJoCo as ``controller`` says, which sees only what sensors say.
+    """Move the platform along ``waypoints`` in MuJoCo by the commands of ``controller``, which gets only measurements.
 
-    What is wanted moves along straight lines from waypoint to waypoint as ``core.path`` says: turning evenly, starting
-    and ending at rest. The platform starts at rest on the lengths with which the controller starts.
+    The reference moves along straight lines from waypoint to waypoint as described in ``core.path``: smoothly, with
+    zero velocity at both ends. The platform starts in equilibrium on the controller's first lengths.
 
     Args:
-        robot: the true one; the controller may believe in another.
-        waypoints: poses wanted in turn, at least one: (rows, 3), (rows, 6) or a stack of transforms. A single one is
-            held.
+        robot: the true robot; the controller may have another model.
+        waypoints: reference poses in order, at least one: (rows, 3), (rows, 6) or a stack of transforms. A single one
+            is held.
         controller: any object with the two methods of ``Controller``; those of ``cdpr_sim.control``, for instance.
         seconds: duration of the motion; default: at 0.05 m/s in the mean.
-        pause: how long the first waypoint is wanted before the motion begins [s].
-        rate: of the controller [Hz]; the last period is shorter where the course ends within it.
-        sensors: what they are like.
+        pause: time at the first waypoint before the motion begins [s].
+        rate: rate of the controller [Hz]; the last period is shorter if the motion ends within it.
+        sensors: properties of the sensors.
         winch_speed: largest rate at which a rest length changes [m/s].
-        damping: of the platform's slowest swing by the air, as a fraction of critical.
-        cable_damping: of each cable: its resistance to stretching, as a multiple of its stiffness [s].
-        progress: called now and then with the fraction done, 0 to 1.
+        damping: damping of the platform's slowest oscillation by the air, as a fraction of critical.
+        cable_damping: damping of each cable: its resistance to stretching, as a multiple of its stiffness [s].
+        progress: is called from time to time with the fraction done, 0 to 1.
 
     Returns:
-        A state for each control period, the first and the last instant included. Its commanded poses are those that the
-        course wants, its rest lengths those that winches had let out.
+        A state for each control period, the first and the last instant included. Its commanded poses are those of the
+        reference, its rest lengths those that the winches had let out.
 
     Raises:
-        InvalidInput: an argument that cannot be right; cables with mass or stiffen.
+        InvalidInput: an invalid argument; cables with mass or nonlinear elasticity.
         NotSettled: the platform does not come to rest on the controller's first lengths.
-        PlatformFell: it fell on the way; carries the trajectory so far.
-        BadCommand: the controller failed, or said what winches cannot do; carries the trajectory so far.
+        PlatformFell: it fell during the motion; carries the trajectory so far.
+        BadCommand: the controller failed, or gave a command that winches cannot carry out; carries the trajectory so
+            far.
     """
     refuse_unless(PROGRESS, progress=progress)
     reference = _course(robot, waypoints, seconds, pause)
@@ -114,7 +116,7 @@ def track(
     wanted = reference.poses(times)
     held = Problems.of(robot, wanted)
     if held.falls.any():
-        Problem.of(robot, wanted[int(np.argmax(held.falls))])  # says that nothing could hold it
+        Problem.of(robot, wanted[int(np.argmax(held.falls))])  # raises the error that nothing holds it
     with _blamed(robot, "when the controller starts"):
         lengths = Command.of(controller.start(reference), robot.cables).rest_lengths
     with quiet():
@@ -171,7 +173,7 @@ def _check_controller(controller: Controller) -> None:
 
 @contextmanager
 def _blamed(robot: Robot, when: str) -> Iterator[None]:
-    """Whatever a user's controller raises, as a ``BadCommand`` that says when."""
+    """Converts any exception of a user's controller into a ``BadCommand`` with the time."""
     try:
         yield
     except Exception as error:
@@ -188,11 +190,11 @@ def _run(
     motion: _Motion,
     progress: Callable[[float], None] | None,
 ) -> None:
-    """From the first of ``times`` to the last.
+    """Run from the first of ``times`` to the last.
 
     Raises:
-        PlatformFell: it fell on the way.
-        BadCommand: no command that the winches can follow.
+        PlatformFell: the platform fell during the motion.
+        BadCommand: the controller gave no command that the winches can carry out.
     """
     name, last = machine.robot.name, len(times) - 1
     for tick, time in enumerate(times.tolist()):
@@ -222,19 +224,19 @@ def _run(
 
 
 class _Motion:
-    """What is seen at each control instant."""
+    """Record of the state at each control instant."""
 
     def __init__(self, readings: Readings) -> None:
         self._readings = readings
         self._seen: list[tuple[np.ndarray, ...]] = []
 
     def see(self, machine: _Machine) -> None:
-        """The platform, its cables and its winches, now."""
+        """Record the present state of the platform, its cables and its winches."""
         read, data = self._readings, machine.data
         self._seen.append((read.pose(data), read.lengths(data), read.tensions(data), machine.let_out.copy()))
 
     def trajectory(self, robot: Robot, wanted: RigidTransform, times: Float[np.ndarray, " ticks"]) -> Trajectory:
-        """All of it."""
+        """The recorded motion."""
         poses, lengths, tensions, rest_lengths = (np.array(column) for column in zip(*self._seen, strict=True))
         rows = np.arange(len(self._seen))
         problems = Problems.of(robot, wanted[rows], rest_lengths)
@@ -242,7 +244,7 @@ class _Motion:
 
 
 class _Machine:
-    """A robot in MuJoCo, at rest on its first lengths, and winches that do as they are told if they can.
+    """A robot in MuJoCo, in equilibrium on its first lengths, with winches of limited speed and range.
 
     Attributes:
         let_out: rest lengths that winches have let out, (cables,) [m].
@@ -278,10 +280,10 @@ class _Machine:
         self.look()
 
     def _damp(self, damping: float, cable_damping: float) -> tuple[float, float]:
-        """Damp the platform, alike in all directions, and its cables.
+        """Damp the platform, equally in all directions, and its cables.
 
         Returns:
-            Of the stiffest motion: its rate [rad/s], and the time [s] in which it is damped.
+            For the fastest oscillation: its angular frequency [rad/s], and its damping time [s].
         """
         model, data, free = self.model, self.data, len(self.robot.free)
         mass, stretch = np.zeros((free, model.nv)), np.zeros((free, model.nu))
@@ -291,7 +293,7 @@ class _Machine:
             mujoco.mj_mulM(model, data, mass[coordinate], unit)
             stretch[coordinate] = data.actuator_velocity
         data.qvel[:] = 0
-        critical = model.dof_damping[0] / self.robot.mass  # [1/s], as the model is written
+        critical = model.dof_damping[0] / self.robot.mass  # [1/s], the damping written in the model
         model.dof_damping[:free] = damping * critical * mass.diagonal()
         springs = self.robot.axial_stiffness / self._written
         model.actuator_biasprm[:, 2] = -cable_damping * springs
@@ -300,10 +302,10 @@ class _Machine:
         return float(np.sqrt(stiffest)), float(1 / damped) if damped else np.inf
 
     def checked(self, answer: Command | ArrayLike) -> Command:
-        """A controller's answer, as a command that the winches can follow.
+        """A controller's return value as a command that the winches can carry out.
 
         Raises:
-            InvalidInput: what no winch can hold, or these cannot let out.
+            InvalidInput: a command that no winch can carry out, or that is out of the range of these.
         """
         command = Command.of(answer, self.robot.cables)
         lengths, (lowest, highest) = command.rest_lengths, self._reach
@@ -317,7 +319,7 @@ class _Machine:
         return command
 
     def look(self) -> None:
-        """Bring MuJoCo's sensors up to date, which speak of the time before a step."""
+        """Update MuJoCo's sensors, which otherwise have the values before the step."""
         mujoco.mj_forward(self.model, self.data)
 
     def follow(self, command: Command, seconds: float) -> Iterator[float]:
@@ -364,7 +366,7 @@ class _Machine:
         return acceleration
 
     def _held_tensions(self, command: Command, most: float) -> Float[np.ndarray, " cables"]:
-        """Rest lengths of winches that hold a tension, ``most`` [m] from the present ones at most.
+        """Rest lengths of winches that control a tension, at most ``most`` [m] from the present ones.
 
         A winch that can reach the length of its tension becomes a constant force, the others are springs.
         """

@@ -1,4 +1,4 @@
-"""MuJoCo's own viewer on a robot that is driven by its winches, with their sliders."""
+"""MuJoCo's own viewer for a robot that is driven by its winches, with their sliders."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -35,7 +35,7 @@ def open_viewer(problem: Problem) -> None:
 
 
 def _refuse_without_display() -> None:
-    """Before MuJoCo's viewer ends the process for it."""
+    """Check for a display before MuJoCo's viewer ends the process for lack of one."""
     import glfw
 
     with warnings.catch_warnings():

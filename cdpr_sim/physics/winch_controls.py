@@ -1,4 +1,4 @@
-"""What the winches of a model are told: controls, of lengths."""
+"""Controls of a model's winches from rest lengths."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
 
     Args:
         robot: the robot.
-        pose: at which its model is written, where all controls are 0.
+        pose: pose at which its model is written, where all controls are 0.
         rest_lengths: unstretched cable lengths l0, (..., cables) [m].
 
     Returns:
-        ``ctrl`` of the actuators ``winch_1``, ..., (..., cables), L/l0 - 1 with L the rigid lengths at ``pose``. Of
-        cables that stiffen l (L/l0 - 1) [m], with l their length where MuJoCo's platform settles from ``pose``.
+        ``ctrl`` of the actuators ``winch_1``, ..., (..., cables), L/l0 - 1 with L the rigid lengths at ``pose``.
+        For nonlinear cables l (L/l0 - 1) [m], with l their length at the equilibrium in MuJoCo from ``pose``.
 
     Raises:
-        InvalidInput: lengths that cannot be right, or that are out of the winches' range.
-        NotSettled: cables stiffen, and the platform does not come to rest on them.
+        InvalidInput: invalid lengths, or lengths out of the winches' range.
+        NotSettled: cables are nonlinear, and the platform does not come to rest on them.
     """
     problem = Problem.of(robot, pose)
     wanted = checked_array("rest_lengths", rest_lengths, None)
@@ -45,11 +45,11 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
             f"{highest[cable]:.4g} m, which its winch can let out"
         )
     controls = problem.rest_lengths / wanted - 1
-    stiffens = robot.cabling.stiffening.any(1)
-    if stiffens.any():
+    nonlinear = robot.cabling.stiffening.any(1)
+    if nonlinear.any():
         servos = SERVO * robot.axial_stiffness / problem.rest_lengths
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
-            drawn_in = rest.lengths * controls[row] + rest.tensions / servos  # and what the servos give way
-            controls[row][stiffens] = drawn_in[stiffens]
+            drawn_in = rest.lengths * controls[row] + rest.tensions / servos  # plus the servos' displacement
+            controls[row][nonlinear] = drawn_in[nonlinear]
     return controls

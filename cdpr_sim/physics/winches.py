@@ -1,19 +1,20 @@
-"""Winches in MuJoCo: what winds the cables of a model, so that ``ctrl`` drives it.
+"""Winches in MuJoCo: actuators that wind the cables of a model by ``ctrl``.
 
-The actuator ``winch_1`` is the whole of cable 1, whose tendon then has no spring of its own. With L the rest length
-that belongs to control 0 and u the control, the rest length is l0 = L/(1 + u): a positive control winds in. The tension
+The actuator ``winch_1`` replaces the spring of cable 1's tendon. With L the rest length at control 0 and u the
+control, the rest length is l0 = L/(1 + u): a positive control winds in. The tension
 
     tau = EA/l0 (l - l0) = (EA/L) l (1 + u) - EA   for l > l0,  else 0          (paper Eq. 10, 11)
 
-is bilinear in l and u, which is what MuJoCo's affine gain and bias are. ``forcerange`` begins at 0, so that no cable
-pushes; ``gear`` -1 counts tension as a positive force. The stiffness is EA/l0, as it has to be: a shorter cable is a
-stiffer one. A cable over a pulley has a tendon that is longer by its straight entry; the constants account for that.
+is bilinear in l and u, like MuJoCo's affine gain and bias. ``forcerange`` begins at 0, so that no cable
+pushes; ``gear`` -1 makes tension a positive force. The stiffness is EA/l0, as required: a shorter cable is a
+stiffer one. The tendon of a cable over a pulley is longer by its straight entry; the constants account for that.
 
-A cable that stiffens keeps its spring, since no actuator of MuJoCo's is more than linear in length. Its tendon begins
+A nonlinear cable keeps its spring, since no actuator in MuJoCo is more than linear in length. Its tendon begins
 at a drum, a body ``drum_1`` on a slide behind the exit, which the actuator moves: its control q is a length [m], by
-which the cable is drawn in behind the exit. The tension is then the law's at the strain (l + q)/L - 1, which is the
-right one, l/l0 - 1, where q = l (L/l0 - 1). That depends on l; ``winding`` knows it where the platform rests. Moving
-about that rest the cable is as stiff as one of length L, and its sensor of tension feels the drum's inertia as well.
+which the cable is drawn in behind the exit. The tension is then the law's at the strain (l + q)/L - 1, which equals
+the required l/l0 - 1 for q = l (L/l0 - 1). That depends on l; ``winch_controls`` uses its value at the equilibrium. In
+motions about that equilibrium the cable is as stiff as one of length L, and its tension sensor includes the drum's
+inertia.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -31,39 +32,39 @@ from cdpr_sim.physics import pulleys
 from cdpr_sim.physics.number_format import text
 
 DAMPING = 1e-4
-"""[s] A cable's resistance to stretching, as a multiple of its stiffness: quick to calm down, and too little to narrow
-the time steps of integrators that treat it explicitly."""
+"""[s] A cable's resistance to stretching, as a multiple of its stiffness: large enough to damp oscillations, and too
+small to reduce the time steps of integrators that treat it explicitly."""
 
 NO_LIMIT = 1e12
-"""Strain at which an actuator's force would be cut off: none. MuJoCo has no range that is open at one end only; a lower
-limit would keep a motion that has become unstable bounded, so that MuJoCo would not say so."""
+"""Strain of an actuator's largest force: beyond any motion. MuJoCo has no range that is open at one end only; a lower
+limit would keep an unstable motion bounded, so that MuJoCo would not report it."""
 
 SPARE = 0.2
-"""By how much winches can pay out and wind in beyond what a level platform needs in its workspace: for one that is
-tilted, and more than cables stretch."""
+"""Range of winches beyond the lengths of a level platform in its workspace, as a fraction: for a tilted platform, and
+more than the stretch of cables."""
 
 SERVO = 1e6
-"""Stiffness of the servo that holds a drum, as a multiple of the cable's: the drum gives way by a millionth of its
+"""Stiffness of the servo that holds a drum, as a multiple of the cable's: the drum moves by a millionth of the cable's
 stretch."""
 
 DRUM_SWING = 500.0
-"""[rad/s] How fast a drum follows its control, critically damped; its inertia follows from that."""
+"""[rad/s] Bandwidth of a drum's servo, critically damped; the drum's inertia follows from it."""
 
 LEAST_SPARE = 1e-9
-"""Of a cable's length, by which it is longer than the distance that it spans, to be drawn hanging. MuJoCo 4.0 draws
-nothing at all where it is longer by nothing up to 1e-12 (the points of its chain are nan)."""
+"""Fraction by which a cable's length exceeds its span, to be drawn hanging. MuJoCo 4.0 draws
+nothing at all where it exceeds it by nothing up to 1e-12 (the points of its chain are nan)."""
 
 HIDDEN = 4
-"""Group of what viewers do not show unless they are asked to."""
+"""Group of elements that viewers hide by default."""
 
 SHORTEST = 0.02
-"""Of a winch's range, as a fraction of its longest, where the workspace reaches to the exit."""
+"""Shortest length of a winch's range, as a fraction of its longest, where the workspace reaches to the exit."""
 
 
 def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """Shortest and longest rest length that each winch can let out [m]: what the workspace needs, and some more."""
+    """Shortest and longest rest length that each winch can let out [m]: those of the workspace, and some more."""
     lower, upper = robot.workspace
-    ends = robot.exits - robot.anchors  # where the platform's origin would have to be, level, for a length of zero
+    ends = robot.exits - robot.anchors  # the origin of a level platform for which a length is zero
     nearest = np.linalg.norm(ends - np.clip(ends, lower, upper), axis=1)
     furthest = np.linalg.norm(np.maximum(np.abs(ends - lower), np.abs(ends - upper)), axis=1)
     longest = (1 + SPARE) * (furthest + 2 * np.pi * robot.cabling.pulley_radius)
@@ -71,13 +72,13 @@ def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray,
 
 
 def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
-    """By how much each tendon is longer than its cable at control 0 [m]: by what lies behind the exit."""
+    """Difference between the length of each tendon and its cable at control 0 [m]: the part behind the exit."""
     _, longest = reach(robot)
     return pulleys.entries(robot.cabling) + np.where(robot.cabling.stiffening.any(1), longest, 0)
 
 
 def add_drums(world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
-    """The bodies ``drum_1``, ... of cables that stiffen, on slides along which the cables arrive; the last joints."""
+    """The bodies ``drum_1``, ... of nonlinear cables, on slides along which the cables arrive; the last joints."""
     for cable in np.flatnonzero(robot.cabling.stiffening.any(1)):
         i, axis = cable + 1, robot.cabling.pulley_axis[cable]
         inertia = SERVO * robot.axial_stiffness[cable] / rest_lengths[cable] / DRUM_SWING**2
@@ -92,7 +93,7 @@ def add_drums(world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, "
 
 
 def add_winches(root: ET.Element, world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
-    """The actuators ``winch_1``, ..., which with a control of 0 let out ``rest_lengths`` [m]; and what is measured."""
+    """The actuators ``winch_1``, ..., which let out ``rest_lengths`` [m] at a control of 0; and the sensors."""
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
     bounds = np.array([np.minimum(reach(robot)[0], rest_lengths), np.maximum(reach(robot)[1], rest_lengths)])
     for cable, (stiffness, length) in enumerate(zip(robot.axial_stiffness, rest_lengths, strict=True)):
@@ -124,11 +125,11 @@ def add_winches(root: ET.Element, world: ET.Element, robot: Robot, rest_lengths:
 
 
 def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Let MuJoCo draw slack cables as hanging chains and taut ones as lines; to be called before each picture.
+    """Make MuJoCo draw slack cables as hanging chains and taut ones as lines; to be called before each picture.
 
-    MuJoCo draws no tendon with an actuator as a chain. So each cable has a twin ``rope_1`` that does nothing: it is
-    made as long as the cable now is, and takes its place in the picture where the cable is slack. Cables over pulleys
-    have none: they are drawn taut, as in models without winches.
+    MuJoCo draws no tendon with an actuator as a chain. So each cable has a twin ``rope_1`` without force: it gets the
+    present length of the cable, and is drawn in its place where the cable is slack. Cables over pulleys have none: they
+    are drawn taut, as in models without winches.
     """
     for winch in range(model.nu):
         prefix, _, i = model.actuator(winch).name.partition("winch_")

@@ -1,1 +1,1 @@
-"""Proofs by interval arithmetic: of an equilibrium, and of all. Uses data of ``core`` and no formula of the solvers."""
+"""Proofs by interval arithmetic: of one equilibrium, and of all; from ``core``'s data, without solvers' formulas."""

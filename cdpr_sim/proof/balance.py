@@ -7,7 +7,7 @@ velocities ω_k of δ_k, the balance along the coordinate k is
 
     −Σ Fᵢ·∂bᵢ/∂x_k + m g ∂c_z/∂x_k − f·∂p/∂x_k − t·ω_k = 0,
 
-without t the slope of the energy. The unknown of each cable with mass has its own equation (``cables``).
+without t the slope of the energy. Each cable with mass adds an unknown with its own equation (``cables``).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class At:
         forces: the left sides of all equations, (unknowns,).
         slope: their derivatives, (unknowns, unknowns); over a box, an enclosure of all of them.
         pulls: of each cable.
-        rotation: R, (3, 3).
+        pulls: pull of each cable.
     """
 
     forces: list[Ball]
@@ -48,9 +48,9 @@ class Balance:
     """The equations of a problem about a pose. The first ``free`` unknowns are the pose's, all in metres.
 
     Attributes:
-        free: how many coordinates the pose has.
-        unknowns: how many there are in all.
-        cables: the problem's.
+        free: number of coordinates of the pose.
+        unknowns: total number of unknowns.
+        cables: cables of the problem.
     """
 
     def __init__(self, problem: Problem, about: Pose) -> None:
@@ -92,7 +92,7 @@ class Balance:
         return self._turned(x)[0]
 
     def energy(self, x: Sequence[Ball]) -> Ball:
-        """V [J] of massless cables without a torque, by its own sum: what tests differentiate."""
+        """V [J] of massless cables without a torque, by a separate sum that tests differentiate."""
         p, R = self.position(x), self.rotation(x)
         total = self.weight * (p[2] + dot(R[2], self.center_of_mass)) - dot(self.force, p)
         for cable in self.cables:
@@ -104,7 +104,7 @@ class Balance:
 
         Args:
             x: (unknowns,), the pose's in metres.
-            taken_as: of cables whose length may be more or less than their rest length: taut or slack.
+            taken_as: taut or slack, for cables whose length may be more or less than their rest length.
         """
         n, translations, taken_as = self.free, len(self.axes), taken_as or {}
         zero, one = exact(0), exact(1)

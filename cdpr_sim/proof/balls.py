@@ -1,6 +1,6 @@
 """Ball arithmetic by python-flint: numbers with a radius that encloses every rounding error.
 
-A comparison of two balls is True only where it is proved: neither ``a < b`` nor ``a >= b`` may hold.
+A comparison of two balls is True only if it is proved: it is possible that neither ``a < b`` nor ``a >= b`` holds.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from cdpr_sim.core.errors import MissingExtra
+from cdpr_sim.core import extras
 
 BITS = 106
-"""Of each midpoint: twice a double's, so that 16 digits are left where half of them cancel."""
+"""Precision of midpoints: twice a double's, so that 16 digits are left where half of them cancel."""
 
 Ball = Any
 """``flint.arb``, which has no type information."""
@@ -25,7 +25,7 @@ Matrix = Any
 
 @contextmanager
 def arithmetic(bits: int = BITS) -> Iterator[Any]:
-    """The module ``flint`` at a precision, which it has again as before after the block.
+    """The module ``flint`` at a precision, which is restored after the block.
 
     Raises:
         MissingExtra: python-flint is not installed.
@@ -41,26 +41,19 @@ def load() -> Any:
     Raises:
         MissingExtra: python-flint is not installed.
     """
-    try:
-        import flint
-    except ImportError:
-        raise MissingExtra(
-            'proof: found no python-flint, which proofs need; install it with: pip install "cdpr-sim[proof]"'
-        ) from None
+    extras.require("proof", "proof")
+    import flint
+
     return flint
 
 
 def installed() -> bool:
     """Whether proofs can be computed here."""
-    try:
-        load()
-    except MissingExtra:
-        return False
-    return True
+    return not extras.missing("proof")
 
 
 def exact(value: float) -> Ball:
-    """The number that a double is, with radius 0."""
+    """A double as a ball with radius 0."""
     from flint import arb
 
     return arb(float(value))
@@ -87,13 +80,13 @@ def dot(one: Sequence[Ball], other: Sequence[Ball]) -> Ball:
 
 
 def lower(ball: Ball) -> float:
-    """The largest double that is proved to be no more than the number."""
+    """The largest double that is proved not to exceed the number."""
     value = float(ball.lower())
     return value if exact(value) <= ball.lower() else float(np.nextafter(value, -np.inf))
 
 
 def upper(ball: Ball) -> float:
-    """The smallest double that is proved to be no less than the number."""
+    """The smallest double that is proved not to be below the number."""
     value = float(ball.upper())
     return value if exact(value) >= ball.upper() else float(np.nextafter(value, np.inf))
 
@@ -161,7 +154,7 @@ class Jet:
         return Jet(self.v * other.v, d, dd)
 
     def through(self, f: Ball, df: Ball, ddf: Ball) -> Jet:
-        """A function of this number, of the value, the slope and the second derivative that are given."""
+        """A function of this number, from its value, slope and second derivative."""
         dd = [[ddf * self.d[i] * self.d[j] + df * self.dd[i][j] for j in range(3)] for i in range(3)]
         return Jet(f, [df * a for a in self.d], dd)
 
@@ -176,7 +169,7 @@ class Jet:
         return self.through(one, -one * one, 2 * one * one * one)
 
     def angle(self, cosine: Jet) -> Jet:
-        """atan2(self, cosine): its derivatives are those of the arc tangent of the quotient that is regular."""
+        """atan2(self, cosine): its derivatives are those of the arc tangent of the regular quotient."""
         value = type(self.v).atan2(self.v, cosine.v)
         if self.v * self.v > cosine.v * cosine.v:
             quotient = cosine * self.inverse()

@@ -1,21 +1,21 @@
-"""What a cable does to its anchor, in balls: its force, the slope of that force, and whether it is taut.
+"""The force of a cable on its anchor, in balls: its slope, and whether the cable is taut.
 
-The formulas are written here again, from their sources, and not taken from the solvers: what both sides read, a proof
-could not refute.
+The formulas are coded here again from their sources, and not imported from the solvers: a proof could not detect an
+error in shared code.
 
 - A straight cable has the length l = |b − a| between its exit a and its anchor b.
 - Over a swivelling wheel of radius r at the exit (Pott 2012, doi:10.1007/978-94-007-4620-6_25), with the anchor at the
   height h below the exit along the wheel's axis and at the distance ρ from that axis, l = r θ + s with
   s² = (ρ − r)² + h² − r² and θ = atan2(ρ − r, h) + atan2(r, s). Slope and curvature of l come from its derivatives.
-- Its tension is τ = EA (ε + a2 ε² + a3 ε³) for ε = l/l0 − 1 > 0, and 0 otherwise; beyond ε = 20 % it goes on straight.
+- Its tension is τ = EA (ε + a2 ε² + a3 ε³) for ε = l/l0 − 1 > 0, and 0 otherwise; linear beyond ε = 20 %.
 - A cable with mass is an elastic catenary (Irvine, Cable Structures, 1981, chapter 1): with the tension (H, V) at its
   middle, H sinh(b ± a) = V ± w l0/2, κ = w l0/(2 EA), it spans x = 2 H/w (a + κ) and z = 2 V/w (tanh a + κ), and
   eliminating H, V and b leaves one equation for the unknown a:
 
       x² [sinh a/(a + κ)]² + z² [tanh a/(tanh a + κ)]² = l0².
 
-Rope between winch and exit, and parts of line, would enter ``Cable`` as further data, and ``Cable._tension`` as a
-longer cable l0 + L whose piece L never changes its path.
+Cable between winch and exit, and sections of another material, would be further data of ``Cable``, and in
+``Cable._tension`` a longer cable l0 + L whose part L never changes its path.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.proof.balls import Ball, Jet, balls, dot, exact, hull, middle
 
 LARGEST_A = 600.0
-"""Of a catenary's unknown: sinh of it is near the largest double. Such a cable hangs plumb but for 1e-260."""
+"""Largest value of a catenary's unknown: its sinh is near the largest double. Such a cable is vertical to 1e-260."""
 
 
 @dataclass(frozen=True)
 class Pull:
-    """What a cable does to its anchor.
+    """Force of a cable on its anchor.
 
     Attributes:
         force: on the anchor, (3,) [N].
@@ -81,13 +81,13 @@ class Cable:
         self.weight = exact(cabling.linear_density[index]) * exact(problem.robot.gravity)
 
     def pull(self, at: Sequence[Ball], unknown: Ball | None = None, taken_as: bool | None = None) -> Pull:
-        """Of the cable with its anchor at ``at``, base frame.
+        """Pull of the cable with its anchor at ``at``, base frame.
 
         Args:
             at: (3,) [m].
-            unknown: a of the catenary, of a cable with mass.
-            taken_as: what a cable is called whose length may be more or less than its rest length: taut or slack. By
-                default force and slope enclose both.
+            unknown: a of the catenary, for a cable with mass.
+            taken_as: taut or slack, for a cable whose length may be more or less than its rest length. By default force
+                and slope enclose both.
         """
         apart = [b - a for b, a in zip(at, self.exit, strict=True)]
         if self.has_mass:
@@ -120,7 +120,7 @@ class Cable:
         return Pull(force, slope, taut, tension, stretch, [])
 
     def energy(self, at: Sequence[Ball]) -> Ball:
-        """∫ τ dl [J] of a massless cable with its anchor at ``at``; by another way than ``pull``, for tests."""
+        """∫ τ dl [J] of a massless cable with its anchor at ``at``; by another derivation than ``pull``, for tests."""
         apart = [b - a for b, a in zip(at, self.exit, strict=True)]
         length = self._over_wheel(apart).v if self.over_pulley else dot(apart, apart).sqrt()
         strain = (length / self.rest_length - 1).max(exact(0))
@@ -151,7 +151,7 @@ class Cable:
         return self.weight * self.rest_length / (2 * self.axial_stiffness)
 
     def _tension(self, stretch: Ball) -> tuple[Ball, Ball]:
-        """τ and ∂τ/∂l [N, N/m] of a cable that is stretched by this much or not at all."""
+        """τ and ∂τ/∂l [N, N/m] for this stretch, or none."""
         strain, unit = stretch / self.rest_length, self.axial_stiffness / self.rest_length
         if self.linear:
             return self.axial_stiffness * strain, unit
@@ -161,14 +161,14 @@ class Cable:
         return self.axial_stiffness * tension, unit * slope
 
     def _over_wheel(self, apart: Sequence[Ball]) -> Jet:
-        """The length of the path with its derivatives by the anchor's place."""
+        """The length of the path with its derivatives by the anchor's position."""
         x, y, z = Jet.coordinates(apart)
         ex, ey, ez = self.axis
         height = x * ex + y * ey + z * ez
         radial = [x - height * ex, y - height * ey, z - height * ez]
         rho = (radial[0] * radial[0] + radial[1] * radial[1] + radial[2] * radial[2]).sqrt()
         beyond = rho - self.radius
-        if not beyond.v > 0:  # under the wheel's footprint the formula would name a path that no cable takes
+        if not beyond.v > 0:  # below the wheel the formula would give a path that no cable takes
             nothing = exact(math.nan)
             return Jet(nothing, [nothing] * 3, [[nothing] * 3] * 3)
         free = (beyond * beyond + height * height - self.radius * self.radius).sqrt()

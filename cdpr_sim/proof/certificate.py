@@ -1,4 +1,4 @@
-"""A proof that an equilibrium exists, where it is, that it is alone, which cables are slack, and that it is stable.
+"""Proof that an equilibrium exists and is unique in a box, which cables are slack there, and that it is stable.
 
 Krawczyk's test: with the balance of forces F, its derivatives F', a box X about the point x₀, and any matrix C,
 
@@ -8,9 +8,9 @@ Krawczyk's test: with the balance of forces F, its derivatives F', a box X about
 F that is piecewise smooth, with an enclosure of F's generalised derivative: a cable that may be taut or slack
 contributes all slopes between the two.
 
-At a kink that is too stiff for that, convexity: F strongly monotone with the constant mu on a sphere of radius r, and
-|F(x₀)| < mu r, have exactly one zero in it, which is stable. F' − mu is positive definite if it is for every choice of
-taut and slack of the cables that may be either.
+At a kink that is too stiff for that, by convexity: if F is strongly monotone with the constant mu on a sphere of radius
+r, and |F(x₀)| < mu r, F has exactly one zero in it, which is stable. F' − mu is positive definite if it is for every
+choice of taut and slack of the cables that may be either.
 """
 
 from __future__ import annotations
@@ -32,59 +32,61 @@ from cdpr_sim.proof.balance import At, Balance, middles
 from cdpr_sim.proof.balls import BITS, Ball, Matrix, arithmetic, dot, exact, lower, matrix, middle, upper
 
 NEAR = 1e-7
-"""[m] How far from the proved equilibrium a position may be that is called proved: a hundred times what DemoBot's
-settled poses are off by; cables that are 1 % stiffer move DemoBot by 6e-7 m. Beyond 100 m, see ``NEAR_OF_SIZE``."""
+"""[m] Largest distance of a proved position from the proved equilibrium: a hundred times the error of DemoBot's
+settled poses; cables that are 1 % stiffer move DemoBot by 6e-7 m. Beyond 100 m, see ``NEAR_OF_SIZE``."""
 
 NEAR_OF_SIZE = 1e-9
-"""The same as a fraction of the largest coordinate, whose rounding lengths have."""
+"""The same as a fraction of the largest coordinate, since the rounding of lengths is proportional to it."""
 
 NEAR_TURN = 1e-5
-"""[rad] The same, of a rotation."""
+"""[rad] The same for a rotation."""
 
 NEAR_TENSION = 1e-3
-"""The same of tensions, as a fraction of the largest of the load and the tensions."""
+"""The same for tensions, as a fraction of the largest of the load and the tensions."""
 
 LARGEST_BOX, SMALLEST_BOX, SHRINK = 1e-7, 1e-25, 1e-2
-"""Of the characteristic length: the first box that is tried, the last, and the factor from one to the next. The first
+"""Box sizes in characteristic lengths: the first, the last, and the factor from one to the next. The first
 succeeds at 109 of 120 random poses of ``cogiro`` and ``parallel`` with EA from 1e2 to 1e6 N, the third at 119."""
 
 GAP_SHARE = 0.2
-"""Of the least distance of a cable from its rest length: a box of this size does not reach the kink."""
+"""Fraction of the least distance of a cable from its rest length: a box of this size does not reach the kink."""
 
 POLISH = 12
 """Newton steps in balls to the centre of the box. A good start needs two."""
 
 MOST_KINKS = 6
-"""Cables at their rest length whose every choice of taut and slack is tried."""
+"""Largest number of cables at their rest length for which every choice of taut and slack is tried."""
 
 ENOUGH_DIGITS = 20
-"""Decimal digits after which an enclosure is made no smaller."""
+"""Number of decimal digits at which an enclosure is small enough."""
 
 IMAGES = 12
-"""Images of the image at most, which make the enclosure smaller: two do, but for stiff robots that are held softly."""
+"""Largest number of iterated images, which make the enclosure smaller: two suffice, except for stiff robots with a
+small stiffness in some direction."""
 
 
 @dataclass(frozen=True, eq=False)
 class Certificate(HtmlRepr):
-    """What is proved of an equilibrium. Enclosures are (lower, upper), rounded outwards to doubles.
+    """Result of a proof of an equilibrium. Enclosures are (lower, upper), rounded outwards to doubles.
 
     Attributes:
-        equilibrium: whose certificate it is, found by any method.
-        exists: whether a box around it is proved to hold exactly one equilibrium; without it, all that follows is
-            unknown (nan, inf or None).
-        index: the number of unstable directions, proved; None where it is not.
+        equilibrium: the given equilibrium, found by any method.
+        exists: whether a box around it is proved to hold exactly one equilibrium; if not, all fields below are unknown
+            (nan, inf or None).
+        index: the number of unstable directions, proved; None if not proved.
         slack: for each cable True (proved slack), False (proved taut) or None (neither).
-        position: of the one equilibrium in the box, (2, 3) [m].
+        position: position of the one equilibrium in the box, (2, 3) [m].
         rotation: its rotation matrix, (2, 3, 3).
         tensions: (2, cables) [N].
-        digits: decimal digits of the position that are proved, relative to the robot's largest coordinate.
-        decimals: "position" [m], "rotation" (row by row) and "tensions" [N] in decimals, as many as are proved.
-        radius: [m] no other equilibrium lies within this of the one, rotations times the characteristic length.
-        position_error: how far the equilibrium that was given is from the proved one, an upper bound [m].
+        digits: proved decimal digits of the position, relative to the robot's largest coordinate.
+        decimals: "position" [m], "rotation" (row by row) and "tensions" [N] in decimals, with all proved digits.
+        radius: [m] no other equilibrium lies within this distance of the one, rotations times the characteristic
+            length.
+        position_error: distance of the given equilibrium from the proved one, an upper bound [m].
         rotation_error: the angle between the two, an upper bound [rad].
         tension_error: the largest difference in a cable, an upper bound [N].
-        midpoint: of the enclosures, as an equilibrium whose source is "proof"; None where nothing is proved.
-        reasons: what could not be proved and why, a sentence each; empty if all is.
+        midpoint: midpoint of the enclosures, as an equilibrium whose source is "proof"; None if nothing is proved.
+        reasons: what could not be proved and why, a sentence each; empty if everything is proved.
     """
 
     equilibrium: Equilibrium
@@ -105,9 +107,9 @@ class Certificate(HtmlRepr):
 
     @property
     def proved(self) -> bool:
-        """Whether the equilibrium that was given is proved: it exists, it is near, it is the only one in its box.
+        """Whether the given equilibrium is proved: it exists, is near the proved one, and is the only one in its box.
 
-        Each cable is proved taut or slack, as the equilibrium says, and so is whether it is stable.
+        Each cable is proved taut or slack, in agreement with the equilibrium, and so is its stability.
         """
         return self.exists and not self.reasons
 
@@ -131,10 +133,10 @@ class Enclosure:
     """A box with exactly one equilibrium.
 
     Attributes:
-        box: the coordinates of the box, as ``Balance`` has them.
+        box: the coordinates of the box, in the order of ``Balance``.
         image: a smaller box in which the equilibrium lies.
         state: the balance over the image.
-        radius: of the box [m].
+        radius: radius of the box [m].
         monotone: whether it was proved by convexity, which proves stability too.
     """
 
@@ -146,15 +148,15 @@ class Enclosure:
 
 
 def certify(equilibrium: Equilibrium) -> Certificate:
-    """Prove an equilibrium, whichever method found it. Boxes are chosen here.
+    """Prove an equilibrium of any method. The boxes are chosen automatically.
 
-    The robot's numbers are taken as the doubles they are; a pulley's axis is divided by its length exactly.
+    The robot's numbers are exact doubles; a pulley's axis is normalised exactly.
 
     Args:
         equilibrium: from ``solve``, ``settle`` or anywhere else.
 
     Returns:
-        What is proved, and reasons for what is not. Nothing is raised for an equilibrium that is none.
+        What is proved, and reasons for what is not. A pose that is no equilibrium raises no error.
 
     Raises:
         InvalidInput: not an ``Equilibrium``; a cable with mass that runs over a pulley or stiffens.
@@ -176,7 +178,7 @@ def certify(equilibrium: Equilibrium) -> Certificate:
 
 
 def enclose(balance: Balance, arm: float) -> tuple[Enclosure | None, list[str]]:
-    """A box near the start of ``balance`` with exactly one equilibrium, or why there is none.
+    """A box near the start of ``balance`` with exactly one equilibrium, or the reasons why there is none.
 
     Args:
         balance: the equations.
@@ -203,7 +205,7 @@ def enclose(balance: Balance, arm: float) -> tuple[Enclosure | None, list[str]]:
 
 
 def _radii(arm: float, gap: float) -> Iterator[float]:
-    """Sizes of boxes, falling [m]; one of them just does not reach a kink that is ``gap`` away."""
+    """Decreasing sizes of boxes [m]; one of them just does not reach a kink at the distance ``gap``."""
     radius, kink = LARGEST_BOX * arm, GAP_SHARE * gap
     while radius > SMALLEST_BOX * arm:
         if radius * SHRINK < kink < radius:
@@ -214,7 +216,7 @@ def _radii(arm: float, gap: float) -> Iterator[float]:
 
 
 def _centre(balance: Balance, arm: float) -> tuple[list[Ball], At, Matrix] | None:
-    """Where Newton's steps from the start lead, the balance there, and an approximate inverse of its slope."""
+    """Result of Newton's steps from the start, the balance there, and an approximate inverse of its slope."""
     x = balance.start
     for step in range(POLISH):
         here = balance.at(x)
@@ -245,7 +247,7 @@ def _krawczyk(balance: Balance, centre: list[Ball], point: At, inverse: Matrix, 
 
 
 def _box(balance: Balance, centre: list[Ball], point: At, radius: float) -> list[Ball]:
-    """About the centre: as wide as ``radius`` in the pose, and as wide as follows in the catenaries' unknowns."""
+    """Box about the centre: of width ``radius`` in the pose, and of the resulting width in the catenaries' unknowns."""
     from flint import arb
 
     radii = [radius] * balance.free
@@ -274,7 +276,7 @@ def _image(
 
 
 def _smaller(balance: Balance, image: list[Ball], inverse: Matrix) -> tuple[list[Ball], At]:
-    """The image of the image, until enough digits are known; and the balance over it."""
+    """Iterated images, until enough digits are proved; and the balance over the last."""
     over = balance.at(image)
     for _ in range(IMAGES):
         wide = max(float(x.rad()) / max(abs(middle(x)), 1e-3) for x in image[: balance.free])
@@ -290,7 +292,7 @@ def _smaller(balance: Balance, image: list[Ball], inverse: Matrix) -> tuple[list
 
 
 def _monotone(balance: Balance, centre: list[Ball], point: At, radius: float) -> Enclosure | None:
-    """By convexity: at a kink."""
+    """Enclosure by convexity, at a kink."""
     from flint import arb
 
     if balance.with_mass:
@@ -324,7 +326,7 @@ def _monotone(balance: Balance, centre: list[Ball], point: At, radius: float) ->
 def index_of(slope: Sequence[Sequence[Ball]]) -> int | None:
     """The number of negative directions of every matrix's symmetric part within an enclosure; None if unknown.
 
-    By Sylvester's law: turned to the middle's eigenvectors, where the pivots of L D Lᵀ show the signs.
+    By Sylvester's law: transformed to the middle's eigenvectors, where the pivots of L D Lᵀ have the signs.
     """
     n = len(slope)
     half = middles(slope)
@@ -349,7 +351,7 @@ def index_of(slope: Sequence[Sequence[Ball]]) -> int | None:
 
 
 def index_over(balance: Balance, found: Enclosure) -> int | None:
-    """The number of unstable directions of the equilibrium in an enclosure; None where it is not proved.
+    """The number of unstable directions of the equilibrium in an enclosure; None if not proved.
 
     Unknowns of cables with mass are eliminated: their force follows the anchor.
     """
@@ -395,7 +397,7 @@ def midpoint_of(problem: Problem, balance: Balance, found: Enclosure) -> Equilib
 
 
 def certificate_of(equilibrium: Equilibrium, balance: Balance, found: Enclosure) -> Certificate:
-    """What is proved of an equilibrium near which an enclosure is found, and what is not."""
+    """Certificate of an equilibrium near which an enclosure is found."""
     problem, state, reasons = equilibrium.problem, found.state, []
     index = index_over(balance, found)
     slack = tuple(None if pull.taut is None else not pull.taut for pull in state.pulls)
@@ -413,14 +415,14 @@ def certificate_of(equilibrium: Equilibrium, balance: Balance, found: Enclosure)
     near = max(NEAR, NEAR_OF_SIZE * size)
     if not position_error <= near or not rotation_error <= NEAR_TURN:
         reasons.append(
-            f"it is up to {position_error:.1e} m and {rotation_error:.1e} rad from the pose that was given: "
+            f"it is up to {position_error:.1e} m and {rotation_error:.1e} rad from the given pose: "
             f"further than {near:.0e} m or {NEAR_TURN:.0e} rad"
         )
     scale = max(problem.load, float(equilibrium.tensions.max()))
     if not tension_error <= NEAR_TENSION * scale:
         cable = int(np.argmax(differences))
         reasons.append(
-            f"the tension of cable {cable + 1} is {tension_error:.1e} N from the one that was given: more than "
+            f"the tension of cable {cable + 1} is {tension_error:.1e} N from the given one: more than "
             f"{NEAR_TENSION * scale:.1e} N"
         )
     for cable, (proved, called) in enumerate(zip(slack, equilibrium.slack, strict=True)):
@@ -433,7 +435,7 @@ def certificate_of(equilibrium: Equilibrium, balance: Balance, found: Enclosure)
             words = ("taut", "slack") if called else ("slack", "taut")
             reasons.append(f"cable {cable + 1} is {words[0]}, and the equilibrium calls it {words[1]}")
     if index is None:
-        reasons.append("stability is not proved: some direction is held by almost nothing")
+        reasons.append("stability is not proved: the stiffness is almost zero in some direction")
     radii = max(float(p.rad()) for p in position)
     return Certificate(
         equilibrium=equilibrium,
@@ -464,7 +466,7 @@ def _norm(parts: Sequence[Ball]) -> Ball:
 
 
 def _why(balance: Balance, point: At, arm: float) -> str:
-    """Why no box was found: a neutral direction, a kink, or a pose from which Newton's steps lead nowhere."""
+    """Reason why no box was found: a neutral direction, a kink, or a pose from which Newton's steps do not converge."""
     slope = middles([row[: balance.free] for row in point.slope[: balance.free]])
     values = np.abs(np.linalg.eigvals(slope))
     nearest = int(np.argmin([abs(middle(pull.stretch)) for pull in point.pulls]))

@@ -1,10 +1,10 @@
 """All equilibria of given cable lengths, with a proof that none is missing: branch and prune.
 
-An equilibrium's forces balance the load, so that some cable is taut, and the platform lies in a box that is known
+An equilibrium's forces balance the load, so that some cable is taut, and the platform lies in a known box
 (``_domain``). Charts cover the rotations: the quaternion (1, v), |v_k| <= 1, after a half turn about an axis or none.
-``search_kernel`` bisects these boxes; each part is excluded, or is proved to have exactly one equilibrium, or is left.
-Each equilibrium found is then proved again in balls (``certificate``), which adds its index and its digits and
-says which boxes hold the same one; boxes that are left are covered by a larger ball of a proof where that is possible,
+``search_kernel`` bisects these boxes; each part is excluded, or is proved to have exactly one equilibrium, or stays
+undecided. Each equilibrium found is then proved again in balls (``certificate``), which adds its index and its digits
+and identifies boxes with the same one; undecided boxes are covered by a larger ball of a proof where that is possible,
 and are reported where it is not.
 """
 
@@ -43,47 +43,47 @@ CHARTS = {
     "planar": ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0)),
     "spatial": ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)),
 }
-"""Per mobility, by which signs the platform's axes are turned before a chart's rotation: the half turns."""
+"""For each mobility, the signs of the platform's axes before a chart's rotation: the half turns."""
 
 FREE = {"planar": (0, 2, 4), "spatial": (0, 1, 2, 3, 4, 5)}
-"""Per mobility, which of (x, y, z, v) vary."""
+"""For each mobility, which of (x, y, z, v) vary."""
 
 SPARE = 1.01
-"""By which the domain is larger than the box that is proved: more than any rounding of it."""
+"""Factor by which the domain is larger than the proved box: more than any rounding of it."""
 
 NEWTON, NEAR, LEAST = 0.4, 1e-4, 1e-8
-"""Of the robot's size: widths below which Krawczyk's test is tried, an equilibrium nearby is looked for, and a box is
-left undecided. At 0.4 rather than 0.1 or 1 a planar search needs the fewest boxes."""
+"""Fractions of the robot's size: widths below which Krawczyk's test is tried, a nearby equilibrium is searched for, and
+a box is left undecided. At 0.4 rather than 0.1 or 1 a planar search needs the fewest boxes."""
 
 CALL = 20_000
-"""Boxes of one call of the kernel: after it, time and progress are looked at. Half a second, of a spatial robot."""
+"""Boxes of one call of the kernel: after it, time and progress are updated. Half a second, for a spatial robot."""
 
 FOUND_ROOM, LEFT_ROOM, DEPTH = 500, 5_000, 4_000
 """Rows of the kernel's tables."""
 
 MOST_LEFT = 5_000
-"""Boxes left, after which a search has met a family of equilibria, and is given up."""
+"""Number of undecided boxes above which a search stops, since it has met a family of equilibria."""
 
 SAVED = 30.0
-"""[s] From one writing of the store to the next."""
+"""[s] Time between two writes of the store."""
 
 TIGHTER = 60
-"""Contractions of a box that has one equilibrium, to where it lies."""
+"""Number of contractions of a box with one equilibrium."""
 
 FAMILY = 1e3
-"""Boxes left that are joined over this many times their size are a family of equilibria."""
+"""Undecided boxes that form a region of this many times their size are a family of equilibria."""
 
 
 @dataclass(frozen=True)
 class Undecided:
-    """Boxes that are joined, in which there may be equilibria or none.
+    """Adjacent boxes in which there may be equilibria or none.
 
     Attributes:
-        reason: what is met there: a kink, a fold, a family; or that the search stopped.
-        boxes: how many.
-        lower: of (x, y, z, v) in the chart, (6,).
-        upper: likewise.
-        chart: its number in ``CHARTS``.
+        reason: kind of the region: a kink, a fold, a family; or that the search stopped.
+        boxes: number of boxes.
+        lower: lower bounds of (x, y, z, v) in the chart, (6,).
+        upper: upper bounds, (6,).
+        chart: index of the chart in ``CHARTS``.
     """
 
     reason: str
@@ -98,12 +98,12 @@ class CompleteEquilibria(HtmlRepr):
     """Every equilibrium of one problem, stable or not, each with its certificate; lowest index first. Iterates.
 
     Attributes:
-        problem: rest lengths and load; its pose plays no part.
-        certificates: of the equilibria, all different.
+        problem: rest lengths and load; its pose has no effect.
+        certificates: certificates of the equilibria, all different.
         undecided: where there may be more; empty if the list is proved complete.
-        pending: boxes that were not looked at when the search stopped; 0 if it ended.
-        boxes: how many were looked at.
-        seconds: how long the search took, that of a store's earlier runs included.
+        pending: number of boxes that were not examined when the search stopped; 0 if it ended.
+        boxes: number of boxes that were examined.
+        seconds: duration of the search, including a store's earlier runs.
     """
 
     problem: Problem
@@ -130,13 +130,13 @@ class CompleteEquilibria(HtmlRepr):
         return iter(self.certificates)
 
     def missing_from(self, found: Iterable[Equilibrium]) -> tuple[Certificate, ...]:
-        """Those that a list lacks, found by any method: none of it lies within its tolerance.
+        """Equilibria that a list by any method does not contain within its tolerance.
 
         Args:
             found: equilibria of the same problem.
 
         Returns:
-            Certificates without a counterpart. Of two that lie close, each counts for one of ``found`` alone.
+            Certificates without a counterpart. If two are close to each other, each matches at most one of ``found``.
         """
         near = certificate.NEAR
         left = list(found)
@@ -178,23 +178,24 @@ def certify_all(
 ) -> CompleteEquilibria:
     """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
 
-    Planar robots take milliseconds. Spatial ones with four cables take minutes, and with more cables as long as they
-    are given: what is not looked at by then is counted as pending, and a store continues it.
+    Planar robots take milliseconds. Spatial ones with four cables take minutes, and with more cables as long as the
+    time
+    limit: boxes not examined by then are counted as pending, and a store continues the search.
 
     Args:
-        robot: the robot; or a ``Problem`` that is ready, alone.
+        robot: the robot; or a ``Problem``, without other arguments.
         rest_lengths: unstretched cable lengths, (cables,) [m].
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
         time_limit: [s] after which the search stops; default: none.
-        threads: how many search at a time.
-        store: a file, in which the search is kept and from which it is resumed.
-        progress: whether to show a bar.
+        threads: number of threads.
+        store: a file in which the search is stored and from which it is resumed.
+        progress: whether to show a progress bar.
 
     Returns:
         The equilibria with their certificates, and whether they are proved to be all.
 
     Raises:
-        InvalidInput: an argument that cannot be right; cables with mass or over pulleys; a load of nothing.
+        InvalidInput: an invalid argument; cables with mass or over pulleys; a load of zero.
         StoreError: a store of another problem, or one that cannot be written.
         MissingExtra: python-flint is not installed.
 
@@ -211,14 +212,14 @@ def certify_all(
     if isinstance(robot, Robot):
         robot = Problem.of(robot, robot.home, rest_lengths, external_wrench)
     elif rest_lengths is not None or external_wrench is not None:
-        raise InvalidInput("rest_lengths: found some beside a Problem, expected them in the Problem alone")
+        raise InvalidInput("rest_lengths: found some beside a Problem, expected them only in the Problem")
     problem = robot
     cabling = problem.robot.cabling
     cabling.refuse_weight("certify_all")
     if cabling.pulleys.any():
         raise InvalidInput(
             "certify_all: found cables over pulleys, expected cables that start at points: the interval functions of a "
-            "wheel's arc are not part of it; certify takes pulleys"
+            "wheel's arc are not implemented; certify accepts pulleys"
         )
     if not _pull(problem) > 0:
         raise InvalidInput("certify_all: found no load, expected weight or force: slack cables hold any pose then")
@@ -234,7 +235,7 @@ def certify_all(
 
 
 class _Search:
-    """The boxes of a search: to be looked at, with one equilibrium, and left; by chart."""
+    """The boxes of a search: pending, with one equilibrium, and undecided; by chart."""
 
     def __init__(self, problem: Problem, store: Path | None) -> None:
         from cdpr_sim.proof import search_kernel as kernel
@@ -256,11 +257,11 @@ class _Search:
 
     @property
     def pending(self) -> int:
-        """Boxes that were not looked at."""
+        """Number of boxes that were not examined."""
         return sum(len(boxes) for _, boxes, _ in self.waiting)
 
     def run(self, end: float, threads: int, progress: bool) -> None:
-        """Search until all is done, or time is over, or too many boxes are left."""
+        """Search until everything is done, or the time is over, or too many boxes are undecided."""
         started, saved, done, looked = time.monotonic(), time.monotonic(), 0.0, False
         before = self.seconds
 
@@ -289,12 +290,12 @@ class _Search:
                         save()
                         saved = time.monotonic()
             finally:
-                while self.running:  # each ends within a call
+                while self.running:  # each ends with its present call
                     self._take(self.running.popitem()[0].result(), False)
                 save()
 
     def _look(self, chart: int, boxes: np.ndarray, tensions: np.ndarray) -> tuple:
-        """One call of the kernel: what it found and left, and what remains to be looked at."""
+        """One call of the kernel: boxes found and undecided, and boxes still to be examined."""
         m = self.problem.robot.cables
         stack, ranges = np.empty((DEPTH, 6, 2)), np.empty((DEPTH, m, 2))
         top = len(boxes)
@@ -323,7 +324,7 @@ class _Search:
         return float(np.prod(box[rows, 1] - box[rows, 0]))
 
     def _save(self, path: Path, seconds: float) -> None:
-        """Whole or not at all; what is being looked at counts as waiting."""
+        """Write the file completely or not at all; boxes being examined count as pending."""
         parts: dict[str, np.ndarray] = {"key": np.array(self.key), "counts": self.counts}
         parts["seconds"] = np.array(seconds)
         for name, listed in (("found", self.found), ("left", self.left)):
@@ -358,12 +359,12 @@ class _Search:
                 self.counts, self.seconds = kept["counts"], float(kept["seconds"])
         except StoreError:
             raise
-        except Exception as error:  # NumPy and zipfile have many for a damaged file
+        except Exception as error:  # NumPy and zipfile raise many kinds for a damaged file
             raise StoreError(f"{path}: found no search that can be resumed ({error})") from None
 
 
 def _key(problem: Problem) -> str:
-    """Another for every problem."""
+    """A key that is different for every problem."""
     state, robot = hashlib.sha256(), problem.robot
     parts = (
         robot.exits, robot.anchors, robot.axial_stiffness, robot.cabling.stiffening, robot.center_of_mass,
@@ -394,7 +395,7 @@ def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"]):
 
 
 def _slopes(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """Bounds of 1 + 2 a2 ε + 3 a3 ε² on [0, MOST_STRAIN], beyond which laws are straight: at ends and vertex."""
+    """Bounds of 1 + 2 a2 ε + 3 a3 ε² on [0, MOST_STRAIN], beyond which laws are linear: at ends and vertex."""
     a2, a3 = robot.cabling.stiffening.T
     vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
     values = np.array([1 + 2 * a2 * e + 3 * a3 * e * e for e in (np.zeros_like(a2), vertex, MOST_STRAIN)])
@@ -413,12 +414,11 @@ def _pull(problem: Problem) -> float:
 
 
 def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
-    """A box outside which forces cannot balance; v within [−1, 1], and what does not vary within [0, 0].
+    """A box outside which forces cannot balance; v within [−1, 1], and constant coordinates within [0, 0].
 
-    With the load's force along d, cables pull against it. All anchors on one side of all exits across d: every pull
-    has a part of one sign, and some pull is not zero. All anchors above all exits, against d: no pull up. And far
-    below: each cable's pull along −d is at most the load, which bounds its drop h by
-    EA s (h/l0 − 1) h/√(h² + W²) <= load, with the law's least slope s and the widest distance W across d.
+    With the load's force along d, cables pull against it. If all anchors are on one side of all exits across d, every
+    pull has a component of one sign, and some pull is not zero. If all anchors are above all exits, against d, there is
+    no pull up. And far below: each cable's pull along −d is at most the load, which bounds its drop h by
     """
     robot = problem.robot
     force = problem.external_wrench[:3] - np.array([0, 0, robot.weight])
@@ -457,7 +457,7 @@ def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
 
 @dataclass(frozen=True)
 class _Member:
-    """An equilibrium of the list: where it is proved to lie, and a box in which it is the only one."""
+    """An equilibrium of the list: its proved enclosure, and a box in which it is the only one."""
 
     balance: Balance
     enclosure: Enclosure
@@ -494,7 +494,7 @@ def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...],
 
 
 def _member(problem: Problem, search: _Search, chart: int, box: Float[np.ndarray, "6 2"]) -> _Member | None:
-    """The one equilibrium of a box, proved in balls to lie in it."""
+    """The one equilibrium of a box, proved in balls to lie in the box."""
     kernel, setup = search.kernel, search.setups[chart]
     m = problem.robot.cables
     o, spin, at = np.zeros((m + 1, kernel.COLUMNS, 2)), np.empty((3, 3, 2)), np.empty(6)
@@ -541,7 +541,7 @@ def _in_box(member: _Member, chart: int, box: Float[np.ndarray, "6 2"]) -> bool:
 
 
 def _same(one: _Member, other: _Member) -> bool | None:
-    """Whether both are one equilibrium; None if that is not proved either way."""
+    """Whether both are one equilibrium; None if neither is proved."""
     if other.box is not None and _in_box(one, other.chart, other.box):
         return True
     if one.box is not None and _in_box(other, one.chart, one.box):
@@ -554,7 +554,7 @@ def _same(one: _Member, other: _Member) -> bool | None:
 
 
 def _joined(boxes: Float[np.ndarray, "boxes 6 2"], least: float) -> list[np.ndarray]:
-    """Boxes that touch one another, but for the least width, together."""
+    """Groups of boxes that touch each other up to the least width."""
     clusters, left = [], list(range(len(boxes)))
     while left:
         waiting, members = [left.pop()], []
@@ -574,7 +574,7 @@ def _joined(boxes: Float[np.ndarray, "boxes 6 2"], least: float) -> list[np.ndar
 def _covered(
     problem: Problem, search: _Search, chart: int, cluster: np.ndarray, members: list[_Member]
 ) -> list[Undecided]:
-    """Prove one equilibrium in a box of balls that covers a cluster, and add it if it is new; or say what is left."""
+    """Prove one equilibrium in a box of balls that covers a cluster, and add it if it is new; else report it."""
     whole_box = np.stack([cluster[:, :, 0].min(0), cluster[:, :, 1].max(0)], 1)
     member = _near(problem, chart, whole_box.mean(1), None)
     if member is not None and all(_in_balls(member, chart, box) for box in cluster):
@@ -593,7 +593,7 @@ def _covered(
 
 
 def _covers(member: _Member, other: _Member) -> bool:
-    """Whether the other's enclosure lies in the box of balls in which this one is alone."""
+    """Whether the other's enclosure lies in the box of balls in which this one is unique."""
     coordinates = _in_balance(
         member.balance,
         other.balance.position(other.enclosure.image),
@@ -603,7 +603,7 @@ def _covers(member: _Member, other: _Member) -> bool:
 
 
 def _in_balls(member: _Member, chart: int, box: Float[np.ndarray, "6 2"]) -> bool:
-    """Whether a box of a chart lies in the box of balls in which the member is alone."""
+    """Whether a box of a chart lies in the box of balls in which the member is unique."""
     position = [exact(low).union(exact(high)) for low, high in box[:3]]
     x, y, z = (exact(low).union(exact(high)) for low, high in box[3:])
     one = exact(1)
@@ -638,6 +638,6 @@ def _undecided(reason: str, boxes: Sequence[np.ndarray], chart: int) -> Undecide
 
 
 def _certificate(problem: Problem, member: _Member) -> Certificate:
-    """With an equilibrium made of the enclosure's midpoints."""
+    """Certificate of a member, with an equilibrium from the enclosure's midpoints."""
     found = certificate.midpoint_of(problem, member.balance, member.enclosure)
     return certificate.certificate_of(found, member.balance, member.enclosure)

@@ -1,12 +1,12 @@
-"""Branch and prune over poses and tensions, compiled: what finds every equilibrium and proves that none is missing.
+"""Branch and prune over poses and tensions, compiled: finds every equilibrium and proves that none is missing.
 
 Unknowns are the pose (x, y, z, v) with the rotation of the quaternion (1, v), |v_k| <= 1, in one of several charts, and
 the cables' tensions. With tensions as unknowns of their own a stiffness EA enters only as 1/EA, and boxes need not be
 as small as the load over the stiffness. Of a planar robot only x, z and v_y vary.
 
 Each result is rounded outwards by more than half a unit in the last place, and only + − × ÷ and the square root are
-used, which IEEE 754 rounds correctly: no rounding mode is set, and no library's sine is trusted. Where a compiler
-contracts a product and a sum into one operation, that operation is rounded once, and the bounds hold all the same.
+used, which IEEE 754 rounds correctly: no rounding mode is set, and no library's sine is used. If a compiler
+contracts a product and a sum into one operation, that operation is rounded once, and the bounds still hold.
 
 Intervals are pairs (lower, upper). Directions point from the exit to the anchor, so that the balance is
 Σ τᵢ (nᵢ, uᵢ × nᵢ) + g = 0 with u the arm from the platform's origin and g minus the load.
@@ -24,34 +24,35 @@ from cdpr_sim.core import code_cache, compiling
 from cdpr_sim.core.cable import MOST_STRAIN
 
 SHARE, TINY = 2.3e-16, 1e-300
-"""Half a unit in the last place is at most 1.2e-16 of a number; a whole one, 2.3e-16, or what is below any length."""
+"""Half a unit in the last place is at most 1.2e-16 of a number; a whole one, 2.3e-16; and an absolute bound below any
+length."""
 
 LENGTH, DIRECTION, MOMENT, ALONG, ARM, APART, COLUMNS = 0, 1, 4, 7, 8, 11, 14
 """Columns of a cable's geometry: its length, n, u × n, n·u, u, and anchor minus exit."""
 
 SPLIT = 0.4837
-"""Of a box that is halved: equilibria lie on symmetric numbers, at which a box should not end."""
+"""Fraction at which a box is divided: equilibria often have symmetric coordinates, at which a box should not end."""
 
 AGAIN = 0.8
-"""A box is contracted again while some width falls to less than this part of it."""
+"""A box is contracted again while some width falls below this fraction of it."""
 
 ROUNDS = 10
-"""Of contraction, at most."""
+"""Largest number of contractions."""
 
 OPENED = 0.05
-"""By which part a range of tensions is widened for Krawczyk's test, so that the image of slack can lie inside."""
+"""Fraction by which a range of tensions is widened for Krawczyk's test, so that the image of slack can lie inside."""
 
 EMPTY, CONTRACTED, UNIQUE = 0, 1, 2
-"""What Krawczyk's test says of a box: no equilibrium, perhaps some, exactly one."""
+"""Results of Krawczyk's test for a box: no equilibrium, perhaps some, exactly one."""
 
 BOXES, BY_BALANCE, BY_KRAWCZYK, PROVED, LEFT, COUNTS = 0, 1, 2, 3, 4, 5
-"""Counts of a search: boxes looked at; excluded by balances; by Krawczyk's test; proved; left undecided."""
+"""Counts of a search: boxes examined; excluded by balances; by Krawczyk's test; proved; undecided."""
 
 compiling.import_numba()
 
 
 def jit(function: Callable) -> Callable:
-    """Machine code of ``function`` for each set of argument types, which Numba keeps in a folder of its own."""
+    """Machine code of ``function`` for each set of argument types, in Numba's own cache folder."""
     import numba
 
     with code_cache.settings(CACHE_DIR=str(code_cache.folder() / "search")):
@@ -59,7 +60,7 @@ def jit(function: Callable) -> Callable:
 
 
 class Setup(NamedTuple):
-    """A problem as the kernel takes it.
+    """A problem in the form of the kernel.
 
     Attributes:
         exits: (cables, 3) [m].
@@ -69,9 +70,9 @@ class Setup(NamedTuple):
         weight: an interval [N], (2,).
         wrench: external force and torque [N, N m], (6,).
         rows: indices of the free coordinates among (x, y, z, v), which are those of the balances.
-        scales: by which widths of the coordinates are compared [m], (6,).
+        scales: scales for comparing the widths of the coordinates [m], (6,).
         newton: width [m] below which Krawczyk's test is tried.
-        near: width [m] below which an equilibrium near the box is looked for.
+        near: width [m] below which a nearby equilibrium is searched for.
         least: width [m] below which a box is left undecided.
     """
 
@@ -176,7 +177,7 @@ def turn(q, R, spin):
         i, j = (k + 1) % 3, (k + 2) % 3
         rest_low, rest_high = down(1 + down(s[i, 0] + s[j, 0])), up(1 + up(s[i, 1] + s[j, 1]))
         a, b = q[3 + k, 0], q[3 + k, 1]
-        if a < -1 or b > 1:  # it rises with v_k between them alone
+        if a < -1 or b > 1:  # it increases with v_k only between them
             f[k, 0], f[k, 1] = -1.0, 1.0
         else:
             d = up(rest_high + up(a * a)) if a >= 0 else down(rest_low + down(a * a))
@@ -278,7 +279,7 @@ def slope(law, strain_low, strain_high):
 
 @jit
 def strained(law, strain_low, strain_high):
-    """τ/EA at a strain that lies in an interval, which is to be narrow."""
+    """τ/EA at a strain in an interval, which should be narrow."""
     if law[2] == 0.0 and law[3] == 0.0:
         return max(strain_low, 0.0), max(strain_high, 0.0)
     a, b = max(strain_low, 0.0), max(strain_high, 0.0)
@@ -304,7 +305,7 @@ def strain(law, length):
 
 @jit
 def tension(law, low, high):
-    """τ over lengths [low, high]: it rises."""
+    """τ over lengths [low, high]; it is increasing."""
     a, b = strain(law, low)
     c, d = strain(law, high)
     p = strained(law, a, b)[0]
@@ -370,7 +371,7 @@ def virtual_work(T, o, g, rows, y, W):
 
 @jit
 def unbalanced(T, o, g, rows, y):
-    """What the best tensions within T leave unbalanced at the middle, in floats: the motion y, or nothing."""
+    """Unbalanced part of the best tensions within T at the middle, in floats: the motion y, or zero."""
     m = T.shape[0]
     tau, W = 0.5 * (T[:, 0] + T[:, 1]), np.zeros((m, 6))
     for r in rows:
@@ -405,7 +406,7 @@ def contract(q, T, setup, o, spin):
     for r in rows:
         if not balance(T, o[:m, DIRECTION + r], g[r, 0], g[r, 1]):
             return False
-    if len(rows) == 3:  # the motions that two cables do no work along
+    if len(rows) == 3:  # the motions along which two cables do no work
         w = np.empty((m, 3))
         for i in range(m):
             for k in range(3):
@@ -423,7 +424,7 @@ def contract(q, T, setup, o, spin):
                         return False
     elif unbalanced(T, o, g, rows, y) and not virtual_work(T, o, g, rows, y, W):
         return False
-    for i in range(m):  # tensions back to lengths, lengths back to positions
+    for i in range(m):  # from tensions to lengths, from lengths to positions
         rest, stiffness = setup.law[i, 0], setup.law[i, 1]
         high = up(rest * up(1 + up(up(T[i, 1] / stiffness) / setup.law[i, 4])))
         low = 0.0
@@ -461,7 +462,7 @@ def contract(q, T, setup, o, spin):
 
 @jit
 def invert(M):
-    """The inverse in floats, and whether there is one. It proves nothing."""
+    """The inverse in floats, and whether it exists. Not a proof."""
     n = M.shape[0]
     a = np.zeros((n, 2 * n))
     a[:, :n] = M
@@ -538,7 +539,7 @@ def derivatives(T, setup, o, spin, acting, count, J):
             J[n + k, r, 0], J[n + k, r, 1] = K_low, K_high
         J[n + k, n + k, 0], J[n + k, n + k, 1] = -up(law[0] / law[1]), -down(law[0] / law[1])
     turned = np.empty((6, 2))
-    for r in range(n + count):  # rotation vectors are turned into v: by its angular velocities
+    for r in range(n + count):  # from rotation vectors to v: by its angular velocities
         for x in range(3):
             turned[x, 0] = turned[x, 1] = turned[3 + x, 0] = turned[3 + x, 1] = 0.0
         for x in range(n):
@@ -562,7 +563,7 @@ def derivatives(T, setup, o, spin, acting, count, J):
 def krawczyk(q, T, setup, o, spin, at):
     """Krawczyk's test in the free coordinates and the tensions of cables that may be taut; contracts q and T.
 
-    Returns EMPTY, CONTRACTED or UNIQUE; the middle of its image is left in ``at`` (6,).
+    Returns EMPTY, CONTRACTED or UNIQUE; the middle of its image is written to ``at`` (6,).
     """
     m, rows, n = T.shape[0], setup.rows, len(setup.rows)
     acting, count = np.empty(m, np.int64), 0
@@ -639,7 +640,7 @@ def krawczyk(q, T, setup, o, spin, at):
 
 @jit
 def steps_to_equilibrium(start, setup, o, spin):
-    """Newton's steps in floats from a pose (6,): the pose they lead to, and whether they end. It proves nothing."""
+    """Newton's steps in floats from a pose (6,): the last pose, and whether they converge. Not a proof."""
     m, rows, n = setup.exits.shape[0], setup.rows, len(setup.rows)
     y, last, g = start.copy(), np.inf, np.empty((6, 2))
     thin, T, acting = np.empty((6, 2)), np.zeros((m, 2)), np.empty(m, np.int64)
@@ -689,7 +690,7 @@ def within(q, box, rows):
 
 @jit
 def blown_up(q, setup, o, spin, box):
-    """A box about an equilibrium near q that contains q and has exactly one: filled into ``box``. False if none is."""
+    """Write to ``box`` a box about an equilibrium near q that contains q and exactly one equilibrium. False if none."""
     m, rows = setup.exits.shape[0], setup.rows
     y, ended = steps_to_equilibrium(0.5 * (q[:, 0] + q[:, 1]), setup, o, spin)
     if not ended:
@@ -713,22 +714,22 @@ def blown_up(q, setup, o, spin, box):
 
 @jit
 def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
-    """Go on with a search, depth first, for ``most`` boxes at most.
+    """Continue a search, depth first, for at most ``most`` boxes.
 
     Args:
         setup: the problem.
-        boxes: boxes to be looked at, (room, 6, 2), of which the first ``top`` are filled in.
+        boxes: pending boxes, (room, 6, 2), of which the first ``top`` are filled in.
         tensions: their ranges of tensions, (room, cables, 2).
-        top: how many there are.
+        top: number of pending boxes.
         found: boxes with exactly one equilibrium, (room, 6, 2), of which ``nf`` are filled in.
-        nf: how many.
-        left: boxes left undecided, (room, 6, 2), of which ``nl`` are filled in.
-        nl: how many.
-        most: boxes to look at.
-        counts: what became of boxes, (COUNTS,), added to.
+        nf: their number.
+        left: undecided boxes, (room, 6, 2), of which ``nl`` are filled in.
+        nl: their number.
+        most: number of boxes to examine.
+        counts: counts of the results, (COUNTS,), added to.
 
     Returns:
-        top, nf and nl as they are then. The search is done at top = 0; it stops too where room is short.
+        The new top, nf and nl. The search is complete at top = 0; it also stops if the arrays are full.
     """
     m, rows = setup.exits.shape[0], setup.rows
     o, spin, at = np.zeros((m + 1, COLUMNS, 2)), np.empty((3, 3, 2)), np.empty(6)

@@ -324,7 +324,7 @@ def _film(robot_summary: RobotSummary) -> str:
         write_video(path, motion, robot_summary.static, shapes=shapes, seconds=seconds, fps=FILM_RATE, size=FILM_SIZE)
         source = html.data(path.read_bytes(), "video/mp4")
     words = (
-        f"Film: the winches drive {robot_summary.robot.name} along x through its workspace in MuJoCo; the yellow outline "
+        f"Film: the winches drive {robot_summary.robot.name} along x in MuJoCo; the yellow outline "
         "is the static solver's pose."
     )
     return (

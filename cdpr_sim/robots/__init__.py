@@ -1,1 +1,1 @@
-"""Robots by name, and from files."""
+"""Robots by name, from robot files and from other projects' files."""

@@ -1,4 +1,4 @@
-"""Robots from TOML files: the ones that come with the package, and yours in the same format."""
+"""Robots from TOML files: those of the catalogue, and users' own in the same format."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ Vector = tuple[Number, Number, Number]
 Density = Number | Literal["material"]
 
 LARGEST_FILE = 1_000_000
-"""Bytes; a thousand cables, with a line of remarks each, take a tenth of it."""
+"""Largest size of a robot file [bytes]; a thousand cables, with a line of comments each, take a tenth of it."""
 
 METRES = {"m": 1.0, "mm": 1000.0}
-"""How many of each unit make a metre."""
+"""Number of each unit in a metre."""
 
 
 LENGTH = "m or mm"
-"""The unit of lengths: what the file's ``units`` say."""
+"""The unit of lengths: the file's ``units``."""
 
 
 def _key(meaning: str, unit: str = "", default: Any = ...) -> Any:
-    """A key of a robot file: what it means, its unit, and its default; ... where it has to be there."""
+    """A key of a robot file: its meaning, its unit, and its default; ... if it is required."""
     return Field(default, description=meaning, json_schema_extra={"unit": unit} if unit else None)
 
 
@@ -52,7 +52,7 @@ class PlatformTable(_Table):
 
     mass: Number = _key("Mass.", "kg")
     size: Vector | None = _key(
-        "Edges of its box, drawn and taken for the inertia unless one is given; by default the box around the anchors.",
+        "Edges of its box, which is drawn and gives the default inertia; by default the box around the anchors.",
         LENGTH,
         None,
     )
@@ -69,17 +69,18 @@ class PulleyTable(_Table):
     """A swivelling wheel at the exit."""
 
     radius: Number = _key("Radius of the wheel; 0 is a point.", LENGTH)
-    axis: Vector = _key("The direction in which the cable arrives, and about which the wheel swivels.", "", DOWN)
+    axis: Vector = _key("Direction in which the cable arrives, and about which the wheel swivels.", "", DOWN)
 
 
 class CableTable(_Table):
-    """One cable. What it does not say is as the whole robot has it."""
+    """One cable. A key that is missing here has the value for the whole robot."""
 
     exit: Vector = _key(
-        "Exit point A_i in the base frame, z up; of a cable over a pulley, where it touches the wheel first.", LENGTH
+        "Exit point A_i in the base frame, z up; over a pulley, where the cable first touches it.",
+        LENGTH,
     )
     anchor: Vector = _key("Anchor point B_i in the platform frame.", LENGTH)
-    name: str | None = _key("What this cable is called.", "", None)
+    name: str | None = _key("Name of this cable.", "", None)
     material: str | None = _key("As for the whole robot.", "", None)
     axial_stiffness: Number | None = _key("As for the whole robot.", "N", None)
     modulus: Number | None = _key("As for the whole robot.", "Pa", None)
@@ -100,18 +101,18 @@ class BoxTable(_Table):
 
 
 class RobotTable(_Table):
-    """The whole robot; what it says of cables holds for every one that says nothing of its own."""
+    """The whole robot; its keys about cables apply to every cable that does not set them itself."""
 
-    name: str = _key("What tables, models and pictures call the robot.")
+    name: str = _key("Name of the robot in tables, models and pictures.")
     description: str = _key("One line.", "", "")
-    source: str = _key("Where the numbers come from.", "", "")
+    source: str = _key("Source of the numbers.", "", "")
     units: Literal["m", "mm"] = _key("Of every length in the file: exits, anchors, pulleys, diameters, boxes.", "", "m")
     mobility: Mobility = _key("spatial, or planar: x, z and the rotation about y, all else 0.", "", "spatial")
     gravity: Number = _key("Acceleration downwards, along -z.", "m/s²", STANDARD_GRAVITY)
-    cable_name: str | None = _key("What the cables are called; by default their material.", "", None)
+    cable_name: str | None = _key("Name of the cables; by default their material.", "", None)
     material: str | None = _key(
-        "What the cables are: a rope with its diameter, `dyneema-2mm` or `dyneema` and `diameter`, or a cable of one "
-        "size; `cdpr-sim robots` lists them. Every cable has to have this, or `axial_stiffness`, or `modulus`.",
+        "The cables: a rope with its diameter, `dyneema-2mm` or `dyneema` and `diameter`, or a cable of one "
+        "size; `cdpr-sim robots` lists them. Every cable needs this, or `axial_stiffness`, or `modulus`.",
         "",
         None,
     )
@@ -126,20 +127,22 @@ class RobotTable(_Table):
     )
     stiffening: Pair = _key("(a2, a3) of tension = EA (eps + a2 eps² + a3 eps³), for eps up to 0.2.", "", (0.0, 0.0))
     force_min: Number = _key("Smallest tension that `compensate` and `sweep` keep in a cable.", "N", 0.0)
-    force_max: Number | None = _key("Largest that a cable or its winch takes; by default without a limit.", "N", None)
+    force_max: Number | None = _key("Largest tension that a cable or its winch allows; by default no limit.", "N", None)
     breaking_load: Number | None = _key(
-        "Smallest tension at which a cable breaks; by default that of its material, where it is known.", "N", None
+        "Smallest tension at which a cable breaks; by default that of its material, if known.", "N", None
     )
     pulley: PulleyTable = _key("The wheel at each exit; by default none.", "", PulleyTable(radius=0.0))
-    platform: PlatformTable = _key("Its mass, and what it is like: `[platform]`.")
-    frame: BoxTable | None = _key("What is drawn; by default the box around the exits, down to the floor.", "", None)
+    platform: PlatformTable = _key("The platform: its mass, size, centre of mass and inertia: `[platform]`.")
+    frame: BoxTable | None = _key("The drawn frame; by default the box around the exits, down to the floor.", "", None)
     workspace: BoxTable | None = _key(
-        "Where studies command the platform, its middle first of all; by default the middle of the frame.", "", None
+        "Box of commanded positions, its middle the default pose; by default the middle of the frame.",
+        "",
+        None,
     )
     cables: list[CableTable] = _key("One `[[cables]]` for each cable.")
 
     def robot(self) -> Robot:
-        """The robot of this file."""
+        """The robot that this file describes."""
         made = [self._made(i, cable) for i, cable in enumerate(self.cables)]
         names = {material.name for material in made}
         pulleys = [_own(cable.pulley, self.pulley) for cable in self.cables]
@@ -173,7 +176,7 @@ class RobotTable(_Table):
         return x, y, z
 
     def _made(self, index: int, cable: CableTable) -> Material:
-        """What a cable is made of: as it says itself, else as the robot does."""
+        """The material of a cable: its own, else the robot's."""
         for where, table in ((f"cable {index + 1}", cable), ("the robot", self)):
             ways = [way for way in WAYS if getattr(table, way) is not None]
             if len(ways) > 1:
@@ -193,7 +196,7 @@ class RobotTable(_Table):
     def _material(
         self, where: str, table: CableTable | RobotTable, diameter: float | None, given: float | None
     ) -> Material:
-        """Of a table that has one of ``WAYS``; ``given`` is a diameter meant for it alone."""
+        """The material from a table with one of ``WAYS``; ``given`` is a diameter from the same table."""
         metres = None if diameter is None else diameter / METRES[self.units]
         if table.modulus is not None or table.material in ROPES:
             way = "modulus" if table.modulus is not None else f"material {table.material!r}"
@@ -228,7 +231,7 @@ class RobotTable(_Table):
 
 
 WAYS = ("material", "axial_stiffness", "modulus")
-"""Of saying what a cable is."""
+"""Keys that define the cable's stiffness."""
 
 
 def _own(own, common):
@@ -240,10 +243,10 @@ PAPER_ROBOTS = ("cogiro", "parallel", "planar-horizontal", "planar-vertical", "t
 
 
 def list_robots() -> tuple[str, ...]:
-    """Names of the robots that come with the package.
+    """Names of the robots of the catalogue.
 
     Returns:
-        What ``load_robot`` knows by name, in alphabetical order.
+        The names that ``load_robot`` accepts, in alphabetical order.
     """
     return tuple(sorted(Path(file.name).stem for file in _folder().iterdir() if file.name.endswith(".toml")))
 
@@ -251,10 +254,10 @@ def list_robots() -> tuple[str, ...]:
 def load_robot(name: str | Path) -> Robot:
     """A robot of the catalogue by name, or any robot by the path of its ``.toml`` file or of another project's file.
 
-    What ``import_robot`` reads is taken as well, with ``robot.notes``.
+    It also reads the files that ``import_robot`` reads, with ``robot.notes``.
 
     Args:
-        name: of the catalogue (``list_robots()``), or the path of a file.
+        name: name in the catalogue (``list_robots()``), or the path of a file.
 
     Returns:
         The robot, checked.
@@ -310,7 +313,7 @@ def _parsed(file: Traversable | Path, label: str) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         raise RobotFileError(f"{label}: cannot be read: {error}") from None
     except ValueError:  # Python's limit of digits
-        raise RobotFileError(f"{label}: found a whole number of thousands of digits, expected a robot") from None
+        raise RobotFileError(f"{label}: found an integer of thousands of digits, expected a robot") from None
 
 
 OTHER_WORDS = {
@@ -320,7 +323,7 @@ OTHER_WORDS = {
     "a": "exit", "base": "exit", "exits": "exit", "anchors": "anchor", "b": "anchor", "attachment": "anchor",
     "rho": "linear_density", "density": "linear_density", "g": "gravity", "i": "inertia", "cable": "cables",
 }  # fmt: skip
-"""What else is said for keys of a robot file, in small letters."""
+"""Explanations of keys of a robot file, in lower case, for messages."""
 
 TABLES = {
     "platform": PlatformTable,
@@ -332,8 +335,8 @@ TABLES = {
 
 
 def _sentence(error: ValidationError) -> str:
-    """The first thing that is wrong: where in the file, what was found, what is expected."""
-    first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")  # a typo explains what is missing
+    """The first error: its place in the file, the value found, and the value expected."""
+    first = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")  # a typo explains a missing key
     path = first["loc"]
     if first["type"] == "extra_forbidden":
         return f"{_place(path)}: unknown key{_meant(str(path[-1]), path[:-1])}"
@@ -346,7 +349,7 @@ def _sentence(error: ValidationError) -> str:
 
 
 def _meant(key: str, path: tuple[int | str, ...]) -> str:
-    """The key that was meant, in this table or else in another."""
+    """Suggestion of a key, in this table or else in another."""
     names = [part for part in path if isinstance(part, str)]
     here = TABLES[names[-1]] if names else RobotTable
     word = OTHER_WORDS.get(key.lower(), key.lower())
@@ -362,7 +365,7 @@ def _meant(key: str, path: tuple[int | str, ...]) -> str:
 
 
 def _place(path: tuple[int | str, ...]) -> str:
-    """Where in the file: keys, cables counted from 1 as in tables, and coordinates by letter."""
+    """Place in the file: keys, cables counted from 1 as in tables, and coordinates by letter."""
     head = ""
     if path[0] == "cables" and len(path) > 1:
         head, path = f"cable {int(path[1]) + 1}", path[2:]

@@ -16,7 +16,7 @@ from cdpr_sim.robots.importers.draft import Draft
 
 
 class _Format(NamedTuple):
-    """What it is called, what stands at the top of such a file (root element, or keys), and what reads it."""
+    """Name of a format, the root elements or keys at the top of such a file, and the module that reads it."""
 
     title: str
     marks: set[str]
@@ -33,31 +33,32 @@ FORMATS = {
         "bologna": bologna,  # after gazebo, whose files have a key "cable" as well
     }.items()
 }
-"""Of other projects, by name."""
+"""Formats of other projects, by name."""
 
 IMPORTED = tuple(SYNTAXES)
 """Suffixes of their files."""
 
 
 def import_robot(path: str | Path, format: str | None = None, cables: str | None = None) -> Robot:
-    """A robot out of another project's file.
+    """A robot from another project's file.
 
-    Exits, anchors, pulleys, mass, inertia, elasticity and weight of the cables come along as far as the file has them.
-    ``robot.notes`` says in a sentence each what has no counterpart and was left out, and what had to be assumed; what
-    would change the robot's statics (several platforms, cables through several bodies) is refused.
+    Exits, anchors, pulleys, mass, inertia, elasticity and weight of the cables are read as far as the file has them.
+    ``robot.notes`` has a sentence for each thing that has no counterpart and was left out, and for each assumption; a
+    file is refused if the difference would change the robot's statics (several platforms, cables through several
+    bodies).
 
     Args:
         path: ``.wcrfx`` (WireX), ``*_bodies.xml`` or ``*_cables.xml``, side by side (CASPR), ``.json`` (cdpyr,
             Bologna), ``.yaml`` or ``.yml`` (cdpyr, oKermorgant/cdpr).
-        format: "caspr", "wirex", "cdpyr", "bologna" or "gazebo"; default: what the file looks like.
-        cables: CASPR's ``id`` of one set of cables; default: the one that its file has as default.
+        format: "caspr", "wirex", "cdpyr", "bologna" or "gazebo"; default: recognised by the file's content.
+        cables: ``id`` of a set of cables in CASPR's file; default: the file's default.
 
     Returns:
         The robot, in SI units and z up, with ``notes``.
 
     Raises:
-        RobotFileError: the file is missing, cannot be read, or does not describe a robot that we know: the message
-            gives the place in the file, what was found and what is expected.
+        RobotFileError: the file is missing, cannot be read, or does not describe a supported robot: the message gives
+            the place in the file, what was found and what is expected.
         UnknownName: no such format.
     """
     path = checked_path("path", path)

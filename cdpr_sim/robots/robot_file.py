@@ -1,4 +1,4 @@
-"""The robot file, explained: a table of its keys, a JSON schema for editors, a template to begin with."""
+"""Documentation of robot files: a table of their keys, a JSON schema for editors, and a template."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ TABLES: dict[str, type[BaseModel]] = {
 
 
 def template(name: str) -> str:
-    """A commented robot file that runs as it is, of a robot called ``name``.
+    """A commented, valid robot file of a robot called ``name``.
 
     Raises:
-        InvalidInput: a name that no robot can have.
+        InvalidInput: not a valid name of a robot.
     """
     quoted = json.dumps(checked_name("name", name), ensure_ascii=False)  # as TOML quotes
     text = (resources.files("cdpr_sim.robots") / "template.toml").read_text(encoding="utf-8")
@@ -84,30 +84,31 @@ def _default(field: FieldInfo) -> str:
 
 _HEAD = """# The robot file
 
-A robot is a [TOML](https://toml.io) file. `cdpr-sim new mine` writes one with comments that runs as it is,
+A robot is a [TOML](https://toml.io) file. `cdpr-sim new mine` writes a valid one with comments,
 `cdpr-sim show mine.toml -o mine.png` draws it, and `cdpr-sim settle mine.toml` or `cdpr.load_robot("mine.toml")` read
-it; so does whatever takes a robot. `cdpr-sim schema > robot.schema.json` writes a JSON schema, with which editors check
-and complete robot files (in VS Code with Even Better TOML: first line `#:schema robot.schema.json`).
+it, like every command and function that takes a robot. `cdpr-sim schema > robot.schema.json` writes a JSON schema, with
+which editors check and complete robot files (in VS Code with Even Better TOML: first line `#:schema
+robot.schema.json`).
 
 The base frame has z up; gravity acts along -z. Lengths are in metres, or in millimetres with `units = "mm"`; all else
-is in kg, N, Pa and kg m². What is wrong with a file is said in one sentence: `mine.toml: EA: unknown key, did you mean
+is in kg, N, Pa and kg m². An error in a file is reported in one sentence: `mine.toml: EA: unknown key, did you mean
 'axial_stiffness'?`
 
-What the cables are is said in one of three ways, for all of them or for one in its `[[cables]]`: by `material` (and
+The cables are given in one of three ways, for all of them or for one in its `[[cables]]`: by `material` (and
 `diameter`), by `axial_stiffness`, or by `modulus` and `diameter`.
 
-This page is what `cdpr-sim schema --document` prints.
+`cdpr-sim schema --document` prints this page.
 """
 
 _MATERIALS = """
 ## Materials
 
-`material = "steel-rope"` with `diameter = 0.004`, or `material = "steel-rope-4mm"`; so too on the command line with
-`--material steel-rope-4mm`, and `robot.replace(material="steel-rope-4mm")`. EA is the modulus times the part of the
-circle that is filled, EA = E fill π d²/4; the mass per length, taken with `linear_density = "material"`, is the density
-times the same section. A rope's stiffness depends on its make, its load and its age: a maker's figure, or what
-`cdpr-sim identify` finds, goes before these. The breaking load of a new rope is its strength times the square of the
-diameter.
+`material = "steel-rope"` with `diameter = 0.004`, or `material = "steel-rope-4mm"`; or, on the command line,
+`--material steel-rope-4mm`, or `robot.replace(material="steel-rope-4mm")`. EA is the modulus times the filled part
+of the circle, EA = E fill π d²/4; the mass per length, used with `linear_density = "material"`, is the density
+times the same section. A rope's stiffness depends on its make, its load and its age: a maker's figure, or
+the result of `cdpr-sim identify`, is better than these. The breaking load of a new rope is its strength times the
+square of the diameter.
 
 | `material` | modulus | fill | density | strength | source |
 |---|---|---|---|---|---|

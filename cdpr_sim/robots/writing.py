@@ -1,4 +1,4 @@
-"""A robot as a robot file: the TOML that ``load_robot`` reads, with the very same numbers."""
+"""Robots as robot files: the TOML that ``load_robot`` reads, with exactly the same numbers."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 
 
 def as_toml(robot: Robot) -> str:
-    """The text of a robot file, in metres, kilograms and newtons; what stands on its defaults is left out.
+    """The text of a robot file, in metres, kilograms and newtons; fields with their default values are left out.
 
-    ``robot.notes`` become remarks at its head.
+    ``robot.notes`` become comments at its beginning.
     """
     return "\n".join(_lines(robot)) + "\n"
 
@@ -59,9 +59,9 @@ def _lines(robot: Robot) -> Iterator[str]:
         yield from ("", "[[cables]]")
         yield f"exit = {_numbers(cabling.exits[cable])}"
         yield f"anchor = {_numbers(cabling.anchors[cable])}"
-        yield from named  # a cable's name goes with what it is made of
+        yield from named  # a cable's name belongs to its material
         for name, values in own.items():
-            if np.isfinite(values[cable]).all():  # no limit is none
+            if np.isfinite(values[cable]).all():  # an infinite limit is left out
                 yield f"{name} = {_numbers(values[cable])}"
         if cabling.pulley_radius[cable] > 0 or tuple(cabling.pulley_axis[cable]) != DOWN:
             yield f"pulley = {_pulley(cabling.pulley_radius[cable], cabling.pulley_axis[cable])}"
@@ -73,10 +73,10 @@ def _pulley(radius: float, axis: np.ndarray) -> str:
 
 
 def _numbers(values: ArrayLike) -> str:
-    """Numbers that read back as the same: Python's shortest, and no minus before a zero."""
+    """Numbers that read back identically: Python's shortest form, and no minus before a zero."""
     return str((np.asarray(values, dtype=float) + 0.0).tolist())
 
 
 def _text(value: str) -> str:
-    """A basic string: JSON's escapes are TOML's."""
+    """A basic string: JSON's escapes are valid in TOML."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,1 +1,1 @@
-"""One equilibrium by mathematics. Never MuJoCo."""
+"""Static equilibria by mathematics, without MuJoCo."""

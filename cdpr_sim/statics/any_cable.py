@@ -98,6 +98,52 @@ def any_cables(
         return Catenary(*any_cable_gufunc()(table, apart, rest_lengths, weights, wrapped))
 
 
+def any_cable_slopes(
+    table: Float[np.ndarray, "*#batch columns"],
+    found: Catenary,
+    rest_lengths: Float[np.ndarray, "*#batch"],
+    weights: Float[np.ndarray, "*#batch"],
+    wrapped: Float[np.ndarray, "*#batch"],
+) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"]]:
+    """Derivatives of the pulls in ``found`` by rest length, axial stiffness and wheel radius, at fixed ends.
+
+    With t_B = t + w L up the tension vector at the anchor, the pull is −t_B, and t changes by −K ∂(∂Psi/∂t)/∂q at fixed
+    t. ``wrapped`` is held fixed. Other arguments as of ``any_cables``.
+    """
+    EA, law, r, e = (
+        table[..., STIFFNESS],
+        (table[..., STIFFENING], table[..., STIFFENING + 1]),
+        table[..., RADIUS],
+        AXIS,
+    )
+    axis, L = table[..., e : e + 3], rest_lengths - wrapped
+    up = np.array([0.0, 0.0, 1.0])
+    t = -found.pull - (weights * L)[..., None] * up
+
+    def along(v):
+        """(unit vector, strain, slope of strain) under the tension vector v."""
+        T = np.linalg.norm(v, axis=-1)
+        strain = 1 / cable_law.rest_length_for(1.0, T, EA, *law) - 1
+        slope, _ = cable_law.tangent(strain, 1.0, EA, *law)
+        return v / np.where(T > 0, T, 1.0)[..., None], strain, T / (EA * slope)
+
+    u, _, by_stiffness = along(t)
+    at_anchor, strain, _ = along(-found.pull)
+    length = (1 + strain)[..., None] * at_anchor
+    stiffness = -(wrapped * by_stiffness)[..., None] * u
+    for node, part in zip(_NODES, _WEIGHTS, strict=True):
+        v, _, by_stiffness = along(t + (node * weights * L)[..., None] * up)
+        stiffness = stiffness - (part * L * by_stiffness)[..., None] * v
+    cosine = (u * axis).sum(-1)[..., None]
+    n = u - cosine * axis
+    sine = np.linalg.norm(n, axis=-1, keepdims=True)
+    radius = (1 - cosine) * n / np.where(sine > 0, sine, 1.0) + sine * axis - np.arctan2(sine, cosine) * u
+    turned = np.einsum(
+        "...ab,...qb->...qa", found.stiffness, np.stack([length, stiffness, radius * (r > 0)[..., None]], -2)
+    )
+    return turned[..., 0, :] - weights[..., None] * up, turned[..., 1, :], turned[..., 2, :]
+
+
 def profiles(
     cabling: Cabling,
     exits: ArrayLike,

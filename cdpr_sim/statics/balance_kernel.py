@@ -1,4 +1,4 @@
-"""How well tensions within limits balance a load, compiled: bounded-variable least squares.
+"""Balance of a load by tensions within limits, compiled: bounded-variable least squares.
 
 The active-set method of Stark and Parker (1995, "Bounded-variable least squares", Computational Statistics 10).
 """
@@ -13,31 +13,32 @@ from cdpr_sim.core.compiling import Kernel, inline
 from cdpr_sim.statics import cable_kernel as ck
 
 ROUNDING = 1e-12
-"""A slope smaller than this fraction of the load is rounding: that tension is where it should be."""
+"""A slope smaller than this fraction of the load is rounding: that tension is optimal."""
 
 DEPENDENT = 1e-10
-"""A column shorter than this after projection, as a fraction of itself, depends on the others."""
+"""A column whose length after projection is a smaller fraction of its own length depends on the others."""
 
 MOST_CHANGES = 100
-"""Of the active set. Eight cables need up to some ten; where rounding makes the sets cycle, HiGHS decides."""
+"""Largest number of changes of the active set. Eight cables need about ten; where rounding makes the sets cycle, HiGHS
+decides."""
 
 BALANCED = 1e-9
-"""Unbalanced force, as a fraction of the load, that still counts as balance. Where forces do balance, what is left
-is rounding, 1e-15; so much is left within a nanometre of the border (``scripts/measure_constants.py``)."""
+"""Unbalanced force, as a fraction of the load, that still counts as balance. Where forces balance, the rounding left is
+1e-15; this much is left within a nanometre of the border (``scripts/measure_constants.py``)."""
 
 MOST_CUTS = 60
-"""Directions in which the cables are found to pull too little; catalogue robots need a handful."""
+"""Largest number of cutting planes, directions in which the cables pull too little; catalogue robots need a few."""
 
 MOST_GIVEN = 1e3
-"""Loads. Limits that would have to give way by more than this give way for nothing: no tensions balance the load."""
+"""Largest change of the limits, in loads. If no smaller change helps, no tensions balance the load."""
 
 
 def _shortfall(unpack: Callable) -> Callable:
     """An element of the gufunc, for cables of the type that ``unpack`` makes of the table."""
 
     def shortfall(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
-        """What is left of the worst load."""
-        cables = unpack(table, np.ones(len(lower)))  # how long they are plays no part
+        """Unbalanced part of the worst load."""
+        cables = unpack(table, np.ones(len(lower)))  # rest lengths have no effect here
         m, n = len(lower), len(free)
         on_free, load, height, r = np.empty((n, m)), np.empty(n), np.empty(m), np.empty(n)
         if not _fill_pulls(cables, free, scale, position, rotation, on_free):
@@ -61,13 +62,13 @@ def _margin(unpack: Callable) -> Callable:
     """The same."""
 
     def least_distance(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
-        """How far the tensions can keep from their limits: cutting planes, from above.
+        """Largest distance of the tensions from their limits: cutting planes, from above.
 
-        Where tensions at least t from their limits do not balance the load, the least squares' residual r is a
-        direction in which they pull too little. How much they can pull along r is linear in t: the t at which it
-        suffices is the next. There are finitely many such directions, and every step leaves one behind.
+        Where tensions at least t from their limits do not balance the load, the residual r of the least squares is a
+        direction in which they pull too little. The most that they can pull along r is linear in t: the t at which it
+        suffices is the next iterate. There are finitely many such directions, and every step excludes one.
         """
-        cables = unpack(table, np.ones(len(lower)))  # how long they are plays no part
+        cables = unpack(table, np.ones(len(lower)))  # rest lengths have no effect here
         m, n = len(lower), len(free)
         on_free, load, shifted = np.empty((n, m)), np.empty(n), np.empty(n)
         height, r = np.empty(m), np.empty(n)
@@ -102,7 +103,7 @@ def _margin(unpack: Callable) -> Callable:
                     for a in range(n):
                         along += r[a] * on_free[a, i]
                     if along <= 0.0 and upper[i] == np.inf:
-                        continue  # rounding: without an upper limit it would pull along r as hard as it takes
+                        continue  # rounding: without an upper limit the pull along r is unbounded
                     pull += abs(along)
                     needed += along * (lower[i] if along > 0.0 else upper[i]) / norm
                 if not needed < MOST_GIVEN * pull:
@@ -129,18 +130,18 @@ _MARGINS = [
 
 
 def shortfall_gufunc(*, bent: bool = False) -> Kernel:
-    """What is left of the load, as a gufunc: inf where the active sets cycle, nan where the input is not finite."""
+    """Gufunc of the unbalanced part of the load: inf where the active sets cycle, nan where the input is not finite."""
     return _SHORTFALLS[bent]
 
 
 def margin_gufunc(*, bent: bool = False) -> Kernel:
-    """How far tensions can keep from their limits [N], as a gufunc: nan as above, and where the active sets cycle."""
+    """Gufunc of the largest distance of tensions from limits [N]: nan for cycles and input that is not finite."""
     return _MARGINS[bent]
 
 
 @inline
 def _fill_pulls(cables, free, scale, position, rotation, on_free):
-    """What each cable does to the free directions per newton, into (free, cables); False where that is not finite."""
+    """Force of each cable on the free directions per newton, into (free, cables); False where it is not finite."""
     m, n = on_free.shape[1], len(free)
     state, J = ck.new_state(cables), np.empty((m, 6))
     ck.measure(cables, position, rotation, state)
@@ -155,7 +156,7 @@ def _fill_pulls(cables, free, scale, position, rotation, on_free):
 
 @inline
 def _fill_load(wrench, weight, com, rotation, free, scale, load):
-    """The weight and an external wrench on the free directions, as fractions of their size [N]; that size."""
+    """The weight and an external wrench on the free directions, as fractions of their size [N]; returns that size."""
     n, w, c = len(free), np.empty(6), np.empty(3)
     for a in range(3):
         c[a] = rotation[a, 0] * com[0] + rotation[a, 1] * com[1] + rotation[a, 2] * com[2]
@@ -176,7 +177,7 @@ def _fill_load(wrench, weight, com, rotation, free, scale, load):
 def _least_squares(W, w, height, r):
     """The least ‖W t + w‖ over 0 ≤ t ≤ height: Stark and Parker's active-set method; inf where it does not end.
 
-    What is left, W t + w, goes into ``r``.
+    The residual W t + w is written into ``r``.
     """
     n, m = W.shape
     t, target = np.zeros(m), np.zeros(m)
@@ -214,7 +215,7 @@ def _least_squares(W, w, height, r):
         while True:
             independent = _solve_free(W, w, height, state, enter if first else -1, Q, U, order, target)
             backwards = first and (target[enter] <= 0.0 if came_from == 0 else target[enter] >= height[enter])
-            if first and (not independent or backwards):  # rounding made it look as if this tension helped
+            if first and (not independent or backwards):  # only by rounding did this tension seem to help
                 state[enter] = came_from
                 blocked[enter] = True
                 break
@@ -236,7 +237,7 @@ def _least_squares(W, w, height, r):
                 break
             state[stop] = 0 if target[stop] < 0.0 else 1
             t[stop] = 0.0 if state[stop] == 0 else height[stop]
-            for i in range(m):  # others that the same step brought to a limit
+            for i in range(m):  # other tensions that reach a limit in the same step
                 if state[i] == 2 and (t[i] <= 0.0 and target[i] < 0.0):
                     state[i], t[i] = 0, 0.0
                 elif state[i] == 2 and (t[i] >= height[i] and target[i] > height[i]):
@@ -246,9 +247,9 @@ def _least_squares(W, w, height, r):
 
 @inline
 def _solve_free(W, w, height, state, newest, Q, U, order, target):
-    """Least squares over the free tensions, the rest at their limits; False where the newest column is dependent.
+    """Least squares over the free tensions, the others at their limits; False where the newest column is dependent.
 
-    Gram-Schmidt, twice, which is enough for orthogonality to rounding; the newest column comes last.
+    Gram-Schmidt, twice, which makes the columns orthogonal to rounding; the newest column is the last.
     """
     n, m = W.shape
     b, q = np.empty(n), np.empty(n)

@@ -1,8 +1,8 @@
-"""Cables in compiled code: their state at a pose, and what they add to energy, slope and curvature.
+"""Cables in compiled code: their state at a pose, and their parts of the energy, its slope and its curvature.
 
-Path and law are those of ``core.cable_path`` and ``core.cable_law``, compiled; the kernels here know no other.
-Cables come in two types: *plain* ones, straight and linear, whose code is compiled on its own so that they cost no more
-than they must, and *bent* ones, over pulleys or with laws that stiffen. Kernels are compiled once for each.
+Path and law are those of ``core.cable_path`` and ``core.cable_law``, compiled; the kernels have no other coding of
+them. There are two types of cables: *plain* ones, straight and linear, are compiled separately so that they are as fast
+as possible; *bent* ones run over pulleys or have nonlinear laws. Kernels are compiled once for each type.
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
 """
 
@@ -23,11 +23,11 @@ _energy = inline(cable_law.energy)
 _tangent = inline(cable_law.tangent)
 
 NO_LENGTH = np.finfo(float).tiny
-"""[m] A slack cable whose anchor touches its exit pulls nowhere, rather than in a direction of 0/0."""
+"""[m] A slack cable whose anchor touches its exit has the direction 0, rather than 0/0."""
 
 
 class Cables(NamedTuple):
-    """What is given of plain cables. A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length."""
+    """Data of plain cables. A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length."""
 
     A: np.ndarray
     B: np.ndarray
@@ -36,10 +36,10 @@ class Cables(NamedTuple):
 
 
 class CableState(NamedTuple):
-    """What is measured of plain cables at a pose.
+    """State of plain cables at a pose.
 
     r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: lengths of their
-    free pieces; k, e: the springs k max(e, 0) that touch the law there.
+    free segments; k, e: the tangent springs k max(e, 0) of the law.
     """
 
     r: np.ndarray
@@ -51,10 +51,10 @@ class CableState(NamedTuple):
 
 
 class BentCables(NamedTuple):
-    """What is given of cables that may run over pulleys and stiffen.
+    """Data of cables that may run over pulleys and have nonlinear laws.
 
-    A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length; EA, a2, a3: that of the law; radius,
-    axis: of pulleys.
+    A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length; EA, a2, a3: coefficients of the law;
+    radius, axis: of the pulleys.
     """
 
     A: np.ndarray
@@ -69,10 +69,10 @@ class BentCables(NamedTuple):
 
 
 class BentState(NamedTuple):
-    """What is measured of them at a pose.
+    """State of bent cables at a pose.
 
     r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: lengths of their
-    free pieces; across, bend, clear: of cables over pulleys; k, e: the springs k max(e, 0) that touch the law there.
+    free segments; across, bend, clear: of cables over pulleys; k, e: the tangent springs k max(e, 0) of the law.
     """
 
     r: np.ndarray
@@ -88,7 +88,7 @@ class BentState(NamedTuple):
 
 @inline
 def unpack(table, rest_lengths):
-    """``Cabling.packed`` and rest lengths, as arrays that compiled code reads fast."""
+    """``Cabling.packed`` and rest lengths, as arrays that are fast to read in compiled code."""
     m = len(rest_lengths)
     A, B, k = np.empty((m, 3)), np.empty((m, 3)), np.empty(m)
     for i in range(m):
@@ -100,7 +100,7 @@ def unpack(table, rest_lengths):
 
 @inline
 def unpack_bent(table, rest_lengths):
-    """The same of bent cables."""
+    """The same for bent cables."""
     m, plain = len(rest_lengths), unpack(table, rest_lengths)
     EA, a2, a3, radius, axis = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty((m, 3))
     for i in range(m):
@@ -113,14 +113,14 @@ def unpack_bent(table, rest_lengths):
 
 
 def _new_plain_state(cables):
-    """Room for a state; of straight cables the whole length is free, and of a linear law the stiffness is constant."""
+    """An empty state of plain cables; the whole length is free, and the stiffness is constant."""
     m = len(cables.l0)
     lengths = np.empty(m)
     return CableState(np.empty((m, 3)), np.empty((m, 3)), lengths, lengths, cables.k, np.empty(m))
 
 
 def _new_bent_state(cables):
-    """Room for a state."""
+    """An empty state of bent cables."""
     m = len(cables.l0)
     return BentState(
         np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m), np.empty((m, 3)), np.zeros(m), np.zeros(m),
@@ -186,7 +186,7 @@ def _plain_on_wheels(state):
 def _bent_on_wheels(state):
     lost = 0
     for i in range(len(state.clear)):
-        if not state.clear[i] >= 0:  # nan within the wheel
+        if not state.clear[i] >= 0:  # nan inside the wheel
             lost += 1
     return lost == 0
 
@@ -300,7 +300,7 @@ def _add_dipole(fx, fy, fz, x, y, z, K):
 
 @inline
 def copied(vector):
-    """A contiguous copy."""
+    """A contiguous copy of a vector."""
     copy = np.empty(len(vector))
     for i in range(len(vector)):
         copy[i] = vector[i]
@@ -309,7 +309,7 @@ def copied(vector):
 
 @inline
 def mean(vector):
-    """Of all entries."""
+    """Mean of a vector's entries."""
     total = 0.0
     for i in range(len(vector)):
         total += vector[i]
@@ -318,7 +318,7 @@ def mean(vector):
 
 @inline
 def largest(vector):
-    """Largest magnitude; nan where there is one."""
+    """Largest magnitude of a vector's entries; nan if one is nan."""
     most = 0.0
     for i in range(len(vector)):
         if abs(vector[i]) > most or vector[i] != vector[i]:

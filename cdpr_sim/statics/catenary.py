@@ -1,4 +1,4 @@
-"""One cable that stretches and has mass: the elastic catenary between its exit A and its anchor B.
+"""One elastic cable with mass: the elastic catenary between its exit A and its anchor B.
 
 Irvine, Cable Structures (1981), chapter 1, as one increasing equation in one number. A cable with weight per length w,
 rest length L0 and axial stiffness EA spans x >= 0 horizontally and rises by z from A to B. Let (H, V) be its tension at
@@ -10,8 +10,8 @@ kappa = w L0/(2 EA), its two ends are
 and so F(a) = (z/L0)² [tanh a/(tanh a + kappa)]² + (x/L0)² [sinh a/(a + kappa)]² = 1, where F increases. The mean of the
 two ends' tensions is T = w L0/(2 tanh a).
 
-Its energy, of stretch and of its own weight, is w L0 (zA + zB)/2 + U(x, z), and U is convex with the slope (H, V): to
-the platform a cable with mass is a convex potential plus half its weight at the anchor. Without mass it is a spring
+Its energy, of stretch and of its own weight, is w L0 (zA + zB)/2 + U(x, z), and U is convex with the slope (H, V): for
+the platform, a cable with mass is a convex potential plus half its weight at the anchor. Without mass it is a spring
 that only pulls.
 """
 
@@ -26,36 +26,39 @@ from numpy.typing import ArrayLike
 from cdpr_sim.core.compiling import Kernel, inline, outlined
 
 MASSLESS = 1e-150
-"""A cable whose kappa is no more is a spring: its weight is far below the rounding of any tension."""
+"""Largest kappa of a cable that is treated as a massless spring: its weight is far below the rounding of any
+tension."""
 
 TRACE = 1e-12
-"""Weight of a massless cable when its shape is asked for, as a fraction of EA/L0: a taut one stays straight."""
+"""Weight of a massless cable for the computation of its profile, as a fraction of EA/L0: a taut cable stays
+straight."""
 
 VERTICAL = 1e-150
-"""x/L0 up to which a cable hangs plumb; squares stay above what underflows."""
+"""x/L0 up to which a cable counts as vertical; squares of larger values do not underflow."""
 
 ENOUGH = 1e-9
-"""A Newton step shorter than this fraction of a is the last: its square is rounding."""
+"""A Newton step shorter than this fraction of a is the last one: its square is rounding."""
 
 ROUNDING = 2 * np.finfo(float).eps
-"""Of F − 1, per size of its terms."""
+"""Rounding of F − 1, per size of its terms."""
 
 MAX_ITERATIONS = 200
-"""Two or three do; bisections alone would need this many."""
+"""Largest number of steps of the iteration. Two or three suffice; bisection alone would need this many."""
 
 SERIES = 0.5
-"""Below it, sinh a − a and a cosh a − sinh a are summed as series, of seven terms: the eighth is 1e-17 of them."""
+"""Value of a below which sinh a − a and a cosh a − sinh a are summed as series of seven terms: the eighth is 1e-17 of
+them."""
 
 
 class Catenary(NamedTuple):
-    """What a hanging cable does, or many.
+    """State of a cable with mass, or of many.
 
     Attributes:
         pull: force on the anchor, base frame, (..., 3) [N].
         stiffness: −∂pull/∂anchor, symmetric, (..., 3, 3) [N/m].
-        energy: of stretch and of the cable's own weight, which is 0 at height 0, (...) [J].
-        exit_tension: at the exit, (...) [N].
-        anchor_tension: at the anchor, the platform's end, (...) [N].
+        energy: energy of stretch and of the cable's own weight, which is 0 at height 0, (...) [J].
+        exit_tension: tension at the exit, (...) [N].
+        anchor_tension: tension at the anchor, the platform's end, (...) [N].
     """
 
     pull: Float[np.ndarray, "*batch 3"]
@@ -68,14 +71,14 @@ class Catenary(NamedTuple):
 def catenary(
     exits: ArrayLike, anchors: ArrayLike, rest_lengths: ArrayLike, axial_stiffness: ArrayLike, weights: ArrayLike
 ) -> Catenary:
-    """What cables do between exits and anchors, base frame, (..., 3) [m]; everything broadcasts.
+    """States of cables between exits and anchors; all arguments broadcast.
 
     Args:
-        exits: (..., 3) [m].
-        anchors: (..., 3) [m].
-        rest_lengths: (...) [m].
+        exits: base frame, (..., 3) [m].
+        anchors: base frame, (..., 3) [m].
+        rest_lengths: unstretched lengths, (...) [m].
         axial_stiffness: EA, (...) [N].
-        weights: per rest length, (...) [N/m]; 0 is a massless cable.
+        weights: weight per unstretched length, (...) [N/m]; 0 is a massless cable.
     """
     with np.errstate(all="ignore"):
         return Catenary(*catenary_gufunc()(exits, anchors, rest_lengths, axial_stiffness, weights))
@@ -89,28 +92,28 @@ def profile(
     weights: ArrayLike,
     points: int,
 ) -> Float[np.ndarray, "*batch points 3"]:
-    """Where a cable hangs: points from exit to anchor, equally far apart on the cable at rest, (..., points, 3) [m].
+    """Profile of a cable: points from exit to anchor, equally spaced on the unstretched cable, (..., points, 3) [m].
 
-    Arguments as of ``catenary``. A massless cable has the shape to which its weight's last trace would bring it.
+    Arguments as of ``catenary``. A massless cable has the profile that it has in the limit of small weight.
     """
     A, B = np.asarray(exits, float), np.asarray(anchors, float)
     L0, EA, w = (np.asarray(v, float)[..., None] for v in (rest_lengths, axial_stiffness, weights))
     w = np.where(w * L0 > 2 * MASSLESS * EA, w, TRACE * EA / L0)
     pull = catenary(A, B, L0[..., 0], EA[..., 0], w[..., 0]).pull
     sideways = np.hypot(pull[..., 0], pull[..., 1])[..., None]
-    end = -pull[..., 2:] - w * L0  # upward part of the tension at the exit
+    end = -pull[..., 2:] - w * L0  # vertical component of the tension at the exit
     s = np.linspace(0.0, 1.0, points) * L0
-    both = np.hypot(sideways, end) + np.hypot(sideways, end + w * s)  # tensions at the exit and there
+    both = np.hypot(sideways, end) + np.hypot(sideways, end + w * s)  # sum of the tensions at the exit and at s
     both[both == 0] = np.inf
     t, H = w * s / both, np.where(sideways > 0, sideways, 1.0)
-    # The difference of two asinh: where the cable is nearly straight, by an addition theorem that does not cancel.
+    # The difference of two asinh, by an addition theorem that does not cancel where the cable is nearly straight.
     turned = np.where(t < 0.5, 2 * np.arctanh(np.minimum(t, 0.5)), np.arcsinh((end + w * s) / H) - np.arcsinh(end / H))
     run = sideways * s / EA + sideways * turned / w
     rise = s * (2 * end + w * s) * (0.5 / EA + 1 / both)
     across = -pull[..., None, :2] / H[..., None]
-    elastic_catenary = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
-    elastic_catenary[..., -1, :] = B
-    return elastic_catenary
+    positions = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
+    positions[..., -1, :] = B
+    return positions
 
 
 def _one(exit_, anchor, rest_length, axial_stiffness, weight, pull, stiffness, energy, exit_tension, anchor_tension):
@@ -146,10 +149,10 @@ def catenary_gufunc() -> Kernel:
 
 @outlined
 def elastic_catenary(x, z, L0, EA, w):
-    """A cable that spans x >= 0 and rises by z from exit to anchor.
+    """State of a cable that spans x >= 0 and rises by z from exit to anchor.
 
-    (V, Khh, Khv, Kvv, K, U, exit's tension, anchor's): V, at mid-length; the stiffnesses of (H, V) by (x, z), and
-    across the cable's plane, K = H/x; the energy U without w L0 (zA + zB)/2. With e = L0/EA, m = L0/T,
+    (V, Khh, Khv, Kvv, K, U, tension at the exit, tension at the anchor): V at mid-length; the stiffnesses of (H, V) by
+    (x, z), and across the cable's plane, K = H/x; the energy U without w L0 (zA + zB)/2. With e = L0/EA, m = L0/T,
     phi = a/tanh a, c = 1/cosh²a, S = H cosh a, P = (product of the ends' tensions) = S² + c V²:
 
         det = e² + e m phi + m² (phi − 1) S²/P
@@ -162,7 +165,7 @@ def elastic_catenary(x, z, L0, EA, w):
     X, Z = x / L0, abs(z) / L0
     e, half = L0 / EA, 0.5 * w * L0
     if X <= VERTICAL:
-        if kappa >= Z - 1:  # a is infinite: two plumb pieces side by side, which only weigh
+        if kappa >= Z - 1:  # a is infinite: two vertical pieces side by side without horizontal tension
             V = w * z / (2 * (1 + kappa))
             U = 0.5 * e * (V * V - half * half / 3) - 0.5 * L0 / half * (half * half - V * V)
             return V, 0.0, 0.0, 1 / (e + L0 / half), 0.0, U, abs(V - half), abs(V + half)
@@ -189,7 +192,7 @@ def elastic_catenary(x, z, L0, EA, w):
 
 @inline
 def _spring(x, z, L0, EA):
-    """A massless cable: of any direction when it has no length."""
+    """State of a massless cable; its direction is arbitrary when it has no length."""
     length = np.sqrt(x * x + z * z)
     if not length > L0:
         return (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) if length <= L0 else _unknown()
@@ -249,7 +252,7 @@ def _solve(X, Z, kappa):
 
 @inline
 def _start(X, Z, chord, kappa):
-    """Near the root: of F's first terms where the cable is nearly straight, else of its exponentials."""
+    """Start near the root: from F's first terms where the cable is nearly straight, else from its exponentials."""
     slack = Z / (1 + kappa)
     if slack < 1 and chord < 1 + kappa:
         y = np.log(2 * np.sqrt((1 - slack) * (1 + slack)) / X)

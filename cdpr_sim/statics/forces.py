@@ -1,7 +1,7 @@
 """The statics of elastic cables in NumPy: lengths, tensions, wrenches, energy, its slope and its stiffness matrix.
 
-All of it is read off a frozen state: ``at(problem, position, rotation).net_wrench``. Everything broadcasts over leading
-dimensions: positions (..., 3) and rotation matrices (..., 3, 3), and a whole batch of problems.
+All quantities are attributes of a frozen state: ``at(problem, position, rotation).net_wrench``. All arguments broadcast
+over leading dimensions: positions (..., 3), rotation matrices (..., 3, 3), and a whole batch of problems.
 A step from a pose is (translation, left-applied rotation vector), six coordinates [m, rad].
 """
 
@@ -26,7 +26,7 @@ from cdpr_sim.statics.catenary import Catenary
 Array = np.ndarray
 
 NO_LENGTH = np.finfo(float).tiny
-"""[m] A slack cable whose anchor touches its exit pulls nowhere, rather than in a direction of 0/0."""
+"""[m] A slack cable whose anchor touches its exit has the direction 0, rather than 0/0."""
 
 _LEVI_CIVITA = np.zeros((3, 3, 3))
 _LEVI_CIVITA[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
@@ -35,17 +35,18 @@ _LEVI_CIVITA[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Where the cables run with the platform at a pose, or many.
+    """Geometry of the cables with the platform at a pose, or many.
 
     Attributes:
-        robot: whose cables they are.
+        robot: robot of these cables.
         arms: R bᵢ from the platform's origin to the anchors, base frame, (..., cables, 3) [m] (Eq. 8).
         directions: unit vectors along which the cables pull on the anchors, (..., cables, 3).
-        lengths: of the cables, (..., cables) [m] (Eq. 2, 9).
-        free_lengths: of their free pieces, which are rods whose far ends stay put, to first order, (..., cables) [m].
-        across: unit vectors across the wheels that cables run over, (..., cables, 3); zero without one.
-        bends: how much more slowly directions turn that way, (..., cables) [1/m]; 0 without a wheel.
-        wraps: angles [rad] by which cables are wrapped round their wheels, (..., cables); 0 without one.
+        lengths: cable lengths, (..., cables) [m] (Eq. 2, 9).
+        free_lengths: lengths of the free segments, which turn like rods with fixed far ends, to first order, (...,
+            cables) [m].
+        across: unit vectors normal to the planes of the wheels, (..., cables, 3); zero without one.
+        bends: decrease of the change of direction along ``across``, (..., cables) [1/m]; 0 without a wheel.
+        wraps: wrap angles of cables on their wheels, (..., cables) [rad]; 0 without one.
     """
 
     robot: Robot
@@ -64,7 +65,7 @@ class Geometry:
 
     @cached_property
     def length_hessians(self) -> Float[Array, "*batch cables 3 3"]:
-        """∂²l/∂b² of each cable by its anchor's place, base frame [1/m]: (1 − u uᵀ)/(free length) + bend b bᵀ."""
+        """∂²l/∂b² of each cable by its anchor's position, base frame [1/m]: (1 − u uᵀ)/(free length) + bend b bᵀ."""
         u, b = self.directions, self.across
         straight = (np.eye(3) - u[..., :, None] * u[..., None, :]) / self.free_lengths[..., None, None]
         if not self.robot.cabling.pulleys.any():
@@ -74,15 +75,15 @@ class Geometry:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The forces with the platform at a pose, or many.
+    """Forces with the platform at a pose, or many.
 
     Attributes:
-        problem: what was asked, once or many times.
+        problem: the problem, or a batch of problems.
         position: (..., 3) [m].
         rotation: (..., 3, 3).
-        geometry: where the cables run.
-        tensions: (..., cables) [N], 0 where slack (Eq. 10, 11); of a cable with weight, at the platform's end.
-        hanging: what cables do of which some have mass.
+        geometry: geometry of the cables.
+        tensions: (..., cables) [N], 0 where slack (Eq. 10, 11); for a cable with mass, at the platform's end.
+        hanging: states of the cables if some have mass.
     """
 
     problem: Problem | Problems
@@ -94,7 +95,7 @@ class State:
 
     @property
     def lengths(self) -> Float[Array, "*batch cables"]:
-        """Of the cables, (..., cables) [m] (Eq. 2, 9)."""
+        """Cable lengths, (..., cables) [m] (Eq. 2, 9)."""
         return self.geometry.lengths
 
     @property
@@ -104,11 +105,35 @@ class State:
 
     @cached_property
     def tangent_stiffness(self) -> Float[Array, "*batch cables"]:
-        """∂tau/∂l, (..., cables) [N/m], 0 where slack; nan of robots whose cables have mass."""
+        """∂tau/∂l, (..., cables) [N/m], 0 where slack; nan for robots whose cables have mass."""
         if self.hanging is not None:
             return np.full(self.lengths.shape, np.nan)
         k, _ = cable_law.tangent(self.lengths - self.problem.rest_lengths, *_law(self.problem))
         return k * (self.tensions > 0)
+
+    @property
+    def pulls(self) -> Float[Array, "*batch cables 3"]:
+        """Forces of the cables on their anchors, base frame, (..., cables, 3) [N]."""
+        if self.hanging is not None:
+            return self.hanging.pull
+        return self.tensions[..., None] * self.geometry.directions
+
+    @property
+    def pull_directions(self) -> Float[Array, "*batch cables 3"]:
+        """Unit vectors of the pulls; of slack massless cables, ``Geometry.directions``."""
+        if self.hanging is None:
+            return self.geometry.directions
+        tau = self.tensions[..., None]
+        return np.where(tau > 0, self.pulls / np.where(tau > 0, tau, 1.0), self.geometry.directions)
+
+    @property
+    def cable_stiffness(self) -> Float[Array, "*batch cables 3 3"]:
+        """−∂(pull)/∂(anchor) of each cable, symmetric, (..., cables, 3, 3) [N/m]: k u uᵀ + tau ∂²l/∂b²."""
+        if self.hanging is not None:
+            return self.hanging.stiffness
+        u = self.geometry.directions
+        turning = self.tensions[..., None, None] * self.geometry.length_hessians
+        return self.tangent_stiffness[..., None, None] * (u[..., :, None] * u[..., None, :]) + turning
 
     @cached_property
     def load_wrench(self) -> Float[Array, "*batch 6"]:
@@ -132,7 +157,7 @@ class State:
     def energy(self) -> Float[Array, "*batch"] | float:
         """Elastic plus potential energy V = Σ U(l) + m g z_com − f·p [J].
 
-        The external torque is left out: a torque that keeps its direction in space does work that depends on the way.
+        The external torque is left out: the work of a torque with a constant direction in space depends on the path.
         """
         problem, robot = self.problem, self.problem.robot
         height = self.position[..., 2] + np.einsum("...j,j->...", self.rotation[..., 2, :], robot.center_of_mass)
@@ -147,13 +172,13 @@ class State:
     def stiffness_matrix(self) -> Float[Array, "*batch 6 6"]:
         """The Hessian of the energy over (translation, left-applied rotation vector) [N/m, N, N m].
 
-        Over the taut cables, K = Σ k ∂lᵀ ∂l + tau ∂²l, and the weight's part; ∂l = −(u, r × u) is minus the wrench
-        matrix's column. With D = ∂b = [1, −[r]×] for the anchor's place b and r = R b,
+        Over the taut cables, K = Σ k ∂lᵀ ∂l + tau ∂²l, plus the weight's part; ∂l = −(u, r × u) is minus the column of
+        the wrench matrix. With D = ∂b = [1, −[r]×] for the anchor's position b and r = R b,
 
             ∂²l = Dᵀ (∂²l/∂b²) D + [0, (u·r) 1 − ½ (u rᵀ + r uᵀ)],
 
         in which ∂²l/∂b² = (1 − u uᵀ)/s + bend b bᵀ (``Geometry.length_hessians``) and Dᵀ u = (u, r × u).
-        Exact wherever no cable is just at its rest length, where it jumps.
+        Exact unless a cable is exactly at its rest length, where the matrix is discontinuous.
         """
         robot, geometry, tau = self.problem.robot, self.geometry, self.tensions
         arms, W = geometry.arms, geometry.wrench_matrix
@@ -179,12 +204,12 @@ class State:
 
     @property
     def eigenvalues(self) -> Float[Array, "*batch free"]:
-        """Of the stiffness matrix on the free directions, ascending [N/m]; rotations in characteristic lengths."""
+        """Eigenvalues of the stiffness matrix on the free directions [N/m], ascending; see ``eigenvalues``."""
         return eigenvalues(self.problem.robot, self.stiffness_matrix)
 
 
 def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]) -> Geometry:
-    """Where the cables of ``robot`` run with the platform at a pose, or many."""
+    """Geometry of the cables of ``robot`` with the platform at a pose, or many."""
     turn, (a, b, c) = rotation[..., None, :, :], robot.anchors.T[..., None]
     arms = turn[..., 0] * a + turn[..., 1] * b + turn[..., 2] * c
     found = paths(robot.cabling, robot.exits - np.asarray(position)[..., None, :] - arms)
@@ -196,7 +221,7 @@ def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[
 def at(
     problem: Problem | Problems, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
 ) -> State:
-    """The forces of ``problem`` with the platform at a pose, or many; of many problems, each at its own."""
+    """Forces of ``problem`` with the platform at a pose, or many; for many problems, each at its own pose."""
     robot, cables = problem.robot, geometry(problem.robot, position, rotation)
     rest = problem.rest_lengths
     if not robot.cabling.massless:
@@ -218,25 +243,25 @@ def load_wrench(problem: Problem | Problems, rotation: Float[Array, "*#batch 3 3
 
 
 def eigenvalues(robot: Robot, stiffness_matrix: Float[Array, "*batch 6 6"]) -> Float[Array, "*batch free"]:
-    """Of a stiffness matrix on the free directions, ascending [N/m]; rotations in characteristic lengths."""
+    """Ascending eigenvalues of a stiffness matrix on the free directions [N/m]; rotations in characteristic lengths."""
     matrix = stiffness_matrix / np.outer(robot.units, robot.units)
     return np.linalg.eigvalsh(matrix[..., robot.free, :][..., robot.free])
 
 
 def eigenvalues_at(problem: Problem, pose: Pose) -> Float[Array, " free"]:
-    """Those of ``problem``'s stiffness matrix with the platform at ``pose``."""
+    """Eigenvalues of ``problem``'s stiffness matrix with the platform at ``pose``."""
     return at(problem, pose.position, pose.rotation_matrix).eigenvalues
 
 
 def rest_lengths_for(
     robot: Robot, lengths: Float[Array, "*batch cables"], tensions: Float[Array, "*batch cables"]
 ) -> Float[Array, "*batch cables"]:
-    """How long to cut cables so that they have these lengths under these tensions [m]."""
+    """Unstretched lengths of cables that have these lengths under these tensions [m]."""
     return cable_law.rest_length_for(lengths, tensions, *robot.cabling.law)
 
 
 def equilibrium_at(problem: Problem, pose: RigidTransform, *, iterations: int, source: str) -> Equilibrium:
-    """What statics says of the platform at ``pose``: tensions, residual and eigenvalues, as evidence."""
+    """Result of statics with the platform at ``pose``, with the tensions, residual and eigenvalues that certify it."""
     where = Pose.of(pose)
     state = at(problem, where.position, where.rotation_matrix)
     return Equilibrium(
@@ -257,18 +282,18 @@ def cross_matrix(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"
 
 
 def _law(problem: Problem | Problems) -> tuple[Array, ...]:
-    """What ``cable_law`` wants to know besides stretches."""
+    """The arguments of ``cable_law`` besides stretches."""
     return problem.rest_lengths, problem.axial_stiffness, *problem.robot.cabling.stiffening.T
 
 
 def _weight(problem: Problem | Problems, arm: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
-    """The force of gravity, one per arm [N]."""
+    """Force of gravity, one per arm [N]."""
     pull = np.asarray(-problem.mass * problem.robot.gravity)[..., None] * np.array([0.0, 0.0, 1.0])
     return np.broadcast_to(pull, np.broadcast_shapes(pull.shape, arm.shape))
 
 
 def _turning(moments: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3 3"]:
-    """Of M = Σ f rᵀ: tr(M) 1 − ½ (M + Mᵀ), minus the second derivative of Σ f·exp(φ×) r."""
+    """Rotation block of M = Σ f rᵀ: tr(M) 1 − ½ (M + Mᵀ), minus the second derivative of Σ f·exp(φ×) r."""
     trace = np.trace(moments, axis1=-2, axis2=-1)[..., None, None]
     return trace * np.eye(3) - 0.5 * (moments + moments.swapaxes(-1, -2))
 
@@ -276,5 +301,5 @@ def _turning(moments: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3 3"]:
 def _wrenches(
     forces: Float[Array, "*batch cables 3"], arms: Float[Array, "*#batch cables 3"]
 ) -> Float[Array, "*batch 6 cables"]:
-    """Of forces at the ends of arms: columns (f, r × f)."""
+    """Wrenches of forces at the ends of arms: columns (f, r × f)."""
     return np.swapaxes(np.concatenate([forces, np.cross(arms, forces)], axis=-1), -1, -2)

@@ -1,4 +1,4 @@
-"""Symmetric matrices of six rows in compiled code: a call of LAPACK would cost more than its work."""
+"""Symmetric matrices of up to six rows in compiled code: for them, the overhead of a LAPACK call exceeds the work."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PIVOT_ROUNDING = 1e-13
 """A Cholesky pivot smaller than this fraction of its diagonal entry is rounding, not stiffness."""
 
 QL_SWEEPS = 50
-"""Per eigenvalue; two or three do."""
+"""Largest number of QL sweeps per eigenvalue; two or three suffice."""
 
 
 @inline

@@ -1,4 +1,4 @@
-"""Our static solver: descent on the energy to where the platform can rest. The method is in ``newton_kernel``."""
+"""Newton's method for static equilibria: descent on the energy to a stable one. The method is in ``newton_kernel``."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from cdpr_sim.statics.sagging_kernel import sagging_gufunc
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 FELT = 1e-2 * ACCEPTABLE
-"""Unbalanced force at convergence, as a fraction of the load, above which rounding is felt: then a pose counts as it
-reads, its rotation normalised once more, and balances or not there, alone and in a batch."""
+"""Unbalanced force at convergence, as a fraction of the load, above which rounding matters: then the residual is
+evaluated at the pose as stored, with its rotation normalised once more, for one problem and in a batch."""
 
 
 def solve(problem: Problem) -> Equilibrium:
-    """The stable equilibrium that descent from the commanded pose leads to.
+    """The stable equilibrium that descent from the commanded pose reaches.
 
     Raises:
-        NotConverged: forces do not balance at the best point found, which the exception carries.
+        NotConverged: forces do not balance at the best point found; the exception carries that point.
     """
     robot = problem.robot
     position, rotation, lengths, tensions, residual, iterations, ended = _solve(
@@ -71,16 +71,16 @@ def equilibrium_of(
     rest_lengths: ArrayLike | None = None,
     external_wrench: ArrayLike | None = None,
 ) -> Equilibrium:
-    """An equilibrium as it is; of a problem, or of a robot and what it is asked, the one that ``solve`` finds.
+    """The given equilibrium, or the one that ``solve`` finds for a problem or for a robot with its pose and loads.
 
     Raises:
-        InvalidInput: an argument that cannot be right.
-        NotConverged: there is none.
+        InvalidInput: an invalid argument.
+        NotConverged: the solver found none.
     """
     refuse_unless(Equilibrium | Problem | Robot, equilibrium=found)
     if not isinstance(found, Equilibrium):
         return solve(Problem.of(found, pose, rest_lengths, external_wrench))
-    Problem.of(found.problem, pose, rest_lengths, external_wrench)  # refuses what stands beside it
+    Problem.of(found.problem, pose, rest_lengths, external_wrench)  # refuses arguments given beside an equilibrium
     return found
 
 
@@ -94,11 +94,12 @@ def solve_many(
     axial_stiffness: ArrayLike | None = None,
     mass: ArrayLike | None = None,
 ) -> EquilibriumBatch:
-    """Equilibria from many commanded poses in one compiled call, everything broadcast against everything.
+    """Equilibria from many commanded poses in one compiled call; all arguments broadcast.
 
     Args:
-        robot: the robot; its geometry, and the default of what follows. Or ``Problems`` that are ready, alone.
-        poses: commanded, (..., 3) [m], (..., 6) [m, rad], a stack of transforms, or a list of anything that is a pose.
+        robot: the robot; its geometry, and the default of the other arguments. Or ``Problems``, without other
+            arguments.
+        poses: commanded poses, (..., 3) [m], (..., 6) [m, rad], a stack of transforms, or a list of poses of any kind.
         rest_lengths: (..., cables) [m]; default: the rigid lengths at each commanded pose (paper Eq. 1, 2).
         external_wrench: (..., 6) [N, N m].
         rotations: commanded rotation matrices, (..., 3, 3), where ``poses`` are positions; default: level.
@@ -106,10 +107,10 @@ def solve_many(
         mass: (...) [kg].
 
     Returns:
-        A row for each pose. One that is not finite, or at which the platform would fall, says so by its status.
+        A row for each pose. The status marks a row that is not finite, or at which the platform would fall.
 
     Raises:
-        InvalidInput: shapes that do not fit or could mean two things, numbers that cannot be right.
+        InvalidInput: shapes that do not fit or are ambiguous, invalid numbers.
     """
     problems = Problems.of(
         robot,
@@ -155,14 +156,14 @@ def solve_many(
 
 
 def _eigenvalues(equilibria: EquilibriumBatch) -> Float[np.ndarray, "*batch free"]:
-    """On demand; by name, so that a batch can be pickled."""
+    """Eigenvalues on demand; a named function, so that a batch can be pickled."""
     return stiffness_of(equilibria)[0]
 
 
 def stiffness_of(equilibria: EquilibriumBatch) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:
     """Eigenvalues of the stiffness matrix, ascending [N/m], and the lowest natural frequency [Hz], row by row.
 
-    The frequencies of cables with mass are nan: they swing themselves.
+    The frequencies are nan for cables with mass: such cables oscillate themselves.
     """
     problems, robot = equilibria.problems, equilibria.robot
     with np.errstate(all="ignore"):
@@ -182,16 +183,16 @@ def stiffness_of(equilibria: EquilibriumBatch) -> tuple[Float[np.ndarray, "*batc
 
 
 def solve_trajectory(trajectory: Trajectory) -> EquilibriumBatch:
-    """The static equilibrium for each state's command, as if the winches had stopped there: (steps,) of them.
+    """Static equilibria for the commands of a trajectory's states, as if the winches had stopped there: (steps,).
 
     Args:
         trajectory: from ``drive``, ``track`` or ``settle_trajectory``.
 
     Returns:
-        (steps,) rests, to be laid over the motion by ``write_video(path, trajectory, equilibria.poses)``.
+        (steps,) equilibria, to be drawn with the motion by ``write_video(path, trajectory, equilibria.poses)``.
 
     Raises:
-        InvalidInput: no trajectory.
+        InvalidInput: not a trajectory.
     """
     refuse_unless(Trajectory, trajectory=trajectory)
     return solve_many(trajectory.problems)
@@ -208,8 +209,8 @@ def _solve(
 ) -> tuple[np.ndarray, ...]:
     """Positions, rotations, lengths, tensions, residuals, iterations and status by the compiled solvers.
 
-    That the input is not finite is said by a status, not by a warning of NumPy's. Where cables have mass, the
-    search begins where massless ones would rest.
+    Input that is not finite is reported by a status, not by a NumPy warning. Where cables have mass, the search starts
+    at the equilibrium with massless cables.
     """
     cabling = robot.cabling
     table = cabling.packed_with(axial_stiffness)
@@ -234,7 +235,7 @@ def within_law(
     axial_stiffness: Float[np.ndarray, "*#batch cables"],
     status: Int[np.ndarray, "*batch"],
 ) -> Int[np.ndarray, "*batch"]:
-    """``status``, but where forces balance with a cable strained further than its law is given."""
+    """``status``, changed where forces balance but a cable is strained beyond the range of its law."""
     if cabling.linear:
         return status
     beyond = (tensions > cable_law.largest_tension(axial_stiffness, *cabling.stiffening.T)).any(-1)

@@ -1,23 +1,23 @@
-"""Our static solver: Newton's method on the energy, with the tensions carried along; compiled.
+"""Newton's method on the energy for static equilibria, with tensions as unknowns of their own; compiled.
 
-Static equilibrium (paper Eq. 3) is where the energy of cables and weight has no slope,
+Static equilibrium (paper Eq. 3) is a stationary point of the energy of cables and weight,
 
     V(q) = Σ ½ kᵢ max(lᵢ(q) − l0ᵢ, 0)² + m g z_com(q) − (work of the external wrench),
 
-and stable where it has a minimum. Plain Newton on V creeps when cables are stiff: V is then a narrow curved
-valley, and a step along its tangent climbs the wall. Four measures make the cost independent of stiffness:
+and it is stable at a minimum. Plain Newton on V converges slowly when cables are stiff: V is then a narrow curved
+valley, and a step along its tangent leaves the valley's floor. Four measures make the cost independent of stiffness:
 
-1. *Carried tensions.* The geometric part of the stiffness matrix uses the tensions that the last local model
-   predicted, not k (l − l0), which a curved step has thrown far off (primal-dual Newton).
+1. *Tensions as unknowns.* The geometric part of the stiffness matrix uses the tensions that the last local model
+   predicted, not k (l − l0), which is far off after a curved step (primal-dual Newton).
 2. *The unilateral law inside the local model.* Each iteration minimises
    gᵀx + ½ xᵀ(K_geo + λ)x + Σ ½ k max(l − l0 + Jx, 0)² exactly, by a semismooth Newton iteration on the set of taut
-   cables (Hintermüller, Ito, Kunisch 2002, doi:10.1137/S1052623401383558); so a cable that would become taut
-   on the way is felt before the step is taken.
-3. *Retraction.* If the energy does not fall as the model says, the lengths at the trial pose are measured and corrected
-   back to the predicted ones with the same factorisation (second-order correction; Nocedal and Wright 2006,
-   section 18.3, doi:10.1007/978-0-387-40065-5), which puts the step back on the valley's floor.
-4. *Descent.* A step is taken only if the true V falls; else λ grows (Levenberg-Marquardt). At a saddle the iteration
-   leaves along the direction of negative curvature. So it ends at a minimum: a pose where a platform can rest.
+   cables (Hintermüller, Ito, Kunisch 2002, doi:10.1137/S1052623401383558); so the step takes account of a cable that
+   becomes taut on the way.
+3. *Retraction.* If the energy does not fall as the model predicts, the lengths at the trial pose are measured and
+   corrected to the predicted ones with the same factorisation (second-order correction; Nocedal and Wright 2006,
+   section 18.3, doi:10.1007/978-0-387-40065-5), which returns the step to the valley's floor.
+4. *Descent.* A step is accepted only if the true V falls; else λ grows (Levenberg-Marquardt). At a saddle the iteration
+   continues along the direction of negative curvature. So it ends at a minimum: a stable equilibrium.
 
 Rotation steps are left-applied rotation vectors times the robot's characteristic length, so that all six
 coordinates are lengths.
@@ -38,43 +38,44 @@ from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableSt
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 
 MAX_ITERATIONS = 1000
-"""Twelve do at random poses of DemoBot (``scripts/measure_constants.py``); the oddest robots need many more."""
+"""Largest number of iterations. Twelve suffice at random poses of DemoBot (``scripts/measure_constants.py``); unusual
+robots need many more."""
 
 MAX_TRANSLATION = 0.5
 """Longest step, as a fraction of the mean cable length."""
 
 LEAST_REACH = 0.1
-"""Of the mean rest length: what counts as cable length in that where anchors touch their exits."""
+"""Fraction of the mean rest length that replaces the cable length in that limit where anchors touch their exits."""
 
 MAX_ROTATION = 0.7
-"""Longest step [rad]: beyond it the local model says little about a rotation."""
+"""Longest rotation step [rad]: beyond it the local model is inaccurate."""
 
 FORCE_TOLERANCE = 2e-9
 """Largest unbalanced force at convergence, as a fraction of the load."""
 
 ROUNDING = 8 * np.finfo(float).eps
-"""Relative error of a computed length, a few units in the last place: below it no pose has a smaller residual. Where
+"""Relative error of a computed length, a few units in the last place: no pose can have a smaller residual. Where
 two units are more than ``ACCEPTABLE`` of the load, no pose counts as balanced."""
 
 ENERGY_ROUNDING = 4 * np.finfo(float).eps
-"""Relative error of a computed energy: cables drawn tight store more of it than the load ever changes."""
+"""Relative error of a computed energy: highly tensioned cables store more energy than the load ever changes."""
 
 NEARLY_TAUT = 0.5
-"""Of the load: a cable counts as taut at the start where a spring that pulls both ways would push by no more. On rigid
-lengths every cable is just at its rest length there, and rounding must not choose which of them count."""
+"""Fraction of the load: a cable counts as taut at the start if a spring that pulls and pushes would push by no more.
+With rigid lengths every cable starts exactly at its rest length, and rounding must not decide which of them count."""
 
 MAX_TRIALS = 60
-"""Steps tried, each shorter than the last, before an iteration gives up."""
+"""Largest number of step lengths tried, each shorter than the last, before the iteration stops."""
 
 MAX_TAUT_SETS = 6
-"""Sets of taut cables tried within one local model; two or three do, unless they cycle."""
+"""Largest number of sets of taut cables tried within one local model; two or three suffice, unless they cycle."""
 
 _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT)
 _STALLED, _NOT_FINITE, _OFF_WHEEL = int(Status.STALLED), int(Status.NOT_FINITE), int(Status.OFF_WHEEL)
 
 
 class _Case(NamedTuple):
-    """What is given. free: 1 where the platform moves; scale: length of rotations."""
+    """Data of one problem. free: 1 where the platform moves; scale: length of rotations."""
 
     cables: Cables | BentCables
     weight: float
@@ -93,7 +94,7 @@ class _Point(NamedTuple):
 
 
 class _Model(NamedTuple):
-    """The local model at a point: lengths l + Jx, slope g of the load, curvature K; L: Cholesky factor last used."""
+    """The local model at a point: lengths l + Jx, slope g of the load, curvature K; L: the last Cholesky factor."""
 
     J: np.ndarray
     g: np.ndarray
@@ -103,7 +104,7 @@ class _Model(NamedTuple):
 
 
 class _Scales(NamedTuple):
-    """What forces are compared with; and what counts as nothing: the least shift, forces that balance, energies."""
+    """Scale of forces; thresholds below which the shift, unbalanced forces and energies count as zero."""
 
     load: float
     least_shift: float
@@ -118,7 +119,7 @@ def _descent(unpack: Callable) -> Callable:
         table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
         rotation, lengths, residual, iterations, status,
     ):  # fmt: skip
-        """Newton iterations from a pose; arrays are few, since making one costs time."""
+        """Newton iterations from a pose; there are few arrays, since creating one is slow."""
         m, cables = len(rest_lengths), unpack(table, rest_lengths)
         case = _Case(cables, weight, center_of_mass, wrench, free, scale)
         here, trial = _new_point(case), _new_point(case)
@@ -154,13 +155,14 @@ def _descent(unpack: Callable) -> Callable:
             _curvature(case, here, tau, model)
             accepted, decrease, V_trial = False, 0.0, V
             longest = MAX_TRANSLATION * max(ck.mean(here.c.l), least_reach)
-            # Inside this function, which is faster: only there the compiler knows that arrays do not overlap.
+            # Written inside this function, which is faster: only here the compiler can tell that arrays do not overlap.
             for _ in range(MAX_TRIALS):
                 decrease = -np.inf
                 if _model_minimum(here, model, shift, taut, x):
                     _shorten(x, longest, MAX_ROTATION * case.scale)
                     decrease = _model_decrease(here, model, x, predicted)
-                # A step that changes the energy by no more than its rounding is judged by the forces, next time round.
+                # A step that changes the energy by no more than its rounding is judged by the forces, in the next
+                # iteration.
                 rounding = abs(decrease) <= max(scales.energy, ENERGY_ROUNDING * abs(V))
                 if decrease > 0 or rounding:
                     for attempt in range(3):
@@ -177,7 +179,7 @@ def _descent(unpack: Callable) -> Callable:
             if not accepted:
                 iterations[0], status[0] = iteration, _STALLED
                 break
-            certified = shift == 0.0  # where forces balance next, the model that led there had a minimum...
+            certified = shift == 0.0  # where forces balance next, the model of this step had a minimum...
             if V - V_trial > 0.5 * decrease:
                 shift = shift / 8 if shift > scales.least_shift / 64 else 0.0
             for i in range(m):
@@ -185,7 +187,7 @@ def _descent(unpack: Callable) -> Callable:
             here, trial = trial, here
             V = _energy(case, here)
             for i in range(m):
-                certified &= taut[i] == (here.c.e[i] > 0)  # ...with the cables that really are taut
+                certified &= taut[i] == (here.c.e[i] > 0)  # ...with the cables that are actually taut
                 taut[i] = predicted[i] > 0
         if not ck.on_wheels(here.c):
             status[0] = _OFF_WHEEL
@@ -203,11 +205,11 @@ def _descent(unpack: Callable) -> Callable:
 _LAYOUT = "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(),(),()"
 _INTEGERS = "iterations", "status"
 _PLAIN = Kernel("static solver", _descent(ck.unpack), _LAYOUT, _INTEGERS)
-_BENT = Kernel("static solver for pulleys and laws that stiffen", _descent(ck.unpack_bent), _LAYOUT, _INTEGERS)
+_BENT = Kernel("static solver for pulleys and nonlinear laws", _descent(ck.unpack_bent), _LAYOUT, _INTEGERS)
 
 
 def equilibrium_gufunc(*, bent: bool = False) -> Kernel:
-    """The solver as a NumPy generalised ufunc; of robots whose cables run over pulleys or stiffen, another.
+    """The solver as a NumPy generalised ufunc; ``bent`` selects the one for cables over pulleys or with nonlinear laws.
 
     Arguments: ``Cabling.packed`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
     directions as 0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
@@ -235,7 +237,7 @@ def _scales(case, start):
 
 @inline
 def _load(case, stiffness):
-    """What forces are compared with: weight or external wrench; without them, what strains this axial stiffness."""
+    """Scale of forces: weight or external wrench; without both, the force that strains this axial stiffness."""
     load = case.weight
     for a in range(6):
         load = max(load, abs(case.wrench[a]) / (1.0 if a < 3 else case.scale))
@@ -244,7 +246,7 @@ def _load(case, stiffness):
 
 @inline
 def _first_tensions(case, at, load, tau, taut):
-    """As if the platform sank straight down on all cables that pull up."""
+    """Tensions as if the platform moved straight down on all cables that pull up."""
     k, u, e = at.c.k, at.c.u, at.c.e
     upward = 0.0
     for i in range(len(tau)):
@@ -257,7 +259,7 @@ def _first_tensions(case, at, load, tau, taut):
 
 @inline
 def _spring_tensions(at, tau, taut):
-    """The tensions of the cables as they are stretched (paper Eq. 10, 11)."""
+    """Tensions of the cables at their present stretch (paper Eq. 10, 11)."""
     for i in range(len(tau)):
         tau[i] = at.c.k[i] * max(at.c.e[i], 0.0)
         taut[i] = at.c.e[i] > 0
@@ -277,7 +279,7 @@ def _measure(case, at):
 
 @inline
 def _energy(case, at):
-    """V without the work of the external torque, which depends on the way and is counted step by step."""
+    """V without the work of the external torque, which depends on the path and is accumulated step by step."""
     weight, com, wrench = case.weight, case.com, case.wrench
     p, R = at.p, at.R
     V = weight * (p[2] + R[2, 0] * com[0] + R[2, 1] * com[1] + R[2, 2] * com[2])
@@ -288,7 +290,7 @@ def _energy(case, at):
 
 @inline
 def _measure_at(case, here, x, trial):
-    """Measure the pose that the step x leads to; return V there, less the work of the external torque on the way."""
+    """Measure the pose after the step x; return V there, less the work of the external torque on the way."""
     wrench, scale = case.wrench, case.scale
     p_here, R_here = here.p, here.R
     p_trial, R_trial = trial.p, trial.R
@@ -358,7 +360,7 @@ def _curvature(case, at, tau, model):
         if free[a] == 0.0:
             for b in range(6):
                 K[max(a, b), min(a, b)] = 0.0
-            K[a, a] = weight / scale + 1.0  # any positive number: the step there is 0
+            K[a, a] = weight / scale + 1.0  # any positive number: this component of the step is 0
 
 
 @inline
@@ -377,7 +379,7 @@ def _model_minimum(at, model, shift, taut, x):
 
 @inline
 def _newton_target(at, model, shift, taut, x):
-    """The x that would be the minimum if just the cables ``taut`` were springs; False where there is none."""
+    """The minimum x if exactly the cables ``taut`` were springs; False where there is none."""
     k, e = at.c.k, at.c.e
     J, g, K, L, rhs = model.J, model.g, model.K, model.L, model.rhs
     for a in range(6):
@@ -425,7 +427,7 @@ def _shorten(x, longest, largest):
 
 @inline
 def _model_decrease(at, model, x, predicted):
-    """How far the unshifted model falls along x; fill in the stretches that it predicts."""
+    """Decrease of the unshifted model along x; fill in the stretches that it predicts."""
     k, e = at.c.k, at.c.e
     J, g, K = model.J, model.g, model.K
     decrease = 0.0
@@ -446,7 +448,7 @@ def _model_decrease(at, model, x, predicted):
 
 @inline
 def _retract(trial, model, predicted, x):
-    """Correct x so that the taut cables get the stretch that the model predicted for them."""
+    """Correct x so that the taut cables get the stretch that the model predicts for them."""
     k, e = trial.c.k, trial.c.e
     J, L, rhs = model.J, model.L, model.rhs
     for a in range(6):

@@ -1,20 +1,20 @@
 """Static equilibrium of robots whose cables have mass: descent on the energy; compiled.
 
-Static equilibrium is where the energy of cables and platform has no slope,
+Static equilibrium is a stationary point of the energy of cables and platform,
 
     V(q) = Σ Eᵢ(dᵢ(q)) + m g z_com(q) − (work of the external wrench),
 
-with dᵢ from exit to anchor, and stable where it has a minimum. E is the energy of ``any_cable``, of stretch and of the
+with dᵢ from exit to anchor, and it is stable at a minimum. E is the energy of ``any_cable``, of stretch and of the
 cable's own weight, smooth even where a cable sags. Newton's method on V with its exact curvature: for a cable with pull
 f and stiffness k on an anchor whose arm is r, D = ∂d/∂x = [1, −[r]×],
 
     ∂²V = Dᵀ k D + [0, (f·r) 1 − ½ (f rᵀ + r fᵀ)].
 
-A step that would not lower V as the local model says is first corrected for the forces that it missed, with the same
-factorisation (second-order correction; ``newton_kernel``), and then shortened (Levenberg-Marquardt). At a saddle the
-iteration leaves along the direction of negative curvature. So it ends at a minimum: a pose where a platform can rest.
+A step that would not lower V as the local model predicts is first corrected for the forces that the model missed, with
+the same factorisation (second-order correction; ``newton_kernel``), and then shortened (Levenberg-Marquardt). At a
+saddle the iteration continues along the direction of negative curvature. So it ends at a minimum: a stable equilibrium.
 
-It is handed a start. Where the platform would rest if its cables weighed nothing is near: a handful of iterations.
+The start is an argument. The equilibrium with massless cables is near: from there a few iterations suffice.
 Coordinates are those of ``newton_kernel``: translation, and left-applied rotation vector times a length.
 """
 
@@ -43,10 +43,10 @@ from cdpr_sim.statics.newton_kernel import (
 )
 
 LARGEST_RESIDUAL = 5e-7
-"""Of heavy loads, the unbalanced force that is let pass [N]: ``FORCE_TOLERANCE`` of 250 N."""
+"""Unbalanced force that is tolerated for large loads [N]: ``FORCE_TOLERANCE`` of 250 N."""
 
 POLISHED = 0.01
-"""With a larger part of the unbalanced force that is let pass, one more step is worth its price."""
+"""Fraction of the tolerated unbalanced force above which one more step is taken."""
 
 _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT)
 _STALLED, _NOT_FINITE, _OFF_WHEEL = int(Status.STALLED), int(Status.NOT_FINITE), int(Status.OFF_WHEEL)
@@ -56,7 +56,7 @@ def _solve_one(
     table, weights, wrapped, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position,
     start_rotation, position, rotation, lengths, tensions, residual, iterations, status,
 ):  # fmt: skip
-    """One element of the gufunc; copies make the compiled inner code work on contiguous arrays."""
+    """One element of the gufunc; copies make the arrays of the compiled inner code contiguous."""
     m = len(rest_lengths)
     case = _Case(
         np.empty((m, table.shape[1])), ck.copied(rest_lengths), ck.copied(weights), ck.copied(wrapped), weight,
@@ -107,7 +107,7 @@ def sagging_gufunc() -> Kernel:
 
 
 class _Case(NamedTuple):
-    """What is given. w: weights per length, but of ``wrapped``; free: 1 where it moves; scale: length of rotations."""
+    """Data of one problem. w: weights per length beyond ``wrapped``; free: 1 where it moves; scale: length."""
 
     table: np.ndarray
     l0: np.ndarray
@@ -141,7 +141,7 @@ def _new_point(m):
 
 @outlined
 def _descend(case, here):
-    """Newton iterations from a pose: the point they end at, its residual, their number, and the status."""
+    """Newton iterations from a pose: the last point, its residual, the number of iterations, and the status."""
     trial = _new_point(len(case.l0))
     g, rhs, predicted, x, correction = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6)
     K, L = np.empty((6, 6)), np.empty((6, 6))
@@ -195,7 +195,7 @@ def _descend(case, here):
                 substitute(L, rhs, x)
                 _shorten(x, longest, MAX_ROTATION * case.scale)
                 decrease = _model(g, K, x, predicted)
-            rounding = abs(decrease) <= noise  # such a step is judged by the forces, next time round
+            rounding = abs(decrease) <= noise  # such a step is judged by the forces, in the next iteration
             if decrease > 0 or rounding:
                 for attempt in range(3):
                     V_trial, work = _measure_at(case, here, x, trial)
@@ -222,9 +222,9 @@ def _descend(case, here):
 
 @outlined
 def _measure(case, at):
-    """Fill in what the cables do at ``at.p``, ``at.R``; return V without the work of the external torque.
+    """Fill in the state of the cables at ``at.p``, ``at.R``; return V without the work of the external torque.
 
-    That depends on the way and is counted step by step.
+    That work depends on the path and is accumulated step by step.
     """
     p, R, r, f, k, B = at.p, at.R, at.r, at.f, at.k, case.table
     V = case.weight * (p[2] + R[2, 0] * case.com[0] + R[2, 1] * case.com[1] + R[2, 2] * case.com[2])
@@ -257,7 +257,7 @@ def _apart(case, at, i):
 
 @outlined
 def _measure_at(case, here, x, trial):
-    """Measure the pose that the step x leads to; return V there and the work of the external torque on the way."""
+    """Measure the pose after the step x; return V there and the work of the external torque on the way."""
     wrench, scale = case.wrench, case.scale
     for a in range(3):
         trial.p[a] = here.p[a] + x[a]
@@ -292,7 +292,7 @@ def _slope(case, at, g):
 
 @outlined
 def _curvature(case, at, K):
-    """Fill in the lower half of K, the Hessian of V; what is not free is held by some positive stiffness."""
+    """Fill in the lower half of K, the Hessian of V; directions that are not free get some positive stiffness."""
     scale = case.scale
     for a in range(6):
         for b in range(a + 1):
@@ -331,7 +331,7 @@ def _curvature(case, at, K):
         if case.free[a] == 0.0:
             for b in range(6):
                 K[max(a, b), min(a, b)] = 0.0
-            K[a, a] = case.weight / scale + 1.0  # the step there is 0
+            K[a, a] = case.weight / scale + 1.0  # this component of the step is 0
 
 
 @inline
@@ -345,7 +345,7 @@ def _copy(K, shift, L):
 
 @inline
 def _model(g, K, x, predicted):
-    """How far the local model falls along x; fill in the slope that it predicts there."""
+    """Decrease of the local model along x; fill in the slope that it predicts there."""
     decrease = 0.0
     for a in range(6):
         bent = 0.0

@@ -3,7 +3,7 @@
 ICRA 2024, "Towards Solving Cable-Driven Parallel Robot Inaccuracy due to Cable Elasticity". It looks for a root of the
 static equilibrium W tau + w_e = 0 (Eq. 3) over the six-vector deviation of the pose (Eq. 7) with SciPy's ``fsolve`` or
 ``least_squares``, starting from a vertical fall. Both stall where cables go slack, because tensions have a kink
-there, and ``least_squares`` then reports success; here a stalled pose is never an answer.
+there, and ``least_squares`` then reports success; this implementation never returns a stalled pose as an equilibrium.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from cdpr_sim.statics import forces
 Solver = Literal["fsolve", "least_squares"]
 
 RESIDUAL_TOLERANCE = ACCEPTABLE
-"""Largest unbalanced force of an equilibrium, as a fraction of the load; MuJoCo's platform is held to the same."""
+"""Largest unbalanced force of an equilibrium, as a fraction of the load; the same limit holds for MuJoCo."""
 
 
 def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
-    """The pose SEECR ends at, if it is an equilibrium; it may be an unstable one.
+    """The pose at which SEECR ends, if it is an equilibrium; it may be an unstable one.
 
     Raises:
-        NotConverged: forces do not balance where SciPy stopped, or a cable is strained further than its law is given;
+        NotConverged: forces do not balance where SciPy stopped, or a cable is strained beyond the range of its law;
             carries that point.
         UnknownName: no such solver.
     """

@@ -1,4 +1,4 @@
-"""One door to the static solvers."""
+"""``solve``: one static equilibrium, by the solver that is named."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ def solve(
     external_wrench: ArrayLike | None = None,
     method: Method = "newton",
 ) -> Equilibrium:
-    """Where the platform rests, by statics.
+    """Static equilibrium of the platform, by statics.
 
     Args:
-        robot: the robot; or a ``Problem`` that is ready, alone.
+        robot: the robot; or a ``Problem``, without other arguments.
         pose: the commanded pose, from which the solver starts: (x, y, z), a six-vector or a ``RigidTransform``.
         rest_lengths: l0, (cables,) [m]; default: the rigid lengths at ``pose`` (paper Eq. 1, 2).
         external_wrench: constant force [N] and torque [N m] on the platform's origin, base frame, (6,).
-        method: "newton" (ours: ends at a stable equilibrium), "fsolve" or "least_squares" (the paper's SEECR).
+        method: "newton" (the package's own: ends at a stable equilibrium), "fsolve" or "least_squares" (the paper's
+            SEECR).
 
     Returns:
         The equilibrium, with the residual [N] and the stiffness [N/m] that certify it.
 
     Raises:
-        InvalidInput: an argument that cannot be right; a robot with mass on some cables and pulleys or nonlinear laws
-            on others.
+        InvalidInput: an invalid argument; a robot with mass on some cables and pulleys or nonlinear laws on others.
         UnknownName: no such method.
         NotConverged: the solver stopped away from equilibrium, or where a nonlinear cable is strained by more than
             20 %; carries the best point.

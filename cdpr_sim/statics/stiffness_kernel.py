@@ -1,6 +1,6 @@
 """Stiffness and natural frequencies at many equilibria: one compiled gufunc.
 
-The stiffness matrix is that of ``forces``, the reference that this is tested against.
+The stiffness matrix is that of ``forces``, the reference in its tests.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from cdpr_sim.statics.matrix_kernel import eigenvalues_of, factorise
 
 
 def _element(unpack: Callable) -> Callable:
-    """Of the gufunc, for cables of the type that ``unpack`` makes of the table."""
+    """An element of the gufunc, for cables of the type that ``unpack`` makes of the table."""
 
     def modes(
         table, rest_lengths, mass, gravity, center_of_mass, inertia, free, scale, position, rotation, eigenvalues,
         frequency,
     ):  # fmt: skip
-        """Stiffness matrix and mass matrix, and what they say."""
+        """Eigenvalues of the stiffness matrix, and the lowest frequency from it and the mass matrix."""
         cables = unpack(table, rest_lengths)
         K, M = np.zeros((6, 6)), np.zeros((6, 6))
         state, J = ck.new_state(cables), np.empty((len(cables.l0), 6))
@@ -31,7 +31,7 @@ def _element(unpack: Callable) -> Callable:
         ck.add_springs(state, J, K)
         ck.add_weight_curvature(mass * gravity, center_of_mass, rotation, scale, K)
         for i in range(len(cables.l0)):
-            if not state.e[i] <= 0:  # nan goes on, and comes out
+            if not state.e[i] <= 0:  # lets nan through to the result
                 ck.add_curvature(state, i, state.k[i] * state.e[i], J, scale, K)
         _inertia(mass, center_of_mass, inertia, rotation, M)
         n = len(free)
@@ -78,24 +78,24 @@ def _element(unpack: Callable) -> Callable:
 _LAYOUT = "(m,k),(m),(),(),(c),(c,c),(f),(),(c),(c,c)->(f),()"
 _PLAIN = Kernel("stiffness and frequencies", _element(ck.unpack), _LAYOUT, ("free",))
 _BENT = Kernel(
-    "stiffness and frequencies with pulleys and laws that stiffen", _element(ck.unpack_bent), _LAYOUT, ("free",)
+    "stiffness and frequencies with pulleys and nonlinear laws", _element(ck.unpack_bent), _LAYOUT, ("free",)
 )
 
 
 def stiffness_gufunc(*, bent: bool = False) -> Kernel:
-    """How stiffly the platform is held, as a NumPy generalised ufunc.
+    """Stiffness and lowest natural frequency, as a NumPy generalised ufunc.
 
     Arguments: ``Cabling.packed`` (m,k), rest lengths (m), mass, gravity, centre of mass (3), inertia (3,3), indices of
     the free directions (f), characteristic length, position (3), rotation matrix (3,3).
     Results: eigenvalues of the stiffness matrix, ascending, rotations in characteristic lengths (f) [N/m]; the lowest
-    natural frequency [Hz], 0 where a direction is held by nothing and nan at a saddle.
+    natural frequency [Hz], 0 where a direction is unconstrained and nan at a saddle.
     """
     return _BENT if bent else _PLAIN
 
 
 @inline
 def _inertia(mass, com, inertia, R, M):
-    """Fill in M about the platform's origin, for velocity and angular velocity in the base frame."""
+    """Fill in the mass matrix M about the platform's origin, for velocity and angular velocity in the base frame."""
     c = np.empty(3)
     for a in range(3):
         c[a] = R[a, 0] * com[0] + R[a, 1] * com[1] + R[a, 2] * com[2]

@@ -1,8 +1,8 @@
-"""The two-cable robot's tilt in closed form: a witness that knows nothing of elasticity.
+"""The two-cable robot's tilt in closed form: a reference that is independent of elasticity.
 
-A bar of half length b hangs on two cables by its ends, its centre of mass in the middle at p. It rests where the two
-cables' lines and the vertical through p meet in one point. With X = A_x − p_x, h = A_z − p_z for each exit, s = sin θ,
-c = cos θ, the lines of cables 1 and 2 cross the vertical through p at the heights
+A bar of half length b hangs on two cables by its ends, its centre of mass in the middle at p. It is in equilibrium
+where the lines of both cables and the vertical through p meet in one point. With X = A_x − p_x, h = A_z − p_z for each
+exit, s = sin θ, c = cos θ, the lines of cables 1 and 2 cross the vertical through p at the heights
 
     −b s + b c (h1 + b s)/(X1 + b c)   and   b s − b c (h2 − b s)/(X2 − b c),
 
@@ -10,7 +10,7 @@ and equating them gives, for θ counter-clockwise in the x-z plane,
 
     −2 s X1 X2 + c (h1 X2 + h2 X1) + b s c (X1 − X2) + b c² (h2 − h1) = 0,
 
-a quartic in t = tan(θ/2). The paper's Eq. 5 and 6 have terms of the wrong dimension; mended, they say
+a quartic in t = tan(θ/2). The paper's Eq. 5 and 6 have terms of the wrong dimension; corrected, they give
 tan θ = (h1 X2 + h2 X1)/(2 X1 X2), which is this equation for b → 0.
 """
 
@@ -25,7 +25,8 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 
 _REAL = 1e-7
-"""Imaginary part below which a root of the quartic counts as real (a double root splits by the root of rounding)."""
+"""Imaginary part below which a root of the quartic counts as real (the error of a double root is the square root of
+rounding)."""
 
 
 def equilibrium_rotations(robot: Robot, position: ArrayLike) -> Float[np.ndarray, " rotations"]:
@@ -38,13 +39,13 @@ def equilibrium_rotations(robot: Robot, position: ArrayLike) -> Float[np.ndarray
         position: of the bar's middle, (3,) [m].
 
     Raises:
-        InvalidInput: another robot, cables with mass or run over pulleys, or a bad position.
+        InvalidInput: another robot, cables with mass or over pulleys, or an invalid position.
     """
     (X1, X2), (h1, h2), b = _geometry(robot, position)
     H, D, P, Q = h1 * X2 + h2 * X1, b * (X1 - X2), X1 * X2, b * (h2 - h1)
     roots = np.roots([Q - H, -4 * P - 2 * D, -2 * Q, 2 * D - 4 * P, Q + H])
     theta = 2 * np.arctan(roots[np.abs(roots.imag) < _REAL].real)
-    if np.isclose(Q, H):  # the quartic loses its leading term: t = ∞, the bar turned over
+    if np.isclose(Q, H):  # the leading term of the quartic vanishes: t = ∞, the bar upside down
         theta = np.append(theta, np.pi)
     beta = -theta
     pulling = [(tensions(robot, position, angle) > 0).all() for angle in beta]
@@ -52,10 +53,10 @@ def equilibrium_rotations(robot: Robot, position: ArrayLike) -> Float[np.ndarray
 
 
 def tensions(robot: Robot, position: ArrayLike, rotation: float) -> Float[np.ndarray, "2"]:
-    """The two tensions [N] that carry the weight at ``position`` and ``rotation`` about y; a negative one would push.
+    """The two tensions [N] that carry the weight at ``position`` and ``rotation`` about y; a negative one means a push.
 
     Raises:
-        InvalidInput: another robot, or a bad position.
+        InvalidInput: another robot, or an invalid position.
     """
     (X1, X2), (h1, h2), b = _geometry(robot, position)
     s, c = np.sin(-rotation), np.cos(rotation)
@@ -68,10 +69,10 @@ def tensions(robot: Robot, position: ArrayLike, rotation: float) -> Float[np.nda
 
 
 def short_bar_rotation(robot: Robot, position: ArrayLike) -> float:
-    """The paper's Eq. 5 and 6, mended: the rotation about y [rad] of a bar whose length is negligible.
+    """The paper's Eq. 5 and 6, corrected: the rotation about y [rad] of a bar of negligible length.
 
     Raises:
-        InvalidInput: another robot, or a bad position.
+        InvalidInput: another robot, or an invalid position.
     """
     (X1, X2), (h1, h2), _ = _geometry(robot, position)
     return float(-np.arctan((h1 * X2 + h2 * X1) / (2 * X1 * X2)))
@@ -82,8 +83,8 @@ def _geometry(robot: Robot, position: ArrayLike) -> tuple[np.ndarray, np.ndarray
     robot.cabling.refuse_weight("two-cable closed form")
     if robot.cabling.pulleys.any():
         raise InvalidInput(
-            f"two-cable closed form: found pulleys of {robot.cabling.pulley_radius.max():g} m, expected cables that "
-            "are free from their exits on: it takes no account of pulleys"
+            f"two-cable closed form: found pulleys of {robot.cabling.pulley_radius.max():g} m, expected cables without "
+            "pulleys: they are not taken into account here"
         )
     first, second = (robot.anchors[0], robot.anchors[-1])
     if (

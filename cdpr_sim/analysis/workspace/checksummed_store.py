@@ -1,4 +1,4 @@
-"""A Zarr store on disk whose chunks are checked as they are read: what is lost or corrupt is never taken for zeros."""
+"""A Zarr store on disk whose chunks are checked when they are read: lost or corrupt ones are never read as zeros."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from zarr.storage import LocalStore
 from cdpr_sim.core.errors import StoreError
 
 CHUNK = re.compile(r"(?P<name>.+)/(?P<chunk>\d+(\.\d+)*)")
-"""A chunk's key."""
+"""Pattern of a chunk's key."""
 
 
 class ChecksummedStore(LocalStore):
-    """Reads chunks, or says in a sentence which is not there or not what was written."""
+    """Reads chunks, or raises an error that names the lost or corrupt one."""
 
     async def get(self, key: str, *args: Any, **kwargs: Any) -> Any:
-        """The content of ``key``, or None where there is no such thing and none is expected.
+        """The content of ``key``, or None if it does not exist and none is expected.
 
         Raises:
             StoreError: a chunk that is lost or corrupt.
@@ -43,6 +43,6 @@ class ChecksummedStore(LocalStore):
 
 
 def _decoded(array: Path, content: bytes) -> Any:
-    """What the array's compressor, which knows checksums, makes of it."""
+    """The chunk decoded by the array's compressor, which checks its checksum."""
     description = json.loads((array / ".zarray").read_text(encoding="utf-8"))
     return get_codec(description["compressor"]).decode(content) if description["compressor"] else content

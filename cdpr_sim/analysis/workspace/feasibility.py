@@ -1,15 +1,15 @@
-"""Which poses can rigid cables hold at all, with tensions within limits? The feasible workspaces, by two methods.
+"""Feasible workspaces: poses at which rigid cables can hold the platform with tensions within limits, by two methods.
 
 A wrench w_e on the platform can be held at a pose where
 
     W tau + w_e = 0,    tau_min ≤ tau ≤ tau_max
 
-has a solution (paper Eq. 3). The *static* feasible workspace asks it of the weight (and an external wrench, if there is
-one); the *wrench-feasible* workspace of every wrench of a set: all wrenches in their convex hull are then feasible too
-(Bosscher, Riechel, Ebert-Uphoff 2006, doi:10.1109/TRO.2006.878967).
+has a solution (paper Eq. 3). The *static* feasible workspace requires it for the weight (and an external wrench, if
+there is one); the *wrench-feasible* workspace for every wrench of a set: all wrenches in their convex hull are then
+feasible too (Bosscher, Riechel, Ebert-Uphoff 2006, doi:10.1109/TRO.2006.878967).
 
 The fast method minimises ‖W tau + w_e‖² within the limits, compiled (``statics.balance_kernel``). It is finite; both
-of its answers are proofs: either tensions that balance the load, or a residual r with rᵀ(W tau + w_e) ≥ ‖r‖² > 0 for
+of its results are proofs: either tensions that balance the load, or a residual r with rᵀ(W tau + w_e) ≥ ‖r‖² > 0 for
 all tensions within the limits, a direction in which the cables cannot pull enough (Farkas). The reference is linear
 programming, by HiGHS.
 """
@@ -34,7 +34,7 @@ from cdpr_sim.statics.balance_kernel import BALANCED, margin_gufunc, shortfall_g
 Array = np.ndarray
 
 HIGHS_TOLERANCE = 1e-7
-"""By which HiGHS may violate a constraint."""
+"""Largest violation of a constraint by HiGHS."""
 
 
 def shortfall(
@@ -45,7 +45,7 @@ def shortfall(
     tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
 ) -> Float[Array, "*batch"]:
-    """What is left of the load when the cables do their best, as a fraction of the load; rounding where feasible.
+    """Smallest unbalanced part of the load, as a fraction of the load; rounding where feasible.
 
     Args:
         robot: the robot.
@@ -62,14 +62,14 @@ def shortfall(
         leaves its pulley's wheel.
 
     Raises:
-        InvalidInput: an argument that cannot be right; a single pose at which a cable leaves its pulley's wheel.
+        InvalidInput: an invalid argument; a single pose at which a cable leaves its pulley's wheel.
     """
     lower, upper = checked_limits(robot, tension_limits)
     robot.cabling.refuse_weight("feasible")
     loads = checked_wrenches(robot, wrenches)
     at, turned = _placed(robot, positions, rotations)
     left = _over_poses(shortfall_gufunc, robot, lower, upper, loads, at, turned)
-    for index in map(tuple, np.argwhere(np.isposinf(left))):  # the sets cycled
+    for index in map(tuple, np.argwhere(np.isposinf(left))):  # the active sets cycled
         position = np.broadcast_to(at, (*left.shape, 3))[index]
         rotation = np.broadcast_to(turned, (*left.shape, 3, 3))[index]
         left[index] = max(_least_by_linprog(robot, position, rotation, lower, upper, load) for load in loads)
@@ -90,7 +90,7 @@ def feasible(
     computes); with a set of them, the wrench-feasible workspace of their convex hull.
 
     Returns:
-        (...) True where the tensions leave nothing of the load but rounding; False where ``shortfall`` is nan.
+        (...) True where the unbalanced part is only rounding; False where ``shortfall`` is nan.
     """
     left = shortfall(robot, positions, rotations=rotations, tension_limits=tension_limits, wrenches=wrenches)
     return left <= BALANCED
@@ -106,9 +106,9 @@ def closed_form_feasible(
 ) -> Bool[Array, "*batch"]:
     """Whether the tensions nearest to the middle of their limits, tau = mid − W⁺ (W mid + w_e), are within them.
 
-    Arguments as in ``shortfall``; limits must be finite. It is quick and continuous, and so what controllers use (Pott,
-    Bruckmann, Mikelsons, "Closed-form force distribution for parallel wire robots", Computational Kinematics 2009), and
-    it gives up on poses that other tensions within limits would hold: a subset of ``feasible``.
+    Arguments as in ``shortfall``; limits must be finite. It is fast and continuous, and so used by controllers (Pott,
+    Bruckmann, Mikelsons, "Closed-form force distribution for parallel wire robots", Computational Kinematics 2009). It
+    does not find other tensions within limits that would hold a pose: its workspace is a subset of ``feasible``.
 
     Returns:
         (...) True where these tensions are within their limits under each of the wrenches.
@@ -120,7 +120,7 @@ def closed_form_feasible(
     robot.cabling.refuse_weight("closed_form_feasible")
     if not np.isfinite(upper).all():
         cable = int(np.argmax(~np.isfinite(upper)))
-        raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected one to be amid")
+        raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected a finite one")
     at, turned = _placed(robot, positions, rotations)
     W = (forces.geometry(robot, at, turned).wrench_matrix / robot.units[:, None])[..., robot.free, :]
     known = np.asarray(np.isfinite(W).all((-1, -2)))
@@ -144,23 +144,23 @@ def capacity_margin(
     tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
 ) -> Float[Array, "*batch"]:
-    """By how much all tensions can keep from their limits at once, and still hold the platform there [N].
+    """Largest distance of all tensions from their limits at which they still hold the platform [N].
 
         max t   such that   W tau + w_e = 0,   tau_min + t ≤ tau ≤ tau_max − t
 
-    It is positive within the feasible workspace, zero on its border, and negative outside, where it says by how much
-    every limit would have to give way; where W has full rank it is continuous, and so the border can be interpolated.
+    It is positive inside the feasible workspace, zero on its border, and negative outside, where it is the necessary
+    change of every limit; where W has full rank it is continuous, so that the border can be interpolated.
 
     Args:
         robot: the robot.
         positions: (..., 3) [m].
         rotations: (..., 3, 3); default: level.
-        tension_limits: as ``shortfall`` has them.
-        wrenches: as ``shortfall`` has them; the worst one counts.
+        tension_limits: as in ``shortfall``.
+        wrenches: as in ``shortfall``; the worst one counts.
 
     Returns:
-        No more than the load, which is as far from the border as need be; -inf where no tensions at all, not even
-        pushing ones, balance the load (under-actuated robots). Nan as in ``shortfall``.
+        At most the load, which is far enough from the border; -inf where no tensions at all, not even pushing ones,
+        balance the load (under-actuated robots). Nan as in ``shortfall``.
 
     Raises:
         InvalidInput: as in ``shortfall``.
@@ -195,7 +195,7 @@ def feasible_by_linprog(
 def _placed(
     robot: Robot, positions: ArrayLike, rotations: ArrayLike | None
 ) -> tuple[Float[Array, "*batch 3"], Float[Array, "*#batch 3 3"]]:
-    """``positions_and_rotations``; a single pose that no cable could be let out for is refused, as ``solve`` does."""
+    """``positions_and_rotations``; a single pose without paths of its cables is refused, as in ``solve``."""
     at, turned = positions_and_rotations(robot, positions, rotations, "positions")
     if at.ndim == 1 and turned.ndim == 2:
         lost = off_wheel(robot.cabling, at, turned)
@@ -213,7 +213,7 @@ def _over_poses(
     positions: Float[Array, "*#batch 3"],
     rotations: Float[Array, "*#batch 3 3"],
 ) -> Float[Array, "*batch"]:
-    """What a compiled function of ``balance_kernel`` says of each pose."""
+    """Results of a compiled function of ``balance_kernel`` at each pose."""
     with np.errstate(all="ignore"):
         return np.asarray(
             gufunc(bent=robot.cabling.bent)(

@@ -1,4 +1,4 @@
-"""Grids of commanded positions over a workspace, in and out: counts, coordinates, or a robot's own box."""
+"""Grids of commanded positions over a workspace: counts, coordinates, or a robot's own box."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ GridLike: TypeAlias = Sequence[int] | Mapping[str, Sequence[float] | np.ndarray]
 """Counts (nx, ny, nz) over the robots' workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m]."""
 
 DEFAULT = (40, 25, 10)
-"""Ten thousand positions."""
+"""Default counts: ten thousand positions."""
 
 AXES = ("x", "y", "z")
 
 MOST_POSES = 10**10
-"""More is a slip of the keyboard: it would take hours and hundreds of gigabytes."""
+"""Largest number of positions. More is a typing error: it would take hours and hundreds of gigabytes."""
 
 
 LEAST_BYTES = 100.0
-"""That any answer takes for a pose."""
+"""[bytes] Least memory that any result needs per pose."""
 
 
 def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndarray]:
@@ -37,11 +37,11 @@ def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndar
 
     Args:
         grid: counts (nx, ny, nz), spread evenly over the workspace from face to face (one: its middle), or coordinates
-            by name. Those that are left out stay in the middle of the workspace. Default: ``DEFAULT``.
-        robots: share the workspace that is meant; a planar robot has a single y = 0.
+            by name. Missing coordinates are the middle of the workspace. Default: ``DEFAULT``.
+        robots: robots with a common workspace; a planar robot has a single y = 0.
 
     Raises:
-        InvalidInput: an empty or absurd grid, or robots of different workspaces where the grid does not say which.
+        InvalidInput: an empty or too large grid, or robots of different workspaces and an incomplete grid.
     """
     if isinstance(grid, Mapping):
         for name in grid:
@@ -76,9 +76,9 @@ def plane(name: str, at: float | None, points: int, robots: Sequence[Robot]) -> 
 
     Args:
         name: its two axes, such as "xz".
-        at: where it lies along the third [m]; default: the middle of the workspace.
-        points: along its longer side; squares.
-        robots: share the workspace that is meant.
+        at: position along the third axis [m]; default: the middle of the workspace.
+        points: number of points along its longer side; cells are square.
+        robots: robots with a common workspace.
 
     Raises:
         InvalidInput: no such plane, too few points, or robots of different workspaces.
@@ -105,10 +105,10 @@ def plane(name: str, at: float | None, points: int, robots: Sequence[Robot]) -> 
 
 
 def extent_of(mask: xr.DataArray) -> float:
-    """What a mask over a grid covers [m³; m² or m where the grid is a plane or a line], by the trapezoidal rule.
+    """Area or volume of a mask over a grid [m³; m² or m where the grid is a plane or a line], by the trapezoidal rule.
 
-    Poses on a face of the grid count half, those on an edge a quarter: the volume of where the mask is true, to about
-    the layer of cells that its border runs through. Zero of a grid that is a single pose.
+    Poses on a face of the grid count half, those on an edge a quarter: the volume of where the mask is true, with an
+    error of the layer of cells on its border. Zero for a single pose.
     """
     wide = [name for name in AXES if mask.sizes[name] > 1]
     covered = mask.astype(float)

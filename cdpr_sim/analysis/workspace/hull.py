@@ -1,9 +1,9 @@
-"""The border of a feasible workspace as a surface, and its volume: rays from a point within, as far as poses hold.
+"""The border of a feasible workspace as a surface, and its volume: by rays from a point inside, as far as poses hold.
 
-A sphere of triangles around the centre is blown up until each of its corners lies on the border, found by bisection:
-the method of Pott's WireX (2006-2019, ``CWorkspaceHull``), whose numbers it reproduces. It takes the workspace to be
-star-shaped, that is every pose of it to be seen from the centre, and where that bulges its chords cut corners: the
-volume grows towards the truth with the number of triangles.
+A sphere of triangles around the centre is expanded until each of its corners lies on the border, found by bisection:
+the method of Pott's WireX (2006-2019, ``CWorkspaceHull``), whose numbers it reproduces. It assumes a star-shaped
+workspace: every pose of it is visible from the centre. Where it is convex, its chords cut corners: the
+volume converges from below with the number of triangles.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MOST_DEPTH = 7
 """131,072 triangles."""
 
 OCTAHEDRON = ((0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5))
-"""Its faces, counter-clockwise from outside, of the corners x, y, z, −x, −y, −z."""
+"""Faces of an octahedron, counter-clockwise from outside, with the corners x, y, z, −x, −y, −z."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class Hull(Frozen, HtmlRepr):
     """A closed surface of triangles around a workspace.
 
     Attributes:
-        center: from which the rays go, (3,) [m].
-        vertices: on the border, (vertices, 3) [m].
+        center: origin of the rays, (3,) [m].
+        vertices: points on the border, (vertices, 3) [m].
         triangles: three indices each, counter-clockwise from outside, (triangles, 3).
     """
 
@@ -47,18 +47,18 @@ class Hull(Frozen, HtmlRepr):
 
     @property
     def volume(self) -> float:
-        """Within the surface [m³]."""
+        """Volume within the surface [m³]."""
         return float(self._tetrahedra.sum())
 
     @property
     def surface(self) -> float:
-        """Its area [m²]."""
+        """Area of the surface [m²]."""
         a, b, c = self._corners
         return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
     @property
     def centroid(self) -> Float[np.ndarray, "3"]:
-        """Of the volume, (3,) [m]."""
+        """Centroid of the volume, (3,) [m]."""
         middles = self.center + sum(self._corners) / 4
         return self._tetrahedra @ middles / self.volume
 
@@ -92,23 +92,22 @@ def workspace_hull(
 
     Args:
         robot: the robot, spatial.
-        center: a position within that sees all of the workspace, (3,) [m]; default: the middle of the robot's own.
+        center: a position from which all of the workspace is visible, (3,) [m]; default: the middle of the robot's own.
         orientation: (alpha, beta, gamma) [rad]; default: level.
         tension_limits: smallest and largest tension [N], each one number or one per cable; default: the robot's
             ``force_min`` and ``force_max``.
         wrenches: external forces and torques besides gravity, (6,) or a set (sets, 6) [N, N m], all of which are held.
-        closed_form: count as held only what ``closed_form_feasible`` holds, as WireX does unless told otherwise.
-        depth: how often the eight triangles of an octahedron are divided by four.
-        reach: how far the rays go at most [m]; default: to the faces of the robot's frame, since what hangs from above
-            is feasible however deep below the floor.
-        tolerance: to which the border is found along each ray [m].
+        closed_form: count only poses that ``closed_form_feasible`` holds, as WireX does by default.
+        depth: number of divisions by four of the eight triangles of an octahedron.
+        reach: largest length of the rays [m]; default: to the faces of the robot's frame, since for a suspended robot
+            poses below the floor are feasible at any depth.
+        tolerance: accuracy of the border along each ray [m].
 
     Returns:
         A closed surface of 8·4**depth triangles [m]; its ``volume`` is in m³.
 
     Raises:
-        InvalidInput: an argument that cannot be right, a planar robot, or a centre that is not feasible itself or
-            outside the frame.
+        InvalidInput: an invalid argument, a planar robot, or a centre that is not feasible itself or outside the frame.
     """
     refuse_unless(Robot, robot=robot)
     refuse_unless(FLAG, closed_form=closed_form)
@@ -142,7 +141,7 @@ def workspace_hull(
 def _to_faces(
     robot: Robot, start: Float[np.ndarray, "3"], rays: Float[np.ndarray, "vertices 3"]
 ) -> Float[np.ndarray, " vertices"]:
-    """How far each ray goes until it leaves the robot's frame [m]; not positive where it starts outside."""
+    """Length of each ray inside the robot's frame [m]; not positive where it starts outside."""
     faces = np.where(rays > 0, robot.frame[1], robot.frame[0]) - start
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(rays != 0, faces / rays, np.inf).min(-1)

@@ -1,11 +1,11 @@
-"""Sweeps computed and kept: in memory, in NetCDF at one stroke, or in Zarr piece by piece, so that a sweep goes on.
+"""Stored sweeps: in memory, in NetCDF at once, or in Zarr slab by slab, so that an interrupted sweep can be resumed.
 
-A Zarr store is its own record of progress. It is made whole at once, with every ``status`` *pending*; then one slab
-after the other is computed and written, its status last. So whatever is killed, and whenever: what reads as solved is
-there in full, what is missing reads as pending, and the next run fills in the slabs that have a pending pose.
+A Zarr store is its own record of progress. It is created complete, with every ``status`` *pending*; then slabs
+are computed and written one after the other, their status last. So whenever the process is killed, rows that are marked
+as solved are complete, missing ones are pending, and the next run fills in the slabs that have a pending pose.
 
-Every chunk is a file, also one that is zero all over, and carries a checksum: a chunk that is lost or corrupt later is
-noticed, and never read as zeros. One process at a time writes to a store, held by a lock beside it.
+Every chunk is a file, also one of zeros, and has a checksum: a chunk that is lost or corrupt later is
+detected, and never read as zeros. One process at a time writes to a store, by a lock beside it.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cdpr_sim.core import extras
 from cdpr_sim.core.checks import checked_path as given_path
 from cdpr_sim.core.errors import InvalidInput, StoreError
 from cdpr_sim.core.files import refuse_unwritable
@@ -36,18 +37,17 @@ PENDING = Status.PENDING.value
 """The status of a pose that is not computed yet."""
 
 TASKS = 16
-"""Chunks that are computed between two entries in the store, or two looks at the progress bar."""
+"""Chunks that are computed between two writes to the store, or two updates of the progress bar."""
 
 DIMENSIONS = ("robot", "x", "y", "z")
-"""Along which slabs are cut."""
+"""Dimensions along which slabs are divided."""
 
 
 def checked_path(store: str | Path) -> Path:
     """``store`` as a path that can be written.
 
     Raises:
-        InvalidInput: neither .zarr nor .nc, no such folder, one that cannot be written to, or a NetCDF file that is
-            there already.
+        InvalidInput: neither .zarr nor .nc, no such folder, one that cannot be written to, or an existing NetCDF file.
     """
     path = given_path("store", store)
     if path.suffix not in {".zarr", ".nc"}:
@@ -61,18 +61,19 @@ def checked_path(store: str | Path) -> Path:
 
 
 def open_sweep(store: str | Path) -> xr.Dataset:
-    """A finished sweep, read piece by piece as it is used.
+    """A finished sweep, read slab by slab as it is used.
 
     Args:
-        store: the .nc file or the .zarr folder that ``sweep`` was told to write.
+        store: the .nc file or the .zarr folder that ``sweep`` wrote.
 
     Returns:
         What ``sweep`` returned, backed by the file.
 
     Raises:
-        InvalidInput: no sweep is there, or it is unfinished.
-        StoreError: a chunk of it is lost or corrupt: here, or when it is read.
+        InvalidInput: there is no sweep, or it is unfinished.
+        StoreError: a chunk of it is lost or corrupt: raised here, or when it is read.
     """
+    extras.require("sweep", "open_sweep")
     import xarray as xr
 
     path = given_path("store", store)
@@ -86,7 +87,7 @@ def open_sweep(store: str | Path) -> xr.Dataset:
     if missing:
         raise InvalidInput(
             f"store: {path} is unfinished: {missing} of {dataset['status'].size} poses are pending; "
-            "expected the sweep to be run again, which goes on where it stopped"
+            "expected the sweep to be run again, which resumes it"
         )
     if path.suffix != ".nc":
         _refuse_losses(dataset, path)
@@ -94,7 +95,7 @@ def open_sweep(store: str | Path) -> xr.Dataset:
 
 
 def computed(dataset: xr.Dataset, *, progress: bool) -> xr.Dataset:
-    """``dataset`` in memory, by whatever scheduler Dask uses: threads, or the cluster that is connected."""
+    """``dataset`` in memory, by the current scheduler of Dask: threads, or the cluster that is connected."""
     if not progress:
         return dataset.compute()
     from dask.base import compute
@@ -110,11 +111,11 @@ def computed(dataset: xr.Dataset, *, progress: bool) -> xr.Dataset:
 
 
 def written(dataset: xr.Dataset, path: Path, identity: Sequence[Any], *, progress: bool) -> xr.Dataset:
-    """Compute ``dataset`` into ``path`` and read it from there; into a Zarr store that is begun, what is missing.
+    """Compute ``dataset`` into ``path`` and read it from there; in an unfinished Zarr store, only what is missing.
 
     Raises:
         InvalidInput: the store holds something else.
-        StoreError: it cannot be written, as on a full disk, or another process writes to it; what is in it stays.
+        StoreError: it cannot be written, as on a full disk, or another process writes to it; its content is kept.
     """
     dataset.attrs["identity"] = _digest(identity)
     with _as_sentence(path), _held(path):
@@ -134,7 +135,7 @@ def written(dataset: xr.Dataset, path: Path, identity: Sequence[Any], *, progres
 
 
 def _write_netcdf(dataset: xr.Dataset, path: Path) -> None:
-    """Under another name until it is whole; HDF5 writes into memory, since a full disk would crash it."""
+    """Write under another name until it is complete; HDF5 writes into memory, since a full disk would crash it."""
     content = dataset.to_netcdf(engine="h5netcdf")
     handle, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
     os.close(handle)
@@ -148,7 +149,7 @@ def _write_netcdf(dataset: xr.Dataset, path: Path) -> None:
 
 
 def _create(dataset: xr.Dataset, path: Path) -> None:
-    """The store with coordinates and every status pending, under another name until it is whole."""
+    """Create the store with coordinates and every status pending, under another name until it is complete."""
     for left in path.parent.glob(f".{path.name}-*.part"):
         if _identity_of(left) is not None:  # ours, of a process that was killed
             shutil.rmtree(left, ignore_errors=True)
@@ -170,7 +171,7 @@ def _create(dataset: xr.Dataset, path: Path) -> None:
 
 
 def _mend_coordinates(dataset: xr.Dataset, path: Path) -> None:
-    """Those that are lost or corrupt: they are written with the store, and not slab by slab."""
+    """Rewrite lost or corrupt coordinates, which are written with the store, and not slab by slab."""
     try:
         _open_zarr(path).coords.to_dataset().load()
     except StoreError:
@@ -191,7 +192,7 @@ def _fill(dataset: xr.Dataset, path: Path, *, progress: bool) -> None:
 
 
 def _is_pending(on_disk: xr.Dataset, slab: dict[str, slice], lost: list[tuple[str, tuple[int, ...]]]) -> bool:
-    """Whether something of it is yet to be computed, or to be computed again."""
+    """Whether a part of the slab has to be computed, or computed again."""
     for name, chunk in lost:
         sizes = dict(zip(map(str, on_disk[name].dims), on_disk[name].encoding["chunks"], strict=True))
         first = {dim: number * sizes[dim] for dim, number in zip(sizes, chunk, strict=True)}
@@ -222,7 +223,7 @@ def _compressor() -> Any:
 
 @contextmanager
 def _held(path: Path) -> Iterator[None]:
-    """The store is ours to write to: others wait, or go away.
+    """Lock the store for this process.
 
     Raises:
         StoreError: another process has it.
@@ -235,8 +236,8 @@ def _held(path: Path) -> Iterator[None]:
     try:
         lock.acquire()
     except Timeout:
-        raise StoreError(f"store: {path} is being written to by {holder}; expected to be asked later") from None
-    except NotImplementedError:  # a file system without locks: as good as none
+        raise StoreError(f"store: {path} is being written to by {holder}; expected to be run later") from None
+    except NotImplementedError:  # a file system without locks: treated as locked
         yield
         return
     try:
@@ -249,7 +250,7 @@ def _held(path: Path) -> Iterator[None]:
 
 
 def _holder(file: Path) -> str:
-    """Who wrote the lock, if it can be read."""
+    """Owner of the lock, if it can be read."""
     try:
         return file.read_text(encoding="utf-8") or "another process"
     except (OSError, UnicodeDecodeError):
@@ -257,7 +258,7 @@ def _holder(file: Path) -> str:
 
 
 def _losses(dataset: xr.Dataset, path: Path) -> list[tuple[str, tuple[int, ...]]]:
-    """Variables and chunks whose files are not there: all of them are written, also those that are zero."""
+    """Variables and chunks whose files are missing: all of them are written, also those of zeros."""
     lost = []
     for name, variable in dataset.variables.items():
         there = set(os.listdir(path / str(name)))
@@ -312,7 +313,7 @@ def _identity_of(path: Path) -> str | None:
 
 
 def _digest(identity: Sequence[Any]) -> str:
-    """Of everything that decides the numbers: the same for the same sweep, on any machine."""
+    """Hash of everything that determines the numbers: the same for the same sweep, on any machine."""
     state = hashlib.sha256()
 
     def add(value: Any) -> None:

@@ -1,7 +1,7 @@
 """The whole workspace at once: equilibria over a grid of commanded positions, as an ``xarray.Dataset``.
 
 The compiled gufuncs go through ``xarray.apply_ufunc``: over NumPy arrays in one call, over chunks by Dask on threads,
-out of core, or on whatever cluster a ``dask.distributed.Client`` is connected to. No code here knows which.
+out of core, or on the cluster to which a ``dask.distributed.Client`` is connected; the code is the same for all.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid
-from cdpr_sim.core import available_memory
+from cdpr_sim.core import available_memory, extras
 from cdpr_sim.core.checks import FLAG, checked_array, checked_label, listed, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.errors import InvalidInput
@@ -37,23 +37,23 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CHUNK = 32_768
-"""Poses per task: half a second and 20 MB (``scripts/measure_constants.py``), long beside what Dask spends on a task
-and small beside memory."""
+"""Poses per task: half a second and 20 MB (``scripts/measure_constants.py``), long in comparison with Dask's overhead
+per task and small in comparison with memory."""
 
 TASKS, LEAST_CHUNK = 8, 2_500
-"""A small sweep is split as well, into so many tasks, unless they would have fewer poses than that."""
+"""A small sweep is divided too, into this many tasks, unless they would have fewer poses than this."""
 
 MOST_BITS = 63
-"""Cables that ``slack_set`` can tell apart."""
+"""Largest number of cables that ``slack_set`` can represent."""
 
 MEMORY_COPIES = 2
-"""Of a result that is computed in memory: the chunks, and the whole that they are put together to."""
+"""Copies of a result that is computed in memory: the chunks, and the whole into which they are joined."""
 
 COMPRESSION = 3
-"""At most, of a store: numbers with noise in their last digits do not get smaller than a third."""
+"""Largest compression of a store: numbers with noise in their last digits do not get smaller than a third."""
 
 STATUSES = {int(status): status.name.lower() for status in Status if status not in (Status.DIVERGED, Status.MOVING)}
-"""What ``status`` says, in the words of its CF flags."""
+"""Values of ``status``, as its CF flags."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,8 @@ QUANTITIES = {
     "iterations": Quantity((), np.int16, "1", "Newton iterations"),
     "status": Quantity((), np.int8, "1", "how the solve ended"),
 }
-"""What a sweep computes at every pose; each is nan (and the status says why) where there is no equilibrium."""
+"""Quantities that a sweep computes at every pose; each is nan (with the reason in the status) where there is no
+equilibrium."""
 
 _FEASIBLE = {
     "feasible": "rigid cables can hold the platform as commanded",
@@ -94,7 +95,7 @@ _MARGIN = {
     "units": "N",
     "long_name": "by how much rigid cables' tensions can keep from their limits, as commanded; negative outside",
 }
-"""Of ``capacity_margin``, which is computed only where it is asked for: it takes longer than an equilibrium."""
+"""Attributes of ``capacity_margin``, which is computed only on request: it takes longer than an equilibrium."""
 
 ROBOT = {
     "frame": ("m", "two opposite corners of the frame"),
@@ -105,7 +106,7 @@ ROBOT = {
     "mass": ("kg", "mass of the platform"),
     "robot_file": ("", "the robot in full, as the text of its file, on its own cables"),
 }
-"""Coordinates that say what was computed: unit and meaning."""
+"""Coordinates that describe the robots: unit and meaning."""
 
 _OF_MASSLESS_CABLES = {"feasible", "frequency"}
 
@@ -127,7 +128,7 @@ def sweep(
     store: str | Path | None = None,
     progress: bool = False,
 ) -> xr.Dataset:
-    """Where the platform ends up from every commanded position of a grid, for every robot and material.
+    """Equilibria of the platform for every commanded position of a grid, for every robot and material.
 
     Args:
         robots: one robot or several, as objects, catalogue names or .toml files; several give a dimension ``robot``.
@@ -138,25 +139,26 @@ def sweep(
         tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each;
             default: each robot's ``force_min`` and ``force_max``.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
-        quantities: names of ``QUANTITIES`` and "feasible", which are the default as far as the robots' cables allow
-            (those with mass allow neither "feasible" nor "frequency"); or "capacity_margin", which is zero on
-            the border of what is feasible, between the poses of the grid. The status is always there.
-        chunk: poses per Dask task at most; None: one call of NumPy, on one core, without Dask.
-        compute: False for a Dataset of Dask arrays that are yet to be computed, for tools and clusters of your own.
-        store: a new .nc file, or a .zarr folder, into which a sweep that was interrupted goes on where it stopped; the
-            result is then read from there, piece by piece as it is used.
+        quantities: names of ``QUANTITIES`` and "feasible", which are the default if the robots' cables allow them
+            (those with mass allow neither "feasible" nor "frequency"); or "capacity_margin", which is zero on the
+            border of the feasible workspace, between the poses of the grid. The status is always included.
+        chunk: largest number of poses per Dask task; None: one call of NumPy, on one core, without Dask.
+        compute: False for a Dataset of Dask arrays that are not computed yet, for other tools and clusters.
+        store: a new .nc file, or a .zarr folder, in which an interrupted sweep is resumed; the result is then read from
+            there, slab by slab as it is used.
         progress: show a progress bar on standard error.
 
     Returns:
-        Variables over (robot, material, x, y, z), with units in their attributes. Coordinates say what was computed:
-        ``robot`` and ``material`` by name, what ``ROBOT`` lists, and ``wrenches``; attributes the orientation and the
-        external wrench. ``feasible`` says whether rigid cables could hold the platform at the commanded pose itself.
+        Variables over (robot, material, x, y, z), with units in their attributes. Coordinates describe the input:
+        ``robot`` and ``material`` by name, those of ``ROBOT``, and ``wrenches``; attributes the orientation and the
+        external wrench. ``feasible`` is whether rigid cables could hold the platform at the commanded pose itself.
 
     Raises:
-        InvalidInput: a grid, names, limits or a store that cannot be right.
+        InvalidInput: an invalid grid, name, limit or store.
         UnknownName: no such robot, material or quantity.
-        StoreError: the store cannot be written; what is in it stays.
+        StoreError: the store cannot be written; its content is kept.
     """
+    extras.require("sweep", "sweep")
     refuse_unless(FLAG, compute=compute, progress=progress)
     many = not isinstance(robots, (str, Robot))
     group = as_robots(robots)
@@ -219,7 +221,7 @@ def sweep(
 
 
 def _refuse_what_cannot_fit(poses: int, cables: int, names: Sequence[str], store: Path | None) -> None:
-    """A grid whose result is too large for memory, or for the disk that a store is on."""
+    """Refuse a grid whose result is too large for memory, or for the disk of the store."""
     sizes = {"axis": 3, "cable": cables, "mode": 6}
     kinds = [QUANTITIES[name] for name in names if name in QUANTITIES]
     each = sum(np.dtype(kind.dtype).itemsize * math.prod(sizes[dim] for dim in kind.dims) for kind in kinds) + 2
@@ -403,7 +405,7 @@ def _rotation_vectors(rotations: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _apply_ufunc(function: Any, *arrays: xr.DataArray, **options: Any) -> Any:
-    """``xarray.apply_ufunc`` for blocks of a grid: Dask warns that they are more than along any one axis."""
+    """``xarray.apply_ufunc`` for blocks of a grid, without Dask's warning about their number."""
     import xarray as xr
 
     with warnings.catch_warnings():
@@ -441,7 +443,7 @@ def _capacity_margin_block(x, y, z, *, robot, rotation, tension_limits, wrenches
 
 
 def _with_robot(dataset: xr.Dataset, robot: Robot, stiffness: xr.DataArray) -> xr.Dataset:
-    """With names for what is counted, and with the robot that this was computed for."""
+    """Add names of the axes, and coordinates that describe the robot."""
     coords = {
         "robot": robot.name,
         "axis": list(AXES),
@@ -462,7 +464,7 @@ def _with_robot(dataset: xr.Dataset, robot: Robot, stiffness: xr.DataArray) -> x
 
 
 def _side_by_side(parts: Sequence[xr.Dataset]) -> xr.Dataset:
-    """Along a dimension ``robot``; cables and modes that a robot does not have are nan."""
+    """Join along a dimension ``robot``; cables and modes that a robot does not have are nan."""
     import xarray as xr
 
     apart = [*ROBOT, *({"material"} - set(parts[0].dims))]

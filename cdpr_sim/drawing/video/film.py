@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core import extras
 from cdpr_sim.core.checks import FLAG, PROGRESS, checked_array, listed, one_of, refuse_unless
 from cdpr_sim.core.describe import describe_properties, describe_stiffness
 from cdpr_sim.core.errors import InvalidInput, StoreError
@@ -156,9 +157,9 @@ def show(
         InvalidInput: a size, duration or number of frames that cannot be right.
         UnknownName: no such renderer.
     """
+    mediapy = _mediapy()
     from IPython.display import HTML, display
 
-    mediapy = _mediapy()
     pictures = frames(
         trajectories,
         static,
@@ -406,6 +407,7 @@ def _interrupts_held() -> Iterator[None]:
 
 def _mediapy():
     """mediapy, with the ffmpeg that ``imageio-ffmpeg`` brings."""
+    extras.require("video", "video")
     import imageio_ffmpeg
     import mediapy
 

@@ -1,7 +1,8 @@
-"""Platforms on cables with mass, one at a time in MuJoCo: how they come to rest, and what it says there.
+"""Platforms on cables with mass in MuJoCo, one at a time: settling, and the state after it.
 
-What ``batch`` and ``relaxation`` are for massless cables. Those would shake a chain (``chains``), whose masses are
-light and whose springs are stiff. Here each step is implicit in all that is stiff (``stepping``). The platform takes
-steps as long as its slowest swing allows (``relaxation``). Near rest they become longer than any swing (``approach``):
-implicit in the whole stiffness, as MuJoCo shows it when everything is displaced a little (``derivatives``).
+This folder does for cables with mass what ``batch`` and ``dynamic_relaxation`` do for massless ones. Those would excite
+a chain (``chains``), whose masses are small and whose springs are stiff. Here each step is implicit in all stiff
+forces (``stepping``). The time step is limited by the slowest oscillation of the platform (``chain_relaxation``). Near
+equilibrium the steps become longer than any oscillation (``approach``): implicit in the whole stiffness, which is
+measured in MuJoCo by small displacements (``chain_derivatives``).
 """

@@ -1,4 +1,4 @@
-"""The last steps of a platform on cables with mass to its rest: longer than any swing, and Newton's then."""
+"""The last steps of a platform on cables with mass to its equilibrium: longer than any oscillation, so Newton steps."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -13,26 +13,27 @@ from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 
 SHORTER, VAIN = 20, 5
-"""How often a step is halved at most; and after how many in turn that lead nowhere, however short, others will not."""
+"""Largest number of halvings of a step; and number of failed steps in turn after which the approach stops."""
 
 TRUSTED, CLOSER, TURN = 0.1, 0.5, 0.2
-"""What a step may leave unbalanced, of the load or of what was; and by how much it may turn the platform [rad]."""
+"""Largest unbalanced force after a step, as a fraction of the load or of the force before; and largest rotation in a
+step [rad]."""
 
 
 def approach(simulation: ChainSimulation, target: float, most: int) -> tuple[bool, int]:
-    """Move on to rest in time steps that are implicit in MuJoCo's own stiffness.
+    """Move to equilibrium in time steps that are implicit in MuJoCo's own stiffness.
 
-    Such steps may be as long as one likes, and are Newton's then, where damping alone would let a softly held
-    platform creep for ever. The chains are laid anew after each, and it is shortened while that leaves too much
-    unbalanced. Where this does not lead to rest, all is left as it was.
+    Such steps may have any length, and are Newton steps in the limit, where a platform on a small stiffness would creep
+    under damping alone. The chains are laid out again after each step, and the step is shortened while it leaves too
+    large an unbalanced force. If this does not lead to equilibrium, the state is restored.
 
     Args:
         simulation: the platform.
-        target: the largest force [N] that may be left over at rest.
-        most: steps to be taken; a handful do where chains hang well, and some two hundred where one hangs folded.
+        target: largest unbalanced force [N] of an equilibrium.
+        most: largest number of steps; a few suffice for hanging chains, and some two hundred for a folded one.
 
     Returns:
-        Whether that leads to rest, and how many steps were taken.
+        Whether equilibrium was reached, and the number of steps.
     """
     data, angular = simulation.data, simulation.angular
     before, turn, last = (data.qpos.copy(), data.qvel.copy()), TURN, np.zeros_like(data.qvel[angular])
@@ -53,7 +54,7 @@ def approach(simulation: ChainSimulation, target: float, most: int) -> tuple[boo
 
 
 def _stepped(simulation: ChainSimulation, step: Float[np.ndarray, " dofs"], residual: float) -> bool:
-    """Go that step, as far as it can be trusted; whether it can."""
+    """Take the step, shortened to where it is reliable; returns whether it is."""
     data, start, pulls = simulation.data, simulation.data.qpos.copy(), simulation.anchor_pulls()
     for shortened in range(SHORTER):
         data.qpos[:] = start
@@ -67,9 +68,9 @@ def _stepped(simulation: ChainSimulation, step: Float[np.ndarray, " dofs"], resi
 
 
 def _implicit_step(simulation: ChainSimulation) -> Float[np.ndarray, " dofs"] | None:
-    """To where forces would balance if they went on as they change here; None where they are not known.
+    """Step to where forces would balance if they changed linearly; None if their derivatives are unknown.
 
-    Along directions in which they repel the platform it goes as far the other way, which is away from a saddle.
+    Along directions of negative stiffness the step has the opposite sign, which leads away from a saddle.
     """
     derivatives = ChainDerivatives.of(simulation)
     if not derivatives.known:

@@ -1,4 +1,4 @@
-"""How forces change around a platform on cables with mass: MuJoCo's own, when everything is displaced a little."""
+"""Derivatives of the forces around a platform on cables with mass: MuJoCo's own, by small displacements."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -18,12 +18,12 @@ a chain's segments are short and hardly stretched."""
 
 
 class ChainDerivatives(NamedTuple):
-    """How forces fall [N/m].
+    """Decrease of forces by displacement [N/m].
 
     Attributes:
-        direct: on the platform as it moves.
-        across: on the slides, then.
-        within: on the slides as they move; those of one chain do not feel another's.
+        direct: on the platform by its own displacement.
+        across: on the slides by the platform's displacement.
+        within: on the slides by their own displacement; the slides of different chains do not interact.
     """
 
     direct: Float[np.ndarray, "free free"]
@@ -32,7 +32,7 @@ class ChainDerivatives(NamedTuple):
 
     @classmethod
     def of(cls, simulation: ChainSimulation) -> ChainDerivatives:
-        """Central differences as in ``batch``, all chains displaced together."""
+        """Central differences as in ``batch``, with all chains displaced together."""
         model, data, slides, free = simulation.model, simulation.data, simulation.slides, simulation.free
         band, springs, polynomials = (
             model.tendon_lengthspring.copy(), model.tendon_stiffness.copy(), model.tendon_stiffnesspoly.copy()
@@ -71,13 +71,13 @@ class ChainDerivatives(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Whether MuJoCo had forces to tell wherever it was asked."""
+        """Whether all forces were finite."""
         return bool(np.isfinite(self.direct).all() and np.isfinite(self.within).all())
 
     def stiffness(self) -> tuple[Float[np.ndarray, " free"], Float[np.ndarray, " free"]]:
-        """Eigenvalues [N/m], ascending, of how the force on the platform gives way; and the softest direction.
+        """Eigenvalues [N/m], ascending, of the stiffness of the platform; and the direction of the smallest one.
 
-        With the masses' degrees of freedom condensed out; nan where the slopes are not known.
+        The masses' degrees of freedom are condensed out; nan if the derivatives are unknown.
         """
         if not self.known:
             return np.full(len(self.direct), np.nan), np.full(len(self.direct), np.nan)

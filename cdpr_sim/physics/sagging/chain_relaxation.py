@@ -1,7 +1,7 @@
-"""Dynamic relaxation of one platform on cables with mass: steps and damping that follow what it does, until it rests.
+"""Dynamic relaxation of one platform on cables with mass, to equilibrium, with adaptive time steps and damping.
 
-As ``physics.relaxation`` for massless cables, with steps that bear chains (``stepping``) and a short cut at the end
-(``approach``).
+Like ``physics.dynamic_relaxation`` for massless cables, with steps that are stable for chains (``stepping``) and Newton
+steps at the end (``approach``).
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -22,41 +22,42 @@ from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 from cdpr_sim.physics.sagging.stepping import Stepping
 
 STEPS, MOST_STEPS = 10_000, 30_000
-"""Time steps after which a platform is restless: on taut cables it needs some ten, on slack ones tens to thousands.
-And in all, when it has begun again, in shorter steps or from a saddle."""
+"""Time steps after which a platform counts as not converging: on taut cables it needs some ten, on slack ones tens to
+thousands. And the largest number in total, with new starts in shorter steps or from a saddle."""
 
 MOST_APPROACHES = 400
-"""Steps of ``approach``, in all: one costs as much as some fifty time steps."""
+"""Total number of steps of ``approach``: the cost of one is that of some fifty time steps."""
 
 LOOK = 5
-"""Time steps between two looks at the residual."""
+"""Time steps between two evaluations of the residual."""
 
 LONGEST, SHORTEST = 0.1, 1e-4
-"""Time steps, as fractions of the slowest swing's 1/omega."""
+"""Time steps, as fractions of 1/omega of the slowest oscillation."""
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1.5, 0.5, 1000.0
-"""Damping ratio of the platform's slowest swing. Where it has to wander with chains that are just slack, steps stay
-long and the platform is slowed down: what the chains cannot bear is its speed."""
+"""Damping ratio of the platform's slowest oscillation. Where it moves far with chains that are just slack, steps stay
+long and the platform is damped more: only its speed is too high for the chains."""
 
 BETTER, PATIENCE = 0.9, 5
-"""A residual below this fraction of the best so far is progress; and after this many looks without it, the platform
-rattles."""
+"""A residual below this fraction of the best so far is progress; after this many evaluations without progress, the
+platform oscillates."""
 
 CLOSE = 0.01
-"""Of the load, and of each chain's weight, what is left unbalanced where a platform begins to ``approach`` its rest."""
+"""Unbalanced force, as a fraction of the load and of each chain's weight, below which a platform begins to ``approach``
+its equilibrium."""
 
 Frames = list[tuple[float, RigidTransform, np.ndarray, np.ndarray]]
 """(time, pose, lengths, tensions) at every step of a motion."""
 
 
 class ChainRelaxation:
-    """The motion of one platform towards rest.
+    """The motion of one platform towards equilibrium.
 
     Args:
         simulation: the platform.
-        frames: takes every step, if it is given.
-        say: is told now and then how far it is.
-        longest: time step, as a fraction of the slowest swing's 1/omega.
+        frames: collects every step, if given.
+        say: is called from time to time with the progress as text.
+        longest: time step, as a fraction of 1/omega of the slowest oscillation.
     """
 
     def __init__(
@@ -77,13 +78,13 @@ class ChainRelaxation:
         self.steps, self.time, self.approaches, self.status = 0, 0.0, 0, Status.ITERATION_LIMIT
 
     def again(self, longest: float) -> ChainRelaxation:
-        """Another, from where the platform is now, in steps as long as that; time goes on."""
+        """A new relaxation from the present state, with time steps of at most that fraction; time continues."""
         other = ChainRelaxation(self.simulation, self.frames, self.say, longest)
         other.steps, other.time, other.approaches = self.steps, self.time, self.approaches
         return other
 
     def divide_at_bends(self) -> ChainRelaxation:
-        """Come to rest with the chains divided where they bend: this relaxation, or one that has gone on."""
+        """Settle with the chains divided finely where they bend: returns this relaxation, or a continued one."""
         if self.status is not Status.CONVERGED or not self.simulation.divide_at_bends():
             return self
         other = self.again(self.longest)
@@ -93,7 +94,7 @@ class ChainRelaxation:
         return other
 
     def run(self) -> None:
-        """Move until the platform has come to rest or will not."""
+        """Move until the platform is in equilibrium or the limits are reached."""
         simulation, data = self.simulation, self.simulation.data
         self.step, self.ratio = self.longest, FIRST_DAMPING
         self.velocity = np.zeros(simulation.free)
@@ -128,7 +129,7 @@ class ChainRelaxation:
             data.qpos[:] = self.good
 
     def approach_from_afar(self) -> bool:
-        """Whether the platform's ``approach`` leads to rest from here, with chains laid that pull by their weight."""
+        """Whether ``approach`` reaches equilibrium from here, with chains laid out for pulls by their weight."""
         simulation = self.simulation
         simulation.residual()
         spans = simulation.spans()
@@ -136,14 +137,14 @@ class ChainRelaxation:
         return self._approach()
 
     def nudge(self, direction: Float[np.ndarray, " free"]) -> None:
-        """Set the platform going along the direction in which it is not held, as any breath of air would."""
+        """Give the platform a small velocity along an unstable direction, as any disturbance would."""
         simulation = self.simulation
         self.stepping.stiffen()
         velocity = direction * (-1 if direction.sum() < 0 else 1) * 1e-3 * self.swing * simulation.rest_lengths.max()
         simulation.data.qvel[:] = simulation.in_dofs(velocity)
 
     def _approach(self) -> bool:
-        """Whether the platform's ``approach`` leads to rest, which then is the motion's next state and its end."""
+        """Whether ``approach`` reaches equilibrium, which then is the next and last state of the motion."""
         equilibria, taken = approach(self.simulation, self.target, MOST_APPROACHES - self.approaches)
         self.approaches += taken
         if equilibria:
@@ -155,13 +156,13 @@ class ChainRelaxation:
         self._went_on(self.stepping.advance(self.step / self.swing))
 
     def _went_on(self, time: float) -> None:
-        """By one step, which took that long [s]."""
+        """Record one step of that duration [s]."""
         self.steps, self.time = self.steps + 1, self.time + time
         if self.frames is not None:
             self._film(self.frames)
 
     def _film(self, frames: Frames) -> None:
-        """The present state, looked at in a copy: looking changes nothing."""
+        """Record the present state from a copy, so that the simulation is unchanged."""
         simulation, data = self.simulation, self.simulation.data
         self.film.qpos[:], self.film.qvel[:] = data.qpos, 0
         simulation.data = self.film
@@ -170,7 +171,7 @@ class ChainRelaxation:
         simulation.data = data
 
     def _restart(self) -> None:
-        """From the last good coordinates, in shorter steps."""
+        """Restart from the last good coordinates, in shorter steps."""
         self.simulation.reset()
         self.simulation.data.qpos[:] = self.good
         self.step *= 0.3
@@ -178,7 +179,7 @@ class ChainRelaxation:
         self.stepping.soften()
 
     def _adapt(self, residual: float) -> None:
-        """Steps and damping to how this residual compares: longer and less where it goes on, else the other way."""
+        """Adapt steps and damping to this residual: longer steps and less damping with progress, else the opposite."""
         better, slow = residual < BETTER * self.best, self._slow()
         self.best, self.patience = (residual, 0) if better or slow else (self.best, self.patience + 1)
         if better:
@@ -194,12 +195,12 @@ class ChainRelaxation:
         self._damp()
 
     def _damp(self) -> None:
-        """The platform, by the present ratio."""
+        """Damp the platform by the present ratio."""
         simulation = self.simulation
         simulation.model.dof_damping[: simulation.free] = 2 * self.ratio * self.swing * simulation.inertia
 
     def _slow(self) -> bool:
-        """Whether force and velocity point the same way as before: damping alone holds the platform back."""
+        """Whether force and velocity point the same way as before: only damping slows the platform."""
         simulation = self.simulation
         root = np.sqrt(simulation.inertia)
         force = simulation.net[: simulation.free] / root
@@ -212,7 +213,7 @@ class ChainRelaxation:
         return parallel(force, velocity) and parallel(velocity, before)
 
     def _at_rest(self) -> bool:
-        """The forces are those of one time step ago, and velocity bends them: look again, at rest."""
+        """Whether the platform is in equilibrium, with forces evaluated again at zero velocity."""
         simulation, data = self.simulation, self.simulation.data
         speed = np.abs(data.qvel[: simulation.free])
         speed[simulation.angular] *= simulation.length
@@ -223,7 +224,7 @@ class ChainRelaxation:
         return False
 
     def _apart(self) -> float:
-        """From rest: unbalanced forces, of the load and of each chain's weight."""
+        """Unbalanced forces, as fractions of the load and of each chain's weight."""
         simulation = self.simulation
         platform, slides = simulation.forces()
         apart = (np.abs(slides) / simulation.weights[:, None]).max()

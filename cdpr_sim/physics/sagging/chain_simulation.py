@@ -1,4 +1,4 @@
-"""One platform on cables with mass in MuJoCo: its state, the forces on it, and the lie and division of its chains."""
+"""One platform on cables with mass in MuJoCo: its state, its forces, and the division of its chains."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -21,23 +21,23 @@ from cdpr_sim.physics.chains import STRAIGHT, Chains, divisions, straight
 from cdpr_sim.physics.mjcf import place, to_mjcf
 
 TURNING = 5.0
-"""Inertia that is added to the platform's rotation, as a multiple of its own: a small platform turns faster than it
-swings, and only the swing has to be followed."""
+"""Inertia added to the platform's rotation, as a multiple of its own: a small platform rotates faster than it
+swings, and only the swing has to be resolved."""
 
 IMMOVABLE = 1e100
-"""Inertia of a platform that is held: no force moves it."""
+"""Inertia of a platform that is held fixed: no force moves it."""
 
 
 class ChainSimulation:
-    """One platform on cables of which some are heavy.
+    """One platform on cables of which some have mass.
 
     Args:
-        robot: whose platform it is.
+        robot: the robot.
         rest_lengths: (cables,) [m].
         axial_stiffness: (cables,) [N].
         external_wrench: force and torque on the platform's origin, (6,) [N, N m].
-        start: where the platform is at first.
-        model: the model to use instead of the generated one, with the springs and masses that it has.
+        start: initial pose of the platform.
+        model: the model to use instead of the generated one, with its own springs and masses.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class ChainSimulation:
         place(self.model, self.data, self.robot, pose)
 
     def reset(self) -> None:
-        """Forget the motion, and not the load."""
+        """Reset the motion, but not the load."""
         wrenches = self.data.xfrc_applied.copy()
         mujoco.mj_resetData(self.model, self.data)
         self.data.xfrc_applied[:] = wrenches
@@ -103,14 +103,14 @@ class ChainSimulation:
         model.tendon_stiffnesspoly[self.single] = further[self.massless]
 
     def _compile(self) -> None:
-        """What follows from springs and masses."""
+        """Compute the constants that follow from springs and masses."""
         mujoco.mj_setConst(self.model, self.data)
         self.springs = self.model.tendon_stiffness.copy()
         self.reset()
 
     @property
     def pose(self) -> RigidTransform:
-        """The platform's, as of MuJoCo's last call."""
+        """The platform's pose, as of MuJoCo's last call."""
         data = self.data
         return RigidTransform.from_components(
             data.xpos[self.platform].copy(), Rotation.from_quat(data.xquat[self.platform], scalar_first=True)
@@ -118,17 +118,17 @@ class ChainSimulation:
 
     @property
     def rotation(self) -> Float[np.ndarray, "3 3"]:
-        """The platform's, as MuJoCo has it."""
+        """The platform's rotation matrix in MuJoCo."""
         return self.data.xmat[self.platform].reshape(3, 3)
 
     @property
     def chords(self) -> Float[np.ndarray, " chains"]:
-        """From exit to anchor [m]."""
+        """Distances from exit to anchor [m]."""
         return self.data.ten_length[self.chains.chords]
 
     @property
     def lengths(self) -> Float[np.ndarray, " cables"]:
-        """Of each cable [m]; of a heavy one the chord."""
+        """Length of each cable [m]; for a cable with mass, its chord."""
         lengths = np.empty(self.robot.cables)
         lengths[self.chains.cables] = self.chords
         lengths[self.massless] = self.data.ten_length[self.single] - self.entries[self.massless]
@@ -136,7 +136,7 @@ class ChainSimulation:
 
     @property
     def net(self) -> Float[np.ndarray, " dofs"]:
-        """Generalised forces that are left over [N, N m], as of MuJoCo's last call."""
+        """Unbalanced generalised forces [N, N m], as of MuJoCo's last call."""
         return self.data.qfrc_smooth - self.data.qfrc_damper
 
     def forces(self) -> tuple[Float[np.ndarray, " free"], Float[np.ndarray, "chains slides"]]:
@@ -158,7 +158,7 @@ class ChainSimulation:
         return move
 
     def unbalanced(self) -> float:
-        """The largest force [N] left over, on the platform, on a mass, or turning a wheel, as of MuJoCo's last call."""
+        """The largest unbalanced force [N], on the platform, on a mass, or on a wheel, as of MuJoCo's last call."""
         platform, slides = self.forces()
         largest = np.abs(slides).max() if self.held else max(np.abs(platform).max(), np.abs(slides).max())
         if len(self.swivels.dofs):
@@ -166,7 +166,7 @@ class ChainSimulation:
         return float(largest)
 
     def hold(self) -> None:
-        """Let the platform move no more, whatever pulls it."""
+        """Fix the platform at its pose, whatever pulls it."""
         self.model.dof_armature[: self.free] = IMMOVABLE
         self.held = True
 
@@ -189,15 +189,15 @@ class ChainSimulation:
             pulleys.toward_anchors(self.model, self.data, self.robot)
 
     def anchor_pulls(self) -> Float[np.ndarray, "chains 3"]:
-        """What each chain pulls the platform by [N], base frame: its last segment, and the weight of the mass there."""
+        """Pull of each chain on the platform [N], base frame: its last segment's, and the weight of the mass there."""
         with self._only(self.chains.segments[:, -1]):
             pulled = self.data.qfrc_spring[self.chains.dofs[:, 0]] @ self.rotation.T
         return self.model.body_mass[self.chains.ends, None] * self.model.opt.gravity - pulled
 
     def tensions(self) -> Float[np.ndarray, " cables"]:
-        """Of each cable [N], with the springs that there are; of a heavy one at the platform's end.
+        """Tension of each cable [N], with the present springs; for a cable with mass, at the platform's end.
 
-        Of a massless cable, its own spring's force, along it.
+        For a massless cable, the force of its own spring along it.
         """
         model, data = self.model, self.data
         tensions = np.empty(self.robot.cables)
@@ -212,7 +212,7 @@ class ChainSimulation:
 
     @contextmanager
     def _only(self, tendons: np.ndarray | np.integer) -> Iterator[None]:
-        """MuJoCo's forces with no other springs than these, within the block."""
+        """MuJoCo's forces with only these springs, within the block."""
         model, data = self.model, self.data
         springs, polynomials = model.tendon_stiffness.copy(), model.tendon_stiffnesspoly.copy()
         model.tendon_stiffness[:] = model.tendon_stiffnesspoly[:] = 0
@@ -231,9 +231,9 @@ class ChainSimulation:
         return bool(self.swivels.off_wheel(self.data.xpos, self.data.xmat, self.data.site_xpos, points).any())
 
     def lay(self, pulls: Float[np.ndarray, "chains 3"]) -> Bool[np.ndarray, " chains"]:
-        """Lay chains where they would hang between exit and anchor, as they pull about so on the platform [N].
+        """Lay out chains as they hang between exit and anchor for these approximate pulls on the platform [N].
 
-        Those for which that is found; which they are.
+        Only chains for which that succeeds are changed; returns which they are.
         """
         model, data, chains = self.model, self.data, self.chains
         mujoco.mj_kinematics(model, data)
@@ -243,14 +243,15 @@ class ChainSimulation:
         return found
 
     def spans(self) -> Float[np.ndarray, "chains 3"]:
-        """From anchors to exits [m], as of MuJoCo's last call."""
+        """Vectors from anchors to exits [m], as of MuJoCo's last call."""
         return self.robot.exits[self.chains.cables] - self.data.xpos[self.chains.ends]
 
     def divide_at_bends(self) -> bool:
-        """Move the masses of chains that bend to where they do; whether there are any.
+        """Move the masses of chains with bends to where they bend; returns whether there are any.
 
-        Where it does, MuJoCo's pull on the anchor says: its horizontal part is the same all along the chain, and its
-        vertical part over the weight per length is how far it is to where the chain lies level.
+        MuJoCo's pull on the anchor gives the place of the bend: its horizontal component is the same along the whole
+        chain, and its vertical component over the weight per length is the distance to the point where the chain is
+        horizontal.
         """
         model, data, chains = self.model, self.data, self.chains
         weights = self.weights[:, None]
@@ -264,12 +265,12 @@ class ChainSimulation:
             chains.let_out(model, self.robot.cabling, self.axial_stiffness, self.rest_lengths, division)
             self._compile()
             data.qpos[:] = qpos
-            bends[~self.lay(pulls * weights)] = STRAIGHT  # one that hangs folded stays as it is
+            bends[~self.lay(pulls * weights)] = STRAIGHT  # a folded chain stays as it is
         return True
 
 
 @functools.lru_cache(maxsize=16)
 def _model_of(robot: Robot) -> mujoco.MjModel:
-    """The compiled model of ``robot``, never written to."""
+    """The compiled model of ``robot``, which is never modified."""
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
     return mujoco.MjModel.from_xml_string(to_mjcf(robot, middle, np.ones(robot.cables)))

@@ -1,4 +1,4 @@
-"""What MuJoCo says of a platform on cables with mass where it is: pose, lengths, tensions, and how it is held there."""
+"""State of a platform on cables with mass, from MuJoCo: pose, lengths, tensions, residual and stiffness."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 
 @dataclass(frozen=True)
 class ChainState:
-    """What MuJoCo says of one state at zero velocity.
+    """One state at zero velocity, from MuJoCo.
 
     Attributes:
-        pose: the platform's.
-        lengths: of each cable [m]; of a heavy one the chord.
-        tensions: of each cable [N]; of a heavy one at the platform's end.
-        residual: the largest force left over [N].
-        eigenvalues: of the stiffness on the free directions [N/m], ascending; nan where it is not known.
-        softest: the direction of the first.
+        pose: pose of the platform.
+        lengths: length of each cable [m]; for a cable with mass, its chord.
+        tensions: tension of each cable [N]; for a cable with mass, at the platform's end.
+        residual: the largest unbalanced force [N].
+        eigenvalues: eigenvalues of the stiffness on the free directions [N/m], ascending; nan if unknown.
+        softest: direction of the smallest eigenvalue.
         off_wheel: whether a cable is off its wheel.
     """
 

@@ -1,4 +1,4 @@
-"""Settling of robots whose cables have mass, problem by problem; and the load that holds a platform at a pose."""
+"""Settling of robots whose cables have mass, problem by problem; and residuals at given poses."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -20,7 +20,8 @@ from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 from cdpr_sim.physics.sagging.chain_state import ChainState
 
 LONGEST_AGAIN = 0.03
-"""Longest time step, as a fraction of the slowest swing's 1/omega, of a platform that did not come to rest at first."""
+"""Longest time step, as a fraction of 1/omega of the slowest oscillation, for a platform that did not settle at
+first."""
 
 
 def released(
@@ -31,17 +32,17 @@ def released(
     frames: Frames | None = None,
     say: Callable[[str], None] = lambda words: None,
 ) -> tuple[list[ChainState], list[int], list[Status]]:
-    """Each of (rows,) problems, its platform let go at its start: the last state, time steps, and how it ended.
+    """Settle each of (rows,) problems from its start: last state, number of time steps, and status.
 
     Args:
-        problems: what is asked.
-        starts: a stack, one for each.
+        problems: the problems.
+        starts: a stack of poses, one for each.
         model: the model to use instead of the generated one.
-        frames: takes the first one's motion.
-        say: is told now and then how far it is.
+        frames: collects the motion of the first one.
+        say: is called from time to time with the progress as text.
 
     Raises:
-        InvalidInput: masses of their own, which one model cannot have.
+        InvalidInput: a mass per problem, since all rows have one model.
     """
     readings, steps, status = [], [], []
     for row, simulation in enumerate(_rows(problems, starts, model)):
@@ -62,7 +63,7 @@ def released(
         if problems.robot.cabling.beyond_law(reading.lengths, simulation.rest_lengths).any():
             status.append(Status.OVERSTRAINED)
             continue
-        # A cable off its wheel is another robot's: whatever holds it there is not this one's equilibrium.
+        # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
         status.append(Status.OFF_WHEEL if reading.off_wheel else relaxation.status)
     return readings, steps, status
 
@@ -70,7 +71,7 @@ def released(
 def _relaxed(
     simulation: ChainSimulation, start: RigidTransform, frames: Frames | None, say: Callable[[str], None]
 ) -> ChainRelaxation:
-    """In long steps, or else by approach from the start, or else in shorter ones; then divided where chains bend."""
+    """Settle in long steps, else by ``approach`` from the start, else in shorter steps; then divide chains at bends."""
     relaxation = ChainRelaxation(simulation, frames, say)
     relaxation.run()
     if relaxation.status is not Status.CONVERGED:
@@ -86,7 +87,7 @@ def _relaxed(
 def unbalanced(
     problems: Problems, poses: RigidTransform, *, model: mujoco.MjModel | None = None
 ) -> Float[np.ndarray, " rows"]:
-    """The largest force [N] on each platform held at its pose, with its chains at rest; nan where they do not rest."""
+    """Largest unbalanced force [N] on each platform held at its pose; nan if its chains do not settle."""
     found = []
     for simulation in _rows(problems, poses, model):
         simulation.hold()

@@ -1,10 +1,11 @@
-"""One time step of a platform on cables with mass, implicit in all that is stiff.
+"""One time step of a platform on cables with mass, implicit in all stiff forces.
 
-A spring acts as it will at the step's end, since a taut tendon is damped by as much as its spring gains in the step;
-and so does a taut string that is plucked.
+A spring acts with its force at the step's end, since a taut tendon is damped by as much as its spring gains in the
+step; the same holds for the transverse stiffness of a taut string.
 
-A slack chain is a row of nearly rigid links, which a step cannot but stretch. While its shape is still wrong it is
-therefore let stretch by a hundredth under its own weight; then it stiffens from step to step, up to what it is.
+A slack chain is a row of nearly rigid links, which a time step cannot move without stretching them. While its profile
+is still wrong, it may therefore stretch by a hundredth under its own weight; then its stiffness grows from step to step
+up to the true one.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -18,31 +19,31 @@ from cdpr_sim.physics.chains import plucked
 from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 
 PASSAGE = 0.2
-"""By how much of its distance from being just taut a chain may come nearer to it in a step, or go away from it."""
+"""Largest change in a step of a chain's distance from being just taut, as a fraction of it."""
 
 NEAREST = 1e-9
-"""That distance is never less than this fraction of the length."""
+"""Lower bound of that distance, as a fraction of the length."""
 
 SOFT, GROWTH, STIFF = 100.0, 1.3, 1e100
-"""A slack chain's axial stiffness at first, in its weight; by how much it grows in a step; and more than any is."""
+"""Initial axial stiffness of a slack chain, in its weight; its growth in a step; and an upper bound."""
 
 CALM = 0.05
-"""While more than this fraction of the load is unbalanced, or on a chain more than its weight, it does not stiffen."""
+"""While a larger fraction of the load is unbalanced, or on a chain of its weight, its stiffness does not grow."""
 
 PLUCKED = 1.2
-"""Of a segment's resistance to being plucked, how much is taken to be there; below 0.5 a step would overshoot."""
+"""Fraction of a segment's transverse stiffness that a step assumes; below 0.5 a step would overshoot."""
 
 GENTLE, LEAST_PULL = 0.1, 1e-3
-"""With less than this fraction of a chain's weight unbalanced, each segment resists being plucked by its own tension,
-though by no less than this fraction of the chain's largest; before, all resist by the largest."""
+"""With less than this fraction of a chain's weight unbalanced, each segment's transverse stiffness is that of its own
+tension, or at least of this fraction of the chain's largest; before, it is that of the largest."""
 
 
 class Stepping:
-    """Takes a platform's time steps, and knows how soft its slack chains still are.
+    """Time steps of a platform, with the present stiffness of its slack chains.
 
     Args:
         simulation: the platform.
-        longest: time step that will be asked for [s].
+        longest: longest time step that will be used [s].
     """
 
     def __init__(self, simulation: ChainSimulation, longest: float) -> None:
@@ -59,22 +60,22 @@ class Stepping:
         self.softness = np.where(self.slack, SOFT, STIFF)
 
     def stiffen(self) -> None:
-        """Let none stretch: their shape is right already."""
+        """Give all chains their true stiffness: their profile is right already."""
         self.softness[:] = STIFF
 
     def begin(self) -> None:
-        """From rest, of which nothing is known yet."""
+        """Begin at zero velocity, without a known residual."""
         self.pulls = np.zeros(len(self.slack))
         self.calm, self.gentle = True, False
 
     def heed(self, residual: float) -> None:
-        """Take the next steps as suits this unbalanced force [N]."""
+        """Choose the next steps by this unbalanced force [N]."""
         simulation = self.simulation
         self.calm = residual < CALM * simulation.load
         self.gentle = simulation.true and residual < GENTLE * simulation.weights.max()
 
     def advance(self, longest: float) -> float:
-        """One time step, no longer than that [s]; how long it was."""
+        """One time step, at most that long [s]; returns its duration."""
         simulation, model, data, weights = (
             self.simulation,
             self.simulation.model,
@@ -83,7 +84,7 @@ class Stepping:
         )
         chains = simulation.chains
         mujoco.mj_step1(model, data)
-        with np.errstate(divide="ignore", invalid="ignore"):  # what stands still may take any step
+        with np.errstate(divide="ignore", invalid="ignore"):  # no limit for a coordinate without velocity
             model.opt.timestep = step = self._time_step(longest)
         soft = np.where(
             self.slack[:, None], np.minimum((self.softness * weights)[:, None], self.stiffness), self.stiffness
@@ -111,10 +112,10 @@ class Stepping:
         return step
 
     def _time_step(self, longest: float) -> float:
-        """[s], short enough for chains that pass from slack to taut or back, and for segments that turn.
+        """[s] Short enough for chains that change between slack and taut, and for segments that rotate.
 
-        As a chain becomes taut its tension rises from its weight to EA within a strain of (weight/EA)^(2/3). A segment
-        that turns by an angle in a step is stretched by half its square, which is to be no more than it is already.
+        As a chain becomes taut, its tension rises from its weight to EA within a strain of (weight/EA)^(2/3). A segment
+        that rotates by an angle in a step is stretched by half its square, which must not exceed its present strain.
         """
         simulation, data, chains, weights = (
             self.simulation,

@@ -1,1 +1,1 @@
-"""Robots out of the files of other projects: one module per format, ``reading`` and ``draft`` for all of them."""
+"""Robots from files of other projects: one module per format; all use ``documents`` and ``draft``."""

@@ -1,10 +1,10 @@
-"""Robots of the University of Bologna (IRMA L@B): JSON with an actuator per cable, trailing commas and all.
+"""Robots of the University of Bologna (IRMA L@B): JSON with an actuator per cable, with trailing commas.
 
-Three generations of names are in use. In the older ones (``pos_D_glob``, ``pos_A_loc``, later ``pos_OD_glob``,
+There are three generations of names. In the older ones (``pos_D_glob``, ``pos_A_loc``, later ``pos_OD_glob``,
 ``pos_PA_loc``) D is a point of the frame, the cable enters its swivelling pulley there in the direction ``vers_k``, and
-A is the anchor on the platform. In the newest (``pos_OA_glob``, ``pos_PD_loc``) the pulleys ride on the platform, and A
-is a fixed point of the frame.
-Gravity is 9.80665 m/s² against the axis that the file gives in the base frame.
+A is the anchor on the platform. In the newest (``pos_OA_glob``, ``pos_PD_loc``) the pulleys are mounted on the
+platform, and A is a fixed point of the frame.
+Gravity is 9.80665 m/s² opposite to the axis that the file gives in the base frame.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ MARKS = {"actuator", "cable"}
 UP, NOWHERE = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
 
 GRAVITY = 9.80665
-"""[m/s²] In the group's code."""
+"""[m/s²] Gravity in the group's code."""
 
 UPRIGHT = 1e-12
-"""Sine of the angle by which an axis may lean and still be z."""
+"""Sine of the largest angle between an axis and z that counts as zero."""
 
 PATTERNS: dict[str, tuple[str | None, bool]] = {
     "THREE_R_THREE_T": (None, True),
@@ -42,7 +42,7 @@ PATTERNS: dict[str, tuple[str | None, bool]] = {
 
 
 def _called(*names: str, **options: Any) -> Any:
-    """A field by any of these names."""
+    """A field with any of these names."""
     return Field(validation_alias=AliasChoices(*names), **options)
 
 
@@ -65,7 +65,7 @@ class _Actuator(Part):
     @model_validator(mode="before")
     @classmethod
     def _oldest(cls, value: Any) -> Any:
-        """In the oldest files pulley and winch are not told apart."""
+        """The oldest files do not distinguish pulley and winch."""
         flat = isinstance(value, dict) and not value.keys() & {"pulley", "winch"}
         return {"pulley": value, "winch": value} if flat else value
 
@@ -89,7 +89,7 @@ def read(document: Any, path: Path) -> Draft:
     """The robot of such a file.
 
     Raises:
-        InvalidInput: something is missing or cannot be right.
+        InvalidInput: something is missing or invalid.
     """
     file = as_model(_File, document)
     if file.motion_pattern not in PATTERNS:
@@ -97,9 +97,9 @@ def read(document: Any, path: Path) -> Draft:
     plane, turns = PATTERNS[file.motion_pattern]
     used, platform, notes = [one for one in file.actuators if one.active], file.platform, []
     if not used:
-        raise InvalidInput("actuator: found none that is active, expected at least one")
+        raise InvalidInput("actuator: found no active one, expected at least one")
     if idle := len(file.actuators) - len(used):
-        notes.append(f"Actuators that are not active were left out, {idle} of its {len(file.actuators)}.")
+        notes.append(f"Inactive actuators were left out, {idle} of its {len(file.actuators)}.")
     notes.append("Transmission ratios and drums of its winches were left out.")
     if any(platform.force) or any(platform.torque):
         notes.append(
@@ -109,7 +109,7 @@ def read(document: Any, path: Path) -> Draft:
     radii = np.array([one.pulley.radius for one in used])
     if any(one.pulley.on_platform for one in used) and radii.any():
         notes.append(
-            f"Its pulleys, of {radii.max():g} m, ride on the platform, and were left out: cables end in points there."
+            f"Its pulleys, of {radii.max():g} m, are mounted on the platform, and were left out: anchors are points."
         )
         radii = np.zeros(len(used))
     upright = _upright(platform.up, notes)
@@ -130,7 +130,7 @@ def read(document: Any, path: Path) -> Draft:
 
 
 def _upright(axis: Vector, notes: list[str]) -> Rotation:
-    """The turn of the base frame that puts the axis against gravity along z."""
+    """The rotation of the base frame after which gravity acts along -z."""
     length = float(np.linalg.norm(axis))
     if not (length > 0 and np.isfinite(length)):
         raise InvalidInput(f"platform.gravity_axis: found {axis}, expected a direction")

@@ -1,7 +1,7 @@
-"""Robots of CASPR (Darwin Lau): XML in two files, ``*_bodies.xml`` and beside it ``*_cables.xml``, in metres.
+"""Robots of CASPR (Darwin Lau): XML in two files, ``*_bodies.xml`` and ``*_cables.xml`` in the same folder, in metres.
 
-A body hangs on a joint: its frame lies at the joint, which moves from the place where the parent has it. Attachments
-are given from the joint or from the centre of mass, which ``attachment_reference`` says; the inertia likewise, by its
+A body is attached by a joint: its frame is at the joint, which moves from its location on the parent. Attachments
+are relative to the joint or to the centre of mass, as ``attachment_reference`` states; the inertia likewise, by its
 ``ref``. Gravity is 9.81 m/s² along -z. ``K`` of a spring cable is its EA.
 """
 
@@ -33,10 +33,11 @@ JOINTS: dict[str, tuple[str | None, bool]] = {
     "P_XY": ("xy", False),
     "P_XZ": ("xz", False),
 }
-"""Per type of joint that leaves a platform to its cables: the plane of a planar one, and whether the platform turns."""
+"""For each type of joint that leaves a platform to its cables: the plane of a planar one, and whether the platform
+rotates."""
 
 CABLES = {"cable_ideal", "cable_linear_spring"}
-"""Those with a counterpart; the others are springs, devices and muscles."""
+"""Types of cables with a counterpart; the others are springs, devices and muscles."""
 
 
 def read(document: Element, path: Path, cables: str | None = None) -> Draft:
@@ -48,8 +49,8 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
         cables: the ``id`` of a ``cable_set``; default: the file's own.
 
     Raises:
-        InvalidInput: something is missing or cannot be right, or has no counterpart: several bodies, a joint about
-            which the body turns, cables through several bodies, springs and muscles; or no such set of cables.
+        InvalidInput: something is missing or invalid, or has no counterpart: several bodies, a joint about which the
+            body turns, cables through several bodies, springs and muscles; or no such set of cables.
     """
     bodies = document.findall("links/link_rigid")
     if len(bodies) != 1:
@@ -63,9 +64,9 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
     mass, com = numbers(physical, "mass", 1)[0], np.array(numbers(physical, "com_location", 3))
     notes: list[str] = []
     offset = np.array(numbers(child(body, "parent"), "location", 3))
-    depth = offset * [axis not in (plane or "xyz") for axis in "xyz"]  # at which a planar platform stays
+    depth = offset * [axis not in (plane or "xyz") for axis in "xyz"]  # the constant coordinate of a planar platform
     if (offset != depth).any():
-        notes.append(f"Its poses are counted from {tuple((offset - depth).tolist())} m, ours from the origin.")
+        notes.append(f"Its poses are relative to {tuple((offset - depth).tolist())} m, ours to the origin.")
     file = beside(path, "bodies", "cables")
     document = read_document(file)
     try:
@@ -94,7 +95,7 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
 
 
 def _home(joint: Element, plane: str | None, offset: np.ndarray) -> np.ndarray:
-    """Where the platform begins: the translations are a joint's first coordinates."""
+    """Initial position of the platform: the translations are a joint's first coordinates."""
     axes = ["xyz".index(axis) for axis in plane or "xyz"]
     given = (joint.get("q_initial") or "").split()[: len(axes)]
     home = offset.copy()
@@ -112,14 +113,14 @@ def _inertia(element: Element, mass: float, com: np.ndarray) -> np.ndarray:
 
 
 def beside(path: Path, part: str, other: str) -> Path:
-    """The file of the robot's other part.
+    """The file of the other part of the robot.
 
     Raises:
-        InvalidInput: the path is not called after its part.
+        InvalidInput: the file name does not end in its part.
     """
     if not path.stem.endswith(f"_{part}"):
         raise InvalidInput(
-            f"found the name {shown(path.name)}, expected NAME_{part}.xml, with NAME_{other}.xml beside it"
+            f"found the name {shown(path.name)}, expected NAME_{part}.xml, with NAME_{other}.xml in the same folder"
         )
     return path.with_name(f"{path.stem.removesuffix(part)}{other}{path.suffix}")
 
@@ -133,7 +134,7 @@ def _cable_set(document: Element, wanted: str | None) -> Element:
 
 
 class _Cable(NamedTuple):
-    """What a file says of one cable; ``stiffness`` is None of an ideal one."""
+    """Data of one cable in a file; ``stiffness`` is None for a rigid one."""
 
     exit: list[float]
     anchor: np.ndarray
@@ -154,7 +155,7 @@ def _cables(cable_set: Element, com: np.ndarray) -> list[_Cable]:
     if not found:
         raise InvalidInput("<cable_set>: found no cable, expected at least one")
     if len({one.stiffness is None for one in found}) > 1:
-        raise InvalidInput("<cable_set>: found cables that stretch beside ideal ones, expected one kind")
+        raise InvalidInput("<cable_set>: found elastic cables beside rigid ones, expected one kind")
     return found
 
 

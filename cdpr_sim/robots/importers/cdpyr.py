@@ -1,8 +1,8 @@
-"""Robots of cdpyr (Philipp Tempel), as its marshmallow schema writes them: JSON or YAML.
+"""Robots of cdpyr (Philipp Tempel), in the format of its marshmallow schema: JSON or YAML.
 
 Frames are rotation matrices by rows, ``dcm``; a cable enters its pulley along the z axis of the frame anchor's ``dcm``
-times the pulley's. Motion patterns with one or two translations lie in the x-y plane, and gravity, which its files do
-not carry, acts along their last translation.
+times the pulley's. Motion patterns with one or two translations are in the x-y plane, and gravity, which its files do
+not contain, acts along their last translation.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ TITLE = "cdpyr's JSON or YAML"
 MARKS = {"kinematic_chains"}
 
 LIGHTEST_MATERIAL = 100.0
-"""A cable's density above this is kg/m³, below it kg/m: no rope is lighter than cork, or heavier than a rail."""
+"""A cable density above this value is in kg/m³, below it in kg/m: no rope is less dense than cork, or heavier than a
+rail."""
 
 PATTERNS: dict[tuple[int, int], tuple[str | None, bool]] = {
     (3, 3): (None, True),
@@ -32,11 +33,11 @@ PATTERNS: dict[tuple[int, int], tuple[str | None, bool]] = {
     (2, 1): ("xy", True),
     (2, 0): ("xy", False),
 }
-"""Per (translations, rotations): the plane of a planar robot, and whether the platform turns."""
+"""For each (translations, rotations): the plane of a planar robot, and whether the platform rotates."""
 
 
 _Row = tuple[Unbounded, Unbounded, Unbounded]
-"""Infinity is cdpyr's word for what is not given."""
+"""cdpyr writes infinity for a value that is not given."""
 
 
 class _Pulley(Part):
@@ -74,7 +75,7 @@ class _Platform(Part):
 
 
 class _Modulus(Part):
-    tangent_stiffness: list[Number] | None = None
+    elasticities: list[Number] | None = None
     viscosities: list[Any] | None = None
 
 
@@ -112,7 +113,7 @@ def read(document: Any, path: Path) -> Draft:
     """The robot of such a file.
 
     Raises:
-        InvalidInput: something is missing or cannot be right, or there are several platforms.
+        InvalidInput: something is missing or invalid, or there are several platforms.
     """
     file = as_model(_Robot, document)
     if len(file.platforms) != 1:
@@ -125,7 +126,7 @@ def read(document: Any, path: Path) -> Draft:
             "expected 3 and 3, 3 and 2, 3 and 0, 2 and 1, or 2 and 0"
         )
     if pattern == (3, 2):
-        notes.append("The platform does not turn about its own axis there; here it does.")
+        notes.append("The platform does not rotate about its own axis there; here it does.")
     plane, turns = PATTERNS[pattern]
     ends = [_picked("frame_anchor", file.frame.anchors, one.frame_anchor) for one in file.kinematic_chains]
     cables = [_picked("cable", file.cables, one.cable) for one in file.kinematic_chains]
@@ -134,9 +135,9 @@ def read(document: Any, path: Path) -> Draft:
     if any(end.drivetrain for end in ends):
         notes.append("Motors, gearboxes and drums of its winches were left out.")
     if any(cable.modulus and cable.modulus.viscosities for cable in cables):
-        notes.append("The viscosity of its cables was left out: at rest they have none.")
+        notes.append("The viscosity of its cables was left out: it has no effect in static equilibrium.")
     if plane:
-        notes.append("Gravity, which its file does not carry, acts along its y axis, as in cdpyr's own planar robots.")
+        notes.append("Gravity, which its file does not contain, acts along y, as in cdpyr's own planar robots.")
     return Draft(
         name=file.name or path.stem,
         exits=[end.position for end in ends],
@@ -172,10 +173,9 @@ def _section(cable: _Cable) -> float:
 
 
 def _stiffness(cables: list[_Cable]) -> list[float] | None:
-    """EA [N]: the first elasticity [Pa] is the spring that stands alone, times the section."""
+    """EA [N]: the first elasticity [Pa] is the static spring, times the section."""
     moduli = [
-        cable.modulus.tangent_stiffness[0] if cable.modulus and cable.modulus.tangent_stiffness else None
-        for cable in cables
+        cable.modulus.elasticities[0] if cable.modulus and cable.modulus.elasticities else None for cable in cables
     ]
     if None in moduli:
         return None
@@ -183,7 +183,7 @@ def _stiffness(cables: list[_Cable]) -> list[float] | None:
 
 
 def _density(cable: _Cable) -> float:
-    """Of a length of cable [kg/m]."""
+    """Mass per length of a cable [kg/m]."""
     if cable.density is None or not math.isfinite(cable.density):
         return 0.0
     return cable.density * _section(cable) if cable.density > LIGHTEST_MATERIAL else cable.density

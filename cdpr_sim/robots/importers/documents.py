@@ -1,4 +1,4 @@
-"""Files of other projects as plain data: XML, JSON and YAML, with one sentence for whatever is wrong with them."""
+"""Files of other projects as plain data: XML, JSON and YAML, with one sentence for every error."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from cdpr_sim.core.errors import LONGEST, InvalidInput
 from cdpr_sim.core.files import read_bytes
 
 LARGEST_FILE = 1_000_000
-"""Bytes; a thousand cables take half of it in the most talkative of these formats."""
+"""Largest size of a file [bytes]; a thousand cables take half of it in the most verbose of these formats."""
 
 IRREGULAR = re.compile(r'("(?:[^"\\]|\\.)*")|,(?=\s*[\]}])|(?<=\d)(\.)(?!\d)')
-"""Text, which is kept; and what is common and not JSON: commas before closing brackets, numbers that end in a point."""
+"""Pattern of JSON strings, which are kept, and of common deviations from JSON: commas before closing brackets, numbers
+that end in a point."""
 
 
 class Part(BaseModel):
-    """A part of a JSON or YAML file, of which only what is declared here is read."""
+    """Base of parts of a JSON or YAML file, of which only the declared fields are read."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
@@ -37,14 +38,14 @@ Model = TypeVar("Model", bound=Part)
 
 
 def _number(value: Any) -> Any:
-    """``1e-5`` is text in YAML 1.1, and is meant as a number; true is not 1."""
+    """Convert text to a number, since ``1e-5`` is text in YAML 1.1; refuse booleans."""
     if isinstance(value, bool):
         raise ValueError("expected a number")
     return value
 
 
 def _row(value: Any) -> Any:
-    """A column of one-element lists is a vector as well."""
+    """Accept a column of one-element lists as a vector."""
     if isinstance(value, list) and all(isinstance(one, list) and len(one) == 1 for one in value):
         return [one[0] for one in value]
     return value
@@ -57,7 +58,7 @@ Matrix = tuple[Vector, Vector, Vector]
 
 
 def read_document(path: Path) -> Any:
-    """The file as an XML element, or as what JSON and YAML are made of.
+    """The file as an XML element, or as the data types of JSON and YAML.
 
     Raises:
         InvalidInput: no such file, none of these formats, or one that cannot be read; the message says which file.
@@ -83,7 +84,7 @@ def read_document(path: Path) -> Any:
         where = f" in line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise InvalidInput(f"{path}: is not YAML: {error.problem or error.context}{where}") from None
     except (ParseError, yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError) as error:
-        # the last four: what the parsers let through of encodings, tags and dates that do not exist
+        # the last four: errors that the parsers raise for encodings, tags and dates that do not exist
         kind = "YAML" if syntax is _yaml else "JSON" if syntax is _json else "XML"
         raise InvalidInput(f"{path}: is not {kind}: {shown(str(error))}") from None
 
@@ -97,10 +98,10 @@ def _json(content: bytes) -> Any:
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain data alone, and no merge keys, of which a few lines can make gigabytes."""
+    """Plain data only, and no merge keys, of which a few lines can produce gigabytes."""
 
     def flatten_mapping(self, node: yaml.MappingNode) -> None:
-        pass  # what is left of a merge key has no constructor, and is refused
+        pass  # a merge key then has no constructor, and is refused
 
 
 def _yaml(content: bytes) -> Any:
@@ -114,14 +115,14 @@ SYNTAXES: dict[str, Callable[[bytes], Any]] = {
     ".yaml": _yaml,
     ".yml": _yaml,
 }
-"""Per suffix, what reads it."""
+"""Parser of each suffix."""
 
 
 def as_model(model: type[Model], document: Any) -> Model:
-    """What the file says, checked.
+    """The data of the file, checked.
 
     Raises:
-        InvalidInput: something is missing or cannot be right; the message says where in the file.
+        InvalidInput: something is missing or invalid; the message gives the place in the file.
     """
     try:
         return model.model_validate(document)
@@ -137,7 +138,7 @@ def as_model(model: type[Model], document: Any) -> Model:
 
 
 def child(element: Element, tag: str) -> Element:
-    """The first element of that name inside.
+    """The first child element with that tag.
 
     Raises:
         InvalidInput: there is none.
@@ -149,20 +150,20 @@ def child(element: Element, tag: str) -> Element:
 
 
 def numbers(element: Element, tag: str, count: int) -> list[float]:
-    """The ``count`` numbers that stand in the element of that name inside.
+    """The ``count`` numbers in the child element with that tag.
 
     Raises:
-        InvalidInput: others.
+        InvalidInput: anything else.
     """
     found = child(element, tag)
     return spelled(f"<{tag}>", (found.text or "").split(), (count,)).tolist()
 
 
 def attribute(element: Element, name: str, default: float | None = None) -> float:
-    """A number among the attributes.
+    """A numeric attribute.
 
     Raises:
-        InvalidInput: no number, or none at all where there is no ``default``.
+        InvalidInput: not a number, or missing without a ``default``.
     """
     text = element.get(name, default)
     if text is None:
@@ -171,10 +172,10 @@ def attribute(element: Element, name: str, default: float | None = None) -> floa
 
 
 def spelled(field: str, text: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
-    """Numbers that stand in a document as text.
+    """Numbers from text in a document.
 
     Raises:
-        InvalidInput: no numbers, or not of that shape.
+        InvalidInput: not numbers, or not of that shape.
     """
     try:
         values = np.array(text, dtype=float)

@@ -1,4 +1,4 @@
-"""A robot on its way in: what another project's file says, in SI units, before it becomes one of ours."""
+"""A draft of a robot: the data of another project's file in SI units, before it becomes a ``Robot``."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
 
 STRAIN = 1e-3
-"""Of cables whose elasticity a file does not give, under the platform's weight."""
+"""Strain under the platform's weight of cables whose elasticity a file does not give."""
 
 IN_PLANE = 1e-9
-"""[m] How far points of a planar robot may lie from one plane."""
+"""[m] Largest distance of a planar robot's points from one plane."""
 
 SHALLOW = 0.1
-"""Of a frame's width: lower exits leave no room for a platform between them and the floor."""
+"""Fraction of a frame's width: lower exits leave no room for a platform between them and the floor."""
 
 TO_XZ = {
     "xz": np.eye(3),
     "xy": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "yz": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
 }
-"""Matrices that lay a plane into the x-z plane, in which our planar robots live."""
+"""Matrices that rotate a plane into the x-z plane, in which planar robots of this package move."""
 
 
 @dataclass
 class Draft:
-    """Fields of ``Robot``, as far as the file gives them; ``notes`` says what it has not got, or has and we have not.
+    """Fields of ``Robot``, as far as the file gives them; ``notes`` lists what is missing on either side.
 
-    ``axial_stiffness`` is None where cables do not stretch; ``plane`` is that of a planar robot, and its gravity that
-    along the plane; ``home`` is where the file has the platform to begin with.
+    ``axial_stiffness`` is None for rigid cables; ``plane`` is that of a planar robot, and its gravity that
+    along the plane; ``home`` is the file's initial position of the platform.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Draft:
         """The robot, with a note for each thing that had to be assumed or left out.
 
         Raises:
-            InvalidInput: a field that cannot be right, or a platform that only shifts.
+            InvalidInput: an invalid field, or a platform that only translates.
         """
         mass = positive("mass", self.mass, "kg")
         exits = checked_array("exits", self.exits, (None, 3))
@@ -110,30 +110,30 @@ class Draft:
     def _refuse_rigid_translation(self, anchors: np.ndarray) -> None:
         if np.ptp(anchors, axis=0).any():
             raise InvalidInput(
-                "the platform shifts and does not turn, expected one that turns, or all anchors in one point"
+                "the platform translates and does not rotate, expected one that rotates, or all anchors in one point"
             )
         self.notes.append(
-            "The platform does not turn there; here it does, freely, about the point where all cables meet."
+            "The platform does not rotate there; here it rotates freely about the point where all cables meet."
         )
 
     def _flat(self, exits: np.ndarray, anchors: np.ndarray, center: np.ndarray) -> tuple[np.ndarray, ...]:
-        """All in y = 0, where cables and platform lie in one plane."""
+        """Exits, anchors and centre of mass in y = 0, where cables and platform lie in one plane."""
         depths = np.concatenate([exits[:, 1], anchors[:, 1]])
         if np.ptp(depths) > IN_PLANE:
             raise InvalidInput(
-                f"cables leave the plane by {np.ptp(depths):g} m, expected a planar robot's to lie in it"
+                f"cables leave the plane by {np.ptp(depths):g} m, expected those of a planar robot in the plane"
             )
         if self.plane != "xz":
             self.notes.append(f"Its {self.plane[0]}-{self.plane[1]} plane became the x-z plane.")  # type: ignore[index]
         return tuple(points * [1, 0, 1] for points in (exits, anchors, center))
 
     def _deep(self, exits: np.ndarray) -> np.ndarray | None:
-        """A frame as deep as it is wide, where the exits lie on the floor or below it; None where they do not."""
-        top, width = exits[:, 2].max(), np.ptp(exits[:, :2], axis=0).max() or 1.0  # of one exit, a metre
+        """A frame as deep as it is wide, where the exits lie on the floor or below it; else None."""
+        top, width = exits[:, 2].max(), np.ptp(exits[:, :2], axis=0).max() or 1.0  # for a single exit, a metre
         if top - min(exits[:, 2].min(), 0.0) > SHALLOW * width:
             return None
         self.notes.append(
-            f"Its exits lie on the floor, z = 0: the platform was taken to hang in {width:.3g} m below them."
+            f"Its exits lie on the floor, z = 0: the platform was assumed to hang {width:.3g} m below them."
         )
         return np.array([np.append(exits[:, :2].min(0), top - width), exits.max(0)])
 
@@ -148,7 +148,7 @@ class Draft:
         return assumed
 
     def _upright_wheels(self, radius: np.ndarray, axes: np.ndarray) -> np.ndarray:
-        """Wheels whose cables arrive in the plane; others have no place in it."""
+        """Wheels whose cables arrive in the plane; others are left out."""
         across = (radius > 0) & (np.abs(axes[:, 1]) > IN_PLANE)
         if across.any():
             self.notes.append("Its pulleys were left out: their cables arrive from outside the plane.")
@@ -166,7 +166,7 @@ class Draft:
         return np.where(both, 0.0, density)
 
     def _inertia(self, turn: np.ndarray) -> ArrayLike | None:
-        """Turned with the robot; None, for a uniform box, where the file's is no body's."""
+        """Inertia rotated with the robot; None, for a uniform box, if the file's is physically impossible."""
         if self.inertia is None:
             return None
         inertia = checked_array("inertia", self.inertia, (3, 3))
@@ -176,21 +176,21 @@ class Draft:
         about = float((turn @ inertia @ turn.T)[1, 1])
         if self.plane is not None and about > 0:
             self.notes.append(
-                "Of its inertia only the moment about the plane's normal was taken: the others are no body's."
+                "Of its inertia only the moment about the plane's normal was used: all are physically impossible."
             )
             return [about / 2, about, about / 2]
-        self.notes.append("Its inertia is no body's, and was replaced by that of a uniform box.")
+        self.notes.append("Its inertia is physically impossible, and was replaced by that of a uniform box.")
         return None
 
     def _size(self, anchors: np.ndarray) -> ArrayLike | None:
         if self.platform_size is not None or anchors.any():
             return self.platform_size
-        self.notes.append("All cables meet at the platform's origin: it is drawn, and turns, as a box of 0.1 m.")
+        self.notes.append("All cables meet at the platform's origin: it is drawn as a box of 0.1 m, with its inertia.")
         return (0.1, 0.1, 0.1)
 
 
 def _workspace(exits: np.ndarray, frame: np.ndarray | None, home: np.ndarray | None) -> np.ndarray | None:
-    """A box around ``home`` within the frame, half as large at most; None where there is no home in the frame."""
+    """A box around ``home`` within the frame, at most half as large; None if there is no home in the frame."""
     if frame is None:
         frame = np.array([np.append(exits[:, :2].min(0), min(exits[:, 2].min(), 0.0)), exits.max(0)])
     lower, upper = frame.min(0), frame.max(0)

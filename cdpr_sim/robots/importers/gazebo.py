@@ -1,7 +1,7 @@
 """Robots of the Gazebo plugin ``oKermorgant/cdpr``: YAML with the points of each cable on the frame and the platform.
 
-Its Gazebo model takes the same numbers: metres, roll-pitch-yaw about fixed axes, inertia about the platform's origin in
-the order xx, yy, zz, xy, xz, yz. Cables there are driven by force and do not stretch.
+Its Gazebo model uses the same numbers: metres, roll-pitch-yaw about fixed axes, inertia about the platform's origin in
+the order xx, yy, zz, xy, xz, yz. Cables there are force-controlled and rigid.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ TITLE = "oKermorgant/cdpr's YAML"
 MARKS = {"points", "model"}
 
 
-class _Point(Part):
+class _Attachment(Part):
     frame: Vector
     platform: Vector
 
@@ -59,8 +59,8 @@ class _Joints(Part):
     actuated: _Actuated = _Actuated()
 
 
-class _Model(Part):
-    points: list[_Point] = Field(min_length=1)
+class _Document(Part):
+    points: list[_Attachment] = Field(min_length=1)
     platform: _Platform
     frame: _Frame | None = None
     joints: _Joints = _Joints()
@@ -70,9 +70,9 @@ def read(document: Any, path: Path) -> Draft:
     """The robot of such a file.
 
     Raises:
-        InvalidInput: something is missing or cannot be right.
+        InvalidInput: something is missing or invalid.
     """
-    model = as_model(_Model, document["model"] if "points" not in document else document)
+    model = as_model(_Document, document["model"] if "points" not in document else document)
     platform = model.platform
     inertia = platform.inertia
     if inertia is None and (given := platform.inertial) is not None:

@@ -32,7 +32,7 @@ def score(
 
     Exit status: 0 if all that is called solved is, 1 if something is not, 2 for input that cannot be right.
     """
-    from cdpr_sim.report import score as report
+    from cdpr_sim.report import score_tables
     from cdpr_sim.studies import problem_set
     from cdpr_sim.studies import score as studies
 
@@ -53,8 +53,8 @@ def score(
             for name in solver
         ]
     if as_json:
-        print_json(report.scores_json(scores))
+        print_json(score_tables.scores_json(scores))
     else:
-        Output().print(report.score_table(scores))
+        Output().print(score_tables.score_table(scores))
     wrong = any(one.claimed and not one.solved for each in scores for one in each.outcomes)
     raise typer.Exit(DISAGREE if wrong else 0)

@@ -1,14 +1,14 @@
 """A cable as a chain of finitely many pieces: springs that only pull, in a row, between nodes that have the weight.
 
-This is what a simulator has in place of a cable with mass. The mathematics solves the same finite chain, so
-that the two can be compared to the last digit, and the chain with the catenary to which it tends.
+A simulator replaces a cable with mass by such a chain. The mathematics solves the same finite chain, so
+that the two can be compared to the last digit, and the chain with the catenary, its limit.
 
 Let t be the tension at the exit end, a vector, and W_1, W_2, ... the weights of the nodes between; then piece j is
 under the tension t_j = t + (W_1 + ... + W_(j−1)) up, and from exit to anchor a chain of pieces ℓ_j at rest spans
 
     d(t) = Σ ℓ_j (1/EA + 1/|t_j|) t_j = ∂/∂t Σ ℓ_j (|t_j|²/(2 EA) + |t_j|),
 
-the slope of a convex function. A piece whose tension is nothing has any length up to ℓ_j, and any direction.
+the slope of a convex function. A piece without tension has any length up to ℓ_j, and any direction.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from cdpr_sim.statics.forces import cross_matrix, load_wrench
 Array = np.ndarray
 
 MAX_ITERATIONS = 200
-"""Of either Newton iteration; some ten do."""
+"""Largest number of steps of either Newton iteration; about ten suffice."""
 
 ENOUGH = 4 * np.finfo(float).eps
-"""How far off its anchor a chain may end, per length."""
+"""Largest distance between a chain's end and its anchor, per length."""
 
 BALANCED = 1e-12
-"""Unbalanced force of a platform on chains, per load, that nobody betters."""
+"""Unbalanced force of a platform on chains, per load, at the level of rounding."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -48,7 +48,7 @@ class Division(NamedTuple):
 
 
 class Chain(NamedTuple):
-    """What a hanging chain does.
+    """State of a hanging chain.
 
     Attributes:
         pull: force on the anchor, the last node's weight included, base frame, (3,) [N].
@@ -114,7 +114,7 @@ def equilibrium_of_chains(
     position: Float[Array, "3"],
     rotation: Float[Array, "3 3"],
 ) -> tuple[Float[Array, "3"], Float[Array, "3 3"], float]:
-    """Where the platform rests with a chain in place of each cable, by Newton's method from a pose near by.
+    """Equilibrium of the platform with a chain in place of each cable, by Newton's method from a nearby pose.
 
     Args:
         problem: robot and load; its rest lengths are those of ``lengths``.
@@ -125,7 +125,7 @@ def equilibrium_of_chains(
 
     Returns:
         Position, rotation matrix and the largest unbalanced force [N], torques over characteristic lengths. Steps end
-        when they no longer make that smaller; whether it is small is for the caller to say.
+        when they no longer reduce that force; whether it is small enough is decided by the caller.
     """
     robot = problem.robot
     free, units = robot.free, robot.units

@@ -1,13 +1,14 @@
-"""Random robots on cables with mass through both methods, certified from outside either.
+"""Stress test: random robots with cables with mass, solved by both methods and checked by independent computations.
 
-Of the solver's answers forces balance, each cable that pulls as it is said to ends at its anchor by Irvine's equations
-in extended precision, and the platform returns when it is moved. Where there is no answer there is no rest: least
-squares from sixty poses anywhere show how much of the load is left unbalanced at best. In MuJoCo every robot settles,
-where the solver has it or at another equilibrium that both methods confirm. Exit status 1 if anything is otherwise.
+A result of the solver is certified if its forces balance, if by Irvine's equations in extended precision each cable
+with the reported tension ends at its anchor, and if the platform returns after a displacement. Where the solver finds
+no equilibrium, least squares from sixty random poses compute the smallest unbalanced load, which has to be large. In
+MuJoCo each robot has to settle at the solver's equilibrium, or at another one that both methods confirm. Otherwise the
+exit status is 1.
 """
 
 # pyright: reportMissingImports=false
-# What the tests are made of is imported from their folder.
+# Sample problems are imported from the folder of the tests.
 
 import argparse
 import sys
@@ -27,11 +28,11 @@ from test_heavy_kernel import Case, certify, random_case
 
 SOLVES, SETTLES = 10_000, 300
 STARTS, EVALUATIONS = 60, 300
-NO_REST = 1e-3  # of the load: what is left unbalanced where nothing balances
+NO_REST = 1e-3  # of the load: the smallest unbalanced load where no equilibrium exists
 
 
 def least_unbalanced(case: Case) -> float:
-    """The least force that least squares leave on the platform, of the load."""
+    """The smallest net force on the platform that least squares find, as a fraction of the load."""
     robot = case.robot
     load = max(robot.weight, np.abs(case.wrench / robot.units).max())
     random, size = np.random.default_rng(0), np.abs(robot.exits).max()
@@ -48,7 +49,7 @@ def least_unbalanced(case: Case) -> float:
 
 
 def solves(robots: int) -> list[str]:
-    """What is wrong among so many, a line each."""
+    """Check the solver with so many robots; return one line for each error."""
     wrong, certified, restless = [], 0, []
     for seed in range(robots):
         case = random_case(seed)
@@ -61,15 +62,15 @@ def solves(robots: int) -> list[str]:
             continue
         restless.append((seed, least_unbalanced(case)))
         if restless[-1][1] < NO_REST:
-            wrong.append(f"solve, robot {seed}: {restless[-1][1]:.0e} of the load can be left, and was not found")
-    print(f"{certified:,} of {robots:,} robots on cables with mass solved and certified")
+            wrong.append(f"solve, robot {seed}: an equilibrium may exist ({restless[-1][1]:.0e} of the load)")
+    print(f"{certified:,} of {robots:,} robots with cables with mass solved and certified")
     for seed, left in restless:
-        print(f"  robot {seed}, under a torque: nothing balances it to better than {left:.1e} of the load")
+        print(f"  robot {seed}, with an external torque: the unbalanced load is at least {left:.1e} of the load")
     return wrong
 
 
 def settles(robots: int) -> list[str]:
-    """The same of MuJoCo."""
+    """Check MuJoCo in the same way."""
     wrong, verdicts, apart = [], Counter(), []
     for seed in range(robots):
         robot, position, random = random_robot(seed, stiffest=1e6)
@@ -88,7 +89,7 @@ def settles(robots: int) -> list[str]:
     print(f"{sum(verdicts.values())} of {robots} settled in MuJoCo:")
     for verdict, count in verdicts.items():
         print(f"  {count}: {verdict.value}")
-    print(f"  those that agree are {np.median(apart):.0e} m apart in the median, {max(apart):.0e} m at most")
+    print(f"  position difference of those that agree: median {np.median(apart):.0e} m, largest {max(apart):.0e} m")
     return wrong
 
 

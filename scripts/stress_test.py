@@ -1,11 +1,12 @@
-"""Hostile robots through both methods: what each says is checked by a force balance of this script's own.
+"""Stress test: extreme robots solved by both methods, and each result checked by the force balance of this script.
 
-Robots of 1 to 8 cables or fully constrained, 1 cm to 100 m, EA of 1 N to 100 MN, spatial and planar, under wrenches,
-weightless, drawn tight, or nearly degenerate, at poses anywhere. An answer is certified if forces balance to two
-millionths of the load, counted here in plain NumPy from the paper's Eq. 3, 4, 8 to 11; of a sample, the stiffness is
-differenced as well, and must be what the answer calls it. Refused is what the package would not ask, and no rest what
-it asked without an answer, each by an error of its own or by a mark. Exit status 1 if any answer is wrong, or an error
-is not the package's own.
+The robots have 1 to 8 cables or are fully constrained, have sizes of 1 cm to 100 m and an EA of 1 N to 100 MN, are
+spatial or planar, have external wrenches, no gravity or high pretension, or are nearly degenerate. The poses are
+arbitrary. A result is certified if its forces balance to two millionths of the load, computed here in plain NumPy from
+the paper's Eq. 3, 4 and 8 to 11. For a sample, the stiffness is also computed by differences and compared with the
+reported stability. "Refused" counts invalid input, "no equilibrium" counts problems that were not solved; both are
+reported by an error of the package or by a status. Exit status 1 if any result is wrong or any error is not one of the
+package's own.
 """
 
 import argparse
@@ -21,22 +22,22 @@ import cdpr_sim as cdpr
 from cdpr_sim.report.table_style import new_table
 
 SOLVES, SETTLES = 100_000, 1000
-ROWS = 90  # of one robot in a batch; ten more robots are solved one by one
-SAMPLE = 0.1  # of the answers whose stability is differenced
-BALANCED = 2e-6  # of the load; the package promises 1e-6, and rounding differs between two ways of counting
+ROWS = 90  # rows of one robot in a batch; ten more robots are solved one by one
+SAMPLE = 0.1  # share of the results whose stiffness is computed by differences
+BALANCED = 2e-6  # of the load; the package guarantees 1e-6, and the two computations differ by rounding
 ORTHOGONAL = 1e-12  # rounding of a rotation matrix
-NEUTRAL = 1e-9  # of the largest eigenvalue: what the package calls rounding
-DIFFERENCED = 1e-4  # of the largest eigenvalue: MuJoCo's stiffness is differenced in real numbers
-VERDICTS = ("certified", "refused", "no rest")
+NEUTRAL = 1e-9  # of the largest eigenvalue: the package's bound of rounding
+DIFFERENCED = 1e-4  # of the largest eigenvalue: MuJoCo's stiffness is computed by real differences
+VERDICTS = ("certified", "refused", "no equilibrium")
 REFUSED = (cdpr.Status.FALLS, cdpr.Status.NOT_FINITE)
-KINDS = ("suspended", "constrained", "drawn tight", "weightless", "wrenched", "degenerate", "planar")
+KINDS = ("suspended", "constrained", "pretensioned", "weightless", "wrenched", "degenerate", "planar")
 
 
 def robot_of(kind: str, random: np.random.Generator) -> tuple[cdpr.Robot, float]:
-    """A robot, and its size [m]."""
+    """Return a robot and its size [m]."""
     size, platform = 10 ** random.uniform(-2, 2), 10 ** random.uniform(-3, 0)
     cables = int(random.integers(1, 9))
-    if kind in ("constrained", "drawn tight") or (kind == "weightless" and random.random() < 0.7):
+    if kind in ("constrained", "pretensioned") or (kind == "weightless" and random.random() < 0.7):
         corners = np.array(list(itertools.product([-1, 1], repeat=3)), dtype=float)
         exits, anchors = corners * [1, 0.8, 0.6], corners * random.uniform(0.5, 1, 3)
         if random.random() < 0.5:
@@ -81,7 +82,7 @@ def robot_of(kind: str, random: np.random.Generator) -> tuple[cdpr.Robot, float]
 def asked_of(
     kind: str, robot: cdpr.Robot, size: float, rows: int, random: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """Poses (rows, 6), and rest lengths and wrenches where the kind has them."""
+    """Return poses (rows, 6), and rest lengths and wrenches if the kind has them."""
     poses = np.hstack(
         [random.uniform(-0.8, 0.4, (rows, 3)) * size, random.normal(size=(rows, 3)) * random.choice([0, 0.3, 3])]
     )
@@ -89,7 +90,7 @@ def asked_of(
     if robot.mobility == "planar":
         poses[:, [1, 3, 5]] = 0
     asked = {"poses": poses}
-    if kind in ("drawn tight", "weightless") or random.random() < 0.2:
+    if kind in ("pretensioned", "weightless") or random.random() < 0.2:
         matrices = cdpr.Problems.of(robot, poses).rotations
         arms = np.einsum("nij,cj->nci", np.broadcast_to(matrices, (rows, 3, 3)), robot.anchors)
         lengths = np.linalg.norm(robot.exits - poses[:, None, :3] - arms, axis=-1)
@@ -117,9 +118,9 @@ def asked_of(
 def forces(
     problem: cdpr.Problem, position: np.ndarray, matrix: np.ndarray, step: np.ndarray | None = None
 ) -> np.ndarray:
-    """Net force and torque on the platform [N], torques over the characteristic length, on the free directions.
+    """Net force and torque on the platform [N] in the free directions; torques divided by the characteristic length.
 
-    With a ``step`` (translation, rotation vector), which may be imaginary, after it, the same cables taut.
+    A ``step`` (translation, rotation vector), which may be imaginary, moves the platform with the same cables taut.
     """
     robot = problem.robot
     arms, center = robot.anchors @ matrix.T, matrix @ robot.center_of_mass
@@ -140,7 +141,7 @@ def forces(
 
 
 def stiffness(problem: cdpr.Problem, position: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Eigenvalues [N/m] of minus the change of the forces, differenced along imaginary steps, which lose no digits."""
+    """Eigenvalues [N/m] of the stiffness matrix, by complex-step derivatives, which lose no digits."""
     free, columns = problem.robot.free, []
     for direction in free:
         step = np.zeros(6, dtype=complex)
@@ -151,29 +152,29 @@ def stiffness(problem: cdpr.Problem, position: np.ndarray, matrix: np.ndarray) -
 
 
 def judged(rest: cdpr.Equilibrium, random: np.random.Generator, matrix: np.ndarray | None = None) -> str:
-    """What is wrong with it, or "certified"; of a row in a batch, by its own rotation matrix."""
+    """Return "certified" or what is wrong with a result; a row of a batch has its own rotation matrix."""
     problem = rest.problem
     turned = rest.rotation.as_matrix() if matrix is None else matrix
     if np.abs(turned @ turned.T - np.eye(3)).max() > ORTHOGONAL:
-        return "turned by what is no rotation"
+        return "the rotation matrix is not a rotation"
     load = max(problem.robot.weight, np.abs(problem.external_wrench / problem.robot.units).max())
     scale = load or 1e-3 * problem.robot.axial_stiffness.mean()
     left = np.abs(forces(problem, rest.position, turned)).max()
     if not left <= BALANCED * scale:
-        return f"{left / scale:.1e} of the load unbalanced, said {rest.residual / scale:.1e}"
+        return f"{left / scale:.1e} of the load unbalanced, reported {rest.residual / scale:.1e}"
     if random.random() < SAMPLE:
         values = stiffness(problem, rest.position, turned)
         lowest, largest = values[0], np.abs(values).max()
         blur = (DIFFERENCED if rest.source == "mujoco" else NEUTRAL) * largest
         if rest.stable and lowest < (-blur if rest.source == "mujoco" else 0):
-            return f"called stable, with a stiffness of {lowest:.1e} of {largest:.1e} N/m"
+            return f"reported stable, with a smallest stiffness of {lowest:.1e} of {largest:.1e} N/m"
         if rest.stability is cdpr.Stability.UNSTABLE and lowest > blur:
-            return f"called unstable, with a least stiffness of {lowest:.1e} of {largest:.1e} N/m"
+            return f"reported unstable, with a smallest stiffness of {lowest:.1e} of {largest:.1e} N/m"
     return "certified"
 
 
 def attack(method: str, asked: int, seed: int) -> tuple[dict[str, Counter], list[str]]:
-    """Counts by kind of robot, and the wrong ones in words."""
+    """Return the counts by kind of robot, and a description of each wrong result."""
     counts, wrong = {kind: Counter() for kind in KINDS}, []
 
     def count(kind: str, verdict: str, number: int, row: int | None = None) -> None:
@@ -190,7 +191,7 @@ def attack(method: str, asked: int, seed: int) -> tuple[dict[str, Counter], list
             problem = {name: value[0] for name, value in asked_of(kind, robot, size, 1, random).items()}
             rest = {"solve": cdpr.solve, "settle": cdpr.settle}[method](robot, problem.pop("poses"), **problem)
         except (cdpr.NotConverged, cdpr.NotSettled):
-            count(kind, "no rest", number)
+            count(kind, "no equilibrium", number)
         except cdpr.CdprError:
             count(kind, "refused", number)
         else:
@@ -206,7 +207,7 @@ def attack(method: str, asked: int, seed: int) -> tuple[dict[str, Counter], list
             return
         for row in range(rows):
             converged = equilibria.converged[row]
-            no_rest = "refused" if equilibria.status[row] in REFUSED else "no rest"
+            no_rest = "refused" if equilibria.status[row] in REFUSED else "no equilibrium"
             verdict = judged(equilibria[row], random, equilibria.rotations[row]) if converged else no_rest
             count(kind, verdict, number, row)
 
@@ -216,7 +217,7 @@ def attack(method: str, asked: int, seed: int) -> tuple[dict[str, Counter], list
         rows = min(ROWS if method == "solve" and number % 11 == 0 else 1, asked - done)
         try:
             one(kind, number, random) if rows == 1 else many(kind, number, random, rows)
-        except Exception as error:  # what the package may not do
+        except Exception as error:  # any other exception is an error of the package
             count(kind, f"{type(error).__name__}: {error}", number)
         done, number = done + rows, number + 1
     return counts, wrong
@@ -230,7 +231,7 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("error", RuntimeWarning)
     warnings.simplefilter("ignore", cdpr.ImplausibleRobot)
-    table = new_table("Hostile robots", "method", "robots", *VERDICTS, "wrong", words=2)
+    table = new_table("Extreme robots", "method", "robots", *VERDICTS, "wrong", words=2)
     complaints = []
     for method, asked in (("solve", options.solves), ("settle", options.settles)):
         counts, wrong = attack(method, asked, options.seed)

@@ -1,4 +1,4 @@
-"""A second opinion on clearances: MuJoCo's own distances between capsules and boxes, on the same rests."""
+"""Reference for clearances: MuJoCo's own distances between capsules and boxes, at the same equilibria."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -15,10 +15,10 @@ from cdpr_sim.analysis.clearance import Clearances, frame_edges
 from cdpr_sim.core.robot import Robot
 
 RADIUS = 1e-6
-"""[m] Of the capsules that stand for centre lines: MuJoCo's have one, which is taken off again."""
+"""[m] Radius of the capsules that represent centre lines; it is subtracted from the distances."""
 
 FAR = 1e3
-"""[m] Beyond, MuJoCo need not look."""
+"""[m] Largest distance that MuJoCo has to compute."""
 
 
 def clearances_in_mujoco(

@@ -1,0 +1,72 @@
+"""Optional extras: what a solve and a settle do without, and the sentence of what needs one."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import cdpr_sim as cdpr
+from cdpr_sim.core.extras import LIBRARIES
+
+CORE = """
+import sys
+for name in {names!r}:
+    sys.modules[name] = None
+import cdpr_sim as cdpr
+from cdpr_sim.__main__ import main
+robot = cdpr.load_robot("parallel")
+assert cdpr.compare(cdpr.solve(robot, (0.3, 0.25, 0.1)), cdpr.settle(robot, (0.3, 0.25, 0.1))).agrees
+cdpr.solve_many(robot, [(0.3, 0.25, 0.1)] * 12)
+robot._repr_html_()
+sys.argv = ["cdpr-sim", "settle", "parallel"]
+main()
+"""
+"""Python without the libraries ``names``."""
+
+CALLS = {
+    "sweep": [lambda robot, path: cdpr.sweep(robot, (2, 2, 2)), lambda robot, path: cdpr.check(robot, (2, 2, 2)),
+              lambda robot, path: cdpr.open_sweep(path / "s.zarr")],
+    "video": [lambda robot, path: cdpr.write_video(
+        path / "v.mp4", cdpr.drive(robot, [(0.3, 0.25, 0.1)] * 2, seconds=1.0)
+    )],
+    "design": [lambda robot, path: cdpr.find_front(robot, [(0.3, 0.25, 0.1)], within=0.1)],
+    "proof": [lambda robot, path: cdpr.certify(cdpr.solve(robot, (0.3, 0.25, 0.1)))],
+}  # fmt: skip
+"""What needs each extra."""
+
+
+def test_solve_and_settle_need_no_extra():
+    """In Python, in a notebook and on the command line."""
+    names = [name for several in LIBRARIES.values() for name in several] + ["IPython", "pandas"]
+    done = subprocess.run([sys.executable, "-c", CORE.format(names=names)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "agree" in done.stdout
+
+
+@pytest.mark.parametrize("extra", LIBRARIES)
+def test_what_needs_an_extra_says_which_and_writes_nothing(extra, tmp_path, monkeypatch):
+    """Whichever of its libraries is missing."""
+    robot = cdpr.load_robot("parallel")
+    for name in LIBRARIES[extra]:
+        with monkeypatch.context() as patch:
+            patch.setitem(sys.modules, name, None)
+            for call in CALLS[extra]:
+                with pytest.raises(
+                    cdpr.MissingExtra,
+                    match=re.escape(f'{name}, expected it installed: pip install "cdpr-sim[{extra}]"'),
+                ):
+                    call(robot, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_each_library_is_in_its_extra():
+    """As pyproject.toml has it; flint's distribution is python-flint."""
+    extras = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    for extra, names in LIBRARIES.items():
+        listed = {re.split(r"[\[<>=]", one)[0].replace("-", "_").removeprefix("python_") for one in extras[extra]}
+        assert set(names) == listed
