@@ -56,6 +56,9 @@ def natural_modes(
 ) -> Modes:
     """Natural frequencies and mode shapes about an equilibrium.
 
+    Cables count as springs: their own inertia and oscillation are neglected, also where their mass makes them sag. A
+    mode near a cable's own lowest frequency, sqrt(tension/density)/(2 length), couples with it.
+
     Args:
         equilibrium: an equilibrium by either method, without other arguments; or a problem, or a robot with the
             arguments of ``solve``.

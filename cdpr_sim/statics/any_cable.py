@@ -53,6 +53,9 @@ NEARLY_SOLVED = 1e-11
 STRAIN_STEPS = 60
 """Newton steps to the strain of a given tension; a handful do."""
 
+LENGTH_STEPS, LENGTH_ROUNDING = 50, 1e-14
+"""Newton steps to the rest length of a given tension, and the relative step that ends them."""
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2
 
@@ -142,6 +145,40 @@ def any_cable_slopes(
         "...ab,...qb->...qa", found.stiffness, np.stack([length, stiffness, radius * (r > 0)[..., None]], -2)
     )
     return turned[..., 0, :] - weights[..., None] * up, turned[..., 1, :], turned[..., 2, :]
+
+
+def rest_lengths_under(
+    cabling: Cabling,
+    apart: Float[np.ndarray, "cables 3"],
+    tensions: Float[np.ndarray, " cables"],
+    weights: Float[np.ndarray, " cables"],
+    wrapped: Float[np.ndarray, " cables"],
+) -> Float[np.ndarray, " cables"]:
+    """Rest lengths with which cables have these tensions at their anchors [m]; nan below what their weight alone gives.
+
+    Tension falls as the rest length grows, and is convex: Newton's method from the massless length, which is too short.
+    Where a cable sags so much that tension rises with more length, there is no smaller one.
+
+    Args:
+        cabling: the cables.
+        apart: from exits to anchors, base frame, (cables, 3) [m].
+        tensions: (cables,) [N].
+        weights: per rest length, (cables,) [N/m].
+        wrapped: the massless first part of each rest length, (cables,) [m].
+    """
+    rest = cable_law.rest_length_for(cable_path.paths(cabling, -apart)[0], tensions, *cabling.law)
+    for _ in range(LENGTH_STEPS):
+        found = any_cables(cabling.packed, apart, rest, weights, wrapped)
+        by_length, _, _ = any_cable_slopes(cabling.packed, found, rest, weights, wrapped)
+        beyond = found.anchor_tension - tensions
+        with np.errstate(all="ignore"):
+            slope = (found.pull * by_length).sum(-1) / found.anchor_tension
+            step = np.where((beyond == 0) | (tensions == 0), 0.0, beyond / slope)
+            rest = np.where(slope < 0, rest - step, np.nan)
+            done = np.abs(step) <= LENGTH_ROUNDING * rest
+        if (done | np.isnan(rest)).all():
+            break
+    return np.where(done, rest, np.nan)
 
 
 def profiles(

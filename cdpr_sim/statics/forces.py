@@ -101,6 +101,8 @@ class State:
     @property
     def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
         """W (Eq. 4)."""
+        if self.hanging is not None:
+            return _wrenches(self.pull_directions, self.geometry.arms)
         return self.geometry.wrench_matrix
 
     @cached_property
