@@ -167,6 +167,7 @@ def rest_lengths_under(
         wrapped: the massless first part of each rest length, (cables,) [m].
     """
     rest = cable_law.rest_length_for(cable_path.paths(cabling, -apart)[0], tensions, *cabling.law)
+    done = np.zeros(len(rest), bool)
     for _ in range(LENGTH_STEPS):
         found = any_cables(cabling.packed, apart, rest, weights, wrapped)
         by_length, _, _ = any_cable_slopes(cabling.packed, found, rest, weights, wrapped)
