@@ -159,7 +159,6 @@ def identify(
     """
     refuse_unless(Robot, robot=robot)
     refuse_unless(Measurements, measurements=measurements)
-    robot.cabling.refuse_weight("identify")
     measurements.check_robot(robot)
     wanted = _wanted(robot, unknowns)
     known = measurements.known
