@@ -13,7 +13,7 @@ import numpy as np
 import cdpr_sim as cdpr
 from cdpr_sim.design import search
 from cdpr_sim.design.moves import Move, Space
-from cdpr_sim.design.robot_batch import Cases, RobotBatch, rest
+from cdpr_sim.design.robot_batch import Cases, RobotBatch, solve_layouts
 
 ROBOT = "parallel"
 POSES = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 18)]  # m, along the paper's line
@@ -36,14 +36,14 @@ def main() -> None:
         for name, space in spaces.items()
     }
     sets["layouts of a search"] = tried(robot)
-    rest(sets["exits within 50 mm"].take(slice(0, 5)), cases)  # compiles
+    solve_layouts(sets["exits within 50 mm"].take(slice(0, 5)), cases)  # compiles
     cores = os.cpu_count() or 1
     print(f"{ROBOT}, {len(POSES)} poses; {cores} cores, load {os.getloadavg()[0]:.1f}; medians of {REPEATS}\n")
     columns = ("one core [1/s]", "by CPU time", "all cores [1/s]", "iterations", "unsolved")
     print(f"{'worst tilt of random layouts':>32}" + "".join(f"{column:>17}" for column in columns))
     for name, layouts in sets.items():
         one, all_cores = (rates(layouts, cases, threads) for threads in (1, cores))
-        found = rest(layouts, cases)
+        found = solve_layouts(layouts, cases)
         lost = int((~found.converged).any(1).sum())
         numbers = [*(f"{rate:,.0f}" for rate in (*one, all_cores[0])), f"{found.iterations.mean():.1f}", str(lost)]
         print(f"{name:>32}" + "".join(f"{number:>17}" for number in numbers))
@@ -60,7 +60,7 @@ def rates(layouts: RobotBatch, cases: Cases, threads: int) -> tuple[float, float
     runs = []
     for _ in range(REPEATS):
         wall, busy = time.perf_counter(), time.process_time()
-        rest(layouts, cases, threads).tilt.max(-1)
+        solve_layouts(layouts, cases, threads).tilt.max(-1)
         runs.append((len(layouts) / (time.perf_counter() - wall), len(layouts) / (time.process_time() - busy)))
     return statistics.median(run[0] for run in runs), statistics.median(run[1] for run in runs)
 
@@ -71,13 +71,13 @@ def tried(robot: cdpr.Robot) -> RobotBatch:
 
     def noted(layouts, cases, threads=None):
         seen.append(layouts)
-        return rest(layouts, cases, threads)
+        return solve_layouts(layouts, cases, threads)
 
-    search.rest = noted
+    search.solve_layouts = noted
     try:
         cdpr.find_layout(robot, POSES, move=Move("exits", BOX), generations=GENERATIONS, polish=False)
     finally:
-        search.rest = rest
+        search.solve_layouts = solve_layouts
     names = ("exits", "anchors", "axial_stiffness", "linear_density", "center_of_mass")
     return RobotBatch(robot, *(np.concatenate([getattr(one, name) for one in seen]) for name in names))
 

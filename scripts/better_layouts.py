@@ -34,14 +34,15 @@ def main() -> None:
         "slack there, at most",
         "MuJoCo − Newton [mm]",
         "layouts tried",
-        words=0,
+        text_columns=0,
     )
     for proof in proofs:
-        found = proof.found
+        found = proof.layout
         table.add_row(
-            f"{1e3 * found.distance:.1f}", f"{np.degrees(found.after):.4g}", f"{np.degrees(proof.after.score):.4g}",
+            f"{1e3 * found.largest_displacement:.1f}", f"{np.degrees(found.after):.4g}",
+            f"{np.degrees(proof.after.score):.4g}",
             f"{proof.after.settled.slack.sum(-1).max()} of {found.robot.cables}",
-            f"{1e3 * proof.after.errors['position_error']:.1e}", f"{found.tried:,}",
+            f"{1e3 * proof.after.errors['position_error']:.1e}", f"{found.layouts_evaluated:,}",
         )  # fmt: skip
     console.print(table)
     series = []
@@ -50,11 +51,17 @@ def main() -> None:
             cdpr.load_robot("parallel"), LINE, move=cdpr.Move("exits", FRAME_TOP), generations=GENERATIONS
         )
         near = front.scores[front.scores[:, 0] <= FURTHEST]
-        series.append((f"NSGA-II, {front.tried:,} layouts", near * [1e3, np.degrees(1)]))
+        series.append((f"NSGA-II, {front.layouts_evaluated:,} layouts", near * [1e3, np.degrees(1)]))
     except cdpr.InvalidInput as error:
         console.print(str(error), highlight=False)
-    by_limit = np.array([(proof.found.distance, proof.found.after) for proof in proofs]) * [1e3, np.degrees(1)]
-    confirmed = np.array([(proof.found.distance, proof.after.score) for proof in proofs]) * [1e3, np.degrees(1)]
+    by_limit = np.array([(proof.layout.largest_displacement, proof.layout.after) for proof in proofs]) * [
+        1e3,
+        np.degrees(1),
+    ]
+    confirmed = np.array([(proof.layout.largest_displacement, proof.after.score) for proof in proofs]) * [
+        1e3,
+        np.degrees(1),
+    ]
     series.append(("differential evolution and gradient, one limit each", by_limit))
     figure = draw_front(
         series,
@@ -62,10 +69,10 @@ def main() -> None:
         "How far must the exits of parallel move to make it level?",
         "Each point is a layout with both mirrors kept and its exits within the frame, looked for at 18 poses of the "
         "paper's line at z = 0.1 m; hollow: settled in MuJoCo at 35.",
-        given=(0.0, float(np.degrees(proofs[0].found.before))),
+        given=(0.0, float(np.degrees(proofs[0].layout.before))),
         confirmed=confirmed,
     )
-    shown = next(proof for proof in proofs if proof.found.distance > SHOWN - 1e-3)
+    shown = next(proof for proof in proofs if proof.layout.largest_displacement > SHOWN - 1e-3)
     FOLDER.mkdir(exist_ok=True)
     write_whole({
         FOLDER / "layout-front.png": encoded(figure, "png"),
@@ -82,7 +89,7 @@ def main() -> None:
         "masts [m]",
     )
     for what, proof in crane_masts().items():
-        found = proof.found
+        found = proof.layout
         masts = found.robot.exits[:, 2] - found.given.exits[:, 2]
         table.add_row(
             what, f"{1e3 * found.before:.2f}", f"{1e3 * found.after:.2f}", f"{1e3 * proof.after.score:.2f}",
@@ -99,7 +106,7 @@ def main() -> None:
         for one in frame_numbers(robot)[:3]:
             shifts, turns = 1e3 * one.shifts, np.degrees(one.turns)
             spread = (f"{number:.2f}" for values in (shifts, turns) for number in (_rms(values), values.max()))
-            table.add_row(one.name, *spread, f"{1e3 * one.apart:.1e}")
+            table.add_row(one.name, *spread, f"{1e3 * one.method_difference:.1e}")
         console.print(table)
     print("layout-front.png, better-layout.png")
 

@@ -8,7 +8,7 @@ import sys
 
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.studies.zoo_check import DRAWN_IN, visit
+from cdpr_sim.studies.zoo_check import PRETENSION_STRAIN, check_robot
 
 POSES = 200  # random poses without rotation, per robot
 HEAD = (
@@ -30,11 +30,11 @@ def main(names: list[str]) -> None:
     print(f"{HEAD[0]:>22}" + "".join(f"{word:>13}" for word in HEAD[1:]))
     for name in names or cdpr.list_robots():
         robot = cdpr.load_robot(name)
-        for drawn_in in (0.0, DRAWN_IN) if robot.kind == "fully constrained" else (0.0,):
-            found = visit(robot, POSES, drawn_in)
+        for strain in (0.0, PRETENSION_STRAIN) if robot.kind == "fully constrained" else (0.0,):
+            found = check_robot(robot, POSES, strain)
             counts = [found.verdicts[verdict] for verdict in Verdict]
             print(
-                f"{name:>22}{drawn_in:>13.1%}"
+                f"{name:>22}{strain:>13.1%}"
                 + "".join(f"{count:>13}" for count in (*counts, found.unsolved))
                 + f"{1e3 * found.position_error:>13.1e}{found.tension:>13.4g}{found.tension_error:>13.1e}",
                 flush=True,

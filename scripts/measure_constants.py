@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 from unittest.mock import patch
@@ -27,7 +27,8 @@ from rich.console import Console
 from rich.markup import escape
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis import clearance, compensation, equilibria, identification, tensions
+from cdpr_sim.analysis import clearance, compensation, equilibria, identifiability, identification, tensions
+from cdpr_sim.analysis.measurements import COORDINATES
 from cdpr_sim.analysis.workspace import sweep
 from cdpr_sim.analysis.workspace.feasibility import shortfall
 from cdpr_sim.cli.analysis_commands import BYTES_PER_START
@@ -146,11 +147,32 @@ def unseen(*unknowns: str) -> float:
 
 
 def identifications() -> Iterator[Row]:
-    """Singular values of unknowns that cannot be identified together, and of those that can."""
-    least, name = identification.UNSEEN, f"UNSEEN = {identification.UNSEEN:g}"
+    """What rounding leaves of unknowns that cannot be told apart, and of those that can."""
+    least, name = identifiability.UNSEEN, f"UNSEEN = {identifiability.UNSEEN:g}"
     same, apart = unseen("axial_stiffness", "mass"), unseen("axial_stiffness", "rest_length_offsets", "center_of_mass")
     yield Row(name, "EA and mass, which have the same effect", f"{same:.0e}", same < least / 10)
     yield Row(name, "EA, offsets and centre of mass", f"{apart:.0e}", apart > 100 * least)
+    worse, name = identifiability.WORSE, f"WORSE = {identifiability.WORSE:g}"
+    whole = max(predictions(6, COORDINATES, 2e-5, 10))
+    yield Row(name, "9 unknowns by 36 numbers that determine them, at most", f"{whole:.2f}", whole < worse)
+    heights = min(predictions(12, ("z",), 2e-4, 10))
+    yield Row(name, "9 unknowns by 12 heights, which do not, at least", f"{heights:.2f}", heights > worse)
+
+
+def predictions(poses: int, coordinates: Sequence[str], scatter: float, fits: int) -> list[float]:
+    """By what factor EA and eight offsets, all 0, predict rows left out worse than the best of fewer unknowns."""
+    robot = cdpr.load_robot("cogiro").replace(axial_stiffness=1e3)
+    columns = [COORDINATES.index(name) for name in coordinates]
+    rng, factors = np.random.default_rng(SEED), []
+    for _ in range(fits):
+        commanded = rng.uniform([0.15, 0.12, 0.05], [0.65, 0.38, 0.3], (poses, 3))
+        solved = cdpr.solve_many(robot, commanded)
+        noise = rng.normal(size=(poses, 6)) * scatter / np.repeat([1.0, robot.characteristic_length], 3)
+        measured = (np.hstack([solved.positions, solved.euler]) + noise)[:, columns]
+        rows = cdpr.Measurements.of(commanded, measured, coordinates=coordinates)
+        asked, *fewer = cdpr.identify(robot, rows, ("axial_stiffness", "rest_length_offsets")).predictions.values()
+        factors.append(asked / min(fewer))
+    return factors
 
 
 def compensations() -> Iterator[Row]:
@@ -322,7 +344,11 @@ def sizes() -> Iterator[Row]:
         robot = cdpr.load_robot(name)
         cases = robot_batch.Cases.of(robot, random_poses(robot, 2000))
         asked = robot_batch.RobotBatch.of([robot] * 20)
-        most = bytes_of(lambda asked=asked, cases=cases: robot_batch.rest(asked, cases).tilt) / 40_000 / robot.cables
+        most = (
+            bytes_of(lambda asked=asked, cases=cases: robot_batch.solve_layouts(asked, cases).tilt)
+            / 40_000
+            / robot.cables
+        )
         yield Row(
             f"BYTES_PER_CABLE = {robot_batch.BYTES_PER_CABLE}", f"of 40,000 equilibria of {name}", f"{most:.0f}",
             most < robot_batch.BYTES_PER_CABLE,
@@ -340,7 +366,7 @@ FAMILIES = (equilibrium_constants, identifications, compensations, balances, met
 
 
 def main() -> int:
-    table = new_table("", "constant", "measured quantity", "measured", "holds", words=2)
+    table = new_table("", "constant", "measured quantity", "measured", "holds", text_columns=2)
     rows = [row for family in FAMILIES for row in family()]
     for *cells, holds in rows:
         table.add_row(*map(escape, cells), "yes" if holds else "[red]no[/]")

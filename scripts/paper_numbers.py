@@ -59,10 +59,12 @@ def performance() -> None:
 def tracker() -> None:
     """How much too low ``cogiro`` is with Vectran, the stiffest cable."""
     robot = cdpr.load_robot("cogiro").replace(material="vectran-0.7mm")
-    sags = np.concatenate([study.sag(robot, height, rows=ROWS).by_mujoco for height in PAPER_HEIGHTS])
+    deviations = 1e3 * np.concatenate(
+        [study.line_deviation(robot, height, rows=ROWS).by_mujoco for height in PAPER_HEIGHTS]
+    )
     console.print(
-        f"cogiro with Vectran is {1e3 * sags.min():.3f} to {1e3 * sags.max():.3f} mm too low along the line, "
-        f"{1e3 * np.median(sags):.3f} mm in the median; the paper's tracker has an accuracy of "
+        f"cogiro with Vectran is {deviations.min():.3f} to {deviations.max():.3f} mm too low along the line, "
+        f"{np.median(deviations):.3f} mm in the median; the paper's tracker has an accuracy of "
         f"{1e3 * study.TRACKER_ACCURACY:g} mm.\n",
         highlight=False,
     )
@@ -80,7 +82,7 @@ def nylon() -> None:
         cables.append((f"nylon of {modulus / 1e9:.1f} GPa, {1e3 * DIAMETER:g} mm", line_stiffness(modulus, DIAMETER)))
     for name, stiffness in cables:
         robot = cdpr.load_robot("parallel").replace(axial_stiffness=stiffness)
-        ends = [study.sag(robot, height) for height in PAPER_HEIGHTS]
+        ends = [study.line_deviation(robot, height) for height in PAPER_HEIGHTS]
         apart = max(np.abs(end.by_mujoco - end.by_statics).max() for end in ends)
         rows.add_row(
             name, f"{stiffness:.0f}", *(f"{1e3 * end.by_mujoco.mean():.1f}" for end in ends), f"{1e3 * apart:.0e}"

@@ -30,7 +30,7 @@ def main() -> None:
 
     robot = cdpr.load_robot(ROBOT)
     headings = "commanded x", "MuJoCo", "closed form", "short bar (paper, corrected)"
-    table = new_table("Rotation about y at z = 0.1 m", *headings, words=0)
+    table = new_table("Rotation about y at z = 0.1 m", *headings, text_columns=0)
     furthest = 0.0
     for end in lines[MATERIALS[0], HEIGHTS[0]].settled:
         closed = two_cable_closed_form.equilibrium_rotations(robot, end.position)

@@ -231,7 +231,7 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("error", RuntimeWarning)
     warnings.simplefilter("ignore", cdpr.ImplausibleRobot)
-    table = new_table("Extreme robots", "method", "robots", *VERDICTS, "wrong", words=2)
+    table = new_table("Extreme robots", "method", "robots", *VERDICTS, "wrong", text_columns=2)
     complaints = []
     for method, asked in (("solve", options.solves), ("settle", options.settles)):
         counts, wrong = attack(method, asked, options.seed)

@@ -1,4 +1,4 @@
-"""Reference for clearances: MuJoCo's own distances between capsules and boxes, at the same equilibria."""
+"""Independent computation of clearances: MuJoCo's distances between capsules and boxes, at the same equilibria."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -18,27 +18,27 @@ RADIUS = 1e-6
 """[m] Radius of the capsules that represent centre lines; it is subtracted from the distances."""
 
 FAR = 1e3
-"""[m] Largest distance that MuJoCo has to compute."""
+"""[m] Largest distance that MuJoCo computes."""
 
 
 def clearances_in_mujoco(
-    found: Clearances, row: tuple[int, ...] | int
+    clearances: Clearances, row: tuple[int, ...] | int
 ) -> tuple[Float[np.ndarray, " pairs"], Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """One row of ``cable_cable``, ``cable_platform`` and ``cable_frame``, as MuJoCo's ``mj_geomDistance`` has it [m].
+    """One row of ``cable_cable``, ``cable_platform`` and ``cable_frame`` by MuJoCo's ``mj_geomDistance`` [m].
 
-    Each piece of a cable and each edge of the frame is a capsule, the platform a box.
+    Each segment of a cable and each edge of the frame is a capsule; the platform is a box.
     """
-    robot, equilibria = found.equilibria.robot, found.equilibria
+    robot, equilibria = clearances.equilibria.robot, clearances.equilibria
     model, data, pieces, edges, platform = _model(
-        robot, found.curves[row], equilibria.positions[row], equilibria.rotations[row]
+        robot, clearances.curves[row], equilibria.positions[row], equilibria.rotations[row]
     )
 
-    def apart(one: list[int], other: list[int], radii: float) -> float:
+    def distance(one: list[int], other: list[int], radii: float) -> float:
         return min(mujoco.mj_geomDistance(model, data, a, b, FAR, None) for a in one for b in other) + radii
 
-    cables = np.array([apart(pieces[a], pieces[b], 2 * RADIUS) for a, b in found.pairs])
-    box = np.array([apart(one, [platform], RADIUS) for one in pieces])
-    frame = np.array([apart(one, edges, 2 * RADIUS) for one in pieces])
+    cables = np.array([distance(pieces[a], pieces[b], 2 * RADIUS) for a, b in clearances.pairs])
+    box = np.array([distance(one, [platform], RADIUS) for one in pieces])
+    frame = np.array([distance(one, edges, 2 * RADIUS) for one in pieces])
     return cables, box, frame
 
 

@@ -18,8 +18,8 @@ ROBOTS = 300
 """Random ones; 10,000 were tried when this was written."""
 
 MOST_UNSOLVED = 1
-"""Of them. Of 10,000 robots 13 have a cable that leaves its wheel, and 3 come to the end of one, with a cable round half
-of it; the status says so."""
+"""Of them. Of 10,000 robots 13 have a cable that leaves its wheel, and 3 come to the end of one, with a cable round
+half of it; the status says so."""
 
 ENDS = 1e-11
 """How far off its anchor a cable may end that is pulled as it is said to, per size of what is spanned."""

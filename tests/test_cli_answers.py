@@ -23,7 +23,7 @@ def test_compensate_shows_the_error_before_and_after_by_both_methods():
     """Half a millimetre before, nothing after, exit status 0."""
     result = run("compensate", "cogiro", "--material", "fishing-0.4mm", "--pose", "0.3", "0.25", "0.1")
     assert result.exit_code == 0
-    before_mujoco, before_newton, after_mujoco, after_newton = map(float, row(result.stdout, "error of position")[-4:])
+    before_mujoco, before_newton, after_mujoco, after_newton = map(float, row(result.stdout, "position error")[-4:])
     assert before_mujoco == pytest.approx(before_newton, abs=1e-4)
     assert before_mujoco > 0.4
     assert max(after_mujoco, after_newton) < 1e-6
@@ -66,8 +66,8 @@ def test_equilibria_marks_the_one_that_is_reached():
     result = run("equilibria", "cogiro", "--material", "fishing-0.4mm", "--starts", "1000")
     assert result.exit_code == 0
     assert result.stdout.count("stays") == 7
-    assert "the platform comes to 1;" in result.stdout
-    assert "MuJoCo comes to the same" in result.stdout
+    assert "the platform reaches equilibrium 1;" in result.stdout
+    assert "MuJoCo reaches the same one" in result.stdout
     values = json.loads(run("equilibria", "two-cable", "--saddles", "--starts", "300", "--json").stdout)
     assert values["imbalance"] == 0
     assert [one["stays_in_mujoco"] for one in values["equilibria"]] == [True, False]

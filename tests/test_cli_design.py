@@ -50,7 +50,7 @@ def test_design_says_what_it_does_not_promise():
     told = run("design", "parallel", *QUICK, "--along", "0", "0", "1", "--within", "0.02")
     assert "exit 1 z" in told.stdout
     assert "exit 1 x" not in told.stdout
-    assert "It was looked for at these poses" in " ".join(told.stdout.split())
+    assert "The layout was optimised for these poses" in " ".join(told.stdout.split())
 
 
 def test_design_says_that_exits_leave_the_frame_and_a_box_keeps_them_in(tmp_path):
@@ -62,7 +62,7 @@ def test_design_says_that_exits_leave_the_frame_and_a_box_keeps_them_in(tmp_path
     boxed = run("design", "cogiro", *quick, "--move", "exits", "--within", "0,0,0.4,0.8,0.5,0.5", "--json")
     found = json.loads(boxed.stdout)
     assert found["warnings"] == []
-    assert found["moved"]
+    assert found["changes"]
     exits = np.array(found["exits"])
     assert (exits >= [0, 0, 0.4]).all()
     assert (exits <= [0.8, 0.5, 0.5]).all()
@@ -98,10 +98,10 @@ def test_front_says_which_layouts_leave_the_frame():
         (["--within", "0,0,0.5,0.8,0.5,0"], "within: found bounds crossed for exits"),
         (["--limit", "displacement"], "limit: found 'displacement', expected a name, = and a number"),
         (["--limit", "displacment=1"], "unknown constraint 'displacment': did you mean displacement?"),
-        (["--symmetry", "mirror-x"], "symmetry: found 'mirror-x', which 'cogiro' has not got"),
-        (["--grid", "2", "2", "2"], "line: found it beside a grid"),
+        (["--symmetry", "mirror-x"], "symmetry: found 'mirror-x', which 'cogiro' does not have"),
+        (["--grid", "2", "2", "2"], "line: found a line and a grid"),
         (["-o", "better.txt"], "output: found 'better.txt', expected a name that ends in .toml"),
-        (["--tensions", "100", "200"], "subject_to: found no layout that holds everything"),
+        (["--tensions", "100", "200"], "subject_to: found no feasible layout"),
     ],
 )
 def test_design_refuses_in_a_sentence(words, sentence):

@@ -66,7 +66,7 @@ def test_no_default_tension_breaks_a_rope_and_one_that_would_is_said_to(catalogu
     assert torn.overloaded.any()
     assert "cables beyond their breaking load" in repr(torn)
     assert re.search(
-        r"Cable 3 would break: it pulls \d+ N, beyond its breaking load of 2318 N", compensation_verdict(torn)
+        r"Cable 3 would break: tension \d+ N, above its breaking load of 2318 N", compensation_verdict(torn)
     )
     table = compensation_table(torn, [found.equilibrium], [torn.equilibrium])
     assert [list(column.cells)[-3] for column in table.columns] == ["overloaded cables", "0 of 4", "4 of 4"]

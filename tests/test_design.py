@@ -13,7 +13,7 @@ from cdpr_sim.design.constraints import constraints_of
 from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES
-from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, RobotBatch, rest
+from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, RobotBatch, solve_layouts
 from cdpr_sim.design.symmetry import group
 from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.studies.better_layouts import driven
@@ -45,7 +45,7 @@ def test_a_batch_of_layouts_rests_where_each_robot_does(kind: str, parallel):
     space = Space.of(robot, [Move("exits", 0.05), Move("anchors", 0.005), Move("diameter", 1.5)])
     values = np.random.default_rng(0).uniform(space.lower, space.upper, (3, len(space)))
     cases = Cases.of(robot, LINE[:3], [np.zeros(6), [0.2, 0, -0.5, 0, 0, 0]], [1.0, 0.3])
-    found = rest(space.layouts(values), cases)
+    found = solve_layouts(space.layouts(values), cases)
     assert found.shape == (3, 12)
     for row in range(3):
         alone = cdpr.solve_many(cases.problems(found.layouts.robot_at(row)))
@@ -67,7 +67,7 @@ def test_symmetries_are_found_and_not_imagined(parallel):
     assert len(group(parallel.replace(exits=exits), "detected")) == 1
     assert len(group(parallel.replace(center_of_mass=(0.001, 0, 0)), "detected")) == 2  # the mirror in y is left
     assert len(group(parallel, ["mirror-x", "mirror-y"])) == 4
-    with pytest.raises(cdpr.InvalidInput, match="'mirror-x', which 'cogiro' has not got: the image of cable 1 is"):
+    with pytest.raises(cdpr.InvalidInput, match="'mirror-x', which 'cogiro' does not have: the image of cable 1 is"):
         group(cdpr.load_robot("cogiro"), "mirror-x")
 
 
@@ -84,7 +84,7 @@ def test_every_symmetry_takes_each_cable_to_its_image(parallel):
     assert len(group(parallel.replace(**wheels), "detected")) == 2  # the mirror that changes y alone
     stiffer = parallel.replace(axial_stiffness=[1e4] * 7 + [2e4])
     assert len(group(stiffer, "detected")) == 1
-    with pytest.raises(cdpr.InvalidInput, match="of another kind than its image"):
+    with pytest.raises(cdpr.InvalidInput, match="has other properties than its image"):
         group(stiffer, "half-turn")
 
 
@@ -144,13 +144,13 @@ def test_slopes_are_those_of_differences(bent: bool):
     moves = [Move("exits", 0.05), Move("anchors", 0.005), Move("center_of_mass", 0.005), Move("axial_stiffness", 2)]
     space = Space.of(robot, moves, "none")
     cases = Cases.of(robot, [(0.2, 0.22, 0.12, 0, 0.05, 0.1)], [np.zeros(6), [0.3, 0, 0.1, 0, 0.01, 0.02]], [1, 0.5])
-    here = rest(space.layouts(np.zeros((1, len(space)))), cases, 1)
+    here = solve_layouts(space.layouts(np.zeros((1, len(space)))), cases, 1)
     assert here.slack.any() != bent
     steps = Steps(space.exits, space.anchors, space.log_stiffness * robot.axial_stiffness, space.center)
     state = here.positions[0], here.rotations[0], here.problems.rest_lengths[0]
     by = layout_derivatives(robot, cases, *state, steps)
     step = 1e-6
-    after, before = (rest(space.layouts(sign * step * np.eye(len(space))), cases, 1) for sign in (1, -1))
+    after, before = (solve_layouts(space.layouts(sign * step * np.eye(len(space))), cases, 1) for sign in (1, -1))
     for measured, exact in (
         (after.positions - before.positions, by.pose[..., :3]), (after.tensions - before.tensions, by.tensions),
     ):  # fmt: skip
@@ -163,7 +163,9 @@ def test_slopes_are_those_of_differences(bent: bool):
 def test_sensitivity_to_errors_is_that_of_single_equilibria(parallel):
     """The objective against ``sensitivity``, coordinate by coordinate."""
     cases = Cases.of(parallel, LINE[:2])
-    found = OBJECTIVES["worst sensitivity"].score(rest(RobotBatch.of([parallel]), cases, 1), (np.zeros(8), np.ones(8)))
+    found = OBJECTIVES["worst sensitivity"].score(
+        solve_layouts(RobotBatch.of([parallel]), cases, 1), (np.zeros(8), np.ones(8))
+    )
     squares = []
     for pose in LINE[:2]:
         by = cdpr.sensitivity(parallel, pose).pose
@@ -177,7 +179,7 @@ def test_a_level_layout_is_found_and_mujoco_agrees(better, parallel):
     assert better.after < 0.3 * better.before
     assert better.after == pytest.approx(cdpr.solve_many(better.robot, LINE).tilt.max(), abs=1e-9)
     assert np.abs(better.robot.exits - parallel.exits).max() <= 0.1 + 1e-12
-    assert {one.name for one in better.moved} == {f"exit {c} {a}" for c in range(1, 9) for a in "xyz"}
+    assert {one.name for one in better.changes} == {f"exit {c} {a}" for c in range(1, 9) for a in "xyz"}
     proof = validate_layout(better)
     assert len(proof.cases) == 2 * len(LINE) - 1
     assert proof.agrees
@@ -225,7 +227,7 @@ def test_a_seed_repeats_and_a_store_goes_on(better, parallel, tmp_path):
     assert len(again.history) == 40
     other = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, seed=1, polish=False)
     assert not np.array_equal(other.robot.exits, first.robot.exits)
-    with pytest.raises(cdpr.InvalidInput, match="holds the search of another question"):
+    with pytest.raises(cdpr.InvalidInput, match="holds a search with other arguments"):
         cdpr.find_layout(parallel, LINE, within=0.2, store=store)
     (tmp_path / "no.npz").write_text("not a store")
     with pytest.raises(cdpr.InvalidInput, match="is not the store of a search"):
@@ -240,11 +242,11 @@ def test_ctrl_c_keeps_the_best_so_far(parallel, monkeypatch):
         calls.append(len(layouts))
         if len(calls) == 8:
             raise KeyboardInterrupt
-        return rest(layouts, cases, threads)
+        return solve_layouts(layouts, cases, threads)
 
-    monkeypatch.setattr(search, "rest", interrupted)
+    monkeypatch.setattr(search, "solve_layouts", interrupted)
     found = cdpr.find_layout(parallel, LINE, within=0.1)
-    assert "Interrupted after 5 generations: this is the best so far." in str(found)
+    assert "Interrupted after 5 generations: this is the best layout so far." in str(found)
     assert found.after < found.before
 
 
@@ -261,7 +263,7 @@ def test_a_robot_that_falls_is_laid_out_so_that_it_does_not(parallel):
     masts = Move("exits", (0, 0.2), along=(0, 0, 1))
     found = cdpr.find_layout(parallel, [(0.4, 0.25, 0.5), (0.4, 0.25, 0.3)], move=masts, generations=5)
     assert np.isnan(found.before)
-    assert "no rest at some pose before" in str(found)
+    assert "no equilibrium at some pose before" in str(found)
     assert found.equilibria.converged.all()
     assert validate_layout(found).better
 
@@ -277,7 +279,7 @@ def two_layouts(parallel) -> tuple[LayoutEquilibria, list[list[cdpr.Equilibrium]
     robots = [parallel, parallel.replace(exits=exits)]
     cases = Cases.of(parallel, [*LINE, tuple(free)])
     alone = [[cdpr.solve(robot, pose) for pose in [*LINE, tuple(free)]] for robot in robots]
-    return rest(RobotBatch.of(robots), cases, 1), alone
+    return solve_layouts(RobotBatch.of(robots), cases, 1), alone
 
 
 def test_objectives_are_what_single_rests_say(two_layouts):
@@ -309,7 +311,7 @@ def test_objectives_are_what_single_rests_say(two_layouts):
         ("mean deviation", 0.0123, "12.3 mm"), ("most slack cables", 3, "3"), ("lowest tension", 1.25, "1.25 N"),
         ("softest stiffness", 1500, "1500 N/m"), ("lowest frequency", 11.5, "11.5 Hz"),
         ("feasible volume", 0.42, "42 %"), ("worst sensitivity", 2.5, "2.5 mm/mm"), ("displacement", 0.05, "50 mm"),
-        ("size of frame", 1.06, "1.06 m"), ("worst tilt", np.nan, "no rest at some pose"),
+        ("size of frame", 1.06, "1.06 m"), ("worst tilt", np.nan, "no equilibrium at some pose"),
     ],
 )  # fmt: skip
 def test_objectives_are_read_in_their_units(name: str, value: float, shown: str):
@@ -340,15 +342,15 @@ def test_what_is_missing_is_counted_from_single_rests(two_layouts, parallel):
         [0, 0],
     ]
     for constraint, values in zip(found, expected, strict=True):
-        assert constraint.missing(equilibria) == pytest.approx(values, abs=1e-6), constraint.name
+        assert constraint.violation(equilibria) == pytest.approx(values, abs=1e-6), constraint.name
 
 
 def test_constraints_hold_where_they_bind(parallel):
     """Without the constraint the best layout breaks it; with it, it does not, and the objective pays."""
     free = cdpr.find_layout(parallel, LINE, within=0.1, generations=20)
-    assert free.distance > 0.06
+    assert free.largest_displacement > 0.06
     bound = cdpr.find_layout(parallel, LINE, within=0.1, generations=20, subject_to={"displacement": 0.06})
-    assert bound.distance <= 0.06 * (1 + 1e-8)
+    assert bound.largest_displacement <= 0.06 * (1 + 1e-8)
     assert free.after < bound.after < bound.before
     near = cdpr.find_layout(
         cdpr.load_robot("cogiro"), LINE[:2], within=0.03, generations=4, subject_to={"clearance": 0.006}
@@ -415,7 +417,7 @@ REFUSED = {
     "not the robot's": (dict(within=0.05, symmetry="mirror-z"), "unknown symmetry 'mirror-z'"),
     "no bounds": (dict(), "within: found none for exits"),
     "nothing": (dict(within=0.0), "within: found nothing that can move"),
-    "no pulleys": (dict(move="pulleys", within=0.1), "move: found pulleys, and 'parallel' has none"),
+    "no pulleys": (dict(move="pulleys", within=0.1), "move: found 'pulleys', but 'parallel' has none"),
     "twice": (dict(move=["exits", "exits"], within=0.1), "move: found exits of cable 1 twice"),
     "no such thing": (dict(move="exit", within=0.1), "unknown move 'exit': did you mean exits?"),
     "no such goal": (
@@ -441,10 +443,12 @@ def test_what_cannot_be_is_refused_in_a_sentence(why: str, parallel):
 
 def test_what_no_layout_can_do_is_said(parallel):
     """A pose above every exit; constraints that nothing meets, with the one that is missed the most."""
-    with pytest.raises(cdpr.InvalidInput, match=r"rests at all of them.*at 1 of 2, the first at \(0.4, 0.25, 0.9\) m"):
+    with pytest.raises(
+        cdpr.InvalidInput, match=r"equilibrium at all of them.*at 1 of 2, the first at \(0.4, 0.25, 0.9\) m"
+    ):
         cdpr.find_layout(parallel, [(0.4, 0.25, 0.1), (0.4, 0.25, 0.9)], within=0.05, generations=2)
     asked = {"tensions": (0.0, 1.5), "lowest tension": 100.0}
-    with pytest.raises(cdpr.InvalidInput, match="misses 'lowest tension at least 100 N' the most") as raised:
+    with pytest.raises(cdpr.InvalidInput, match="violates 'lowest tension at least 100 N' the most") as raised:
         cdpr.find_layout(parallel, LINE, within=0.02, generations=2, subject_to=asked)
     assert "and also tensions from 0 to 1.5 N" in str(raised.value)
     heavy = parallel.replace(linear_density=0.01)
@@ -494,7 +498,7 @@ def test_a_front_trades_displacement_against_tilt(parallel):
     better = (front.scores[:, None] <= front.scores).all(-1) & (front.scores[:, None] < front.scores).any(-1)
     assert not better.any()
     assert cdpr.solve_many(front.robot(len(front) - 1), LINE).tilt.max() == pytest.approx(tilt[-1], abs=1e-9)
-    with pytest.raises(cdpr.InvalidInput, match="holds everything"):
+    with pytest.raises(cdpr.InvalidInput, match="satisfies all constraints"):
         cdpr.find_front(parallel, LINE, within=0.01, generations=1, population=5, subject_to={"lowest tension": 9.0})
 
 

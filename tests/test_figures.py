@@ -148,7 +148,7 @@ def test_titles_say_how_far_it_tilts_and_how_many_cables_go_slack(results):
     titles = {
         name: gallery.PICTURES[name].draw(results[name]).get_suptitle() for name in ("planar-horizontal", "cogiro")
     }
-    assert titles["planar-horizontal"] == "planar-horizontal: no tilt, and no cable goes slack"
+    assert titles["planar-horizontal"] == "planar-horizontal: no tilt, and no cable slack"
     tilt = np.degrees(max(line.static.tilt.max() for line in results["cogiro"].lines))
     poses = np.degrees(results["cogiro"].poses.tilt.max())
     assert f"up to {max(tilt, poses):.2g}° of tilt" in titles["cogiro"]
@@ -271,9 +271,9 @@ def test_the_papers_line_is_drawn_from_both_methods(results):
     parallel = [line.static for line in lines if line.robot.name == "parallel"]
     tilt = np.degrees(max(np.abs(equilibria.euler[:, 1]).max() for equilibria in parallel))
     sag = 1e3 * max((-equilibria.deviation[:, 2]).max() for equilibria in parallel)
-    assert f"parallel tilts {tilt:.2g}° and sags {sag:.2g} mm" in figure.get_suptitle()
+    assert f"parallel tilts {tilt:.2g}° and deviates {sag:.2g} mm downwards" in figure.get_suptitle()
     reported = [sorted({float(a.get_ydata()[0]) for a in ax.lines if a.get_gid() == "paper"}) for ax in figure.axes]
-    assert reported[:2] == [[-1e3 * studies.PAPER_SAG]] * 2 == [[-15.0]] * 2
+    assert reported[:2] == [[-1e3 * studies.PAPER_DEVIATION]] * 2 == [[-15.0]] * 2
     assert reported[2:] == [pytest.approx([-20.0, 20.0])] * 2
 
 
@@ -340,9 +340,9 @@ def test_agreement_is_drawn_as_measured_and_named_as_judged(results):
     figure = solver_figures.agreement(measured)
     for one in measured:
         curve = artist(figure, one.name)
-        assert np.array_equal(curve.get_xdata(), np.sort(one.position_errors[~one.free]))
+        assert np.array_equal(curve.get_xdata(), np.sort(one.position_errors[~one.neutral]))
     assert "agree at all 24 poses" in figure.get_suptitle()
-    disagree, free, agree = cdpr.Verdict.DISAGREE, cdpr.Verdict.AGREE_BUT_FREE, cdpr.Verdict.AGREE
+    disagree, free, agree = cdpr.Verdict.DISAGREE, cdpr.Verdict.AGREE_EXCEPT_NEUTRAL, cdpr.Verdict.AGREE
     for verdicts, title in (
         ([disagree] * 12, "agree at 12 of 24 poses; at 12 they disagree"),
         ([free] * 4 + [agree] * 8, "agree at 20 of 24 poses; 4 are neutrally stable"),

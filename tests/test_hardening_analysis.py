@@ -76,7 +76,7 @@ def test_where_the_commanded_pose_leads_elsewhere_it_is_said():
     hold = cdpr.verify_compensation(found)
     assert hold.held
     assert not hold.reached_from_commanded
-    assert "let go at the commanded pose" in hold.reasons[0]
+    assert "released at the commanded pose" in hold.reasons[0]
     assert found.reached is not None
     assert not found.reached_from_commanded
 

@@ -19,7 +19,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.cli import COMMANDS, app, terminal, workspace_commands
 from cdpr_sim.design import search
 from cdpr_sim.design.moves import Space
-from cdpr_sim.design.robot_batch import Cases, rest
+from cdpr_sim.design.robot_batch import Cases, solve_layouts
 from cdpr_sim.drawing.video import film
 from cdpr_sim.report import table_style
 from cdpr_sim.report.analysis_tables import compensation_table
@@ -180,8 +180,8 @@ def test_an_interrupt_while_importing_is_130_as_well():
 def test_help_says_what_each_exit_status_means():
     """And cuts no sentence."""
     text = " ".join(run("--help").stdout.split())
-    assert "Exit status: 0 if all is well; 1 if" in text
-    for status in ("2 for input", "3 for what lies outside", "130 if interrupted"):
+    assert "Exit status: 0 for success; 1 if" in text
+    for status in ("2 for invalid input", "3 for system errors", "130 if interrupted"):
         assert status in text
     assert "..." not in text.replace("[ARGS]...", "")
     for name in COMMANDS:
@@ -301,7 +301,7 @@ def test_large_errors_are_written_like_their_neighbours():
     robot = cdpr.load_robot("parallel")
     found = cdpr.compensate(robot, (0.45, 0.25, 0.1))
     table = compensation_table(found, [cdpr.solve(robot, (0.2, 0.25, 0.1))], [found.equilibrium])
-    row = list(table.columns[0].cells).index(r"error of position \[mm]")
+    row = list(table.columns[0].cells).index(r"position error \[mm]")
     before, after = (list(column.cells)[row] for column in table.columns[1:])
     assert re.fullmatch(r"\d+\.\d{6}", before)
     assert re.fullmatch(r"\d+\.\d{6}|\d\.\d\de-\d\d", after)
@@ -426,7 +426,7 @@ def test_a_store_that_is_none_is_refused_in_a_sentence(tmp_path):
     pipe, text, half = (tmp_path / name for name in ("pipe.npz", "text.npz", "half.npz"))
     os.mkfifo(pipe)
     text.write_text("no store")
-    np.savez(half, identity="x", done=1, crowd=np.zeros(1000), history=np.zeros(3))
+    np.savez(half, identity="x", done=1, members=np.zeros(1000), history=np.zeros(3))
     half.write_bytes(half.read_bytes()[:-300])
     for path in (pipe, text, half):
         with pytest.raises(cdpr.InvalidInput, match=r"npz: found a (file|folder, a pipe)"):
@@ -440,4 +440,4 @@ def test_a_search_that_cannot_fit_is_refused():
     many = Cases.of(robot, np.broadcast_to([0.3, 0.25, 0.1], (1_000_000, 3)))
     crowd = space.layouts(np.zeros((20_000, len(space))))
     with pytest.raises(cdpr.InvalidInput, match="poses: 1,000,000 of them in each of 20,000 layouts would take about"):
-        rest(crowd, many)
+        solve_layouts(crowd, many)

@@ -3,7 +3,9 @@ import pytest
 from scipy.stats import chi2
 
 import cdpr_sim as cdpr
+from cdpr_sim.analysis.identifiability import WORSE
 from cdpr_sim.analysis.identification import UNKNOWNS, _Model, _wanted
+from cdpr_sim.report.analysis_tables import identification_note
 from cdpr_sim.statics import newton
 
 NOISE = 2e-5
@@ -21,6 +23,9 @@ FITS = 40
 
 WEIGHED = 0.01
 """Of a standard error: judged scatters settle to a thousandth of themselves, which weighs positions against angles."""
+
+LINEAR = 0.01
+"""Relative error of predictions to first order in the noise: 1e-3 measured."""
 
 LIKELY = [0.0005, 0.9995]
 """Quantiles between which a sum of squares lies in all but one of a thousand cases."""
@@ -265,6 +270,75 @@ def test_a_stiffness_that_the_data_hardly_determine_is_said(robot):
     assert error > value / 3
     assert any("hardly determine axial_stiffness" in reason for reason in both.reasons)
     assert not any("hardly determine" in reason for reason in alone.reasons)
+
+
+def test_more_unknowns_than_the_data_hold_are_said_to_be_so(robot):
+    """EA and eight offsets from two angles of 12 poses: EA alone predicts those left out several times better.
+
+    The whole poses hold as many unknowns: offsets that are there are needed to predict poses, and those that are none
+    spoil little.
+    """
+    asked, alone = ("axial_stiffness", "rest_length_offsets"), ("axial_stiffness",)
+    true = robot.replace(axial_stiffness=1000.0)
+    angles = exact_poses(true, commanded())[:, 3:5] + np.random.default_rng(2).normal(size=(12, 2)) * np.radians(0.1)
+    found = cdpr.identify(robot, cdpr.Measurements.of(commanded(), angles, coordinates=("alpha", "beta")), asked)
+    worse = found.predictions[asked] / found.predictions[alone]
+    assert worse > 2 * WORSE
+    said = f"more unknowns than the data hold: rows left out are predicted {worse:.2g} times better by"
+    assert [one for one in found.reasons if "more unknowns" in one] == [f"{said} axial_stiffness alone"]
+    rng = np.random.default_rng(2)
+    for offsets in (1e-4 * rng.normal(size=8), np.zeros(8)):
+        poses = noisy(true, exact_poses(true, commanded(), offsets), rng)
+        found = cdpr.identify(robot, cdpr.Measurements.of(commanded(), poses), asked)
+        assert found.reasons == ()
+        assert (found.predictions[asked] < found.predictions[alone]) == offsets.any()
+
+
+def test_one_stiffness_predicts_better_than_eight_that_the_data_do_not_hold(robot):
+    """Heights of 12 poses, of cables that are alike."""
+    heights = exact_poses(robot, commanded())[:, 2:3] + np.random.default_rng(3).normal(size=(12, 1)) * 2e-4
+    measurements = cdpr.Measurements.of(commanded(), heights, coordinates=["z"])
+    found = cdpr.identify(robot, measurements, "axial_stiffness_each")
+    assert list(found.predictions) == [("axial_stiffness_each",), (), ("axial_stiffness",)]
+    assert any("more unknowns than the data hold" in reason for reason in found.reasons)
+
+
+@pytest.mark.parametrize("asked", [("axial_stiffness",), ("axial_stiffness", "center_of_mass")])
+def test_rows_left_out_are_missed_by_as_much_as_said(robot, asked):
+    """By fits without each in turn, which the prediction does without."""
+    poses = noisy(robot, exact_poses(robot, commanded(6)), np.random.default_rng(4))
+    errors = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
+    found = cdpr.identify(robot, cdpr.Measurements.of(commanded(6), poses), asked, **errors)
+    missed = []
+    for row in range(6):
+        others = np.arange(6) != row
+        fit = cdpr.identify(robot, cdpr.Measurements.of(commanded(6)[others], poses[others]), asked, **errors)
+        missed.append(exact_poses(fit.robot, commanded(6)[row : row + 1])[0] - poses[row])
+    truth = np.sqrt(np.mean((np.array(missed) / np.repeat(found.scatters, 3)) ** 2))
+    assert found.predictions[asked] == pytest.approx(truth, rel=LINEAR)
+
+
+def test_a_row_that_cannot_be_left_out_is_said(robot):
+    """One row predicts nothing; two of positions do not hold EA and a centre of mass without each other."""
+    one = cdpr.identify(robot, cdpr.Measurements.of(commanded(1), exact_poses(robot, commanded(1))))
+    assert np.isnan(list(one.predictions.values())).all()
+    assert "left out" not in identification_note(one)
+    positions = exact_poses(robot, commanded(2))[:, :3]
+    measurements = cdpr.Measurements.of(commanded(2), positions, coordinates="xyz")
+    two = cdpr.identify(robot, measurements, ("axial_stiffness", "center_of_mass"), position_error=NOISE)
+    assert two.predictions["axial_stiffness", "center_of_mass"] == np.inf
+    assert "No row can be left out" in identification_note(two)
+
+
+def test_a_centre_of_mass_that_the_data_hardly_determine_is_said(robot):
+    """Its height: the cables hardly let the platform tilt. Where it is along x and y, whole poses say."""
+    poses = noisy(robot, exact_poses(robot, commanded()), np.random.default_rng(5))
+    positions = cdpr.Measurements.of(commanded(), poses[:, :3], coordinates="xyz")
+    found = cdpr.identify(robot, positions, "center_of_mass", position_error=NOISE)
+    assert found["center_of_mass z"][1] > robot.characteristic_length / 3
+    assert any("hardly determine center_of_mass z" in reason for reason in found.reasons)
+    whole = cdpr.identify(robot, cdpr.Measurements.of(commanded(), poses), "center_of_mass")
+    assert [one for one in whole.reasons if "center_of_mass z" not in one] == []
 
 
 def test_stiffness_and_offsets_of_cables_with_every_property_are_found(robot):

@@ -1,9 +1,11 @@
 """Robots of other projects: one crane of our own, written in each format, and all that can be wrong with such files."""
 
 import importlib.util
+import itertools
 import json
 import re
 import shutil
+import time
 from pathlib import Path
 
 import numpy as np
@@ -480,16 +482,30 @@ def test_either_file_of_casprs_pair_stands_for_both(format):
 MUTATIONS = 40
 
 
+def mutate_imports():
+    """The script of that name."""
+    path = Path(__file__).parents[1] / "scripts" / "mutate_imports.py"
+    spec = importlib.util.spec_from_file_location("mutate_imports", path)
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    return script
+
+
 @pytest.mark.parametrize("name", CRANES)
 def test_damaged_files_give_a_robot_or_a_sentence(name, tmp_path):
     """Some of what ``scripts/mutate_imports.py`` does by the thousand."""
-    spec = importlib.util.spec_from_file_location("mutate", Path(__file__).parents[1] / "scripts" / "mutate_imports.py")
-    assert spec is not None
-    assert spec.loader is not None
-    mutate = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(mutate)
-    kinds = [kind for kind, _ in mutate.answers(FILES / name, MUTATIONS, 1, tmp_path)]
+    kinds = [kind for kind, _ in mutate_imports().answers(FILES / name, MUTATIONS, 1, tmp_path)]
     assert set(kinds) == {"robot", "sentence"}
+
+
+def test_a_busy_machine_makes_no_file_too_slow(monkeypatch):
+    """The script counts the importer's own processor time: clocks that leap a minute at each look change nothing."""
+    minutes = itertools.count(step=60)
+    for clock in ("monotonic", "perf_counter", "time"):
+        monkeypatch.setattr(time, clock, lambda: float(next(minutes)))
+    assert mutate_imports().answer(FILES / "crane_gazebo.yaml")[0] == "robot"
 
 
 runner = CliRunner()

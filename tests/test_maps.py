@@ -223,11 +223,16 @@ def test_each_outcome_has_its_own_colour_and_name():
     """In the panel as beside the bar, whichever of them there are."""
     checked = cdpr.check("cogiro", {"x": [0.3, 0.5], "z": [0.1, 0.2]}).dataset
     code = {name: i for i, name in enumerate(checked["outcome"].attrs["flag_meanings"].split())}
-    words = [["agree", "refused"], ["disagree", "agree_but_free"]]
+    words = [["agree", "refused"], ["disagree", "agree_except_neutral"]]
     checked["outcome"][:] = np.reshape([code[word] for row in words for word in row], checked["outcome"].shape)
     figure = maps.draw_agreement_map(checked)
     assert shown(panels(figure)[0]).tolist() == [[style.MAP_OUTCOMES[row[z]] for row in words] for z in (0, 1)]
-    names = {"agree": "agree", "agree\nbut free": "agree_but_free", "disagree": "disagree", "refused": "refused"}
+    names = {
+        "agree": "agree",
+        "agree\nexcept neutral": "agree_except_neutral",
+        "disagree": "disagree",
+        "refused": "refused",
+    }
     assert bar(figure) == {label: style.MAP_OUTCOMES[name] for label, name in names.items()}
 
 

@@ -228,7 +228,7 @@ def test_the_interference_free_workspace_is_drawn_where_it_is_asked_for(folder, 
     words = "clearances cogiro --plane yz --at 0.4 --least 0.002 --fitting 0.01 -o full/old.png --force --grid 1 1 1"
     told = CliRunner().invoke(app, words.split())
     assert asked[0][1:] == ("yz", 0.4, 0.002, 0.01)
-    assert "(more than 2 mm) at 1 of 1 poses; 10 mm of each cable" in " ".join(told.stdout.split())
+    assert "(distance above 2 mm) at 1 of 1 poses; 10 mm at both ends of each cable" in " ".join(told.stdout.split())
     assert (folder / "full" / "old.png").read_bytes().startswith(b"\x89PNG")
 
 

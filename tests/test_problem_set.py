@@ -58,16 +58,16 @@ def test_a_solver_that_is_right_has_15_digits_and_one_that_is_off_has_as_many_as
     """1 µm at 1 m are 6 digits; a pose that is no equilibrium is called false; no answer is none."""
     one = problems[0]
     size = np.linalg.norm(one.positions[0])
-    assert score.judged(one, 0, perfect(one), 0.0).digits > 14
+    assert score.evaluated(one, 0, perfect(one), 0.0).digits > 14
     moved = RigidTransform.from_translation([1e-6 * size, 0, 0]) * perfect(one)
-    off = score.judged(one, 0, moved, 0.0)
+    off = score.evaluated(one, 0, moved, 0.0)
     assert off.digits == pytest.approx(6, abs=0.01)
     assert off.solved
     far = RigidTransform.from_translation([0.1 * size, 0, 0]) * perfect(one)
-    assert not score.judged(one, 0, far, 0.0).solved
-    assert score.judged(one, 0, far, 0.0).claimed
-    assert not score.judged(one, 0, None, 0.0).claimed
-    assert not score.judged(one, 0, [math.nan] * 3, 0.0).claimed
+    assert not score.evaluated(one, 0, far, 0.0).solved
+    assert score.evaluated(one, 0, far, 0.0).claimed
+    assert not score.evaluated(one, 0, None, 0.0).claimed
+    assert not score.evaluated(one, 0, [math.nan] * 3, 0.0).claimed
 
 
 def test_an_equilibrium_that_a_list_lacks_counts_if_it_is_proved(problems):
@@ -76,7 +76,7 @@ def test_an_equilibrium_that_a_list_lacks_counts_if_it_is_proved(problems):
     other = problem_set.SetProblem(
         **{**vars(one), "positions": one.positions[:1] + 1.0, "rotations": one.rotations[:1], "index": (0,)}
     )
-    assert score.judged(other, 0, perfect(one), 0.0).digits > 10
+    assert score.evaluated(other, 0, perfect(one), 0.0).digits > 10
 
 
 def test_score_counts_a_function_of_ones_own_and_a_file_of_answers(tmp_path, monkeypatch, problems):
@@ -101,7 +101,7 @@ def test_score_counts_a_function_of_ones_own_and_a_file_of_answers(tmp_path, mon
     monkeypatch.syspath_prepend(str(tmp_path))
     result = run("score", "stays:solver", *words)
     assert result.exit_code == 1
-    assert sum(json.loads(result.stdout)["stays:solver"][level]["false"] for level in problem_set.LEVELS) > 6
+    assert sum(json.loads(result.stdout)["stays:solver"][level]["false_claims"] for level in problem_set.LEVELS) > 6
 
 
 @pytest.mark.parametrize(
@@ -135,4 +135,4 @@ def test_a_score_is_of_the_level_and_number_that_are_asked_for():
     assert result.exit_code == 0
     told = json.loads(result.stdout)["newton"]
     assert told["lower"]["solved"] == 3
-    assert all(told[level]["asked"] == 0 for level in problem_set.LEVELS if level != "lower")
+    assert all(told[level]["requested"] == 0 for level in problem_set.LEVELS if level != "lower")

@@ -142,7 +142,7 @@ def test_compensate_shows_each_method_before_and_after(methods, monkeypatch):
     monkeypatch.setattr(cdpr, "verify_compensation", lambda found: CompensationCheck(found, None, None))
     result = run("compensate", "cogiro")
     assert result.exit_code == 1
-    assert "What statics finds is not held in MuJoCo" in result.stdout
+    assert "The equilibrium found by statics is not held in MuJoCo" in result.stdout
     told = methods.told
     assert [one.source for one in told] == ["mujoco", "newton"] * 2
     home = cdpr.load_robot("cogiro").home
@@ -150,7 +150,7 @@ def test_compensate_shows_each_method_before_and_after(methods, monkeypatch):
         shown = [f"{1e3 * (one.position[axis] - home[axis]):.6f}" for one in told]
         assert cells(result.stdout, f"error {name} [mm]", 4) == shown
     assert cells(result.stdout, "tension 8 [N]", 4) == [f"{one.tensions[7]:.3f}" for one in told]
-    assert cells(result.stdout, "softest [N/m]", 4) == [f"{one.eigenvalues[0]:.3g}" for one in told]
+    assert cells(result.stdout, "lowest stiffness [N/m]", 4) == [f"{one.eigenvalues[0]:.3g}" for one in told]
     rigid, cut = told[0].rest_lengths, told[2].rest_lengths
     np.testing.assert_array_equal(rigid, cdpr.load_robot("cogiro").rest_lengths(home))
     assert (cut < rigid).all()
@@ -174,7 +174,7 @@ def test_equilibria_shows_what_mujocos_platforms_do(monkeypatch):
     result = run(*words)
     rows = [line.split() for line in result.stdout.splitlines() if line.split()[:1] and line.split()[0].isdigit()]
     assert [row[-1] for row in rows] == ["neither", "leaves"]
-    assert "MuJoCo comes to 2 instead" in result.stdout
+    assert "MuJoCo reaches 2 instead" in result.stdout
     assert result.exit_code == 1
     said = itertools.cycle([Release(1.0, 1.0, 1.0), answers[1]])
     told = json.loads(run(*words, "--json").stdout)

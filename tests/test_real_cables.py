@@ -16,7 +16,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import capacity_margin
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.design.robot_batch import Cases, RobotBatch, rest
+from cdpr_sim.design.robot_batch import Cases, RobotBatch, solve_layouts
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 from cdpr_sim.statics import derivatives, forces
 from cdpr_sim.statics.catenary import catenary
@@ -302,7 +302,7 @@ def test_answers_of_statics_take_every_property_together():
     assert_allclose(swept["position"].values.ravel(), found.position, rtol=0, atol=1e-12)
     lowest = cdpr.find_equilibria(robot, POSE, starts=20)
     assert min(np.abs(one.position - found.position).max() for one in lowest) < 1e-8
-    design = rest(RobotBatch.of([robot]), Cases.of(robot, [POSE]))
+    design = solve_layouts(RobotBatch.of([robot]), Cases.of(robot, [POSE]))
     assert_allclose(design.positions[0, 0], found.position, rtol=0, atol=1e-12)
     assert np.isfinite(cdpr.clearances(robot, [POSE]).least).all()
 
@@ -422,7 +422,7 @@ def test_what_follows_from_a_law_ends_where_it_does():
     assert np.isnan(swept["tilt"].item())
     assert STRAINED in cdpr.check(heavy, one).disagreements[0].reasons[0]
     soft = cdpr.load_robot("cogiro").replace(axial_stiffness=20.0, stiffening=law)
-    found = rest(RobotBatch.of([soft, soft.replace(axial_stiffness=5.0)]), Cases.of(soft, [POSE]))
+    found = solve_layouts(RobotBatch.of([soft, soft.replace(axial_stiffness=5.0)]), Cases.of(soft, [POSE]))
     assert found.status.tolist() == [[cdpr.Status.CONVERGED], [cdpr.Status.OVERSTRAINED]]
     strain = 1 / light.rest_lengths((0, 0, 1), [light.weight])[0] - 1
     assert 100 * (strain - 8 * strain**3) == pytest.approx(light.weight, rel=1e-12)

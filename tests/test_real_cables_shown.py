@@ -111,7 +111,7 @@ def test_captions_and_model_readmes_say_it_too(real):
     """In a video's caption, and in the README of a model folder, with the law that holds."""
     trajectory = at_rest(real["pulley"])
     assert "over pulleys of 20 mm radius" in _captions(trajectory)[0]
-    assert "come to rest" in _footnote([trajectory], 1.0)
+    assert "has settled at every state" in _footnote([trajectory], 1.0)
     assert "a2 eps²" in model_files(real["law"])["README.md"]
     assert "tension is EA (l - l0)/l0 beyond" in model_files(real["pulley"])["README.md"]
 
@@ -356,11 +356,11 @@ def pulley_length(exit_point, anchor, radius) -> float:
     return radius * (np.pi - leaves) + free
 
 
-def test_lengths_as_if_for_points_change_as_straight_cables_do(real):
+def test_point_exit_lengths_change_as_straight_cables_do(real):
     """Right at home; elsewhere off by what wheels take up."""
     robot = real["pulley"]
     home, there = robot.home, np.array(POSE)
-    lengths = real_cables.lengths_as_if_for_points(robot, [home, there])
+    lengths = real_cables.point_exit_lengths(robot, [home, there])
     for cable, (exit_point, anchor) in enumerate(zip(robot.exits, robot.anchors, strict=True)):
         at_home = pulley_length(exit_point, home + anchor, 0.02)
         change = np.linalg.norm(there + anchor - exit_point) - np.linalg.norm(home + anchor - exit_point)
@@ -375,19 +375,19 @@ def test_effects_are_differences_of_single_solves(number):
     effects = {effect.what: effect for effect in real_cables.effects(case, 2)}
     over = case.robot.replace(pulley_radius=case.radius, pulley_axis=UP)
     heavy = case.robot.replace(linear_density=case.density)
-    told = real_cables.lengths_as_if_for_points(over, commanded)
+    told = real_cables.point_exit_lengths(over, commanded)
     for row, pose in enumerate(commanded):
         plain, aware = cdpr.solve(case.robot, pose), cdpr.solve(over, pose)
         unaware, weighing = cdpr.solve(over, pose, told[row]), cdpr.solve(heavy, pose)
         pairs = {
             real_cables.UNAWARE: (unaware, aware),
             real_cables.AWARE: (aware, plain),
-            real_cables.WEIGHT: (weighing, plain),
+            real_cables.MASS: (weighing, plain),
         }
         for what, (one, other) in pairs.items():
             found = effects[what]
             assert found.unsettled == 0
-            assert found.apart < 1e-7
+            assert found.method_difference < 1e-7
             assert found.shifts[row] == pytest.approx(np.linalg.norm(one.position - other.position), abs=2e-7)
             assert found.turns[row] == pytest.approx(abs(one.tilt - other.tilt), abs=1e-5)
         assert effects[real_cables.ELASTICITY].shifts[row] == pytest.approx(np.linalg.norm(plain.deviation), abs=2e-7)
@@ -415,14 +415,14 @@ def test_nothing_explains_the_papers_15_mm(study):
     ends = list(study.ends)
     plain, weight, law, below, above, wide = ends
     solved = cdpr.solve(cdpr.load_robot("parallel"), (0.17, 0.25, 0.1))
-    assert plain.sags[0] == pytest.approx(-solved.deviation[2], abs=1e-7)
-    assert np.abs(weight.sags - plain.sags).max() < 1e-6
-    assert np.abs(law.sags - plain.sags).max() < 2e-6
-    assert (below.sags < plain.sags - 0.004).all()
-    assert (above.sags < 0.010).all()
-    assert wide.sags[0] == pytest.approx(0.015, abs=1e-5)
-    assert wide.sags[1] < 0.012
-    assert (wide.crossed_rises < -0.005).all()
+    assert plain.downward_deviations[0] == pytest.approx(-solved.deviation[2], abs=1e-7)
+    assert np.abs(weight.downward_deviations - plain.downward_deviations).max() < 1e-6
+    assert np.abs(law.downward_deviations - plain.downward_deviations).max() < 2e-6
+    assert (below.downward_deviations < plain.downward_deviations - 0.004).all()
+    assert (above.downward_deviations < 0.010).all()
+    assert wide.downward_deviations[0] == pytest.approx(0.015, abs=1e-5)
+    assert wide.downward_deviations[1] < 0.012
+    assert (wide.crossed_deviations < -0.005).all()
 
 
 def test_the_figure_shows_the_studys_numbers(study):

@@ -120,7 +120,7 @@ def test_a_legend_of_tensions_names_each_cable_and_zone(width):
         assert looks(entry)[0][:7] == style.ZONES[count - 1][0]  # yellow, and red where more are slack
     rotations = np.concatenate([width.poses.rotations, width.lines[0].static.rotations])
     tilt = np.degrees(np.arccos(rotations[:, 2, 2])).max()
-    title = f"planar-vertical: up to {tilt:.2g}° of tilt, and up to 2 of 4 cables go slack"
+    title = f"planar-vertical: up to {tilt:.2g}° of tilt, and up to 2 of 4 cables slack"
     assert figure.get_suptitle().replace("\n", " ") == title
     assert ax.get_xlabel() == "commanded x [m]"
 
@@ -130,16 +130,16 @@ def test_a_legend_of_poses_names_what_is_where(width):
     figure = lines_figures.planar(width)
     fronts = [ax for ax in figure.axes if ax.get_ylabel() == "z [m]"]
     names, equilibria = legend(fronts[-1]), width.poses
-    assert set(names) == {"commanded pose", "platform at rest", "taut cable", "slack cable"}
+    assert set(names) == {"commanded pose", "platform at equilibrium", "taut cable", "slack cable"}
     assert fronts[-1].get_xlabel() == "x [m]"
     for ax, row in zip(fronts, (0, 1), strict=True):  # the higher one above
         boxes = [patch for patch in ax.patches if len(patch.get_path().vertices) == 5 and hasattr(patch, "get_xy")]
         middles = {}
-        for what in ("commanded pose", "platform at rest"):
+        for what in ("commanded pose", "platform at equilibrium"):
             (box,) = (box for box in boxes if looks(box) == looks(names[what]) and not hasattr(box, "get_width"))
             middles[what] = box.get_xy()[:-1].mean(0)
         np.testing.assert_allclose(middles["commanded pose"], equilibria.problems.positions[row][[0, 2]])
-        np.testing.assert_allclose(middles["platform at rest"], equilibria.positions[row][[0, 2]])
+        np.testing.assert_allclose(middles["platform at equilibrium"], equilibria.positions[row][[0, 2]])
         cables = [line for line in ax.lines if line.get_marker() == "None"]
         for cable, line in enumerate(cables):
             what = "slack cable" if cable == 0 else "taut cable"
@@ -180,7 +180,7 @@ def test_the_papers_line_has_each_series_under_its_name():
         sags = np.concatenate([(along - line.static.positions)[:, 2] for line in own])
         said.append((f"{np.degrees(turned.max()):.2g}°", f"{1e3 * sags.max():.2g} mm"))
     (tilt, fall), (other_tilt, other_fall) = said
-    title = f"parallel tilts {tilt} and sags {fall}, cogiro {other_tilt} and {other_fall}"
+    title = f"parallel tilts {tilt} and deviates {fall} downwards, cogiro {other_tilt} and {other_fall} downwards"
     assert title in figure.get_suptitle().replace("\n", " ")
 
 
@@ -214,9 +214,9 @@ def test_the_tilt_condition_says_how_far_and_how_much():
     (meeting,) = (line for line in ax.lines if line.get_gid() == "meeting point")
     np.testing.assert_allclose(meeting.get_xydata()[0], point)
     moment = 1e3 * 0.4 * 9.81 * arm
-    words = f"gravity passes {1e3 * arm:.0f} mm beside it: 3.92 N × {1e3 * arm:.0f} mm = {moment:.0f} N mm"
+    words = f"the weight passes {1e3 * arm:.0f} mm beside it: 3.92 N × {1e3 * arm:.0f} mm = {moment:.0f} N mm"
     assert ax.get_title(loc="left").splitlines()[1] == words
-    assert [ax.texts[-1].get_text() for ax in figure.axes] == ["H", "V", "V", "they meet"]
+    assert [ax.texts[-1].get_text() for ax in figure.axes] == ["H", "V", "V", "intersection"]
     names = legend(figure.axes[3])
     vertical = [line for line in ax.lines if looks(line)[:2] == looks(names["line of the weight"])[:2]]
     np.testing.assert_allclose([line.get_xdata() for line in vertical], [[0.25, 0.25]])
@@ -252,7 +252,7 @@ def test_four_witnesses_of_the_bars_tilt_are_drawn_under_their_names(forms):
     drawn = {str(line.get_label()): line for line in top.lines}
     for name, x, y in (
         ("closed form, with the bar's length", static.positions[:, 0], np.degrees(forms.closed_form)),
-        ("closed form of a short bar (paper, mended)", static.positions[:, 0], np.degrees(forms.short_bar)),
+        ("closed form of a short bar (paper, corrected)", static.positions[:, 0], np.degrees(forms.short_bar)),
         ("static solver", static.positions[:, 0], beta),
         ("MuJoCo, settled", settled.positions[:, 0], np.degrees(settled.euler[:, 1])),
     ):
@@ -261,8 +261,8 @@ def test_four_witnesses_of_the_bars_tilt_are_drawn_under_their_names(forms):
     np.testing.assert_allclose(errors["closed form"], np.degrees(forms.closed_form) - beta)
     np.testing.assert_allclose(errors["short bar"], np.degrees(forms.short_bar) - beta)
     most = np.abs(np.degrees(forms.short_bar) - beta).max()
-    assert figure.get_suptitle().replace("\n", " ").endswith(f"costs {most:.1f}° of tilt")
-    assert (bottom.get_xlabel(), bottom.get_ylabel()) == ("x where the bar rests [m]", "minus static solver [°]")
+    assert figure.get_suptitle().replace("\n", " ").endswith(f"has an error of up to {most:.1f}° of tilt")
+    assert (bottom.get_xlabel(), bottom.get_ylabel()) == ("x of the bar [m]", "error to static solver [°]")
 
 
 def test_the_bars_three_poses_are_drawn_under_their_names(forms):
@@ -274,8 +274,8 @@ def test_the_bars_three_poses_are_drawn_under_their_names(forms):
     anchors = equilibria.robot.anchors[[0, -1]]
     for name, positions, turns in (
         ("commanded, level", commanded, np.zeros(2)),
-        ("closed form: tilt it needs there", commanded, forms.balanced),
-        ("static solver: where it rests", equilibria.positions, equilibria.euler[:, 1]),
+        ("closed form: equilibrium tilt there", commanded, forms.balanced),
+        ("static solver: equilibrium", equilibria.positions, equilibria.euler[:, 1]),
     ):
         bars = [line.get_xydata() for line in ax.lines if looks(line) == looks(names[name])]
         turned = [at + Rotation.from_euler("y", turn).apply(anchors) for at, turn in zip(positions, turns, strict=True)]
@@ -285,7 +285,7 @@ def test_the_bars_three_poses_are_drawn_under_their_names(forms):
     points = np.concatenate([line.get_xydata() for line in ax.lines if line.get_gid() == "mujoco"])
     np.testing.assert_allclose(points, np.concatenate(ends)[:, [0, 2]])
     shift = 1e3 * np.abs(equilibria.positions - commanded)[:, 0].max()
-    assert f"moves up to {shift:.0f} mm" in figure.get_suptitle().replace("\n", " ")
+    assert f"deviates up to {shift:.0f} mm" in figure.get_suptitle().replace("\n", " ")
     robot = "two-cable, vectran-0.7mm cables (EA = 10 kN), bar of 102 mm and 0.4 kg, 2 commanded poses"
     assert figure.get_supxlabel().replace("\n", " ").startswith(robot)
 
@@ -298,7 +298,7 @@ def test_the_drifts_colours_are_the_bars():
     x, z = np.linspace(0.1, 0.7, 4), np.linspace(0.1, 0.4, 3)
     study = two_cable.Manifold(robot, x, z, RANDOM.uniform(-1, 1, (3, 4)), commanded, stiffness, *methods)
     figure = two_cable_figures.manifold(study)
-    front = next(ax for ax in figure.axes if "from the front" in ax.get_title(loc="left"))
+    front = next(ax for ax in figure.axes if "front view" in ax.get_title(loc="left"))
     bar = next(ax for ax in figure.axes if ax.get_ylabel() == "axial stiffness EA [N]")
     places = {float(label.get_text()): at for label, at in zip(bar.get_yticklabels(), bar.get_yticks(), strict=True)}
     (mesh,) = bar.collections[-1:]
@@ -345,7 +345,7 @@ def test_each_solver_is_drawn_under_its_name():
 
 def test_each_difference_of_the_methods_is_drawn_in_its_panel():
     """Positions in m, rotations in degrees, tensions in N; with what counts as the same, and crosses where free."""
-    agree, free = cdpr.Verdict.AGREE, cdpr.Verdict.AGREE_BUT_FREE
+    agree, free = cdpr.Verdict.AGREE, cdpr.Verdict.AGREE_EXCEPT_NEUTRAL
     study = [
         solvers.Differences(name, *(scale * 10.0 ** RANDOM.uniform(-12, -9, 4) for scale in (1, 10, 100)),
                             (agree, agree, agree, free))
@@ -361,7 +361,7 @@ def test_each_difference_of_the_methods_is_drawn_in_its_panel():
     assert [ax.get_xlabel() for ax in figure.axes] == list(panels)
     for ax, (field, unit, tolerance) in zip(figure.axes, panels.values(), strict=True):
         for one in study:
-            curve, cross = by_gid(ax)[one.name], by_gid(ax)[f"{one.name} free"]
+            curve, cross = by_gid(ax)[one.name], by_gid(ax)[f"{one.name} neutral"]
             values = unit * getattr(one, field)
             np.testing.assert_allclose(curve.get_xdata(), np.sort(values[:3]))
             np.testing.assert_allclose(curve.get_ydata(), [100 / 3, 200 / 3, 100])
@@ -414,13 +414,13 @@ def test_stiffnesses_and_pushes_are_drawn_in_their_units(stretched):
         assert same_color(said.get_color(), drawn[f"static {name}"].get_color())
     assert stiffness.get_ylabel() == "stiffness [kN/m]"
     (rigid,) = (text.get_text() for text in stiffness.texts if "rigid" in text.get_text())
-    assert rigid.startswith(f"{one.rigid[0] / 1e3:.2g} kN/m on lengths of rigid")
+    assert rigid.startswith(f"{one.rigid[0] / 1e3:.2g} kN/m with rigid lengths")
     EA, pull = stretched.robot.axial_stiffness[0] / 1e3, stretched.robot.force_max[0]
     assert f"EA = {EA:.0f} kN, winches of {pull:.0f} N; platform of 25 kg" in figure.get_supxlabel().replace("\n", " ")
     assert f"up to {one.eigenvalues[-1, 0] / one.rigid[0]:.0f} times stiffer" in figure.get_suptitle()
     for ax, field, unit, words in (
-        (forces, "shifts", 1e3, "100 N pushes it, by [mm]"),
-        (torques, "turns", 180 / np.pi, "2 N m turns it, rotation [°]"),
+        (forces, "shifts", 1e3, "displacement under 100 N [mm]"),
+        (torques, "turns", 180 / np.pi, "rotation under 2 N m [°]"),
     ):
         assert ax.get_ylabel() == words
         names, drawn = legend(ax), by_gid(ax)
@@ -448,11 +448,11 @@ def test_a_wrong_length_is_told_of_the_right_cable(stretched):
     figure = pretension_figures.pretension(stretched)
     misses, overload = figure.axes[4:6]
     names = legend(misses)
-    assert list(names) == ["a cable from above", "one from below"]
+    assert list(names) == ["upper cable", "lower cable"]
     for wrong, entry in zip(stretched.wrong, names.values(), strict=True):
         for ax, static, settled in (
             (misses, 1e3 * wrong.shifts, 1e3 * wrong.settled_shifts),
-            (overload, wrong.tightest, wrong.settled_tightest),
+            (overload, wrong.largest_tensions, wrong.settled_largest_tensions),
         ):
             line = by_gid(ax)[f"static {wrong.cable}"]
             assert same_color(line.get_color(), entry.get_color())
@@ -462,14 +462,14 @@ def test_a_wrong_length_is_told_of_the_right_cable(stretched):
             ]
             hollow = next(one for one in points if len(one.get_xdata()) == 3)
             np.testing.assert_allclose(hollow.get_xydata(), np.transpose([1e3 * wrong.settled_errors, settled]))
-    assert misses.get_ylabel() == "the platform is off by [mm]"
-    assert overload.get_ylabel() == "the tightest cable pulls with [N]"
+    assert misses.get_ylabel() == "displacement of the platform [mm]"
+    assert overload.get_ylabel() == "largest tension [N]"
     limit = float(stretched.robot.force_max[0])
     short = np.interp(limit, [300, 700, 1200], [0, 5, 10])  # mm
     said = [text.get_text() for text in overload.texts]
-    assert said == [f"the winches' {limit:g} N", f"{short:.0f} mm short"]
+    assert said == [f"the winches' {limit:g} N", f"{short:.0f} mm too short"]
     length = 1e3 * stretched.robot.rest_lengths(stretched.robot.home)[0]
-    assert f"one length {100 * short / length:.1f} % short overloads it" in figure.get_suptitle().replace("\n", " ")
+    assert f"one length {100 * short / length:.1f} % too short overloads it" in figure.get_suptitle().replace("\n", " ")
 
 
 # Compensation
@@ -500,7 +500,7 @@ def test_before_and_after_compensation_are_drawn_as_they_are():
     }
     for ax, label, numbers, unit in zip(
         figure.axes,
-        ("error of position [mm]", "error of rotation [°]"),
+        ("position error [mm]", "rotation error [°]"),
         (away, turned),
         (1e3, 180 / np.pi),
         strict=True,
@@ -533,7 +533,7 @@ def test_what_real_cables_do_is_drawn_in_its_row_and_under_its_name():
     ax = Figure().add_subplot()
     real_cables_figures._effects(ax, effects)
     rows = {label.get_text(): at for label, at in zip(ax.get_yticklabels(), ax.get_yticks(), strict=True)}
-    called = {"elasticity": "elasticity", "weight": "the cables' weight", "stiffening": "a law that stiffens"}
+    called = {name: name for name in ("elasticity", "mass of the cables", "nonlinear elasticity")}
     names, drawn = legend(ax), by_gid(ax)
     assert list(names) == robots
     for one in effects:
@@ -545,7 +545,7 @@ def test_what_real_cables_do_is_drawn_in_its_row_and_under_its_name():
         assert looks(reach)[0] == looks(names[one.robot])[0]
         if one.what in called:
             assert abs(point.get_ydata()[0] - rows[called[one.what]]) < 0.5
-    assert ax.get_xlabel() == "the platform moves by: median, and up to 95 % of poses [mm]"
+    assert ax.get_xlabel() == "displacement of the platform: median, and up to 95 % of poses [mm]"
 
 
 def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_method_has_them():
@@ -569,7 +569,7 @@ def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_method_has_them():
         np.testing.assert_allclose(settled.get_xydata(), np.transpose([[0, 20], 1e3 * np.median(one.settled, axis=1)]))
         assert looks(names.pop(f"parallel, {arriving}: {rate:.2f} mm per mm"))[:2] == looks(static)[:2]
     assert next(iter(names)) == f"not drawn: crane, from below: {rates[2]:.2f} mm per mm"
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("radius of the pulleys [mm]", "error of position [mm]")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("radius of the pulleys [mm]", "position error [mm]")
     assert (real_cables.BELOW[2], real_cables.ABOVE[2]) == (1, -1)  # the way a cable goes that arrives from there
 
 
@@ -580,9 +580,9 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     equilibria = dataclasses.replace(equilibria, positions=np.array([[0.303, 0.25, 0.096]]))
     ax = Figure().add_subplot()
     real_cables_figures._pulleys(ax, real_cables.CableExample(equilibria, np.zeros((8, 2, 3))))
-    assert ax.get_title() == "DemoBot over pulleys of 20 mm that its winches do not know: 5 mm off"
+    assert ax.get_title() == "DemoBot with 20 mm pulleys unknown to its winches: error of 5 mm"
     names = legend(ax)
-    believed = [line for line in ax.lines if looks(line) == looks(names["as its winches believe"])]
+    believed = [line for line in ax.lines if looks(line) == looks(names["commanded, with point exits"])]
     for line, exit_, anchor in zip(believed, robot.exits, np.array([0.3, 0.25, 0.1]) + robot.anchors, strict=True):
         np.testing.assert_allclose(line.get_xydata(), [exit_[[0, 2]], anchor[[0, 2]]])
     heavy = robot.replace(pulley_radius=0.0, linear_density=0.01)
@@ -591,12 +591,12 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     anchors = equilibria.positions[0] + heavy.anchors @ equilibria.rotations[0].T
     middles = (heavy.exits + anchors) / 2 - sags[:, None] * np.array([0, 0, 1])
     ax = Figure().add_subplot()
-    real_cables_figures._heavy(
+    real_cables_figures._ropes_with_mass(
         ax, real_cables.CableExample(equilibria, np.stack([heavy.exits, middles, anchors], axis=1))
     )
-    assert ax.get_title() == "The crane on steel ropes, which sag by 3 to 10 mm"
+    assert ax.get_title() == "The crane on steel ropes, with a sag of 3 to 10 mm"
     (inset,) = ax.child_axes
-    assert inset.get_title() == "below the straight line [mm], from exit to anchor"
+    assert inset.get_title() == "sag below the straight line [mm], from exit to anchor"
     for line, sag in zip(inset.lines, sags, strict=True):
         np.testing.assert_allclose(line.get_ydata(), [0, -1e3 * sag, 0], atol=1e-12)
     slack = [same_color(line.get_color(), legend(ax)["slack rope"].get_color()) for line in inset.lines]
@@ -622,7 +622,7 @@ def test_runs_of_controllers_are_drawn_under_their_names():
     figure = controller_comparison_figures.controllers(runs)
     key, *panels = figure.axes
     names, grid = legend(key), np.reshape(panels, (2, 3))
-    assert [ax.get_xlabel() for ax in grid[1]] == ["error of position [mm]", "error of tilt [°]", "tension [N]"]
+    assert [ax.get_xlabel() for ax in grid[1]] == ["position error [mm]", "tilt error [°]", "tension [N]"]
     titles = [ax.get_title(loc="left") or ax.get_title() for ax in grid[:, 0]]
     assert titles == ["crossed cables (cogiro): position", "parallel cables: position"]
     ticks = dict(zip([tick.get_text() for tick in grid[1, 2].get_xticklabels()], grid[1, 2].get_xticks(), strict=True))
@@ -673,12 +673,12 @@ def proof() -> LayoutValidation:
 def test_a_layouts_numbers_are_mujocos_before_and_after(proof):
     """Degrees, millimetres, newtons; the worst before the mean, the lowest before the highest."""
     rows = {what: words for what, *words in better_layouts.numbers(proof)}
-    move = np.linalg.norm(proof.found.robot.exits - proof.found.given.exits, axis=1).max()
+    move = np.linalg.norm(proof.layout.robot.exits - proof.layout.given.exits, axis=1).max()
     expected = {
         "worst deviation, in MuJoCo": ["12.3 mm", "24.6 mm"],
         "most slack cables": ["2", "1"],
         "Newton and MuJoCo agree at": ["1 of 3", "2 of 3"],
-        "furthest move of a point": ["", f"{1e3 * move:.3g} mm"],
+        "largest displacement of a point": ["", f"{1e3 * move:.3g} mm"],
         "worst, mean tilt": [],
         "worst, mean deviation": [],
         "lowest, highest tension": [],
@@ -694,7 +694,7 @@ def test_a_layouts_numbers_are_mujocos_before_and_after(proof):
 
 def test_a_front_is_drawn_in_its_goals_units(proof):
     """Tilt in degrees to the right, deviation in millimetres up; the given robot where it stands."""
-    found = proof.found
+    found = proof.layout
     goals = tuple(dataclasses.replace(found.objective, name=name, unit=unit, size=size)
                   for name, unit, size in (("tilt", "°", np.pi / 180), ("deviation", "mm", 1e-3)))  # fmt: skip
     scores = np.array([[0.1, 0.02], [0.2, 0.01]])

@@ -60,13 +60,13 @@ def test_a_frames_numbers_are_the_states(written):
     written.clear()
     a_frame(of, [0.0, 0.5, 2.0, 1.0], [True, False, False, False])
     words = [word.text for word in written]
-    shown = [words[words.index(name) + 1 : words.index(name) + 3] for name in ("tilt", "shift", "sag")]
+    shown = [words[words.index(name) + 1 : words.index(name) + 3] for name in ("tilt", "dev. xy", "dev. -z")]
     assert shown == [["26.0", " °"], ["5.00", " mm"], ["12.3", " mm"]]
     place = words.index(" of 4")
     assert words[place - 2 : place] == ["slack", "1"]
     units = [word for word in written if word.text in (" °", " mm", " of 4")]
     left = of.cells[0].numbers.left
-    names = [word for word in written if word.x == left and word.text in ("tilt", "shift", "sag", "slack")]
+    names = [word for word in written if word.x == left and word.text in ("tilt", "dev. xy", "dev. -z", "slack")]
     assert [word.y for word in units] == [word.y for word in names]  # each in its own line
 
 
@@ -145,7 +145,7 @@ def test_the_legends_swatches_have_the_colours_of_what_they_name(written):
 
 def test_a_picture_says_what_is_drawn_larger(written, moving):
     """So many times, in every frame; and nothing where all is to scale."""
-    for times, said in ((3.0, ["Deviations drawn 3 × as large; the numbers are true"]), (1.0, [])):
+    for times, said in ((3.0, ["Deviations drawn 3 × larger; the numbers are the true values"]), (1.0, [])):
         with film._Film(moving, None, None, 0.5, 10.0, (1280, 720), times, "raycast", None) as shown:
             written.clear()
             next(shown.frames())
@@ -290,7 +290,7 @@ def test_before_and_after_are_not_swapped(layouts):
     """Each with its exits, its map in degrees and its column of numbers; what moved is drawn on the second alone."""
     before, _ = layouts
     tilts = np.radians([[1.0, 2.0, 3.0], [4.0, 5.0, np.nan]])  # over x, and z
-    asked, numbers = before.problems.positions, [("worst tilt", "6°", "3°"), ("sag", "2 mm", "1 mm")]
+    asked, numbers = before.problems.positions, [("worst tilt", "6°", "3°"), ("deviation", "2 mm", "1 mm")]
     figure = layout_pictures.draw_better_layout(
         layouts, 1, (None, None), (tilts, tilts / 2), (0.0, 2.0, 0.0, 3.0), asked, numbers, "title", "caption"
     )
@@ -333,7 +333,7 @@ def test_a_map_of_distances_is_in_millimetres_and_red_where_they_are_too_small()
         np.testing.assert_allclose(np.ma.filled(image.get_array(), np.nan), of)
     assert same_color(near.cmap(0.5), style.VERMILLION)
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["nearer than 5 mm"]
+    assert [text.get_text() for text in legend.get_texts()] == ["below 5 mm"]
     assert same_color(legend.get_patches()[0].get_facecolor(), style.VERMILLION)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("commanded y [m]", "commanded z [m]")
     assert bar.get_ylabel() == "smallest distance [mm]"
@@ -350,7 +350,7 @@ def test_a_front_has_its_first_goal_to_the_right():
     assert drawn == {
         "first": [[1, 30], [2, 10]],
         "second": [[2, 31], [3, 11]],
-        "in MuJoCo, at poses twice as fine": [[2.1, 11], [1.1, 31]],
+        "MuJoCo, at twice as many poses": [[2.1, 11], [1.1, 31]],
         "as given": [[5, 50]],
     }
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("tilt [°]", "size [mm]")

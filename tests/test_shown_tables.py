@@ -93,9 +93,9 @@ def test_settle_shows_each_result_under_the_name_of_its_own_source():
     assert cells(lines, "x [mm]", 5) == ["400.000", "411.000", "412.000", "413.000", "414.000"]
     assert cells(lines, "y [mm]", 5) == ["250.000", "253.000", "255.000", "257.000", "259.000"]
     assert cells(lines, "z [mm]", 5) == ["200.000", "193.000", "190.000", "187.000", "184.000"]
-    assert cells(lines, "sag [mm]", 4) == ["7.000", "10.000", "13.000", "16.000"]  # downwards is positive
+    assert cells(lines, "deviation -z [mm]", 4) == ["7.000", "10.000", "13.000", "16.000"]  # downwards is positive
     shifts = [math.hypot(11 + n, 3 + 2 * n) for n in range(4)]
-    assert cells(lines, "shift x, y [mm]", 4) == [f"{shift:.3f}" for shift in shifts]
+    assert cells(lines, "deviation x, y [mm]", 4) == [f"{shift:.3f}" for shift in shifts]
     # Ry(b) Rx(a) takes the vertical to an angle whose cosine is cos a cos b.
     tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in DEGREES.values()]
     assert cells(lines, "tilt [°]", 5) == ["0.000", *(f"{math.degrees(tilt):.3f}" for tilt in tilts)]
@@ -157,11 +157,14 @@ def agreement(verdict: Verdict, **changes) -> Agreement:
 def test_the_verdict_gives_its_differences_in_the_units_that_it_names():
     """Two millimetres, three degrees, four newtons."""
     text = crosscheck_tables.verdict(agreement(Verdict.DISAGREE, reasons=("because",), same_slack=False))
-    assert "position within 2.0e+00 mm, rotation within 3.0e+00°, tensions within 4.0e+00 N, other cables" in text
+    assert (
+        "position within 2.0e+00 mm, rotation within 3.0e+00°, tensions within 4.0e+00 N, different slack cables"
+        in text
+    )
     assert text.startswith("[bold red]")
     assert text.endswith("  - because")
     assert crosscheck_tables.verdict(agreement(Verdict.AGREE)).startswith("[bold green]")
-    said = f"<Agreement: {Verdict.AGREE.value}: 2.0e+00 mm, 3.0e+00° and 4.0e+00 N apart, other cables slack>"
+    said = f"<Agreement: {Verdict.AGREE.value}: 2.0e+00 mm, 3.0e+00° and 4.0e+00 N difference, different slack cables>"
     assert repr(agreement(Verdict.AGREE, same_slack=False)) == said
 
 
@@ -203,9 +206,9 @@ def test_a_line_is_listed_with_how_far_the_methods_are_apart():
     shown = columns(crosscheck_tables.line_table("title", ends, agreements))
     tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in ((3, 20), (4, 21))]
     assert shown == {
-        "commanded x [mm]": ["400.00", "400.00"], "x [mm]": ["411.00", "412.00"], "sag [mm]": ["7.000", "10.000"],
+        "commanded x [mm]": ["400.00", "400.00"], "x [mm]": ["411.00", "412.00"], "dev. -z [mm]": ["7.000", "10.000"],
         "tilt [°]": [f"{math.degrees(tilt):.3f}" for tilt in tilts], "about y [°]": ["20.000", "21.000"],
-        "taut cables": ["6", "6"], "methods apart [nm]": ["1.50", "2500.00"], "verdict": ["agree", "[red]differ[/]"],
+        "taut cables": ["6", "6"], "difference [nm]": ["1.50", "2500.00"], "verdict": ["agree", "[red]differ[/]"],
     }  # fmt: skip
 
 
@@ -228,13 +231,13 @@ def test_compensation_shows_errors_in_millimetres_and_degrees_by_method():
     )
     assert rows["error x [mm]"] == ("11.000000", "12.000000", "12.000000", "11.000000")
     assert rows["error z [mm]"][:2] == ("-7.000000", "-10.000000")
-    assert rows["error of position [mm]"][0] == f"{math.hypot(11, 3, 7):.6f}"
+    assert rows["position error [mm]"][0] == f"{math.hypot(11, 3, 7):.6f}"
     half = math.cos(math.radians(10)) * math.cos(math.radians(1.5))
-    assert rows["error of rotation [°]"][0] == f"{math.degrees(2 * math.acos(half)):.6f}"
+    assert rows["rotation error [°]"][0] == f"{math.degrees(2 * math.acos(half)):.6f}"
     assert rows["tension 1 [N]"][:2] == ("1.250", "1.375")
     tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in ((3, 20), (4, 21))]
     assert rows["tilt [°]"][:2] == tuple(f"{math.degrees(tilt):.6f}" for tilt in tilts)
-    assert rows["softest [N/m]"][:2] == ("12.5", "13.5")
+    assert rows["lowest stiffness [N/m]"][:2] == ("12.5", "13.5")
     assert rows["equilibrium"] == ("stable",) * 4
 
 
@@ -245,9 +248,9 @@ def test_compensated_cables_are_shorter_by_what_is_said():
     problem = cdpr.Problem.of(robot, COMMANDED, cut)
     found = compensation(equilibrium=made_up("newton", problem=problem))
     text = analysis_tables.compensation_lengths(found).replace("\\", "")
-    assert text == "Cables shorter by [mm]: 1.000, 2.000, 3.000, 4.000, 5.000, 6.000, 7.000, 8.000"
+    assert text == "Rest lengths reduced by [mm]: 1.000, 2.000, 3.000, 4.000, 5.000, 6.000, 7.000, 8.000"
     said = analysis_tables.compensation_verdict(found, CompensationCheck(found, found.equilibrium, found.equilibrium))
-    assert "12.300 mm away (a rotation counts as the way of a point 55 mm from" in said
+    assert "12.300 mm away (rotation weighted by an arm of 55 mm)" in said
     assert "so it is" in said
 
 
@@ -279,7 +282,7 @@ def test_sensitivity_and_modes_name_their_units():
     effect = Effect("exit 3 z", "exits", 8, "mm", 1.5, 2.5, 3.5)
     shown = columns(analysis_tables.sensitivity_table(Sensitivity(made_up("newton"), {}, {}, 4e-3), [effect]))
     assert shown == {"": ["exit 3 z"], "per": ["1 mm"], "mm": ["1.5"], "°": ["2.5"], "N": ["3.5"]}
-    assert "taut is 4 mm of its length" in analysis_tables.sensitivity_note(
+    assert "the cable closest to a change is 4 mm of length away" in analysis_tables.sensitivity_note(
         Sensitivity(made_up("newton"), {}, {}, 4e-3)
     )
     one = made_up("newton")
@@ -289,7 +292,7 @@ def test_sensitivity_and_modes_name_their_units():
     assert (table["mode"], table["Hz"], table["x"], table["about y"]) == (["1"], ["7.250"], ["1.00"], ["0.50"])
     assert table["y"] == table["about x"] == [""]
     told = as_json.sensitivity(Sensitivity(one, {}, {}, 4e-3), [effect], Modes(one, np.array([7.25]), shape))
-    assert (told["margin"], told["frequencies"], told["shapes"]) == (4e-3, [7.25], shape.tolist())
+    assert (told["margin"], told["frequencies"], told["mode_shapes"]) == (4e-3, [7.25], shape.tolist())
 
 
 def test_equilibria_are_listed_with_what_mujoco_does_there():
@@ -309,9 +312,9 @@ def test_equilibria_are_listed_with_what_mujoco_does_there():
     tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in ((3, 20), (4, 21))]
     assert shown["tilt [°]"] == [f"{math.degrees(tilt):.1f}" for tilt in tilts]
     assert shown["slack"] == ["2", "2"]
-    assert shown["softest [N/m]"] == ["12.5", "-2"]
-    assert shown["ways down"] == ["", "1"]
-    assert shown["let go in MuJoCo"] == ["stays", "leaves"]
+    assert shown["lowest stiffness [N/m]"] == ["12.5", "-2"]
+    assert shown["index"] == ["", "1"]
+    assert shown["released in MuJoCo"] == ["stays", "leaves"]
     told = as_json.equilibria(places[0].problem, found, releases, LoadPath(np.ones(1), places[:1], (0.5,)), 0, 1)
     assert [one["energy"] for one in told["equilibria"]] == [0.0125, 0.25]
     assert [one["stays_in_mujoco"] for one in told["equilibria"]] == [True, False]
@@ -321,7 +324,7 @@ def test_equilibria_are_listed_with_what_mujoco_does_there():
 def test_equilibria_that_are_missing_are_counted():
     """Three stable ones without a saddle lack at least three; with as many odd ones nothing is known to be missing."""
     minima, saddle = [made_up(source) for source in list(DEGREES)[:3]], made_up("newton", eigenvalues=(-3, 40, 90))
-    for places, said in (([*minima], "At least 3 missing"), ([minima[0], saddle], "nothing says that one is missing")):
+    for places, said in (([*minima], "At least 3 missing"), ([minima[0], saddle], "no indication that one is missing")):
         found = Equilibria(minima[0].problem, tuple(places), np.zeros(len(places)), 10, saddles=True)
         assert said in analysis_tables.equilibria_note(found)
 
@@ -333,8 +336,8 @@ def test_what_moved_in_a_layout_is_told_in_its_unit():
         Change("EA of cable 2", 1000.0, 1250.0),
         Change("linear density of cable 2", 2.0, 1.0),
     )
-    layout = Mock(spec=LayoutResult, given=cdpr.load_robot("cogiro"), moved=moved)
-    assert list(columns(design_tables.moved_table(layout)).values()) == [
+    layout = Mock(spec=LayoutResult, given=cdpr.load_robot("cogiro"), changes=moved)
+    assert list(columns(design_tables.changes_table(layout)).values()) == [
         ["exit 3 z", "EA of cable 2", "linear density of cable 2"], ["250.00 mm", "1000 N", "2 kg/m"],
         ["237.50 mm", "1250 N", "1 kg/m"], ["-12.50 mm", "+25 %", "-50 %"],
     ]  # fmt: skip
@@ -345,14 +348,15 @@ def test_a_layouts_json_says_each_number_of_its_own_method():
     given, robot = cdpr.load_robot("parallel"), cdpr.load_robot("cogiro")
     layout = Mock(
         spec=LayoutResult, given=given, robot=robot, objective=OBJECTIVES["worst tilt"], before=0.5, after=0.125,
-        cases=[1] * 3, moved=(), distance=0.01, tried=40, history=[0] * 7, message="done", warnings=("near its end",),
+        cases=[1] * 3, changes=(), largest_displacement=0.01, layouts_evaluated=40, history=[0] * 7, message="done",
+        warnings=("near its end",),
     )  # fmt: skip
     for score, better in ((0.25, True), (np.nan, False)):
         sides = Mock(spec=ValidatedRobot, score=0.75), Mock(spec=ValidatedRobot, score=score)
         told = design_tables.design_json(
             Mock(
                 spec=LayoutValidation,
-                found=layout,
+                layout=layout,
                 cases=[1] * 5,
                 before=sides[0],
                 after=sides[1],
@@ -365,7 +369,7 @@ def test_a_layouts_json_says_each_number_of_its_own_method():
             0.5, 0.125, 0.75, in_mujoco,
         ]  # fmt: skip
         assert (told["agrees"], told["better"], told["poses"], told["poses_in_mujoco"]) == (True, better, 3, 5)
-        assert (told["layouts_tried"], told["generations"], told["furthest_move"]) == (40, 7, 0.01)
+        assert (told["layouts_evaluated"], told["generations"], told["largest_displacement"]) == (40, 7, 0.01)
         assert (told["robot"], told["exits"]) == ("parallel", robot.exits.tolist())
 
 
@@ -378,7 +382,7 @@ def test_what_comes_nearest_is_listed_first():
     shown = columns(design_tables.clearance_table(found))
     for axis, name in enumerate("xyz"):
         assert shown[f"{name} [mm]"] == [f"{1000 * poses[row][axis]:.1f}" for row in order]
-    distances = [float(words.split()[-2]) for words in shown["nearest"]]
+    distances = [float(words.split()[-2]) for words in shown["smallest"]]
     assert distances == pytest.approx([1000 * found.least[row] for row in order], rel=0.01)
 
 
@@ -389,6 +393,7 @@ def identification() -> Identification:
         values=np.array([1234.5, 0.0021, 0.4]), standard_errors=np.array([6.7, 0.00031, np.inf]),
         correlations=np.eye(3), residuals=np.array([[3e-3, 4e-3, np.nan, np.radians(2), np.nan, np.nan]]), spread=1.5,
         scatters=(5e-3, math.radians(6)), judged=("position", "rotation"), reasons=("mass is unknown",),
+        predictions={("axial_stiffness", "mass"): 3.4567, ("mass",): np.inf, ("axial_stiffness",): 1.2345},
     )  # fmt: skip
 
 
@@ -403,9 +408,13 @@ def test_identification_shows_lengths_in_millimetres_and_the_rest_in_its_unit():
     note = analysis_tables.identification_note(identification())
     assert f"Residuals: {math.sqrt((9 + 16) / 2):.3g} mm and 2° (root mean square)." in note
     assert "judged from them: 5 mm and 6°" in note
+    assert "\nRows left out are missed by 3.46 standard errors; by 1.23 with axial_stiffness alone.\n" in note
+    assert repr(identification()).endswith("mass = 0.4 ± inf kg; mass is unknown>")
     told = as_json.identification(identification())
     assert told["unknowns"]["rest_length_offset 3"] == {"value": 0.0021, "standard_error": 0.00031, "unit": "m"}
     assert told["unknowns"]["mass"]["standard_error"] is None
+    assert told["predictions"][0] == {"unknowns": ["axial_stiffness", "mass"], "error": 3.4567}
+    assert told["predictions"][1] == {"unknowns": ["mass"], "error": None}
 
 
 def over_x(**variables) -> xr.Dataset:

@@ -18,6 +18,9 @@ from cdpr_sim.physics.track import _Machine
 LINE = [[0.3, 0.25, 0.1], [0.36, 0.25, 0.1]]
 POSE = [0.3, 0.25, 0.1]
 
+UNDER_A_PULLEY = [[0.07, 0.07, 0.1], [0.14, 0.07, 0.1]]
+"""Anchor 2 of DemoBot passes below exit 2, which is at (0.04, 0.08) m; neither waypoint is within 0.02 m of there."""
+
 AT_REST = 1e-9
 """[m] By which a platform moves that ``settle`` has put to rest: it stops at 1e-9 of the load on 1e3 N/m."""
 
@@ -278,10 +281,14 @@ def test_a_platform_that_falls_is_said_to_fall():
         ({"robot": demobot(linear_density=0.001)}, "linear_density: found 0.001 kg/m"),
         ({"waypoints": []}, "waypoints: found none"),
         ({"waypoints": [[0.4, 0.25, 0.9]]}, "falls since cables cannot push"),
+        (
+            {"robot": demobot(pulley_radius=0.02), "waypoints": UNDER_A_PULLEY},
+            "pose: found the anchor of cable 2 inside its pulley's wheel or under its footprint",
+        ),
     ],
 )
 def test_bad_input_is_refused_in_a_sentence(words, message):
-    """Before anything is simulated."""
+    """Before anything is simulated, and before the controller is asked for anything."""
     robot = demobot()
     given: dict[str, Any] = {"robot": robot, "waypoints": LINE, "controller": RigidLengths(robot)} | words
     with pytest.raises(cdpr.InvalidInput, match=message):

@@ -320,7 +320,7 @@ def test_the_page_says_what_is_shown(parallel):
     assert "2 times slower" in video._footnote([parallel], 120.0)
     assert "follow the dark line" in video._footnote([parallel], 60.0)
     dropped = cdpr.drive(parallel.robot, LINE[:1], seconds=0.1, states=2, from_rest=False)
-    assert "let go" in video._footnote([dropped], 60.0)
+    assert "released" in video._footnote([dropped], 60.0)
 
 
 @pytest.mark.parametrize("fallen", [0.0, 0.6])

@@ -34,7 +34,8 @@ MADE = ("Command.of", "Measurements.of", "Problem.of", "Problems.of", "Problems.
 """And those that are made by a method."""
 
 ASKED = (
-    "Check.across", "Clearances.free", "Reference.acceleration", "Reference.fractions", "Reference.pose", "Reference.poses",
+    "Check.across", "Clearances.free", "Reference.acceleration", "Reference.fractions", "Reference.pose",
+    "Reference.poses",
     "Equilibria.nearest", "Front.thinned", "Identification.__getitem__", "Measurements.check_robot", "Problem.same_as",
     "Robot.placed", "Robot.pose", "Robot.replace", "Robot.rest_lengths", "Rope.of", "Sensitivity.tilt",
 )  # fmt: skip

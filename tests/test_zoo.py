@@ -10,7 +10,7 @@ from test_cli import run
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.drawing.still import sheet, stamp_of
-from cdpr_sim.studies.zoo_check import DRAWN_IN, visit
+from cdpr_sim.studies.zoo_check import PRETENSION_STRAIN, check_robot
 
 MODELS = Path(__file__).parents[1] / "models"
 
@@ -25,7 +25,7 @@ POSES = 3
 @pytest.mark.parametrize("name", NAMES)
 def test_both_methods_agree_over_the_workspace(name):
     """At the rest lengths of the commanded poses: pose, tensions and slack cables."""
-    found = visit(cdpr.load_robot(name), POSES)
+    found = check_robot(cdpr.load_robot(name), POSES)
     assert found.agreeing == POSES, found.verdicts
     assert found.tension > 0
 
@@ -34,10 +34,10 @@ def test_both_methods_agree_over_the_workspace(name):
 def test_both_methods_agree_where_all_cables_are_drawn_in(name):
     """Shorter by a thousandth: cables from below then pull, at the middle of the workspace as well, and more."""
     robot = cdpr.load_robot(name)
-    slack, tight = visit(robot, POSES), visit(robot, POSES, DRAWN_IN)
+    slack, tight = check_robot(robot, POSES), check_robot(robot, POSES, PRETENSION_STRAIN)
     assert tight.agreeing == POSES, tight.verdicts
     assert tight.tension > slack.tension
-    lengths = (1 - DRAWN_IN) * robot.rest_lengths(robot.home)
+    lengths = (1 - PRETENSION_STRAIN) * robot.rest_lengths(robot.home)
     static, settled = cdpr.solve(robot, robot.home, lengths), cdpr.settle(robot, robot.home, lengths)
     assert cdpr.compare(static, settled).agrees
     assert not static.slack.any()
@@ -49,7 +49,7 @@ def test_a_cable_one_per_cent_stiffer_is_noticed(name):
     robot = cdpr.load_robot(name)
     wrong = robot.axial_stiffness.copy()
     wrong[0] *= 1.01
-    lengths = (1 - DRAWN_IN) * robot.rest_lengths(robot.home)
+    lengths = (1 - PRETENSION_STRAIN) * robot.rest_lengths(robot.home)
     settled = cdpr.settle(robot.replace(axial_stiffness=wrong), robot.home, lengths)
     passed_off = type(settled)(**(vars(settled) | {"problem": cdpr.Problem.of(robot, robot.home, lengths)}))
     agreement = cdpr.compare(cdpr.solve(robot, robot.home, lengths), passed_off)
@@ -105,7 +105,7 @@ def test_a_page_shows_all_robots(tmp_path):
     assert "25 kg, 4 × 3 × 2 m" in figure.axes[2].texts[0].get_text()
     assert run("show", "cogiro", "two-cable", "-o", str(tmp_path / "two.png")).exit_code == 0
     refused = run("show", "cogiro", "two-cable", "--pose", "1", "1", "1", "-o", str(tmp_path / "none.png"))
-    assert (refused.exit_code, "found one beside several robots" in refused.stderr) == (2, True)
+    assert (refused.exit_code, "found a pose and several robots" in refused.stderr) == (2, True)
 
 
 def test_a_telescopes_tensions_agree_like_those_of_a_toy():

@@ -6,12 +6,14 @@ Nonlinear least squares (Levenberg 1944; SciPy's trust-region reflective) on
 
 where x(θ) is the equilibrium of statics, with the exact derivatives of the implicit function theorem. Positive unknowns
 are fitted by their logarithm. Standard errors are the square roots of the diagonal of (JᵀJ)⁻¹; directions of θ that the
-data do not determine, by the singular values of J with unit columns, have infinite ones, and a sentence.
+data do not see, by the singular values of J with unit columns, have infinite ones, and a sentence. Whether the data
+hold so many unknowns is tested against fits of fewer (``identifiability``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +21,7 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
+from cdpr_sim.analysis.identifiability import INVISIBLE, certainty, directions, leverages, prediction_error, too_many
 from cdpr_sim.analysis.measurements import Measurements
 from cdpr_sim.core.checks import listed, one_of, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotConverged
@@ -31,11 +34,6 @@ from cdpr_sim.statics import derivatives, forces, newton
 UNKNOWNS = ("axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "mass", "center_of_mass")
 """Unknowns that can be fitted: one EA for all cables, one each, an offset of each rest length, mass, centre of mass."""
 
-UNSEEN = 1e-6
-"""A singular value below this fraction of the largest, with columns of unit length, is rounding: EA and mass together,
-which have exactly the same effect, measure 6e-11; EA, offsets and centre of mass, distinguished by 12 poses, 0.02
-(``scripts/measure_constants.py``)."""
-
 REWEIGHTINGS = 20
 """Number of fits, each weighted by the scatters from the residuals of the last one; they converge in three or four."""
 
@@ -45,16 +43,6 @@ separately."""
 
 EXACT = 1e-9
 """[m, rad] Least estimate of a scatter: two solutions of one equilibrium differ by as much."""
-
-INVISIBLE = 0.01
-"""Fraction of a number's standard error: a smaller change of all residuals is not observable."""
-
-ALIKE = 0.99
-"""Correlation above which two unknowns are hardly distinguishable."""
-
-UNCERTAIN = 1 / 3
-"""Standard error of a positive unknown, as a fraction of it, above which the data hardly determine it: twice
-this is a factor of two."""
 
 SURPRISING = 1e-3
 """Probability of residuals as large as found, below which the model does not explain the data."""
@@ -82,10 +70,13 @@ class Identification(HtmlRepr):
         correlations: between them, (unknowns, unknowns); nan where undetermined.
         residuals: residuals in coordinates (rows, 6) [m, rad]; nan where not measured.
         spread: root mean square of residuals over their stated error; 1 if model and errors are right, and by
-            construction where errors were estimated.
-        scatters: standard errors of a measured coordinate [m] and of an angle [rad], as stated or estimated.
-        judged: which of them were estimated from the residuals: "position", "rotation".
-        reasons: what the data do not determine, and whether the model explains them, a sentence each.
+            construction where errors were judged.
+        scatters: standard errors of a measured coordinate [m] and of an angle [rad], as stated or judged.
+        judged: which of them were judged from the residuals: "position", "rotation".
+        predictions: root mean square of what fits to all other rows miss of each row's numbers, over ``scatters``: of
+            the unknowns that were asked for, first, and of fewer, by their names; nan of a single row, inf where one
+            row alone determines an unknown.
+        reasons: what the data cannot tell, and whether the model explains them, a sentence each.
     """
 
     robot: Robot
@@ -98,6 +89,7 @@ class Identification(HtmlRepr):
     spread: float
     scatters: tuple[float, float]
     judged: tuple[str, ...]
+    predictions: Mapping[tuple[str, ...], float]
     reasons: tuple[str, ...]
 
     def __getitem__(self, name: str) -> tuple[float, float]:
@@ -115,12 +107,17 @@ class Identification(HtmlRepr):
             for name, value, error, unit in zip(self.names, self.values, self.standard_errors, self.units, strict=True)
         ]
         more = f"; and {len(told) - SAID} more" if len(told) > SAID else ""
-        return f"<Identification of {self.robot.name!r}: {'; '.join(told[:SAID])}{more}>"
+        warned = f"; {self.reasons[0]}" if self.reasons else ""
+        warned += f" (and {len(self.reasons) - 1} more warnings)" if len(self.reasons) > 1 else ""
+        return f"<Identification of {self.robot.name!r}: {'; '.join(told[:SAID])}{more}{warned}>"
 
 
 @dataclass(frozen=True)
 class _Unknown:
-    """One number to fit: its derivative is the sum of those of ``columns`` of ``parameter``."""
+    """One number to fit: its derivative is the sum of those of ``columns`` of ``parameter``.
+
+    What its standard error is compared with is its ``size``, and that in words; inf where there is nothing.
+    """
 
     name: str
     unit: str
@@ -128,6 +125,7 @@ class _Unknown:
     columns: tuple[int, ...]
     start: float
     logarithmic: bool
+    size: tuple[float, str] = (np.inf, "")
 
 
 def identify(
@@ -160,7 +158,8 @@ def identify(
     refuse_unless(Robot, robot=robot)
     refuse_unless(Measurements, measurements=measurements)
     measurements.check_robot(robot)
-    wanted = _wanted(robot, unknowns)
+    names = _names(unknowns)
+    wanted = _wanted(robot, names)
     known = measurements.known
     stated = [
         None if position_error is None else positive("position_error", position_error, "m"),
@@ -174,40 +173,25 @@ def identify(
             f"{measurements.source}: found {count} measured numbers, expected {needed} or more for {len(wanted)} "
             "unknowns" + (" and their scatter" if judged else "")
         )
-    model = _Model(robot, measurements, wanted)
     arm = robot.characteristic_length
     guess = stated[0] or (stated[1] or 1.0 / arm) * arm
-    scatters = np.array([stated[0] or guess, stated[1] or guess / arm])
-
-    def weighted(values: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " numbers"]:
-        return model.residuals(values)[known] / scatters[kinds]
-
-    def slope(values: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "numbers unknowns"]:
-        return model.slopes(values)[known] / scatters[kinds][:, None]
-
-    x = _scanned(wanted, weighted)
-    bounds = np.array([(-np.log(RANGE), np.log(RANGE)) if one.logarithmic else (-np.inf, np.inf) for one in wanted]).T
+    model = _Model(robot, measurements, wanted, (stated[0] or guess, stated[1] or guess / arm))
+    x = _scanned(model)
     for _ in range(REWEIGHTINGS):
-        x = least_squares(
-            weighted,
-            x,
-            jac=slope,  # pyright: ignore[reportArgumentType]
-            bounds=bounds,
-            x_scale="jac",
-            xtol=1e-10,
-            ftol=1e-12,
-            gtol=1e-12,
-        ).x
-        before = scatters
-        scatters = _scatters(scatters, judged, kinds, weighted(x), slope(x), arm)
+        x = model.fitted_from(x)
+        before = model.scatters
+        model.scatters = _scatters(before, judged, kinds, model.weighted(x), model.weighted_slopes(x), arm)
         if not judged or (kinds == kinds[0]).all():
-            break  # a factor common to all numbers does not change the fit
-        if np.allclose(scatters, before, rtol=1e-3, atol=0):
+            break  # a factor common to all numbers moves no fit
+        if np.allclose(model.scatters, before, rtol=1e-3, atol=0):
             break
-    x = _nearest_to_known(x, weighted, slope)
-    errors, correlations, reasons = _certainty(slope(x), wanted)
+    x = _nearest_to_known(x, model)
+    left, slope = model.weighted(x), model.weighted_slopes(x)
+    errors, correlations, reasons = certainty(slope, [one.name for one in wanted], [one.size for one in wanted])
+    predictions = {names: model.prediction(x)} | _predictions_of_fewer(model, names)
+    reasons += too_many(predictions)
     told = ~np.isin(kinds, judged)  # numbers whose error was stated, which the model must explain
-    size, freedom = float(np.sum(weighted(x)[told] ** 2)), float((1 - _leverages(slope(x)))[told].sum())
+    size, freedom = float(np.sum(left[told] ** 2)), float((1 - leverages(slope))[told].sum())
     spread = np.sqrt(size / freedom) if freedom > LEAST_FREEDOM else 1.0
     if freedom > LEAST_FREEDOM and chi2.sf(size, freedom) < SURPRISING:
         reasons.append(
@@ -229,8 +213,9 @@ def identify(
         correlations=correlations,
         residuals=np.where(known, model.residuals(x), np.nan),
         spread=float(spread),
-        scatters=(float(scatters[0]), float(scatters[1])),
+        scatters=(float(model.scatters[0]), float(model.scatters[1])),
         judged=tuple(("position", "rotation")[kind] for kind in judged),
+        predictions=predictions,
         reasons=tuple(reasons),
     )
 
@@ -249,7 +234,7 @@ def _scatters(
     their block of the hat matrix; Förstner 1979). Of kinds that were measured, none is below a thousandth of the other
     by the ``arm``.
     """
-    leverage = _leverages(slope)
+    leverage = leverages(slope)
     together = np.isin(kinds, judged)
     free = max(float((1 - leverage[together]).sum()), 0.0)
     pooled = np.sqrt(float((residuals[together] ** 2).sum()) / free) if free > LEAST_FREEDOM else 1.0
@@ -264,41 +249,38 @@ def _scatters(
     return np.where(np.isin([0, 1], judged), np.maximum(found, least), scatters)
 
 
-def _nearest_to_known(x: Float[np.ndarray, " unknowns"], weighted, slope) -> Float[np.ndarray, " unknowns"]:
-    """``x`` without its component along undetermined directions: there, the robot's known values remain."""
-    slopes = slope(x)
-    seen, unseen, _ = _directions(slopes)
+def _predictions_of_fewer(model: _Model, names: tuple[str, ...]) -> dict[tuple[str, ...], float]:
+    """Prediction errors without one of the unknowns, each in turn, and with one EA in place of one for each cable.
+
+    By the weights of the larger fit. Where a smaller one meets a pose without an equilibrium, it predicts nothing.
+    """
+    fewer = [tuple(name for name in names if name != left_out) for left_out in names]
+    if "axial_stiffness_each" in names:
+        fewer.append(tuple(name.removesuffix("_each") for name in names))
+    found = {}
+    for some in fewer:
+        smaller = _Model(model.robot, model.measurements, _wanted(model.robot, some), model.scatters)
+        with suppress(NotConverged):
+            found[some] = smaller.prediction(smaller.fitted_from(_scanned(smaller)))
+    return found
+
+
+def _nearest_to_known(x: Float[np.ndarray, " unknowns"], model: _Model) -> Float[np.ndarray, " unknowns"]:
+    """``x`` without its part along what the data do not see: there, what is known of the robot stays."""
+    slopes = model.weighted_slopes(x)
+    seen, unseen, _ = directions(slopes)
     scaled = x * seen
     nearer = np.where(slopes.any(0), (scaled - unseen.T @ (unseen @ scaled)) / seen, 0.0)
     if np.array_equal(nearer, x):
         return x
     try:
-        same = np.abs(weighted(nearer) - weighted(x)).max() <= INVISIBLE
+        same = np.abs(model.weighted(nearer) - model.weighted(x)).max() <= INVISIBLE
     except NotConverged:
         return x
     return nearer if same else x
 
 
-def _leverages(slope: Float[np.ndarray, "numbers unknowns"]) -> Float[np.ndarray, " numbers"]:
-    """Leverage of each number: the diagonal of the hat matrix, whose sum is the number of unknowns."""
-    seen, _, kept = _directions(slope)
-    basis = (slope / seen) @ kept.T
-    return ((basis / np.linalg.norm(basis, axis=0)) ** 2).sum(1)
-
-
-def _directions(
-    slope: Float[np.ndarray, "numbers unknowns"],
-) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unseen unknowns"], Float[np.ndarray, "seen unknowns"]]:
-    """Lengths of the columns, 1 for zero columns; and undetermined and determined directions for unit columns."""
-    sizes = np.linalg.norm(slope, axis=0)
-    seen = np.where(sizes > 0, sizes, 1.0)
-    _, singular, directions = np.linalg.svd(slope / seen, full_matrices=True)
-    singular = np.append(singular, np.zeros(len(seen) - len(singular)))
-    kept = singular > UNSEEN * singular[0]
-    return seen, directions[~kept], directions[kept]
-
-
-def _wanted(robot: Robot, unknowns: Sequence[str]) -> list[_Unknown]:
+def _names(unknowns: Sequence[str]) -> tuple[str, ...]:
     unknowns = [unknowns] if isinstance(unknowns, str) else listed("unknowns", unknowns, "a list of names")
     if not unknowns:
         raise InvalidInput(f"unknowns: found none, expected some of {', '.join(UNKNOWNS)}")
@@ -308,25 +290,31 @@ def _wanted(robot: Robot, unknowns: Sequence[str]) -> list[_Unknown]:
         raise InvalidInput(f"unknowns: found {', '.join(unknowns)}, expected each once")
     if {"axial_stiffness", "axial_stiffness_each"} <= set(unknowns):
         raise InvalidInput("unknowns: found axial_stiffness and axial_stiffness_each, expected one of the two")
+    return tuple(unknowns)
+
+
+def _wanted(robot: Robot, names: Sequence[str]) -> list[_Unknown]:
     cables, EA = range(robot.cables), robot.axial_stiffness
     axes = (0, 2) if robot.mobility == "planar" else (0, 1, 2)
+    itself, platform = (1.0, "it"), (robot.characteristic_length, "the platform's size")
+    mean = float(np.exp(np.log(EA).mean()))
     choices = {
-        "axial_stiffness": [
-            _Unknown("axial_stiffness", "N", "axial_stiffness", tuple(cables), float(np.exp(np.log(EA).mean())), True)
-        ],
+        "axial_stiffness": [_Unknown("axial_stiffness", "N", "axial_stiffness", tuple(cables), mean, True, itself)],
         "axial_stiffness_each": [
-            _Unknown(f"axial_stiffness {i + 1}", "N", "axial_stiffness", (i,), float(EA[i]), True) for i in cables
+            _Unknown(f"axial_stiffness {i + 1}", "N", "axial_stiffness", (i,), float(EA[i]), True, itself)
+            for i in cables
         ],
         "rest_length_offsets": [
             _Unknown(f"rest_length_offset {i + 1}", "m", "rest_lengths", (i,), 0.0, False) for i in cables
         ],
-        "mass": [_Unknown("mass", "kg", "mass", (0,), robot.mass, True)],
+        "mass": [_Unknown("mass", "kg", "mass", (0,), robot.mass, True, itself)],
         "center_of_mass": [
-            _Unknown(f"center_of_mass {'xyz'[i]}", "m", "center_of_mass", (i,), float(robot.center_of_mass[i]), False)
-            for i in axes
+            _Unknown(f"center_of_mass {'xyz'[i]}", "m", "center_of_mass", (i,), at, False, platform)
+            for i, at in enumerate(robot.center_of_mass.tolist())
+            if i in axes
         ],
     }
-    return [one for name in unknowns for one in choices[name]]
+    return [one for name in names for one in choices[name]]
 
 
 def _value(unknown: _Unknown, x: float) -> float:
@@ -335,16 +323,60 @@ def _value(unknown: _Unknown, x: float) -> float:
 
 
 class _Model:
-    """Equilibria at every row, and their derivatives, as functions of the fit's coordinates."""
+    """Equilibria at every row, and their derivatives, as functions of the fit's coordinates.
 
-    def __init__(self, robot: Robot, measurements: Measurements, unknowns: list[_Unknown]) -> None:
+    Attributes:
+        scatters: standard errors of a measured coordinate [m] and of an angle [rad].
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        measurements: Measurements,
+        unknowns: list[_Unknown],
+        scatters: Sequence[float] | Float[np.ndarray, "2"] = (1.0, 1.0),
+    ) -> None:
         self.robot, self.measurements, self.unknowns = robot, measurements, unknowns
+        self.scatters = np.array(scatters)
         self.poses = poses = [robot.pose(row) for row in measurements.commanded]
         self.positions = np.array([pose.translation for pose in poses])
         self.rotations = np.array([pose.rotation.as_matrix() for pose in poses])
         rigid = measurements.rest_lengths
         self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in poses]) if rigid is None else rigid
         self._at: np.ndarray | None = None
+
+    def weighted(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " numbers"]:
+        """What is left of each measured number, over its standard error."""
+        return (self.residuals(x) / np.repeat(self.scatters, 3))[self.measurements.known]
+
+    def weighted_slopes(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "numbers unknowns"]:
+        """Derivative of ``weighted``."""
+        return (self.slopes(x) / np.repeat(self.scatters, 3)[:, None])[self.measurements.known]
+
+    def fitted_from(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " unknowns"]:
+        """The least of the squares of ``weighted``, sought from ``x``.
+
+        Raises:
+            NotConverged: no equilibrium at some pose on the way.
+        """
+        if not self.unknowns:
+            return x
+        far = np.array([np.log(RANGE) if one.logarithmic else np.inf for one in self.unknowns])
+        return least_squares(
+            self.weighted,
+            x,
+            jac=self.weighted_slopes,  # pyright: ignore[reportArgumentType]
+            bounds=(-far, far),
+            x_scale="jac",
+            xtol=1e-10,
+            ftol=1e-12,
+            gtol=1e-12,
+        ).x
+
+    def prediction(self, x: Float[np.ndarray, " unknowns"]) -> float:
+        """Root mean square error of rows that are left out, over their standard errors; see ``prediction_error``."""
+        rows = np.nonzero(self.measurements.known)[0]
+        return prediction_error(self.weighted_slopes(x), self.weighted(x), rows)
 
     def changed(self, x: Float[np.ndarray, " unknowns"]) -> tuple[Robot, Float[np.ndarray, "rows cables"]]:
         """The robot and its rest lengths with the unknowns at ``x``."""
@@ -400,11 +432,10 @@ class _Model:
             state = forces.at(problem, position, rotation)
             slope = derivatives.wrench_slope(state)[np.ix_(free, free)]
             by_parameter = derivatives.wrench_by_parameter(state)
-            wrench = np.stack(
-                [by_parameter[one.parameter][:, list(one.columns)].sum(1) for one in self.unknowns], axis=1
-            )
-            # Where the platform is unconstrained, the least of all derivatives: the data do not determine that
-            # direction.
+            wrench = np.zeros((6, len(self.unknowns)))
+            for column, one in enumerate(self.unknowns):
+                wrench[:, column] = by_parameter[one.parameter][:, list(one.columns)].sum(1)
+            # Where nothing holds the platform, the least of all derivatives: the data do not see that direction.
             result[row, free] = -np.linalg.lstsq(slope, wrench[free], rcond=1e-12)[0]
             result[row, 3:] = _angle_rates(angles[row]) @ result[row, 3:]
         scale = [_value(one, at) if one.logarithmic else 1.0 for one, at in zip(self.unknowns, x, strict=True)]
@@ -418,10 +449,10 @@ def _angle_rates(angles: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     return np.linalg.inv(np.array([[c * cb, -s, 0.0], [s * cb, c, 0.0], [-sb, 0.0, 1.0]]))
 
 
-def _scanned(wanted: list[_Unknown], weighted) -> Float[np.ndarray, " unknowns"]:
-    """The best of several stiffnesses to start from, with the other known values."""
-    start = np.zeros(len(wanted))
-    stiff = np.array([one.parameter == "axial_stiffness" for one in wanted])
+def _scanned(model: _Model) -> Float[np.ndarray, " unknowns"]:
+    """The best of several stiffnesses to start from, all else as known."""
+    start = np.zeros(len(model.unknowns))
+    stiff = np.array([one.parameter == "axial_stiffness" for one in model.unknowns], dtype=bool)
     if not stiff.any():
         return start
     best, best_size = None, np.inf
@@ -429,7 +460,7 @@ def _scanned(wanted: list[_Unknown], weighted) -> Float[np.ndarray, " unknowns"]
     for factor in SCAN:
         tried = np.where(stiff, np.log(factor), start)
         try:
-            size = float(np.sum(weighted(tried) ** 2))
+            size = float(np.sum(model.weighted(tried) ** 2))
         except NotConverged as error:
             failure = error
             continue
@@ -439,34 +470,3 @@ def _scanned(wanted: list[_Unknown], weighted) -> Float[np.ndarray, " unknowns"]
         assert failure is not None
         raise failure
     return best
-
-
-def _certainty(
-    slope: Float[np.ndarray, "numbers unknowns"], wanted: list[_Unknown]
-) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unknowns unknowns"], list[str]]:
-    """Standard errors for unit errors of the data, correlations, and sentences about what the data do not determine."""
-    names = [one.name for one in wanted]
-    reasons = [f"the data do not depend on {names[i]}" for i in np.flatnonzero(~slope.any(0))]
-    seen, unseen, kept = _directions(slope)
-    blurred = (np.abs(unseen) > 1e-3).any(0)
-    for direction in unseen:
-        together = np.flatnonzero(np.abs(direction) > 1e-3)
-        if len(together) > 1:
-            listed = " and ".join([", ".join(names[i] for i in together[:-1]), names[together[-1]]])
-            reasons.append(f"the data cannot tell {listed} apart: they can change together without moving the platform")
-    sensitivities = np.linalg.norm((slope / seen) @ kept.T, axis=0)
-    covariance = (kept.T / sensitivities**2) @ kept / np.outer(seen, seen)
-    errors = np.sqrt(np.diag(covariance))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        correlations = covariance / np.outer(errors, errors)
-    errors = np.where(blurred, np.inf, errors)
-    correlations[blurred] = correlations[:, blurred] = np.nan
-    for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
-        if abs(correlations[i, j]) > ALIKE:
-            reasons.append(f"{names[i]} and {names[j]} are hardly told apart: correlation {correlations[i, j]:+.4f}")
-    reasons += [
-        f"the data hardly determine {one.name}: its standard error is {error:.0%} of it"
-        for one, error in zip(wanted, errors, strict=True)
-        if one.logarithmic and UNCERTAIN < error < np.inf
-    ]
-    return errors, correlations, reasons

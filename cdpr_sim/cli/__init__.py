@@ -1,4 +1,4 @@
-"""The command line: where does the platform end up, and do the two methods agree?"""
+"""The command line: static equilibria by statics and by MuJoCo, and whether the two methods agree."""
 
 from typing import Annotated
 
@@ -19,7 +19,7 @@ from cdpr_sim.cli.terminal import STATUSES, plain_letters_where_needed
 
 app = typer.Typer(
     cls=CommandGroup,
-    help="Where does the platform of a cable-driven parallel robot really end up? Statics and MuJoCo, cross-checked.",
+    help="Static equilibria of cable-driven parallel robots, computed by statics and by MuJoCo, and compared.",
     epilog=STATUSES,
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -53,14 +53,14 @@ COMMANDS = {
     "video": picture_commands.video,
     "report": report_command.report,
 }
-"""In the order of ``--help``."""
+"""Commands by name, in the order of ``--help``."""
 
 for name, command in COMMANDS.items():
     app.command(name, cls=CommandWithHelp)(command)
 
 
-def _say_version(asked: bool) -> None:
-    if asked:
+def _print_version(requested: bool) -> None:
+    if requested:
         import cdpr_sim
 
         typer.echo(f"cdpr-sim {cdpr_sim.__version__}")
@@ -70,7 +70,7 @@ def _say_version(asked: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     pass

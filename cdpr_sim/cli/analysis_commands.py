@@ -1,4 +1,4 @@
-"""Commands that ask what follows: compensate, sensitivity, equilibria, identify."""
+"""Analysis commands: compensate, sensitivity, equilibria, identify."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_
 from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
 
 BYTES_PER_START = 1000
-"""That looking for equilibria takes: some 600 are measured (``scripts/measure_constants.py``)."""
+"""Memory per start pose of the search for equilibria: about 600 measured (``scripts/measure_constants.py``)."""
 
 
 def compensate(
@@ -22,51 +22,51 @@ def compensate(
     material: MaterialName = None,
     limits: Annotated[
         tuple[float, float] | None,
-        typer.Option("--tensions", metavar="MIN MAX", help="Limits of tension [N]; default: the robot's."),
+        typer.Option("--tensions", metavar="MIN MAX", help="Tension limits [N]; default: the robot's."),
     ] = None,
-    prefer: Annotated[str, typer.Option("--prefer", help="smallest tensions, or the stiffest platform.")] = "smallest",
+    prefer: Annotated[str, typer.Option("--prefer", help="smallest (tensions) or stiffest (platform).")] = "smallest",
     arm: Annotated[
         float | None,
-        typer.Option("--arm", help="[m] Where only a near pose can be held: how much rotation counts; 0: not at all."),
+        typer.Option("--arm", help="[m] Weight of rotation where only a nearby pose can be held; 0: position only."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Cut the cables to lengths that hold the platform where it is commanded to be, and prove it in MuJoCo.
+    """Compute unstretched cable lengths that hold the platform at the commanded pose, and verify them in MuJoCo.
 
-    Exit status: 0 if the commanded pose is held, 1 if only a pose near it can be or MuJoCo does not confirm it, 2 for
-    input that cannot be right.
+    Exit status: 0 if the commanded pose is held, 1 if only a nearby pose can be held or MuJoCo does not confirm it, 2
+    for invalid input.
     """
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
     with errors_as_sentences():
         problem = problem_of(robot, pose, material)
-        with busy("Looking for tensions"):
-            found = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
-            hold = cdpr.verify_compensation(found)
+        with busy("Computing tensions"):
+            compensation = cdpr.compensate(problem, tension_limits=limits, prefer=prefer, arm=arm)  # type: ignore[arg-type]
+            verification = cdpr.verify_compensation(compensation)
             methods = cdpr.settle, cdpr.solve
             before = [method(problem) for method in methods]
-            # From where the platform hangs now, so that coming to the commanded pose is its own doing.
-            hanging = zip(methods, before, strict=True)
-            after = [method(problem.robot, now.pose, found.rest_lengths) for method, now in hanging]
+            # Start at the uncompensated equilibrium, so that the platform has to reach the commanded pose by itself.
+            starts = zip(methods, before, strict=True)
+            after = [method(problem.robot, start.pose, compensation.rest_lengths) for method, start in starts]
     if as_json:
-        print_json(json_of.compensation(problem, found, hold, before, after))
+        print_json(json_of.compensation(problem, compensation, verification, before, after))
     else:
         console = Output()
-        console.print(report.compensation_table(found, before, after))
-        console.print(report.compensation_lengths(found), highlight=False)
-        console.print(report.compensation_verdict(found, hold), highlight=False)
-    raise typer.Exit(0 if found.exact and hold.held else DISAGREE)
+        console.print(report.compensation_table(compensation, before, after))
+        console.print(report.compensation_lengths(compensation), highlight=False)
+        console.print(report.compensation_verdict(compensation, verification), highlight=False)
+    raise typer.Exit(0 if compensation.exact and verification.held else DISAGREE)
 
 
 def sensitivity(
     robot: RobotName,
     pose: Pose = None,
     material: MaterialName = None,
-    rows: Annotated[int, typer.Option("--rows", min=1, help="How many to print; the rest matters less.")] = 20,
+    rows: Annotated[int, typer.Option("--rows", min=1, help="Number of rows, the largest effects first.")] = 20,
     as_json: AsJson = False,
 ) -> None:
-    """What matters most: mm and degrees per mm of length, per percent of stiffness, per newton; natural frequencies."""
+    """Sensitivity of the pose to cable lengths, stiffness, geometry and load, largest first; natural frequencies."""
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
@@ -88,17 +88,15 @@ def equilibria(
     robot: RobotName,
     pose: Pose = None,
     material: MaterialName = None,
-    saddles: Annotated[bool, typer.Option("--saddles", help="Search for the unstable ones as well.")] = False,
-    starts: Annotated[int, typer.Option("--starts", help="How many poses to start from.")] = 2000,
-    certify: Annotated[
-        bool, typer.Option("--certify", help="Prove which equilibria there are, and that there are no others.")
-    ] = False,
+    saddles: Annotated[bool, typer.Option("--saddles", help="Search for unstable equilibria as well.")] = False,
+    starts: Annotated[int, typer.Option("--starts", help="Number of start poses.")] = 2000,
+    certify: Annotated[bool, typer.Option("--certify", help="Prove the list of equilibria complete.")] = False,
     time_limit: Annotated[
-        float, typer.Option("--time-limit", help="[s] For that proof: spatial robots take minutes, or longer.")
+        float, typer.Option("--time-limit", help="[s] Limit for that proof; spatial robots take minutes or longer.")
     ] = 60.0,
     as_json: AsJson = False,
 ) -> None:
-    """All places to rest on the cable lengths of the commanded pose, and which of them the robot reaches."""
+    """Find all equilibria with the cable lengths of the commanded pose, and which of them the robot reaches."""
     from cdpr_sim.core import available_memory
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
@@ -108,28 +106,31 @@ def equilibria(
         if starts < 1:
             raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
         available_memory.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
-        with busy("Looking for equilibria"):
+        with busy("Searching for equilibria"):
             found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
             followed = cdpr.follow_load(problem)
             reached, _ = found.nearest(followed.reached.pose)
             by_mujoco, _ = found.nearest(cdpr.grow_gravity(problem).pose)
-            every = cdpr.certify_all(problem, time_limit=time_limit) if certify else None
+            proved = cdpr.certify_all(problem, time_limit=time_limit) if certify else None
             releases = [cdpr.release(one, seconds=2.0 if one.stable else 20.0) for one in found]
     if as_json:
-        told = json_of.equilibria(problem, found, releases, followed, reached, by_mujoco)
-        print_json(told if every is None else told | json_of.complete(every))
+        answer = json_of.equilibria(problem, found, releases, followed, reached, by_mujoco)
+        print_json(answer if proved is None else answer | json_of.complete(proved))
     else:
         console = Output()
         console.print(report.equilibria_table(found, releases, reached))
-        same = "MuJoCo comes to the same" if by_mujoco == reached else f"MuJoCo comes to {by_mujoco + 1} instead"
-        console.print(f"Followed while gravity grows, the platform comes to {reached + 1}; {same}.", highlight=False)
+        same = "MuJoCo reaches the same one" if by_mujoco == reached else f"MuJoCo reaches {by_mujoco + 1} instead"
+        console.print(
+            f"With gravity increased step by step, the platform reaches equilibrium {reached + 1}; {same}.",
+            highlight=False,
+        )
         console.print(report.equilibria_note(found), highlight=False)
-        if every is not None:
+        if proved is not None:
             from cdpr_sim.report import proof_tables
 
-            console.print(proof_tables.complete_note(every), highlight=False)
-            lacking = every.missing_from(found)
-            console.print(proof_tables.missing_note([one for one in lacking if saddles or one.stable]), highlight=False)
+            console.print(proof_tables.complete_note(proved), highlight=False)
+            missing = proved.missing_from(found)
+            console.print(proof_tables.missing_note([one for one in missing if saddles or one.stable]), highlight=False)
     raise typer.Exit(0 if by_mujoco == reached else DISAGREE)
 
 
@@ -138,7 +139,7 @@ def identify(
     file: Annotated[Path, typer.Argument(metavar="MEASUREMENTS", help="CSV with named columns and units.")],
     unknown: Annotated[
         list[str] | None,
-        typer.Option("--unknown", help="axial_stiffness (the default), axial_stiffness_each, mass, ...; repeatable."),
+        typer.Option("--unknown", help="axial_stiffness (default), axial_stiffness_each, mass, ...; repeatable."),
     ] = None,
     material: MaterialName = None,
     position_error: Annotated[
@@ -149,7 +150,9 @@ def identify(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit stiffness, rest lengths, mass or centre of mass to measured poses. Exit status 1 if the data cannot tell all.
+    """Fit stiffness, rest lengths, mass or centre of mass to measured poses.
+
+    Exit status 1 if the measurements do not determine all unknowns.
 
     Columns of the file: commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_beta [deg], and
     so on; rest_length_1 [mm], ...; robot.
@@ -161,7 +164,7 @@ def identify(
         machine = robot_of(robot, material)
         measurements = cdpr.read_measurements(file)
         with busy("Fitting"):
-            found = cdpr.identify(
+            result = cdpr.identify(
                 machine,
                 measurements,
                 unknown or ["axial_stiffness"],
@@ -169,9 +172,9 @@ def identify(
                 rotation_error=None if rotation_error is None else math.radians(rotation_error),
             )
     if as_json:
-        print_json(json_of.identification(found))
+        print_json(json_of.identification(result))
     else:
         console = Output()
-        console.print(report.identification_table(found))
-        console.print(report.identification_note(found), highlight=False)
-    raise typer.Exit(DISAGREE if found.reasons else 0)
+        console.print(report.identification_table(result))
+        console.print(report.identification_note(result), highlight=False)
+    raise typer.Exit(DISAGREE if result.reasons else 0)

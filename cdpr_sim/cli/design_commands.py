@@ -1,4 +1,4 @@
-"""Commands that change a layout, or look at one in space: design, front, clearances."""
+"""Commands for the layout of exits and anchors: design, front, clearances."""
 
 from __future__ import annotations
 
@@ -19,45 +19,47 @@ GRID = (5, 3, 3)
 VIDEO_SECONDS, VIDEO_FPS = 8.0, 25.0
 
 MOST_FILES = 1000
-"""That a front is written as; its picture shows no more."""
+"""Largest number of robot files written for a Pareto front."""
 
 BYTES_PER_CASE = 200
-"""Of a pose that layouts are searched for, before any is looked at."""
+"""Memory per pose, before the search begins."""
 
 Positions = Annotated[
     tuple[int, int, int] | None,
-    typer.Option("--grid", metavar="NX NY NZ", help="Poses along x, y and z of the workspace; default: 5 3 3."),
+    typer.Option(
+        "--grid", metavar="NX NY NZ", help="Number of poses along x, y and z of the workspace; default: 5 3 3."
+    ),
 ]
 Line = Annotated[
     tuple[float, float, float, float, float, float] | None,
-    typer.Option("--line", metavar="X0 Y0 Z0 X1 Y1 Z1", help="Instead of a grid: poses along a line [m]."),
+    typer.Option("--line", metavar="X0 Y0 Z0 X1 Y1 Z1", help="Poses along a line [m], instead of a grid."),
 ]
-Points = Annotated[int, typer.Option("--points", min=2, help="Poses along that line.")]
+Points = Annotated[int, typer.Option("--points", min=2, help="Number of poses along that line.")]
 
 Moves = Annotated[
     list[str] | None,
     typer.Option(
         "--move",
-        metavar="WHAT[=HOW FAR]",
-        help="exits, anchors, pulleys, center_of_mass [m], axial_stiffness or diameter [factor]; repeatable. How far "
-        "as --within has it.",
+        metavar="WHAT[=RANGE]",
+        help="exits, anchors, pulleys, center_of_mass [m], axial_stiffness or diameter [factor]; repeatable. RANGE "
+        "as for --within.",
     ),
 ]
 Within = Annotated[
     str,
     typer.Option(
         "--within",
-        metavar="HOW FAR",
-        help="[m] Where --move does not say: one number, or DX,DY,DZ; or a box, X0,Y0,Z0,X1,Y1,Z1, to stay in.",
+        metavar="RANGE",
+        help="[m] Default range of --move: one number, or DX,DY,DZ, or the corners of a box, X0,Y0,Z0,X1,Y1,Z1.",
     ),
 ]
 Along = Annotated[
     tuple[float, float, float] | None,
-    typer.Option("--along", metavar="X Y Z", help="Places slide along this direction alone: a rail, a mast."),
+    typer.Option("--along", metavar="X Y Z", help="Points move only along this direction (rail, mast)."),
 ]
 SymmetryName = Annotated[str, typer.Option("--symmetry", help="detected, none, half-turn, mirror-x or mirror-y.")]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="The same one finds the same layout.")]
-Generations = Annotated[int, typer.Option("--generations", min=1, help="At most.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Random seed; the same seed gives the same layout.")]
+Generations = Annotated[int, typer.Option("--generations", min=1, help="Maximum number of generations.")]
 
 
 def design(
@@ -73,11 +75,11 @@ def design(
     line: Line = None,
     points: Points = 18,
     tensions: Annotated[
-        tuple[float, float] | None, typer.Option("--tensions", metavar="MIN MAX", help="Limits of tension [N].")
+        tuple[float, float] | None, typer.Option("--tensions", metavar="MIN MAX", help="Tension limits [N].")
     ] = None,
     taut: Annotated[bool, typer.Option("--taut", help="All cables must be taut.")] = False,
-    stable: Annotated[bool, typer.Option("--stable", help="Every direction must be held.")] = False,
-    clearance: Annotated[float | None, typer.Option("--clearance", help="Least distance of cables [m].")] = None,
+    stable: Annotated[bool, typer.Option("--stable", help="All equilibria must be stable.")] = False,
+    clearance: Annotated[float | None, typer.Option("--clearance", help="Minimum clearance of cables [m].")] = None,
     limit: Annotated[
         list[str] | None,
         typer.Option("--limit", metavar="OBJECTIVE=VALUE", help="Limit of any objective, in SI units; repeatable."),
@@ -85,24 +87,29 @@ def design(
     stiffness: Annotated[
         list[float] | None,
         typer.Option(
-            "--stiffness", help="Factor of the cables' stiffness to be good at; repeatable, the worst counts."
+            "--stiffness", help="Factor on the cables' stiffness to optimise for; repeatable, the worst counts."
         ),
     ] = None,
     material: MaterialName = None,
     seed: Seed = 0,
     generations: Generations = 200,
     store: Annotated[
-        Path | None, typer.Option("--store", help=".npz file that an interrupted search is gone on with from.")
+        Path | None, typer.Option("--store", help=".npz file from which an interrupted search is resumed.")
     ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Robot file to write: .toml.")] = None,
-    picture: Annotated[Path | None, typer.Option("--picture", help="Before and after: .png, .svg or .pdf.")] = None,
-    video: Annotated[Path | None, typer.Option("--video", help="Both driven side by side: .mp4 or .gif.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", help="Figure before and after: .png, .svg or .pdf.")
+    ] = None,
+    video: Annotated[
+        Path | None, typer.Option("--video", help="Video of both layouts side by side: .mp4 or .gif.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Look for a better layout, and prove it in MuJoCo. Ctrl-C keeps the best so far.
+    """Optimise the layout, and validate the result in MuJoCo. Ctrl-C keeps the best layout so far.
 
-    Exit status: 0 if MuJoCo finds it better, at the poses and between them, and agrees with statics; 1 if not.
+    Exit status: 0 if the layout is better in MuJoCo, at the poses and between them, and MuJoCo agrees with statics; 1
+    if not.
     """
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.drawing import maps
@@ -122,7 +129,7 @@ def design(
             "tensions": tensions, "all taut": taut or None, "stable": stable or None, "clearance": clearance,
         }  # fmt: skip
         subject_to |= dict(_limit(one) for one in limit or [])
-        found = cdpr.find_layout(
+        result = cdpr.find_layout(
             machine,
             _poses(machine, grid, line, points),
             move=[_move(one, within, along) for one in move or ["exits"]],
@@ -136,32 +143,32 @@ def design(
             progress=True,
         )
         with busy("Settling both layouts in MuJoCo"):
-            proof = cdpr.validate_layout(found)
+            validation = cdpr.validate_layout(result)
         if output is not None:
-            write_whole({output: as_toml(found.robot).encode()})
+            write_whole({output: as_toml(result.robot).encode()})
         if picture is not None:
             with busy("Drawing"):
-                maps.write(shown.picture(proof), picture)
+                maps.write(shown.picture(validation), picture)
         if video is not None:
-            _film(proof, video, force)
+            _film(validation, video, force)
     if as_json:
-        print_json(report.design_json(proof))
+        print_json(report.design_json(validation))
     else:
         console = Output()
-        console.print(report.moved_table(found))
-        console.print(report.numbers_table(found, shown.numbers(proof)))
-        for sentence in (found.message, *proof.sentences):
+        console.print(report.changes_table(result))
+        console.print(report.numbers_table(result, shown.numbers(validation)))
+        for sentence in (result.message, *validation.sentences):
             console.print(sentence, highlight=False)
         for path in filter(None, (output, picture, video)):
             typer.echo(path)
-    raise typer.Exit(0 if proof.agrees and proof.better else DISAGREE)
+    raise typer.Exit(0 if validation.agrees and validation.better else DISAGREE)
 
 
 def front(
     robot: RobotName,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for front.png and a robot file for each.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for front.png and one robot file per layout.")],
     goals: Annotated[
-        tuple[str, str], typer.Option("--goals", metavar="ONE OTHER", help="Two objectives of `design`.")
+        tuple[str, str], typer.Option("--goals", metavar="ONE OTHER", help="Two objectives, as in `design`.")
     ] = ("displacement", "worst tilt"),
     move: Moves = None,
     within: Within = "0.05",
@@ -173,12 +180,10 @@ def front(
     material: MaterialName = None,
     seed: Seed = 0,
     generations: Generations = 200,
-    most: Annotated[
-        int, typer.Option("--most", min=2, max=MOST_FILES, help="Robot files along the front, at most.")
-    ] = 20,
+    most: Annotated[int, typer.Option("--most", min=2, max=MOST_FILES, help="Maximum number of robot files.")] = 20,
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
 ) -> None:
-    """Trade one goal for another: layouts none of which is better in both, as a table, a figure and robot files."""
+    """Compute the Pareto front of two objectives: layouts as a table, a figure and robot files."""
     from cdpr_sim.core.files import new_folder, refuse_existing, write_whole
     from cdpr_sim.report import design_tables as report
     from cdpr_sim.robots.writing import as_toml
@@ -189,7 +194,7 @@ def front(
         machine = robot_of(robot, material)
         picture = output / "front.png"
         refuse_existing([picture, *(output / f"robot-{number}.toml" for number in range(1, most + 1))], force=force)
-        found = cdpr.find_front(
+        pareto = cdpr.find_front(
             machine,
             _poses(machine, grid, line, points),
             goals,
@@ -200,17 +205,18 @@ def front(
             population=max(most, 100),
             progress=True,
         ).thinned(most)
-        files = {picture: encoded(pareto_picture(found), "png")}
+        files = {picture: encoded(pareto_picture(pareto), "png")}
         files |= {
-            output / f"robot-{row + 1}.toml": as_toml(found.robot(row)).encode() for row in range(len(found))
+            output / f"robot-{row + 1}.toml": as_toml(pareto.robot(row)).encode() for row in range(len(pareto))
         }  # fmt: skip
         write_whole(files)
     console = Output()
-    console.print(report.front_table(found))
+    console.print(report.front_table(pareto))
     console.print(
-        f"Looked for in {found.tried:,} layouts; by statics alone: `design` settles one in MuJoCo.", highlight=False
+        f"{pareto.layouts_evaluated:,} layouts evaluated, by statics alone; `design` validates a layout in MuJoCo.",
+        highlight=False,
     )
-    for sentence in found.warnings:
+    for sentence in pareto.warnings:
         console.print(sentence, highlight=False)
     for path in files:
         typer.echo(path)
@@ -221,22 +227,22 @@ def clearances(
     grid: Positions = None,
     line: Line = None,
     points: Points = 18,
-    least: Annotated[float, typer.Option("--least", help="[m] Nearer is interference.")] = 0.0,
+    least: Annotated[float, typer.Option("--least", help="[m] A smaller distance counts as interference.")] = 0.0,
     fitting: Annotated[
         float | None,
         typer.Option(
-            "--fitting", help="[m] Of each cable, left out next to its ends; default: half the platform's arm."
+            "--fitting", help="[m] Length ignored at both ends of each cable; default: half the characteristic length."
         ),
     ] = None,
     material: MaterialName = None,
     picture: Annotated[
         Path | None, typer.Option("-o", "--output", help="Map of the interference-free workspace: .png, .svg or .pdf.")
     ] = None,
-    plane: Annotated[str, typer.Option("--plane", help="Of the map: xz, xy or yz.")] = "xz",
-    at: Annotated[float | None, typer.Option("--at", help="Where [m] that plane lies; default: the middle.")] = None,
+    plane: Annotated[str, typer.Option("--plane", help="Plane of the map: xz, xy or yz.")] = "xz",
+    at: Annotated[float | None, typer.Option("--at", help="Position of that plane [m]; default: the middle.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
-    """Distances between cables, platform and frame, where all of them rest. Exit status 1 if any is below --least."""
+    """Distances between cables, platform and frame at equilibrium. Exit status 1 if any is below --least."""
     from cdpr_sim.analysis import clearance
     from cdpr_sim.core.files import check_place
     from cdpr_sim.drawing import maps
@@ -248,17 +254,17 @@ def clearances(
             check_place(picture, maps.SUFFIXES, force=force, field="output")
             from cdpr_sim.studies.better_layouts import clearance_map
 
-            with busy("Looking for interference"):
+            with busy("Computing clearances"):
                 maps.write(clearance_map(machine, plane, at, least, fitting), picture)
         with busy("Solving"):
             each = machine.cables * clearance.POINTS * clearance.BYTES_PER_POINT
-            found = cdpr.clearances(machine, _poses(machine, grid, line, points, each), fitting=fitting)
-        free = found.free(least)
+            distances = cdpr.clearances(machine, _poses(machine, grid, line, points, each), fitting=fitting)
+        free = distances.free(least)
     console = Output()
-    console.print(report.clearance_table(found))
+    console.print(report.clearance_table(distances))
     console.print(
-        f"Free of interference (more than {1e3 * least:g} mm) at {int(free.sum())} of {free.size} poses; "
-        f"{1e3 * found.fitting:.3g} mm of each cable next to its ends left out.",
+        f"Interference-free (distance above {1e3 * least:g} mm) at {int(free.sum())} of {free.size} poses; "
+        f"{1e3 * distances.fitting:.3g} mm at both ends of each cable ignored.",
         highlight=False,
     )
     raise typer.Exit(0 if free.all() else DISAGREE)
@@ -279,7 +285,7 @@ def _poses(
 
     if line is not None:
         if grid is not None:
-            raise cdpr.InvalidInput("line: found it beside a grid, expected one of the two")
+            raise cdpr.InvalidInput("line: found a line and a grid, expected one of the two")
         available_memory.refuse_beyond(f"points: {points:,} poses", each * points, "fewer")
         ends = checked_array("line", line, (6,))
         return np.linspace(ends[:3], ends[3:], points)
@@ -310,7 +316,7 @@ def _move(word: str, within: str, along: tuple[float, float, float] | None) -> c
 
 
 def _reach(option: str, word: str, reach: str) -> Any:
-    """A distance or a factor, two, three, or the two corners of a box, as ``cdpr.Move`` takes them."""
+    """A range of ``cdpr.Move``: one distance or factor, two, three, or the two corners of a box."""
     try:
         numbers = [float(part) for part in reach.split(",")]
     except ValueError:
@@ -323,11 +329,11 @@ def _reach(option: str, word: str, reach: str) -> Any:
     return numbers if len(numbers) > 1 else numbers[0]
 
 
-def _film(proof: cdpr.LayoutValidation, path: Path, force: bool) -> None:
+def _film(validation: cdpr.LayoutValidation, path: Path, force: bool) -> None:
     from cdpr_sim.studies.better_layouts import driven
 
     with progress_bars() as bar:
-        trajectories = driven(proof, round(VIDEO_SECONDS * VIDEO_FPS), VIDEO_SECONDS)
+        trajectories = driven(validation, round(VIDEO_SECONDS * VIDEO_FPS), VIDEO_SECONDS)
         cdpr.write_video(
             path,
             trajectories,

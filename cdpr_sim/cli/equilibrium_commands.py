@@ -1,4 +1,4 @@
-"""Commands that ask where a platform is in equilibrium: settle, solve, certify."""
+"""Commands that compute one static equilibrium: settle, solve, certify."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def settle(
     certify: Annotated[
         bool,
         typer.Option(
-            "--certify", help="Prove the equilibria (extra proof), and of planar robots that there are no others."
+            "--certify", help="Prove the equilibria (extra proof); for planar robots, also that there are no others."
         ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Settle the platform in MuJoCo, solve it with Newton and SEECR, and say whether MuJoCo and Newton agree.
+    """Settle the platform in MuJoCo, solve with Newton and SEECR, and compare MuJoCo with Newton.
 
-    Exit status: 0 if they agree, 1 if they do not, 2 for input that cannot be right or a platform that does not rest.
+    Exit status: 0 if they agree, 1 if they do not, 2 for invalid input or if no equilibrium is found.
     """
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck_tables as report
@@ -40,7 +40,7 @@ def settle(
 
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension)
-        with busy("The static solvers look for equilibrium"):
+        with busy("Solving for the static equilibrium"):
             newton, *seecr = (_outcome(problem, method) for method in METHODS)
         settled = cdpr.settle(problem, progress=True)
         if not isinstance(newton, cdpr.Equilibrium):
@@ -48,10 +48,10 @@ def settle(
         agreement = cdpr.compare(newton, settled)
         outcomes = [settled, newton, *seecr]
         proved = [cdpr.certify(one) for one in outcomes if certify and isinstance(one, cdpr.Equilibrium)]
-        every = cdpr.certify_all(problem) if certify and proof_tables.quickly_complete(problem) else None
+        complete = cdpr.certify_all(problem) if certify and proof_tables.quickly_complete(problem) else None
     if as_json:
-        told = json_of.crosscheck(problem, outcomes, agreement, proved)
-        print_json(told if every is None else told | json_of.complete(every))
+        answer = json_of.crosscheck(problem, outcomes, agreement, proved)
+        print_json(answer if complete is None else answer | json_of.complete(complete))
     else:
         console = Output()
         middle = next((one.midpoint for one in proved if one.equilibrium is newton), None)
@@ -62,8 +62,8 @@ def settle(
             sources = ["" if point is None else point.source for point in map(report.best_point, shown)]
             table.add_row("proved", "", *(cells.get(source, "") for source in sources))
         console.print(table)
-        if every is not None:
-            console.print(proof_tables.complete_note(every), highlight=False)
+        if complete is not None:
+            console.print(proof_tables.complete_note(complete), highlight=False)
         for outcome in outcomes:
             if isinstance(outcome, cdpr.NotConverged):
                 console.print(outcome.reason, style="dim", markup=False, highlight=False)
@@ -81,7 +81,7 @@ def solve(
     method: Annotated[str, typer.Option("--method", help="newton, fsolve or least_squares.")] = "newton",
     as_json: AsJson = False,
 ) -> None:
-    """Solve for the static equilibrium with one solver. Exit status 2 if it does not find one."""
+    """Solve for the static equilibrium with one solver. Exit status 2 if it finds none."""
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck_tables as report
 
@@ -104,14 +104,17 @@ def certify(
     material: MaterialName = None,
     pretension: Pretension = None,
     wrench: Annotated[
-        str | None, typer.Option("--wrench", metavar="FX,FY,FZ,TX,TY,TZ", help="[N, N m] on the platform's origin.")
+        str | None,
+        typer.Option(
+            "--wrench", metavar="FX,FY,FZ,TX,TY,TZ", help="[N, N m] External wrench at the platform's origin."
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Prove where the platform is in equilibrium, that no other is near, which cables are slack, and that it is stable.
+    """Prove that the equilibrium exists, is locally unique and stable, and which cables are slack.
 
-    The equilibria of MuJoCo and of Newton are proved, each by itself; needs the extra proof. Exit status: 0 if both are
-    proved, 1 if one is not, 2 for input that cannot be right.
+    The equilibria of MuJoCo and of Newton are proved separately; needs the extra proof. Exit status: 0 if both are
+    proved, 1 if one is not, 2 for invalid input.
     """
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import proof_tables as report
@@ -121,7 +124,7 @@ def certify(
         wrenches = wrenches_of(None if wrench is None else [wrench])
         if wrenches:
             problem = cdpr.Problem.of(problem.robot, problem.pose, problem.rest_lengths, wrenches[0])
-        with busy("MuJoCo settles the platform, Newton solves, and both are proved"):
+        with busy("Settling, solving and proving"):
             proved = [cdpr.certify(method(problem)) for method in (cdpr.settle, cdpr.solve)]
     if as_json:
         print_json(json_of.certificates(proved))

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands have, and the robot and the problem that they describe."""
+"""Arguments and options shared by several commands, and the robot and problem that they describe."""
 
 from __future__ import annotations
 
@@ -10,50 +10,56 @@ import cdpr_sim as cdpr
 
 RobotName = Annotated[
     str,
-    typer.Argument(metavar="ROBOT", help="A name that `cdpr-sim robots` lists, a .toml file, or another project's."),
+    typer.Argument(
+        metavar="ROBOT", help="A name listed by `cdpr-sim robots`, a .toml file, or a file of another project."
+    ),
 ]
 RobotNames = Annotated[
     list[str],
-    typer.Argument(metavar="ROBOT...", help="Names that `cdpr-sim robots` lists, .toml files, or other projects'."),
+    typer.Argument(
+        metavar="ROBOT...", help="Names listed by `cdpr-sim robots`, .toml files, or files of other projects."
+    ),
 ]
 Pose = Annotated[
     tuple[float, float, float] | None,
     typer.Option("--pose", metavar="X Y Z", help="Commanded position [m]; default: the middle of the workspace."),
 ]
 MaterialName = Annotated[
-    str | None, typer.Option("--material", help="Cables: vectran-0.7mm, dyneema-2mm, ...; see robots.")
+    str | None,
+    typer.Option("--material", help="Cable material: vectran-0.7mm, dyneema-2mm, ...; see `cdpr-sim robots`."),
 ]
 Pretension = Annotated[
     float | None,
     typer.Option(
-        "--pretension", help="[N] Cables as long as have tensions nearest to this at the pose; default: rigid lengths."
+        "--pretension",
+        help="[N] Rest lengths whose tensions at the pose are closest to this value; default: rigid lengths.",
     ),
 ]
-MaterialNames = Annotated[list[str] | None, typer.Option("--material", help="Cables; give it again for several.")]
+MaterialNames = Annotated[list[str] | None, typer.Option("--material", help="Cable material; repeatable.")]
 Grid = Annotated[
     tuple[int, int, int] | None,
-    typer.Option("--grid", metavar="NX NY NZ", help="Poses along x, y and z of the workspace; default: 40 25 10."),
+    typer.Option(
+        "--grid", metavar="NX NY NZ", help="Number of poses along x, y and z of the workspace; default: 40 25 10."
+    ),
 ]
 Limits = Annotated[
     tuple[float, float] | None,
-    typer.Option(
-        "--limits", metavar="MIN MAX", help="Smallest and largest tension [N] that is feasible; default: the robot's."
-    ),
+    typer.Option("--limits", metavar="MIN MAX", help="Tension limits [N] of feasibility; default: the robot's."),
 ]
 Wrenches = Annotated[
     list[str] | None,
     typer.Option(
-        "--wrench", metavar="FX,FY,FZ,TX,TY,TZ", help="[N, N m] to be held as well; give it again for a set of them."
+        "--wrench", metavar="FX,FY,FZ,TX,TY,TZ", help="[N, N m] External wrench to be balanced as well; repeatable."
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, instead of a table.")]
 
 
 def wrenches_of(words: list[str] | None) -> list[list[float]] | None:
-    """External wrenches as the command line gives them, six numbers with commas each.
+    """Parse external wrenches, six comma-separated numbers each.
 
     Raises:
-        InvalidInput: something else.
+        InvalidInput: not six numbers.
     """
     wrenches = []
     for word in words or []:
@@ -68,7 +74,7 @@ def wrenches_of(words: list[str] | None) -> list[list[float]] | None:
 
 
 def robot_of(name: str, material: str | None) -> cdpr.Robot:
-    """The robot called ``name``, on its own cables or on others; what its import assumed, on standard error.
+    """Load the robot ``name``, with other cables if ``material`` is given; print its import notes on standard error.
 
     Raises:
         CdprError: no such robot or material.
@@ -82,10 +88,10 @@ def robot_of(name: str, material: str | None) -> cdpr.Robot:
 def problem_of(
     name: str, pose: tuple[float, float, float] | None, material: str | None, pretension: float | None = None
 ) -> cdpr.Problem:
-    """The robot called ``name``, commanded to ``pose``, on rigid lengths or on those for a pretension [N] there.
+    """Problem of the robot ``name`` at ``pose``, with rigid lengths or with those for a pretension [N] at that pose.
 
     Raises:
-        CdprError: no such robot or material, a pose that it cannot take, or a pretension that does not balance it.
+        CdprError: no such robot or material, an invalid pose, or a pretension that does not balance the platform.
     """
     robot = robot_of(name, material)
     pose = tuple(robot.home) if pose is None else pose

@@ -1,4 +1,4 @@
-"""Commands that draw and film: figures, video."""
+"""Commands that write figures and videos: figures, video."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from cdpr_sim.cli.options import robot_of
 from cdpr_sim.cli.terminal import Output, busy, errors_as_sentences, progress_bars, tidy_when_terminated
 
 COMPENSATED_WAYPOINTS = 61
-"""Along a line that is filmed with compensated lengths; in between, their corrections change evenly."""
+"""Waypoints of a video with compensated lengths; between them the corrections are interpolated linearly."""
 
 
 def figures(
-    name: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Default: all of them.")] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write <name>.svg and .png into.")] = Path(
+    name: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Figures; default: all.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for <name>.svg and <name>.png.")] = Path(
         "figures"
     ),
-    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
-    names: Annotated[bool, typer.Option("--list", help="List the figures and what they show; draw none.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+    names: Annotated[bool, typer.Option("--list", help="List the figures without drawing them.")] = False,
 ) -> None:
-    """Redraw the paper's figures, MuJoCo's points on the static solver's lines, and four figures of our own."""
+    """Redraw the paper's figures with results of the static solver (lines) and MuJoCo (points), and further figures."""
     from cdpr_sim.report.table_style import new_table
     from cdpr_sim.studies.gallery import paths_of
 
     if names:
-        table = new_table("", "figure", "paper", words=2)
-        table.add_column("what it shows")
+        table = new_table("", "figure", "paper", text_columns=2)
+        table.add_column("content")
         for one, picture in cdpr.PICTURES.items():
             table.add_row(one, picture.paper, picture.shows)
         Output().print(table)
@@ -42,43 +42,56 @@ def figures(
     with errors_as_sentences():
         wanted = name or cdpr.list_figures()
         written = iter(paths_of(wanted, output).values())
-        with busy("Computing and drawing, a minute for all"):
+        with busy("Computing and drawing, about a minute for all figures"):
             cdpr.write_figures(
                 wanted, output, force=force, progress=lambda _: typer.echo("\n".join(map(str, next(written))))
             )
 
 
 def video(
-    robots: Annotated[list[str], typer.Argument(metavar="ROBOT...", help="One, or several side by side in step.")],
+    robots: Annotated[
+        list[str], typer.Argument(metavar="ROBOT...", help="One robot, or several side by side, synchronised.")
+    ],
     path: Annotated[
         tuple[float, float] | None,
         typer.Option("--path", metavar="X0 X1", help="Drive from x = X0 to x = X1 [m]; default: across the workspace."),
     ] = None,
-    y: Annotated[float | None, typer.Option("--y", help="Of the path [m]; default: the workspace's middle.")] = None,
-    z: Annotated[float | None, typer.Option("--z", help="Of the path [m]; default: the workspace's middle.")] = None,
+    y: Annotated[
+        float | None, typer.Option("--y", help="y of the path [m]; default: the middle of the workspace.")
+    ] = None,
+    z: Annotated[
+        float | None, typer.Option("--z", help="z of the path [m]; default: the middle of the workspace.")
+    ] = None,
     drop: Annotated[
-        bool, typer.Option("--drop", help="No drive: let the platform go at X0, or the workspace's middle.")
+        bool,
+        typer.Option(
+            "--drop", help="Release the platform at X0, or at the middle of the workspace, instead of driving it."
+        ),
     ] = False,
     material: Annotated[
-        list[str] | None, typer.Option("--material", help="Cables; given again, materials are shown side by side.")
+        list[str] | None,
+        typer.Option("--material", help="Cable material; repeatable: materials are shown side by side."),
     ] = None,
     drive_seconds: Annotated[
-        float | None, typer.Option("--drive-seconds", help="Duration of the drive; default: nearly static.")
+        float | None, typer.Option("--drive-seconds", help="Duration of the drive [s]; default: quasi-static.")
     ] = None,
-    seconds: Annotated[float, typer.Option("--seconds", help="Duration of the video.")] = 10.0,
+    seconds: Annotated[float, typer.Option("--seconds", help="Duration of the video [s].")] = 10.0,
     fps: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 30.0,
-    size: Annotated[tuple[int, int], typer.Option("--size", metavar="WIDTH HEIGHT", help="[pixel]")] = (1280, 720),
+    size: Annotated[tuple[int, int], typer.Option("--size", metavar="WIDTH HEIGHT", help="Size [pixel].")] = (
+        1280,
+        720,
+    ),
     compensate: Annotated[
-        bool, typer.Option("--compensate", help="Beside each, the same with compensated cable lengths.")
+        bool, typer.Option("--compensate", help="Show each robot with compensated cable lengths as well.")
     ] = False,
     exaggerate: Annotated[
-        float, typer.Option("--exaggerate", help="Draw deviations this many times as large, and say so.")
+        float, typer.Option("--exaggerate", help="Factor by which deviations are drawn larger; stated in the video.")
     ] = 1.0,
-    renderer: Annotated[str, typer.Option("--renderer", help="auto, opengl or raycast (no OpenGL needed).")] = "auto",
+    renderer: Annotated[str, typer.Option("--renderer", help="auto, opengl or raycast (needs no OpenGL).")] = "auto",
     output: Annotated[Path, typer.Option("-o", "--output", help="File: .mp4 or .gif.")] = Path("video.mp4"),
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
-    """Film platforms driven along a line by their winches, in MuJoCo, with the static solver's pose as an outline."""
+    """Write a video of platforms that their winches drive along a line in MuJoCo, with the static solver's outline."""
     import numpy as np
 
     from cdpr_sim.core.files import check_place
@@ -93,24 +106,24 @@ def video(
         film.check_count(len(wanted))
         machines = [robot_of(name, cables) for name, cables, _ in wanted]
         for robot in machines:
-            robot.cabling.refuse_mixture("video")  # before it settles at every state
+            robot.cabling.refuse_mixture("video")  # refused here, before every state is settled
             for option, chosen in (("--compensate", compensate), ("--drop", drop)):
                 if chosen:
                     robot.cabling.refuse_weight(option)
         motions: list[Callable[[], cdpr.Trajectory]] = []
-        for robot, (_, _, cut) in zip(machines, wanted, strict=True):
+        for robot, (_, _, compensated) in zip(machines, wanted, strict=True):
             if not robot.cabling.massless:
                 ends = _line(robot, path, y, z)
                 settled = settled_along(robot, np.linspace(ends[0], ends[-1], states), seconds)
                 motions.append(lambda settled=settled: settled)
                 continue
             waypoints, lengths = _line(robot, path, y, z)[: 1 if drop else None], None
-            if cut:
+            if compensated:
                 waypoints = np.linspace(waypoints[0], waypoints[-1], 1 if drop else COMPENSATED_WAYPOINTS)
-                compensated, lengths = bar(f"Compensating {robot.name}"), []
+                advance, lengths = bar(f"Compensating {robot.name}"), []
                 for waypoint in waypoints:
                     lengths.append(held(cdpr.compensate(robot, waypoint)).rest_lengths)
-                    compensated(len(lengths) / len(waypoints))
+                    advance(len(lengths) / len(waypoints))
                 robot = robot.replace(name=f"{robot.name}, compensated")
             motions.append(
                 start(
@@ -142,21 +155,22 @@ def video(
 
 @contextmanager
 def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
-    """What is called as ``cdpr.drive`` is starts it on a thread; the motion is there when what is returned is called.
+    """Run drives in parallel threads.
 
-    An error, and Ctrl-C, end all drives.
+    The yielded function takes the arguments of ``cdpr.drive``, starts it in a thread, and returns a function that waits
+    for the trajectory. An error or Ctrl-C ends all drives.
     """
     from cdpr_sim.drawing.video import film
 
     over = threading.Event()
 
-    def start(*asked, progress: Callable[[float], None], **options) -> Callable[[], cdpr.Trajectory]:
-        def go_on(done: float) -> None:
+    def start(*arguments, progress: Callable[[float], None], **options) -> Callable[[], cdpr.Trajectory]:
+        def advance(done: float) -> None:
             if over.is_set():
                 raise CancelledError
             progress(done)
 
-        return threads.submit(cdpr.drive, *asked, progress=go_on, **options).result
+        return threads.submit(cdpr.drive, *arguments, progress=advance, **options).result
 
     with ThreadPoolExecutor(film.MOST_ROBOTS) as threads:
         try:
@@ -170,7 +184,7 @@ def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
 def _line(
     robot: cdpr.Robot, path: tuple[float, float] | None, y: float | None, z: float | None
 ) -> list[tuple[float, float, float]]:
-    """The two ends of a path along x."""
+    """Both ends of a path along x."""
     home = robot.home
     x0, x1 = robot.workspace[:, 0] if path is None else path
     return [(x, home[1] if y is None else y, home[2] if z is None else z) for x in (x0, x1)]

@@ -1,4 +1,4 @@
-"""The command that writes a page to hand on: report."""
+"""The command that writes an HTML page: report."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ def report(
     material: MaterialName = None,
     grid: Annotated[
         tuple[int, int, int] | None,
-        typer.Option("--grid", metavar="NX NY NZ", help="Poses that are settled in MuJoCo; default: 7 5 4."),
+        typer.Option("--grid", metavar="NX NY NZ", help="Number of poses settled in MuJoCo; default: 7 5 4."),
     ] = None,
-    video: Annotated[bool, typer.Option("--video/--no-video", help="Film a drive across the workspace.")] = True,
+    video: Annotated[
+        bool, typer.Option("--video/--no-video", help="Include a video of a drive across the workspace.")
+    ] = True,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
-    """Write a page to hand on: one file with the robot to turn in 3D, its worst poses, maps, numbers and a film.
+    """Write a self-contained HTML report: an interactive 3D view, the worst poses, maps, tables and a video.
 
-    Any browser opens it, without network access.
+    It opens in any browser, without network access.
     """
     with errors_as_sentences(), tidy_when_terminated(), busy("Loading") as status:
         cdpr.write_report(

@@ -1,4 +1,4 @@
-"""Commands about the robots themselves: robots, new, schema, show, import, models, view."""
+"""Commands for robot descriptions: robots, new, schema, show, import, models, view."""
 
 from __future__ import annotations
 
@@ -19,24 +19,26 @@ if TYPE_CHECKING:
 
 
 def robots() -> None:
-    """List the robots of the catalogue and the materials of cables."""
+    """List the robots of the catalogue and the cable materials."""
     from cdpr_sim.report.table_style import new_table
 
     console = Output()
     for kind, machines in _by_kind().items():
-        table = new_table(f"Robots: {kind}", "robot", "mobility", "cables", "mass", words=2)
-        table.add_column("what")
+        table = new_table(f"Robots: {kind}", "robot", "mobility", "cables", "mass", text_columns=2)
+        table.add_column("description")
         for robot in machines:
             table.add_row(robot.name, robot.mobility, str(robot.cables), f"{robot.mass:g} kg", robot.description)
         console.print(table)
-    table = new_table("Cables of one size", "material", "EA", "breaks at")
+    table = new_table("Cables of fixed diameter", "material", "EA", "breaks at")
     table.add_column("source")
     for material in cdpr.MATERIALS.values():
         table.add_row(
             material.name, f"{material.axial_stiffness:g} N", material.breaking_load_in_words, material.source
         )
     console.print(table)
-    table = new_table("Ropes of any diameter: steel-rope-4mm", "material", "modulus", "fill", "density", "strength")
+    table = new_table(
+        "Ropes of any diameter, for example steel-rope-4mm", "material", "modulus", "fill", "density", "strength"
+    )
     table.add_column("source")
     for rope in cdpr.ROPES.values():
         table.add_row(
@@ -51,10 +53,10 @@ def robots() -> None:
 
 
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the robot; NAME.toml is the file, in this folder.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the robot; writes NAME.toml in this folder.")],
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
-    """Write a robot file to begin with, with comments, that runs as it is."""
+    """Write a commented robot file to start from; it is valid as it is."""
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.robots import robot_file
 
@@ -66,9 +68,11 @@ def new(
 
 
 def schema(
-    document: Annotated[bool, typer.Option("--document", help="Print the page that explains robot files.")] = False,
+    document: Annotated[
+        bool, typer.Option("--document", help="Print the documentation of robot files (Markdown).")
+    ] = False,
 ) -> None:
-    """Print the JSON schema of robot files, with which editors check and complete them."""
+    """Print the JSON schema of robot files, for checking and completion in editors."""
     from cdpr_sim.robots import robot_file
 
     typer.echo(robot_file.document() if document else robot_file.json_schema(), nl=not document)
@@ -76,16 +80,18 @@ def schema(
 
 def show(
     robots: Annotated[
-        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="One, or several on one page; default: all.")
+        list[str] | None,
+        typer.Argument(metavar="[ROBOT]...", help="One robot, or several in one figure; default: all."),
     ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="File: .png.")] = Path("robot.png"),
     pose: Annotated[
-        tuple[float, float, float] | None, typer.Option("--pose", metavar="X Y Z", help="Of one robot's platform [m].")
+        tuple[float, float, float] | None,
+        typer.Option("--pose", metavar="X Y Z", help="Position of the platform [m], for one robot."),
     ] = None,
     material: MaterialName = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
-    """Draw a robot as commanded, with the numbers of its cables at exits and anchors; several on one page."""
+    """Draw a robot at the commanded pose, with cable numbers at exits and anchors; several robots in one figure."""
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.drawing import still
 
@@ -96,7 +102,7 @@ def show(
             figure = still.draw(problem.robot, problem.pose)
         else:
             if pose is not None:
-                raise cdpr.InvalidInput("--pose: found one beside several robots, expected it beside one")
+                raise cdpr.InvalidInput("--pose: found a pose and several robots, expected one robot")
             everyone = [robot.name for kind in _by_kind().values() for robot in kind]
             figure = still.sheet([robot_of(name, material) for name in robots or everyone])
         write_whole({output: still.encoded(figure)})
@@ -108,21 +114,21 @@ def import_file(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="Of CASPR's XML, WireX's wcrfx, cdpyr's JSON or YAML, oKermorgant/cdpr's YAML, the Bologna group's "
+            help="CASPR's XML, WireX's wcrfx, cdpyr's JSON or YAML, oKermorgant/cdpr's YAML, or the Bologna group's "
             "JSON.",
         ),
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Robot file to write; default: the robot's name, with .toml.")
+        Path | None, typer.Option("-o", "--output", help="Robot file to write; default: <robot's name>.toml.")
     ] = None,
     format: Annotated[
         str | None,
-        typer.Option("--format", help="caspr, wirex, cdpyr, gazebo, bologna; default: what the file looks like."),
+        typer.Option("--format", help="caspr, wirex, cdpyr, gazebo, bologna; default: detected."),
     ] = None,
-    cables: Annotated[str | None, typer.Option("--cables", help="CASPR's id of a set of cables.")] = None,
+    cables: Annotated[str | None, typer.Option("--cables", help="Id of CASPR's cable set.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
-    """Write another project's robot as a robot file, and say what it left out or assumed."""
+    """Convert a robot of another project to a robot file, and list what was left out or assumed."""
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.robots.writing import as_toml
 
@@ -137,18 +143,20 @@ def import_file(
 
 def models(
     robot: Annotated[
-        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="Default: the whole catalogue.")
+        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="Robots; default: the whole catalogue.")
     ] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write <robot>/ into.")] = Path("models"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for <robot>/.")] = Path("models"),
     pose: Pose = None,
     material: MaterialName = None,
     winches: Annotated[
-        bool, typer.Option("--winches", help="Add winch.xml and winch_scene.xml, whose actuators wind the cables.")
+        bool, typer.Option("--winches", help="Add winch.xml and winch_scene.xml, with actuators that wind the cables.")
     ] = False,
-    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is stale.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is out of date.")
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,
 ) -> None:
-    """Write each robot as a MuJoCo model: robot.xml, scene.xml, a README, and a picture."""
+    """Write MuJoCo models: robot.xml, scene.xml, a README and a picture for each robot."""
     from cdpr_sim.drawing import still
     from cdpr_sim.physics.model_files import INDEX, PICTURE, model_files, models_index
 
@@ -171,14 +179,14 @@ def models(
             stale += _renewed(output, index, output / INDEX, draw, "".join(sources), check=check, force=force)
     command = "cdpr-sim models --winches --force" if winches else "cdpr-sim models --force"
     for path in stale:
-        typer.echo(f"{path}: stale, expected what `{command}` writes", err=True)
+        typer.echo(f"{path}: out of date, expected what `{command}` writes", err=True)
     raise typer.Exit(DISAGREE if stale else 0)
 
 
 def view(robot: RobotName, pose: Pose = None, material: MaterialName = None) -> None:
-    """Open MuJoCo's viewer on the robot, with a slider for each winch.
+    """Open the robot in MuJoCo's viewer, with a slider for each winch.
 
-    The sliders' 0 is the length at the commanded pose; to the right the cable is wound in.
+    A slider's 0 is the length at the commanded pose; moving it to the right winds the cable in.
     """
     from cdpr_sim.physics.viewer import open_viewer
 
@@ -196,10 +204,10 @@ def _renewed(
     check: bool,
     force: bool,
 ) -> list[Path]:
-    """Write ``files``, and the picture of ``source``, where they differ from what is there; or only say where.
+    """Write ``files`` and the picture of ``source`` where they differ from the existing ones, or only list them.
 
     Raises:
-        InvalidInput: a file that is there differs, and ``force`` is off.
+        InvalidInput: an existing file differs and ``force`` is false.
     """
     from cdpr_sim.core.files import refuse_existing, write_whole
     from cdpr_sim.drawing import still
@@ -218,7 +226,7 @@ def _renewed(
 
 
 def _by_kind() -> dict[str, list[cdpr.Robot]]:
-    """The catalogue, each kind of robot together."""
+    """Robots of the catalogue by kind."""
     from cdpr_sim.core.robot import Kind
 
     kinds: dict[str, list[cdpr.Robot]] = {kind: [] for kind in get_args(Kind)}

@@ -1,4 +1,4 @@
-"""The command that scores solvers on the set of problems with proved answers."""
+"""The command that scores solvers on the set of problems with proved equilibria."""
 
 from __future__ import annotations
 
@@ -17,20 +17,22 @@ def score(
         list[str],
         typer.Argument(
             metavar="SOLVER...",
-            help="newton, fsolve, least_squares, mujoco, root, minimize, rigid; module:function of your own, called as "
-            "function(robot, rest_lengths, start) and with external_wrench= where there is one; or a .json of answers.",
+            help="newton, fsolve, least_squares, mujoco, root, minimize, rigid; your own module:function, called as "
+            "function(robot, rest_lengths, start), with external_wrench= if there is one; or a .json file of answers.",
         ),
     ],
     problems: Annotated[
-        Path, typer.Option("--problems", metavar="FOLDER", help="The set; default: problems/ of the repository.")
+        Path, typer.Option("--problems", metavar="FOLDER", help="Problem set; default: problems/ of the repository.")
     ] = Path("problems"),
     level: Annotated[str | None, typer.Option("--level", help="lower, average or higher; default: all.")] = None,
-    first: Annotated[int | None, typer.Option("--first", min=1, help="Only so many problems of each level.")] = None,
+    first: Annotated[
+        int | None, typer.Option("--first", min=1, help="Number of problems per level; default: all.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Count a solver's correct digits on problems whose answers are proved, and what it calls solved that is not.
+    """Count a solver's correct digits and its false claims on problems whose equilibria are proved.
 
-    Exit status: 0 if all that is called solved is, 1 if something is not, 2 for input that cannot be right.
+    Exit status: 0 if every claimed solution is correct, 1 if one is not, 2 for invalid input.
     """
     from cdpr_sim.report import score_tables
     from cdpr_sim.studies import problem_set

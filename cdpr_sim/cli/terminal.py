@@ -1,4 +1,4 @@
-"""What all commands do with a terminal: mistakes as sentences, exit statuses, something to look at meanwhile, JSON."""
+"""Terminal input and output of all commands: error messages, exit statuses, progress, JSON."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 class Output(Console):
-    """Standard output; a pipe that nobody reads is an error, for ``outside_world`` to make an exit status of."""
+    """Standard output; a closed pipe raises an error, which ``outside_world`` turns into an exit status."""
 
     def on_broken_pipe(self) -> None:
-        """Called where the error is at hand; rich would end with the status that means that the methods disagree."""
+        """Re-raise the error being handled; rich would exit with 1, which means that the methods disagree."""
         raise
 
 
@@ -33,9 +33,9 @@ DISAGREE, MISTAKE, OUTSIDE, INTERRUPTED = 1, 2, 3, 128 + signal.SIGINT
 """Exit statuses: a negative answer, invalid input, a failure outside the program, Ctrl-C."""
 
 STATUSES = (
-    f"Exit status: 0 if all is well; {DISAGREE} if the answer is negative (the methods disagree, a file is stale, "
-    f"the pose cannot be held); {MISTAKE} for input that cannot be right and for poses without an answer; {OUTSIDE} "
-    "for what lies outside: a full disk, a closed pipe, too little memory; "
+    f"Exit status: 0 for success; {DISAGREE} if the answer is negative (the methods disagree, a file is out of date, "
+    f"the pose cannot be held); {MISTAKE} for invalid input or if no equilibrium is found; {OUTSIDE} "
+    "for system errors: a full disk, a closed pipe, not enough memory; "
     f"{INTERRUPTED} if interrupted."
 )
 """For ``--help``."""
@@ -43,9 +43,9 @@ STATUSES = (
 
 @contextmanager
 def errors_as_sentences() -> Iterator[None]:
-    """No traceback for what is not our mistake: one sentence on standard error, and its exit status.
+    """Print errors of the user or the system as one sentence on standard error, and exit with their status.
 
-    An implausible robot is a line there as well, and no error.
+    A warning about an implausible robot is printed as one line and is no error.
     """
     with warnings_as_lines():
         try:
@@ -57,12 +57,12 @@ def errors_as_sentences() -> Iterator[None]:
         except cdpr.CdprError as error:
             raise _ended(str(error), MISTAKE) from None
         except MemoryError:
-            raise _ended("out of memory; expected a smaller request, or a store to compute into", OUTSIDE) from None
+            raise _ended("out of memory; expected a smaller request, or a store on disk", OUTSIDE) from None
 
 
 @contextmanager
 def outside_world() -> Iterator[None]:
-    """What is printed arrives, or the status says that it did not: a closed pipe in silence, all else in a sentence."""
+    """Report failed output by the exit status: a closed pipe silently, other errors in one sentence."""
     try:
         try:
             yield
@@ -80,7 +80,7 @@ def outside_world() -> Iterator[None]:
 
 
 def plain_letters_where_needed() -> None:
-    """A terminal that cannot show a letter shows a question mark: ``PYTHONIOENCODING=ascii`` is no reason to fail."""
+    """Print "?" for characters that the terminal cannot encode (``PYTHONIOENCODING=ascii``), instead of failing."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, ValueError):
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]
@@ -88,14 +88,14 @@ def plain_letters_where_needed() -> None:
 
 @contextmanager
 def warnings_as_lines() -> Iterator[None]:
-    """A line on standard error for each robot that is implausible, once; other warnings as ever."""
-    said: set[str] = set()
+    """Print each warning about an implausible robot once, as a line on standard error; other warnings as usual."""
+    printed: set[str] = set()
 
     def show(message, category, filename, lineno, file=None, line=None) -> None:
         if not issubclass(category, cdpr.ImplausibleRobot):
             usual(message, category, filename, lineno, file, line)
-        elif str(message) not in said:
-            said.add(str(message))
+        elif str(message) not in printed:
+            printed.add(str(message))
             typer.echo(f"cdpr-sim: warning: {message}", err=True)
 
     with warnings.catch_warnings():
@@ -106,7 +106,7 @@ def warnings_as_lines() -> Iterator[None]:
 
 @contextmanager
 def tidy_when_terminated() -> Iterator[None]:
-    """A terminated process cleans up as an interrupted one does."""
+    """Clean up on SIGTERM as on Ctrl-C."""
     previous = signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         yield
@@ -115,15 +115,15 @@ def tidy_when_terminated() -> Iterator[None]:
 
 
 def busy(what: str) -> Status:
-    """A word on standard error while something takes its time."""
+    """Status line on standard error during a longer computation."""
     return Console(stderr=True).status(f"{what} ...")
 
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str], Callable[[float], None]]]:
-    """Bars on standard error, where a terminal can show them.
+    """Progress bars on standard error, if it is a terminal.
 
-    ``bar = bars(what)`` adds one, and ``bar(fraction)`` moves it to the fraction that is done, 0 to 1.
+    ``bar = bars(label)`` adds one, and ``bar(fraction)`` sets the completed fraction, 0 to 1.
     """
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
@@ -132,15 +132,15 @@ def progress_bars() -> Iterator[Callable[[str], Callable[[float], None]]]:
     columns = text, BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
 
-        def add(what: str) -> Callable[[float], None]:
-            task = progress.add_task(what, total=1.0)
+        def add(label: str) -> Callable[[float], None]:
+            task = progress.add_task(label, total=1.0)
             return lambda done: progress.update(task, completed=done)
 
         yield add
 
 
 def print_json(value: dict[str, Any]) -> None:
-    """On standard output, indented."""
+    """Print indented JSON on standard output."""
     typer.echo(json.dumps(value, indent=2))
 
 
@@ -151,7 +151,7 @@ def _ended(sentence: str, status: int) -> typer.Exit:
 
 
 def _discard_output() -> None:
-    """What is left in the buffer has nowhere to go; Python would try again at its end, and complain."""
+    """Redirect the remaining buffer to the null device, since Python would try to write it again at exit."""
     with suppress(OSError, ValueError, AttributeError):
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""Commands about whole workspaces: sweep, map, check."""
+"""Commands over whole workspaces: sweep, map, check."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MOST_POINTS = 2000
-"""Poses along the longer side of a map."""
+"""Largest number of poses along the longer side of a map."""
 
 
 def sweep(
@@ -25,16 +25,18 @@ def sweep(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="Keep the result: a new .nc file, or a .zarr folder, which is gone on with."
+            "-o",
+            "--output",
+            help="Store of the result: a new .nc file, or a .zarr folder, which is resumed if it exists.",
         ),
     ] = None,
     limits: Limits = None,
     wrench: Wrenches = None,
 ) -> None:
-    """Solve for the static equilibrium over whole workspaces: tilt, deviation, slack cables, feasibility."""
+    """Solve for the static equilibria of a grid: tilt, deviation, slack cables, feasibility."""
     with errors_as_sentences():
-        held = dict(tension_limits=limits, wrenches=wrenches_of(wrench))
-        dataset = cdpr.sweep(robot, grid, material or None, **held, store=output, progress=True)  # type: ignore[arg-type]
+        conditions = dict(tension_limits=limits, wrenches=wrenches_of(wrench))
+        dataset = cdpr.sweep(robot, grid, material or None, **conditions, store=output, progress=True)  # type: ignore[arg-type]
         _print(dataset)
 
 
@@ -45,13 +47,13 @@ def draw_map(
     ),
     material: MaterialNames = None,
     plane: Annotated[str, typer.Option("--plane", help="xz, xy or yz.")] = "xz",
-    at: Annotated[float | None, typer.Option("--at", help="Where [m] the plane lies; default: the middle.")] = None,
-    points: Annotated[int, typer.Option("--points", help="Poses along the longer side.")] = 181,
+    at: Annotated[float | None, typer.Option("--at", help="Position of the plane [m]; default: the middle.")] = None,
+    points: Annotated[int, typer.Option("--points", help="Number of poses along the longer side.")] = 181,
     limits: Limits = None,
     wrench: Wrenches = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
-    """Draw tilt, deviation, slack cables and feasibility over a plane of the workspace, side by side."""
+    """Draw maps of tilt, deviation, slack cables and feasibility over a plane of the workspace."""
     from cdpr_sim.analysis.workspace import grids
     from cdpr_sim.core.files import check_place
     from cdpr_sim.drawing import maps
@@ -61,14 +63,14 @@ def draw_map(
         robots = [cdpr.load_robot(name) for name in robot]
         if points > MOST_POINTS:
             raise cdpr.InvalidInput(
-                f"points: found {points}, expected at most {MOST_POINTS}, more than a map has pixels; a .nc or .zarr "
-                "store of `cdpr-sim sweep` holds more"
+                f"points: found {points}, expected at most {MOST_POINTS}, which exceeds the pixels of a map; for "
+                "more, use a .nc or .zarr store of `cdpr-sim sweep`"
             )
         section = grids.plane(plane, at, points, robots)
-        heavy = not all(one.cabling.massless for one in robots)
-        wanted = [name for name in maps.QUANTITIES if not heavy or name not in ("feasible", "capacity_margin")]
-        held = dict(tension_limits=limits, wrenches=wrenches_of(wrench), quantities=wanted)
-        dataset = cdpr.sweep(robots, section, material or None, **held, progress=True)  # type: ignore[arg-type]
+        with_mass = not all(one.cabling.massless for one in robots)
+        wanted = [name for name in maps.QUANTITIES if not with_mass or name not in ("feasible", "capacity_margin")]
+        conditions = dict(tension_limits=limits, wrenches=wrenches_of(wrench), quantities=wanted)
+        dataset = cdpr.sweep(robots, section, material or None, **conditions, progress=True)  # type: ignore[arg-type]
         names = [name for name in (*maps.ELASTIC, "wrench_feasible") if name in dataset]
         maps.write(maps.draw_elastic_map(dataset, names=names), output)
         _print(dataset)
@@ -88,12 +90,10 @@ def check(
     robot: RobotNames,
     grid: Grid = None,
     material: MaterialNames = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Picture of where they agree, seen along y.")
-    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Map of the agreement, seen along y.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
-    """Settle every pose of a grid in MuJoCo and compare each with the solver. Exit status 1 if any disagrees."""
+    """Settle every pose of a grid in MuJoCo and compare it with the solver. Exit status 1 on any disagreement."""
     from cdpr_sim.core.files import check_place
     from cdpr_sim.drawing import maps
     from cdpr_sim.report import workspace_tables as report

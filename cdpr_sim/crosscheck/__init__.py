@@ -1,1 +1,1 @@
-"""Both methods, compared."""
+"""Comparison of statics and MuJoCo."""

@@ -1,7 +1,7 @@
-"""Physics over the whole workspace: every pose of a grid settled in MuJoCo and compared with the solver.
+"""Comparison over a whole workspace: every pose of a grid settled in MuJoCo and compared with the static solver.
 
-The rules are those of ``compare``, applied to thousands of rows at once; wherever they find anything but
-plain agreement, ``compare`` itself says what it is.
+The criteria are those of ``compare``, applied to thousands of rows at once; rows without plain agreement are passed to
+``compare`` itself.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ROWS = 2500
-"""Poses that settle side by side: enough for all cores, few enough for a progress bar that moves."""
+"""Poses settled in one batch: enough for all cores, few enough for a progress bar that advances."""
 
 BYTES_PER_POSITION, BYTES_PER_POSE = 150, 150
-"""Of memory: for the grid, and for what is found at each of its poses by each robot with each material."""
+"""Memory per grid position, and per pose of each robot with each material."""
 
 OUTCOMES = ("refused", *(verdict.name.lower() for verdict in Verdict), "unsettled", "unsolved")
-"""The outcome at a pose, the worse the later: both methods refuse it, since every exit lies below the platform; a
-verdict; MuJoCo's platform did not come to rest; the solver found no equilibrium."""
+"""Outcomes at a pose, from best to worst: refused by both methods, since every exit is below the platform; a verdict of
+``compare``; MuJoCo's platform did not settle; the static solver found no equilibrium."""
 
-AGREEING = {OUTCOMES.index(verdict.name.lower()) for verdict in (Verdict.AGREE, Verdict.AGREE_BUT_FREE)}
+AGREEING = {OUTCOMES.index(verdict.name.lower()) for verdict in (Verdict.AGREE, Verdict.AGREE_EXCEPT_NEUTRAL)}
 REFUSED = OUTCOMES.index("refused")
 
 
@@ -54,8 +54,8 @@ class Disagreement:
     """A pose at which the two methods do not agree.
 
     Attributes:
-        robot: its name.
-        material: the name of its cables.
+        robot: name of the robot.
+        material: name of its cables.
         position: commanded, (x, y, z) [m].
         outcome: one of ``OUTCOMES``.
         reasons: a sentence each.
@@ -75,7 +75,7 @@ class Check(HtmlRepr):
     Attributes:
         dataset: over (robot, material, x, y, z), or (robot, x, y, z) with each robot's own cables: the ``outcome`` as
             a CF flag, the errors and the cross residuals of ``Agreement``.
-        disagreements: every pose at which they do not agree.
+        disagreements: every pose at which the methods do not agree.
     """
 
     dataset: xr.Dataset
@@ -83,11 +83,11 @@ class Check(HtmlRepr):
 
     @property
     def agrees(self) -> bool:
-        """Whether the two methods agree at every pose that was settled, and all poses were."""
+        """Whether MuJoCo settled at every pose and the two methods agree there."""
         return not self.disagreements
 
     def across(self, axis: str = "y") -> xr.Dataset:
-        """The worst outcome and the largest error of agreeing poses along ``axis``: a plane, to be drawn as a map.
+        """Worst outcome, and largest error of agreeing poses, along ``axis``: a plane that can be drawn as a map.
 
         Returns:
             The dataset without ``axis``.
@@ -104,8 +104,8 @@ class Check(HtmlRepr):
     def __repr__(self) -> str:
         poses = self.dataset["outcome"].size
         robots = ", ".join(repr(str(name)) for name in np.atleast_1d(self.dataset["robot"].values))
-        said = "no disagreement" if self.agrees else f"{len(self.disagreements):,} poses do not agree"
-        return f"<Check of {robots}: {poses:,} poses, {said}>"
+        result = "no disagreement" if self.agrees else f"{len(self.disagreements):,} poses do not agree"
+        return f"<Check of {robots}: {poses:,} poses, {result}>"
 
 
 def check(
@@ -129,7 +129,7 @@ def check(
         Outcome and errors at every pose, and each pose at which the two methods do not agree.
 
     Raises:
-        InvalidInput: a grid or names that cannot be right.
+        InvalidInput: an invalid grid or invalid names.
         UnknownName: no such robot or material.
     """
     extras.require("sweep", "check")
@@ -188,21 +188,21 @@ def check(
 
 
 _MEANINGS = {
-    "outcome": ("1", "what comparing MuJoCo with statics came to"),
+    "outcome": ("1", "outcome of the comparison of MuJoCo with statics"),
     "position_error": ("m", "distance between the platform's origins"),
     "rotation_error": ("rad", "angle between the platforms"),
     "tension_error": ("N", "largest difference in a cable"),
-    "static_in_mujoco": ("N", "unbalanced force that MuJoCo finds at the static pose"),
-    "settled_in_statics": ("N", "unbalanced force that statics finds at the settled pose"),
+    "static_in_mujoco": ("N", "residual of MuJoCo at the static pose"),
+    "settled_in_statics": ("N", "residual of statics at the settled pose"),
 }
 
 
 def _check_rows(
     robot: Robot, positions: np.ndarray, material: str, threads: int
 ) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
-    """The columns of ``_MEANINGS`` at each of the positions, and what is to be reported."""
+    """The columns of ``_MEANINGS`` at each position, and the disagreements."""
     problems = Problems.of(robot, positions)
-    solved, settled = solve_many(problems), settle_many(problems, threads=threads)  # what refuses, refuses at once
+    solved, settled = solve_many(problems), settle_many(problems, threads=threads)
     values, agree = compare_many(solved, settled, threads=threads)
     refused = problems.refusals != Status.PENDING
     outcome = np.where(refused, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
@@ -219,7 +219,7 @@ def _check_rows(
 def compare_many(
     solved: EquilibriumBatch, settled: EquilibriumBatch, *, threads: int = 0
 ) -> tuple[dict[str, np.ndarray], Bool[np.ndarray, " rows"]]:
-    """The errors and cross residuals of ``Agreement``, (rows,) each, and in which rows all is within tolerance.
+    """Errors and cross residuals of ``Agreement``, (rows,) each, and in which rows all are within tolerance.
 
     Args:
         solved: static equilibria, (rows,).
@@ -232,13 +232,13 @@ def compare_many(
     if not rows.size:
         return columns, within
     problems = solved.problems.take(rows)
-    static, rested = ((equilibria.positions[rows], equilibria.rotations[rows]) for equilibria in (solved, settled))
+    static, at_rest = ((equilibria.positions[rows], equilibria.rotations[rows]) for equilibria in (solved, settled))
     errors = {
-        "position_error": np.linalg.norm(static[0] - rested[0], axis=-1),
-        "rotation_error": angle_between(static[1], rested[1]),
+        "position_error": np.linalg.norm(static[0] - at_rest[0], axis=-1),
+        "rotation_error": angle_between(static[1], at_rest[1]),
         "tension_error": np.abs(solved.tensions[rows] - settled.tensions[rows]).max(-1),
         "static_in_mujoco": residuals_of(problems, poses_of(*static), threads=threads),
-        "settled_in_statics": np.asarray(forces.at(problems, *rested).residual),
+        "settled_in_statics": np.asarray(forces.at(problems, *at_rest).residual),
     }
     near = [np.abs(one.lengths - one.rest_lengths)[rows] <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
     same_slack = ~((solved.slack != settled.slack)[rows] & ~near[0] & ~near[1]).any(-1)
@@ -257,7 +257,7 @@ def compare_many(
 
 
 def _outcome(solved: EquilibriumBatch, settled: EquilibriumBatch, row: int) -> tuple[str, tuple[str, ...]]:
-    """In words, what is not plain agreement."""
+    """Name and reasons of an outcome other than plain agreement."""
     for name, equilibria in (("unsolved", solved), ("unsettled", settled)):
         if not equilibria.converged[row]:
             return name, (Status(int(equilibria.status[row])).sentence,)

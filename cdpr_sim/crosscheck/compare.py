@@ -1,4 +1,4 @@
-"""Do the two methods agree? The differences, the cross residuals, and a verdict with its reasons."""
+"""Comparison of the two methods: differences, cross residuals, and a verdict with its reasons."""
 
 from __future__ import annotations
 
@@ -33,36 +33,36 @@ CROSS_TOLERANCE = 1e-5
 8e-5 or more (``scripts/measure_constants.py``)."""
 
 REST_LENGTH_TOLERANCE = 1e-7
-"""[m] A cable this close to its rest length counts as taut or as slack, whichever the other method says."""
+"""[m] A cable this close to its rest length counts as taut or slack, as in the other method."""
 
 
 LEVEL = 1e-8
-"""Energies between two equilibria of one family differ by less than this fraction of load times characteristic length:
-less than lifting DemoBot's platform by a nanometre."""
+"""Tolerance of equal energies between two equilibria of a continuum, as a fraction of load times characteristic length:
+less than the work to lift DemoBot's platform by a nanometre."""
 
 
 class Verdict(enum.Enum):
-    """What comparing the two methods came to."""
+    """Outcome of the comparison."""
 
     AGREE = "the two methods agree"
-    AGREE_BUT_FREE = "the two methods agree in all that the cables hold, and differ where nothing holds the platform"
-    DIFFERENT_EQUILIBRIA = "the two methods rest at different equilibria, each of which the other confirms"
+    AGREE_EXCEPT_NEUTRAL = "the two methods agree except along directions in which the platform is neutrally stable"
+    DIFFERENT_EQUILIBRIA = "the two methods found different equilibria, each confirmed by the other method"
     DISAGREE = "the two methods disagree"
 
 
 @dataclass(frozen=True)
 class Agreement(HtmlRepr):
-    """Static and physical equilibrium of one problem, side by side.
+    """Comparison of the static and the simulated equilibrium of one problem.
 
     Attributes:
-        verdict: what the comparison came to.
-        reasons: what the verdict rests on, a sentence each; empty when they simply agree.
+        verdict: outcome of the comparison.
+        reasons: reasons of the verdict, a sentence each; empty for plain agreement.
         position_error: distance between the platform's origins [m].
         rotation_error: angle between the platforms [rad].
         tension_error: largest difference in a cable [N].
         same_slack: whether the same cables are slack; one within 1e-7 m of its rest length counts as either.
-        static_in_mujoco: unbalanced force that MuJoCo finds at the static pose [N].
-        settled_in_statics: unbalanced force that statics finds at the settled pose [N].
+        static_in_mujoco: residual (unbalanced force) of MuJoCo at the static pose [N].
+        settled_in_statics: residual of statics at the settled pose [N].
     """
 
     verdict: Verdict
@@ -77,13 +77,13 @@ class Agreement(HtmlRepr):
     @property
     def agrees(self) -> bool:
         """Whether the two methods agree."""
-        return self.verdict in (Verdict.AGREE, Verdict.AGREE_BUT_FREE)
+        return self.verdict in (Verdict.AGREE, Verdict.AGREE_EXCEPT_NEUTRAL)
 
     def __repr__(self) -> str:
         return (
             f"<Agreement: {self.verdict.value}: {1e3 * self.position_error:.1e} mm, "
-            f"{np.degrees(self.rotation_error):.1e}° and {self.tension_error:.1e} N apart, "
-            f"{'the same' if self.same_slack else 'other'} cables slack>"
+            f"{np.degrees(self.rotation_error):.1e}° and {self.tension_error:.1e} N difference, "
+            f"{'the same' if self.same_slack else 'different'} slack cables>"
         )
 
 
@@ -95,7 +95,7 @@ def compare(
     rotation_tolerance: float = ROTATION_TOLERANCE,
     tension_tolerance: float = TENSION_TOLERANCE,
 ) -> Agreement:
-    """Compare an equilibrium found by statics with one that MuJoCo settled at.
+    """Compare an equilibrium of statics with one settled in MuJoCo.
 
     Args:
         static: from ``solve``.
@@ -105,10 +105,10 @@ def compare(
         tension_tolerance: [N].
 
     Returns:
-        The verdict with its reasons, and how far the two are apart [m, rad, N].
+        The verdict with its reasons, and the differences [m, rad, N].
 
     Raises:
-        InvalidInput: the two answer different problems, or a tolerance that is not above 0.
+        InvalidInput: equilibria of different problems, or a tolerance that is not above 0.
     """
     refuse_unless(Equilibrium, static=static, settled=settled)
     position_tolerance = positive("position_tolerance", position_tolerance, "m")
@@ -128,36 +128,36 @@ def compare(
     }
     slack_differs = (static.slack != settled.slack) & ~(_at_rest_length(static) | _at_rest_length(settled))
 
-    apart = [
+    deviations = [
         f"{name} differs by {error:.1e} {unit} (tolerance {tolerance:.0e})"
         for name, (error, tolerance, unit) in differences.items()
         if not error <= tolerance
     ]
     if slack_differs.any():
         cables = ", ".join(str(i + 1) for i in np.flatnonzero(slack_differs))
-        apart.append(f"cable {cables} is slack on one method only")
+        deviations.append(f"cable {cables} is slack by one method only")
     unbalanced = [
-        f"{where} finds {force:.1e} N unbalanced (tolerance {CROSS_TOLERANCE * problem.force_scale:.0e})"
+        f"{where} has a residual of {force:.1e} N (tolerance {CROSS_TOLERANCE * problem.force_scale:.0e})"
         for where, force in cross.items()
         if not force <= CROSS_TOLERANCE * problem.force_scale
     ]
     if unbalanced:
         verdict = Verdict.DISAGREE
-    elif not apart:
+    elif not deviations:
         verdict = Verdict.AGREE
     elif not slack_differs.any() and differences["tension"][0] <= tension_tolerance and _connected(static, settled):
-        verdict = Verdict.AGREE_BUT_FREE
-        apart.append("the energy is level in between: the platform moves freely from the one pose to the other")
+        verdict = Verdict.AGREE_EXCEPT_NEUTRAL
+        deviations.append("the energy is constant between the two poses: the platform is neutrally stable")
     else:
         verdict = Verdict.DIFFERENT_EQUILIBRIA
-        apart += [
+        deviations += [
             f"the equilibrium by {one.source} is {one.stability.name.lower()}"
             for one in (static, settled)
             if not one.stable
         ]
     return Agreement(
         verdict=verdict,
-        reasons=tuple(unbalanced + apart),
+        reasons=tuple(unbalanced + deviations),
         position_error=float(differences["position"][0]),
         rotation_error=float(differences["rotation"][0]),
         tension_error=float(differences["tension"][0]),
@@ -172,9 +172,10 @@ def _at_rest_length(equilibrium: Equilibrium) -> Bool[np.ndarray, " cables"]:
 
 
 def _connected(static: Equilibrium, settled: Equilibrium) -> bool:
-    """Whether the two belong to one family of equilibria: the energy stays level along the screw motion between them.
+    """Whether the two belong to one continuum of equilibria: constant energy along the screw motion between them.
 
-    The energy and not the forces: rounding of the two ends, times a stiff cable, is a force in between, but no energy.
+    The energy is compared and not the forces: rounding of the two poses times a high stiffness is a noticeable force,
+    but a negligible energy.
     """
     problem = static.problem
     between = (static.pose.inv() * settled.pose).as_exp_coords()
@@ -183,5 +184,5 @@ def _connected(static: Equilibrium, settled: Equilibrium) -> bool:
     turn = (settled.rotation * static.rotation.inv()).as_rotvec()
     work = fractions * (turn @ problem.external_wrench[3:])
     energies = forces.at(problem, poses.translation, poses.rotation.as_matrix()).energy - work
-    level = LEVEL * problem.force_scale * problem.robot.characteristic_length
-    return bool(np.ptp(energies) <= level)
+    tolerance = LEVEL * problem.force_scale * problem.robot.characteristic_length
+    return bool(np.ptp(energies) <= tolerance)

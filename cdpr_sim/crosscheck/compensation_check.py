@@ -1,4 +1,4 @@
-"""Does MuJoCo hold the platform on compensated lengths where statics says: from there, and from where it should be?"""
+"""Verification of compensated rest lengths in MuJoCo, from the compensated and from the commanded pose."""
 
 from __future__ import annotations
 
@@ -13,56 +13,57 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.physics.settle import settle
 
 SAME = 1e-5
-"""Of the characteristic length: MuJoCo's platform is back where it was. It rests with 1e-9 of the load unbalanced,
-which moves a platform that is as soft as ``compensation.HELD`` by 1e-6."""
+"""Tolerance of equal poses, as a fraction of the characteristic length. MuJoCo's residual is at most 1e-9 of the load,
+which moves a platform as soft as ``compensation.HELD`` by 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
 class CompensationCheck(HtmlRepr):
-    """What MuJoCo says of a compensation.
+    """Verification of a compensation in MuJoCo.
 
     Attributes:
-        compensation: what statics says.
-        stayed: where MuJoCo's platform rests when it is let go at the compensated pose; None where it does not rest.
-        reached: where it rests when it is let go at the commanded pose; None where it does not rest.
+        compensation: by statics.
+        settled_from_compensated: MuJoCo's equilibrium after release at the compensated pose; None if it did not settle.
+        settled_from_commanded: MuJoCo's equilibrium after release at the commanded pose; None if it did not settle.
     """
 
     compensation: Compensation
-    stayed: Equilibrium | None
-    reached: Equilibrium | None
+    settled_from_compensated: Equilibrium | None
+    settled_from_commanded: Equilibrium | None
 
     @property
     def held(self) -> bool:
-        """Whether the platform stays at the compensated pose."""
-        return self._is_there(self.stayed)
+        """Whether the platform stays at the compensated pose after release there."""
+        return self._is_compensated(self.settled_from_compensated)
 
     @property
     def reached_from_commanded(self) -> bool:
-        """Whether it comes there by itself from the commanded pose."""
-        return self._is_there(self.reached)
+        """Whether the platform reaches the compensated pose after release at the commanded pose."""
+        return self._is_compensated(self.settled_from_commanded)
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """What MuJoCo does not confirm, a sentence each."""
-        told = []
+        reasons = []
         if not self.held:
-            told.append(f"let go at the compensated pose, MuJoCo's platform {self._goes(self.stayed)}: it is not held")
+            result = self._result(self.settled_from_compensated)
+            reasons.append(f"released at the compensated pose, MuJoCo's platform {result}: it is not held")
         if self.held and not self.reached_from_commanded:
-            told.append(
-                f"let go at the commanded pose, MuJoCo's platform {self._goes(self.reached)}: "
-                "these lengths hold it at the compensated pose once it is there"
+            reasons.append(
+                f"released at the commanded pose, MuJoCo's platform {self._result(self.settled_from_commanded)}: "
+                "these lengths hold it at the compensated pose only if it starts there"
             )
-        return tuple(told)
+        return tuple(reasons)
 
-    def _is_there(self, rest: Equilibrium | None) -> bool:
+    def _is_compensated(self, settled: Equilibrium | None) -> bool:
         arm = self.compensation.equilibrium.problem.robot.characteristic_length
-        return rest is not None and distance(rest.pose, self.compensation.pose, arm) <= SAME * arm
+        return settled is not None and distance(settled.pose, self.compensation.pose, arm) <= SAME * arm
 
-    def _goes(self, rest: Equilibrium | None) -> str:
-        if rest is None:
-            return "does not come to rest"
+    def _result(self, settled: Equilibrium | None) -> str:
+        if settled is None:
+            return "does not settle"
         arm = self.compensation.equilibrium.problem.robot.characteristic_length
-        return f"rests {1e3 * distance(rest.pose, self.compensation.pose, arm):.3g} mm from there"
+        return f"settles {1e3 * distance(settled.pose, self.compensation.pose, arm):.3g} mm from there"
 
     def __repr__(self) -> str:
         return (
@@ -72,42 +73,43 @@ class CompensationCheck(HtmlRepr):
 
 
 def verify_compensation(compensation: Compensation) -> CompensationCheck:
-    """Let the platform go in MuJoCo on compensated lengths, at the compensated pose and at the commanded one.
+    """Release the platform in MuJoCo with compensated lengths, at the compensated and at the commanded pose.
 
-    The distance between two rests counts rotations by the characteristic length.
+    Rotations are weighted by the characteristic length in the distance between two poses.
 
     Args:
         compensation: from ``compensate``.
 
     Returns:
-        Where MuJoCo's platform rests in either case, and what it does not confirm.
+        MuJoCo's equilibrium in either case, and what it does not confirm.
 
     Raises:
-        InvalidInput: no compensation.
+        InvalidInput: not a ``Compensation``.
     """
     refuse_unless(Compensation, compensation=compensation)
     problem = compensation.equilibrium.problem
 
-    def rest_from(pose) -> Equilibrium | None:
+    def settled_from(pose) -> Equilibrium | None:
         try:
             return settle(Problem.of(problem.robot, pose, problem.rest_lengths, problem.external_wrench))
         except NotSettled:
             return None
 
-    stayed = rest_from(compensation.pose)
-    reached = stayed if compensation.exact else rest_from(compensation.commanded)
-    return CompensationCheck(compensation, stayed, reached)
+    from_compensated = settled_from(compensation.pose)
+    from_commanded = from_compensated if compensation.exact else settled_from(compensation.commanded)
+    return CompensationCheck(compensation, from_compensated, from_commanded)
 
 
 def held(compensation: Compensation) -> Compensation:
-    """The compensation, if MuJoCo holds the platform where it says.
+    """The compensation, if MuJoCo holds the platform at the compensated pose.
 
     Raises:
-        NotSettled: it does not.
+        NotSettled: MuJoCo does not hold it there.
     """
-    hold = verify_compensation(compensation)
-    if not hold.held:
+    verification = verify_compensation(compensation)
+    if not verification.held:
         x, y, z = compensation.commanded.translation
         robot = compensation.equilibrium.problem.robot
-        raise NotSettled(f"{robot.name}: compensated for ({x:.3g}, {y:.3g}, {z:.3g}) m, {hold.reasons[0]}", hold.stayed)
+        reason = f"{robot.name}: compensated for ({x:.3g}, {y:.3g}, {z:.3g}) m, {verification.reasons[0]}"
+        raise NotSettled(reason, verification.settled_from_compensated)
     return compensation

@@ -1,4 +1,4 @@
-"""Is the better layout better in MuJoCo, too, and between the poses at which it was looked for?"""
+"""Validation of an optimised layout in MuJoCo, at the poses of the optimisation and midway between them."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class ValidatedRobot:
         robot: the robot.
         solved: by statics, (rows,).
         settled: by MuJoCo, (rows,).
-        errors: largest differences, by the names of ``Agreement``; nan where no row rests on both methods.
-        agrees: (rows,) whether the two methods do.
-        score: the objective in MuJoCo [SI]; nan where some platform does not rest.
+        errors: largest differences, by the names of ``Agreement``; nan if no row has an equilibrium by both methods.
+        agrees: (rows,) whether the two methods agree.
+        score: objective in MuJoCo [SI]; nan if MuJoCo did not settle at every pose.
     """
 
     robot: Robot
@@ -43,76 +43,76 @@ class ValidatedRobot:
 
 @dataclass(frozen=True, eq=False)
 class LayoutValidation(HtmlRepr):
-    """Both layouts settled in MuJoCo, at the poses that were asked and midway between them.
+    """Both layouts settled in MuJoCo, at the poses of the optimisation and midway between them.
 
     Attributes:
-        found: the layout.
-        cases: the poses, twice as fine, under every load and with every stiffness.
-        before, after: the robot as given, and with the layout that was found.
+        layout: the optimised layout.
+        cases: the poses at twice the resolution, under every load and with every stiffness.
+        before, after: the given robot, and the robot with the optimised layout.
     """
 
-    found: LayoutResult
+    layout: LayoutResult
     cases: Cases
     before: ValidatedRobot
     after: ValidatedRobot
 
     @property
     def agrees(self) -> bool:
-        """Whether MuJoCo and statics agree on the layout that was found, at every pose."""
+        """Whether MuJoCo and statics agree on the optimised layout at every pose."""
         return bool(self.after.agrees.all())
 
     @property
     def better(self) -> bool:
-        """Whether MuJoCo finds it better than the one given, between the poses as well."""
-        return not np.isnan(self.after.score) and not self.found.objective.better(self.before.score, self.after.score)
+        """Whether the layout is better than the given one in MuJoCo, between the poses as well."""
+        return not np.isnan(self.after.score) and not self.layout.objective.better(self.before.score, self.after.score)
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What MuJoCo says, and what is not promised."""
-        of, after = self.found.objective, self.after
-        rested = int(after.settled.converged.sum())
-        told = [
-            f"In MuJoCo, at these poses and midway between them ({len(self.cases)} in all, of which {rested} come to "
-            f"rest): {of.name} {of.shown(self.before.score)} before, {of.shown(after.score)} now."
+        """Results of the validation, warnings and limits, a sentence each."""
+        of, after = self.layout.objective, self.after
+        settled = int(after.settled.converged.sum())
+        sentences = [
+            f"In MuJoCo, at these poses and midway between them ({len(self.cases)} in all, of which {settled} "
+            f"settled): {of.name} {of.shown(self.before.score)} before, {of.shown(after.score)} now."
         ]
         if self.agrees:
-            told.append(
-                f"MuJoCo and Newton agree at every one: within {1e3 * after.errors['position_error']:.1e} mm, "
+            sentences.append(
+                f"MuJoCo and Newton agree at all of them: within {1e3 * after.errors['position_error']:.1e} mm, "
                 f"{np.degrees(after.errors['rotation_error']):.1e}° and {after.errors['tension_error']:.1e} N."
             )
         else:
-            told.append(f"MuJoCo and Newton do not agree at {int((~after.agrees).sum())} of them.")
+            sentences.append(f"MuJoCo and Newton do not agree at {int((~after.agrees).sum())} of them.")
         if not self.better:
-            told.append("Between the poses it is no better than before: ask for more poses.")
-        return (*told, *self.found.warnings, PROMISE)
+            sentences.append("Between the poses it is no better than before: optimise for more poses.")
+        return (*sentences, *self.layout.warnings, PROMISE)
 
     def __repr__(self) -> str:
-        said = "both methods agree" if self.agrees else "the methods do not agree"
-        name, poses = self.found.given.name, len(self.cases)
-        result = "better" if self.better else "no better"
-        return f"<LayoutValidation of {name!r}: {result} in MuJoCo at {poses} poses, {said}>"
+        agreement = "both methods agree" if self.agrees else "the methods do not agree"
+        name, poses = self.layout.given.name, len(self.cases)
+        better = "better" if self.better else "no better"
+        return f"<LayoutValidation of {name!r}: {better} in MuJoCo at {poses} poses, {agreement}>"
 
 
-def validate_layout(found: LayoutResult) -> LayoutValidation:
-    """Settle both layouts in MuJoCo, at the poses that were asked and midway between them, and compare with statics.
+def validate_layout(layout: LayoutResult) -> LayoutValidation:
+    """Settle both layouts in MuJoCo at the poses of the optimisation and midway between them, and compare with statics.
 
     Args:
-        found: from ``find_layout``.
+        layout: from ``find_layout``.
 
     Returns:
-        What MuJoCo finds of both layouts, and ``sentences`` for people.
+        The results of both methods for both layouts, and ``sentences`` that summarise them.
 
     Raises:
-        InvalidInput: not a layout that was found.
+        InvalidInput: not a ``LayoutResult``.
     """
-    refuse_unless(LayoutResult, found=found)
-    cases = found.cases.finer()
+    refuse_unless(LayoutResult, layout=layout)
+    cases = layout.cases.finer()
     return LayoutValidation(
-        found, cases, *(_side(robot, cases, found.objective) for robot in (found.given, found.robot))
+        layout, cases, *(_validated(robot, cases, layout.objective) for robot in (layout.given, layout.robot))
     )
 
 
-def _side(robot: Robot, cases: Cases, objective: Objective) -> ValidatedRobot:
+def _validated(robot: Robot, cases: Cases, objective: Objective) -> ValidatedRobot:
     problems = cases.problems(robot)
     solved, settled = solve_many(problems), settle_many(problems)
     columns, within = compare_many(solved, settled)
@@ -125,7 +125,7 @@ def _side(robot: Robot, cases: Cases, objective: Objective) -> ValidatedRobot:
 
 
 def _score(robot: Robot, cases: Cases, objective: Objective, settled: EquilibriumBatch) -> float:
-    """The objective of where MuJoCo has the platforms."""
+    """The objective at MuJoCo's equilibria."""
     if objective.equilibria and not settled.converged.all():
         return np.nan
     equilibria = LayoutEquilibria(

@@ -1,1 +1,1 @@
-"""Better layouts: what may move, what is good, what must hold, and the search for it."""
+"""Layout optimisation: variables, objectives, constraints and search."""

@@ -1,4 +1,4 @@
-"""What must hold: limits of tension, cables taut, rests stable, clearances, and limits on any objective."""
+"""Constraints: tension limits, taut cables, stability, clearances, and limits on any objective."""
 
 from __future__ import annotations
 
@@ -23,43 +23,43 @@ KNOWN = ("tensions", "all taut", "stable", "clearance")
 
 @dataclass(frozen=True)
 class Constraint:
-    """Something that must hold in every case.
+    """A constraint in every case.
 
     Attributes:
-        name: as it was asked for, with its limit.
-        missing: (layouts,) by how much it does not, as a fraction of what is asked; 0 where it holds.
+        name: name of the constraint, with its limit.
+        violation: (layouts,) as a fraction of the limit; 0 where the constraint holds.
     """
 
     name: str
-    missing: Callable[[LayoutEquilibria], Float[np.ndarray, " layouts"]]
+    violation: Callable[[LayoutEquilibria], Float[np.ndarray, " layouts"]]
 
 
-def constraints_of(robot: Robot, asked: Mapping[str, Any] | None) -> tuple[list[Constraint], Limits, float]:
-    """As users give them; and among them, for what asks: the limits of tension [N], and of displacement [m].
+def constraints_of(robot: Robot, subject_to: Mapping[str, Any] | None) -> tuple[list[Constraint], Limits, float]:
+    """Constraints as users give them, with the tension limits [N] and the limit of displacement [m] among them.
 
     Raises:
-        UnknownName: nothing that can be asked.
-        InvalidInput: a limit that cannot be right.
+        UnknownName: no such constraint.
+        InvalidInput: an invalid limit.
     """
-    refuse_unless(Mapping | None, subject_to=asked)
-    found, limits, reach = [], NO_LIMITS, np.inf
-    for name, value in ({} if asked is None else asked).items():
+    refuse_unless(Mapping | None, subject_to=subject_to)
+    constraints, limits, reach = [], NO_LIMITS, np.inf
+    for name, value in ({} if subject_to is None else subject_to).items():
         one_of("constraint", name, (*KNOWN, *OBJECTIVES))
         if name == "tensions":
             limits = checked_limits(robot, value)
-            found.append(_tensions(robot, *limits))
+            constraints.append(_tensions(robot, *limits))
         elif name in ("all taut", "stable"):
             if value is not True:
                 raise InvalidInput(f"subject_to[{name!r}]: found {shown(value)}, expected True")
             if name == "stable":
-                found.append(Constraint("stable rests", lambda equilibria: 1 - _stable(equilibria).mean(-1)))
+                constraints.append(Constraint("stable equilibria", lambda equilibria: 1 - _stable(equilibria).mean(-1)))
             else:
-                found.append(Constraint("all cables taut", lambda equilibria: equilibria.slack.mean((-1, -2))))
+                constraints.append(Constraint("all cables taut", lambda equilibria: equilibria.slack.mean((-1, -2))))
         else:
             limit = float(checked_array(f"subject_to[{name!r}]", value, ()))
             reach = limit if name == "displacement" else reach
-            found.append(_clearance(limit) if name == "clearance" else _limit(robot, name, limit))
-    return found, limits, reach
+            constraints.append(_clearance(limit) if name == "clearance" else _limit(robot, name, limit))
+    return constraints, limits, reach
 
 
 def _stable(equilibria: LayoutEquilibria) -> np.ndarray:
@@ -82,13 +82,13 @@ def _clearance(least: float) -> Constraint:
     if not least > 0:
         raise InvalidInput(f"subject_to['clearance']: found {least:g} m, expected more than 0")
 
-    def missing(equilibria: LayoutEquilibria) -> np.ndarray:
+    def violation(equilibria: LayoutEquilibria) -> np.ndarray:
         layouts = equilibria.layouts
         weights = layouts.linear_density[:, None] * equilibria.robot.gravity
-        found = clearance.least_clearance(equilibria, layouts.exits[:, None], layouts.anchors[:, None], weights)
-        return np.maximum(least - found.min(-1), 0) / least
+        distances = clearance.least_clearance(equilibria, layouts.exits[:, None], layouts.anchors[:, None], weights)
+        return np.maximum(least - distances.min(-1), 0) / least
 
-    return Constraint(f"clearance of {1e3 * least:g} mm", missing)
+    return Constraint(f"clearance of {1e3 * least:g} mm", violation)
 
 
 def _limit(robot: Robot, name: str, limit: float) -> Constraint:

@@ -1,4 +1,4 @@
-"""Two goals that pull apart: the layouts none of which is better in both (a Pareto front), by NSGA-II."""
+"""Pareto front of layouts for two conflicting objectives, by NSGA-II."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from cdpr_sim.design.layout_result import outside_frame
 from cdpr_sim.design.moves import Move
 from cdpr_sim.design.objectives import Objective
 from cdpr_sim.design.robot_batch import Cases, RobotBatch
-from cdpr_sim.design.search import HOLDS, LayoutEvaluator, named
+from cdpr_sim.design.search import CONSTRAINT_TOLERANCE, LayoutEvaluator, named
 
-LOST = 10.0
-"""By how much a layout without a rest in some case counts as missing a constraint."""
+UNSOLVED = 10.0
+"""Constraint violation assigned to a layout without an equilibrium in some case."""
 
 
 @dataclass(frozen=True, eq=False)
 class Front(Frozen, HtmlRepr):
-    """Layouts none of which is better in both goals, the best in the first goal first.
+    """Pareto front of layouts, ordered by the first objective, the best first.
 
     Attributes:
-        given: the robot that the search began with.
-        objectives: the two goals.
-        before: of the robot as given, (2,) in SI units; nan where it does not rest at every pose.
-        scores: (layouts, 2) in SI units.
-        layouts: the robots' numbers.
-        cases: what each was asked.
-        tried: how many layouts were.
+        given: the robot that the search started from.
+        objectives: the two objectives.
+        before: objectives of the given robot, (2,) in SI units; nan if it has no equilibrium at some pose.
+        scores: objectives of each layout, (layouts, 2) in SI units.
+        layouts: the robots.
+        cases: poses, loads and stiffnesses that each layout was evaluated at.
+        layouts_evaluated: number of layouts evaluated.
     """
 
     given: Robot
@@ -47,7 +47,7 @@ class Front(Frozen, HtmlRepr):
     scores: Float[np.ndarray, "layouts 2"]
     layouts: RobotBatch
     cases: Cases
-    tried: int
+    layouts_evaluated: int
 
     def __post_init__(self) -> None:
         self._freeze()
@@ -56,7 +56,7 @@ class Front(Frozen, HtmlRepr):
         return len(self.scores)
 
     def thinned(self, most: int) -> Front:
-        """At most so many of them, evenly along the front.
+        """At most ``most`` layouts, evenly along the front.
 
         Returns:
             A front of ``most`` layouts or fewer.
@@ -67,7 +67,7 @@ class Front(Frozen, HtmlRepr):
         return dataclasses.replace(self, scores=self.scores[rows], layouts=self.layouts.take(rows))
 
     def robot(self, row: int) -> Robot:
-        """One of them.
+        """The robot of one layout.
 
         Returns:
             The robot with the layout of that row of ``scores``.
@@ -76,7 +76,7 @@ class Front(Frozen, HtmlRepr):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What makes it unlikely that some of these layouts can be built, a sentence each."""
+        """Reasons why some of these layouts can probably not be built, a sentence each."""
         outside = [row + 1 for row in range(len(self)) if outside_frame(self.layouts.robot_at(row), self.given).any()]
         if not outside:
             return ()
@@ -104,22 +104,22 @@ def find_front(
     progress: bool = False,
     threads: int | None = None,
 ) -> Front:
-    """The trade-off between two goals, by NSGA-II (Deb et al. 2002, doi:10.1109/4235.996017; pymoo's).
+    """The Pareto front of two objectives, by pymoo's NSGA-II (Deb et al. 2002, doi:10.1109/4235.996017).
 
     Args:
-        robot: the robot to begin with.
-        poses: as ``find_layout``, like all that is not said here.
-        objectives: two of what ``find_layout`` takes for one.
+        robot: the robot to start from.
+        poses: as for ``find_layout``; so are all arguments without further explanation.
+        objectives: two objectives of ``find_layout``.
         move: what may move.
         within: how far.
         symmetry: which ties points.
-        subject_to: what must hold.
+        subject_to: constraints.
         external_wrench: one load or several.
         stiffness: one factor or several.
         seed: of the random numbers.
-        generations: how many.
-        population: layouts of each generation, and of the front at most.
-        progress: say how far it is on standard error.
+        generations: number of generations.
+        population: layouts of each generation, and at most of the front.
+        progress: whether to print progress on standard error.
         threads: of the compiled solver; default: one for each core.
 
     Returns:
@@ -155,15 +155,15 @@ def find_front(
     def scored(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         equilibria = evaluator.equilibria(values)
         scores = np.stack([evaluator.scores(equilibria, goal) for goal in goals], axis=1)
-        lost = np.asarray(np.isnan(scores).any(1))
-        missing = evaluator.missing(equilibria, lost)
-        missing = np.minimum(np.vstack([missing, np.where(lost, LOST, 0)]), LOST).T
-        evaluator.tried += len(values)
-        return scores, missing
+        unsolved = np.asarray(np.isnan(scores).any(1))
+        violations = evaluator.violations(equilibria, unsolved)
+        violations = np.minimum(np.vstack([violations, np.where(unsolved, UNSOLVED, 0)]), UNSOLVED).T
+        evaluator.layouts_evaluated += len(values)
+        return scores, violations
 
     signs = np.array([-1.0 if goal.largest else 1.0 for goal in goals])
 
-    class Question(Problem):
+    class LayoutProblem(Problem):
         def __init__(self) -> None:
             super().__init__(
                 n_var=int(free.sum()), n_obj=2, n_ieq_constr=len(evaluator.constraints) + 1, xl=space.lower[free],
@@ -171,28 +171,27 @@ def find_front(
             )  # fmt: skip
 
         def _evaluate(self, x, out, *args, **kwargs) -> None:
-            scores, missing = scored(full(x))
-            out["F"], out["G"] = np.nan_to_num(scores * signs), missing - HOLDS
+            scores, violations = scored(full(x))
+            out["F"], out["G"] = np.nan_to_num(scores * signs), violations - CONSTRAINT_TOLERANCE
 
     first = np.random.default_rng(seed).uniform(
         space.lower[free], space.upper[free], (whole("population", population, 5), int(free.sum()))
     )
     shrunk = np.linspace(0, 1, len(first))[:, None]
-    first = space.given[free] + shrunk * (first - space.given[free])  # from the robot as given outwards
+    first = space.given[free] + shrunk * (first - space.given[free])  # from the given robot to the whole range
     with saying(progress) as say:
 
-        class Told(Callback):
+        class Progress(Callback):
             def notify(self, algorithm) -> None:
-                say(f"generation {algorithm.n_gen} of {generations}, {evaluator.tried:,} layouts")
+                say(f"generation {algorithm.n_gen} of {generations}, {evaluator.layouts_evaluated:,} layouts")
 
         search = NSGA2(pop_size=len(first), sampling=first)  # pyright: ignore[reportArgumentType]  (takes arrays too)
         ended = "n_gen", whole("generations", generations, 1)
-        result = minimize(Question(), search, ended, seed=seed, callback=Told())
+        result = minimize(LayoutProblem(), search, ended, seed=seed, callback=Progress())
     if result.X is None:
         raise InvalidInput(
-            f"subject_to: found no layout that holds everything and rests at every pose among "
-            f"{evaluator.tried:,} tried; "
-            "find_layout says what is missed the most"
+            "subject_to: found no layout that satisfies all constraints and has an equilibrium at every pose among "
+            f"{evaluator.layouts_evaluated:,} evaluated; find_layout reports the constraint violated most"
         )
     values = full(np.atleast_2d(result.X))
     scores, _ = scored(values)
@@ -200,4 +199,4 @@ def find_front(
     layouts = space.layouts(values[order])
     given = evaluator.equilibria(np.zeros((1, len(space))))
     before = np.array([evaluator.scores(given, goal)[0] for goal in goals])
-    return Front(robot, goals, before, scores[order], layouts, evaluator.cases, evaluator.tried)
+    return Front(robot, goals, before, scores[order], layouts, evaluator.cases, evaluator.layouts_evaluated)

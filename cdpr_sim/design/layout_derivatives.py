@@ -1,8 +1,8 @@
-"""How the rests of one layout move with its variables: exact first derivatives, all cases and variables at once.
+"""Exact first derivatives of the equilibria of one layout by its variables, for all cases and variables at once.
 
-The winches know the layout: where an exit moves, the rigid lengths at the commanded pose (paper Eq. 1, 2) move with it.
-By the implicit function theorem dx = −(∂F/∂x)⁻¹ ∂F, with F the net wrench, on the present set of taut cables; as
-``analysis.sensitivity`` has it for one equilibrium and every number of the robot by itself.
+The winches know the layout: where an exit moves, the rigid lengths at the commanded pose (paper Eq. 1, 2) change with
+it. By the implicit function theorem dx = −(∂F/∂x)⁻¹ ∂F, with F the net wrench and the present set of taut cables;
+``analysis.sensitivity`` does the same for one equilibrium and each parameter of the robot.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cdpr_sim.statics import derivatives, forces
 
 @dataclass(frozen=True, eq=False)
 class LayoutDerivatives:
-    """First derivatives of the rests of one layout, by its variables.
+    """First derivatives of the equilibria of one layout by its variables.
 
     Attributes:
         pose: of (translation [m], left-applied rotation vector [rad]), (cases, variables, 6).
@@ -33,13 +33,13 @@ class LayoutDerivatives:
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """What a small change of each variable does to a robot's numbers: (variables, ...).
+    """Derivatives of a robot's parameters by the variables: (variables, ...).
 
     Attributes:
         exits, anchors: (variables, cables, 3).
         axial_stiffness: (variables, cables).
         center: of mass, (variables, 3).
-        known: whether the winches know of it, and adapt their rest lengths.
+        known: whether the winches know the change and adapt the rest lengths.
     """
 
     exits: Float[np.ndarray, "variables cables 3"]
@@ -50,7 +50,7 @@ class Steps:
 
     @classmethod
     def errors(cls, robot: Robot) -> Steps:
-        """Every coordinate of every exit and anchor, made wrong by itself: nobody tells the winches."""
+        """An error of each coordinate of each exit and anchor, unknown to the winches."""
         m = robot.cables
         each = np.eye(3 * m).reshape(3 * m, m, 3)
         if robot.mobility == "planar":
@@ -68,24 +68,26 @@ def layout_derivatives(
     rest_lengths: Float[np.ndarray, "cases cables"],
     steps: Steps,
 ) -> LayoutDerivatives:
-    """Derivatives of the rests of ``robot`` by ``steps``; of massless cables. A case that nothing holds has nan."""
+    """Derivatives of the equilibria of ``robot`` by ``steps``, for massless cables; nan in neutrally stable cases."""
     problems = cases.problems(robot, rest_lengths)
     state = forces.at(problems, positions, rotations)
     u, arms, tau, elastic = (
         state.geometry.directions[:, None], state.geometry.arms[:, None], state.tensions[:, None],
         state.tangent_stiffness[:, None],
     )  # fmt: skip
-    # The far end minus the near end of each cable, at rest.
+    # Exit minus anchor of each cable at equilibrium.
     arm_moves = np.einsum("cij,nmj->cnmi", rotations, steps.anchors)
     ends = steps.exits[None] - arm_moves
-    let_out = np.zeros((*ends.shape[:2], robot.cables))
+    length_changes = np.zeros((*ends.shape[:2], robot.cables))
     if steps.known:
         commanded = forces.geometry(robot, cases.positions, cases.rotations).directions[:, None]
-        let_out = (commanded * (steps.exits[None] - np.einsum("cij,nmj->cnmi", cases.rotations, steps.anchors))).sum(-1)
+        length_changes = (
+            commanded * (steps.exits[None] - np.einsum("cij,nmj->cnmi", cases.rotations, steps.anchors))
+        ).sum(-1)
     stretch = state.lengths - rest_lengths
     per_stiffness = cable_law.per_axial_stiffness(stretch, rest_lengths, *robot.cabling.stiffening.T)
     per_stiffness = np.where(state.tensions > 0, per_stiffness, 0.0) * cases.factors[:, None]
-    pulled = elastic * ((u * ends).sum(-1) - (state.lengths / rest_lengths)[:, None] * let_out)
+    pulled = elastic * ((u * ends).sum(-1) - (state.lengths / rest_lengths)[:, None] * length_changes)
     pulled = pulled + per_stiffness[:, None] * steps.axial_stiffness[None]
     force = pulled[..., None] * u + tau[..., None] * np.einsum("cmij,cnmj->cnmi", state.geometry.length_hessians, ends)
     torque = np.cross(arms, force) + np.cross(arm_moves, tau[..., None] * u)
@@ -109,4 +111,4 @@ def layout_derivatives(
 
 
 CONDITION = 1e12
-"""Beyond, some direction is held by nothing but rounding."""
+"""Largest condition number; beyond it some direction is neutrally stable within rounding."""

@@ -1,4 +1,4 @@
-"""What a search for a layout comes to."""
+"""Result of a layout optimisation."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from cdpr_sim.design.objectives import Objective
 from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria
 
 PROMISE = (
-    "It was looked for at these poses under these loads: another place, another load, other cables or what was not "
-    "asked for may be worse than before, and a better layout may exist."
+    "The layout was optimised for these poses and loads only: elsewhere, under other loads, with other cables or by "
+    "other criteria it may be worse than before, and a better layout may exist."
 )
-"""What it does not promise."""
+"""Limits of the result."""
 
 ROUNDING = 1e-9
-"""[m] Of an exit that is kept on a face of the frame."""
+"""[m] Rounding of an exit that is kept on a face of the frame."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """A number that changed.
+    """A parameter that changed.
 
     Attributes:
         name: as "exit 3 z" or "EA of cable 2".
@@ -39,19 +39,19 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class LayoutResult(Frozen, HtmlRepr):
-    """The best layout that was found.
+    """Best layout of an optimisation.
 
     Attributes:
-        robot: with that layout.
-        given: the robot that the search began with.
-        objective: what was made small, or large.
+        robot: the robot with that layout.
+        given: the robot that the search started from.
+        objective: what was minimised or maximised.
         before, after: its values, in SI units.
-        cases: what both robots were asked.
-        equilibria_before, equilibria: where their platforms rest, each (1, cases).
-        history: (generations, 3): generation, layouts tried so far, best value of the objective.
-        tried: how many layouts were tried in all.
+        cases: poses, loads and stiffnesses of the optimisation.
+        equilibria_before, equilibria: equilibria of both robots, each (1, cases).
+        history: (generations, 3): generation, layouts evaluated so far, best value of the objective.
+        layouts_evaluated: number of layouts evaluated.
         message: how the search ended, in a sentence.
-        values: of the search's variables.
+        values: of the variables.
         variables: their names.
     """
 
@@ -64,7 +64,7 @@ class LayoutResult(Frozen, HtmlRepr):
     equilibria_before: LayoutEquilibria
     equilibria: LayoutEquilibria
     history: Float[np.ndarray, "generations 3"]
-    tried: int
+    layouts_evaluated: int
     message: str
     values: Float[np.ndarray, " variables"]
     variables: tuple[str, ...]
@@ -73,13 +73,13 @@ class LayoutResult(Frozen, HtmlRepr):
         self._freeze()
 
     @property
-    def distance(self) -> float:
-        """How far the point that moved most is from where it was [m]."""
+    def largest_displacement(self) -> float:
+        """Displacement of the point that moved most [m]."""
         return float(self.equilibria.layouts.displacements[0])
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What makes it unlikely that this layout can be built, a sentence each."""
+        """Reasons why this layout can probably not be built, a sentence each."""
         outside = outside_frame(self.robot, self.given)
         if not outside.any():
             return ()
@@ -90,42 +90,44 @@ class LayoutResult(Frozen, HtmlRepr):
         )
 
     @property
-    def moved(self) -> tuple[Change, ...]:
-        """Every number that is another now."""
-        found = []
+    def changes(self) -> tuple[Change, ...]:
+        """Every parameter that changed."""
+        changes = []
         for what, unit in (("exits", "exit"), ("anchors", "anchor")):
             before, after = getattr(self.given, what), getattr(self.robot, what)
             for cable, axis in np.argwhere(before != after):
                 name = f"{unit} {cable + 1} {'xyz'[axis]}"
-                found.append(Change(name, float(before[cable, axis]), float(after[cable, axis])))
+                changes.append(Change(name, float(before[cable, axis]), float(after[cable, axis])))
         for axis in np.flatnonzero(self.given.center_of_mass != self.robot.center_of_mass):
             ends = (float(robot.center_of_mass[axis]) for robot in (self.given, self.robot))
-            found.append(Change(f"centre of mass {'xyz'[axis]}", *ends))
+            changes.append(Change(f"centre of mass {'xyz'[axis]}", *ends))
         for name, values in (("EA", "axial_stiffness"), ("linear density", "linear_density")):
             before, after = getattr(self.given.cabling, values), getattr(self.robot.cabling, values)
             for cable in np.flatnonzero(before != after):
-                found.append(Change(f"{name} of cable {cable + 1}", float(before[cable]), float(after[cable])))
-        return tuple(found)
+                changes.append(Change(f"{name} of cable {cable + 1}", float(before[cable]), float(after[cable])))
+        return tuple(changes)
 
     def __str__(self) -> str:
         of = self.objective
         return (
             f"{self.given.name}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} now, with points "
-            f"moved by at most {1e3 * self.distance:.3g} mm. {' '.join([self.message, *self.warnings, PROMISE])}"
+            f"moved by at most {1e3 * self.largest_displacement:.3g} mm. "
+            f"{' '.join([self.message, *self.warnings, PROMISE])}"
         )
 
     def __repr__(self) -> str:
         of = self.objective
         return (
-            f"<LayoutResult of {self.given.name!r}: {of.name} {of.shown(self.before)} before, {of.shown(self.after)} "
-            f"now, points moved by at most {1e3 * self.distance:.3g} mm>"
+            f"<LayoutResult of {self.given.name!r}: {of.name} {of.shown(self.before)} before, "
+            f"{of.shown(self.after)} now, "
+            f"points moved by at most {1e3 * self.largest_displacement:.3g} mm>"
         )
 
 
 def outside_frame(robot: Robot, given: Robot) -> Float[np.ndarray, " cables"]:
-    """How far each exit of ``robot`` is outside its frame where that of ``given`` was not, or was less, (cables,) [m].
+    """Distance of each exit of ``robot`` outside its frame, if larger than that of ``given``; else 0, (cables,) [m].
 
-    A frame that nobody gave is the box around the exits, and has none outside.
+    The default frame is the box around the exits, with no exit outside.
     """
 
     def outside(exits: Float[np.ndarray, "cables 3"]) -> Float[np.ndarray, " cables"]:

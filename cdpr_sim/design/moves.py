@@ -1,4 +1,4 @@
-"""What may move, and how far: points in a box or along a line, tied to one another by symmetry; stiffness, diameter."""
+"""Variables of a layout: points in a box or along a line, tied by symmetry; cable stiffness and diameter."""
 
 from __future__ import annotations
 
@@ -18,25 +18,26 @@ from cdpr_sim.design.symmetry import Symmetry, group
 POINTS = ("exits", "pulleys", "anchors", "center_of_mass")
 FACTORS = ("axial_stiffness", "diameter")
 MOVABLE = POINTS + FACTORS
-"""What may move: places; or, cable by cable, the axial stiffness, or the diameter, whose square both stiffness and
-weight grow with. "pulleys" are the exits of the cables that run over one."""
+"""What may move: points; or, for each cable, the axial stiffness, or the diameter, with whose square both stiffness
+and mass grow. "pulleys" are the exits of the cables that run over a pulley."""
 
 
 @dataclass(frozen=True, eq=False)
 class Move:
-    """Something that may move, and how far.
+    """A variable part of a layout, and its range.
 
     Args:
         what: one of ``MOVABLE``.
-        within: of places [m]: how far from where they are, one number or one along each of x, y and z, (3,); or a box,
-            its two corners (2, 3), that the places stay in. Along a line: how far either way, or from and to, (2,).
-            Of stiffness and diameter: the largest factor, up and down; or the least and the largest, (2,).
-        along: a line's direction, (3,): each place slides along it, as on a rail or a mast.
-        cables: whose, counted from 1; those tied to them by symmetry move with them. Default: all.
+        within: for points [m]: the largest displacement, one number or one along each of x, y and z, (3,); or a box,
+            two corners (2, 3), that contains the points. Along a line: the largest displacement either way, or from
+            and to, (2,). For stiffness and diameter: the largest factor, up and down; or the smallest and the largest,
+            (2,).
+        along: direction of a line, (3,), along which each point slides, as on a rail or a mast.
+        cables: numbers of the cables, from 1; those tied to them by symmetry move with them. Default: all.
 
     Raises:
-        UnknownName: nothing that can move.
-        InvalidInput: bounds that cannot be right, or crossed.
+        UnknownName: no such variable part.
+        InvalidInput: invalid or crossed bounds.
     """
 
     what: str
@@ -54,7 +55,7 @@ class Move:
         refuse_far("within", within)
         if self.what in FACTORS:
             if self.along is not None:
-                raise InvalidInput(f"along: found a line for {self.what}, expected it for places alone")
+                raise InvalidInput(f"along: found a line for {self.what}, expected it for points alone")
             if within.shape not in ((), (2,)) or not (within > 0).all():
                 raise InvalidInput(
                     f"within: found {within.tolist()} for {self.what}, expected a factor, or two, above 0"
@@ -82,18 +83,18 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """All layouts that may be: numbers within bounds, and the robot that each choice of them makes.
+    """Space of layouts: variables with bounds, and the robot for each set of values.
 
-    Places are those of ``robot`` plus a sum over the variables; stiffness and density its own times the exponential of
-    a sum, so that a variable counts doublings and halvings alike.
+    Points are those of ``robot`` plus a sum over the variables; stiffness and density are its own times the exponential
+    of a sum, so that doubling and halving are equal steps.
 
     Attributes:
-        robot: as it was given.
+        robot: the given robot.
         names: of the variables.
         lower, upper: their bounds, (variables,).
-        exits, anchors: by the variables, (variables, cables, 3).
-        center: centre of mass by the variables, (variables, 3).
-        log_stiffness, log_density: (variables, cables).
+        exits, anchors: derivatives by the variables, (variables, cables, 3).
+        center: derivatives of the centre of mass, (variables, 3).
+        log_stiffness, log_density: derivatives of the logarithms, (variables, cables).
     """
 
     robot: Robot
@@ -108,11 +109,11 @@ class Space:
 
     @classmethod
     def of(cls, robot: Robot, moves: Sequence[Move], symmetry: str | Sequence[str] = "detected") -> Space:
-        """The layouts that ``moves`` allow.
+        """The space of layouts that ``moves`` allow.
 
         Raises:
             UnknownName: no such symmetry.
-            InvalidInput: a symmetry that the robot has not got, bounds that leave no room, nothing that could move.
+            InvalidInput: a symmetry that the robot does not have, contradictory bounds, or nothing that can move.
         """
         symmetries = group(robot, symmetry)
         rows: list[tuple] = []
@@ -140,7 +141,7 @@ class Space:
         return len(self.names)
 
     def layouts(self, values: Float[np.ndarray, "layouts variables"]) -> RobotBatch:
-        """The robots that these choices make."""
+        """The robots with these values."""
         robot = self.robot
 
         def moved(start: np.ndarray, by: np.ndarray) -> np.ndarray:
@@ -160,12 +161,12 @@ class Space:
 
     @property
     def given(self) -> Float[np.ndarray, " variables"]:
-        """The robot as it was given; where that lies outside of the bounds, the nearest within."""
+        """Values of the given robot, clipped to the bounds."""
         return np.zeros(len(self)).clip(self.lower, self.upper)
 
 
 def _cables(robot: Robot, move: Move) -> list[int]:
-    """Whose, counted from 0."""
+    """Cables that move, counted from 0."""
     cables = range(robot.cables) if move.cables is None else [int(cable) - 1 for cable in move.cables]
     for cable in cables:
         if not 0 <= cable < robot.cables:
@@ -173,12 +174,12 @@ def _cables(robot: Robot, move: Move) -> list[int]:
     if move.what == "pulleys":
         cables = [cable for cable in cables if robot.cabling.pulleys[cable]]
         if not cables:
-            raise InvalidInput(f"move: found pulleys, and {robot.name!r} has none there; expected exits")
+            raise InvalidInput(f"move: found 'pulleys', but {robot.name!r} has none there; expected 'exits'")
     return sorted(cables)
 
 
 def _row(robot: Robot, name: str, bounds: tuple[float, float], **by: np.ndarray) -> tuple:
-    """A variable, as the columns of ``Space`` have it."""
+    """One variable: a row of the columns of ``Space``."""
     m = robot.cables
     empty = {
         "exits": np.zeros((m, 3)), "anchors": np.zeros((m, 3)), "center_of_mass": np.zeros(3),
@@ -234,7 +235,7 @@ def _places(
         boxed = orbit if move.cables is None else [one for one in orbit if one in cables]
         for direction in directions:
             by = np.zeros_like(points)
-            for one in orbit:  # of symmetries that lead to the same cable, what they have in common
+            for one in orbit:  # mean over the symmetries that map to the same cable
                 by[one] = np.mean([signs * direction for signs, to in images if to[leader] == one], axis=0)
             if not by.any():
                 continue
@@ -248,18 +249,19 @@ def _places(
 
 
 def _bounds(within: np.ndarray, axis: int | None, points: np.ndarray, by: np.ndarray, name: str) -> tuple[float, float]:
-    """Of a variable that moves ``points`` along ``by``."""
+    """Bounds of a variable that moves ``points`` along ``by``."""
     if axis is None or within.ndim < 2:
         reach = within if within.shape != (3,) else within[axis]
         lower, upper = (-reach, reach) if np.shape(reach) == () else reach
         return float(lower), float(upper)
-    room = (within[:, axis] - points[:, axis, None]) / by[:, axis, None]  # of each point, turned where it is mirrored
+    room = (within[:, axis] - points[:, axis, None]) / by[
+        :, axis, None
+    ]  # of each point; interval reversed where it is mirrored
     lower, upper = float(room.min(1).max()), float(room.max(1).min())
     if lower > upper:
         raise InvalidInput(
-            f"within: found bounds crossed for {name}: no place in the box from {within[0, axis]:g} to "
-            f"{within[1, axis]:g} m has its images there too; expected a box that the symmetry leaves as it "
-            "is, or cables=..."
+            f"within: found bounds crossed for {name}: no point in the box from {within[0, axis]:g} to "
+            f"{within[1, axis]:g} m has its images in the box; expected a box with the same symmetry, or cables=..."
         )
     return lower, upper
 

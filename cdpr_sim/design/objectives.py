@@ -1,4 +1,4 @@
-"""What is good: a number for each layout, from where its platform rests in all cases."""
+"""Objectives: a number for each layout, from its equilibria in all cases."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ Scores = Float[np.ndarray, " layouts"]
 
 @dataclass(frozen=True)
 class Objective:
-    """A number to be made small, or large.
+    """A number to be minimised or maximised.
 
     Attributes:
-        name: as it is asked for.
-        unit: that people read.
+        name: of the objective.
+        unit: for display.
         size: SI value of that unit.
-        largest: whether more is better.
-        score: (layouts,) in SI units, of where they rest and the limits of tension.
-        smooth: what a gradient can follow: "tilt", "deviation" or "tensions"; "" where it cannot.
-        equilibria: whether it asks for a rest in every case.
-        massless: whether it is known of massless cables alone.
+        largest: whether the number is maximised.
+        score: (layouts,) in SI units, a function of the equilibria and the tension limits.
+        smooth: quantity with a gradient: "tilt", "deviation" or "tensions"; "" without one.
+        equilibria: whether it needs an equilibrium in every case.
+        massless: whether it is defined for massless cables only.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Objective:
 
     @classmethod
     def of(cls, given: Any) -> Objective:
-        """By name, or a function of the user's: ``LayoutEquilibria`` → (layouts,), to be made small.
+        """Objective by name; or a function ``LayoutEquilibria`` → (layouts,), to be minimised.
 
         Raises:
             UnknownName: no such objective.
@@ -59,16 +59,16 @@ class Objective:
                 raise UnknownName("objective", given, OBJECTIVES)
             return OBJECTIVES[given]
         if not callable(given):
-            raise InvalidInput(f"objective: found {shown(given)}, expected a name or a function of the rests")
+            raise InvalidInput(f"objective: found {shown(given)}, expected a name or a function of the equilibria")
         name = getattr(given, "__name__", "your function")
         return cls(name, "", 1.0, partial(_by_users, given, name))
 
     def __reduce__(self) -> str | tuple[Any, ...]:
-        """Copies of those in the table are made from their names: most of their functions have none."""
+        """Copy objectives of the table by name, since most of their functions cannot be pickled."""
         return (Objective.of, (self.name,)) if OBJECTIVES.get(self.name) is self else super().__reduce__()
 
     def refuse_weight(self, robot: Robot) -> None:
-        """Where the objective does not know the weight of cables.
+        """Refuse cables with mass if the objective is defined for massless cables only.
 
         Raises:
             InvalidInput: some cable has mass.
@@ -77,9 +77,9 @@ class Objective:
             robot.cabling.refuse_weight(self.name)
 
     def shown(self, value: float) -> str:
-        """As people read it; nan is that of a robot that does not rest at every pose."""
+        """The value with its unit; nan means that there is no equilibrium at some pose."""
         if np.isnan(value):
-            return "no rest at some pose"
+            return "no equilibrium at some pose"
         return f"{value / self.size:.4g}{'' if self.unit in ('°', '') else ' '}{self.unit}"
 
     def better(self, a: float, b: float) -> bool:
@@ -111,9 +111,9 @@ def _distance(equilibria: LayoutEquilibria) -> np.ndarray:
 
 
 def _error(equilibria: LayoutEquilibria) -> np.ndarray:
-    """Root mean square move of the platform per move of each coordinate of exits and anchors, all independent.
+    """Root mean square displacement of the platform per independent error of each coordinate of exits and anchors.
 
-    Rotations count by the characteristic length.
+    Rotations are weighted by the characteristic length.
     """
     steps, found = Steps.errors(equilibria.robot), np.empty(equilibria.shape)
     for row in range(len(equilibria)):
@@ -167,8 +167,8 @@ _ALL = (
     Objective("size of frame", "m", 1.0, lambda equilibria, _: _frame(equilibria)),
 )  # fmt: skip
 OBJECTIVES = {one.name: one for one in _ALL}
-"""By name. "feasible volume" is the share of the poses that rigid cables hold within the limits of tension; "worst
-sensitivity" the root mean square move of the platform per move of all coordinates of exits and anchors; "displacement"
-that of the point moved furthest; "size of frame" the diagonal of the box around the exits."""
+"""Objectives by name. "feasible volume" is the share of the poses that rigid cables hold within the tension limits;
+"worst sensitivity" the root mean square displacement of the platform per error of all coordinates of exits and anchors;
+"displacement" that of the point that moved most; "size of frame" the diagonal of the box around the exits."""
 
 NO_LIMITS: Limits = (np.array(0.0), np.array(np.inf))

@@ -1,10 +1,10 @@
-"""The last step of a search: from a good layout to the bottom of the valley, along exact derivatives.
+"""Local refinement of a layout with exact derivatives.
 
-The worst of many is made small as one number t above all of them (an epigraph), so that no kink is in the way:
+The largest of many values is minimised in epigraph form, as one bound t above all of them, which avoids kinks:
 
     minimise t   such that   |r_c(v)|² ≤ t in every case c,   tensions, displacements and v within bounds,
 
-with r the horizontal part of the platform's z axis (tilt), or its shift from where it was commanded (deviation).
+with r the horizontal part of the platform's z axis (tilt), or its deviation from the commanded position.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from scipy.optimize import minimize
 from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
 from cdpr_sim.design.moves import Space
 from cdpr_sim.design.objectives import Limits, Objective
-from cdpr_sim.design.robot_batch import Cases, rest
+from cdpr_sim.design.robot_batch import Cases, solve_layouts
 
 STEPS = 100
-LOST = 1e6
-"""What counts where a trial layout has no rest: far worse than any that has."""
+UNSOLVED = 1e6
+"""Value assigned to a trial layout without an equilibrium: far worse than any other."""
 
 SHORTER = (1.0, 0.5, 0.25, 0.1, 0.03)
-"""How much of the way is tried, since not every constraint has a gradient."""
+"""Fractions of the step that are tried, since not every constraint has a gradient."""
 
 
 def polished(
@@ -34,7 +34,7 @@ def polished(
     limits: Limits,
     reach: float,
 ) -> Float[np.ndarray, "candidates variables"]:
-    """Layouts on the way down from ``start``, the furthest first; whoever asks judges which is best."""
+    """Candidate layouts between ``start`` and the local optimum, the optimum first; the caller evaluates them."""
     path = _Path(space, cases, objective, limits, reach)
     free = space.upper > space.lower
     width = (space.upper - space.lower)[free]
@@ -68,25 +68,25 @@ def polished(
 
 
 class _Path:
-    """Values and derivatives of one layout after the other; the last one is kept."""
+    """Values and derivatives of a layout; the last equilibria are cached."""
 
     def __init__(self, space: Space, cases: Cases, objective: Objective, limits: Limits, reach: float) -> None:
         self.space, self.cases, self.objective, self.limits, self.reach = space, cases, objective, limits, reach
         self.at: np.ndarray | None = None
 
-    def _go(self, values: np.ndarray) -> None:
+    def _solve(self, values: np.ndarray) -> None:
         if self.at is None or not np.array_equal(values, self.at):
             self.at = values.copy()
-            self.equilibria = rest(self.space.layouts(values[None]), self.cases, 1)
+            self.equilibria = solve_layouts(self.space.layouts(values[None]), self.cases, 1)
 
     def values(self, values: np.ndarray) -> Float[np.ndarray, " numbers"]:
-        """What is to be small, of each case: squares of tilt or deviation, or tensions with their sign."""
-        self._go(values)
+        """Values to be minimised, for each case: squares of tilt or deviation, or signed tensions."""
+        self._solve(values)
         if self.objective.smooth == "tensions":
             found = self._sign * self.equilibria.tensions[0].ravel()
         else:
             found = (self._residual() ** 2).sum(-1)
-        return np.nan_to_num(found, nan=LOST)
+        return np.nan_to_num(found, nan=UNSOLVED)
 
     @property
     def _sign(self) -> float:
@@ -98,8 +98,8 @@ class _Path:
         return self.equilibria.deviation[0]
 
     def room(self, values: np.ndarray) -> Float[np.ndarray, " limits"]:
-        """How far tensions, over the weight, and squares of displacements, over theirs, are from their limits."""
-        self._go(values)
+        """Margins to the limits: of tensions over the weight, and of squared displacements over their limit."""
+        self._solve(values)
         tau, scale = self.equilibria.tensions[0], self.space.robot.weight or 1.0
         lower, upper = (np.broadcast_to(one, tau.shape) for one in self.limits)
         low, high = lower > 0, np.isfinite(upper)
@@ -117,7 +117,7 @@ class _Path:
 
     def layout_derivatives(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of ``values`` and of ``room`` by the variables, a row each."""
-        self._go(values)
+        self._solve(values)
         space, equilibria = self.space, self.equilibria
         layouts = equilibria.layouts
         steps = Steps(

@@ -1,4 +1,4 @@
-"""Many robots that differ in their numbers alone, and where their platforms rest: layouts against cases, one batch."""
+"""Many robots that differ in their parameters, and their equilibria: all layouts in all cases, in one batch."""
 
 from __future__ import annotations
 
@@ -34,22 +34,23 @@ from cdpr_sim.statics.sagging_kernel import sagging_gufunc
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 BYTES_PER_CABLE = 120
-"""Of one rest, for each cable: 87 are measured with eight of them, 117 with four (``scripts/measure_constants.py``)."""
+"""Memory of one equilibrium per cable: 87 measured with eight cables, 117 with four
+(``scripts/measure_constants.py``)."""
 
 LEAST_WORK = 2000
-"""Equilibria per thread: some ten milliseconds, long beside what starting a thread takes."""
+"""Equilibria per thread: about ten milliseconds, long compared with the start of a thread."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cases(Frozen):
-    """What every layout is asked: poses, each under every load and with every stiffness of the cables.
+    """Cases that every layout is evaluated in: poses, each under every load and with every cable stiffness.
 
     Attributes:
         positions: commanded, (cases, 3) [m].
         rotations: commanded rotation matrices, (cases, 3, 3).
         wrench: external force [N] and torque [N m], (cases, 6).
         factors: by which the axial stiffness is multiplied, (cases,).
-        shape: of the poses as they were given.
+        shape: of the given poses.
     """
 
     positions: Float[np.ndarray, "cases 3"]
@@ -68,7 +69,7 @@ class Cases(Frozen):
         """Cases as users give them: one load or several (loads, 6), one factor of stiffness or several.
 
         Raises:
-            InvalidInput: poses, loads or factors that cannot be right.
+            InvalidInput: invalid poses, loads or factors.
         """
         at, turned = positions_and_rotations(robot, poses, None)
         warn_where_outside(robot, at)
@@ -94,7 +95,7 @@ class Cases(Frozen):
         return len(self.positions)
 
     def finer(self) -> Cases:
-        """These poses and one midway between each and the next, along every dimension in which they were given."""
+        """These poses and the midpoints between neighbours, along every dimension of ``shape``."""
         poses = int(np.prod(self.shape, dtype=int))
         each = len(self) // poses
         at = self.positions[::each].reshape(*self.shape, 3)
@@ -109,7 +110,7 @@ class Cases(Frozen):
         )  # fmt: skip
 
     def problems(self, robot: Robot, rest_lengths: np.ndarray | None = None) -> Problems:
-        """What one robot is asked."""
+        """The problems of one robot."""
         return Problems.of(
             robot,
             self.positions,
@@ -121,7 +122,7 @@ class Cases(Frozen):
 
 
 def _halved(points: np.ndarray, axis: int) -> np.ndarray:
-    """With the mean of each two neighbours between them; of quaternions, which may point either way."""
+    """Insert the mean between neighbours; quaternions of either sign are allowed."""
     lined = np.moveaxis(points, axis, 0)
     if len(lined) < 2:
         return points
@@ -135,10 +136,10 @@ def _halved(points: np.ndarray, axis: int) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class RobotBatch(Frozen):
-    """Robots that differ from one another in some of their numbers.
+    """Robots that differ in some of their parameters.
 
     Attributes:
-        robot: what they have in common.
+        robot: the common parameters.
         exits: (layouts, cables, 3) [m].
         anchors: (layouts, cables, 3) [m].
         axial_stiffness: (layouts, cables) [N].
@@ -158,7 +159,7 @@ class RobotBatch(Frozen):
 
     @classmethod
     def of(cls, robots: Sequence[Robot]) -> RobotBatch:
-        """Robots of one kind, side by side."""
+        """Batch of given robots of one kind."""
         return cls(
             robots[0],
             np.array([robot.exits for robot in robots]),
@@ -172,12 +173,12 @@ class RobotBatch(Frozen):
         return len(self.exits)
 
     def take(self, rows: slice | Int[np.ndarray, " some"]) -> RobotBatch:
-        """Some of them."""
+        """The robots of some rows."""
         arrays = {name: getattr(self, name)[rows] for name in _ARRAYS}
         return RobotBatch(self.robot, **arrays)
 
     def robot_at(self, row: int) -> Robot:
-        """One of them: platform, inertia and workspace stay as they were; a frame that was given stays, too."""
+        """The robot of one row, with the platform, inertia, workspace and frame of the given robot."""
         robot, changes = self.robot, {}
         for name, given in zip(_ARRAYS, _numbers(robot), strict=True):
             if not np.array_equal(getattr(self, name)[row], given):
@@ -197,14 +198,14 @@ class RobotBatch(Frozen):
 
     @cached_property
     def displacements(self) -> Float[np.ndarray, " layouts"]:
-        """How far the point that moves most is from where it was: exits, anchors, centre of mass, (layouts,) [m]."""
+        """Largest displacement of exits, anchors and centre of mass, (layouts,) [m]."""
         exits, anchors, _, _, center = _numbers(self.robot)
         moved = [np.linalg.norm(self.exits - exits, axis=-1), np.linalg.norm(self.anchors - anchors, axis=-1)]
         moved.append(np.linalg.norm(self.center_of_mass - center, axis=-1)[:, None])
         return np.concatenate(moved, axis=1).max(1)
 
     def tables(self, factors: Float[np.ndarray, " cases"]) -> Float[np.ndarray, "layouts some cables columns"]:
-        """For compiled code (``Cabling.packed``); one for all cases where they do not differ in stiffness."""
+        """Cable tables for compiled code (``Cabling.packed``); one for all cases if their stiffness is the same."""
         factors = factors[:1] if (factors == factors[0]).all() else factors
         table = np.empty((len(self), len(factors), self.robot.cables, COLUMNS))
         table[:] = self.robot.cabling.packed
@@ -214,19 +215,19 @@ class RobotBatch(Frozen):
         return table
 
     def rigid_lengths(self, cases: Cases) -> Float[np.ndarray, "layouts cases cables"]:
-        """Rest lengths at the commanded poses, for each layout its own (paper Eq. 1, 2) [m]."""
+        """Rigid rest lengths of each layout at the commanded poses (paper Eq. 1, 2) [m]."""
         turned = cases.rotations
-        apart = []
+        spans = []
         for i in range(3):
             if (turned == np.eye(3)).all():
                 level = self.exits[:, None, :, i] - self.anchors[:, None, :, i]
             else:
                 level = self.exits[:, None, :, i] - np.einsum("cj,lmj->lcm", turned[:, i], self.anchors)
-            apart.append(level - cases.positions[None, :, None, i])
-        found = path(*apart)[0]
+            spans.append(level - cases.positions[None, :, None, i])
+        found = path(*spans)[0]
         over = self.robot.cabling.pulleys
         if over.any():
-            found[..., over] = wheel_paths(self.robot.cabling, *(one[..., over] for one in apart))[0]
+            found[..., over] = wheel_paths(self.robot.cabling, *(one[..., over] for one in spans))[0]
         return found
 
 
@@ -239,18 +240,18 @@ def _numbers(robot: Robot) -> tuple[np.ndarray, ...]:
 
 @dataclass(frozen=True, eq=False)
 class LayoutEquilibria(EquilibriumBatch):
-    """Where the platforms of many layouts rest: ``EquilibriumBatch`` of shape (layouts, cases).
+    """Equilibria of many layouts: an ``EquilibriumBatch`` of shape (layouts, cases).
 
     Attributes:
-        layouts: whose platforms they are; ``problems.robot`` is what they have in common.
-        cases: what each was asked.
+        layouts: the robots; ``problems.robot`` has their common parameters.
+        cases: poses, loads and stiffnesses.
     """
 
     layouts: RobotBatch
     cases: Cases
 
     def point(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Equilibrium:
-        """The row as it is, of the robot that it belongs to."""
+        """The equilibrium of a row, with the robot of its layout."""
         refuse_unless(tuple, row=row)
         assert isinstance(row, tuple)
         one = super().point(row)
@@ -277,13 +278,13 @@ class LayoutEquilibria(EquilibriumBatch):
         return self.modes[1]
 
 
-def rest(layouts: RobotBatch, cases: Cases, threads: int | None = None) -> LayoutEquilibria:
-    """Where the platform of every layout rests in every case, by the compiled solver on all cores.
+def solve_layouts(layouts: RobotBatch, cases: Cases, threads: int | None = None) -> LayoutEquilibria:
+    """Equilibria of every layout in every case, by the compiled solver on all cores.
 
     Args:
         layouts: the robots.
-        cases: what each is asked.
-        threads: how many; default: one for each core.
+        cases: poses, loads and stiffnesses.
+        threads: number of threads; default: one per core.
 
     Raises:
         InvalidInput: more than fit into memory.
@@ -322,7 +323,7 @@ def rest(layouts: RobotBatch, cases: Cases, threads: int | None = None) -> Layou
 
 
 def _eigenvalues(equilibria: EquilibriumBatch) -> Float[np.ndarray, "layouts cases free"]:
-    """By the compiled function; of cables with mass, layout by layout in NumPy."""
+    """Eigenvalues by the compiled function; for cables with mass, layout by layout in NumPy."""
     assert isinstance(equilibria, LayoutEquilibria)
     if equilibria.robot.cabling.massless:
         return equilibria.modes[0]
@@ -370,7 +371,7 @@ def _solve(layouts: RobotBatch, cases: Cases) -> tuple[np.ndarray, ...]:
 def feasible_share(
     layouts: RobotBatch, cases: Cases, limits: tuple[np.ndarray, np.ndarray]
 ) -> Float[np.ndarray, " layouts"]:
-    """In which share of the cases rigid cables hold the platform as commanded, within limits and their own."""
+    """Share of the cases in which rigid cables hold the platform within ``limits`` and the robot's own limits."""
     robot = layouts.robot
     robot.cabling.refuse_weight("feasible volume")
     lower, upper = np.maximum(limits[0], robot.force_min), np.minimum(limits[1], robot.force_max)

@@ -1,4 +1,4 @@
-"""The search for a better layout: differential evolution over whole batches, then a gradient to the bottom."""
+"""Layout optimisation: differential evolution over whole batches, then local refinement by gradients."""
 
 from __future__ import annotations
 
@@ -26,37 +26,38 @@ from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import Limits, Objective
 from cdpr_sim.design.polish import polished
-from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, rest
+from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, solve_layouts
 
 LEG = 20
-"""Generations of one call to SciPy: after each the population can be stored, and each draws random numbers of its own,
-so that a search that is gone on with finds what one in a single run finds."""
+"""Generations per call to SciPy. The population is stored after each call, and each call has its own random numbers, so
+that a resumed search gives the same result as an uninterrupted one."""
 
 GENERATIONS = 200
 POPULATION_PER_VARIABLE, LEAST_POPULATION = 10, 40
 SPREAD = 1e-8
 """Relative spread of the population's objectives at which it has converged."""
 
-HOLDS = 1e-9
-"""A constraint may be missed by this fraction of what is asked: rounding, and what a gradient leaves."""
+CONSTRAINT_TOLERANCE = 1e-9
+"""Allowed violation of a constraint, as a fraction of its limit: rounding, and the accuracy of the refinement."""
 
-MOST_MISSING = 1e6
-"""More than a million times what was asked is as bad as that."""
+MOST_VIOLATION = 1e6
+"""Constraint violations are clipped to this value."""
 
-_FEASIBLE, _MISSING, _LOST = 0.0, 2.0, 4.0
-"""Energies: -1 to 1 of layouts that hold all constraints, 2 to 3 of those that miss some, 3 to 4 without a rest."""
+_FEASIBLE, _VIOLATED, _UNSOLVED = 0.0, 2.0, 4.0
+"""Energies: -1 to 1 for feasible layouts, 2 to 3 if a constraint is violated, 3 to 4 without an equilibrium in some
+case."""
 
 
 @dataclass(eq=False)
 class LayoutEvaluator:
-    """Scores layouts, and remembers the best.
+    """Evaluates layouts, and keeps the best.
 
     Attributes:
-        space: of all layouts.
-        cases: what each is asked.
-        objective: what is made small or large.
-        constraints: what must hold.
-        limits: of tension, for the objectives that ask.
+        space: space of layouts.
+        cases: poses, loads and stiffnesses.
+        objective: what is minimised or maximised.
+        constraints: that every layout must satisfy.
+        limits: tension limits, for objectives that use them.
         reach: limit of displacement [m].
         threads: for the compiled solver.
     """
@@ -70,8 +71,8 @@ class LayoutEvaluator:
     threads: int | None
     best: np.ndarray | None = None
     energy: float = np.inf
-    tried: int = 0
-    least: dict[str, float] = field(default_factory=dict)
+    layouts_evaluated: int = 0
+    violations_of_best: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -88,11 +89,11 @@ class LayoutEvaluator:
         progress: bool,
         threads: int | None,
     ) -> LayoutEvaluator:
-        """Of a question as users ask it (``find_layout``).
+        """Evaluator of the arguments of ``find_layout``.
 
         Raises:
-            InvalidInput: something that cannot be right.
-            UnknownName: nothing of that name moves, or is good, or must hold.
+            InvalidInput: an invalid argument.
+            UnknownName: no such variable part, objective or constraint.
         """
         refuse_unless(Robot, robot=robot)
         refuse_unless(FLAG, progress=progress)
@@ -106,14 +107,14 @@ class LayoutEvaluator:
         return cls(space, cases, wanted, *constraints_of(robot, subject_to), threads)
 
     def equilibria(self, values: Float[np.ndarray, "layouts variables"]) -> LayoutEquilibria:
-        """Where the platforms of these layouts rest."""
-        return rest(self.space.layouts(values), self.cases, self.threads)
+        """Equilibria of these layouts."""
+        return solve_layouts(self.space.layouts(values), self.cases, self.threads)
 
     def scores(self, equilibria: LayoutEquilibria, objective: Objective | None = None) -> Float[np.ndarray, " layouts"]:
-        """An objective, in SI units; nan where a layout has no rest in some case that the objective asks for.
+        """Objective of each layout, in SI units; nan where a layout lacks an equilibrium that the objective needs.
 
         Raises:
-            InvalidInput: an objective that is nan where all platforms rest.
+            InvalidInput: an objective that is nan although all equilibria exist.
         """
         objective = self.objective if objective is None else objective
         whole_ones = equilibria.converged.all(-1) if objective.equilibria else np.ones(len(equilibria), dtype=bool)
@@ -122,49 +123,52 @@ class LayoutEvaluator:
         bad = whole_ones & np.isnan(found)
         if bad.any():
             raise InvalidInput(
-                f"objective: {objective.name} returned nan for {int(bad.sum())} of {len(found)} layouts that rest "
-                "at every pose, expected numbers"
+                f"objective: {objective.name} returned nan for {int(bad.sum())} of {len(found)} layouts with "
+                "an equilibrium at every pose, expected numbers"
             )
         return np.where(whole_ones, found, np.nan)
 
     def energies(self, values: Float[np.ndarray, "layouts variables"]) -> Float[np.ndarray, " layouts"]:
-        """What the search makes small: first that all cases have a rest, then the constraints, then the objective."""
+        """Function minimised by the search: cases without equilibrium first, then constraints, then the objective."""
         equilibria = self.equilibria(values)
         scores = self.scores(equilibria)
-        lost = np.isnan(scores)
-        missing = np.minimum(self.missing(equilibria, lost).max(0, initial=0.0), MOST_MISSING)
+        unsolved = np.isnan(scores)
+        violations = np.minimum(self.violations(equilibria, unsolved).max(0, initial=0.0), MOST_VIOLATION)
         signed = np.nan_to_num(-scores if self.objective.largest else scores)
-        found = _FEASIBLE + signed / (1 + np.abs(signed))
-        broken = missing > HOLDS
-        found[broken] = (_MISSING + missing / (1 + missing))[broken]
-        found[lost] = (_LOST - equilibria.converged.mean(-1))[lost]
-        self.tried += len(equilibria)
-        row = int(found.argmin())
-        if found[row] < self.energy:
-            self.energy, self.best = float(found[row]), values[row].copy()
-            each = self.missing(equilibria, lost)[:, row]
-            self.least = {one.name: float(lack) for one, lack in zip(self.constraints, each, strict=True)}
-        return found
+        energies = _FEASIBLE + signed / (1 + np.abs(signed))
+        violated = violations > CONSTRAINT_TOLERANCE
+        energies[violated] = (_VIOLATED + violations / (1 + violations))[violated]
+        energies[unsolved] = (_UNSOLVED - equilibria.converged.mean(-1))[unsolved]
+        self.layouts_evaluated += len(equilibria)
+        row = int(energies.argmin())
+        if energies[row] < self.energy:
+            self.energy, self.best = float(energies[row]), values[row].copy()
+            each = self.violations(equilibria, unsolved)[:, row]
+            names = (one.name for one in self.constraints)
+            self.violations_of_best = dict(zip(names, each.tolist(), strict=True))
+        return energies
 
-    def missing(self, equilibria: LayoutEquilibria, lost: np.ndarray) -> Float[np.ndarray, "constraints layouts"]:
-        """By how much each constraint is missed; by everything where there is no rest."""
+    def violations(
+        self, equilibria: LayoutEquilibria, unsolved: np.ndarray
+    ) -> Float[np.ndarray, "constraints layouts"]:
+        """Violation of each constraint; infinite for layouts without an equilibrium in some case."""
         found = np.zeros((len(self.constraints), len(equilibria)))
         with np.errstate(invalid="ignore"):
             for row, one in enumerate(self.constraints):
-                found[row] = np.where(lost, np.inf, np.nan_to_num(one.missing(equilibria), nan=np.inf))
+                found[row] = np.where(unsolved, np.inf, np.nan_to_num(one.violation(equilibria), nan=np.inf))
         return found
 
-    def told(self) -> str:
-        """The best so far, in words."""
+    def describe_best(self) -> str:
+        """The best layout so far, in a phrase."""
         if self.energy < _FEASIBLE + 1:
             return f"{self.objective.name} {self.objective.shown(self.value)}"
-        if self.energy < _LOST - 1:
-            return "no layout yet that holds all constraints"
-        return "no layout yet that rests at every pose"
+        if self.energy < _UNSOLVED - 1:
+            return "no layout yet that satisfies all constraints"
+        return "no layout yet with an equilibrium at every pose"
 
     @property
     def value(self) -> float:
-        """The best objective so far; nan where no layout holds what it must."""
+        """The best objective so far; nan if no layout is feasible."""
         if not self.energy < _FEASIBLE + 1:
             return np.nan
         signed = self.energy / (1 - abs(self.energy))
@@ -190,41 +194,41 @@ def find_layout(
     progress: bool = False,
     threads: int | None = None,
 ) -> LayoutResult:
-    """A better layout of ``robot``: one that moves a few of its numbers, and is good at all of ``poses``.
+    """Optimise the layout of ``robot`` for all of ``poses``.
 
-    Global first, by differential evolution (Storn and Price 1997, doi:10.1023/A:1008202821328; SciPy's, vectorised,
-    over all cores), then exact: where the objective has a gradient, sequential quadratic programming with the exact
-    derivatives of the rests. It promises no more than it was asked: the poses, loads and stiffnesses given here.
-    ``validate_layout`` asks MuJoCo, and between the poses.
+    First global, by differential evolution (Storn and Price 1997, doi:10.1023/A:1008202821328; SciPy's, vectorised,
+    over all cores); then local, if the objective has a gradient, by sequential quadratic programming with the exact
+    derivatives of the equilibria. The result holds for the given poses, loads and stiffnesses only;
+    ``validate_layout`` verifies it in MuJoCo, also between the poses.
 
     Args:
-        robot: the robot to begin with.
+        robot: the robot to start from.
         poses: commanded, as ``solve_many`` takes them; the winches command each by the rigid lengths of each layout.
-        move: what may move: names of ``MOVABLE``, or ``Move`` objects, which know boxes, lines and cables of their own.
-        within: how far, for what is given by name (see ``Move``).
+        move: what may move: names of ``MOVABLE``, or ``Move`` objects with their own boxes, lines and cables.
+        within: range of what is given by name (see ``Move``).
         symmetry: which ties points: "detected" for all that the robot has, "none", or "half-turn", "mirror-x" and
             "mirror-y" about the middle of the exits.
-        objective: a name of ``OBJECTIVES``; or a function of the rests, of shape (layouts, cases), that returns
-            (layouts,), to be made small.
-        subject_to: what must hold at every pose: "tensions": (smallest, largest) [N]; "all taut": True; "stable": True;
+        objective: a name of ``OBJECTIVES``; or a function of the equilibria, of shape (layouts, cases), that returns
+            (layouts,), to be minimised.
+        subject_to: constraints at every pose: "tensions": (smallest, largest) [N]; "all taut": True; "stable": True;
             "clearance": least distance [m], see ``clearances``; or the name of an objective and its limit, in SI units.
-        external_wrench: (6,) or several (loads, 6) [N, N m]: each pose is asked under each of them.
-        stiffness: factors of the axial stiffness, one or several: each pose is asked with each of them.
-        seed: of the random numbers: the same one finds the same layout.
+        external_wrench: (6,) or several (loads, 6) [N, N m]: each pose is evaluated under each of them.
+        stiffness: factors of the axial stiffness, one or several: each pose is evaluated with each of them.
+        seed: of the random numbers: the same seed gives the same layout.
         generations: at most.
         population: layouts of each generation; default: ten for each variable, 40 at least.
-        polish: whether to go on with the gradient.
-        store: an .npz file that the search is kept in after every ``LEG`` generations, and gone on with.
-        progress: say the best so far on standard error.
+        polish: whether to refine the result with gradients.
+        store: an .npz file in which the search is stored after every ``LEG`` generations, and from which it is resumed.
+        progress: whether to print the best layout so far on standard error.
         threads: of the compiled solver; default: one for each core.
 
     Returns:
-        The best layout found; Ctrl-C returns the best so far, and its ``message`` says so.
+        The best layout; after Ctrl-C the best so far, with a corresponding ``message``.
 
     Raises:
-        InvalidInput: bounds crossed, a symmetry that the robot has not got, an objective that returns nan, poses that
-            no layout tried can reach, or constraints that none meets: the message says which is missed most.
-        UnknownName: nothing of that name moves, or is good, or must hold.
+        InvalidInput: crossed bounds, a symmetry that the robot does not have, an objective that returns nan, poses that
+            no layout can reach, or constraints that none satisfies: the message names the one violated most.
+        UnknownName: no such variable part, objective or constraint.
     """
     evaluator = LayoutEvaluator.of(
         robot, poses, move, within, symmetry, objective, subject_to, external_wrench, stiffness, progress, threads
@@ -233,7 +237,7 @@ def find_layout(
     refuse_unless(FLAG, polish=polish)
     whole("generations", generations, 1)
     still = np.zeros((1, len(space)))
-    equilibria_before = rest(space.layouts(still), cases, threads)
+    equilibria_before = solve_layouts(space.layouts(still), cases, threads)
     before = float(evaluator.scores(equilibria_before)[0])
 
     history: list[tuple[float, float, float]] = []
@@ -243,15 +247,15 @@ def find_layout(
         except KeyboardInterrupt:
             if evaluator.best is None:
                 raise
-            message = f"Interrupted after {len(history)} generations: this is the best so far."
+            message = f"Interrupted after {len(history)} generations: this is the best layout so far."
         if evaluator.best is None or not evaluator.energy < _FEASIBLE + 1:
             raise InvalidInput(_why_none(evaluator))
         if polish and wanted.smooth and robot.cabling.massless and "Interrupted" not in message:
-            say(f"{evaluator.told()}; polishing")
+            say(f"{evaluator.describe_best()}; refining")
             try:
                 evaluator.energies(polished(evaluator.best, space, cases, wanted, evaluator.limits, evaluator.reach))
             except KeyboardInterrupt:
-                message += " The polish was interrupted."
+                message += " The local refinement was interrupted."
     equilibria = evaluator.equilibria(evaluator.best[None])
     return LayoutResult(
         robot=named(equilibria.layouts.robot_at(0), wanted),
@@ -263,7 +267,7 @@ def find_layout(
         equilibria_before=equilibria_before,
         equilibria=equilibria,
         history=np.array(history).reshape(-1, 3),
-        tried=evaluator.tried,
+        layouts_evaluated=evaluator.layouts_evaluated,
         message=message,
         values=evaluator.best,
         variables=space.names,
@@ -271,11 +275,11 @@ def find_layout(
 
 
 def named(robot: Robot, *objectives: Objective) -> Robot:
-    """Under a name of its own, which says where the numbers come from."""
+    """The robot with a name, description and source that state its origin."""
     of = " and ".join(one.name for one in objectives)
     return robot.replace(
         name=f"{robot.name[: LONGEST_NAME - 7]}-better",
-        description=f"{robot.description or robot.name}, laid out anew for {of}",
+        description=f"{robot.description or robot.name}, optimised for {of}",
         source=f"find_layout of cdpr_sim, from {robot.source or robot.name}",
     )
 
@@ -289,7 +293,7 @@ def _evolve(
     history: list[tuple[float, float, float]],
     say: Callable[[str], None],
 ) -> str:
-    """Generations in legs; how it ended, in a sentence."""
+    """Run the generations; return how the search ended, in a sentence."""
     space = evaluator.space
     free = space.upper > space.lower
     bounds = list(zip(space.lower[free], space.upper[free], strict=True))
@@ -310,69 +314,70 @@ def _evolve(
         return evaluator.energies(full(columns))
 
     identity = _identity(evaluator, seed, size)
-    done, crowd = 0, None
+    done, members = 0, None
     if store is not None:
         store = checked_path("store", store)
         if store.exists():
-            done, crowd, told = _resumed(store, identity)
-            history.extend(map(tuple, told))
-            evaluator.tried = int(told[-1, 1]) if len(told) else 0
+            done, members, earlier = _resumed(store, identity)
+            history.extend(map(tuple, earlier))
+            evaluator.layouts_evaluated = int(earlier[-1, 1]) if len(earlier) else 0
         else:
             check_place(store, (".npz",))
-    if crowd is None:
+    if members is None:
         sampler = qmc.LatinHypercube(len(bounds), rng=np.random.default_rng([seed, 0]))
-        crowd = qmc.scale(sampler.random(size), *np.array(bounds).T)
-        crowd[0] = space.given[free]
+        members = qmc.scale(sampler.random(size), *np.array(bounds).T)
+        members[0] = space.given[free]
 
     def after_each(intermediate_result: OptimizeResult) -> None:
         del intermediate_result
-        history.append((len(history) + 1, evaluator.tried, evaluator.value))
-        say(f"generation {len(history)} of {generations}, {evaluator.tried:,} layouts: {evaluator.told()}")
+        count = evaluator.layouts_evaluated
+        history.append((len(history) + 1, count, evaluator.value))
+        say(f"generation {len(history)} of {generations}, {count:,} layouts: {evaluator.describe_best()}")
 
-    if done >= generations:  # all is done: only the best has to be found again
-        evaluator.energies(full(crowd.T))
+    if done >= generations:  # a finished search: only the best layout has to be determined again
+        evaluator.energies(full(members.T))
     while done < generations:
         length = min(LEG, generations - done)
         result = differential_evolution(
-            energies, bounds, init=crowd, maxiter=length,  # pyright: ignore[reportArgumentType]
+            energies, bounds, init=members, maxiter=length,  # pyright: ignore[reportArgumentType]
             tol=SPREAD, atol=0, vectorized=True, polish=False,
             updating="deferred", callback=after_each, rng=np.random.default_rng([seed, 1, done]),
         )  # fmt: skip
         done += length
-        crowd, last = result.population, result.population_energies
+        members, last = result.population, result.population_energies
         if store is not None:
-            _keep(store, identity, done, crowd, np.array(history).reshape(-1, 3))
+            _keep(store, identity, done, members, np.array(history).reshape(-1, 3))
         spread = float(np.std(last))
         if spread <= SPREAD * abs(float(np.mean(last))):
             return f"Converged after {len(history)} generations."
-    return f"Stopped after {len(history)} generations, as asked."
+    return f"Stopped after {len(history)} generations, the given limit."
 
 
 def _why_none(evaluator: LayoutEvaluator) -> str:
-    """Why no layout will do, in a sentence."""
+    """Why there is no feasible layout, in a sentence."""
     assert evaluator.best is not None
-    if evaluator.energy < _LOST - 1:
-        name = max(evaluator.least, key=lambda one: evaluator.least[one])
-        others = [one for one, lack in evaluator.least.items() if lack > HOLDS and one != name]
+    if evaluator.energy < _UNSOLVED - 1:
+        violations = evaluator.violations_of_best
+        name = max(violations, key=lambda one: violations[one])
+        others = [one for one, value in violations.items() if value > CONSTRAINT_TOLERANCE and one != name]
         also = f" and also {', '.join(others)}" if others else ""
         return (
-            f"subject_to: found no layout that holds everything among {evaluator.tried:,} tried; the nearest misses "
-            f"{name!r} the most, by {evaluator.least[name]:.2g} of what is asked{also}; expected looser constraints or "
+            f"subject_to: found no feasible layout among {evaluator.layouts_evaluated:,} evaluated; the closest "
+            f"violates {name!r} the most, by {violations[name]:.2g} of its limit{also}; expected looser constraints or "
             "wider bounds"
         )
     equilibria = evaluator.equilibria(evaluator.best[None])
-    lost = np.flatnonzero(~equilibria.converged[0])
-    x, y, z = evaluator.cases.positions[lost[0]]
+    unsolved = np.flatnonzero(~equilibria.converged[0])
+    x, y, z = evaluator.cases.positions[unsolved[0]]
     return (
-        f"poses: found no layout among {evaluator.tried:,} tried whose platform rests at all of them; "
-        f"the nearest has no "
-        f"rest at {len(lost)} of {len(evaluator.cases)}, the first at ({x:g}, {y:g}, {z:g}) m; expected poses within "
-        "reach, or wider bounds"
+        f"poses: found no layout among {evaluator.layouts_evaluated:,} evaluated with an equilibrium at all of them; "
+        f"the closest has none at {len(unsolved)} of {len(evaluator.cases)}, the first at ({x:g}, {y:g}, {z:g}) m; "
+        "expected poses within reach, or wider bounds"
     )
 
 
 def _identity(evaluator: LayoutEvaluator, seed: int, size: int) -> str:
-    """Of what is searched: another for every change of the question."""
+    """Hash of the search: different for every change of its arguments."""
     space, cases = evaluator.space, evaluator.cases
     state = hashlib.sha256()
     arrays = [getattr(space, name) for name in ("lower", "upper", "exits", "anchors", "center", "log_stiffness")]
@@ -385,27 +390,27 @@ def _identity(evaluator: LayoutEvaluator, seed: int, size: int) -> str:
     return state.hexdigest()
 
 
-def _keep(store: Path, identity: str, done: int, crowd: np.ndarray, history: np.ndarray) -> None:
+def _keep(store: Path, identity: str, done: int, members: np.ndarray, history: np.ndarray) -> None:
     with appearing(store) as (temporary,), open(temporary, "wb") as file:
-        np.savez(file, identity=identity, done=done, crowd=crowd, history=history)
+        np.savez(file, identity=identity, done=done, members=members, history=history)
 
 
 def _resumed(store: Path, identity: str) -> tuple[int, np.ndarray, np.ndarray]:
-    """(generations done, population, history) of a search that was begun.
+    """(generations done, population, history) of a stored search.
 
     Raises:
-        InvalidInput: no such file, or that of another question.
+        InvalidInput: no such file, or one of a search with other arguments.
     """
     if not store.is_file():
         raise InvalidInput(f"{store}: found a folder, a pipe or a device, expected the store of a search or a new name")
     try:
         with open(store, "rb") as file, np.load(file, allow_pickle=False) as kept:
-            same, found = str(kept["identity"]), (int(kept["done"]), kept["crowd"], kept["history"])
+            same, found = str(kept["identity"]), (int(kept["done"]), kept["members"], kept["history"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         raise InvalidInput(f"{store}: found a file that is not the store of a search, or a damaged one") from None
     if same != identity:
         raise InvalidInput(
-            f"{store}: holds the search of another question (robot, poses, bounds, objective or seed), expected the "
-            "same or a new file"
+            f"{store}: holds a search with other arguments (robot, poses, bounds, objective or seed), expected the "
+            "same arguments or a new file"
         )
     return found

@@ -1,4 +1,4 @@
-"""Symmetries of a layout about the vertical: half turn and mirrors, found in a robot, or stated and checked."""
+"""Symmetries of a layout about the vertical: half turn and mirrors, detected in a robot, or given and checked."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 
 SIGNS = {"half-turn": (-1.0, -1.0, 1.0), "mirror-x": (-1.0, 1.0, 1.0), "mirror-y": (1.0, -1.0, 1.0)}
-"""What each does to coordinates about the middle of the exits, and in the platform's frame."""
+"""Signs of the coordinates about the middle of the exits, and in the platform's frame."""
 
 SAME = 1e-6
-"""Of the robot's size: images this close to one another are the same."""
+"""Tolerance of equal points, as a fraction of the robot's size."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Symmetry:
 
     Attributes:
         signs: of the coordinates, (3,).
-        images: which cable each one becomes, (cables,).
+        images: index of the cable that each cable is mapped to, (cables,).
     """
 
     signs: Float[np.ndarray, "3"]
@@ -33,7 +33,7 @@ class Symmetry:
 
 
 def group(robot: Robot, wanted: str | Sequence[str]) -> list[Symmetry]:
-    """The symmetries that hold, the identity among them, closed under one after the other.
+    """The group of symmetries of a robot, including the identity.
 
     Args:
         robot: the robot.
@@ -41,7 +41,7 @@ def group(robot: Robot, wanted: str | Sequence[str]) -> list[Symmetry]:
 
     Raises:
         UnknownName: no such symmetry.
-        InvalidInput: one that the robot has not got.
+        InvalidInput: a symmetry that the robot does not have.
     """
     found = [Symmetry(np.ones(3), np.arange(robot.cables))]
     names = [wanted] if isinstance(wanted, str) else listed("symmetry", wanted, "a list of names")
@@ -54,7 +54,7 @@ def group(robot: Robot, wanted: str | Sequence[str]) -> list[Symmetry]:
             found.append(symmetry)
         elif not detected:
             raise InvalidInput(
-                f"symmetry: found {name!r}, which {robot.name!r} has not got: {why}; expected none of it"
+                f"symmetry: found {name!r}, which {robot.name!r} does not have: {why}; expected another or 'none'"
             )
     if len(found) == 3:  # two of them make the third
         a, b = found[1:]
@@ -63,14 +63,14 @@ def group(robot: Robot, wanted: str | Sequence[str]) -> list[Symmetry]:
 
 
 def _of(robot: Robot, signs: np.ndarray) -> tuple[Symmetry | None, str]:
-    """The symmetry, or what is in its way."""
+    """The symmetry, or why the robot does not have it."""
     size = float(np.ptp(robot.exits, axis=0).max()) or 1.0
     middle = np.append(robot.exits[:, :2].mean(0), 0.0)
     points = np.hstack([robot.exits - middle, robot.anchors])
     image = points * np.tile(signs, 2)
-    apart = np.abs(image[:, None] - points[None]).max(-1)
-    images = apart.argmin(1)
-    far = apart.min(1)
+    distances = np.abs(image[:, None] - points[None]).max(-1)
+    images = distances.argmin(1)
+    far = distances.min(1)
     if far.max() > SAME * size or len(set(images)) < robot.cables:
         cable = int(far.argmax())
         return None, f"the image of cable {cable + 1} is {1e3 * far[cable]:.3g} mm from the nearest cable"
@@ -79,7 +79,7 @@ def _of(robot: Robot, signs: np.ndarray) -> tuple[Symmetry | None, str]:
     axes = np.where(cabling.pulleys[:, None], cabling.pulley_axis, 0.0)
     if not np.allclose(own, own[images]) or not np.allclose(axes * signs, axes[images]):
         cable = int(np.argmax(~np.isclose(own, own[images]).all(1) | ~np.isclose(axes * signs, axes[images]).all(1)))
-        return None, f"cable {cable + 1} is of another kind than its image"
+        return None, f"cable {cable + 1} has other properties than its image"
     if np.abs(robot.center_of_mass * signs - robot.center_of_mass).max() > SAME * size:
         return None, "the centre of mass is not its own image"
     return Symmetry(signs, images), ""

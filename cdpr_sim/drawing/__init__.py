@@ -1,1 +1,1 @@
-"""Pictures of given results. Computes nothing."""
+"""Figures and videos of given results; nothing is computed here."""

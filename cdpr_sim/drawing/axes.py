@@ -1,4 +1,4 @@
-"""Robots on matplotlib axes: platforms, cables taut and slack, zones, and what every figure has in common."""
+"""Robots on matplotlib axes: platforms, taut and slack cables, zones of slack cables, and the common figure layout."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
@@ -30,11 +30,11 @@ P = ParamSpec("P")
 
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 EDGES = ((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7))
-"""Of a box whose corners are counted in binary (x, y, z)."""
+"""Faces and edges of a box whose corners are numbered in binary (x, y, z)."""
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Draw in the house's style, whatever style the caller has set, and leave that as it was."""
+    """Decorator: draw in the package's style, and leave the caller's matplotlib settings unchanged."""
 
     @functools.wraps(draw)
     def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -47,7 +47,7 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def canvas(width: float, height: float, title: str, caption: str, kind: type[Figure] = Figure) -> Figure:
-    """A figure [inches] with a title above, which says what it shows, and a caption below, which says how."""
+    """A figure [inch] with a title above and a caption below."""
     figure = kind(figsize=(width, height), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.06)  # type: ignore[union-attr]
     figure.suptitle(textwrap.fill(title, int(width * style.TITLE_LETTERS)), **style.TITLE)
@@ -59,7 +59,7 @@ def canvas(width: float, height: float, title: str, caption: str, kind: type[Fig
 
 
 def draw_front(ax: Axes, robot: Robot, *, exits: bool = True) -> None:
-    """The frame's front and the exits in the x-z plane, to scale [m], with labelled axes."""
+    """Draw the frame and the exits in the x-z plane, to scale [m], with labelled axes."""
     (left, _, bottom), (right, _, top) = robot.frame
     ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, ec=style.FAINT, lw=style.THIN))
     if exits:
@@ -72,7 +72,7 @@ def draw_front(ax: Axes, robot: Robot, *, exits: bool = True) -> None:
 
 
 def draw_platform(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, **looks) -> Polygon:
-    """The platform's front: the drawn box cut at its middle."""
+    """Draw the platform in the x-z plane: a section of its box."""
     x, _, z = robot.platform_size / 2
     corners = np.array([[-x, 0, -z], [x, 0, -z], [x, 0, z], [-x, 0, z]])
     looks = {"fc": style.PLATFORM, "ec": style.INK, "lw": style.HAIR + 0.2, "zorder": 4} | looks
@@ -82,7 +82,7 @@ def draw_platform(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.nda
 
 
 def draw_commanded(ax: Axes, robot: Robot, position: np.ndarray) -> Polygon:
-    """Where the platform was commanded to be: an outline, over the platform, which may well hang just there."""
+    """Draw the commanded pose as an outline, above the platform, since both may coincide."""
     looks = {"fc": "none", "ec": style.COMMANDED, "lw": style.THIN, "ls": style.COMMANDED_DASH, "zorder": 4.5}
     return draw_platform(ax, robot, position, np.eye(3), **looks)
 
@@ -97,18 +97,18 @@ def draw_cables(
     shapes: Float[np.ndarray, "cables points 3"] | None = None,
     **looks,
 ) -> None:
-    """Taut cables as straight lines; slack ones dotted, in another colour, hanging as long as they are.
+    """Draw taut cables as straight lines; slack ones dotted, in another colour, sagging with their rest length.
 
-    Cables over pulleys come from their wheels, which are drawn too. Cables with mass have the ``shapes``
-    that they are given, of ``cable_profiles``.
+    Cables over pulleys leave from their wheels, which are drawn too. The ``shapes`` of cables with mass are those of
+    ``cable_profiles``.
 
     Raises:
-        InvalidInput: cables with mass, without their shapes.
+        InvalidInput: cables with mass without ``shapes``.
     """
     anchors = position + robot.anchors @ rotation.T
-    equilibria = [None] * robot.cables if rest_lengths is None else rest_lengths
-    for cable, (anchor, is_slack, rest) in enumerate(zip(anchors, slack, equilibria, strict=True)):
-        length = float(rest) if is_slack and rest is not None else None
+    lengths = [None] * robot.cables if rest_lengths is None else rest_lengths
+    for cable, (anchor, is_slack, rest_length) in enumerate(zip(anchors, slack, lengths, strict=True)):
+        length = float(rest_length) if is_slack and rest_length is not None else None
         points = cable_curve(robot.cabling, cable, anchor, length, None if shapes is None else shapes[cable])
         if is_slack:
             ax.plot(*points[:, [0, 2]].T, ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, zorder=3)
@@ -121,10 +121,10 @@ def draw_cables(
 
 
 def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
-    """What the parts of a drawn pose mean."""
+    """Legend of a drawn pose."""
     handles = [
         Patch(fc="none", ec=style.COMMANDED, ls=style.COMMANDED_DASH, label="commanded pose"),
-        Patch(fc=style.PLATFORM, ec=style.INK, lw=style.HAIR, label="platform at rest"),
+        Patch(fc=style.PLATFORM, ec=style.INK, lw=style.HAIR, label="platform at equilibrium"),
         Line2D([], [], color=style.INK, lw=style.HAIR + 0.2, label="taut cable"),
     ]
     if slack:
@@ -136,7 +136,7 @@ def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
 
 
 def draw_zones(ax: Axes, zones: Sequence[tuple[float, float, int]], cables: int) -> list[Patch]:
-    """Shade zones (from, to, how many of the ``cables`` are slack) along x; return a legend entry for each number."""
+    """Shade zones (from, to, number of slack cables) along x; return a legend entry for each number."""
     counts = sorted({slack for *_, slack in zones if slack})
     looks = {}
     for count in counts:
@@ -146,12 +146,11 @@ def draw_zones(ax: Axes, zones: Sequence[tuple[float, float, int]], cables: int)
         if slack:
             span = ax.axvspan(start, end, zorder=0, **looks[slack])
             span.set_gid(f"zone-{slack}-slack")
-    words = {1: "1 cable slack"}
-    return [Patch(**look, label=words.get(count, f"{count} cables slack")) for count, look in looks.items()]
+    return [Patch(**look, label=f"{count} cable{'s' if count > 1 else ''} slack") for count, look in looks.items()]
 
 
 def points(color: str, marker: str = "o", **looks) -> dict:
-    """How MuJoCo's points look: hollow."""
+    """Marker style of MuJoCo's points: hollow."""
     return {"ls": "none", "marker": marker, "mfc": "white", "mec": color, "mew": 1.1, "zorder": 6} | looks
 
 
@@ -159,7 +158,7 @@ def points(color: str, marker: str = "o", **looks) -> dict:
 
 
 def draw_space(ax: Axes3D, robot: Robot, *, exits: bool = True) -> None:
-    """The frame and the exits in space [m], to scale."""
+    """Draw the frame and the exits in 3D, to scale [m]."""
     lower, upper = robot.frame
     box = _corners(lower, upper)
     ax.add_collection3d(Line3DCollection([box[list(edge)] for edge in EDGES], colors=style.FAINT, lw=style.THIN))
@@ -172,7 +171,7 @@ def draw_space(ax: Axes3D, robot: Robot, *, exits: bool = True) -> None:
     ax.set_box_aspect(tuple(upper - lower), zoom=1.0)
     ax.set_proj_type("persp", focal_length=0.6)
     ax.view_init(elev=14, azim=-72)
-    # Each axis leaves out the number at the corner that it shares with the next.
+    # Each axis omits the tick label at the corner that it shares with the next axis.
     ax.xaxis.set_major_locator(MaxNLocator(8, prune="upper"))
     ax.set_yticks(np.linspace(lower[1], upper[1], 3)[1:])
     ax.zaxis.set_major_locator(MaxNLocator(5, prune="lower"))
@@ -183,7 +182,7 @@ def draw_space(ax: Axes3D, robot: Robot, *, exits: bool = True) -> None:
 
 
 def seen(ax: Axes3D, point: np.ndarray) -> tuple[float, float]:
-    """Where a point in space is on the paper, in the axes' own flat coordinates."""
+    """Projection of a 3D point to the 2D coordinates of the axes."""
     x, y, _ = proj_transform(*point, ax.get_proj())
     return float(x), float(y)
 
@@ -191,10 +190,10 @@ def seen(ax: Axes3D, point: np.ndarray) -> tuple[float, float]:
 def draw_pose_in_space(
     ax: Axes3D, equilibria: EquilibriumBatch, row: int, shapes: Float[np.ndarray, "cables points 3"] | None = None
 ) -> None:
-    """One pose with its commanded outline, its taut cables, its slack ones, and the wheels that they run over.
+    """Draw one pose with the outline of its commanded pose, taut and slack cables, and pulley wheels.
 
     Raises:
-        InvalidInput: cables with mass, without their ``shapes``, of ``cable_profiles``.
+        InvalidInput: cables with mass without ``shapes`` from ``cable_profiles``.
     """
     robot, position, rotation = equilibria.robot, equilibria.positions[row], equilibria.rotations[row]
     half = robot.platform_size / 2
@@ -208,9 +207,9 @@ def draw_pose_in_space(
     for cable in range(robot.cables):
         slack = bool(equilibria.slack[row, cable])
         length = float(equilibria.rest_lengths[row, cable]) if slack else None
-        way = cable_curve(robot.cabling, cable, anchors[cable], length, None if shapes is None else shapes[cable])
+        curve = cable_curve(robot.cabling, cable, anchors[cable], length, None if shapes is None else shapes[cable])
         looks = {"color": style.SLACK_CABLE, "lw": 1.2, "ls": style.SLACK_DASH} if slack else {"color": style.INK}
-        ax.plot(*way.T, **{"lw": 0.6} | looks)
+        ax.plot(*curve.T, **{"lw": 0.6} | looks)
         wheel = wheel_of(robot.cabling, cable, anchors[cable])
         if wheel is not None:
             ax.plot(*wheel.arc().T, color=style.WHEEL["ec"], lw=style.WHEEL["lw"])
@@ -219,7 +218,7 @@ def draw_pose_in_space(
 def draw_platform_in_space(
     ax: Axes3D, robot: Robot, position: np.ndarray, rotation: np.ndarray, alpha: float = 1.0
 ) -> None:
-    """The platform in space."""
+    """Draw the platform in 3D."""
     half = robot.platform_size / 2
     corners = position + _corners(-half, half) @ rotation.T
     ax.add_collection3d(

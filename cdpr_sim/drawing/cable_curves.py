@@ -1,7 +1,7 @@
-"""Where cables run in a picture, from exit to anchor, and the wheels that they run over. Geometry of what is given.
+"""Curves of cables for drawing, from exit to anchor, and the wheels of pulleys. Geometry only.
 
-A straight cable runs straight, a slack one hangs as long as it is; a cable over a pulley follows its wheel and leaves
-it on the tangent to its anchor. The shape of a cable with mass is not geometry: it has to be handed in.
+A taut cable is straight, a slack one sags with its rest length; a cable over a pulley follows the wheel and leaves it
+on the tangent to its anchor. The profile of a cable with mass is not geometry: it has to be given.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
 
 POINTS = 25
-"""Along a slack cable."""
+"""Number of points along a slack cable."""
 
 ARC = 24
-"""Points round a whole wheel; a cable on it has as many to the turn."""
+"""Number of points around a full wheel."""
 
 Curve = Float[np.ndarray, "points 3"]
 
@@ -43,7 +43,7 @@ class Wheel:
     wrap: float
 
     def arc(self, angle: float = 2 * np.pi) -> Curve:
-        """From the exit over this angle along the rim, the way the cable goes; all of the rim if none is given."""
+        """The rim from the exit over this angle, in the direction of the cable; the full rim by default."""
         angles = np.linspace(0.0, angle, max(2, 1 + int(np.ceil(ARC * angle / (2 * np.pi)))))[:, None]
         return self.center + self.radius * (np.sin(angles) * self.axis - np.cos(angles) * self.outwards)
 
@@ -54,7 +54,7 @@ class Wheel:
 
 
 def wheel_of(cabling: Cabling, cable: int, anchor: Float[np.ndarray, "3"]) -> Wheel | None:
-    """Of a cable to ``anchor``, base frame [m]; None where it runs over none, or ends within it."""
+    """Wheel of a cable to ``anchor``, base frame [m]; None without a pulley, or if the anchor lies within the wheel."""
     if not cabling.pulleys[cable]:
         return None
     exit_, axis, radius = cabling.exits[cable], cabling.pulley_axis[cable], float(cabling.pulley_radius[cable])
@@ -73,24 +73,24 @@ def cable_curve(
     rest_length: float | None = None,
     shape: Float[np.ndarray, "hanging 3"] | None = None,
 ) -> Curve:
-    """The way of one cable from its exit to ``anchor``, base frame [m].
+    """The curve of one cable from its exit to ``anchor``, base frame [m].
 
     Args:
         cabling: the robot's.
-        cable: which of them.
-        anchor: where it ends, (3,) [m].
-        rest_length: of a slack cable, which hangs that long [m]; None draws it straight.
-        shape: of a cable that has weight, from where it leaves its wheel, (hanging, 3) [m]; it is moved with its end
-            if that is drawn elsewhere.
+        cable: index of the cable.
+        anchor: its end, (3,) [m].
+        rest_length: of a slack cable [m]; None draws it straight.
+        shape: profile of a cable with mass from where it leaves its wheel, (hanging, 3) [m]; it is shifted linearly if
+            its end is drawn elsewhere.
 
     Raises:
-        InvalidInput: a cable that has weight, without its shape.
+        InvalidInput: a cable with mass without its profile.
     """
     if cabling.linear_density[cable] > 0:
         if shape is None:
             raise InvalidInput(
-                f"shapes: found none of a cable of {cabling.linear_density[cable]:g} kg/m, expected how it hangs, "
-                "from cable_profiles"
+                f"shapes: found none of a cable of {cabling.linear_density[cable]:g} kg/m, expected its "
+                "profile, from cable_profiles"
             )
         free = shape + np.linspace(0, 1, len(shape))[:, None] * (anchor - shape[-1])
         wheel = wheel_of(cabling, cable, anchor)
@@ -108,9 +108,9 @@ def cable_curve(
 def sagging_curve(
     start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_length: float, points: int = POINTS
 ) -> Curve:
-    """A parabola from start to end that is about ``rest_length`` long: by 8 (s cos a)²/(3 l) longer than straight.
+    """A parabola from start to end of about ``rest_length``: longer than the straight line by 8 (s cos a)²/(3 l).
 
-    s is the sag below the straight line, a that line's slope; steep cables are drawn with less, as if a were 70°.
+    s is the sag below the straight line and a its slope; steep cables are drawn with the sag of a = 70°.
     """
     length = float(np.linalg.norm(end - start))
     level = max(float(np.hypot(*(end - start)[:2])) / length, np.cos(np.radians(70)))

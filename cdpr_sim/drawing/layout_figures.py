@@ -1,4 +1,4 @@
-"""Two layouts side by side: what moved, the map of tilt, the numbers; and a front of trade-offs."""
+"""Figures of layout optimisation: two layouts side by side, clearance maps, Pareto fronts."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
@@ -23,10 +23,10 @@ WIDTH, HEIGHT = 9.6, 7.4
 """[inch]"""
 
 FLAT = 0.2
-"""Of its longest edge: a robot no deeper than that has no room for numbers along y."""
+"""Depth, as a fraction of the longest edge, below which a robot has no room for tick labels along y."""
 
 MOST_DEGREES = 45.0
-"""Where the scale of tilt ends: beyond, one colour."""
+"""Upper end of the tilt scale [°]."""
 
 
 @styled
@@ -41,16 +41,16 @@ def draw_better_layout(
     title: str,
     caption: str,
 ) -> Figure:
-    """Before and after, a column each: the robot in space with what moved, the map of its tilt, and its numbers.
+    """Before and after, a column each: the robot in 3D with its changes, a map of tilt, and figures of merit.
 
     Args:
         equilibria: of both robots, (rows,), at the same commands.
-        row: that is drawn in space.
-        shapes: of the cables of that row, for robots that ``cable_profiles`` is needed for.
-        maps: tilt [rad] over x and z; nan where nothing rests.
+        row: drawn in 3D.
+        shapes: profiles of the cables of that row, for robots whose cables have mass.
+        maps: tilt [rad] over x and z; nan without an equilibrium.
         extent: x and z of the maps' borders [m]: (x0, x1, z0, z1).
-        asked: commanded positions that the layout was looked for at [m].
-        numbers: (what, before, after) in words.
+        asked: commanded positions of the optimisation [m].
+        numbers: (label, before, after) as text.
         title: above.
         caption: below.
     """
@@ -84,19 +84,26 @@ def draw_better_layout(
     _write_numbers(figure.add_subplot(grid[3, :]), numbers)
     handles = [
         Line2D(
-            [], [], color=style.PURPLE, lw=1.6, marker="o", ms=4, mfc="white", label="exit moved, from where it was"
+            [],
+            [],
+            color=style.PURPLE,
+            lw=1.6,
+            marker="o",
+            ms=4,
+            mfc="white",
+            label="exit moved, from its previous position",
         ),
         Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack cable"),
-        Line2D([], [], color=style.SKY, ls="none", marker="o", ms=4, label="pose that was asked"),
+        Line2D([], [], color=style.SKY, ls="none", marker="o", ms=4, label="pose of the optimisation"),
     ]
-    words = figure.add_subplot(grid[0, :])
-    words.axis("off")
-    words.legend(handles=handles, loc="center", ncols=3)
+    key = figure.add_subplot(grid[0, :])
+    key.axis("off")
+    key.legend(handles=handles, loc="center", ncols=3)
     return figure
 
 
 def _reach(space, robots: Sequence[Robot]) -> None:
-    """Both pictures to the same scale, with every exit within."""
+    """Set the same limits for both robots, with all exits inside."""
     points = np.vstack([one.frame for one in robots] + [one.exits for one in robots])
     lower, upper = points.min(0), points.max(0)
     wide = np.maximum(upper - lower, 0.05 * (upper - lower).max())
@@ -143,13 +150,13 @@ def draw_clearance_map(
     title: str,
     caption: str,
 ) -> Figure:
-    """The interference-free workspace: the smallest distance of all over a plane, and where it is enough.
+    """Map of the interference-free workspace: the smallest distance over a plane, and where it is sufficient.
 
     Args:
-        least: distances [m], nan where nothing rests.
+        least: smallest distances [m]; nan without an equilibrium.
         extent: borders of the map [m].
         names: of its two axes.
-        enough: nearer is interference [m].
+        enough: a smaller distance is interference [m].
         title: above.
         caption: below.
     """
@@ -165,7 +172,7 @@ def draw_clearance_map(
         ax.imshow(
             near.T, origin="lower", extent=extent, cmap=ListedColormap([style.VERMILLION]), interpolation="nearest"
         )  # fmt: skip
-        label = f"nearer than {1e3 * enough:g} mm" if enough else "a cable passes through something"
+        label = f"below {1e3 * enough:g} mm" if enough else "interference: distance zero"
         figure.legend(handles=[Patch(fc=style.VERMILLION, label=label)], loc="outside upper right")
     ax.set(xlabel=f"commanded {names[0]} [m]", ylabel=f"commanded {names[1]} [m]", aspect="equal")
     figure.colorbar(image, ax=ax, label="smallest distance [mm]", shrink=0.9)
@@ -182,16 +189,16 @@ def draw_front(
     confirmed: Float[np.ndarray, "layouts 2"] | None = None,
     logarithmic: bool = False,
 ) -> Figure:
-    """What one goal costs of the other: layouts none of which is better in both.
+    """Pareto front of two objectives.
 
     Args:
-        fronts: (what, numbers) of each series, in the units of ``axes``.
+        fronts: (label, values) of each series, in the units of ``axes``.
         axes: their labels.
         title: above.
         caption: below.
-        given: where the robot as given stands.
-        confirmed: the same by MuJoCo, hollow points.
-        logarithmic: whether the second goal is.
+        given: objectives of the given robot.
+        confirmed: objectives by MuJoCo, hollow points.
+        logarithmic: whether the second axis is logarithmic.
     """
     figure = canvas(7.2, 4.4, title, caption)
     ax = figure.add_subplot()
@@ -199,7 +206,7 @@ def draw_front(
     for (name, numbers), (color, dash, marker) in zip(fronts, looks, strict=False):
         ax.plot(*numbers[np.argsort(numbers[:, 0])].T, color=color, ls=dash, marker=marker, ms=4, label=name)
     if confirmed is not None:
-        ax.plot(*confirmed.T, "o", ms=8, mfc="none", mec=style.INK, mew=0.9, label="in MuJoCo, at poses twice as fine")
+        ax.plot(*confirmed.T, "o", ms=8, mfc="none", mec=style.INK, mew=0.9, label="MuJoCo, at twice as many poses")
     if given is not None:
         ax.plot(*given, "D", ms=7, color=style.INK, label="as given")
     ax.set(xlabel=axes[0], ylabel=axes[1])

@@ -1,8 +1,8 @@
-"""Maps of a workspace: small multiples of what ``sweep`` and ``check`` found. Nothing is computed here but levels.
+"""Maps of a workspace from the datasets of ``sweep`` and ``check``; only contour levels are computed here.
 
 A row for each quantity, on one scale; a column for each robot and material. Panels show the poses of a grid in one
-plane of the workspace, with a dashed border around what rigid cables could hold; a small picture above each robot's
-columns shows where in its frame they lie, and the exits of its cables.
+plane of the workspace, with a dashed border around the static feasible workspace; a small picture above each robot's
+columns shows their location in the frame, and the exits of the cables.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
 SUFFIXES = (".png", ".svg", ".pdf")
-"""Of the files that a map can be written to."""
+"""File formats of a map."""
 
 QUANTITIES = ("tilt", "distance", "slack_count", "feasible", "capacity_margin")
-"""Of ``sweep``, that an elastic map shows; the last gives the border of the feasible workspace between the poses."""
+"""Variables of ``sweep`` for an elastic map; the last gives the border of the feasible workspace between the poses."""
 
 MOST_CABLES = len(style.MAP_SLACK) - 1
-"""Slack cables told apart by colour; more look alike."""
+"""Largest number of slack cables with a colour of its own."""
 
 
 LEAST = 1e-3
-"""Degrees or millimetres: less is not told apart in small print."""
+"""[°] or [mm] Smaller maxima are given as "less than"."""
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where things go on the page, in inches. A single column would be a strip: its rows go side by side, in blocks."""
+    """Positions on the page [inch]; rows of a single column are arranged in blocks side by side."""
 
     rows: int
     columns: int
@@ -56,7 +56,7 @@ class _Layout:
 
     @property
     def blocks(self) -> int:
-        """Rows side by side."""
+        """Number of blocks side by side."""
         return 2 if self.columns == 1 and self.rows > 1 else 1
 
     @property
@@ -69,11 +69,11 @@ class _Layout:
         return self.left + self.columns * (self.panel[0] + self.gap[0]) + self.right
 
     def lowest(self, row: int) -> bool:
-        """Whether nothing is below this row."""
+        """Whether this row is the lowest of its block."""
         return row + self.blocks >= self.rows
 
     def box(self, row: int, column: int) -> tuple[float, float, float, float]:
-        """The panel's place on the page, as matplotlib wants it; one column too far: the colour bar's."""
+        """Position of a panel in figure coordinates; the column after the last is the colour bar."""
         (width, height), (page_width, page_height) = self.panel, self.size
         down, block = divmod(row, self.blocks)
         x = block * self._block + self.left + column * (width + self.gap[0])
@@ -85,7 +85,7 @@ class _Layout:
 
 @dataclass(frozen=True)
 class _Row:
-    """One quantity over the columns that show it: where, its values (vertical, horizontal) each, and the margins."""
+    """One quantity: its axes, its values (vertical, horizontal) per column, and the feasibility margins."""
 
     figure: Figure
     axes: Sequence[Axes]
@@ -101,7 +101,7 @@ class _Row:
 
 
 ELASTIC = ("tilt", "distance", "slack_count", "feasible")
-"""What an elastic map shows, a row each."""
+"""Rows of an elastic map."""
 
 
 def draw_elastic_map(dataset: xr.Dataset, *, names: Sequence[str] = ELASTIC) -> Figure:
@@ -119,10 +119,10 @@ def draw_elastic_map(dataset: xr.Dataset, *, names: Sequence[str] = ELASTIC) -> 
 
 
 def draw_agreement_map(dataset: xr.Dataset) -> Figure:
-    """Where MuJoCo and statics agree, and how well, over a plane of the workspace.
+    """Outcome of the comparison of MuJoCo and statics, and their difference, over a plane of the workspace.
 
     Args:
-        dataset: a plane of ``check``'s dataset, or what its ``across`` gives.
+        dataset: a plane of ``check``'s dataset, or the result of its ``across``.
 
     Raises:
         InvalidInput: a dataset that is not a plane.
@@ -131,10 +131,10 @@ def draw_agreement_map(dataset: xr.Dataset) -> Figure:
 
 
 def write(figure: Figure, path: Path) -> None:
-    """Save a map: whole or not at all.
+    """Save a map atomically.
 
     Raises:
-        InvalidInput: the file cannot be written; what was there is still there.
+        InvalidInput: the file cannot be written; an existing file is unchanged.
     """
     with appearing(path) as (temporary,):
         figure.savefig(temporary, dpi=style.PNG_DPI, format=path.suffix[1:].lower())
@@ -194,7 +194,7 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
 
 
 def _panel_size(slope: float) -> tuple[float, float]:
-    """Width and height [inch] for a map whose height over width is ``slope``, with room for the words beside it."""
+    """Width and height [inch] of a map whose height over width is ``slope``, with room for its labels."""
     least, most = style.MAP_HEIGHT
     width = float(np.clip(style.MAP_PANEL, least / slope, most / slope))
     width = float(np.clip(width, style.MAP_PANEL / 2, 2 * style.MAP_PANEL))
@@ -202,7 +202,7 @@ def _panel_size(slope: float) -> tuple[float, float]:
 
 
 def _differs(values: xr.DataArray, columns: Sequence[tuple[tuple[str, str], dict[str, str]]], column: int) -> bool:
-    """Whether a column shows anything that the one before it does not: what rigid cables hold knows no material."""
+    """Whether a column differs from the previous one: feasibility with rigid cables does not depend on the material."""
     robots = [names[0] for names, _ in columns]
     return "material" in values.dims or robots.index(robots[column]) == column
 
@@ -212,30 +212,29 @@ def _panel(values: xr.DataArray, choice: dict[str, str]) -> xr.DataArray:
 
 
 def _border(flat: xr.Dataset) -> str:
-    """The variable whose zero, or else whose step, is the border of the feasible workspace."""
+    """The variable whose zero level, or whose step, is the border of the feasible workspace."""
     return next((name for name in ("capacity_margin", "feasible") if name in flat), "")
 
 
 def _say_where(figure: Figure, layout: _Layout, dataset: xr.Dataset, axes: tuple[str, str, str], border: str) -> None:
-    """Which poses the numbers belong to, at the foot of the page."""
+    """Write the range of the poses at the foot of the page."""
     normal, *plane = axes
     sizes = " × ".join(str(dataset.sizes[name]) for name in plane)
     reach = ", ".join(f"{name} = {float(dataset[name][0]):.4g} to {float(dataset[name][-1]):.4g} m" for name in plane)
     section = dataset[normal].attrs.get("section", f"{normal} = {float(dataset[normal][0]):.4g} m")
     exits = ", the exits of the cables" if "exits" in dataset.coords else ""
-    words = [
-        f"All numbers are of these {sizes} commanded poses: {reach}, {section}.",
+    sentences = [
+        f"All numbers refer to these {sizes} commanded poses: {reach}, {section}.",
         border,
-        f"Above: the frame{exits} and, shaded, where these poses lie.",
+        f"Above: the frame{exits} and, shaded, the region of these poses.",
     ]
-    words = " ".join(filter(None, words))
     left = 0.3
-    words = textwrap.fill(words, int((layout.size[0] - 2 * left) * style.MAP_LETTERS))
-    _write(figure, left / layout.size[0], 0.06 / layout.size[1], words, -0.5, ha="left", color=style.MAP_MUTED)
+    text = textwrap.fill(" ".join(filter(None, sentences)), int((layout.size[0] - 2 * left) * style.MAP_LETTERS))
+    _write(figure, left / layout.size[0], 0.06 / layout.size[1], text, -0.5, ha="left", color=style.MAP_MUTED)
 
 
 def _thin_ticks(figure: Figure) -> None:
-    """Drop the numbers of an axis that would touch those of its neighbour, or one another."""
+    """Hide tick labels that would overlap other tick labels."""
     figure.draw_without_rendering()
     for name in ("xaxis", "yaxis"):
         kept: list[Any] = []
@@ -256,7 +255,7 @@ def _thin_ticks(figure: Figure) -> None:
 
 
 def _plane(dataset: xr.Dataset) -> tuple[str, str, str]:
-    """The axis that the map looks along, and those to the right and up."""
+    """The axis normal to the plane, and the horizontal and vertical axes."""
     across = [name for name in "xyz" if dataset.sizes[name] == 1]
     if len(across) != 1:
         sizes = " x ".join(str(dataset.sizes[name]) for name in "xyz")
@@ -266,7 +265,7 @@ def _plane(dataset: xr.Dataset) -> tuple[str, str, str]:
 
 
 def _columns(flat: xr.Dataset) -> list[tuple[tuple[str, str], dict[str, str]]]:
-    """Per column, its robot and material in words, and how it is selected."""
+    """Per column, the names of its robot and material, and its selection."""
     result = []
     for robot in np.atleast_1d(flat["robot"].values):
         one = flat.sel(robot=robot) if "robot" in flat.dims else flat
@@ -277,13 +276,13 @@ def _columns(flat: xr.Dataset) -> list[tuple[tuple[str, str], dict[str, str]]]:
 
 
 def _ends(coordinates: np.ndarray) -> tuple[float, float]:
-    """From edge to edge of the cells that ``pcolormesh`` draws around the coordinates."""
+    """Outer edges of the cells that ``pcolormesh`` draws around the coordinates."""
     first, last = coordinates[1] - coordinates[0], coordinates[-1] - coordinates[-2]
     return float(coordinates[0] - first / 2), float(coordinates[-1] + last / 2)
 
 
 def _furnish(ax: Axes, names: tuple[str, str], lowest: bool, first: bool) -> None:
-    """Quiet axes, to scale."""
+    """Style of a panel's axes."""
     ax.set_aspect("equal")
     ax.tick_params(labelsize=style.MAP_FONT, colors=style.MAP_FAINT, length=2, labelcolor=style.MAP_INK)
     ax.tick_params(labelbottom=lowest, bottom=lowest, labelleft=first, left=first)
@@ -301,7 +300,7 @@ def _locate(
     columns: Sequence[tuple[tuple[str, str], dict[str, str]]],
     names: tuple[str, str],
 ) -> None:
-    """Above each robot's name its frame, its exits, and in them what the maps show; all robots on one scale."""
+    """Draw frame, exits and the region of the maps above each robot's name; all robots on one scale."""
     from matplotlib.patches import Rectangle
 
     i, j = ("xyz".index(name) for name in names)
@@ -330,7 +329,7 @@ def _locate(
 
 
 def _middles(layout: _Layout, robots: Sequence[str]) -> dict[str, float]:
-    """The middle of each robot's columns, on the page."""
+    """Horizontal middle of each robot's columns, in figure coordinates."""
     middles = {}
     for robot in robots:
         first = robots.index(robot)
@@ -341,7 +340,7 @@ def _middles(layout: _Layout, robots: Sequence[str]) -> dict[str, float]:
 
 
 def _head(figure: Figure, layout: _Layout, columns: Sequence[tuple[str, str]]) -> None:
-    """Robots over their columns, materials below them."""
+    """Write the names of robots above their columns, and of materials below them."""
     _, y, width, height = layout.box(0, 0)
     for c, (_, material) in enumerate(columns):
         for block in range(layout.blocks):
@@ -357,7 +356,7 @@ def _write(figure: Figure, x: float, y: float, text: str, larger: float, **how: 
 
 
 def _draw_smooth(row: _Row, factor: float, unit: str, cmap: str) -> None:
-    """A quantity that varies smoothly: colours on a shared scale, and contours with their values."""
+    """Draw a continuous quantity: colours on a shared scale, and labelled contours."""
     from matplotlib.colors import ListedColormap, Normalize
 
     known = [panel.values[np.isfinite(panel.values)] for panel in row.panels]
@@ -385,16 +384,16 @@ def _draw_smooth(row: _Row, factor: float, unit: str, cmap: str) -> None:
 
 
 def _label_places(
-    ax: Axes, lines: Any, words: Sequence[str], size: float, colored: tuple[np.ndarray, np.ndarray]
+    ax: Axes, lines: Any, labels: Sequence[str], size: float, colored: tuple[np.ndarray, np.ndarray]
 ) -> list[tuple[float, float]]:
-    """Where each contour has room for its label: whole within what is coloured, and clear of other labels."""
+    """Positions of contour labels: inside the coloured region, and without overlap."""
     figure = ax.figure
     point = figure.dpi / 72  # type: ignore[union-attr]
     corners = ax.transData.transform(np.transpose(colored))
     taken: list[tuple[np.ndarray, float]] = []
     places = []
-    for segments, word in zip(lines.allsegs, words, strict=True):
-        reach = point * size * np.hypot(0.32 * len(word) + 0.2, 0.5)  # half a label's diagonal
+    for segments, label in zip(lines.allsegs, labels, strict=True):
+        reach = point * size * np.hypot(0.32 * len(label) + 0.2, 0.5)  # half a label's diagonal
         for segment in segments:
             path = ax.transData.transform(segment)
             along = np.append(0.0, np.hypot(*np.diff(path, axis=0).T).cumsum())
@@ -460,16 +459,16 @@ _ELASTIC: dict[str, Callable[[_Row], str]] = {
 
 
 def _draw_outcome(row: _Row) -> str:
-    words = row.panels[0].attrs["flag_meanings"].split()
+    names = row.panels[0].attrs["flag_meanings"].split()
     present = sorted({int(code) for panel in row.panels for code in np.unique(panel.values)})
     codes = [np.searchsorted(present, panel.values).astype(float) for panel in row.panels]
-    labels = [words[code].replace("_", "\n", 1).replace("_", " ") for code in present]
-    _draw_discrete(row, codes, [style.MAP_OUTCOMES[words[code]] for code in present], labels)
+    labels = [names[code].replace("_", "\n", 1).replace("_", " ") for code in present]
+    _draw_discrete(row, codes, [style.MAP_OUTCOMES[names[code]] for code in present], labels)
     return "outcome"
 
 
 def _draw_error(row: _Row) -> str:
-    """Millimetres over many powers of ten."""
+    """Draw the difference of the two methods [mm] on a logarithmic scale."""
     from matplotlib.colors import LogNorm
 
     errors = [np.ma.masked_invalid(np.where(values > 0, values, np.nan)) * 1e3 for _, _, _, values in row.each()]
@@ -483,11 +482,11 @@ def _draw_error(row: _Row) -> str:
         if error.count():
             _note(ax, f"at most {power_of_ten(float(error.max()))} mm")
     _bar(row, image)
-    return "apart by [mm]"
+    return "difference [mm]"
 
 
 def _draw_discrete(row: _Row, codes: Sequence[np.ndarray], colors: Sequence[str], labels: Sequence[str]) -> None:
-    """A colour for each of the codes 0, 1, ..., and their names beside the bar; grey where there is none."""
+    """Draw a colour for each of the codes 0, 1, ..., with names beside the colour bar; grey without a value."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     cmap = ListedColormap(list(colors)).with_extremes(bad=style.MAP_UNSOLVED)
@@ -501,9 +500,9 @@ def _draw_discrete(row: _Row, codes: Sequence[np.ndarray], colors: Sequence[str]
 
 
 def _outline_feasible(ax: Axes, margin: xr.DataArray, **looks: Any) -> None:
-    """The border where the margin is zero, or a mask steps; none where all or nothing is feasible.
+    """Draw the border where the margin is zero, or a mask steps; none where all or no poses are feasible.
 
-    An under-actuated robot's feasible poses have no area: they are drawn as the line that they are.
+    The feasible poses of an under-actuated robot form a line, and are drawn as a line.
     """
     vertical, horizontal = margin.dims
     x, y = margin[horizontal].values, margin[vertical].values
@@ -524,19 +523,19 @@ def _outline_feasible(ax: Axes, margin: xr.DataArray, **looks: Any) -> None:
 
 
 def _to_edges(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same as far as the outermost cells reach: half a step beyond the outermost poses."""
+    """Extend the values to the edges of the outermost cells, half a step beyond the outermost poses."""
     (left, right), (low, high) = _ends(x), _ends(y)
     return np.array([left, *x, right]), np.array([low, *y, high]), np.pad(values, 1, mode="edge")
 
 
 def _thin(margin: xr.DataArray) -> bool:
-    """Whether no tensions at all balance the load beside what is feasible, so that it has no area."""
+    """Whether the feasible set has no area, since beside it no tensions balance the load."""
     outside = margin.values[~(margin.values >= 0)]
     return bool(outside.size) and bool(np.isneginf(outside).all())
 
 
 def _finite(margin: xr.DataArray) -> np.ndarray:
-    """With a far number in place of minus infinity, so that a line between the two is at the finite end."""
+    """Replace minus infinity by a large negative number, which puts the zero level next to the finite values."""
     return np.where(np.isneginf(margin.values), -1e9, margin.values)
 
 
@@ -550,7 +549,7 @@ def _bar(row: _Row, image: Any, *, ticks: list | None = None, labels: Sequence[s
 
 
 def _note(ax: Axes, text: str) -> None:
-    """Small print above the panel."""
+    """Write a note above the panel."""
     ax.annotate(
         text, (0.5, 1), (0, 2.5), xycoords="axes fraction", textcoords="offset points", ha="center", va="bottom",
         fontsize=style.MAP_FONT - 1, color=style.MAP_MUTED,
@@ -558,7 +557,7 @@ def _note(ax: Axes, text: str) -> None:
 
 
 def _round_levels(largest: float) -> list[float]:
-    """Two to six round numbers up to ``largest``, 1, 2 or 5 times a power of ten apart."""
+    """Two to six round levels up to ``largest``, with steps of 1, 2 or 5 times a power of ten."""
     step = 10.0 ** np.floor(np.log10(largest / 3))
     step *= next((m for m in (1, 2, 5) if largest / (m * step) <= 6.5), 10)
     return [float(level) for level in np.arange(1, int(largest / step + 1e-9) + 1) * step]

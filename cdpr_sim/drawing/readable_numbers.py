@@ -1,4 +1,4 @@
-"""Numbers as people read them: no 1.7e+02 in a picture."""
+"""Number formats for figures, without exponents such as 1.7e+02."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def plain(value: float) -> str:
-    """Two digits that count, or all before the point: 0.062, 3.8, 41, 170, 12,000."""
+    """Two significant digits, or all digits before the point: 0.062, 3.8, 41, 170, 12,000."""
     return f"{value:,.0f}" if abs(value) >= 99.5 else f"{value:.2g}"
 
 
@@ -18,7 +18,7 @@ def power_of_ten(value: float) -> str:
 
 
 def per_cent(share: float) -> str:
-    """A share in per cent; 100 and 0 are said of all and none alone."""
+    """A share in per cent; 100 and 0 are used for all and none only."""
     if share in (0, 1):
         return f"{100 * share:.0f} %"
     return f"{min(max(100 * share, 0.1), 99.9):.{0 if 0.995 <= 100 * share < 99.5 else 1}f} %"

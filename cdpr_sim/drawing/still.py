@@ -1,4 +1,4 @@
-"""A robot at a commanded pose, drawn still: frame, exits and cables with their numbers, and its platform close up."""
+"""Figure of a robot at a commanded pose: frame, exits and numbered cables, and a close-up of the platform."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportOptionalMemberAccess=false
@@ -27,18 +27,18 @@ from cdpr_sim.drawing.axes import canvas, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 
 STAMP = "Source"
-"""The key of a PNG's text that names what it was drawn from."""
+"""Key of the PNG text chunk with the hash of the picture's source."""
 
 
 class Still(Figure):
-    """A figure that a notebook shows."""
+    """A figure with a notebook display."""
 
     def _repr_png_(self) -> bytes:
         return encoded(self)
 
 
 def encoded(figure: Figure) -> bytes:
-    """As a PNG."""
+    """The figure as PNG."""
     buffer = io.BytesIO()
     figure.set_dpi(style.PNG_DPI)
     FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim"})
@@ -46,9 +46,9 @@ def encoded(figure: Figure) -> bytes:
 
 
 def small(picture: bytes, stamp: str) -> bytes:
-    """A PNG in a third of the bytes, of 256 colours, for a repository; ``stamp`` says what it was drawn from.
+    """A PNG with 256 colours and a third of the size, for a repository; ``stamp`` is the hash of its source.
 
-    One step of k-means puts the colours of large areas, such as a platform's, where they were within 5 of 255.
+    One step of k-means keeps the colours of large areas, such as a platform's, within 5 of 255.
     """
     buffer, text = io.BytesIO(), PngInfo()
     text.add_text(STAMP, stamp)
@@ -59,7 +59,7 @@ def small(picture: bytes, stamp: str) -> bytes:
 
 
 def stamp_of(path: Path) -> str | None:
-    """What ``small`` was told when it made the picture; None where there is no such picture."""
+    """The stamp that ``small`` wrote into the picture; None without such a picture."""
     try:
         with Image.open(path) as picture:
             return picture.info.get(STAMP)
@@ -69,17 +69,17 @@ def stamp_of(path: Path) -> str | None:
 
 @styled
 def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
-    """A picture of ``robot`` as its winches command it: cables straight, with the numbers that tables give them.
+    """Draw ``robot`` at its commanded pose: cables straight, with the numbers used in tables.
 
     Args:
-        robot: what to draw.
+        robot: the robot.
         pose: of its platform; default: the middle of its workspace.
 
     Returns:
-        A matplotlib figure, which a notebook shows; ``figure.savefig("robot.png")`` writes it.
+        A matplotlib figure, displayed in notebooks; ``figure.savefig("robot.png")`` writes it.
 
     Raises:
-        InvalidInput: a pose that cannot be right.
+        InvalidInput: an invalid pose.
     """
     refuse_unless(Robot, robot=robot)
     at = robot.pose(robot.home if pose is None else pose)
@@ -89,19 +89,19 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
         10.0,
         5.4,
         f"{robot.name}: {robot.description or f'{robot.cables} cables'}",
-        f"Numbers: the cables, at their exits and at their anchors. Cross: the centre of mass. Commanded to ({x:.4g}, "
+        f"Numbers: cables, at their exits and anchors. Cross: centre of mass. Commanded to ({x:.4g}, "
         f"{y:.4g}, {z:.4g}) m. A platform of {robot.mass:g} kg on {robot.cables} {describe_cables(robot)}; "
         f"{robot.mobility}.",
         Still,
     )
-    for words in figure.texts:
-        words.set_parse_math(False)  # names and descriptions are anybody's
+    for text in figure.texts:
+        text.set_parse_math(False)  # names and descriptions may contain any characters
     grid = figure.add_gridspec(1, 2, width_ratios=(1.55, 1))
     projection = "3d" if robot.mobility == "spatial" else None
     whole, close = (figure.add_subplot(place, projection=projection) for place in grid)
     draw_robot(whole, robot, position, rotation)
     if projection:
-        whole.xaxis.set_major_locator(MaxNLocator(5, prune="upper"))  # a narrow frame has no room for more
+        whole.xaxis.set_major_locator(MaxNLocator(5, prune="upper"))  # a narrow axes has no room for more
     frame = _with_room(robot).frame
     _label(whole, robot, robot.exits, frame.mean(0), float(np.linalg.norm(np.ptp(frame, axis=0))))
     whole.set_title("the robot, as commanded", loc="left")
@@ -110,7 +110,7 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
 
 
 def draw_robot(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, width: float = style.THIN) -> None:
-    """Frame, exits, cables and platform, in space or in the x-z plane."""
+    """Draw frame, exits, cables and platform, in 3D or in the x-z plane."""
     in_space = robot.mobility == "spatial"
     (drawing.draw_space if in_space else drawing.draw_front)(ax, _with_room(robot))
     _cables(ax, robot, position, rotation, width)
@@ -118,7 +118,7 @@ def draw_robot(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarra
 
 
 def _with_room(robot: Robot) -> Robot:
-    """The robot in a frame that is nowhere too thin to be drawn."""
+    """The robot with a frame that is thick enough to be drawn."""
     lower, upper = robot.frame
     least = 0.02 * max(np.linalg.norm(upper - lower), np.linalg.norm(robot.platform_size))
     pad = np.where(upper - lower < least, least / 2, 0.0)
@@ -126,7 +126,7 @@ def _with_room(robot: Robot) -> Robot:
 
 
 def _cables(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, width: float) -> None:
-    straight = robot.replace(linear_density=0.0).cabling  # what hangs is a result
+    straight = robot.replace(linear_density=0.0).cabling  # sagging is a result
     for cable, anchor in enumerate(position + robot.anchors @ rotation.T):
         _plot(ax, robot, cable_curve(straight, cable, anchor), color=_color(cable), lw=width, zorder=3)
         wheel = wheel_of(straight, cable, anchor)
@@ -135,7 +135,7 @@ def _cables(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, 
 
 
 def _close_up(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray) -> None:
-    """The platform in its own frame; of each cable, its last bit."""
+    """Draw the platform in its own frame, with the last part of each cable."""
     exits, origin, level = (robot.exits - position) @ rotation, np.zeros(3), np.eye(3)
     half = 1.4 * max(float(np.abs(robot.anchors).max()), float(robot.platform_size.max()) / 2)
     around = robot.replace(frame=[(-half, -half, -half), (half, half, half)])
@@ -155,7 +155,7 @@ def _close_up(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray
 
 
 def _label(ax: Axes, robot: Robot, points: np.ndarray, middle: np.ndarray, size: float, beside: float = 0.055) -> None:
-    """Cables' numbers beside their points, outwards from the middle; those of one point together."""
+    """Write cable numbers beside their points, outwards from the middle; numbers of the same point together."""
     places: dict[tuple[float, ...], list[int]] = {}
     for cable, point in enumerate(points):
         places.setdefault(tuple(np.round(point / size, 3)), []).append(cable)
@@ -164,13 +164,13 @@ def _label(ax: Axes, robot: Robot, points: np.ndarray, middle: np.ndarray, size:
         outwards = point - middle
         outwards = outwards / (np.linalg.norm(outwards) or 1.0)
         at = point + beside * size * outwards
-        words = ", ".join(str(cable + 1) for cable in cables)
+        numbers = ", ".join(str(cable + 1) for cable in cables)
         color = _color(cables[0]) if len(cables) == 1 else style.INK
         looks = {"color": color, "fontsize": 8, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 7}
         if robot.mobility == "spatial":
-            ax.text(*at, words, **looks)
+            ax.text(*at, numbers, **looks)
         else:
-            ax.text(at[0], at[2], words, **looks)
+            ax.text(at[0], at[2], numbers, **looks)
 
 
 def _plot(ax: Axes, robot: Robot, points: np.ndarray, **looks) -> None:
@@ -183,18 +183,18 @@ def _color(cable: int) -> str:
 
 @styled
 def sheet(robots: Sequence[Robot], columns: int = 6) -> Figure:
-    """All ``robots`` on one page, each as commanded to the middle of its workspace."""
+    """Draw all ``robots`` in one figure, each commanded to the middle of its workspace."""
     columns = min(columns, len(robots))
     rows = -(-len(robots) // columns)
     figure = canvas(
         2.1 * columns,
         2.5 * rows + 0.8,
-        f"{len(robots)} robots, each a file",
-        "Each platform as commanded to the middle of its workspace; each robot at a scale of its own. Below it: kind, "
-        "cables, the platform's mass, the size of the frame.",
+        f"{len(robots)} robots",
+        "Each platform is commanded to the middle of its workspace; scales differ. Below each robot: kind, number of "
+        "cables, mass of the platform, size of the frame.",
         Still,
     )
-    figure.get_layout_engine().set(hspace=0.2, rect=(0, 0.03, 1, 0.95))  # room for words below
+    figure.get_layout_engine().set(hspace=0.2, rect=(0, 0.03, 1, 0.95))  # room for text below
     for place, robot in zip(figure.add_gridspec(rows, columns), robots, strict=False):
         in_space = robot.mobility == "spatial"
         ax = figure.add_subplot(place, projection="3d" if in_space else None)
@@ -203,8 +203,8 @@ def sheet(robots: Sequence[Robot], columns: int = 6) -> Figure:
         ax.set_title(robot.name, loc="center", fontweight="bold", parse_math=False)
         size = " × ".join(f"{edge:.3g}" for edge in np.ptp(robot.frame, axis=0)[:: 1 if in_space else 2])
         kind = robot.kind if in_space else f"planar, {robot.kind}"
-        words = f"{kind}, {robot.cables} cables\n{float(f'{robot.mass:.3g}'):,g} kg, {size} m"
+        text = f"{kind}, {robot.cables} cables\n{float(f'{robot.mass:.3g}'):,g} kg, {size} m"
         (ax.text2D if in_space else ax.text)(
-            0.5, -0.03, words, transform=ax.transAxes, ha="center", va="top", fontsize=7, color=style.MUTED
+            0.5, -0.03, text, transform=ax.transAxes, ha="center", va="top", fontsize=7, color=style.MUTED
         )
     return figure

@@ -1,10 +1,10 @@
-"""Colours, widths and sizes of everything that is drawn, in one place."""
+"""Colours, line widths and sizes of all figures and videos."""
 
 from __future__ import annotations
 
 # ---------------------------------------------------------------------------------------------------------- FIGURES
-# Hues are Okabe and Ito's, told apart by colour-blind readers (https://jfly.uni-koeln.de/color); every series differs
-# from its neighbours in line style or marker as well, for grey print.
+# Hues are Okabe and Ito's, distinguishable by colour-blind readers (https://jfly.uni-koeln.de/color); series
+# also differ in line style or marker, for print in grey.
 
 INK, MUTED, FAINT = "#1a1a1a", "#666666", "#cccccc"
 BLUE, VERMILLION, GREEN, ORANGE, SKY, PURPLE = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7"
@@ -13,10 +13,10 @@ LEFT, RIGHT = BLUE, VERMILLION
 """Cables whose exits lie left and right of the frame's middle."""
 
 PLATFORM, COMMANDED, SLACK_CABLE = "#9dbfd6", "#8a8a8a", VERMILLION
-"""Fill of a platform at rest; outline of the pose that it was commanded to; a slack cable."""
+"""Fill of a platform at equilibrium; outline of the commanded pose; a slack cable."""
 
 CABLES = (BLUE, VERMILLION, GREEN, ORANGE, SKY, PURPLE, INK, MUTED)
-"""Cables one by one; their numbers stand beside them."""
+"""Colours of cables; their numbers are written beside them."""
 
 WHEEL = {"fc": "#e9e9e9", "ec": MUTED, "lw": 0.6}
 """The wheel of a pulley."""
@@ -24,12 +24,12 @@ WHEEL = {"fc": "#e9e9e9", "ec": MUTED, "lw": 0.6}
 COMMANDED_DASH, SLACK_DASH = (0, (2.5, 1.5)), (0, (1, 1.2))
 
 ZONES = (("#fbeebc", ""), ("#f3cdbf", "///"))
-"""(fill, hatch) where fewer, and where more, cables are slack: the paper's yellow and red."""
+"""(fill, hatch) of zones with fewer and with more slack cables: the paper's yellow and red."""
 
 ZONE_HATCH = "#dba998"
 
 STIFFNESS_MAP = "cividis"
-"""Soft to stiff: perceptually uniform, the same to colour-blind readers, monotonic in grey."""
+"""Soft to stiff: perceptually uniform, also for colour-blind readers, and monotonic in grey."""
 
 LINE, THIN, HAIR = 1.8, 1.0, 0.6
 """Line widths [points]: a result, a cable, a help line."""
@@ -38,20 +38,20 @@ POINT = 5.0
 """Size of MuJoCo's points [points]: hollow, so that the line under them shows."""
 
 DARK, LIGHT = {"lw": 1.4, "zorder": 3}, {"lw": 3.8, "zorder": 2}
-"""Two series that may lie on each other: a thin dark line on a broad light one."""
+"""Two series that may coincide: a thin dark line on a wide light one."""
 
 DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), (0, (6, 1, 1, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v")
 
 REPORTED = {"color": INK, "lw": 3.0, "solid_capstyle": "butt", "zorder": 7}
-"""What others report."""
+"""Values reported in the paper."""
 
 PNG_DPI = 110
 
 RC = {
     "figure.facecolor": "white",
     "figure.constrained_layout.use": True,
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
+    "font.family": "DejaVu Sans",  # included in matplotlib: the same on every machine
     "font.size": 9,
     "text.color": INK,
     "axes.edgecolor": MUTED,
@@ -75,61 +75,61 @@ RC = {
     "legend.frameon": False,
     "legend.fontsize": 8.5,
     "svg.fonttype": "path",
-    "svg.hashsalt": "cdpr-sim",  # the same data gives the same file
+    "svg.hashsalt": "cdpr-sim",  # the same data give the same file
 }
-"""matplotlib's settings for all figures, used in a context and never left behind."""
+"""matplotlib's settings for all figures, applied in a context only."""
 
 TITLE = {"fontsize": 13, "fontweight": "bold", "ha": "left", "x": 0.012}
 CAPTION = {"fontsize": 8.5, "color": MUTED, "ha": "left", "x": 0.012, "linespacing": 1.35}
 TITLE_LETTERS, CAPTION_LETTERS = 8.8, 15.2
-"""How many letters of title and caption fit into an inch."""
+"""Characters per inch of title and caption."""
 
 
 # ------------------------------------------------------------------------------------------------------------- MAPS
 # Elastic maps over the workspace.
 MAP_PANEL = 2.6
-"""Width of a panel [inch]; half or twice that where a grid is very high or very wide."""
+"""Width of a panel [inch]; half or twice that for a very high or very wide grid."""
 
 MAP_HEIGHT = (1.2, 5.2)
-"""Its height [inch], at least for the words beside it, and at most."""
+"""Smallest and largest height of a panel [inch]."""
 
 MAP_LOCATOR, MAP_LOCATED = 0.62, "#c9d6e2"
-"""Height of the picture that shows where the maps lie in the frame [inch]; and their colour there."""
+"""Height of the picture that locates the maps in the frame [inch]; colour of the located region."""
 
 MAP_INK, MAP_MUTED, MAP_FAINT = "#22303c", "#5d6974", "#8b97a3"
-"""Text and contours; small print; outlines and ticks."""
+"""Text and contours; notes; outlines and ticks."""
 
 MAP_BACKGROUND, MAP_UNSOLVED = "#ffffff", "#d8d8d8"
 """The page; and poses without an equilibrium."""
 
 MAP_TILT, MAP_DISTANCE = "magma_r", "viridis_r"
-"""Colour maps of tilt and of deviation: dark is bad."""
+"""Colour maps of tilt and of deviation: dark is large."""
 
 MAP_SLACK = ["#f4f1de", "#f2d492", "#f2a65a", "#e5734a", "#c8443c", "#96263a", "#641236", "#3d0a2c", "#1c0517"]
 """No cable slack, one, two, ...: from pale to dark."""
 
 MAP_FEASIBLE, MAP_INFEASIBLE = "#58a55c", "#ececec"
-"""The static feasible workspace, green as in the paper's Fig. 10 and 11, and what is outside it."""
+"""The static feasible workspace, green as in the paper's Fig. 10 and 11, and its outside."""
 
 MAP_BORDER = "#2c7a3f"
 """Its border in other panels, dashed."""
 
 MAP_OUTCOMES = {
     "agree": "#58a55c",
-    "agree_but_free": "#a8d5a2",
+    "agree_except_neutral": "#a8d5a2",
     "different_equilibria": "#f2a65a",
     "disagree": "#c8443c",
     "unsettled": "#7b3fa0",
     "unsolved": "#3f51a0",
     "refused": "#d8d8d8",
 }
-"""What checking a pose came to."""
+"""Outcomes of the comparison at a pose."""
 
 MAP_FONT = 8
 """Size of ticks and contour labels [pt]; titles are larger by up to 3."""
 
 MAP_LETTERS = 15.5
-"""How many letters of the line at the foot fit into an inch."""
+"""Characters per inch of the footnote."""
 
 # ------------------------------------------------------------------------------------------------------------ VIDEO
 Color = tuple[float, float, float]
@@ -138,14 +138,14 @@ Color = tuple[float, float, float]
 # What is in the scene; widths are fractions of the frame's diagonal.
 
 PLATFORM_COLOR: Color = (0.16, 0.38, 0.62)
-"""Where the platform is, in MuJoCo."""
+"""The platform in MuJoCo."""
 
 COMMANDED_COLOR: Color = (0.10, 0.10, 0.14)
-"""Where it was commanded: the ghost and the path."""
+"""Commanded pose: translucent platform and path."""
 
 GHOST_ALPHA = 0.20
 GHOST_SIZE = 0.985
-"""Of the platform's, so that where they coincide the platform is what is seen."""
+"""Size relative to the platform, so that the platform is visible if both coincide."""
 
 PATH_ALPHA = 0.35
 PATH_RADIUS = 0.0013
@@ -160,16 +160,16 @@ SHADOW_ALPHA = 0.09
 
 CABLE_RADIUS = 0.0022
 SLACK_COLOR: Color = (0.90, 0.24, 0.05)
-"""A slack cable: vermilion, which no tension has, nor is it mistaken for one in any common colour blindness."""
+"""A slack cable: vermilion, which is outside the tension scale, also for colour-blind viewers."""
 
 SLACK_SHINE = 6.0
-"""How much more of a slack cable's colour is its own light than the lamps': one of them gives a seventh."""
+"""Emission of a slack cable relative to its diffuse colour; one lamp contributes a seventh."""
 
 TENSION_MAP = "viridis"
-"""Perceptually uniform; only its darker part is used, which stands out from the pale floor."""
+"""Perceptually uniform; only its darker part is used, which contrasts with the pale floor."""
 
 TENSION_RANGE = (0.58, 0.0)
-"""Of the map, from no tension (teal) to the largest (deep purple)."""
+"""Range of the colour map, from no tension (teal) to the largest (deep purple)."""
 
 # The camera: degrees, and the fraction of the picture that the robot's frame fills.
 
@@ -181,7 +181,7 @@ SUPERSAMPLING = 2
 """Rays or fragments per pixel and axis. MuJoCo's own multisampling and shadows cost software OpenGL much more."""
 
 SLICES, STACKS, QUADS = 12, 6, 12
-"""Of MuJoCo's round shapes and chains; its default 28 and 16 cost software OpenGL more."""
+"""Resolution of MuJoCo's round shapes and chains; its default 28 and 16 is slower in software OpenGL."""
 
 # The page around it; sizes are fractions of its shorter side.
 
@@ -190,8 +190,8 @@ PAGE_INK: Color = (0.11, 0.12, 0.14)
 PAGE_FAINT: Color = (0.42, 0.44, 0.48)
 PAGE_RULE: Color = (0.84, 0.86, 0.88)
 TITLE_HEIGHT, TEXT_HEIGHT, LABEL_HEIGHT, NUMBER_HEIGHT = 0.038, 0.027, 0.0245, 0.042
-"""Heights of type: title, text, labels, and the numbers to be read at a glance."""
+"""Font sizes: title, text, labels and large numbers."""
 
 LEAST_HEIGHT = 10
-"""[pixel] Smaller type cannot be read."""
+"""[pixel] Smallest legible font size."""
 # ------------------------------------------------------------------------------------------------ end of VIDEO -------

@@ -303,7 +303,8 @@ class Chains:
 
         Each segment is parallel to its own pull, which changes from segment to segment by the weights of the masses,
         and is stretched by it; Newton's method finds the pulls on the anchors with which the chains reach their exits.
-        These are only initial positions of the masses: whether they are in equilibrium there is decided in MuJoCo.
+        These are only initial positions of the masses: whether they are in equilibrium there is decided in MuJoCo. A
+        folded chain, with a segment that is not taut, has no such pulls and is not computed.
 
         Args:
             model: with springs and masses.
@@ -326,20 +327,26 @@ class Chains:
             )
             return segments, spans - segments.sum(1), slope
 
+        # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
+        # segment: it is least there where the others leave no more than that length to span.
+        folded = np.zeros(len(pulls), dtype=bool)
+        for segment in range(SEGMENTS):
+            _, off, _ = laid(-hanging[:, segment])
+            folded |= np.linalg.norm(off, axis=1) <= rest[:, segment, 0]
         segments, off, slope = laid(pulls)
         found = np.zeros(len(pulls), dtype=bool)
         for _ in range(LAYINGS):
             found = np.linalg.norm(off, axis=1) <= CLOSED * rest.sum(1)[:, 0]
+            if (found | folded).all():
+                break
             step = np.linalg.solve(slope, off[..., None])[..., 0]
             for _ in range(SHORTER):
                 worse = np.linalg.norm(laid(pulls + step)[1], axis=1) > np.linalg.norm(off, axis=1)
-                if found.all() or not worse.any():
+                if not (worse & ~folded).any():
                     break
                 step[worse] *= 0.5
             pulls = pulls + step
             segments, off, slope = laid(pulls)
-            if found.all():
-                break
         return segments[:, :-1], found
 
 

@@ -108,10 +108,7 @@ def drive(
         raise InvalidInput(f"seconds: found {seconds:g}, expected more than 0 and at most {MOST_SECONDS:g}")
     fractions = np.linspace(0, 1, states)
     commanded = path.at(fractions)
-    held = Problems.of(robot, commanded)
-    refused = held.refusals != Status.PENDING
-    if refused.any():
-        Problem.of(robot, commanded[int(np.argmax(refused))])  # raises the error
+    problems_at(robot, commanded)  # refuses poses that no rest lengths can hold
     problems = Problems.of(robot, commanded, path.winches(fractions))
     start = settle(robot, poses[0], problems.rest_lengths[0]).pose if from_rest else poses[0]
     with quiet():
@@ -141,6 +138,19 @@ def poses_through(robot: Any, waypoints: Any, doing: str) -> list[RigidTransform
     if not poses:
         raise InvalidInput("waypoints: found none, expected at least one pose")
     return poses
+
+
+def problems_at(robot: Robot, commanded: RigidTransform) -> Problems:
+    """What winches are asked that hold each of these poses with the rigid lengths there.
+
+    Raises:
+        InvalidInput: nothing could hold the platform at one of the poses, or a cable leaves its pulley there.
+    """
+    problems = Problems.of(robot, commanded)
+    refused = problems.refusals != Status.PENDING
+    if refused.any():
+        Problem.of(robot, commanded[int(np.argmax(refused))])  # says why
+    return problems
 
 
 def _slow_speed(problem: Problem) -> float:

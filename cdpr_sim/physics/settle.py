@@ -59,7 +59,8 @@ def settle(
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity.
         model: settle this model of the robot instead of the generated one, with its own springs, masses and gravity.
             Its names must be those of ``to_mjcf``.
-        progress: show the progress on standard error: where cables have mass it may take a minute.
+        progress: show the progress on standard error: where cables have mass it may take a minute. It stops after
+            30,000 time steps, or 2,000 longer ones near equilibrium.
 
     Returns:
         The equilibrium by MuJoCo's own pose, forces and stiffness; its ``source`` is "mujoco".

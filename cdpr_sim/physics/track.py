@@ -26,11 +26,11 @@ from cdpr_sim.core.controller import Command, Controller, Reference, Sensors
 from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
-from cdpr_sim.core.problem import Problem, Problems
+from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell, Trajectory
 from cdpr_sim.physics.batch import quiet
-from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, poses_through
+from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, poses_through, problems_at
 from cdpr_sim.physics.mjcf import TIMESTEP, place, to_mjcf
 from cdpr_sim.physics.sensing import Readings, Sensing, pose_of
 from cdpr_sim.physics.settle import settle
@@ -97,7 +97,8 @@ def track(
         reference, its rest lengths those that the winches had let out.
 
     Raises:
-        InvalidInput: an invalid argument; cables with mass or nonlinear elasticity.
+        InvalidInput: an invalid argument; cables with mass or nonlinear elasticity; a pose that no rest lengths can
+            hold.
         NotSettled: the platform does not come to rest on the controller's first lengths.
         PlatformFell: it fell during the motion; carries the trajectory so far.
         BadCommand: the controller failed, or gave a command that winches cannot carry out; carries the trajectory so
@@ -114,9 +115,7 @@ def track(
     times = period * np.arange(np.ceil(reference.end / period - ROUNDING) + 1)
     times[-1] = reference.end
     wanted = reference.poses(times)
-    held = Problems.of(robot, wanted)
-    if held.falls.any():
-        Problem.of(robot, wanted[int(np.argmax(held.falls))])  # raises the error that nothing holds it
+    held = problems_at(robot, wanted)
     with _blamed(robot, "when the controller starts"):
         lengths = Command.of(controller.start(reference), robot.cables).rest_lengths
     with quiet():

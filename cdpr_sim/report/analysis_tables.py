@@ -1,4 +1,4 @@
-"""What follows from statics, as tables for people: compensation, sensitivity, equilibria, identification."""
+"""Tables of the analysis: compensation, sensitivity, natural modes, equilibria, identification."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from rich.table import Table
 
 from cdpr_sim.analysis.compensation import Compensation
 from cdpr_sim.analysis.equilibria import Equilibria, unstable_directions
+from cdpr_sim.analysis.identifiability import best_of_fewer, described
 from cdpr_sim.analysis.identification import Identification
 from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
@@ -24,74 +25,78 @@ from cdpr_sim.report.table_style import new_table
 def compensation_table(
     compensation: Compensation, before: Sequence[Equilibrium], after: Sequence[Equilibrium]
 ) -> Table:
-    """Errors of position and tilt with the rigid and with the compensated lengths, by each method.
+    """Errors of position and rotation with the rigid and the compensated lengths, for each method.
 
     Args:
-        compensation: what is told to the winches.
-        before: each method's equilibrium with the rigid lengths.
-        after: likewise with the compensated lengths.
+        compensation: the compensated rest lengths.
+        before: equilibrium of each method with the rigid lengths.
+        after: equilibrium of each method with the compensated lengths.
     """
     robot, commanded = compensation.equilibrium.problem.robot, compensation.commanded
     x, y, z = 1e3 * commanded.translation
     results = {
-        f"{when}\n{heading(found)}": found for when, all in (("before", before), ("after", after)) for found in all
+        f"{when}\n{heading(point)}": point
+        for when, points in (("before", before), ("after", after))
+        for point in points
     }
     title = f"{robot.name}, {describe_cables(robot, 'N')},\ncommanded to ({x:g}, {y:g}, {z:g}) mm"
     table = new_table(title, "", *results, dense=True, methods=True)
-    shifts = [1e3 * (found.position - commanded.translation) for found in results.values()]
-    turns = [np.degrees((found.rotation * commanded.rotation.inv()).magnitude()) for found in results.values()]
+    deviations = [1e3 * (point.position - commanded.translation) for point in results.values()]
+    rotations = [np.degrees((point.rotation * commanded.rotation.inv()).magnitude()) for point in results.values()]
     for axis, name in enumerate("xyz"):
-        table.add_row(escape(f"error {name} [mm]"), *(f"{shift[axis]:.6f}" for shift in shifts))
-    distances = [float(np.linalg.norm(shift)) for shift in shifts]
-    table.add_row(escape("error of position [mm]"), *map(_small, distances), style="bold")
-    table.add_row(escape("error of rotation [°]"), *map(_small, turns), style="bold")
-    table.add_row(escape("tilt [°]"), *(f"{np.degrees(found.tilt):.6f}" for found in results.values()))
+        table.add_row(escape(f"error {name} [mm]"), *(f"{deviation[axis]:.6f}" for deviation in deviations))
+    distances = [float(np.linalg.norm(deviation)) for deviation in deviations]
+    table.add_row(escape("position error [mm]"), *map(_small, distances), style="bold")
+    table.add_row(escape("rotation error [°]"), *map(_small, rotations), style="bold")
+    table.add_row(escape("tilt [°]"), *(f"{np.degrees(point.tilt):.6f}" for point in results.values()))
     table.add_section()
     for cable in range(robot.cables):
-        shown = (SLACK if found.slack[cable] else f"{found.tensions[cable]:.3f}" for found in results.values())
-        table.add_row(escape(f"tension {cable + 1} [N]"), *shown)
-    if any(found.overloaded.any() for found in results.values()):
-        counts = (f"{int(found.overloaded.sum())} of {robot.cables}" for found in results.values())
+        cells = (SLACK if point.slack[cable] else f"{point.tensions[cable]:.3f}" for point in results.values())
+        table.add_row(escape(f"tension {cable + 1} [N]"), *cells)
+    if any(point.overloaded.any() for point in results.values()):
+        counts = (f"{int(point.overloaded.sum())} of {robot.cables}" for point in results.values())
         table.add_row("overloaded cables", *counts, style="red")
     table.add_section()
-    table.add_row(escape("softest [N/m]"), *(f"{found.eigenvalues[0]:.3g}" for found in results.values()))
-    table.add_row("equilibrium", *(found.stability.name.lower() for found in results.values()))
+    table.add_row(escape("lowest stiffness [N/m]"), *(f"{point.eigenvalues[0]:.3g}" for point in results.values()))
+    table.add_row("equilibrium", *(point.stability.name.lower() for point in results.values()))
     return table
 
 
 def _small(error: float) -> str:
-    """With the six decimals of its neighbours; what they would show as nothing, by its size."""
+    """Six decimals; in exponential notation where these would all be zero."""
     return f"{error:.6f}" if error >= 1e-5 or error == 0 else f"{error:.2e}"
 
 
 def compensation_lengths(compensation: Compensation) -> str:
-    """How much shorter to cut each cable than if it were rigid at the commanded pose."""
+    """Difference of rigid and compensated rest length of each cable."""
     robot = compensation.equilibrium.problem.robot
-    shorter = 1e3 * (robot.rest_lengths(compensation.commanded) - compensation.rest_lengths)
-    return escape("Cables shorter by [mm]: ") + ", ".join(f"{value:.3f}" for value in shorter)
+    reductions = 1e3 * (robot.rest_lengths(compensation.commanded) - compensation.rest_lengths)
+    return escape("Rest lengths reduced by [mm]: ") + ", ".join(f"{value:.3f}" for value in reductions)
 
 
-def compensation_verdict(compensation: Compensation, hold: CompensationCheck | None = None) -> str:
-    """What compensation came to, and why, and what MuJoCo does not confirm if it was asked, in a line each."""
-    held = hold is None or hold.held
+def compensation_verdict(compensation: Compensation, verification: CompensationCheck | None = None) -> str:
+    """Outcome of the compensation with its reasons, and with what MuJoCo does not confirm; a line each."""
+    held = verification is None or verification.held
     color = "green" if compensation.exact and held else "yellow" if held else "red"
-    found = compensation.reach.value if held else "what statics finds is not held in MuJoCo"
-    head = f"[bold {color}]{found[0].upper() + found[1:]}[/]"
+    outcome = compensation.reach.value if held else "the equilibrium found by statics is not held in MuJoCo"
+    head = f"[bold {color}]{outcome[0].upper() + outcome[1:]}[/]"
     if not compensation.exact:
-        arm = f"a rotation counts as the way of a point {1e3 * compensation.arm:.0f} mm from the platform's origin"
-        head += f": {1e3 * compensation.distance:.3f} mm away ({arm if compensation.arm else 'in position alone'})"
+        arm = f"rotation weighted by an arm of {1e3 * compensation.arm:.0f} mm"
+        head += f": {1e3 * compensation.distance:.3f} mm away ({arm if compensation.arm else 'position only'})"
     reasons = (
-        *compensation.reasons, *(hold.reasons if hold else ()), *overload_notes(compensation.equilibrium),
-    )  # fmt: skip
+        *compensation.reasons,
+        *(verification.reasons if verification else ()),
+        *overload_notes(compensation.equilibrium),
+    )
     return "\n".join([head + ".", *(f"  - {escape(reason)}" for reason in reasons)])
 
 
 def sensitivity_table(answer: Sensitivity, effects: Sequence[Effect]) -> Table:
-    """What one unit of change of each number does, as ordered."""
+    """Effect of a unit change of each parameter on position, rotation and tensions, in the given order."""
     equilibrium = answer.equilibrium
     robot, (x, y, z) = equilibrium.problem.robot, 1e3 * equilibrium.problem.pose.translation
     where = f"commanded to ({x:g}, {y:g}, {z:g}) mm"
-    title = f"{robot.name}, {describe_cables(robot, 'N')},\n{where}: what matters most"
+    title = f"{robot.name}, {describe_cables(robot, 'N')},\n{where}: sensitivity, largest first"
     table = new_table(title, "", "per", "mm", "°", "N", dense=True)
     for effect in effects:
         table.add_row(
@@ -105,15 +110,15 @@ def sensitivity_table(answer: Sensitivity, effects: Sequence[Effect]) -> Table:
 
 
 def sensitivity_note(answer: Sensitivity) -> str:
-    """How far the derivatives hold."""
+    """Range in which the derivatives are valid."""
     return (
-        "They hold while the same cables stay taut: the nearest to going slack or taut is "
-        f"{1e3 * answer.margin:.3g} mm of its length away."
+        "Valid while the set of taut cables does not change: the cable closest to a change is "
+        f"{1e3 * answer.margin:.3g} mm of length away from it."
     )
 
 
 def modes_table(modes: Modes) -> Table:
-    """Natural frequencies, and what each swing is made of: the largest parts of its motion, scaled to the largest."""
+    """Natural frequencies and mode shapes, scaled to the largest component; components below 0.005 are left out."""
     robot = modes.equilibrium.problem.robot
     directions = ("x", "y", "z", "about x", "about y", "about z")
     table = new_table(f"{robot.name}: natural frequencies", "mode", "Hz", *directions, dense=True)
@@ -125,12 +130,12 @@ def modes_table(modes: Modes) -> Table:
 
 
 def equilibria_table(found: Equilibria, releases: Sequence[Release] = (), reached: int | None = None) -> Table:
-    """Lowest energy first, with what MuJoCo's platform does when it is let go there, if it was."""
+    """Equilibria by increasing energy, with the behaviour of MuJoCo's platform released there, if given."""
     robot = found.problem.robot
     table = new_table(
-        f"{robot.name}, {describe_cables(robot, 'N')}:\nequilibria of the same cable lengths",
-        "", "energy\n[mJ]", "x\n[mm]", "y\n[mm]", "z\n[mm]", "tilt\n[°]", "slack", "softest\n[N/m]", "ways\ndown",
-        *(["let go in\nMuJoCo"] if releases else []), dense=True,
+        f"{robot.name}, {describe_cables(robot, 'N')}:\nequilibria with these cable lengths",
+        "", "energy\n[mJ]", "x\n[mm]", "y\n[mm]", "z\n[mm]", "tilt\n[°]", "slack", "lowest\nstiffness\n[N/m]", "index",
+        *(["released\nin MuJoCo"] if releases else []), dense=True,
     )  # fmt: skip
     for number, (one, energy) in enumerate(zip(found, found.energies, strict=True)):
         x, y, z = 1e3 * one.position
@@ -151,40 +156,50 @@ def equilibria_table(found: Equilibria, releases: Sequence[Release] = (), reache
 
 
 def equilibria_note(found: Equilibria) -> str:
-    """What speaks for and against the list being complete."""
+    """Whether the indices of the equilibria indicate a missing one."""
     if found.imbalance is None:
         return ""
     if found.imbalance == 0:
-        return "As many with an even as with an odd number of unstable directions: nothing says that one is missing."
+        return "As many equilibria with an even as with an odd index: no indication that one is missing."
     return (
-        f"[yellow]At least {abs(found.imbalance)} missing[/]: those with an even and with an odd number of unstable "
-        "directions should be as many."
+        f"[yellow]At least {abs(found.imbalance)} missing[/]: there should be as many equilibria with an even as with "
+        "an odd index."
     )
 
 
-def identification_table(found: Identification) -> Table:
+def identification_table(result: Identification) -> Table:
     """Each unknown with its standard error, lengths in millimetres."""
-    title = f"{found.robot.name}: what the measurements say"
+    title = f"{result.robot.name}: identified parameters"
     table = new_table(title, "", "value", "standard error", dense=True)
     table.add_column("", no_wrap=True)
-    for name, unit, value, error in zip(found.names, found.units, found.values, found.standard_errors, strict=True):
-        size, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
-        known = "undetermined" if np.isinf(error) else f"{size * error:.2g}"
-        table.add_row(escape(name.replace("_", " ")), f"{size * value:.6g}", known, shown)
+    for name, unit, value, error in zip(result.names, result.units, result.values, result.standard_errors, strict=True):
+        size, symbol = (1e3, "mm") if unit == "m" else (1.0, unit)
+        accuracy = "undetermined" if np.isinf(error) else f"{size * error:.2g}"
+        table.add_row(escape(name.replace("_", " ")), f"{size * value:.6g}", accuracy, symbol)
     return table
 
 
-def identification_note(found: Identification) -> str:
-    """What is left, and what the data cannot tell."""
-    moved = found.residuals[:, :3][~np.isnan(found.residuals[:, :3])]
-    turned = found.residuals[:, 3:][~np.isnan(found.residuals[:, 3:])]
+def identification_note(result: Identification) -> str:
+    """Residuals of the fit, estimated measurement errors, and reasons why unknowns are undetermined."""
+    positions = result.residuals[:, :3][~np.isnan(result.residuals[:, :3])]
+    rotations = result.residuals[:, 3:][~np.isnan(result.residuals[:, 3:])]
     parts = []
-    if moved.size:
-        parts.append(f"{1e3 * np.sqrt(np.mean(moved**2)):.3g} mm")
-    if turned.size:
-        parts.append(f"{np.degrees(np.sqrt(np.mean(turned**2))):.3g}°")
+    if positions.size:
+        parts.append(f"{1e3 * np.sqrt(np.mean(positions**2)):.3g} mm")
+    if rotations.size:
+        parts.append(f"{np.degrees(np.sqrt(np.mean(rotations**2))):.3g}°")
     head = f"Residuals: {' and '.join(parts)} (root mean square)."
-    if found.judged:
-        said = {"position": f"{1e3 * found.scatters[0]:.3g} mm", "rotation": f"{np.degrees(found.scatters[1]):.3g}°"}
-        head += f" Errors of measurement judged from them: {' and '.join(said[kind] for kind in found.judged)}."
-    return "\n".join([head, *(f"[yellow]-[/] {escape(reason)}" for reason in found.reasons)])
+    if result.judged:
+        errors = {
+            "position": f"{1e3 * result.scatters[0]:.3g} mm",
+            "rotation": f"{np.degrees(result.scatters[1]):.3g}°",
+        }
+        head += f" Measurement errors estimated from them: {' and '.join(errors[kind] for kind in result.judged)}."
+    error = next(iter(result.predictions.values()))
+    fewer, smallest = best_of_fewer(result.predictions)
+    if np.isinf(error):
+        head += "\nNo row can be left out: one alone determines an unknown."
+    elif np.isfinite(error):
+        head += f"\nRows left out are predicted with an error of {error:.2f} standard errors"
+        head += f", and of {smallest:.2f} with {described(fewer)}." if np.isfinite(smallest) else "."
+    return "\n".join([head, *(f"[yellow]-[/] {escape(reason)}" for reason in result.reasons)])

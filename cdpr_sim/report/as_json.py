@@ -1,4 +1,4 @@
-"""Results as dictionaries that JSON can hold, in SI units: one function for what each command finds."""
+"""Results as dictionaries for JSON, in SI units: one function per command."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from cdpr_sim.proof.complete import CompleteEquilibria
 
 
-def outcome(found: Outcome) -> dict[str, Any]:
-    """An equilibrium, or the best point of a method that found none and why."""
-    result: dict[str, Any] = {"equilibrium": isinstance(found, Equilibrium)}
-    if not isinstance(found, Equilibrium):
-        result["reason"] = found.reason
-    point = best_point(found)
+def outcome(result: Outcome) -> dict[str, Any]:
+    """An equilibrium; or the best point of a method that found none, with the reason."""
+    status: dict[str, Any] = {"equilibrium": isinstance(result, Equilibrium)}
+    if not isinstance(result, Equilibrium):
+        status["reason"] = result.reason
+    point = best_point(result)
     if point is None:
-        return result
-    return result | {
+        return status
+    return status | {
         "source": point.source,
         "position": point.position.tolist(),
         "euler": point.euler.tolist(),
@@ -51,19 +51,18 @@ def outcome(found: Outcome) -> dict[str, Any]:
     }
 
 
-def solution(found: Equilibrium) -> dict[str, Any]:
-    """What one solver came to, and of which cables."""
-    return outcome(found) | _machine(found.problem.robot)
+def solution(equilibrium: Equilibrium) -> dict[str, Any]:
+    """The equilibrium of one solver, and the robot."""
+    return outcome(equilibrium) | _robot(equilibrium.problem.robot)
 
 
 def crosscheck(
     problem: Problem, outcomes: Sequence[Outcome], agreement: Agreement, proved: Sequence[Certificate] = ()
 ) -> dict[str, Any]:
-    """What each method came to, by the source that it names, and whether they agree; and what is proved of each."""
-    told = certificates(proved) if proved else {}
+    """The outcome of each method by its source, their agreement, and the certificates."""
     return (
-        _asked(problem)
-        | told
+        _problem(problem)
+        | (certificates(proved) if proved else {})
         | {
             "results": _by_source(outcomes),
             "agrees": agreement.agrees,
@@ -77,76 +76,76 @@ def crosscheck(
     )
 
 
-def certificates(found: Sequence[Certificate]) -> dict[str, Any]:
-    """What is proved of each method's equilibrium, by the source that it names."""
-    return _asked(found[0].equilibrium.problem) | {
-        "certificates": {one.equilibrium.source.rpartition("/")[2]: certificate(one) for one in found}
+def certificates(proved: Sequence[Certificate]) -> dict[str, Any]:
+    """The certificate of each method's equilibrium, by its source."""
+    return _problem(proved[0].equilibrium.problem) | {
+        "certificates": {one.equilibrium.source.rpartition("/")[2]: certificate(one) for one in proved}
     }
 
 
-def certificate(found: Certificate) -> dict[str, Any]:
-    """Enclosures as [lower, upper]; what is not known is null."""
-    known = {
-        "position": found.position.tolist(),
-        "rotation_matrix": found.rotation.tolist(),
-        "tensions": found.tensions.tolist(),
-        "decimals": {name: list(digits) for name, digits in found.decimals.items()},
-        "digits": found.digits,
-        "radius": found.radius,
-        "position_error": found.position_error,
-        "rotation_error": found.rotation_error,
-        "tension_error": found.tension_error,
+def certificate(proof: Certificate) -> dict[str, Any]:
+    """Enclosures as [lower, upper]; unknown values are null."""
+    enclosures = {
+        "position": proof.position.tolist(),
+        "rotation_matrix": proof.rotation.tolist(),
+        "tensions": proof.tensions.tolist(),
+        "decimals": {name: list(digits) for name, digits in proof.decimals.items()},
+        "digits": proof.digits,
+        "radius": proof.radius,
+        "position_error": proof.position_error,
+        "rotation_error": proof.rotation_error,
+        "tension_error": proof.tension_error,
     }
     return {
-        "proved": found.proved,
-        "exists": found.exists,
-        "stable": found.stable,
-        "index": found.index,
-        "slack": list(found.slack),
-        "reasons": list(found.reasons),
-    } | (known if found.exists else dict.fromkeys(known))
+        "proved": proof.proved,
+        "exists": proof.exists,
+        "stable": proof.stable,
+        "index": proof.index,
+        "slack": list(proof.slack),
+        "reasons": list(proof.reasons),
+    } | (enclosures if proof.exists else dict.fromkeys(enclosures))
 
 
-def complete(found: CompleteEquilibria) -> dict[str, Any]:
-    """The proved list, whether it is complete, and what is left open."""
+def complete(proved: CompleteEquilibria) -> dict[str, Any]:
+    """The proved equilibria, whether the list is complete, and the undecided boxes."""
     return {
-        "proved_complete": found.complete,
-        "proved": [certificate(one) for one in found],
-        "undecided": [{"reason": one.reason, "boxes": one.boxes} for one in found.undecided],
-        "pending": found.pending,
-        "boxes": found.boxes,
+        "proved_complete": proved.complete,
+        "proved": [certificate(one) for one in proved],
+        "undecided": [{"reason": one.reason, "boxes": one.boxes} for one in proved.undecided],
+        "pending": proved.pending,
+        "boxes": proved.boxes,
     }
 
 
 def compensation(
     problem: Problem,
-    found: Compensation,
-    hold: CompensationCheck,
+    result: Compensation,
+    verification: CompensationCheck,
     before: Sequence[Equilibrium],
     after: Sequence[Equilibrium],
 ) -> dict[str, Any]:
-    """The lengths, and where each method puts the platform with the rigid and with the compensated ones."""
-    return _asked(problem) | {
-        "exact": found.exact,
-        "distance": found.distance,
-        "held": hold.held,
-        "reached_from_commanded": hold.reached_from_commanded,
-        "reasons": [*found.reasons, *hold.reasons],
-        "rest_lengths": found.rest_lengths.tolist(),
+    """The compensated lengths, and the equilibria of each method with the rigid and with the compensated lengths."""
+    return _problem(problem) | {
+        "exact": result.exact,
+        "distance": result.distance,
+        "held": verification.held,
+        "reached_from_commanded": verification.reached_from_commanded,
+        "reasons": [*result.reasons, *verification.reasons],
+        "rest_lengths": result.rest_lengths.tolist(),
         "before": _by_source(before),
         "after": _by_source(after),
     }
 
 
 def sensitivity(answer: Sensitivity, effects: Sequence[Effect], modes: Modes) -> dict[str, Any]:
-    """Effects in order of weight, all derivatives, and the natural frequencies."""
-    return _asked(answer.equilibrium.problem) | {
+    """Effects, largest first; all derivatives; natural frequencies and mode shapes."""
+    return _problem(answer.equilibrium.problem) | {
         "margin": answer.margin,
         "effects": [vars(effect) for effect in effects],
         "pose": {name: matrix.tolist() for name, matrix in answer.pose.items()},
         "tensions": {name: matrix.tolist() for name, matrix in answer.tensions.items()},
         "frequencies": modes.frequencies.tolist(),
-        "shapes": modes.shapes.tolist(),
+        "mode_shapes": modes.shapes.tolist(),
     }
 
 
@@ -154,15 +153,15 @@ def equilibria(
     problem: Problem,
     found: Equilibria,
     releases: Sequence[Release],
-    followed: LoadPath,
+    path: LoadPath,
     reached: int,
     reached_in_mujoco: int,
 ) -> dict[str, Any]:
-    """Each place to rest with its energy and what MuJoCo's platform does there, and which are reached."""
-    return _asked(problem) | {
+    """Each equilibrium with its energy and the behaviour of MuJoCo's platform released there; which are reached."""
+    return _problem(problem) | {
         "reached": reached,
         "reached_in_mujoco": reached_in_mujoco,
-        "jumps": list(followed.jumps),
+        "jumps": list(path.jumps),
         "imbalance": found.imbalance,
         "equilibria": [
             outcome(one) | {"energy": float(energy), "stays_in_mujoco": release.stays}
@@ -171,33 +170,35 @@ def equilibria(
     }
 
 
-def identification(found: Identification) -> dict[str, Any]:
-    """Each unknown's value and standard error; what is not known is null, as JSON has no infinity."""
-    unknowns = zip(found.names, found.values.tolist(), _finite(found.standard_errors), found.units, strict=True)
+def identification(result: Identification) -> dict[str, Any]:
+    """Value and standard error of each unknown; an undetermined one has the standard error null."""
+    unknowns = zip(result.names, result.values.tolist(), _finite(result.standard_errors), result.units, strict=True)
     return {
-        **_machine(found.robot),
+        **_robot(result.robot),
         "unknowns": {
             name: {"value": value, "standard_error": error, "unit": unit} for name, value, error, unit in unknowns
         },
-        "spread": found.spread,
-        "reasons": list(found.reasons),
+        "spread": result.spread,
+        "predictions": [
+            {"unknowns": list(names), "error": _finite([error])[0]} for names, error in result.predictions.items()
+        ],
+        "reasons": list(result.reasons),
     }
 
 
 def _by_source(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Each under the last word of its source: fsolve, of seecr/fsolve."""
-    shown = [outcome(found) for found in outcomes]
-    return {one["source"].rpartition("/")[2]: one for one in shown}
+    """By the last part of the source: "fsolve" for "seecr/fsolve"."""
+    return {one["source"].rpartition("/")[2]: one for one in map(outcome, outcomes)}
 
 
-def _asked(problem: Problem) -> dict[str, Any]:
-    return _machine(problem.robot) | {"commanded": problem.pose.translation.tolist()}
+def _problem(problem: Problem) -> dict[str, Any]:
+    return _robot(problem.robot) | {"commanded": problem.pose.translation.tolist()}
 
 
-def _machine(robot: Robot) -> dict[str, Any]:
-    """The robot's name, mass and cables: weight, law, pulleys, limits of each, where there are any."""
+def _robot(robot: Robot) -> dict[str, Any]:
+    """The robot's name, mass and cables; with density, nonlinear elasticity, pulleys and limits, if any."""
     cabling, properties = robot.cabling, {}
-    told = {
+    description = {
         "robot": robot.name,
         "mass": robot.mass,
         "material": robot.material,
@@ -216,9 +217,9 @@ def _machine(robot: Robot) -> dict[str, Any]:
         properties["force_max"] = _finite(cabling.force_max)
     if np.isfinite(cabling.breaking_load).any():
         properties["breaking_load"] = _finite(cabling.breaking_load)
-    return told | {"cables": properties} if properties else told
+    return description | {"cables": properties} if properties else description
 
 
 def _finite(values: Sequence[float] | np.ndarray) -> list[float | None]:
-    """What is infinite is null, as JSON has no infinity."""
+    """Infinite values as null, since JSON has no infinity."""
     return [float(value) if math.isfinite(value) else None for value in values]

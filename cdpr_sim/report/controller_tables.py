@@ -1,4 +1,4 @@
-"""Control schemes compared, as a table for people."""
+"""Tables of the comparison of control schemes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cdpr_sim.studies.controller_comparison import Run, rms
 def runs_table(runs: Sequence[Run]) -> Table:
     """A row for each task and scheme: errors of position and tilt, and tensions."""
     table = new_table(
-        "Control schemes whose model is wrong, in MuJoCo",
+        "Control schemes with model errors, in MuJoCo",
         "", "mm\nrms", "mm\nmax", "tilt °\nrms", "tilt °\nmax", "N\nlowest", "N\nhighest", dense=True,
     )  # fmt: skip
     robot = task = None
@@ -27,17 +27,17 @@ def runs_table(runs: Sequence[Run]) -> Table:
         if run.task != task:
             task = run.task
             table.add_row(f" {task.path}, up to {task.speed:g} m/s")
-        shifts, tilts = 1e3 * run.position_errors, np.degrees(run.tilts)
-        numbers = (rms(shifts), shifts.max(), rms(tilts), tilts.max(), run.lowest_tension, run.highest_tension)
+        errors, tilts = 1e3 * run.position_errors, np.degrees(run.tilts)
+        numbers = (rms(errors), errors.max(), rms(tilts), tilts.max(), run.lowest_tension, run.highest_tension)
         table.add_row(f"  {run.scheme}{', falls' if run.fell else ''}", *(f"{number:.2f}" for number in numbers))
     return table
 
 
 def summary_table(runs: Sequence[Run]) -> Table:
-    """A row for each scheme: its errors of position on each layout at each speed, the least to the largest."""
+    """A row for each scheme: range of its position errors on each layout at each speed."""
     groups = list(dict.fromkeys((run.task.layout, run.task.speed) for run in runs))
     table = new_table(
-        "Errors of position [mm], root mean square: over cables and paths", "",
+        "Position errors [mm], root mean square: range over cables and paths", "",
         *(f"{layout}\n{speed:g} m/s" for layout, speed in groups), dense=True,
     )  # fmt: skip
     for scheme in dict.fromkeys(run.scheme for run in runs):

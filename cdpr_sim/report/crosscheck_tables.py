@@ -1,4 +1,4 @@
-"""Both methods as tables for people: millimetres, degrees and newtons, side by side. Nothing is computed here."""
+"""Tables that compare both methods, in millimetres, degrees and newtons. Nothing is computed here."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cdpr_sim.crosscheck.compare import Agreement
 from cdpr_sim.report.table_style import new_table
 
 Outcome = Equilibrium | NotConverged | NotSettled
-"""What a method came to: an equilibrium, or the failure that carries its best point."""
+"""Outcome of a method: an equilibrium, or the exception with its best point."""
 
 SLACK = "slack"
 
@@ -28,21 +28,21 @@ HEADINGS = {
     "seecr/fsolve": "SEECR\nfsolve",
     "seecr/least_squares": "SEECR\nleast_sq.",
 }
-"""Of a column, by the source that its numbers carry: nobody who hands in a result says whose it is."""
+"""Column headings by the ``source`` of a result."""
 
 
 def best_point(outcome: Outcome) -> Equilibrium | None:
-    """The equilibrium, or the best point of a failure."""
+    """The equilibrium, or the best point of a method that found none."""
     return outcome if isinstance(outcome, Equilibrium) else outcome.equilibrium
 
 
 def heading(point: Equilibrium | None) -> str:
-    """Of the column of a result, by its source."""
+    """Column heading of a result, by its source."""
     return "" if point is None else HEADINGS.get(point.source, point.source)
 
 
 def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
-    """One column per method beside the commanded pose; a method that failed shows its best point, marked as such."""
+    """A column per method; a method that found no equilibrium shows its best point, marked."""
     robot = problem.robot
     title = f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg"
     table = new_table(title, "", "commanded", methods=True)
@@ -52,15 +52,15 @@ def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
         table.add_column(escape(heading(point)), justify="right", no_wrap=True, style=style)
 
     def row(label: str, commanded: str, show: Callable[[Equilibrium], str]) -> None:
-        shown = ("" if point is None else show(point) for point in points)
-        table.add_row(escape(label), commanded, *shown)
+        cells = ("" if point is None else show(point) for point in points)
+        table.add_row(escape(label), commanded, *cells)
 
     start = problem.pose
     row("x [mm]", f"{1e3 * start.translation[0]:.3f}", lambda e: f"{1e3 * e.position[0]:.3f}")
     row("y [mm]", f"{1e3 * start.translation[1]:.3f}", lambda e: f"{1e3 * e.position[1]:.3f}")
     row("z [mm]", f"{1e3 * start.translation[2]:.3f}", lambda e: f"{1e3 * e.position[2]:.3f}")
-    row("shift x, y [mm]", "", lambda e: f"{1e3 * np.hypot(*e.deviation[:2]):.3f}")
-    row("sag [mm]", "", lambda e: f"{-1e3 * e.deviation[2]:.3f}")
+    row("deviation x, y [mm]", "", lambda e: f"{1e3 * np.hypot(*e.deviation[:2]):.3f}")
+    row("deviation -z [mm]", "", lambda e: f"{-1e3 * e.deviation[2]:.3f}")
     row("tilt [°]", f"{np.degrees(tilt(start.rotation)):.3f}", lambda e: f"{np.degrees(e.tilt):.3f}")
     row("about y [°]", f"{np.degrees(euler(start.rotation)[1]):.3f}", lambda e: f"{np.degrees(e.euler[1]):.3f}")
     table.add_section()
@@ -72,13 +72,13 @@ def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
     table.add_section()
     row("unbalanced [N]", "", lambda e: f"{e.residual:.1e}")
     row("iterations", "", lambda e: str(e.iterations))
-    words = (e.stability.name.lower() if isinstance(e, Equilibrium) else "[red]none[/]" for e in outcomes)
-    table.add_row("equilibrium", "", *words)
+    stabilities = (e.stability.name.lower() if isinstance(e, Equilibrium) else "[red]none[/]" for e in outcomes)
+    table.add_row("equilibrium", "", *stabilities)
     return table
 
 
 def problem_table(problem: Problem) -> Table:
-    """What is asked: the commanded pose, how long each cable is, and the load."""
+    """The problem: commanded pose, rest lengths and load."""
     robot, wrench = problem.robot, problem.external_wrench
     table = new_table(f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg", "", "commanded")
     for axis, value in zip("xyz", problem.pose.translation, strict=True):
@@ -98,24 +98,24 @@ def problem_table(problem: Problem) -> Table:
 
 
 def agreement_table(agreement: Agreement) -> Table:
-    """How far the two methods are apart, and how much of the load each leaves unbalanced where the other rests."""
-    table = new_table("Statics and MuJoCo", "", "apart by")
+    """Differences between the two methods, and the residual of each at the other's equilibrium."""
+    table = new_table("Statics and MuJoCo", "", "difference")
     table.add_row(escape("position [mm]"), f"{1e3 * agreement.position_error:.1e}")
     table.add_row(escape("rotation [°]"), f"{np.degrees(agreement.rotation_error):.1e}")
     table.add_row(escape("tension [N]"), f"{agreement.tension_error:.1e}")
-    table.add_row("slack cables", "the same" if agreement.same_slack else "[red]others[/]")
+    table.add_row("slack cables", "the same" if agreement.same_slack else "[red]different[/]")
     table.add_section()
-    table.add_row(escape("MuJoCo finds unbalanced where statics rests [N]"), f"{agreement.static_in_mujoco:.1e}")
-    table.add_row(escape("statics finds unbalanced where MuJoCo rests [N]"), f"{agreement.settled_in_statics:.1e}")
+    table.add_row(escape("MuJoCo's residual at the static equilibrium [N]"), f"{agreement.static_in_mujoco:.1e}")
+    table.add_row(escape("static residual at MuJoCo's equilibrium [N]"), f"{agreement.settled_in_statics:.1e}")
     return table
 
 
 def line_table(title: str, settled: Iterable[Equilibrium], agreements: Sequence[Agreement]) -> Table:
-    """One row per commanded pose: where the platform ends up, and how far the two methods are apart."""
+    """A row per commanded pose: MuJoCo's equilibrium, and the difference between the two methods."""
     table = new_table(
         title,
-        "commanded\nx [mm]", "x\n[mm]", "sag\n[mm]", "tilt\n[°]", "about y\n[°]", "taut\ncables",
-        "methods apart\n[nm]", "verdict", words=0, dense=True,
+        "commanded\nx [mm]", "x\n[mm]", "dev. -z\n[mm]", "tilt\n[°]", "about y\n[°]", "taut\ncables",
+        "difference\n[nm]", "verdict", text_columns=0, dense=True,
     )  # fmt: skip
     for end, agreement in zip(settled, agreements, strict=True):
         table.add_row(
@@ -131,47 +131,45 @@ def line_table(title: str, settled: Iterable[Equilibrium], agreements: Sequence[
     return table
 
 
-def equilibrium_notes(found: Equilibrium) -> list[str]:
-    """What is to be said of an equilibrium below its table: what nothing holds, and tensions beyond the limits."""
-    robot, notes = found.problem.robot, []
-    neutral = neutral_directions(found)
+def equilibrium_notes(equilibrium: Equilibrium) -> list[str]:
+    """Notes below the table of an equilibrium: neutral directions, and tensions beyond the limits."""
+    robot, notes = equilibrium.problem.robot, []
+    neutral = neutral_directions(equilibrium)
     if len(neutral):
-        words = "; ".join(describe_twist(twist, robot) for twist in neutral)
+        directions = "; ".join(describe_twist(twist, robot) for twist in neutral)
+        notes.append(f"Neutrally stable: {directions if len(neutral) < len(robot.free) else 'all directions'}.")
+    for cable in np.flatnonzero((equilibrium.tensions < robot.force_min) | (equilibrium.tensions > robot.force_max)):
         notes.append(
-            f"Held by nothing: {words if len(neutral) < len(robot.free) else 'the platform, in any direction'}."
+            f"Cable {cable + 1}: tension {equilibrium.tensions[cable]:.4g} N, outside its limits of "
+            f"{robot.force_min[cable]:g} to {robot.force_max[cable]:g} N."
         )
-    for cable in np.flatnonzero((found.tensions < robot.force_min) | (found.tensions > robot.force_max)):
-        notes.append(
-            f"Cable {cable + 1} pulls {found.tensions[cable]:.4g} N, beyond its limits of {robot.force_min[cable]:g} "
-            f"to {robot.force_max[cable]:g} N."
-        )
-    return notes + overload_notes(found)
+    return notes + overload_notes(equilibrium)
 
 
-def overload_notes(found: Equilibrium) -> list[str]:
-    """A sentence for each cable that would break."""
-    robot = found.problem.robot
+def overload_notes(equilibrium: Equilibrium) -> list[str]:
+    """A sentence for each cable above its breaking load."""
+    robot = equilibrium.problem.robot
     return [
-        f"Cable {cable + 1} would break: it pulls {found.tensions[cable]:.4g} N, beyond its breaking load of "
+        f"Cable {cable + 1} would break: tension {equilibrium.tensions[cable]:.4g} N, above its breaking load of "
         f"{robot.breaking_load[cable]:.4g} N."
-        for cable in np.flatnonzero(found.overloaded)
+        for cable in np.flatnonzero(equilibrium.overloaded)
     ]
 
 
-def said(agreement: Agreement) -> str:
+def verdict_sentence(agreement: Agreement) -> str:
     """The verdict as a sentence."""
-    found = agreement.verdict.value
-    return f"[bold {'green' if agreement.agrees else 'red'}]{found[0].upper() + found[1:]}.[/]"
+    text = agreement.verdict.value
+    return f"[bold {'green' if agreement.agrees else 'red'}]{text[0].upper() + text[1:]}.[/]"
 
 
 def verdict(agreement: Agreement) -> str:
-    """The verdict in a line, with the differences that it rests on, and its reasons."""
+    """The verdict in a line with the differences, and its reasons in a line each."""
     color = "green" if agreement.agrees else "red"
     head = (
         f"[bold {color}]MuJoCo and Newton: {agreement.verdict.value}[/]: "
         f"position within {1e3 * agreement.position_error:.1e} mm, "
         f"rotation within {np.degrees(agreement.rotation_error):.1e}°, "
         f"tensions within {agreement.tension_error:.1e} N, "
-        f"{'the same' if agreement.same_slack else 'other'} cables slack."
+        f"{'the same' if agreement.same_slack else 'different'} slack cables."
     )
     return "\n".join([head, *(f"  - {escape(reason)}" for reason in agreement.reasons)])

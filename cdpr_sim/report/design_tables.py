@@ -1,4 +1,4 @@
-"""What moved and what came of it, as tables."""
+"""Tables of layout optimisation and clearances."""
 
 from __future__ import annotations
 
@@ -12,50 +12,58 @@ from rich.table import Table
 from cdpr_sim.analysis.clearance import Clearances
 from cdpr_sim.crosscheck.layout_validation import LayoutValidation
 from cdpr_sim.design.front import Front
-from cdpr_sim.design.layout_result import Change, LayoutResult
+from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.report.table_style import new_table
 
 
-def moved_table(found: LayoutResult) -> Table:
-    """Every number that is another now."""
-    table = new_table(f"{found.given.name}: what moved", "", "before", "after", "by")
-    for one in found.moved:
+def changes_table(result: LayoutResult) -> Table:
+    """Every parameter that changed."""
+    table = new_table(f"{result.given.name}: changed parameters", "", "before", "after", "change")
+    for one in result.changes:
         if one.name.startswith(("EA", "linear")):
             unit = "N" if one.name.startswith("EA") else "kg/m"
-            by = f"{100 * (one.after / one.before - 1):+.3g} %"
-            table.add_row(escape(one.name), f"{one.before:.4g} {unit}", f"{one.after:.4g} {unit}", by)
+            change = f"{100 * (one.after / one.before - 1):+.3g} %"
+            table.add_row(escape(one.name), f"{one.before:.4g} {unit}", f"{one.after:.4g} {unit}", change)
         else:
             before, after = 1e3 * one.before, 1e3 * one.after
             table.add_row(escape(one.name), f"{before:.2f} mm", f"{after:.2f} mm", f"{after - before:+.2f} mm")
     return table
 
 
-def numbers_table(found: LayoutResult, numbers: Sequence[tuple[str, str, str]]) -> Table:
-    """Before and after, side by side."""
+def numbers_table(result: LayoutResult, numbers: Sequence[tuple[str, str, str]]) -> Table:
+    """Figures of merit before and after."""
     table = new_table(
-        f"{found.given.name}: {found.objective.name}, {found.tried:,} layouts tried", "", "before", "after"
+        f"{result.given.name}: {result.objective.name}, {result.layouts_evaluated:,} layouts evaluated",
+        "",
+        "before",
+        "after",
     )
     for row in numbers:
         table.add_row(*map(escape, row))
     return table
 
 
-def clearance_table(found: Clearances) -> Table:
-    """The poses at which something comes nearest."""
+def clearance_table(clearances: Clearances) -> Table:
+    """The ten poses with the smallest distances."""
     table = new_table(
-        f"{found.equilibria.robot.name}: what comes nearest", "x [mm]", "y [mm]", "z [mm]", "nearest", words=0
+        f"{clearances.equilibria.robot.name}: smallest distances",
+        "x [mm]",
+        "y [mm]",
+        "z [mm]",
+        "smallest",
+        text_columns=0,
     )
-    least = found.least.ravel()
+    least = clearances.least.ravel()
     order = np.argsort(np.where(np.isnan(least), np.inf, least))[:10]
-    at = np.broadcast_to(found.equilibria.problems.positions, (*found.equilibria.shape, 3)).reshape(-1, 3)
+    at = np.broadcast_to(clearances.equilibria.problems.positions, (*clearances.equilibria.shape, 3)).reshape(-1, 3)
     for row in order[np.isfinite(least[order])]:
-        index = tuple(int(i) for i in np.unravel_index(row, found.equilibria.shape))
-        table.add_row(*(f"{1e3 * x:.1f}" for x in at[row]), escape(found.nearest(index)))
+        index = tuple(int(i) for i in np.unravel_index(row, clearances.equilibria.shape))
+        table.add_row(*(f"{1e3 * x:.1f}" for x in at[row]), escape(clearances.nearest(index)))
     return table
 
 
 def front_table(front: Front) -> Table:
-    """Layouts none of which is better in both goals."""
+    """The Pareto front: both objectives of each layout."""
     one, other = front.objectives
     table = new_table(f"{front.given.name}: {one.name} against {other.name}", "robot", one.name, other.name)
     table.add_row("as given", *(goal.shown(value) for goal, value in zip(front.objectives, front.before, strict=True)))
@@ -64,30 +72,27 @@ def front_table(front: Front) -> Table:
     return table
 
 
-def design_json(proof: LayoutValidation) -> dict[str, Any]:
-    """All of it in SI units."""
-    found = proof.found
-
-    def moved(one: Change) -> dict[str, Any]:
-        return vars(one)
-
+def design_json(validation: LayoutValidation) -> dict[str, Any]:
+    """A layout and its validation, in SI units."""
+    result, scores = validation.layout, (validation.before.score, validation.after.score)
+    before_in_mujoco, after_in_mujoco = (None if np.isnan(score) else score for score in scores)
     return {
-        "robot": found.given.name,
-        "objective": found.objective.name,
-        "before": found.before,
-        "after": found.after,
-        "before_in_mujoco": None if np.isnan(proof.before.score) else proof.before.score,
-        "after_in_mujoco": None if np.isnan(proof.after.score) else proof.after.score,
-        "poses": len(found.cases),
-        "poses_in_mujoco": len(proof.cases),
-        "agrees": proof.agrees,
-        "better": proof.better,
-        "moved": [moved(one) for one in found.moved],
-        "furthest_move": found.distance,
-        "exits": found.robot.exits.tolist(),
-        "anchors": found.robot.anchors.tolist(),
-        "layouts_tried": found.tried,
-        "generations": len(found.history),
-        "message": found.message,
-        "warnings": list(found.warnings),
+        "robot": result.given.name,
+        "objective": result.objective.name,
+        "before": result.before,
+        "after": result.after,
+        "before_in_mujoco": before_in_mujoco,
+        "after_in_mujoco": after_in_mujoco,
+        "poses": len(result.cases),
+        "poses_in_mujoco": len(validation.cases),
+        "agrees": validation.agrees,
+        "better": validation.better,
+        "changes": [vars(one) for one in result.changes],
+        "largest_displacement": result.largest_displacement,
+        "exits": result.robot.exits.tolist(),
+        "anchors": result.robot.anchors.tolist(),
+        "layouts_evaluated": result.layouts_evaluated,
+        "generations": len(result.history),
+        "message": result.message,
+        "warnings": list(result.warnings),
     }

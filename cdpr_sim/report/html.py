@@ -1,4 +1,4 @@
-"""Tables, sentences and pictures as HTML, for notebooks and for the page to hand on: all text escaped, no address."""
+"""Tables, sentences and pictures as HTML, for notebooks and the report page: all text escaped, no external address."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STYLE = """
   vertical-align: top; background: none; color: inherit; }
 .cdpr-sim thead th { vertical-align: bottom; font-weight: 600; border-bottom: 1px solid currentColor; }
 .cdpr-sim tbody th { font-weight: normal; }
-.cdpr-sim .words { text-align: left; }
+.cdpr-sim .text { text-align: left; }
 .cdpr-sim .long { white-space: normal; min-width: 12em; max-width: 45em; }
 .cdpr-sim tbody + tbody tr:first-child > * { border-top: 1px solid color-mix(in srgb, currentColor 30%, transparent); }
 .cdpr-sim .bold { font-weight: 600; }
@@ -29,28 +29,29 @@ STYLE = """
 .cdpr-sim img { max-width: 100%; height: auto; background: white; border-radius: 4px; }
 .cdpr-sim p { margin: 0.4em 0; max-width: 60em; }
 """
-"""No colour of its own but the pictures' white paper: the rest takes that of the text around it, dark or light."""
+"""Colours follow the surrounding text, on dark and light backgrounds; only pictures have a white background."""
 
 __all__ = ["data", "fragment", "picture", "plain", "sentences", "table"]
 
 LONG = 40
-"""Letters of a cell that may be broken."""
+"""Number of characters above which a cell may be wrapped."""
 
 
 def fragment(*parts: str) -> str:
-    """Parts of HTML together, with how they look: what a notebook takes for an object."""
+    """Parts of HTML with their style: the notebook display of an object."""
     return f'<div class="cdpr-sim"><style>{STYLE}</style>{"".join(parts)}</div>'
 
 
 def table(sheet: Table) -> str:
-    """A table for people, as the command line prints it: the same words and numbers, cell by cell."""
-    words = getattr(sheet, "words", 1)
+    """A table with the same cells as on the command line."""
+    text_columns = getattr(sheet, "text_columns", 1)
     columns = [list(column.cells) for column in sheet.columns]
     headings = [str(column.header) for column in sheet.columns]
     parts = [f"<caption>{_lines(str(sheet.title))}</caption>" if sheet.title else ""]
     if any(headings):
         cells = (
-            f'<th scope="col"{_kind(place < words)}>{_lines(heading)}</th>' for place, heading in enumerate(headings)
+            f'<th scope="col"{_kind(place < text_columns)}>{_lines(heading)}</th>'
+            for place, heading in enumerate(headings)
         )
         parts.append(f"<thead><tr>{''.join(cells)}</tr></thead>")
     parts.append("<tbody>")
@@ -58,7 +59,7 @@ def table(sheet: Table) -> str:
         cells = []
         for place, (column, described) in enumerate(zip(columns, sheet.columns, strict=True)):
             cell = str(column[number])
-            flush = place < words or described.justify == "left"
+            flush = place < text_columns or described.justify == "left"
             kind = _kind(flush, long=len(cell) > LONG, look=str(described.style))
             cells.append(
                 f'<th scope="row"{kind}>{_inline(cell)}</th>' if place == 0 else f"<td{kind}>{_inline(cell)}</td>"
@@ -71,38 +72,38 @@ def table(sheet: Table) -> str:
 
 
 def sentences(*markup: str) -> str:
-    """Lines as the command line prints them, a paragraph each."""
+    """Lines of the command line's output, a paragraph each."""
     lines = (line.strip() for text in markup for line in text.splitlines())
     return "".join(f"<p>{_inline(line)}</p>" for line in lines if line)
 
 
-def picture(png: bytes, words: str) -> str:
-    """A picture within the page; ``words`` say what it shows to those who do not see it."""
-    return f'<img alt="{escape(words)}" src="{data(png, "image/png")}">'
+def picture(png: bytes, description: str) -> str:
+    """A picture embedded in the page, with its alternative text."""
+    return f'<img alt="{escape(description)}" src="{data(png, "image/png")}">'
 
 
 def data(content: bytes, kind: str) -> str:
-    """Bytes as an address that holds them."""
+    """Bytes as a data URL."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
 def _kind(flush_left: bool, *, long: bool = False, look: str = "") -> str:
-    names = " ".join(filter(None, ["words" if flush_left else "", "long" if long else "", escape(look)]))
+    names = " ".join(filter(None, ["text" if flush_left else "", "long" if long else "", escape(look)]))
     return f' class="{names}"' if names else ""
 
 
 def _lines(markup: str) -> str:
-    """Of a heading."""
+    """A heading of several lines."""
     return "<br>".join(_inline(line) for line in markup.split("\n"))
 
 
 def _inline(markup: str) -> str:
-    """rich's markup as HTML."""
+    """Convert rich's markup to HTML."""
     text = Text.from_markup(markup)
     edges = sorted({0, len(text), *(edge for span in text.spans for edge in (span.start, span.end))})
     parts = []
     for start, end in pairwise(edges):
         looks = " ".join(str(span.style) for span in text.spans if span.start <= start and end <= span.end)
-        words = escape(text.plain[start:end])
-        parts.append(f'<span class="{escape(looks)}">{words}</span>' if looks else words)
+        content = escape(text.plain[start:end])
+        parts.append(f'<span class="{escape(looks)}">{content}</span>' if looks else content)
     return "".join(parts)

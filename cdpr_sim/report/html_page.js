@@ -1,5 +1,5 @@
 "use strict";
-// The robot, drawn from what the page holds: lines, and one box whose faces hide what is behind them.
+// Draws the robot from the page's data: lines, and one box whose faces hide what is behind them.
 (() => {
   const { robot, views } = JSON.parse(document.getElementById("scene").textContent);
   const canvas = document.getElementById("robot");
@@ -10,21 +10,21 @@
   const sliders = ["turn", "height", "zoom"];
   const home = Object.fromEntries(sliders.map((id) => [id, control[id].value]));
 
-  const plus = (a, b, s = 1) => a.map((value, i) => value + s * b[i]);
+  const add = (a, b, s = 1) => a.map((value, i) => value + s * b[i]);
   const dot = (a, b) => a.reduce((sum, value, i) => sum + value * b[i], 0);
   const mix = (a, b, s) => a.map((value, i) => value + s * (b[i] - value));
-  const pieces = (points, count) => points.slice(1).flatMap((end, i) =>
+  const subdivided = (points, count) => points.slice(1).flatMap((end, i) =>
     [...Array(count).keys()].map((n) => mix(points[i], end, n / count))).concat([points.at(-1)]);
   const middle = mix(robot.frame[0], robot.frame[1], 0.5);
   const half = robot.frame[1].map((value, i) => Math.max((value - robot.frame[0][i]) / 2, robot.platform[i]));
   const footprint = Math.hypot(half[0], half[1]);
 
-  // Of a box whose corners are counted in binary (x, y, z).
+  // Edges and faces of a box whose corners are numbered in binary (x, y, z).
   const EDGES = [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
   const FACES = [[[4, 6, 7, 5], 0, 1], [[0, 1, 3, 2], 0, -1], [[2, 3, 7, 6], 1, 1], [[0, 4, 5, 1], 1, -1],
     [[1, 5, 7, 3], 2, 1], [[0, 2, 6, 4], 2, -1]];
   const corners = (low, high) => [...Array(8).keys()].map((n) => [4, 2, 1].map((bit, i) => (n & bit ? high : low)[i]));
-  const placed = ({ position, rotation }, point) => plus(position, rotation.map((row) => dot(row, point)));
+  const placed = ({ position, rotation }, point) => add(position, rotation.map((row) => dot(row, point)));
   const box = corners(robot.platform.map((edge) => -edge / 2), robot.platform.map((edge) => edge / 2));
 
   function camera(width, height, view) {
@@ -36,7 +36,7 @@
     const target = mix(middle, view.platform.position, 1 - 1 / zoom);
     const distance = 5 * Math.hypot(footprint, half[2]);
     const project = (point) => {
-      const from = plus(point, target, -1);
+      const from = add(point, target, -1);
       const depth = dot(from, towards), near = distance / Math.max(distance - depth, 0.05 * distance);
       return [width / 2 + scale * near * dot(from, right), height / 2 - scale * near * dot(from, upwards), depth];
     };
@@ -52,24 +52,24 @@
     pen.setTransform(sharp, 0, 0, sharp, 0, 0);
     pen.clearRect(0, 0, width, height);
     pen.lineCap = pen.lineJoin = "round";
-    const look = getComputedStyle(document.documentElement);
-    const color = (name) => look.getPropertyValue(`--${name}`).trim();
+    const style = getComputedStyle(document.documentElement);
+    const color = (name) => style.getPropertyValue(`--${name}`).trim();
     const { project, towards } = camera(width, height, view);
     const shapes = [];
 
-    // Outside of a box, what lies beyond one of the faces that are seen is in front of it; all else is behind.
+    // A point beyond one of the visible faces is in front of the box; any other point is behind it.
     const columns = [0, 1, 2].map((axis) => view.platform.rotation.map((row) => row[axis]));
     const seen = FACES.filter(([, axis, sign]) => sign * dot(columns[axis], towards) > 0);
     const inFront = (point) => {
-      const from = plus(point, view.platform.position, -1);
+      const from = add(point, view.platform.position, -1);
       return seen.some(([, axis, sign]) => sign * dot(columns[axis], from) > robot.platform[axis] / 2);
     };
     const line = (points, stroke, thick, dash = []) => {
-      let gone = 0;
+      let drawn = 0;
       for (let i = 1; i < points.length; i++) {
         const [a, b] = [project(points[i - 1]), project(points[i])];
-        const offset = gone; // the dashes go on where the piece before ended
-        gone += Math.hypot(b[0] - a[0], b[1] - a[1]);
+        const offset = drawn; // the dash pattern continues from the previous segment
+        drawn += Math.hypot(b[0] - a[0], b[1] - a[1]);
         const layer = inFront(mix(points[i - 1], points[i], 0.5)) ? 2 : 0;
         shapes.push({ layer, depth: (a[2] + b[2]) / 2, paint() {
           pen.beginPath();
@@ -97,14 +97,14 @@
     for (const [a, b] of EDGES) line([frame[a], frame[b]], color("frame"), 1);
     robot.wheels.forEach((wheel) => line(wheel, color("quiet"), 1));
     robot.exits.forEach((exit) => spot(exit, 3));
-    view.cables.forEach(({ way, slack }) => {
-      const fine = pieces(way, way.length > 2 ? 2 : 40);
+    view.cables.forEach(({ curve, slack }) => {
+      const fine = subdivided(curve, curve.length > 2 ? 2 : 40);
       if (slack) line(fine, color("slack"), 2.4, [1, 5]);
       else line(fine, color("ink"), 1.6);
     });
     if (control.commanded.checked) {
       const ghost = box.map((corner) => placed(view.commanded, corner));
-      for (const [a, b] of EDGES) line(pieces([ghost[a], ghost[b]], 12), color("commanded"), 1.2, [4, 3]);
+      for (const [a, b] of EDGES) line(subdivided([ghost[a], ghost[b]], 12), color("commanded"), 1.2, [4, 3]);
     }
     const solid = box.map((corner) => placed(view.platform, corner));
     for (const [face, axis, sign] of seen) {
@@ -125,10 +125,10 @@
       } });
     }
     shapes.sort((a, b) => a.layer - b.layer || a.depth - b.depth).forEach((shape) => shape.paint());
-    write(view, project, color, width, height);
+    label(view, project, color, width, height);
   }
 
-  function write(view, project, color, width, height) {
+  function label(view, project, color, width, height) {
     const taken = [];
     const put = (text, x, y, ink) => {
       const wide = pen.measureText(text).width;
@@ -148,9 +148,9 @@
     const within = ([x, y]) => x > 4 && x < width - 4 && y > 8 && y < height - 8;
     pen.font = "13px system-ui, sans-serif";
     if (control.tensions.checked) {
-      view.cables.forEach(({ way, slack, words }, cable) => {
-        const text = `${cable + 1}: ${words}`, aside = pen.measureText(text).width / 2 + 8;
-        const [x, y] = pieces(way, 40).map(project).find(within) ?? [NaN];  // at its exit, or where it enters the picture
+      view.cables.forEach(({ curve, slack, label }, cable) => {
+        const text = `${cable + 1}: ${label}`, aside = pen.measureText(text).width / 2 + 8;
+        const [x, y] = subdivided(curve, 40).map(project).find(within) ?? [NaN];  // at its exit, or where it enters the picture
         if (x) put(text, x + (x < width / 2 ? -aside : aside), y + 4, color(slack ? "slack" : "ink"));
       });
     }
@@ -168,8 +168,8 @@
 
   function choose() {
     const view = views[control.pose.selectedIndex];
-    canvas.setAttribute("aria-label", view.words);
-    document.getElementById("said").textContent = view.words;
+    canvas.setAttribute("aria-label", view.description);
+    document.getElementById("description").textContent = view.description;
     document.querySelectorAll("[data-view]").forEach((answer) => {
       answer.hidden = +answer.dataset.view !== control.pose.selectedIndex;
     });

@@ -1,7 +1,7 @@
-"""A page in one file, which loads nothing from the network: a robot to turn, and the results of both methods.
+"""Self-contained HTML report of a robot: an interactive 3D view, and the results of both methods.
 
-The robot is drawn on the page's own canvas: a dozen lines and a box need no WebGL and no library of megabytes, print as
-they are, and turn by keyboard.
+The robot is drawn on a 2D canvas: a dozen lines and a box need neither WebGL nor a large library, can be printed, and
+rotate by keyboard.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from cdpr_sim.report.analysis_tables import modes_table
 from cdpr_sim.report.robot_tables import cables_table, robot_table, trajectory_table
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.studies.robot_summary import RobotSummary, View, portray
+from cdpr_sim.studies.robot_summary import RobotSummary, View, summarize
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,30 +46,29 @@ if TYPE_CHECKING:
 SUFFIXES = (".html", ".htm")
 
 FILM_SIZE, FILM_RATE = (640, 360), 12.0
-"""[pixel], [frames per second] Some 0.3 MB (``scripts/measure_constants.py``)."""
+"""[pixel], [frames per second] About 0.3 MB (``scripts/measure_constants.py``)."""
 
 DIGITS = 7
-"""Of a coordinate on the page: a tenth of a micrometre of a metre."""
+"""Decimals of a coordinate on the page: 0.1 µm."""
 
 FRONT = (0.0, 0.0)
-"""Degrees around and above from which a planar robot is seen; others are from a little beside and above."""
+"""Azimuth and elevation [°] of the view of a planar robot; ``BESIDE`` for other robots."""
 
 BESIDE = (25.0, 15.0)
 
 POLICY = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
-"""What the browser lets the page do: nothing but what is in it."""
+"""Content security policy: the page may use only its own content."""
 
 _MAPS = {
-    "tilt": ("Tilt of the platform", "How far its upright axis leans from the vertical. Dark is bad."),
-    "distance": ("Deviation", "How far the platform ends up from where it was commanded. Dark is bad."),
-    "slack_count": ("Slack cables", "How many cables carry nothing, and leave the platform to the others."),
+    "tilt": ("Tilt of the platform", "Angle between the platform's z axis and the vertical. Dark is large."),
+    "distance": ("Deviation", "Distance between the equilibrium and the commanded position. Dark is large."),
+    "slack_count": ("Slack cables", "Number of cables without tension."),
     "feasible": (
         "Feasibility",
-        "Where cables that pull, and do not stretch, could hold the platform just as commanded (static feasible "
-        "workspace).",
+        "Poses that rigid cables can hold exactly as commanded (static feasible workspace).",
     ),
 }
-"""What each map shows, and how to read it."""
+"""Title and explanation of each map."""
 
 _HERE = Path(__file__).parent
 
@@ -84,27 +83,27 @@ def write_report(
     force: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Path:
-    """Write a page about a robot, to be opened in any browser and handed on: a single file, without network access.
+    """Write a self-contained HTML report of a robot, which opens in any browser without network access.
 
-    It shows the robot in space, to turn by mouse, slider or arrow keys, where it rests and where it was commanded, the
-    tensions and which cables are slack, by MuJoCo and by the static solver; the worst poses of its workspace; maps of
-    tilt, deviation, slack cables and feasibility; a film of a drive across; and the numbers that it is made of.
+    It shows the robot in 3D (rotated by mouse, sliders or arrow keys) at the commanded pose and at equilibrium, with
+    tensions and slack cables, by MuJoCo and by the static solver; the worst poses of its workspace; maps of tilt,
+    deviation, slack cables and feasibility; a video of a drive across the workspace; and tables of its parameters.
 
     Args:
         path: of the file, ending in .html.
         robot: the robot, its name in the catalogue, or a .toml file.
-        pose: that it begins with; default: the middle of the workspace.
+        pose: shown first; default: the middle of the workspace.
         grid: counts (nx, ny, nz) over the workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m], of the poses
             that are settled in MuJoCo; default: (7, 5, 4).
-        video: whether to film a drive.
-        force: replace a file that is there.
-        progress: called with what begins, in words.
+        video: whether to include a video of a drive.
+        force: whether to replace an existing file.
+        progress: called with a description of each step.
 
     Returns:
         The path.
 
     Raises:
-        InvalidInput: a path that cannot be written, a file that is there, a pose or a grid that cannot be right.
+        InvalidInput: a path that cannot be written, an existing file, an invalid pose or grid.
         UnknownName: no such robot.
         StoreError: a full disk.
     """
@@ -112,23 +111,24 @@ def write_report(
     refuse_unless(Callable, progress=progress)
     path = check_place(path, SUFFIXES, force=force)
     refuse_unless(Robot | str | os.PathLike, robot=robot)
-    machine = robot if isinstance(robot, Robot) else load_robot(robot)
-    robot_summary = portray(machine, pose, grid=grid, motion=video, progress=progress)
+    summary = summarize(
+        robot if isinstance(robot, Robot) else load_robot(robot), pose, grid=grid, motion=video, progress=progress
+    )
     progress("Drawing")
-    write_whole({path: html_page(robot_summary).encode()})
+    write_whole({path: html_page(summary).encode()})
     return path
 
 
-def html_page(robot_summary: RobotSummary) -> str:
+def html_page(summary: RobotSummary) -> str:
     """The page as text."""
-    robot, views = robot_summary.robot, (robot_summary.first, *robot_summary.worst)
+    robot, views = summary.robot, (summary.first, *summary.worst)
     sections = {
-        "The robot, to turn": _scene(robot_summary, views),
-        "The worst poses": _worst(robot_summary),
-        "Maps of the workspace": _maps(robot_summary),
-        "A drive across": _film(robot_summary),
-        "Its numbers": _numbers(robot_summary),
-        "How to read this": _explained(robot_summary),
+        "3D view": _scene(summary, views),
+        "The worst poses": _worst(summary),
+        "Maps of the workspace": _maps(summary),
+        "Drive across the workspace": _film(summary),
+        "Parameters": _numbers(summary),
+        "Explanation": _explained(summary),
     }
     names = {title: f"section-{number}" for number, title in enumerate(sections, start=1) if sections[title]}
     links = "".join(f'<a href="#{name}">{title}</a>' for title, name in names.items())
@@ -141,31 +141,33 @@ def html_page(robot_summary: RobotSummary) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<link rel="icon" href="data:,">'
-        f"<title>{escape(robot.name)}: where the platform really ends up</title>"
-        f"<style>{(_HERE / 'page.css').read_text(encoding='utf-8')}</style></head><body>"
+        f"<title>{escape(robot.name)}: static equilibria by statics and MuJoCo</title>"
+        f"<style>{(_HERE / 'html_page.css').read_text(encoding='utf-8')}</style></head><body>"
         f'<header><h1>{escape(robot.name)}</h1><p class="lead">{escape(robot.description)}</p>'
-        f'<nav aria-label="Sections">{links}</nav>{_summary(robot_summary)}</header><main>{body}</main>'
-        f"<footer><p>Written by cdpr_sim {escape(_version())}. The page is all in this one file.</p></footer>"
+        f'<nav aria-label="Sections">{links}</nav>{_summary(summary)}</header><main>{body}</main>'
+        f"<footer><p>Written by cdpr_sim {escape(_version())}. This file is self-contained.</p></footer>"
         f'<script type="application/json" id="scene">{_embedded(_data(robot, views))}</script>'
-        f"<script>{(_HERE / 'page.js').read_text(encoding='utf-8')}</script></body></html>\n"
+        f"<script>{(_HERE / 'html_page.js').read_text(encoding='utf-8')}</script></body></html>\n"
     )
 
 
-def _summary(robot_summary: RobotSummary) -> str:
-    """What a stranger should take along: where it rests here, where it is worst, and whether the two methods agree."""
-    poses = robot_summary.check.dataset["outcome"].size
-    lines = list(workspace_tables.check_lines(robot_summary.check))
-    told = [_words(robot_summary.robot, robot_summary.first)]
-    if robot_summary.worst and robot_summary.check.agrees:
-        away, tilt = _short(1e3 * robot_summary.most[0]), _short(math.degrees(robot_summary.most[1]))
-        told.append(f"At the {poses:,} poses that were settled it is up to {away} mm away and tilted by up to {tilt}°.")
-    no = "" if robot_summary.check.agrees else " no"
-    return f'<div class="verdict{no}">{html.sentences(*map(plain, told), *lines)}</div>'
+def _summary(summary: RobotSummary) -> str:
+    """Summary: the equilibrium at the first pose, the worst pose, and whether the two methods agree."""
+    poses = summary.check.dataset["outcome"].size
+    lines = list(workspace_tables.check_lines(summary.check))
+    sentences = [_description(summary.robot, summary.first)]
+    if summary.worst and summary.check.agrees:
+        away, tilt = _short(1e3 * summary.most[0]), _short(math.degrees(summary.most[1]))
+        sentences.append(
+            f"At the {poses:,} poses settled, the deviation is up to {away} mm and the tilt up to {tilt}°."
+        )
+    no = "" if summary.check.agrees else " no"
+    return f'<div class="verdict{no}">{html.sentences(*map(plain, sentences), *lines)}</div>'
 
 
-def _scene(robot_summary: RobotSummary, views: tuple[View, ...]) -> str:
-    turn, height = FRONT if robot_summary.robot.mobility == "planar" else BESIDE
-    names = ["asked for", *(f"worst {n}" for n in range(1, len(views)))]
+def _scene(summary: RobotSummary, views: tuple[View, ...]) -> str:
+    turn, height = FRONT if summary.robot.mobility == "planar" else BESIDE
+    names = ["requested", *(f"worst {n}" for n in range(1, len(views)))]
     options = "".join(
         f"<option>{name}: ({_millimetres(view)}) mm</option>" for name, view in zip(names, views, strict=True)
     )
@@ -176,13 +178,13 @@ def _scene(robot_summary: RobotSummary, views: tuple[View, ...]) -> str:
     method = crosscheck_tables.heading(crosscheck_tables.best_point(views[0].settled))
     return f"""
 <div class="side"><figure>
-<canvas id="robot" tabindex="0" role="img" aria-label="{escape(_words(robot_summary.robot, views[0]))}"
+<canvas id="robot" tabindex="0" role="img" aria-label="{escape(_description(summary.robot, views[0]))}"
  aria-describedby="keys"></canvas>
 <ul class="legend">
 <li><svg viewBox="0 0 30 14" aria-hidden="true"><rect x="4" y="2" width="22" height="10" fill="var(--platform)"
- stroke="var(--ink)"/></svg>platform at rest, by {escape(method)}</li>
+ stroke="var(--ink)"/></svg>platform at equilibrium, by {escape(method)}</li>
 <li><svg viewBox="0 0 30 14" aria-hidden="true"><rect x="4" y="2" width="22" height="10" fill="none"
- stroke="var(--commanded)" stroke-dasharray="4 3"/></svg>where it was commanded</li>
+ stroke="var(--commanded)" stroke-dasharray="4 3"/></svg>commanded pose</li>
 <li><svg viewBox="0 0 30 14" aria-hidden="true"><path d="M1 7H29" stroke="var(--ink)" stroke-width="1.6"/></svg>taut
  cable and its tension</li>
 <li><svg viewBox="0 0 30 14" aria-hidden="true"><path d="M1 7H29" stroke="var(--slack)" stroke-width="2.4"
@@ -190,57 +192,57 @@ def _scene(robot_summary: RobotSummary, views: tuple[View, ...]) -> str:
 </ul>
 <div class="controls">
 <label class="wide" for="pose">Pose<select id="pose">{options}</select></label>
-<label for="turn">Turn<input id="turn" type="range" min="-180" max="180" step="any" value="{turn:g}"></label>
-<label for="height">From above<input id="height" type="range" min="-10" max="90" step="any" value="{height:g}"></label>
+<label for="turn">Azimuth<input id="turn" type="range" min="-180" max="180" step="any" value="{turn:g}"></label>
+<label for="height">Elevation<input id="height" type="range" min="-10" max="90" step="any" value="{height:g}"></label>
 <label for="zoom">Zoom<input id="zoom" type="range" min="1" max="10" step="any" value="1"></label>
 <label for="tensions"><input id="tensions" type="checkbox" checked>tensions</label>
 <label for="commanded"><input id="commanded" type="checkbox" checked>commanded pose</label>
 <button id="reset" type="button">Reset the view</button>
 </div>
-<p class="keys" id="keys">Drag the picture, move the sliders, or give it the keyboard: arrow keys turn it, + and −
- zoom in on the platform, Home goes back.</p>
-<figcaption id="said" aria-live="polite"></figcaption>
-<noscript><p>This picture turns where scripts are allowed.</p></noscript>
+<p class="keys" id="keys">Drag the picture, move the sliders, or focus it and use the keyboard: arrow keys rotate, +
+ and − zoom, Home resets the view.</p>
+<figcaption id="description" aria-live="polite"></figcaption>
+<noscript><p>The 3D view needs JavaScript.</p></noscript>
 </figure><div>{answers}</div></div>"""
 
 
 def _answer(view: View) -> str:
-    """Both methods' numbers at one pose, a column for each, and whether they agree."""
+    """Results of both methods at one pose, a column for each, and whether they agree."""
     table = crosscheck_tables.settle_table(view.problem, [view.settled, view.solved])
-    lines = [plain(found.reason) for found in (view.settled, view.solved) if not isinstance(found, Equilibrium)]
+    lines = [plain(result.reason) for result in (view.settled, view.solved) if not isinstance(result, Equilibrium)]
     if view.agreement is not None:
         lines.append(crosscheck_tables.verdict(view.agreement))
     return _wide(table) + html.sentences(*lines)
 
 
-def _worst(robot_summary: RobotSummary) -> str:
-    if not robot_summary.worst:
+def _worst(summary: RobotSummary) -> str:
+    if not summary.worst:
         return ""
     buttons = "".join(
         f'<button type="button" data-show="{number}">Show {number} above</button>'
-        for number in range(1, len(robot_summary.worst) + 1)
+        for number in range(1, len(summary.worst) + 1)
     )
-    axes = robot_summary.check.dataset
+    axes = summary.check.dataset
     counts = " × ".join(str(axes.sizes[name]) for name in "xyz")
     return (
         html.sentences(
-            f"Of {counts} poses along x, y and z of the workspace: those where the methods do not agree, if any, and "
-            "then those where the platform ends up farthest from where it was commanded, turning counted by what its "
-            "anchors see. Of poses that are equally far off, to a thousandth, as by symmetry, one is listed."
+            f"Of {counts} poses along x, y and z of the workspace: those where the methods disagree, if any, then "
+            "those with the largest deviation, where rotation is weighted by the characteristic length. Of poses with "
+            "the same deviation within 0.1 %, as by symmetry, one is listed."
         )
-        + _wide(_worst_table(robot_summary), "The worst poses")
+        + _wide(_worst_table(summary), "The worst poses")
         + f'<div class="controls">{buttons}</div>'
-        + _wide(workspace_tables.check_table(robot_summary.check))
+        + _wide(workspace_tables.check_table(summary.check))
     )
 
 
-def _worst_table(robot_summary: RobotSummary) -> Table:
-    """A row for each pose, with a column for each method, headed by the source that its result carries."""
+def _worst_table(summary: RobotSummary) -> Table:
+    """A row for each pose, with a column for each method, headed by the source of its result."""
     methods = [
         next(
             (
                 crosscheck_tables.heading(point)
-                for view in robot_summary.worst
+                for view in summary.worst
                 if (point := crosscheck_tables.best_point(pick(view)))
             ),
             "",
@@ -248,52 +250,56 @@ def _worst_table(robot_summary: RobotSummary) -> Table:
         for pick in (lambda view: view.settled, lambda view: view.solved)
     ]
     shown: dict[str, Callable[[Equilibrium], str]] = {
-        "deviation\n[mm]": lambda rest: f"{1e3 * np.linalg.norm(rest.deviation):.3f}",
-        "tilt\n[°]": lambda rest: f"{np.degrees(rest.tilt):.3f}",
-        "slack\ncables": lambda rest: ", ".join(str(one + 1) for one in np.flatnonzero(rest.slack)) or "none",
+        "deviation\n[mm]": lambda point: f"{1e3 * np.linalg.norm(point.deviation):.3f}",
+        "tilt\n[°]": lambda point: f"{np.degrees(point.tilt):.3f}",
+        "slack\ncables": lambda point: ", ".join(str(one + 1) for one in np.flatnonzero(point.slack)) or "none",
     }
     headings = [f"{label}\n{method}" for label in shown for method in methods]
-    table = new_table("", "pose", "commanded to\nx, y, z [mm]", *headings, "methods\napart\n[mm]", "verdict")
-    for number, view in enumerate(robot_summary.worst, start=1):
+    table = new_table("", "pose", "commanded to\nx, y, z [mm]", *headings, "diff.\n[mm]", "verdict")
+    for number, view in enumerate(summary.worst, start=1):
         cells = [
-            show(found) if isinstance(found, Equilibrium) else "[red]no rest[/]"
+            show(result) if isinstance(result, Equilibrium) else "[red]none[/]"
             for show in shown.values()
-            for found in (view.settled, view.solved)
+            for result in (view.settled, view.solved)
         ]
-        apart = "" if view.agreement is None else f"{1e3 * view.agreement.position_error:.1e}"
-        table.add_row(str(number), _millimetres(view), *cells, apart, _verdict(view))
+        difference = "" if view.agreement is None else f"{1e3 * view.agreement.position_error:.1e}"
+        table.add_row(str(number), _millimetres(view), *cells, difference, _verdict(view))
     return table
 
 
 def _verdict(view: View) -> str:
     if view.agreement is None:
-        return "[red]no answer[/]"
-    words = view.agreement.verdict.name.lower().replace("_", " ")
-    return f"[green]{words}[/]" if view.agreement.agrees else f"[red]{words}[/]"
+        return "[red]no result[/]"
+    name = view.agreement.verdict.name.lower().replace("_", " ").replace(" except", ",")  # to fit on A4
+    return f"[green]{name}[/]" if view.agreement.agrees else f"[red]{name}[/]"
 
 
-def _maps(robot_summary: RobotSummary) -> str:
-    figures, why_there = [], ""
-    dataset, data = robot_summary.plane, robot_summary.check.dataset
+def _maps(summary: RobotSummary) -> str:
+    figures, note = [], ""
+    dataset, data = summary.plane, summary.check.dataset
     if dataset is not None:
-        place = f" at y = {_short(1e3 * float(dataset['y'][0]))} mm" * (robot_summary.robot.mobility == "spatial")
-        if place and robot_summary.worst:
-            why_there = f"Maps{place}: the first of the worst poses lies there."
-        for name, (what, how) in _MAPS.items():
+        place = f" at y = {_short(1e3 * float(dataset['y'][0]))} mm" * (summary.robot.mobility == "spatial")
+        if place and summary.worst:
+            note = f"Maps{place}, where the first of the worst poses lies."
+        for name, (title, explanation) in _MAPS.items():
             if name in dataset:
                 figure = maps.draw_elastic_map(dataset, names=[name])
-                figures.append(_figure(figure, f"{what}{place}, {_range(dataset, name)}", how))
+                figures.append(_figure(figure, f"{title}{place}, {_range(dataset, name)}", explanation))
     if dataset is not None and min(data.sizes["x"], data.sizes["z"]) > 1:
-        across = robot_summary.check.across()
+        across = summary.check.across()
         agree = int((data["outcome"] == OUTCOMES.index("agree")).sum())
-        words = f"Where MuJoCo and the static solver agree: plainly at {agree} of {data['outcome'].size} poses"
-        why = "The worst along y of the poses that were settled in MuJoCo; beside it, how far the two are apart."
-        figures.append(_figure(maps.draw_agreement_map(across), words, why, "both"))
-    return f'{html.sentences(why_there)}<div class="maps">{"".join(figures)}</div>' if figures else ""
+        title = (
+            f"Agreement of MuJoCo and the static solver, at {agree} of {data['outcome'].size} poses without reservation"
+        )
+        explanation = (
+            "Worst outcome along y over the poses settled in MuJoCo, and the difference between the two methods."
+        )
+        figures.append(_figure(maps.draw_agreement_map(across), title, explanation, "both"))
+    return f'{html.sentences(note)}<div class="maps">{"".join(figures)}</div>' if figures else ""
 
 
 def _range(dataset: Any, name: str) -> str:
-    """Of a map, in words: what those read who do not see it."""
+    """Range of a map's values, for its alternative text."""
     values = dataset[name].values[dataset["status"].values == Status.CONVERGED].astype(float)
     if not values.size:
         return "no equilibrium anywhere"
@@ -304,74 +310,72 @@ def _range(dataset: Any, name: str) -> str:
     return f"from {least} to {most}"
 
 
-def _figure(figure: Figure, words: str, why: str, kind: str = "one") -> str:
+def _figure(figure: Figure, title: str, explanation: str, kind: str = "one") -> str:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
-    picture = f'<img alt="Map: {escape(words)}." src="{html.data(buffer.getvalue(), "image/svg+xml")}">'
+    picture = f'<img alt="Map: {escape(title)}." src="{html.data(buffer.getvalue(), "image/svg+xml")}">'
     return (
-        f'<figure class="{kind}">{_scrolling(picture, words)}'
-        f"<figcaption><b>{escape(words)}.</b> {escape(why)}</figcaption></figure>"
+        f'<figure class="{kind}">{_scrolling(picture, title)}'
+        f"<figcaption><b>{escape(title)}.</b> {escape(explanation)}</figcaption></figure>"
     )
 
 
-def _film(robot_summary: RobotSummary) -> str:
-    motion = robot_summary.motion
+def _film(summary: RobotSummary) -> str:
+    motion = summary.motion
     if motion is None:
         return ""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        shapes, seconds = robot_summary.shapes, len(motion) / FILM_RATE
-        write_video(path, motion, robot_summary.static, shapes=shapes, seconds=seconds, fps=FILM_RATE, size=FILM_SIZE)
+        shapes, seconds = summary.shapes, len(motion) / FILM_RATE
+        write_video(path, motion, summary.static, shapes=shapes, seconds=seconds, fps=FILM_RATE, size=FILM_SIZE)
         source = html.data(path.read_bytes(), "video/mp4")
-    words = (
-        f"Film: the winches drive {robot_summary.robot.name} along x in MuJoCo; the yellow outline "
-        "is the static solver's pose."
+    caption = (
+        f"Video: the winches drive {summary.robot.name} along x through its workspace in MuJoCo; the yellow "
+        "outline is the static solver's pose."
     )
     return (
-        f'<figure><video controls loop muted playsinline preload="auto" aria-label="{escape(words)}" src="{source}">'
-        f"</video><figcaption>{escape(words)}</figcaption></figure>{_wide(trajectory_table(motion))}"
+        f'<figure><video controls loop muted playsinline preload="auto" aria-label="{escape(caption)}" src="{source}">'
+        f"</video><figcaption>{escape(caption)}</figcaption></figure>{_wide(trajectory_table(motion))}"
     )
 
 
-def _numbers(robot_summary: RobotSummary) -> str:
-    robot = robot_summary.robot
-    modes = [] if robot_summary.modes is None else [_wide(modes_table(robot_summary.modes))]
-    said = html.sentences(*map(plain, (*robot.warnings, *robot.notes)))
-    return "".join([_wide(robot_table(robot)), _wide(cables_table(robot)), *modes, said])
+def _numbers(summary: RobotSummary) -> str:
+    robot = summary.robot
+    modes = [] if summary.modes is None else [_wide(modes_table(summary.modes))]
+    notes = html.sentences(*map(plain, (*robot.warnings, *robot.notes)))
+    return "".join([_wide(robot_table(robot)), _wide(cables_table(robot)), *modes, notes])
 
 
-def _explained(robot_summary: RobotSummary) -> str:
+def _explained(summary: RobotSummary) -> str:
     return html.sentences(
-        "A [bold]cable-driven parallel robot[/] moves a platform by winding cables. Cables stretch and can only pull, "
-        "so that the platform does not end up where its winches, which believe in rigid cables, [bold]command[/] it: "
-        "it sags, shifts and tilts, and some cables go [bold]slack[/].",
-        "Its true pose is computed by two methods that share no physics code: [bold]MuJoCo[/] lets a model "
-        "of it come to rest, and [bold]Newton[/] solves for the pose where all forces balance. Each column is headed "
-        "by the method that its numbers come from. They [bold]agree[/] where position, rotation, tensions and slack "
-        "cables are the same and each finds the other's pose at rest; they agree but for what is [bold]free[/] where "
-        "nothing holds the platform in some direction, and it may rest anywhere along it.",
-        "[bold]Sag[/] is how much lower the platform hangs than commanded, [bold]deviation[/] its distance from there, "
-        "[bold]tilt[/] the angle between its upright axis and the vertical.",
-        *map(plain, robot_summary.missing),
+        "A [bold]cable-driven parallel robot[/] moves a platform by winding cables. Cables are elastic and can only "
+        "pull. Rest lengths computed for rigid cables therefore do not hold the platform at the [bold]commanded[/] "
+        "pose: it deviates in position and tilts, and some cables become [bold]slack[/].",
+        "The equilibrium is computed by two methods that share no physics code: [bold]MuJoCo[/] simulates a model "
+        "until it settles, and [bold]Newton[/] solves for the pose where all forces balance. Each column is headed by "
+        "the method of its results. The methods [bold]agree[/] if position, rotation, tensions and slack cables are "
+        "the same and each finds the other's pose in equilibrium. They agree [bold]except neutral[/] directions if the "
+        "platform is neutrally stable: it has a continuum of equilibria, and the methods stop at different ones.",
+        "[bold]Deviation[/] is the distance of the platform from the commanded position, [bold]deviation -z[/] its "
+        "downward component, [bold]tilt[/] the angle between the platform's z axis and the vertical.",
+        *map(plain, summary.missing),
     )
 
 
-def _words(robot: Robot, view: View) -> str:
-    """A view in a sentence, for those who do not see it as well."""
+def _description(robot: Robot, view: View) -> str:
+    """A view in a sentence, also its alternative text."""
     head = f"{robot.name}, commanded to ({_millimetres(view)}) mm"
-    rest = _rest(view)
-    if rest is None:
-        return f"{head}, does not come to rest in MuJoCo."
-    slack = [str(cable + 1) for cable in np.flatnonzero(rest.slack)]
-    said = f"cable{'s' if len(slack) > 1 else ''} {', '.join(slack)} slack" if slack else "no cable slack"
-    place, away = ", ".join(_short(1e3 * value) for value in rest.position), 1e3 * float(np.linalg.norm(rest.deviation))
-    return (
-        f"{head}, comes to rest at ({place}) mm, {_short(away)} mm away, tilted by {_short(math.degrees(rest.tilt))}°, "
-        f"{said}."
-    )
+    settled = _settled(view)
+    if settled is None:
+        return f"{head}, does not settle in MuJoCo."
+    slack = [str(cable + 1) for cable in np.flatnonzero(settled.slack)]
+    cables = f"cable{'s' if len(slack) > 1 else ''} {', '.join(slack)} slack" if slack else "no cable slack"
+    place = ", ".join(_short(1e3 * value) for value in settled.position)
+    deviation, tilt = 1e3 * float(np.linalg.norm(settled.deviation)), math.degrees(settled.tilt)
+    return f"{head}: equilibrium at ({place}) mm, deviation {_short(deviation)} mm, tilt {_short(tilt)}°, {cables}."
 
 
-def _rest(view: View) -> Equilibrium | None:
+def _settled(view: View) -> Equilibrium | None:
     return view.settled if isinstance(view.settled, Equilibrium) else None
 
 
@@ -380,12 +384,12 @@ def _millimetres(view: View) -> str:
 
 
 def _short(value: float) -> str:
-    """A number in a sentence, which a table has in full: 5.29, 0.07, 1,780."""
+    """A number rounded for a sentence: 5.29, 0.07, 1,780."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{round(value, 2) + 0.0:g}"
 
 
 def _data(robot: Robot, views: tuple[View, ...]) -> dict[str, Any]:
-    """What the canvas draws."""
+    """Data of the 3D view."""
     anchors = views[0].problem.pose.translation + robot.anchors @ views[0].problem.pose.rotation.as_matrix().T
     wheels = [wheel_of(robot.cabling, cable, anchor) for cable, anchor in enumerate(anchors)]
     return {
@@ -400,22 +404,24 @@ def _data(robot: Robot, views: tuple[View, ...]) -> dict[str, Any]:
 
 
 def _drawn(robot: Robot, view: View) -> dict[str, Any]:
-    rest = _rest(view)
-    pose = view.problem.pose if rest is None else rest.pose
+    settled = _settled(view)
+    pose = view.problem.pose if settled is None else settled.pose
     anchors = pose.translation + robot.anchors @ pose.rotation.as_matrix().T
-    cabling = robot.cabling if rest is not None else robot.replace(linear_density=0.0).cabling  # no rest, no shape
+    # Without an equilibrium there is no cable profile: cables are drawn straight.
+    cabling = robot.cabling if settled is not None else robot.replace(linear_density=0.0).cabling
     cables = []
     for cable, anchor in enumerate(anchors):
-        slack = rest is not None and bool(rest.slack[cable])
-        length = float(rest.rest_lengths[cable]) if rest is not None and slack else None
+        slack = settled is not None and bool(settled.slack[cable])
+        length = float(settled.rest_lengths[cable]) if settled is not None and slack else None
         shape = None if view.shapes is None else view.shapes[cable]
-        way = cable_curve(cabling, cable, anchor, length, shape)
-        words = (
-            "" if rest is None else crosscheck_tables.SLACK if slack else newtons(float(f"{rest.tensions[cable]:.3g}"))
-        )
-        cables.append({"way": _rounded(way), "slack": slack, "words": words})
+        curve = cable_curve(cabling, cable, anchor, length, shape)
+        if settled is None:
+            label = ""
+        else:
+            label = crosscheck_tables.SLACK if slack else newtons(float(f"{settled.tensions[cable]:.3g}"))
+        cables.append({"curve": _rounded(curve), "slack": slack, "label": label})
     return {
-        "words": _words(robot, view),
+        "description": _description(robot, view),
         "commanded": _placed(view.problem.pose),
         "platform": _placed(pose),
         "cables": cables,
@@ -431,12 +437,12 @@ def _rounded(values: np.ndarray) -> list:
 
 
 def _embedded(value: dict[str, Any]) -> str:
-    """JSON that nothing in it can end."""
+    """JSON escaped so that its content cannot close the script element."""
     return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _wide(table: Table, title: str = "") -> str:
-    """A table that scrolls by itself where the page is too narrow for it."""
+    """A table with its own scroll bar on a narrow page."""
     return _scrolling(html.table(table), title or " ".join(Text.from_markup(str(table.title)).plain.split()))
 
 

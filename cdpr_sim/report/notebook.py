@@ -1,4 +1,4 @@
-"""How each result introduces itself in a notebook: the tables that the command line prints, as HTML."""
+"""Display of results in notebooks: the tables of the command line, as HTML."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from cdpr_sim.report import analysis_tables, crosscheck_tables, design_tables, h
 from cdpr_sim.report.robot_tables import batch_table, cables_table, robot_table, trajectory_table
 
 EFFECTS = 20
-"""Of a sensitivity, the weightiest."""
+"""Number of sensitivities displayed, the largest first."""
 
 
 @singledispatch
 def html_of(result: HtmlRepr) -> str:
-    """A result as HTML for a notebook: legible on dark and on light paper, everybody's text escaped."""
+    """A result as HTML for a notebook, legible on dark and light backgrounds, with all text escaped."""
     return html.fragment(html.sentences(html.plain(repr(result))))
 
 
@@ -44,10 +44,10 @@ def html_of(result: HtmlRepr) -> str:
 def _(robot: Robot) -> str:
     from cdpr_sim.drawing import still
 
-    words = f"{robot.name}, commanded to the middle of its workspace"
+    description = f"{robot.name}, commanded to the middle of its workspace"
     warnings = (html.plain(sentence) for sentence in (*robot.warnings, *robot.notes))
     return html.fragment(
-        html.picture(still.encoded(still.draw(robot)), words),
+        html.picture(still.encoded(still.draw(robot)), description),
         html.table(robot_table(robot)),
         html.table(cables_table(robot)),
         html.sentences(*warnings),
@@ -60,10 +60,11 @@ def _(problem: Problem) -> str:
 
 
 @html_of.register
-def _(found: Equilibrium) -> str:
-    notes = crosscheck_tables.equilibrium_notes(found) if np.isfinite(found.residual) else []
+def _(equilibrium: Equilibrium) -> str:
+    notes = crosscheck_tables.equilibrium_notes(equilibrium) if np.isfinite(equilibrium.residual) else []
     return html.fragment(
-        html.table(crosscheck_tables.settle_table(found.problem, [found])), html.sentences(*map(html.plain, notes))
+        html.table(crosscheck_tables.settle_table(equilibrium.problem, [equilibrium])),
+        html.sentences(*map(html.plain, notes)),
     )
 
 
@@ -81,7 +82,7 @@ def _(motion: Trajectory) -> str:
 def _(agreement: Agreement) -> str:
     return html.fragment(
         html.table(crosscheck_tables.agreement_table(agreement)),
-        html.sentences(crosscheck_tables.said(agreement), *map(html.plain, agreement.reasons)),
+        html.sentences(crosscheck_tables.verdict_sentence(agreement), *map(html.plain, agreement.reasons)),
     )
 
 
@@ -93,19 +94,22 @@ def _(check: Check) -> str:
 
 
 @html_of.register
-def _(found: Compensation) -> str:
+def _(compensation: Compensation) -> str:
     return html.fragment(
-        html.table(analysis_tables.compensation_table(found, [], [found.equilibrium])),
-        html.sentences(analysis_tables.compensation_lengths(found), analysis_tables.compensation_verdict(found)),
+        html.table(analysis_tables.compensation_table(compensation, [], [compensation.equilibrium])),
+        html.sentences(
+            analysis_tables.compensation_lengths(compensation), analysis_tables.compensation_verdict(compensation)
+        ),
     )
 
 
 @html_of.register
-def _(hold: CompensationCheck) -> str:
-    after = [rest for rest in (hold.compensation.equilibrium, hold.stayed) if rest is not None]
+def _(verification: CompensationCheck) -> str:
+    compensation, settled = verification.compensation, verification.settled_from_compensated
+    after = [one for one in (compensation.equilibrium, settled) if one is not None]
     return html.fragment(
-        html.table(analysis_tables.compensation_table(hold.compensation, [], after)),
-        html.sentences(analysis_tables.compensation_verdict(hold.compensation, hold)),
+        html.table(analysis_tables.compensation_table(compensation, [], after)),
+        html.sentences(analysis_tables.compensation_verdict(compensation, verification)),
     )
 
 
@@ -130,44 +134,42 @@ def _(found: Equilibria) -> str:
 
 
 @html_of.register
-def _(found: Certificate) -> str:
+def _(proof: Certificate) -> str:
     return html.fragment(
-        html.table(proof_tables.certificate_table([found])), html.sentences(*proof_tables.reasons([found]))
+        html.table(proof_tables.certificate_table([proof])), html.sentences(*proof_tables.reasons([proof]))
     )
 
 
 @html_of.register
-def _(found: CompleteEquilibria) -> str:
-    tables = [html.table(proof_tables.certificate_table(found.certificates))] if found.certificates else []
-    return html.fragment(*tables, html.sentences(proof_tables.complete_note(found)))
+def _(proved: CompleteEquilibria) -> str:
+    tables = [html.table(proof_tables.certificate_table(proved.certificates))] if proved.certificates else []
+    return html.fragment(*tables, html.sentences(proof_tables.complete_note(proved)))
 
 
 @html_of.register
-def _(followed: LoadPath) -> str:
-    jumps = ", ".join(f"{100 * load:.3g} %" for load in followed.jumps)
-    told = (
-        f"It falls to another equilibrium at {jumps} of the load." if jumps else "It follows its load without a jump."
-    )
-    reached = crosscheck_tables.settle_table(followed.reached.problem, [followed.reached])
-    return html.fragment(html.table(reached), html.sentences(told))
+def _(path: LoadPath) -> str:
+    jumps = ", ".join(f"{100 * load:.3g} %" for load in path.jumps)
+    note = f"Jump to another equilibrium at {jumps} of the load." if jumps else "No jump while the load increases."
+    reached = crosscheck_tables.settle_table(path.reached.problem, [path.reached])
+    return html.fragment(html.table(reached), html.sentences(note))
 
 
 @html_of.register
-def _(found: Clearances) -> str:
-    return html.fragment(html.table(design_tables.clearance_table(found)))
+def _(clearances: Clearances) -> str:
+    return html.fragment(html.table(design_tables.clearance_table(clearances)))
 
 
 @html_of.register
-def _(found: Identification) -> str:
+def _(result: Identification) -> str:
     return html.fragment(
-        html.table(analysis_tables.identification_table(found)),
-        html.sentences(analysis_tables.identification_note(found)),
+        html.table(analysis_tables.identification_table(result)),
+        html.sentences(analysis_tables.identification_note(result)),
     )
 
 
 @html_of.register
-def _(found: LayoutResult) -> str:
-    return html.fragment(html.table(design_tables.moved_table(found)), html.sentences(html.plain(str(found))))
+def _(result: LayoutResult) -> str:
+    return html.fragment(html.table(design_tables.changes_table(result)), html.sentences(html.plain(str(result))))
 
 
 @html_of.register
@@ -178,7 +180,7 @@ def _(front: Front) -> str:
 @html_of.register
 def _(validation: LayoutValidation) -> str:
     return html.fragment(
-        html.table(design_tables.moved_table(validation.found)),
+        html.table(design_tables.changes_table(validation.layout)),
         html.sentences(*map(html.plain, validation.sentences)),
     )
 

@@ -1,4 +1,4 @@
-"""What is proved, as tables for people: millimetres, degrees and newtons. Nothing is computed here."""
+"""Tables of certificates, in millimetres, degrees and newtons. Nothing is computed here."""
 
 from __future__ import annotations
 
@@ -16,93 +16,93 @@ from cdpr_sim.report.crosscheck_tables import SLACK, heading
 from cdpr_sim.report.table_style import new_table
 
 MOST_DIGITS = 15
-"""Of a proved number that a table prints."""
+"""Largest number of digits printed of a proved value."""
 
 
-def certificate_table(found: Sequence[Certificate]) -> Table:
-    """One column per method: what is proved of its equilibrium, and how far it is from the proved one at most."""
-    robot = found[0].equilibrium.problem.robot
-    title = f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg: what is proved"
+def certificate_table(proofs: Sequence[Certificate]) -> Table:
+    """A column per method: the proved equilibrium, and the largest error of the computed one."""
+    robot = proofs[0].equilibrium.problem.robot
+    title = f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg: proved"
     table = new_table(title, "", methods=True)
-    for one in found:
+    for one in proofs:
         style = "" if one.proved else "dim"
         table.add_column(escape(heading(one.equilibrium)), justify="right", no_wrap=True, style=style)
     for axis in range(3):
         table.add_row(
-            escape(f"{'xyz'[axis]} [mm]"), *(_interval(1e3 * one.position[:, axis], one.exists) for one in found)
+            escape(f"{'xyz'[axis]} [mm]"), *(_interval(1e3 * one.position[:, axis], one.exists) for one in proofs)
         )
     table.add_section()
     for cable in range(robot.cables):
-        cells = (SLACK if one.slack[cable] else _interval(one.tensions[:, cable], one.exists) for one in found)
+        cells = (SLACK if one.slack[cable] else _interval(one.tensions[:, cable], one.exists) for one in proofs)
         table.add_row(escape(f"tension {cable + 1} [N]"), *cells)
     table.add_section()
-    table.add_row("equilibrium", *("exists, alone" if one.exists else "[red]not proved[/]" for one in found))
-    table.add_row("stability", *map(stability_in_words, found))
-    table.add_row("slack cables", *(slack_in_words(one) for one in found))
-    table.add_row("digits", *(f"{one.digits:.0f}" if one.exists else "" for one in found))
-    table.add_row(escape("no other within [mm]"), *(f"{1e3 * one.radius:.0e}" if one.exists else "" for one in found))
+    table.add_row("equilibrium", *("exists, unique" if one.exists else "[red]not proved[/]" for one in proofs))
+    table.add_row("stability", *map(describe_stability, proofs))
+    table.add_row("slack cables", *map(describe_slack, proofs))
+    table.add_row("digits", *(f"{one.digits:.0f}" if one.exists else "" for one in proofs))
+    table.add_row(escape("unique within [mm]"), *(f"{1e3 * one.radius:.0e}" if one.exists else "" for one in proofs))
     table.add_section()
-    table.add_row(escape("position off by at most [mm]"), *(_bound(1e3 * one.position_error) for one in found))
-    table.add_row(escape("rotation off by at most [°]"), *(_bound(np.degrees(one.rotation_error)) for one in found))
-    table.add_row(escape("tensions off by at most [N]"), *(_bound(one.tension_error) for one in found))
-    table.add_row("proved", *("[bold green]yes[/]" if one.proved else "[bold red]no[/]" for one in found))
+    table.add_row(escape("position error at most [mm]"), *(_bound(1e3 * one.position_error) for one in proofs))
+    table.add_row(escape("rotation error at most [°]"), *(_bound(np.degrees(one.rotation_error)) for one in proofs))
+    table.add_row(escape("tension error at most [N]"), *(_bound(one.tension_error) for one in proofs))
+    table.add_row("proved", *("[bold green]yes[/]" if one.proved else "[bold red]no[/]" for one in proofs))
     return table
 
 
-def reasons(found: Sequence[Certificate]) -> list[str]:
+def reasons(proofs: Sequence[Certificate]) -> list[str]:
     """Why something is not proved, a line each."""
     return [
         f"{escape(heading(one.equilibrium))}: {escape(reason)}.".replace("\n", " ")
-        for one in found
+        for one in proofs
         for reason in one.reasons
     ]
 
 
-def proof_cell(found: Certificate | None) -> str:
-    """What a table of results says of one: proved, and how far off it is at most."""
-    if found is None:
+def proof_cell(proof: Certificate | None) -> str:
+    """Cell of a results table: the proved bound of the position error."""
+    if proof is None:
         return ""
-    return f"off by < {1e3 * found.position_error:.0e} mm" if found.proved else "[red]not proved[/]"
+    return f"error < {1e3 * proof.position_error:.0e} mm" if proof.proved else "[red]not proved[/]"
 
 
 def quickly_complete(problem: Problem) -> bool:
-    """Whether a proof that none is missing takes milliseconds: planar, massless cables that start at points."""
+    """Whether the proof of completeness takes milliseconds: a planar robot with massless cables and no pulleys."""
     robot = problem.robot
     return robot.mobility == "planar" and robot.cabling.massless and not robot.cabling.pulleys.any()
 
 
-def complete_note(found: CompleteEquilibria) -> str:
-    """That these are all equilibria, or what is left open, in a sentence."""
-    stable = sum(one.stable for one in found)
-    counted = f"{stable} stable and {len(found) - stable} unstable equilibria"
-    if found.complete:
-        return f"Proved: these cable lengths have {counted}, and no others."
-    reasons = "; ".join(dict.fromkeys(one.reason for one in found.undecided)) or f"{found.pending} boxes are pending"
-    return f"Proved: {counted}; whether there are others is open: {reasons}."
+def complete_note(proved: CompleteEquilibria) -> str:
+    """Whether the list of equilibria is proved complete, in a sentence."""
+    stable = sum(one.stable for one in proved)
+    counts = f"{stable} stable and {len(proved) - stable} unstable equilibria"
+    if proved.complete:
+        return f"Proved: these cable lengths have {counts}, and no others."
+    reasons = "; ".join(dict.fromkeys(one.reason for one in proved.undecided)) or f"{proved.pending} boxes are pending"
+    return f"Proved: {counts}; whether there are others is undecided: {reasons}."
 
 
 def missing_note(missing: Sequence[Certificate]) -> str:
-    """How many proved equilibria the search from many starts has not found."""
+    """Number of proved equilibria that the multi-start search did not find."""
     if not missing:
-        return "The search from many starts found each of them."
-    return f"[red]The search from many starts missed {len(missing)} of them.[/]"
+        return "The multi-start search found all of them."
+    return f"[red]The multi-start search missed {len(missing)} of them.[/]"
 
 
-def stability_in_words(found: Certificate) -> str:
-    """Stable, the number of unstable directions, or that it is not known."""
-    if found.index is None:
+def describe_stability(proof: Certificate) -> str:
+    """Stable, unstable with its index, or not proved."""
+    if proof.index is None:
         return "[red]not proved[/]"
-    return "stable" if found.stable else f"{found.index} unstable"
+    return "stable" if proof.stable else f"index {proof.index}"
 
 
-def slack_in_words(found: Certificate) -> str:
-    """How many are proved slack; and how many are neither proved slack nor taut."""
-    unknown = sum(one is None for one in found.slack)
-    return f"{sum(map(bool, found.slack))} of {len(found.slack)}" + (f", {unknown} unknown" if unknown else "")
+def describe_slack(proof: Certificate) -> str:
+    """Number of cables proved slack, and of those proved neither slack nor taut."""
+    unknown = sum(one is None for one in proof.slack)
+    return f"{sum(map(bool, proof.slack))} of {len(proof.slack)}" + (f", {unknown} unknown" if unknown else "")
 
 
 def _interval(ends: np.ndarray, known: bool) -> str:
-    """As many decimals as both ends share, 15 at most."""
+    """The digits that both ends share, 15 at most."""
     if not known:
         return ""
     for digits in range(MOST_DIGITS, 0, -1):

@@ -1,4 +1,4 @@
-"""What real cables do, as tables for people."""
+"""Tables of the effects of real cables."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from cdpr_sim.studies.real_cables import CableEffect, PaperEnd
 
 
 def effects_table(effects: Sequence[CableEffect]) -> Table:
-    """A row for each robot and property: how far the platform moves, and how far the methods are apart."""
+    """A row for each robot and property: displacement of the platform, and difference between the methods."""
     poses = max(len(effect.shifts) for effect in effects)
     table = new_table(
-        f"How far the platform moves, over {poses} poses, settled in MuJoCo",
-        "", "mm\nmedian", "mm\n95 %", "tilt °\nmedian", "tilt °\n95 %", "methods\napart\nnm", dense=True,
+        f"Displacement of the platform, over {poses} poses, settled in MuJoCo",
+        "", "mm\nmedian", "mm\n95 %", "tilt °\nmedian", "tilt °\n95 %", "method\ndiff.\nnm", dense=True,
     )  # fmt: skip
     last = ""
     for effect in effects:
@@ -28,7 +28,7 @@ def effects_table(effects: Sequence[CableEffect]) -> Table:
         table.add_row(
             f"  {effect.what}",
             *map(_short, (*shifts, *turns)),
-            _short(1e9 * effect.apart),
+            _short(1e9 * effect.method_difference),
         )
         last = effect.robot
     return table
@@ -40,19 +40,19 @@ def _short(value: float) -> str:
 
 
 def left_out(effects: Sequence[CableEffect]) -> str:
-    """At which poses MuJoCo's platform did not come to rest, or nothing."""
+    """Number of poses at which MuJoCo's platform did not settle; empty if none."""
     missing = [f"{one.unsettled} ({one.robot}, {one.what})" for one in effects if one.unsettled]
-    return f"Left out, as MuJoCo's platform did not come to rest there: {', '.join(missing)}." if missing else ""
+    return f"Poses left out because MuJoCo's platform did not settle: {', '.join(missing)}." if missing else ""
 
 
 def ends_table(ends: Sequence[PaperEnd]) -> Table:
-    """A row for each property: sag and tilt of the parallel layout, and the crossed layout's deviation in z."""
+    """A row for each property: deviation in z and tilt of the parallel layout, deviation in z of the crossed layout."""
     table = new_table(
-        "At the ends of the paper's lines, lengths as if for point exits, in MuJoCo",
-        "", "parallel\nsag mm\n0.1 m", "\n\n0.2 m", "\ntilt °\n0.1 m", "\n\n0.2 m", "crossed\nz mm\n0.1 m",
+        "At the ends of the paper's lines, with rest lengths for point exits, in MuJoCo",
+        "", "parallel\n-z mm\n0.1 m", "\n\n0.2 m", "\ntilt °\n0.1 m", "\n\n0.2 m", "crossed\nz mm\n0.1 m",
         "\n\n0.2 m", dense=True,
     )  # fmt: skip
     for end in ends:
-        numbers = [*1e3 * end.sags, *np.degrees(end.tilts), *1e3 * end.crossed_rises]
+        numbers = [*1e3 * end.downward_deviations, *np.degrees(end.tilts), *1e3 * end.crossed_deviations]
         table.add_row(end.what, *(f"{value:.2f}" for value in numbers))
     return table

@@ -1,4 +1,4 @@
-"""A robot as tables, cable by cable; and batches and motions of it in a few numbers."""
+"""Tables of a robot and its cables; summaries of batches and trajectories."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from cdpr_sim.report.table_style import new_table
 
 
 def robot_table(robot: Robot) -> Table:
-    """What a robot is, in a column."""
-    table = new_table(robot.name, "", "", words=2)
+    """Description of a robot."""
+    table = new_table(robot.name, "", "", text_columns=2)
     low, high = robot.workspace
     rows = {
         "": robot.description,
         "kind": f"{robot.kind}, {robot.mobility}",
         "cables": f"{robot.cables} {describe_cables(robot)}",
-        "limits of tension": _limits(robot),
+        "tension limits": _limits(robot),
         "breaking load": f"{_span(robot.breaking_load)} N" if np.isfinite(robot.breaking_load).all() else "",
         "platform": f"{robot.mass:g} kg, {_size(robot.platform_size, 1e3)} mm",
         "centre of mass": f"({_point(robot.center_of_mass)}) mm in the platform",
@@ -32,16 +32,16 @@ def robot_table(robot: Robot) -> Table:
         "gravity": f"{robot.gravity:g} m/s²",
         "source": robot.source,
     }
-    for label, words in rows.items():
-        if words:
-            table.add_row(label, escape(" ".join(words.split())))
+    for label, text in rows.items():
+        if text:
+            table.add_row(label, escape(" ".join(text.split())))
     return table
 
 
 def cables_table(robot: Robot) -> Table:
-    """Each cable: where it leaves the frame, where it holds the platform, how stiff it is."""
+    """Exit point, anchor point and axial stiffness of each cable."""
     table = new_table(
-        "Its cables",
+        "Cables",
         "cable",
         "exit\nx [mm]",
         "\ny [mm]",
@@ -59,19 +59,19 @@ def cables_table(robot: Robot) -> Table:
 
 
 def batch_table(equilibria: EquilibriumBatch) -> Table:
-    """A batch in a few numbers: how many rest, and of those how far, how tilted, how often slack."""
+    """Summary of a batch: number of equilibria; their deviation, tilt, tensions, residuals and slack cables."""
     name = f"{equilibria.robot.name}, by {_method(equilibria)}".replace("\n", " ")
     table = new_table(f"{name}: {' × '.join(map(str, equilibria.shape))} problems", "", "median", "worst")
     done = equilibria.converged
-    table.add_row("at rest", "", f"{int(done.sum()):,} of {done.size:,}")
+    table.add_row("equilibria", "", f"{int(done.sum()):,} of {done.size:,}")
     for status in Status:
         count = int((equilibria.status == status).sum())
         if count and status is not Status.CONVERGED:
-            table.add_row(escape(f"not at rest: {status.sentence}"), "", f"{count:,}", style="red")
+            table.add_row(escape(f"none: {status.sentence}"), "", f"{count:,}", style="red")
     if done.any():
         for label, values in {
             "deviation [mm]": 1e3 * np.linalg.norm(equilibria.deviation[done], axis=-1),
-            "sag [mm]": -1e3 * equilibria.deviation[done][:, 2],
+            "deviation -z [mm]": -1e3 * equilibria.deviation[done][:, 2],
             "tilt [°]": np.degrees(equilibria.tilt[done]),
             "largest tension [N]": equilibria.tensions[done].max(-1),
             "unbalanced [N]": equilibria.residuals[done],
@@ -84,7 +84,7 @@ def batch_table(equilibria: EquilibriumBatch) -> Table:
 
 
 def trajectory_table(motion: Trajectory) -> Table:
-    """A motion in a few numbers, and when each was worst."""
+    """Summary of a trajectory, with the time of the worst value."""
     table = new_table(
         f"{motion.robot.name}: {len(motion)} states in {np.ptp(motion.times):.3g} s, by {_method(motion)}",
         "", "at the start", "at the end", "worst", "after [s]",
@@ -92,7 +92,7 @@ def trajectory_table(motion: Trajectory) -> Table:
     start, taut = motion.times[0], np.where(motion.slack, np.inf, motion.tensions).min(-1)
     for label, values in {
         "deviation [mm]": 1e3 * np.linalg.norm(motion.deviation, axis=-1),
-        "sag [mm]": -1e3 * motion.deviation[:, 2],
+        "deviation -z [mm]": -1e3 * motion.deviation[:, 2],
         "tilt [°]": np.degrees(motion.tilt),
         "largest tension [N]": motion.tensions.max(-1),
         "slack cables": motion.slack.sum(-1),
@@ -103,7 +103,7 @@ def trajectory_table(motion: Trajectory) -> Table:
     least = int(np.argmin(taut))
     if np.isfinite(taut[least]):
         shown = (f"{taut[row]:.3f}" if np.isfinite(taut[row]) else "" for row in (0, -1, least))
-        table.add_row(escape("least tension of a taut cable [N]"), *shown, f"{motion.times[least] - start:.3g}")
+        table.add_row(escape("smallest tension of a taut cable [N]"), *shown, f"{motion.times[least] - start:.3g}")
     return table
 
 

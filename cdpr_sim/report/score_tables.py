@@ -1,4 +1,4 @@
-"""Scores of solvers on the set of problems, as a table and as JSON. Nothing is computed here but counts and medians."""
+"""Scores of solvers on the problem set, as a table and as JSON. Only counts and medians are computed here."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from cdpr_sim.studies.score import Outcome, Score
 
 
 def score_table(scores: Sequence[Score]) -> Table:
-    """A row per solver and level; answers are counted, one per problem and start."""
+    """A row per solver and level, with counts of answers: one per problem and start."""
     table = new_table(
-        "Answers beside proved equilibria",
-        "solver", "level", "answers\nasked", "correct\ndigits", "solved", "called\nsolved,\nis not", "no\nanswer",
-        "unstable", "ms\neach", words=2, dense=True,
+        "Answers compared with proved equilibria",
+        "solver", "level", "answers\nrequested", "correct\ndigits", "solved", "false\nclaims", "no\nanswer",
+        "unstable", "ms per\nanswer", text_columns=2, dense=True,
     )  # fmt: skip
     for one in scores:
         for level in LEVELS:
-            told = summary(one.of(level))
-            if told["asked"]:
+            counts = summary(one.of(level))
+            if counts["requested"]:
                 table.add_row(
                     one.solver,
                     level,
-                    str(told["asked"]),
-                    "" if told["digits"] is None else f"{told['digits']:.1f}",
-                    str(told["solved"]),
-                    f"[red]{told['false']}[/]" if told["false"] else "0",
-                    str(told["unanswered"]),
-                    str(told["unstable"]),
-                    "" if told["milliseconds"] is None else f"{told['milliseconds']:.1f}",
+                    str(counts["requested"]),
+                    "" if counts["digits"] is None else f"{counts['digits']:.1f}",
+                    str(counts["solved"]),
+                    f"[red]{counts['false_claims']}[/]" if counts["false_claims"] else "0",
+                    str(counts["unanswered"]),
+                    str(counts["unstable"]),
+                    "" if counts["milliseconds"] is None else f"{counts['milliseconds']:.1f}",
                 )
         table.add_section()
     return table
 
 
 def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Counts of answers; median of correct digits over those given, and of milliseconds."""
+    """Counts of answers; medians of correct digits over the answers given, and of milliseconds."""
     given = [one.digits for one in outcomes if one.claimed]
     seconds = [one.seconds for one in outcomes if np.isfinite(one.seconds)]
     return {
-        "asked": len(outcomes),
+        "requested": len(outcomes),
         "digits": float(np.median(given)) if given else None,
         "solved": sum(one.solved for one in outcomes),
-        "false": sum(one.claimed and not one.solved for one in outcomes),
+        "false_claims": sum(one.claimed and not one.solved for one in outcomes),
         "unanswered": sum(not one.claimed for one in outcomes),
         "unstable": sum(one.solved and not one.stable for one in outcomes),
         "milliseconds": 1e3 * float(np.median(seconds)) if seconds else None,
@@ -55,7 +55,7 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def scores_json(scores: Sequence[Score]) -> dict[str, Any]:
-    """Per solver and level the counts, and every answer's digits."""
+    """Counts per solver and level, and the digits of every answer."""
     return {
         one.solver: {level: summary(one.of(level)) for level in LEVELS}
         | {"answers": [[a.problem, a.start, a.digits if a.claimed else None] for a in one.outcomes]}

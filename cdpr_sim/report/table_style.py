@@ -1,4 +1,4 @@
-"""What all tables have in common."""
+"""Style of all tables."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from rich.table import Table
 from rich.text import Text
 
 WIDE = 10_000
-"""Columns of a terminal in which nothing is cut."""
+"""Terminal width at which nothing is truncated."""
 
 CUT = "…"
-"""With which rich ends what it cuts."""
+"""Character with which rich marks truncated text."""
 
 
 class Sheet(Table):
-    """A table that never cuts a number: where it is too wide, its records stand one below the other.
+    """A table that never truncates a number: where it is too wide, its records are printed one below the other.
 
-    A record is a row, headed by its first ``words`` cells; or, where methods stand side by side, a column.
+    A record is a row, headed by its first ``text_columns`` cells; or a column, where ``methods`` are compared.
     """
 
-    words = 1
+    text_columns = 1
     methods = False
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """The table, or its records."""
+        """Render the table or its records."""
         drawn = self._drawn(console, options)
         if _cuts(drawn) > _cuts(self._drawn(console, options.update(width=WIDE, max_width=WIDE))):
             if self.title:
@@ -53,12 +53,12 @@ class Sheet(Table):
         heads = [_line(column.header) for column in self.columns]
         for row in zip(*(column.cells for column in self.columns), strict=True):
             cells = [_line(cell) for cell in row]
-            name = Text(", ").join(cell for cell in cells[: self.words] if cell.plain)
-            yield _record(name, list(zip(heads[self.words :], cells[self.words :], strict=True)))
+            name = Text(", ").join(cell for cell in cells[: self.text_columns] if cell.plain)
+            yield _record(name, list(zip(heads[self.text_columns :], cells[self.text_columns :], strict=True)))
 
 
 class _Plain:
-    """The table as rich draws it."""
+    """Rich's own rendering of the table."""
 
     def __init__(self, table: Table) -> None:
         self.table = table
@@ -67,21 +67,21 @@ class _Plain:
         yield from Table.__rich_console__(self.table, console, options)
 
 
-def new_table(title: str, *columns: str, words: int = 1, dense: bool = False, methods: bool = False) -> Sheet:
-    """A table without rows yet: its first ``words`` columns flush left, for words, the others flush right.
+def new_table(title: str, *columns: str, text_columns: int = 1, dense: bool = False, methods: bool = False) -> Sheet:
+    """A table without rows: its first ``text_columns`` columns are left-aligned, the others right-aligned.
 
     Args:
         title: may have several lines.
-        columns: their headings.
-        words: how many of them hold words.
-        dense: one blank between two columns, rather than two.
-        methods: whether the columns are what is compared, side by side.
+        columns: headings.
+        text_columns: number of columns that hold text.
+        dense: whether columns are separated by one space instead of two.
+        methods: whether the columns are methods to be compared.
     """
     padding = (0, 1, 0, 0) if dense else (0, 1)
     table = Sheet(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, padding=padding, pad_edge=False)
-    table.words, table.methods = words, methods
+    table.text_columns, table.methods = text_columns, methods
     for number, name in enumerate(columns):
-        table.add_column(escape(name), justify="left" if number < words else "right", no_wrap=True)
+        table.add_column(escape(name), justify="left" if number < text_columns else "right", no_wrap=True)
     return table
 
 
@@ -90,12 +90,12 @@ def _cuts(drawn: list[Segment]) -> int:
 
 
 def _line(cell: object) -> Text:
-    """A cell or a heading on one line, words together that were divided."""
+    """A cell or a heading on one line, without hyphenation."""
     return Text.from_markup(str(cell).replace("-\n", "").replace("\n", " "))
 
 
 def _record(name: Text, pairs: list[tuple[Text, Text]]) -> Text:
-    """What it is called, and a line for each of its values."""
+    """The record's name, and a line for each value."""
     pairs = [(label, value) for label, value in pairs if value.plain]
     wide = max((label.cell_len for label, _ in pairs), default=0)
     lines = [Text("  ").join([label, Text(" " * (wide - label.cell_len)) + value]) for label, value in pairs]

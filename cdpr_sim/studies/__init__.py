@@ -1,1 +1,1 @@
-"""The paper's experiments and ours, by name: computed, then drawn."""
+"""Studies: the paper's experiments and further ones, computed and drawn."""

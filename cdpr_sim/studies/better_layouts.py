@@ -1,4 +1,4 @@
-"""A layout that was found, shown: numbers by both methods, maps of tilt, the two robots driven side by side."""
+"""Presentation of an optimised layout: figures of merit, maps of tilt, both robots driven side by side."""
 
 from __future__ import annotations
 
@@ -20,42 +20,42 @@ from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
 
 MAP_POINTS = 121
-"""Along the longer side of a map of tilt."""
+"""Poses along the longer side of a map of tilt."""
 
 CLEARANCE_POINTS = 61
-"""Along the longer side of a map of distances."""
+"""Poses along the longer side of a map of distances."""
 
 
-def numbers(proof: LayoutValidation) -> list[tuple[str, str, str]]:
-    """(what, before, after) in words: all in MuJoCo, at the poses that were asked and midway between them."""
-    of, distance = proof.found.objective, proof.found.distance
+def numbers(validation: LayoutValidation) -> list[tuple[str, str, str]]:
+    """(label, before, after) as text: in MuJoCo, at the poses of the optimisation and midway between them."""
+    of, distance = validation.layout.objective, validation.layout.largest_displacement
 
-    def words(side: ValidatedRobot) -> list[str]:
+    def column(side: ValidatedRobot) -> list[str]:
         if not side.settled.converged.any():
-            return ["no rest at any pose", *[""] * 4, f"0 of {len(side.agrees)}", ""]
-        tilts, away = np.degrees(_tilt(side)), 1e3 * _away(side)
+            return ["no equilibrium at any pose", *[""] * 4, f"0 of {len(side.agrees)}", ""]
+        tilts, deviations = np.degrees(_tilt(side)), 1e3 * _deviation(side)
         return [
             of.shown(side.score),
             f"{np.nanmax(tilts):.3g}°, {np.nanmean(tilts):.3g}°",
-            f"{np.nanmax(away):.3g} mm, {np.nanmean(away):.3g} mm",
+            f"{np.nanmax(deviations):.3g} mm, {np.nanmean(deviations):.3g} mm",
             str(side.settled.slack[side.settled.converged].sum(-1).max(initial=0)),
             _tensions(side.settled),
             f"{side.agrees.sum()} of {len(side.agrees)}",
-            "" if side is proof.before else f"{1e3 * distance:.3g} mm",
+            "" if side is validation.before else f"{1e3 * distance:.3g} mm",
         ]
 
-    what = [
+    labels = [
         f"{of.name}, in MuJoCo", "worst, mean tilt", "worst, mean deviation", "most slack cables",
-        "lowest, highest tension", "Newton and MuJoCo agree at", "furthest move of a point",
+        "lowest, highest tension", "Newton and MuJoCo agree at", "largest displacement of a point",
     ]  # fmt: skip
-    return list(zip(what, words(proof.before), words(proof.after), strict=True))
+    return list(zip(labels, column(validation.before), column(validation.after), strict=True))
 
 
 def _tilt(side: ValidatedRobot) -> np.ndarray:
     return np.where(side.settled.converged, side.settled.tilt, np.nan)
 
 
-def _away(side: ValidatedRobot) -> np.ndarray:
+def _deviation(side: ValidatedRobot) -> np.ndarray:
     return np.where(side.settled.converged, np.linalg.norm(side.settled.deviation, axis=-1), np.nan)
 
 
@@ -64,32 +64,32 @@ def _tensions(equilibria: EquilibriumBatch) -> str:
     return f"{found.min(initial=np.inf):.3g} N, {found.max(initial=0):.3g} N"
 
 
-def picture(proof: LayoutValidation) -> Figure:
-    """Both layouts with what moved, the map of tilt through the middle of the poses, and the numbers."""
-    found = proof.found
+def picture(validation: LayoutValidation) -> Figure:
+    """Figure of both layouts: changes, maps of tilt through the middle of the poses, and figures of merit."""
+    found = validation.layout
     robots = (found.given, found.robot)
-    equilibria = (proof.before.settled, proof.after.settled)
+    equilibria = (validation.before.settled, validation.after.settled)
     asked = found.cases.positions
     across = float(np.median(asked[:, 1]))
     axes = plane("xz", across, MAP_POINTS, [found.given])
     maps = [sweep(robot, axes, quantities=["tilt"], chunk=None)["tilt"].values for robot in robots]
     half = [np.diff(axes[name][:2])[0] / 2 for name in ("x", "z")]
     extent = (axes["x"][0] - half[0], axes["x"][-1] + half[0], axes["z"][0] - half[1], axes["z"][-1] + half[1])
-    row = _worst_row(proof.before)
+    row = _worst_row(validation.before)
     return draw_better_layout(
         equilibria, row, (_shapes(equilibria[0], row), _shapes(equilibria[1], row)),
         (maps[0].squeeze(), maps[1].squeeze()), extent,
-        asked, numbers(proof), _title(proof),
-        "Robots as MuJoCo settles them where the given one tilts most. Maps: statics, commanded level at "
-        f"y = {across:.4g} m, grey where nothing rests; the scale ends at 45° at the latest. The numbers are MuJoCo's, "
-        f"at the poses that were asked and midway between them, {len(proof.cases)} cases. Nothing is promised of other "
-        "places, loads and cables.",
+        asked, numbers(validation), _title(validation),
+        "Robots settled in MuJoCo at the pose where the given one tilts most. Maps: statics, commanded level at "
+        f"y = {across:.4g} m; grey: no equilibrium; the scale ends at 45° at most. Numbers: MuJoCo, at the poses of "
+        f"the optimisation and midway between them, {len(validation.cases)} cases. They do not hold for other poses, "
+        "loads and cables.",
     )  # fmt: skip
 
 
-def _title(proof: LayoutValidation) -> str:
-    of, found = proof.found.objective, proof.found
-    return f"{found.given.name}: {of.name} {of.shown(proof.before.score)} → {of.shown(proof.after.score)}"
+def _title(validation: LayoutValidation) -> str:
+    of, found = validation.layout.objective, validation.layout
+    return f"{found.given.name}: {of.name} {of.shown(validation.before.score)} → {of.shown(validation.after.score)}"
 
 
 def _worst_row(side: ValidatedRobot) -> int:
@@ -102,55 +102,55 @@ def _shapes(equilibria: EquilibriumBatch, row: int) -> np.ndarray | None:
 
 
 def pareto_picture(front: Front) -> Figure:
-    """The trade-off between its two goals."""
+    """Figure of a Pareto front."""
     one, other = front.objectives
     sizes = np.array([one.size, other.size])
-    labels = tuple(f"{goal.name} [{goal.unit}]" if goal.unit else goal.name for goal in front.objectives)
+    labels = tuple(f"{one.name} [{one.unit}]" if one.unit else one.name for one in front.objectives)
     given = front.before / sizes
     return draw_front(
-        [(f"NSGA-II, {front.tried:,} layouts", front.scores / sizes)],
+        [(f"NSGA-II, {front.layouts_evaluated:,} layouts", front.scores / sizes)],
         (labels[0], labels[1]),
         f"{front.given.name}: {one.name} against {other.name}",
-        f"Each point is a layout, none better than another in both; by statics, at {len(front.cases)} cases.",
+        f"Each point is a Pareto-optimal layout; by statics, in {len(front.cases)} cases.",
         given=None if np.isnan(given).any() else (float(given[0]), float(given[1])),
     )
 
 
 def clearance_map(robot: Robot, name: str, at: float | None, enough: float, fitting: float | None) -> Figure:
-    """The interference-free workspace over a plane."""
+    """Map of the interference-free workspace over a plane."""
     axes = plane(name, at, CLEARANCE_POINTS, [robot])
     grid = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
-    found = clearances(robot, grid, fitting=fitting, points=SEARCH_POINTS)
+    distances = clearances(robot, grid, fitting=fitting, points=SEARCH_POINTS)
     across = next(i for i, axis in enumerate("xyz") if axis not in name)
-    least = np.take(found.least, 0, axis=across)
+    least = np.take(distances.least, 0, axis=across)
     first, second = sorted(name)
     ends = [
         (axes[axis][0] - np.diff(axes[axis][:2])[0] / 2, axes[axis][-1] + np.diff(axes[axis][:2])[0] / 2)
         for axis in (first, second)
     ]  # fmt: skip
-    if np.isnan(found.least).all():
-        raise InvalidInput(f"plane: found no pose in it at which {robot.name!r} rests, expected one that it reaches")
-    free = found.free(enough)
-    nearest = tuple(int(i) for i in np.unravel_index(np.nanargmin(found.least), found.least.shape))
+    if np.isnan(distances.least).all():
+        raise InvalidInput(f"plane: found no pose with an equilibrium of {robot.name!r}, expected one within its reach")
+    free = distances.free(enough)
+    nearest = tuple(int(i) for i in np.unravel_index(np.nanargmin(distances.least), distances.least.shape))
     where = f"{'xyz'[across]} = {float(axes['xyz'[across]][0]):.4g} m"
     return draw_clearance_map(
         least, (*ends[0], *ends[1]), (first, second), enough,
-        f"{robot.name}: free of interference at {free.mean():.0%} of these poses",
-        "Smallest distance between centre lines of cables, the platform and the frame, with everything where it rests, "
-        f"at {where}; {1e3 * found.fitting:.3g} mm of each cable next to its ends left out. "
-        f"Nearest: {found.nearest(nearest)}.",
+        f"{robot.name}: interference-free at {free.mean():.0%} of these poses",
+        "Smallest distance between centre lines of cables, the platform and the frame at equilibrium, at "
+        f"{where}; {1e3 * distances.fitting:.3g} mm at both ends of each cable ignored. "
+        f"Smallest: {distances.nearest(nearest)}.",
     )  # fmt: skip
 
 
 def driven(
-    proof: LayoutValidation, states: int, seconds: float, drive_seconds: float | None = None
+    validation: LayoutValidation, states: int, seconds: float, drive_seconds: float | None = None
 ) -> list[Trajectory]:
     """Both robots driven by their winches from pose to pose in MuJoCo, for a video side by side.
 
-    Robots whose cables have mass are settled at one state after the other, for a film of so many ``seconds``.
-    ``drive_seconds`` is the duration of the drive; default: nearly static.
+    Robots whose cables have mass are settled at each state, for a video of ``seconds``. ``drive_seconds`` is the
+    duration of the drive; default: quasi-static.
     """
-    found = proof.found
+    found = validation.layout
     each = len(found.cases) // int(np.prod(found.cases.shape, dtype=int))
     line = found.cases.positions[::each]
     motions = []

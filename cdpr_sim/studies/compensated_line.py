@@ -1,4 +1,4 @@
-"""Compensation along a line: where the platform rests before and after, by both methods."""
+"""Compensation along a line: equilibria with rigid and with compensated lengths, by both methods."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class CompensatedLine:
     """A robot's compensation at poses along a line.
 
     Attributes:
-        title: what the robot and its cables are called.
+        title: names of the robot and its cables.
         before: by statics, with the rigid lengths, one per pose.
         after: by statics, with the compensated lengths.
-        settled_before: by MuJoCo, likewise.
-        settled_after: by MuJoCo, likewise.
+        settled_before: by MuJoCo, with the rigid lengths.
+        settled_after: by MuJoCo, with the compensated lengths.
         compensations: one per pose.
-        position_alone: by MuJoCo, with lengths compensated for the position whatever the rotation, or none of it.
+        position_only: by MuJoCo, with lengths compensated for the position only; empty if all poses are held exactly.
     """
 
     title: str
@@ -36,45 +36,45 @@ class CompensatedLine:
     settled_before: Sequence[Equilibrium]
     settled_after: Sequence[Equilibrium]
     compensations: Sequence[Compensation]
-    position_alone: Sequence[Equilibrium] = ()
+    position_only: Sequence[Equilibrium] = ()
 
     @property
     def exact(self) -> Bool[np.ndarray, " poses"]:
-        """(poses,) where the commanded pose is held, rather than one near it."""
+        """(poses,) where the commanded pose is held exactly."""
         return np.array([one.exact for one in self.compensations])
 
     def position_errors(self, results: Sequence[Equilibrium]) -> Float[np.ndarray, " poses"]:
-        """How far each of ``results`` is from the commanded position [m]."""
+        """Distance of each of ``results`` from the commanded position [m]."""
         pairs = zip(results, self.compensations, strict=True)
         return np.array([np.linalg.norm(found.position - one.commanded.translation) for found, one in pairs])
 
     def rotation_errors(self, results: Sequence[Equilibrium]) -> Float[np.ndarray, " poses"]:
-        """How far each of ``results`` is turned from the commanded rotation [rad]."""
+        """Angle of each of ``results`` to the commanded rotation [rad]."""
         pairs = zip(results, self.compensations, strict=True)
         return np.array([(found.rotation * one.commanded.rotation.inv()).magnitude() for found, one in pairs])
 
 
 def compensated_line(robot: Robot, title: str, commanded: ArrayLike, *, arm: float | None = None) -> CompensatedLine:
-    """Before and after by both methods; after starts where the uncompensated platform hangs.
+    """Compensate ``robot`` along a line; compensated equilibria start at the uncompensated ones.
 
     Args:
         robot: the robot.
-        title: what it is called.
-        commanded: positions at which it should be level, (poses, 3) [m].
-        arm: as ``compensate`` has it [m].
+        title: name of the robot and its cables.
+        commanded: level poses, (poses, 3) [m].
+        arm: as in ``compensate`` [m].
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     commanded = np.asarray(commanded, dtype=float)
     compensations = [compensate(robot, pose, arm=arm) for pose in commanded]
     lengths = np.array([one.rest_lengths for one in compensations])
     before, settled_before = solve_many(robot, commanded), settle_many(robot, commanded)
-    alone: Sequence[Equilibrium] = ()
+    position_only: Sequence[Equilibrium] = ()
     if not all(one.exact for one in compensations):
         for_position = np.array([compensate(robot, pose, arm=0).rest_lengths for pose in commanded])
-        alone = tuple(settle_many(robot, settled_before.poses, for_position))
+        position_only = tuple(settle_many(robot, settled_before.poses, for_position))
     return CompensatedLine(
         title=title,
         before=tuple(before),
@@ -82,5 +82,5 @@ def compensated_line(robot: Robot, title: str, commanded: ArrayLike, *, arm: flo
         settled_before=tuple(settled_before),
         settled_after=tuple(settle_many(robot, settled_before.poses, lengths)),
         compensations=compensations,
-        position_alone=alone,
+        position_only=position_only,
     )

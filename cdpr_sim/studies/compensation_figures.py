@@ -1,4 +1,4 @@
-"""Compensation along a line in one picture, before and after. It is given results and computes none."""
+"""Figure of compensation along a line, before and after. Nothing is computed here."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from cdpr_sim.drawing import style
 from cdpr_sim.studies.compensated_line import CompensatedLine
 
 BEFORE, AFTER, POSITION, OUT_OF_REACH = style.VERMILLION, style.BLUE, style.GREEN, "#f4f1ea"
-"""Colours; the last one is the ground where no lengths help."""
+"""Colours; the last one shades poses that no lengths can hold."""
 
 INK, MUTED, LINE, POINT = style.INK, style.MUTED, style.LINE, style.POINT
 SIZE = (8.4, 5.0)
 
 
 def draw_compensation(lines: Sequence[CompensatedLine]) -> Figure:
-    """Error of position and of rotation over the commanded x: a column per line, before and after in one frame."""
+    """Errors of position and rotation over the commanded x, before and after compensation: a column per line."""
     figure = Figure(figsize=SIZE, layout="constrained")
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.05, wspace=0.04, hspace=0.04)  # type: ignore[union-attr]
     axes = figure.subplots(2, len(lines), sharex=True, squeeze=False)
@@ -31,8 +31,8 @@ def draw_compensation(lines: Sequence[CompensatedLine]) -> Figure:
         _panel(axes[1, column], line, "rotation")
         axes[0, column].set_title(line.title, loc="left", fontsize=10, color=INK, pad=9)
         axes[1, column].set_xlabel("commanded x [mm]", color=INK)
-    axes[0, 0].set_ylabel("error of position [mm]", color=INK)
-    axes[1, 0].set_ylabel("error of rotation [°]", color=INK)
+    axes[0, 0].set_ylabel("position error [mm]", color=INK)
+    axes[1, 0].set_ylabel("rotation error [°]", color=INK)
     entries = {}
     for column in range(len(lines)):
         handles, labels = axes[0, column].get_legend_handles_labels()
@@ -50,7 +50,7 @@ def draw_compensation(lines: Sequence[CompensatedLine]) -> Figure:
 
 
 def _power(value: float) -> str:
-    """A power of ten above ``value``."""
+    """The next power of ten above ``value``."""
     return f"$10^{{{int(np.ceil(np.log10(max(value, 1e-15))))}}}$"
 
 
@@ -78,13 +78,13 @@ def _panel(axes: Axes, line: CompensatedLine, of: Literal["position", "rotation"
         x, errors(line.settled_after), "s", color=AFTER, markersize=POINT, mfc="white", label="… in MuJoCo ",
         clip_on=False, zorder=4,
     )  # fmt: skip
-    if line.position_alone:
-        alone = errors(line.position_alone)
+    if line.position_only:
+        position_only = errors(line.position_only)
         axes.plot(
-            x, alone, color=POSITION, linewidth=LINE, linestyle=(0, (2.2, 1.4)), zorder=2, clip_on=False,
-            label="… position alone, in MuJoCo",
+            x, position_only, color=POSITION, linewidth=LINE, linestyle=(0, (2.2, 1.4)), zorder=2, clip_on=False,
+            label="… position only, in MuJoCo",
         )  # fmt: skip
-        after = np.append(after, alone)
+        after = np.append(after, position_only)
     if exact.all():
         worst = max(errors(line.settled_after))
         unit = " mm" if of == "position" else "°"

@@ -1,4 +1,4 @@
-"""Control schemes compared: the same motions on the same robots, by controllers whose model is wrong."""
+"""Comparison of control schemes: the same motions on the same robots, by controllers with model errors."""
 
 from __future__ import annotations
 
@@ -31,16 +31,17 @@ SPEEDS = (0.05, 0.5)
 """[m/s] Top speeds; the mean is lower by 1.875."""
 
 HEIGHT, RADIUS, CORNERS = 0.1, 0.1, 120
-"""[m] Of the line and the circle; of the circle about the workspace's middle, and as how many straight lines."""
+"""[m] Height of the line and the circle; radius of the circle about the middle of the workspace, and its number of
+segments."""
 
 STIFFNESS_BELIEVED = 0.8
-"""Of the true EA: what the controllers believe."""
+"""EA in the controllers' model, as a fraction of the true EA."""
 
 EXIT_OFF = (0.005, 0.0, 0.0)
-"""[m] How far from its true place they believe the exit of cable 1 to be."""
+"""[m] Error of the exit of cable 1 in the controllers' model."""
 
 PAUSE = 4.0
-"""[s] For which the platform stands before it moves, and which do not count: feedback has done its work by then."""
+"""[s] Pause before the motion, excluded from the errors: feedback has converged by then."""
 
 SENSORS = Sensors(period=0.01, delay=0.01, position_noise=6.5e-5, rotation_noise=1e-3, seed=1)
 """The paper's tracker is accurate to 0.065 mm, which over half a platform is 1e-3 rad; rate and delay are assumed."""
@@ -56,18 +57,18 @@ SCHEMES: dict[str, Callable[[Robot], Controller]] = {
     RIGID_FEEDBACK: lambda robot: PoseFeedback(RigidLengths(robot)),
     ELASTIC_FEEDBACK: lambda robot: PoseFeedback(ElasticLengths(robot)),
 }
-"""By name, from the robot that is believed in."""
+"""Controllers by name, as functions of the model robot."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be done.
+    """A motion of a robot.
 
     Attributes:
-        layout: name of a robot.
+        layout: name of the robot.
         material: of its cables.
         path: "line" or "circle".
-        speed: at the fastest [m/s].
+        speed: largest speed [m/s].
     """
 
     layout: str
@@ -77,7 +78,7 @@ class Task:
 
     @property
     def robot(self) -> Robot:
-        """The true one."""
+        """The true robot."""
         return load_robot(self.layout).replace(material=self.material)
 
     @property
@@ -97,12 +98,12 @@ class Task:
 
 
 def tasks() -> tuple[Task, ...]:
-    """All of them."""
+    """All tasks."""
     return tuple(Task(*one) for one in itertools.product(LAYOUTS, PAPER_MATERIALS, ("line", "circle"), SPEEDS))
 
 
 def believed(robot: Robot) -> Robot:
-    """What the controllers take the robot for."""
+    """The controllers' model of the robot, with errors of EA and of one exit."""
     exits = robot.exits.copy()
     exits[0] += EXIT_OFF
     return robot.replace(exits=exits, axial_stiffness=STIFFNESS_BELIEVED * robot.axial_stiffness)
@@ -110,13 +111,13 @@ def believed(robot: Robot) -> Robot:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A task done by a scheme; errors and tensions are those after the pause.
+    """Result of a task with a control scheme; errors and tensions are those after the pause.
 
     Attributes:
-        task: what was to be done.
-        scheme: by which.
-        trajectory: what came of it.
-        fell: whether the platform fell; the trajectory ends there.
+        task: the motion.
+        scheme: name of the control scheme.
+        trajectory: the simulated motion.
+        fell: whether the platform fell, which ends the trajectory.
     """
 
     task: Task
@@ -126,28 +127,28 @@ class Run:
 
     @property
     def moving(self) -> Bool[np.ndarray, " states"]:
-        """Which states count; all, if it fell before they began."""
+        """States after the pause; all states if the platform fell before."""
         counts = self.trajectory.times >= PAUSE
         return counts if counts.any() else ~counts
 
     @property
     def position_errors(self) -> Float[np.ndarray, " counted"]:
-        """Distances from the wanted position [m]."""
+        """Distances from the commanded position [m]."""
         return np.linalg.norm(self.trajectory.deviation, axis=1)[self.moving]
 
     @property
     def tilts(self) -> Float[np.ndarray, " counted"]:
-        """Errors of tilt [rad]: level is what is wanted."""
+        """Errors of tilt [rad]; commanded is 0."""
         return self.trajectory.tilt[self.moving]
 
     @property
     def lowest_tension(self) -> float:
-        """Of any cable [N]."""
+        """Smallest tension of all cables [N]."""
         return float(self.trajectory.tensions[self.moving].min())
 
     @property
     def highest_tension(self) -> float:
-        """Of any cable [N]."""
+        """Largest tension of all cables [N]."""
         return float(self.trajectory.tensions[self.moving].max())
 
 
@@ -157,13 +158,13 @@ def rms(values: Float[np.ndarray, " values"]) -> float:
 
 
 def run(task: Task, scheme: str, *, robot: Robot | None = None, wrong: Robot | None = None) -> Run:
-    """One task by one scheme.
+    """Simulate one task with one scheme.
 
     Args:
-        task: what is to be done.
+        task: the motion.
         scheme: a key of ``SCHEMES``.
-        robot: the true one, if it is at hand.
-        wrong: what the scheme believes in, if it is at hand; plans are kept for the next run with the same one.
+        robot: the true robot, if already loaded.
+        wrong: the controller's model, if already made; plans are cached for further runs with the same model.
     """
     robot = task.robot if robot is None else robot
     controller = SCHEMES[scheme](believed(robot) if wrong is None else wrong)
@@ -177,21 +178,21 @@ def run(task: Task, scheme: str, *, robot: Robot | None = None, wrong: Robot | N
 
 
 def runs(progress: Callable[[float], None] | None = None) -> tuple[Run, ...]:
-    """Every task by every scheme."""
+    """Every task with every scheme."""
     robots = {(task.layout, task.material): task.robot for task in tasks()}
-    beliefs = {key: believed(robot) for key, robot in robots.items()}
+    models = {key: believed(robot) for key, robot in robots.items()}
     pairs = list(itertools.product(tasks(), SCHEMES))
-    found = []
+    results = []
     for number, (task, scheme) in enumerate(pairs):
         key = task.layout, task.material
-        found.append(run(task, scheme, robot=robots[key], wrong=beliefs[key]))
+        results.append(run(task, scheme, robot=robots[key], wrong=models[key]))
         if progress is not None:
             progress((number + 1) / len(pairs))
-    return tuple(found)
+    return tuple(results)
 
 
 def held(task: Task, poses: int = 200) -> float:
-    """The fraction of the task's path along which tensions within compensation's limits hold the platform level."""
+    """Fraction of the path along which tensions within the limits of ``compensate`` can hold the platform level."""
     robot, waypoints = task.robot, task.waypoints
     along = np.append(0, np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1)))
     at = np.linspace(0, along[-1], poses)

@@ -1,4 +1,4 @@
-"""Control schemes compared, drawn. It is given results and computes none."""
+"""Figure of the comparison of control schemes. Nothing is computed here."""
 
 # pyright: reportArgumentType=false, reportIndexIssue=false
 # matplotlib's stubs know neither keyword dictionaries nor grids of axes.
@@ -29,7 +29,7 @@ from cdpr_sim.studies.controller_comparison import (
 )
 
 COLORS = dict(zip(SPEEDS, (style.BLUE, style.VERMILLION), strict=True))
-"""Of slow and fast motions."""
+"""Colours of slow and fast motions."""
 
 ROWS = {
     RIGID: "rigid lengths\n(DemoBot)",
@@ -39,15 +39,15 @@ ROWS = {
     RIGID_FEEDBACK: "rigid lengths,\npose feedback",
     ELASTIC_FEEDBACK: "elastic lengths,\npose feedback",
 }
-"""What each scheme is called."""
+"""Labels of the schemes."""
 
 TITLES = {"cogiro": "crossed cables (cogiro)", "parallel": "parallel cables"}
 
 SPREAD = 0.72
-"""Of a row that its runs fill."""
+"""Fraction of a row's height used by its runs."""
 
 LEAST = 0.03
-"""[N] A cable that is slack is drawn here."""
+"""[N] Position of slack cables on the logarithmic axis."""
 
 
 @styled
@@ -56,13 +56,13 @@ def controllers(runs: Sequence[Run]) -> Figure:
     figure = canvas(
         12,
         9.2,
-        "When the model is wrong, feedback of the pose is worth more than a better model; but no scheme makes parallel "
-        "cables hold what they cannot",
-        f"MuJoCo, controllers at 100 Hz. They believe EA to be {STIFFNESS_BELIEVED:.0%} of what it is and one exit "
+        "With model errors, pose feedback reduces the errors more than a better model; no scheme holds poses that "
+        "parallel cables cannot hold",
+        f"MuJoCo, controllers at 100 Hz. Their model has {STIFFNESS_BELIEVED:.0%} of the true EA and one exit "
         f"{1e3 * EXIT_OFF[0]:g} mm off. Each row: the paper's line and a circle, two cables, two speeds. Errors: point "
-        "at the root mean square, line up to the largest. Tensions: from the lowest to the highest of any cable, slack "
-        "ones at the left edge. Sensors: the pose at 100 Hz, 10 ms late, with noise of 0.065 mm and 1 mrad. Parallel "
-        "cables hold the platform level along a third of the line and nowhere on the circle: elsewhere no tensions do.",
+        "at the root mean square, line up to the maximum. Tensions: from the lowest to the highest of all cables, "
+        "slack ones at the left edge. Sensors: the pose at 100 Hz, 10 ms late, with noise of 0.065 mm and 1 mrad. "
+        "Parallel cables can hold the platform level along a third of the line and nowhere on the circle.",
     )
     top, body = figure.add_gridspec(2, 1, height_ratios=(0.03, 1))
     key = figure.add_subplot(top)
@@ -84,7 +84,7 @@ def controllers(runs: Sequence[Run]) -> Figure:
             ax.tick_params(axis="y", length=0)
             for border in range(1, len(ROWS)):
                 ax.axhline(border - 0.5, color=style.FAINT, lw=style.HAIR)
-    for ax, label in zip(axes[-1], ("error of position [mm]", "error of tilt [°]", "tension [N]"), strict=True):
+    for ax, label in zip(axes[-1], ("position error [mm]", "tilt error [°]", "tension [N]"), strict=True):
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter("{x:g}")
         ax.set_xlabel(label)
@@ -113,7 +113,7 @@ def _tensions(ax: Axes, runs: Sequence[Run]) -> None:
 
 
 def _looks(one: Run, runs: Sequence[Run]) -> tuple[float, str, dict]:
-    """Height, colour and marker of a run among its likes."""
+    """Height, colour and marker of a run among the runs of its scheme."""
     likes = [other for other in runs if other.scheme == one.scheme]
     likes.sort(key=lambda other: (other.task.speed, other.task.path, other.task.material))
     height = list(ROWS).index(one.scheme) + SPREAD * ((likes.index(one) + 0.5) / len(likes) - 0.5)

@@ -1,4 +1,4 @@
-"""All figures by name: what each shows, the study that it needs, and writing them whole or not at all."""
+"""All figures by name, with their studies, and atomic writing of their files."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from cdpr_sim.studies import (
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure that can be asked for by name.
+    """A figure with a name.
 
     Attributes:
-        paper: the figure of the paper that it redraws, or "" for one of our own.
-        shows: what it shows, in a sentence.
-        study: computes what it shows.
-        draw: draws what ``study`` returns.
+        paper: the figure of the paper that it redraws, or "".
+        shows: its content, in a sentence.
+        study: computes its data.
+        draw: draws the result of ``study``.
     """
 
     paper: str
@@ -57,43 +57,43 @@ class Picture:
 PICTURES: dict[str, Picture] = {
     "two-cable-manifold": Picture(
         "Fig. 3",
-        "all poses at which a bar on two cables can rest, and its drift on that surface as the cables soften",
+        "all equilibria of a bar on two cables, and its drift on that surface with decreasing stiffness",
         two_cable.manifold,
         two_cable_figures.manifold,
     ),
     "two-cable-poses": Picture(
         "Fig. 4",
-        "the bar as commanded, as it would have to tilt there, and where it rests",
+        "commanded poses of the bar, the tilt of equilibrium at these positions, and its equilibria",
         two_cable.closed_forms,
         two_cable_figures.poses,
     ),
     "two-cable-closed-form": Picture(
         "Eq. 5, 6",
-        "the bar's tilt by closed form, solver and MuJoCo, and what the paper's short-bar formula leaves out",
+        "the bar's tilt by closed form, solver and MuJoCo, and the error of the paper's short-bar formula",
         two_cable.closed_forms,
         two_cable_figures.closed_form,
     ),
     "layouts": Picture(
         "Fig. 6",
-        "the four layouts: standing and lying parallelograms in a plane, standing ones and crossed cables in space",
+        "the four layouts: vertical and horizontal parallelograms (planar), vertical ones and crossed cables (spatial)",
         lines.homes,
         lines_figures.layouts,
     ),
     "planar-vertical": Picture(
         "Fig. 7",
-        "vertical parallelograms in a plane: poses, tensions, and the zones of one and two slack cables",
+        "planar robot with vertical parallelograms: poses, tensions, and the zones of one and two slack cables",
         lambda: lines.across_the_width(load_robot("planar-vertical")),
         lines_figures.planar,
     ),
     "planar-horizontal": Picture(
         "Fig. 8",
-        "horizontal parallelograms in a plane: no tilt, equal tensions on each side",
+        "planar robot with horizontal parallelograms: no tilt, equal tensions on each side",
         lambda: lines.across_the_width(load_robot("planar-horizontal")),
         lines_figures.planar,
     ),
     "tilt-condition": Picture(
         "Fig. 9",
-        "why: the points H and V where the midlines of the pairs meet, and gravity's moment about them",
+        "cause of the tilt: intersections H and V of the pairs' midlines, and the moment of the weight about them",
         tilt_condition.moment_balances,
         lines_figures.tilt_condition,
     ),
@@ -117,30 +117,30 @@ PICTURES: dict[str, Picture] = {
     ),
     "convergence": Picture(
         "",
-        "how often and how fast each solver finds rest, against the cables' stiffness",
+        "success rate and time of each solver over the cables' stiffness",
         solvers.convergence,
         solvers_figures.convergence,
     ),
     "agreement": Picture(
         "",
-        "how far static solver and MuJoCo are apart, over the paper's robots",
+        "differences between static solver and MuJoCo, for the paper's robots",
         solvers.differences,
         solvers_figures.agreement,
     ),
     "real-cables": Picture(
         "",
-        "how far pulleys, weight and stiffening cables move DemoBot and a large crane",
+        "effect of pulleys, cable mass and nonlinear elasticity on DemoBot and a large crane",
         real_cables.real_cables,
         real_cables_figures.real_cables,
     ),
     "fully-constrained": Picture(
         "",
-        "how pretension stiffens IPAnema 1, where cables go slack, and what one wrong length costs",
+        "stiffness of IPAnema 1 over pretension, slack cables, and the effect of one length error",
         pretension.pretension,
         pretension_figures.pretension,
     ),
 }
-"""Every picture by name, in the paper's order."""
+"""Every figure by name, in the paper's order."""
 
 KINDS = ("svg", "png")
 
@@ -149,7 +149,7 @@ def list_figures() -> tuple[str, ...]:
     """Names of the figures that ``write_figures`` can write.
 
     Returns:
-        As ``write_figures`` and ``cdpr-sim figures`` take them.
+        The names that ``write_figures`` and ``cdpr-sim figures`` accept.
     """
     return tuple(PICTURES)
 
@@ -167,23 +167,23 @@ def write_figures(
     force: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> dict[str, list[Path]]:
-    """Compute, draw and write figures one by one; return each one's paths by its name.
+    """Compute, draw and write figures one by one; return their paths by name.
 
-    A figure's files are written whole or not at all. Names and places are checked before anything is computed.
+    A figure's files are written atomically. Names and paths are checked before anything is computed.
 
     Args:
         names: of ``list_figures()``.
-        folder: where <name>.<kind> goes; made if it is not there.
+        folder: folder of <name>.<kind>; created if it does not exist.
         kinds: "svg", "png" or both.
-        force: replace files that are there.
-        progress: called after each figure, when its files are there, with the fraction done, 0 to 1.
+        force: whether to replace existing files.
+        progress: called after each figure is written, with the fraction done, 0 to 1.
 
     Returns:
         The paths of each figure's files, by its name.
 
     Raises:
         UnknownName: no such figure, or no such kind of file.
-        InvalidInput: a file is there and ``force`` is off, or the folder cannot be written.
+        InvalidInput: a file exists and ``force`` is false, or the folder cannot be written.
     """
     for what, asked, known in (("figure", names, PICTURES), ("kind of file", kinds, KINDS)):
         for name in listed(f"{what}s", asked, "a list of names"):
@@ -203,13 +203,13 @@ def write_figures(
 
 
 def _of_the_papers(name: str) -> list[str]:
-    """The figures whose numbers in the paper stand in a name: "Fig. 10"."""
+    """Figures by their number in the paper: "Fig. 10"."""
     numbers = re.findall(r"\d+", name)
     return [one for one, picture in PICTURES.items() if numbers and re.findall(r"\d+", picture.paper) == numbers]
 
 
 def encoded(figure: Figure, kind: str) -> bytes:
-    """The figure as a file's content; the same figure gives the same bytes: no dates, no versions, no random ids."""
+    """The figure as a file's content, reproducible: no dates, no versions, no random ids."""
     buffer = io.BytesIO()
     with matplotlib.rc_context(style.RC):  # type: ignore[arg-type]
         if kind == "svg":

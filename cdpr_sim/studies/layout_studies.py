@@ -1,4 +1,4 @@
-"""Three questions to the search for layouts: how little is enough, a crane's masts, and which numbers matter most."""
+"""Studies of layout optimisation: smallest displacement of exits, masts of a crane, errors of frame dimensions."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ LINE = np.array([(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 18)])
 """[m] The paper's lower line."""
 
 FRAME_TOP = ((0.0, 0.0, 0.3), (0.8, 0.5, 0.5))
-"""[m] Where DemoBot's exits may be: on its frame's posts and beams, or within."""
+"""[m] Box of DemoBot's exits: its frame's posts and beams, and the space between."""
 
 REACHES = (0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2)
-"""[m] How far an exit may move."""
+"""[m] Limits of an exit's displacement."""
 
 MAST = 1.0
-"""[m] How far the crane's exits may move up and down their masts."""
+"""[m] Limit of the displacement of the crane's exits along their masts."""
 
 ERROR = 1e-3
-"""[m] Of a number of the frame that was built wrong."""
+"""[m] Error of a dimension of the frame."""
 
 
 def level_parallel(reaches: Sequence[float] = REACHES, generations: int = 100) -> list[LayoutValidation]:
-    """The least worst tilt of ``parallel`` along the paper's line, with exits that move no further than these."""
+    """Minimise the largest tilt of ``parallel`` along the paper's line, for each limit of the exits' displacement."""
     robot, move = load_robot("parallel"), Move("exits", FRAME_TOP)
     return [
         validate_layout(
@@ -45,64 +45,64 @@ def level_parallel(reaches: Sequence[float] = REACHES, generations: int = 100) -
 
 
 def crane_masts(generations: int = 40) -> dict[str, LayoutValidation]:
-    """The crane's deviation over its workspace, with exits that slide on their masts.
+    """Minimise the crane's largest deviation over its workspace, with exits that slide on their masts.
 
-    With cables with mass, and with pulleys: weight and a pulley on one cable the package does not know.
+    With cables with mass, and with pulleys; both on one cable are not supported.
     """
     poses = np.stack(np.meshgrid([-4.5, 0.0, 4.5], [-3.0, 3.0], [1.0, 3.0], indexing="ij"), axis=-1)
     move = Move("exits", MAST, along=(0, 0, 1))
     robots = {
-        "4 mm steel rope that weighs": crane().replace(linear_density=CRANE_DENSITY),
+        "4 mm steel rope with mass": crane().replace(linear_density=CRANE_DENSITY),
         "massless rope over pulleys": crane().replace(pulley_radius=CRANE_RADIUS, pulley_axis=BELOW),
     }
     return {
-        what: validate_layout(
+        name: validate_layout(
             find_layout(robot, poses, move=move, symmetry="none", objective="worst deviation", generations=generations)
         )
-        for what, robot in robots.items()
+        for name, robot in robots.items()
     }
 
 
 @dataclass(frozen=True, eq=False)
 class FrameNumber:
-    """What it does when one number of a frame, the same in all places that symmetry ties, is built ``ERROR`` too large.
+    """Effect of an error ``ERROR`` of one dimension of a frame, including its symmetric counterparts.
 
     Attributes:
-        name: of the number.
-        shifts: how much further off the platform is in MuJoCo, at each pose (poses,) [m].
-        turns: by how much it turns (poses,) [rad].
-        apart: largest distance between MuJoCo and statics over these poses [m].
+        name: of the dimension.
+        shifts: displacement of the platform in MuJoCo, at each pose (poses,) [m].
+        turns: rotation of the platform (poses,) [rad].
+        method_difference: largest distance between MuJoCo and statics over these poses [m].
     """
 
     name: str
     shifts: Float[np.ndarray, " poses"]
     turns: Float[np.ndarray, " poses"]
-    apart: float
+    method_difference: float
 
     def size(self, arm: float) -> float:
-        """Root mean square move along the line, turns counted by ``arm``."""
+        """Root mean square displacement along the line, with rotations weighted by ``arm``."""
         return float(np.sqrt((self.shifts**2 + (arm * self.turns) ** 2).mean()))
 
 
 def frame_numbers(robot: Robot) -> list[FrameNumber]:
-    """Each independent number of the exits of ``robot``, the one that matters most along the paper's line first.
+    """Effect of each independent dimension of the exits of ``robot`` along the paper's line, the largest first.
 
-    Nobody tells the winches: rest lengths are those of the frame as it was drawn. A millimetre is far more than cables
-    stretch, and changes which of them are taut: first derivatives would not do.
+    The error is unknown to the winches: rest lengths are those of the nominal frame. A millimetre is far more than the
+    elongation of cables and changes the set of taut cables, so that first derivatives are not sufficient.
     """
     space = Space.of(robot, [Move("exits", ERROR)])
-    drawn = settle_many(robot, LINE)
-    found = []
+    nominal = settle_many(robot, LINE)
+    effects = []
     for number, name in enumerate(space.names):
         wrong = robot.replace(exits=robot.exits + ERROR * space.exits[number])
-        built = settle_many(wrong, LINE, drawn.rest_lengths)
-        solved = solve_many(wrong, LINE, drawn.rest_lengths)
-        found.append(
+        built = settle_many(wrong, LINE, nominal.rest_lengths)
+        solved = solve_many(wrong, LINE, nominal.rest_lengths)
+        effects.append(
             FrameNumber(
                 name,
-                np.linalg.norm(built.positions - drawn.positions, axis=-1),
-                (built.poses.rotation * drawn.poses.rotation.inv()).magnitude(),
+                np.linalg.norm(built.positions - nominal.positions, axis=-1),
+                (built.poses.rotation * nominal.poses.rotation.inv()).magnitude(),
                 float(np.linalg.norm(built.positions - solved.positions, axis=-1).max()),
             )
         )
-    return sorted(found, key=lambda one: -one.size(robot.characteristic_length))
+    return sorted(effects, key=lambda one: -one.size(robot.characteristic_length))

@@ -1,7 +1,7 @@
-"""Where robots rest along lines and across their width, by both methods: what the paper's figures show, computed.
+"""Equilibria along lines and across the width of robots, by both methods: the data of the paper's figures.
 
-A study returns a frozen result that knows what was asked. The static method answers densely, for lines; MuJoCo
-sparsely, for points; neither is interpolated or corrected by the other.
+A study returns a frozen result that includes its problems. The static method is evaluated at many poses (lines), MuJoCo
+at few (points); neither is interpolated or corrected by the other.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics.newton import solve_many
 
 PAPER_LINE = (0.17, 0.63)
-"""[m] From where to where along x the paper's trajectories go (section IV)."""
+"""[m] Ends of the paper's trajectories along x (section IV)."""
 
 PAPER_HEIGHTS = (0.1, 0.2)
 """[m] The heights z of the paper's trajectories."""
 
-PAPER_TILT, PAPER_SAG = np.radians(20.0), 0.015
+PAPER_TILT, PAPER_DEVIATION = np.radians(20.0), 0.015
 """[rad], [m] Tilt and deviation in z at both ends of the paper's lines, parallel layout, either cable: "approximately
 20°" and "about 15 mm". Read from the paper's text (section IV), not from its data."""
 
@@ -39,41 +39,41 @@ SAME_TENSION = 1e-6
 """[N]"""
 
 
-# What both methods answer
+# Equilibria by both methods
 
 
 def equilibria_by_statics(robot: Robot, commanded: ArrayLike) -> EquilibriumBatch:
-    """Where the static solver says the platform rests, commanded level to (rows, 3) [m].
+    """Equilibria by the static solver, commanded level to (rows, 3) [m].
 
     Raises:
-        NotConverged: some row has no answer.
+        NotConverged: some row has no equilibrium.
     """
-    return _all_at_rest(solve_many(robot, commanded))
+    return _all_solved(solve_many(robot, commanded))
 
 
 def equilibria_by_mujoco(robot: Robot, commanded: ArrayLike) -> EquilibriumBatch:
-    """Where MuJoCo's platform settles, let go level at (rows, 3) [m].
+    """Equilibria by MuJoCo, released level at (rows, 3) [m].
 
     Raises:
-        NotSettled: some row did not come to rest.
+        NotSettled: some row did not settle.
     """
-    return _all_at_rest(settle_many(robot, commanded))
+    return _all_solved(settle_many(robot, commanded))
 
 
 def homes(
     layouts: Sequence[str] = ("planar-vertical", "planar-horizontal", "parallel", "cogiro"),
 ) -> tuple[EquilibriumBatch, ...]:
-    """Each layout at rest in the middle of its workspace, by the static method (Fig. 6 shows them).
+    """Equilibrium of each layout at the middle of its workspace, by the static method (Fig. 6).
 
     Raises:
-        NotConverged: some layout has no answer.
+        NotConverged: some layout has no equilibrium.
     """
     robots = [load_robot(name) for name in layouts]
     return tuple(equilibria_by_statics(robot, robot.home[None]) for robot in robots)
 
 
 def twins(equilibria: EquilibriumBatch) -> list[list[int]]:
-    """Cables grouped by equal tension over all rows, as symmetry makes them."""
+    """Groups of cables with equal tension in all rows, as by symmetry."""
     groups: list[list[int]] = []
     for cable, tensions in enumerate(equilibria.tensions.T):
         for group in groups:
@@ -93,7 +93,7 @@ def zones(equilibria: EquilibriumBatch) -> tuple[tuple[float, float, int], ...]:
     return tuple((float(x[a]), float(x[b]), int(slack[a])) for a, b in zip(starts, ends, strict=True))
 
 
-def _all_at_rest(equilibria: EquilibriumBatch) -> EquilibriumBatch:
+def _all_solved(equilibria: EquilibriumBatch) -> EquilibriumBatch:
     for row in np.flatnonzero(~equilibria.converged):
         equilibria[int(row)]  # raises, with the reason
     return equilibria
@@ -107,8 +107,8 @@ class Line:
     """One robot commanded along x at one height, by both methods.
 
     Attributes:
-        static: dense, for lines.
-        settled: sparse, for points.
+        static: at many poses, for lines.
+        settled: at few poses, for points.
     """
 
     static: EquilibriumBatch
@@ -127,7 +127,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class CheckedLine:
-    """One robot commanded along x at one height, by MuJoCo, and compared with statics row by row."""
+    """One robot commanded along x at one height, settled in MuJoCo and compared with statics row by row."""
 
     settled: EquilibriumBatch
     agreements: tuple[Agreement, ...]
@@ -138,10 +138,10 @@ class Width:
     """One robot across its workspace: poses to draw, and tensions along the width for each material.
 
     Attributes:
-        poses: a few poses at a few heights, by the static method, with the softest material, which shows most.
+        poses: a few poses at a few heights, by the static method, with the softest material, which deviates most.
         lines: one per material, all at the same height.
         workspace: outline of the static feasible workspace in the plane of the poses, (points, 3) [m]: from the first
-            to the last feasible x at each height; none where no height has any.
+            to the last feasible x at each height; empty if no pose is feasible.
     """
 
     poses: EquilibriumBatch
@@ -149,7 +149,7 @@ class Width:
     workspace: Float[np.ndarray, "points 3"]
 
     def feasible(self, height: float) -> tuple[float, float] | None:
-        """From where to where along x [m] the static feasible workspace reaches at ``height``, if it does."""
+        """Range of x [m] of the static feasible workspace at ``height``; None if it is empty."""
         if not len(self.workspace):
             return None
         heights = self.workspace[:, 2]
@@ -163,8 +163,8 @@ def line(
     """Command ``robot`` level along x from end to end [m] at ``height`` z [m], midway in y.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     return Line(
         equilibria_by_statics(robot, along_x(robot, height, ends, static_rows)),
@@ -185,8 +185,8 @@ def across_the_width(
     """``robot`` commanded across its whole workspace along x, with each of ``materials``.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     robots = [robot.replace(material=name) for name in materials]
     ends = (float(robot.workspace[0, 0]), float(robot.workspace[1, 0]))
@@ -202,8 +202,8 @@ def across_the_width(
 def feasible_outline(robot: Robot, columns: int = 601, rows: int = 71) -> Float[np.ndarray, "points 3"]:
     """Outline of the static feasible workspace in the x-z plane midway in y, up on the left and down on the right [m].
 
-    The poses of the robot's workspace at which rigid cables hold the level platform (the paper's Fig. 10 and 11 have it
-    from ARACHNIS); it does not depend on the cables' stiffness. It passes where the tension margin is zero.
+    The poses of the robot's workspace at which rigid cables hold the level platform (in the paper's Fig. 10 and 11
+    from ARACHNIS); it does not depend on the cables' stiffness. The capacity margin is zero on the outline.
     """
     (x0, _, z0), (x1, _, z1) = robot.workspace
     x, z = np.linspace(x0, x1, columns), np.linspace(z0, z1, rows)
@@ -219,7 +219,7 @@ def feasible_outline(robot: Robot, columns: int = 601, rows: int = 71) -> Float[
 
 
 def _crossing(positions: np.ndarray, margin: np.ndarray, inside: int, outside: int) -> np.ndarray:
-    """Where the margin is zero between two neighbours; the first of them where the second is not there."""
+    """Position of zero margin between two neighbours; the first one if the second is outside the grid."""
     if not 0 <= outside < len(positions):
         return positions[inside]
     share = margin[inside] / (margin[inside] - margin[outside])
@@ -237,8 +237,8 @@ def paper_lines(
     """The paper's experiment (section IV): every layout with every material at every height.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     return tuple(
         line(
@@ -265,8 +265,8 @@ def checked_lines(
     """Both methods along the paper's line, compared pose by pose, for each material and height z [m].
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     lines = {}
     for material in materials:

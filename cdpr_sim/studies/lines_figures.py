@@ -1,6 +1,6 @@
-"""The paper's figures of robots with four and eight cables, redrawn: results in, matplotlib ``Figure`` out.
+"""The paper's figures of robots with four and eight cables, redrawn from results.
 
-Lines are the static solver's, hollow points MuJoCo's. Nothing is computed here but units and the numbers in titles.
+Lines are the static solver's, hollow points MuJoCo's. Only units and the numbers in titles are computed here.
 """
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
@@ -21,7 +21,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, points, styled
-from cdpr_sim.studies.lines import PAPER_SAG, PAPER_TILT, Line, Width, twins, zones
+from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_TILT, Line, Width, twins, zones
 from cdpr_sim.studies.tilt_condition import MomentBalance
 
 PAPER_FIGURES = {
@@ -32,20 +32,20 @@ PAPER_FIGURES = {
 }
 
 NO_TILT = 1e-3
-"""[°] Less than this is called none in a title."""
+"""[°] Smaller tilts are called "no tilt" in a title."""
 
 METHODS = "Lines: static solver (Newton). Hollow points: MuJoCo, settled."
 
 
 @styled
 def layouts(homes: Sequence[EquilibriumBatch]) -> Figure:
-    """Fig. 6: the four layouts, each at rest in the middle, with its cables' numbers."""
+    """Fig. 6: the four layouts, each in equilibrium at the middle of its workspace, with cable numbers."""
     figure = canvas(
         10.8,
         8.4,
-        "Four layouts: cables in parallelograms, standing or lying, and crossed",
-        "Each platform at rest where it was commanded, in the middle of its workspace. Numbers: the cables, as in the "
-        "other figures; blue to the left, red to the right. (Paper, Fig. 6)",
+        "Four layouts: cables in vertical or horizontal parallelograms, and crossed",
+        "Equilibrium of each platform, commanded to the middle of its workspace. Numbers: the cables, as in the other "
+        "figures; blue: left, red: right. (Paper, Fig. 6)",
     )
     grid = figure.add_gridspec(2, 2)
     for place, equilibria, letter in zip(grid, homes, "abcd", strict=True):
@@ -80,20 +80,20 @@ def layouts(homes: Sequence[EquilibriumBatch]) -> Figure:
 
 
 def _beside_exits(robot: Robot) -> np.ndarray:
-    """Where cables' numbers go, (cables, 3) [m]: away from the other exit of a pair; in a plane, from the middle."""
+    """Positions of cable numbers, (cables, 3) [m]: away from the other exit of a pair, or from the middle if planar."""
     size = 0.028 * np.linalg.norm(np.ptp(robot.frame, axis=0))
     if robot.mobility == "planar":
         outwards = np.sign(robot.exits[:, 0] - robot.frame[:, 0].mean())
         return robot.exits + size * outwards[:, None] * np.array([1.0, 0.0, 0.0])
     pairs = robot.exits.reshape(-1, 2, 3)
-    apart = (pairs - pairs.mean(1, keepdims=True)).reshape(-1, 3)
-    apart /= np.linalg.norm(apart, axis=1, keepdims=True)
-    return robot.exits + size * (1.2 * apart + np.where(apart[:, 2:] == 0, [0, 0, 0.8], 0))
+    outwards = (pairs - pairs.mean(1, keepdims=True)).reshape(-1, 3)
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    return robot.exits + size * (1.2 * outwards + np.where(outwards[:, 2:] == 0, [0, 0, 0.8], 0))
 
 
 @styled
 def planar(width: Width) -> Figure:
-    """Fig. 7 and 8: poses of a planar robot at rest, and its cables' tensions along the width."""
+    """Fig. 7 and 8: equilibria of a planar robot, and its cables' tensions along the width."""
     equilibria = width.poses
     commanded = equilibria.problems.positions
     heights = np.unique(commanded[:, 2])[::-1]
@@ -124,7 +124,7 @@ def planar(width: Width) -> Figure:
 
 @styled
 def spatial(width: Width) -> Figure:
-    """Fig. 10 and 11: poses of a spatial robot at rest, its feasible workspace, and tensions along the width."""
+    """Fig. 10 and 11: equilibria of a spatial robot, its feasible workspace, and tensions along the width."""
     equilibria = width.poses
     figure, (left,), right = _width(width, _headline(width), projection="3d")
     drawing.draw_space(left, equilibria.robot)
@@ -155,15 +155,16 @@ def spatial(width: Width) -> Figure:
 
 @styled
 def tilt_condition(balances: Sequence[MomentBalance]) -> Figure:
-    """Fig. 9: where the two sides' lines of force meet, and the moment that gravity has about that point."""
+    """Fig. 9: intersection of the lines of force of the two sides, and the moment of the weight about it."""
     softest = newtons(min(balance.robot.axial_stiffness.min() for balance in balances if balance.at_rest))
     figure = canvas(
         10.5,
         7.6,
-        "The platform tilts where gravity passes beside the point in which the two sides' forces meet",
-        "While a pair's two cables pull equally, their force lies on the pair's midline; the midlines meet in the "
-        "paper's points H and V. The distance of the weight's line from there times the weight is the moment that "
-        f"turns the platform; at rest (EA = {softest}) the tensions have changed until it is gone. (Paper, Fig. 9)",
+        "The platform tilts where the line of the weight misses the intersection of the two sides' forces",
+        "With equal tensions in a pair, their resultant lies on the pair's midline; the midlines intersect at the "
+        "paper's points H and V. The weight times the distance of its line from this point is the moment that "
+        f"rotates the platform; at equilibrium (EA = {softest}) the tensions have changed such that it vanishes. "
+        "(Paper, Fig. 9)",
     )
     axes = figure.subplots(2, 2)
     for ax, balance, letter in zip(axes.flat, balances, "abcd", strict=True):
@@ -171,7 +172,7 @@ def tilt_condition(balances: Sequence[MomentBalance]) -> Figure:
     axes[1, 1].legend(
         handles=[
             Line2D([], [], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, label="line of a side's force"),
-            Line2D([], [], ls="none", marker="D", color=style.BLUE, mec="white", ms=8, label="where they meet"),
+            Line2D([], [], ls="none", marker="D", color=style.BLUE, mec="white", ms=8, label="intersection"),
             Line2D([], [], ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION, label="line of the weight"),
             Line2D([], [], ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, label="slack cable"),
         ],
@@ -195,17 +196,17 @@ def paper_line(lines: Sequence[Line]) -> Figure:
     for layout in layouts:
         own = [line.static for line in lines if line.robot.name == layout]
         tilt = max(np.abs(_beta(equilibria)[1]).max() for equilibria in own)
-        sag = max(-_sag(equilibria)[1].min() for equilibria in own)
-        verbs = ("tilts ", "sags ") if not extremes else ("", "")
-        extremes.append(f"{layout} {verbs[0]}{tilt:.2g}° and {verbs[1]}{sag:.2g} mm")
+        down = max(-_deviation(equilibria)[1].min() for equilibria in own)
+        verbs = ("tilts ", "deviates ") if not extremes else ("", "")
+        extremes.append(f"{layout} {verbs[0]}{tilt:.2g}° and {verbs[1]}{down:.2g} mm downwards")
     figure = canvas(
         10.5,
         6.6,
         f"Along the paper's line: {', '.join(extremes)}",
         f"DemoBot commanded level from x = {start[0]:g} to {end[0]:g} m (grey band) at y = {start[1]:g} m; the title "
-        f"has the largest of these lines. {METHODS} {count} points. EA is assumed ({stiffness}): the paper gives none."
-        " Black bars: what the paper reports of the parallel layout at both ends, read from its text (“approximately "
-        "20°”, “about 15 mm”; we take it as downwards) and not from its data. (Paper, Fig. 12)",
+        f"states the largest values. {METHODS} {count} points. EA is assumed ({stiffness}): the paper gives none."
+        " Black bars: values reported in the paper for the parallel layout at both ends, read from its text "
+        "(“approximately 20°”, “about 15 mm”; taken as downwards) and not from its data. (Paper, Fig. 12)",
     )
     axes = figure.subplots(2, len(heights), sharex=True, sharey="row", squeeze=False)
     for line in lines:
@@ -213,18 +214,18 @@ def paper_line(lines: Sequence[Line]) -> Figure:
         i, j = layouts.index(line.robot.name), list(materials).index(line.robot.material)
         color, looks, marker = _series(i, j)
         label = f"{line.robot.name}, {line.robot.material}"
-        for ax, quantity in zip(axes[:, column], (_sag, _beta), strict=True):
+        for ax, quantity in zip(axes[:, column], (_deviation, _beta), strict=True):
             ax.plot(*quantity(line.static), color=color, **looks, gid=f"static {label}")
             ax.plot(*quantity(line.settled), **points(color, marker, ms=4.6), gid=f"mujoco {label}")
     for column, height in enumerate(heights):
-        for ax, value in zip(axes[:, column], (1e3 * PAPER_SAG, np.degrees(PAPER_TILT)), strict=True):
+        for ax, value in zip(axes[:, column], (1e3 * PAPER_DEVIATION, np.degrees(PAPER_TILT)), strict=True):
             ax.axvspan(start[0], end[0], color="#f2f2f2", zorder=0, lw=0)
             ax.axhline(0, color=style.FAINT, lw=style.THIN, zorder=1)
             marks = (-value, -value) if ax is axes[0, column] else (value, -value)
             for x, inwards, mark in zip((start[0], end[0]), (0.05, -0.05), marks, strict=True):
                 ax.plot([x, x + inwards], [mark, mark], **style.REPORTED, gid="paper")
         axes[0, column].set_title(f"z = {height:g} m", fontweight="bold")
-        axes[-1, column].set_xlabel("x where the platform rests [m]")
+        axes[-1, column].set_xlabel("x of the platform [m]")
     axes[0, 0].set_ylabel("deviation in z [mm]")
     axes[1, 0].set_ylabel("rotation about y [°]")
     handles = []
@@ -265,7 +266,7 @@ def _width(
         title,
         f"{robot.description}, {robot.mass:g} kg, commanded level. Left: {len(width.poses)} poses with "
         f"{describe_cables(robot)}. Right: tensions along z = {one.height:g} m, for each material (assumed EA). "
-        f"The title's numbers are of what is drawn here: {drawn}. {METHODS}" + PAPER_FIGURES.get(robot.name, ""),
+        f"The title's numbers refer to what is drawn here: {drawn}. {METHODS}" + PAPER_FIGURES.get(robot.name, ""),
     )
     columns = figure.add_gridspec(1, 2, width_ratios=(0.92, 1))
     left, right = columns[0].subgridspec(rows, 1), columns[1].subgridspec(len(width.lines), 1)
@@ -277,7 +278,7 @@ def _width(
 
 
 def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
-    """Each cable's tension against commanded x; cables that pull the same by symmetry share a line."""
+    """Tension of each cable over commanded x; cables with equal tensions by symmetry share a line."""
     static, settled, robot = line.static, line.settled, line.robot
     commanded, middle = static.problems.positions[:, 0], robot.frame[:, 0].mean()
     shaded = drawing.draw_zones(ax, zones(static), robot.cables)
@@ -329,9 +330,11 @@ def _balance(ax: Axes, balance: MomentBalance, letter: str) -> None:
     ax.plot(center[0], center[2], "o", color=style.VERMILLION, ms=5, zorder=8)
     ax.plot(meeting[0], meeting[2], "D", color=style.BLUE, mec="white", ms=8, zorder=9, gid="meeting point")
     ax.annotate(
-        "they meet" if balance.at_rest else balance.point,
+        "intersection" if balance.at_rest else balance.point,
         (meeting[0], meeting[2]),
-        (-9, -11) if balance.point == "H" else (-13, -4),  # H lies on the platform's edge: its name goes onto it
+        (-9, -11)
+        if balance.point == "H"
+        else (-13, -4),  # H lies on the platform's edge: its label is placed on the platform
         textcoords="offset points",
         ha="right",
         fontweight="bold",
@@ -340,21 +343,21 @@ def _balance(ax: Axes, balance: MomentBalance, letter: str) -> None:
         zorder=10,
     )
     beta = np.degrees(np.arctan2(balance.rotation[0, 2], balance.rotation[2, 2]))
-    state = f"at rest, rotation about y {beta:.1f}°" if balance.at_rest else "held level, each pair pulling equally"
+    state = f"equilibrium, rotation about y {beta:.1f}°" if balance.at_rest else "level, equal tensions in each pair"
     ax.set_title(f"({letter}) {robot.name}: {state}\n{_moment(balance)}")
 
 
 def _moment(balance: MomentBalance) -> str:
-    """The moment balance in words."""
+    """The moment balance as text."""
     if abs(balance.arm) < 1e-6:
-        return "gravity passes through the meeting point: no moment"
+        return "the weight passes through the intersection: no moment"
     return (
-        f"gravity passes {1e3 * abs(balance.arm):.0f} mm beside it: "
+        f"the weight passes {1e3 * abs(balance.arm):.0f} mm beside it: "
         f"{balance.robot.weight:.2f} N × {1e3 * abs(balance.arm):.0f} mm = {1e3 * abs(balance.moment):.0f} N mm"
     )
 
 
-def _sag(equilibria: EquilibriumBatch) -> tuple[np.ndarray, np.ndarray]:
+def _deviation(equilibria: EquilibriumBatch) -> tuple[np.ndarray, np.ndarray]:
     """x [m] and deviation in z [mm]."""
     return equilibria.positions[:, 0], 1e3 * equilibria.deviation[:, 2]
 
@@ -365,10 +368,10 @@ def _beta(equilibria: EquilibriumBatch) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _headline(width: Width) -> str:
-    """How far the platform tilts, drawn poses and lines taken together, and how many cables go slack."""
+    """Title: largest tilt and largest number of slack cables over drawn poses and lines."""
     robot, everything = width.poses.robot, [width.poses, *(line.static for line in width.lines)]
     tilt = np.degrees(max(equilibria.tilt.max() for equilibria in everything))
     slack = max(int(equilibria.slack.sum(1).max()) for equilibria in everything)
     tilts = f"up to {tilt:.2g}° of tilt" if tilt > NO_TILT else "no tilt"
-    cables = f"up to {slack} of {robot.cables} cables go slack" if slack else "no cable goes slack"
+    cables = f"up to {slack} of {robot.cables} cables slack" if slack else "no cable slack"
     return f"{robot.name}: {tilts}, and {cables}"

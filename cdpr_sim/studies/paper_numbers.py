@@ -1,4 +1,4 @@
-"""The paper's numbers beside ours: how SEECR performs (section III F), and sag along its line (section IV)."""
+"""The paper's numbers and ours: performance of SEECR (section III F), deviation in z along its line (section IV)."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from cdpr_sim.statics.solve import Method
 from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, along_x
 
 PAPER_ITERATIONS, PAPER_SECONDS = (14, 286), (2e-3, 61e-3)
-"""Of SEECR in its best and its worst case, on an i7-10850H; "less iterations were needed at the center"."""
+"""Smallest and largest values of SEECR, on an i7-10850H; "less iterations were needed at the center"."""
 
 TRACKER_ACCURACY = 0.065e-3
 """[m] Volumetric, of the C-track that measured DemoBot (section IV)."""
 
 MIDDLE = 0.1
-"""[m] Poses that close to the middle of the line count as its middle."""
+"""[m] Poses within this distance of the middle of the line count as its middle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Performance:
         x: commanded, (poses,) [m]; every line's poses one after the other.
         iterations: (poses,) evaluations as SciPy counts them, or Newton's steps.
         seconds: (poses,), solved or not [s].
-        solved: (poses,) whether forces balance where it stopped.
+        solved: (poses,) whether forces balance at the result.
     """
 
     layout: str
@@ -68,17 +68,17 @@ def performance(
     results = []
     for layout in layouts:
         robots = [load_robot(layout).replace(material=material) for material in materials]
-        asked = [
+        problems = [
             (robot, position)
             for robot in robots
             for height in heights
             for position in along_x(robot, height, PAPER_LINE, rows)
         ]
-        solve_many(robots[0], [position for _, position in asked])  # enough to be compiled before the clock starts
+        solve_many(robots[0], [position for _, position in problems])  # compiles before the timing
         for method in methods:
-            runs = [_timed(robot, position, method) for robot, position in asked]
+            runs = [_timed(robot, position, method) for robot, position in problems]
             iterations, seconds, solved = (np.array(column) for column in zip(*runs, strict=True))
-            x = np.array([position[0] for _, position in asked])
+            x = np.array([position[0] for _, position in problems])
             results.append(Performance(layout, method, x, iterations, seconds, solved))
     return tuple(results)
 
@@ -93,15 +93,15 @@ def _timed(robot: Robot, position: np.ndarray, method: Method) -> tuple[int, flo
 
 
 @dataclass(frozen=True, eq=False)
-class Sag:
-    """How low a layout hangs along the paper's line, by both methods.
+class LineDeviation:
+    """Deviation of a layout in -z along the paper's line, by both methods.
 
     Attributes:
         robot: the layout with its cables.
         height: commanded z [m].
         x: commanded, (poses,) [m].
         static: by the static solver, one per pose.
-        settled: by MuJoCo, likewise.
+        settled: by MuJoCo, one per pose.
     """
 
     robot: Robot
@@ -112,24 +112,24 @@ class Sag:
 
     @property
     def by_statics(self) -> Float[np.ndarray, " poses"]:
-        """How far below the commanded z the platform rests [m]."""
+        """Deviation in -z by statics [m]."""
         return np.array([-one.deviation[2] for one in self.static])
 
     @property
     def by_mujoco(self) -> Float[np.ndarray, " poses"]:
-        """The same, settled [m]."""
+        """Deviation in -z by MuJoCo [m]."""
         return np.array([-one.deviation[2] for one in self.settled])
 
 
-def sag(robot: Robot, height: float, *, rows: int = 2) -> Sag:
-    """Sag at ``rows`` poses of the paper's line, its two ends at least.
+def line_deviation(robot: Robot, height: float, *, rows: int = 2) -> LineDeviation:
+    """Deviation at ``rows`` poses of the paper's line, including its two ends.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     poses = along_x(robot, height, PAPER_LINE, rows)
-    return Sag(
+    return LineDeviation(
         robot,
         height,
         poses[:, 0],

@@ -1,4 +1,4 @@
-"""What pretension does to a fully constrained robot, by both methods: stiffness, slack cables, one wrong length."""
+"""Effect of pretension on a fully constrained robot, by both methods: stiffness, slack cables, one length error."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cdpr_sim.statics import forces
 from cdpr_sim.statics.newton import solve_many
 
 FORCE, TORQUE = 100.0, 2.0
-"""[N], [N m] With which the platform is pushed and turned."""
+"""[N], [N m] External force and torque."""
 
 PUSHES = {
     "pushed down": np.array([0, 0, -FORCE, 0, 0, 0]),
@@ -28,32 +28,32 @@ PUSHES = {
     "turned about x": np.array([0, 0, 0, TORQUE, 0, 0]),
     "turned about z": np.array([0, 0, 0, 0, 0, TORQUE]),
 }
-"""What is done to the platform: external wrenches [N, N m]."""
+"""External wrenches [N, N m]."""
 
 DRAWN, HELD = 90.0, 300.0
-"""Pretensions [N]: of the robot that is drawn, pushed down until cables are slack; of the one with a wrong length."""
+"""Pretensions [N]: of the drawn robot, under a force that makes cables slack; of the robot with a length error."""
 
 MOST_ERROR = 0.01
-"""Of one rest length, as a fraction of it."""
+"""Largest error of one rest length, as a fraction of it."""
 
 LEAST_MARGIN = 1e-3
-"""[N] The least tension at the lowest pretension that is looked at."""
+"""[N] Smallest tension at the lowest pretension considered."""
 
 ABOVE, BELOW = 0, 4
-"""A cable from above and one from below: at the middle, all others are as these two."""
+"""An upper and a lower cable: at the middle, all others are equivalent to one of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stiffening:
-    """The stiffness of the platform against pretension, nothing pushing it.
+    """Stiffness of the platform over pretension, without external wrench.
 
     Attributes:
         pretensions: (pretensions,) [N].
         eigenvalues: of the stiffness matrix by statics, ascending, (pretensions, 6) [N/m].
         settled_pretensions: (some,) [N].
         settled: eigenvalues by MuJoCo, (some, 6) [N/m].
-        directions: in which the platform is that stiff, by eigenvalue: "along x", "about z".
-        rigid: eigenvalues on the lengths of rigid cables, without pretension, (6,) [N/m].
+        directions: direction of each eigenvalue: "along x", "about z".
+        rigid: eigenvalues with rigid lengths, without pretension, (6,) [N/m].
     """
 
     pretensions: Float[np.ndarray, " pretensions"]
@@ -66,16 +66,16 @@ class Stiffening:
 
 @dataclass(frozen=True, eq=False)
 class Push:
-    """How far a wrench moves the platform, against pretension.
+    """Displacement of the platform under a wrench, over pretension.
 
     Attributes:
-        what: is done.
+        what: name of the wrench.
         wrench: external, (6,) [N, N m].
-        shifts: by statics, (pretensions,) [m].
-        turns: likewise [rad].
-        settled_shifts: by MuJoCo, (some,) [m].
-        settled_turns: likewise [rad].
-        taut: the pretension from which on no cable hangs slack under this wrench [N].
+        shifts: displacements by statics, (pretensions,) [m].
+        turns: rotations by statics, (pretensions,) [rad].
+        settled_shifts: displacements by MuJoCo, (some,) [m].
+        settled_turns: rotations by MuJoCo, (some,) [rad].
+        taut: smallest pretension without slack cables under this wrench [N].
     """
 
     what: str
@@ -89,34 +89,34 @@ class Push:
 
 @dataclass(frozen=True, eq=False)
 class WrongLength:
-    """What an error of one cable's rest length does.
+    """Effect of an error of one cable's rest length.
 
     Attributes:
-        cable: whose, counted from 0.
+        cable: index of the cable, from 0.
         errors: of its rest length, (errors,) [m].
-        shifts: of the platform, by statics, (errors,) [m].
-        turns: likewise [rad].
-        tightest: the largest tension of all cables, likewise [N].
-        slack: how many cables hang slack, (errors,).
+        shifts: displacements of the platform by statics, (errors,) [m].
+        turns: rotations of the platform by statics, (errors,) [rad].
+        largest_tensions: of all cables by statics, (errors,) [N].
+        slack: number of slack cables, (errors,).
         settled_errors: (some,) [m].
-        settled_shifts, settled_turns, settled_tightest: by MuJoCo, (some,) [m], [rad], [N].
+        settled_shifts, settled_turns, settled_largest_tensions: by MuJoCo, (some,) [m], [rad], [N].
     """
 
     cable: int
     errors: Float[np.ndarray, " errors"]
     shifts: Float[np.ndarray, " errors"]
     turns: Float[np.ndarray, " errors"]
-    tightest: Float[np.ndarray, " errors"]
+    largest_tensions: Float[np.ndarray, " errors"]
     slack: Int[np.ndarray, " errors"]
     settled_errors: Float[np.ndarray, " some"]
     settled_shifts: Float[np.ndarray, " some"]
     settled_turns: Float[np.ndarray, " some"]
-    settled_tightest: Float[np.ndarray, " some"]
+    settled_largest_tensions: Float[np.ndarray, " some"]
 
     def short_by(self, tension: float) -> float:
-        """By how much this length is too short [m] where the tightest cable pulls with ``tension`` [N]."""
+        """Length error [m], too short, at which the largest tension of all cables is ``tension`` [N]."""
         short = self.errors <= 0
-        return float(np.interp(tension, self.tightest[short][::-1], -self.errors[short][::-1]))
+        return float(np.interp(tension, self.largest_tensions[short][::-1], -self.errors[short][::-1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +127,9 @@ class Pretension:
         robot: fully constrained, commanded to its home.
         stiffening: without a wrench.
         pushes: under each of ``PUSHES``.
-        wrong: for a cable from above and one from below.
-        drawn: where MuJoCo's platform rests at ``DRAWN``, pushed down, (1,).
-        apart: the largest distance between the methods [m], and the largest difference of an eigenvalue, as a fraction.
+        wrong: length errors of an upper and a lower cable.
+        drawn: MuJoCo's equilibrium at ``DRAWN`` under the downward force, (1,).
+        method_differences: largest distance between the methods [m], and largest relative difference of an eigenvalue.
     """
 
     robot: Robot
@@ -137,36 +137,38 @@ class Pretension:
     pushes: tuple[Push, ...]
     wrong: tuple[WrongLength, ...]
     drawn: EquilibriumBatch
-    apart: tuple[float, float]
+    method_differences: tuple[float, float]
 
 
 def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretension:
-    """IPAnema 1 in the middle of its workspace, from the least pretension that keeps its cables taut to its limit.
+    """IPAnema 1 at the middle of its workspace, from the smallest pretension without slack cables to its limit.
 
     Args:
-        points: pretensions.
-        every: so many of them, and of the errors, one is settled in MuJoCo as well.
-        errors: of one length.
+        points: number of pretensions.
+        every: one of so many pretensions and errors is settled in MuJoCo as well.
+        errors: number of errors of one length.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     robot = load_robot("ipanema-1")
     home = robot.home
     least = least_pretension(robot)
-    sizes = np.geomspace(least, float(robot.force_max.min()) - least, points)  # up to where cables from above pull that
+    sizes = np.geomspace(
+        least, float(robot.force_max.min()) - least, points
+    )  # up to the tension limit of the upper cables
     lengths = np.array([robot.rest_lengths(home, size) for size in sizes])
     still = _both(robot, lengths, every)
     moved = {what: _both(robot, lengths, every, wrench) for what, wrench in PUSHES.items()}
-    held = robot.rest_lengths(home, HELD)
-    wrong, misfits = [], []
+    nominal = robot.rest_lengths(home, HELD)
+    wrong, batches = [], []
     for cable in (ABOVE, BELOW):
-        changes = np.linspace(-MOST_ERROR, MOST_ERROR, errors) * held[cable]
-        cut = np.repeat(held[None], errors, axis=0)
-        cut[:, cable] += changes
-        static, settled = methods = _both(robot, cut, every // 2)
-        misfits.append(methods)
+        changes = np.linspace(-MOST_ERROR, MOST_ERROR, errors) * nominal[cable]
+        lengths_with_error = np.repeat(nominal[None], errors, axis=0)
+        lengths_with_error[:, cable] += changes
+        static, settled = methods = _both(robot, lengths_with_error, every // 2)
+        batches.append(methods)
         wrong.append(
             WrongLength(
                 cable, changes, _shifts(static), _turns(static), static.tensions.max(-1), static.slack.sum(-1),
@@ -180,9 +182,9 @@ def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretensi
     )  # fmt: skip
     static, settled = still
     compared = [(*methods, every) for methods in (still, *moved.values())] + [
-        (*methods, every // 2) for methods in misfits
+        (*methods, every // 2) for methods in batches
     ]
-    apart = np.max([_apart(static, settled, step) for static, settled, step in compared], axis=0)
+    differences = np.max([_difference(static, settled, step) for static, settled, step in compared], axis=0)
     rigid = solve_many(robot, home[None])
     drawn = settle_many(robot, home[None], robot.rest_lengths(home, DRAWN)[None], external_wrench=PUSHES["pushed down"])
     return Pretension(
@@ -193,12 +195,12 @@ def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretensi
         pushes=pushes,
         wrong=tuple(wrong),
         drawn=drawn,
-        apart=(float(apart[0]), float(apart[1])),
+        method_differences=(float(differences[0]), float(differences[1])),
     )
 
 
 def least_pretension(robot: Robot) -> float:
-    """The least pretension [N] at which no cable would have to push, at the robot's home; tensions grow with it."""
+    """Smallest pretension [N] with nonnegative tensions at the robot's home; tensions grow with it."""
     low, high = 0.0, float(robot.force_max.min()) / 2
     while high - low > LEAST_MARGIN:
         middle = (low + high) / 2
@@ -212,9 +214,9 @@ def least_pretension(robot: Robot) -> float:
 
 
 def taut_from(robot: Robot, wrench: ArrayLike) -> float:
-    """The pretension [N] from which on no cable hangs slack under a wrench; between slack ones and its limit, by roots.
+    """Smallest pretension [N] without slack cables under a wrench, by root finding.
 
-    A cable that is about to go slack has its rest length: the root of the least stretch over all cables.
+    A cable becomes slack at its rest length: the function is the smallest elongation over all cables.
     """
 
     def least_stretch(size: float) -> float:
@@ -232,7 +234,7 @@ def taut_from(robot: Robot, wrench: ArrayLike) -> float:
 def _both(
     robot: Robot, lengths: Float[np.ndarray, "rows cables"], every: int, wrench: ArrayLike | None = None
 ) -> tuple[EquilibriumBatch, EquilibriumBatch]:
-    """By statics all rows, by MuJoCo one of ``every``, commanded to the robot's home."""
+    """All rows by statics, and one of ``every`` by MuJoCo, commanded to the robot's home."""
     methods = []
     for method, some in ((solve_many, lengths), (settle_many, lengths[::every])):
         equilibria = method(robot, np.repeat(robot.home[None], len(some), axis=0), some, external_wrench=wrench)
@@ -251,14 +253,14 @@ def _turns(equilibria: EquilibriumBatch) -> Float[np.ndarray, " rows"]:
 
 
 def _directions(equilibria: EquilibriumBatch) -> tuple[str, ...]:
-    """What each eigenvalue of the first row belongs to: amid a symmetric robot the stiffness matrix is diagonal."""
+    """Direction of each eigenvalue of the first row; by symmetry the stiffness matrix is diagonal there."""
     state = forces.at(equilibria[0].problem, equilibria.positions[0], equilibria.rotations[0])
     stiffness = np.diag(state.stiffness_matrix) / equilibria.robot.units**2
     return tuple(f"{'along' if i < 3 else 'about'} {'xyzxyz'[i]}" for i in np.argsort(stiffness))
 
 
-def _apart(static: EquilibriumBatch, settled: EquilibriumBatch, every: int) -> tuple[float, float]:
-    """The largest distance between the methods' positions [m], and between their eigenvalues, over the largest one."""
-    away = np.abs(static.positions[::every] - settled.positions).max()
+def _difference(static: EquilibriumBatch, settled: EquilibriumBatch, every: int) -> tuple[float, float]:
+    """Largest distance between the methods' positions [m], and largest relative difference of eigenvalues."""
+    distance = np.abs(static.positions[::every] - settled.positions).max()
     values = static.eigenvalues[::every]
-    return float(away), float((np.abs(values - settled.eigenvalues).max(-1) / values.max(-1)).max())
+    return float(distance), float((np.abs(values - settled.eigenvalues).max(-1) / values.max(-1)).max())

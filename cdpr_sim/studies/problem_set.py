@@ -1,8 +1,8 @@
-"""Problems with proved answers, as files that any solver in any language can read; and how they were drawn.
+"""Problems with proved equilibria, as files that any solver in any language can read; and how they were drawn.
 
-What NIST's Statistical Reference Datasets are for regression, these are for static equilibrium: a robot, rest lengths,
-a load and three starting poses, with every proved digit of the pose and the tensions, the slack cables, the number of
-unstable directions, and, where it is proved, the list of all equilibria.
+They serve static equilibrium as NIST's Statistical Reference Datasets serve regression: a robot, rest lengths,
+a load and three starting poses, with every proved digit of the pose and the tensions, the slack cables, the index,
+and, where it is proved, the list of all equilibria.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ LEVELS = ("lower", "average", "higher")
 """All cables taut; some slack; stiff, nearly slack, nearly neutral, or with several equilibria."""
 
 EACH = 100
-"""Problems of a level."""
+"""Number of problems of a level."""
 
 FORMAT = 1
-"""Of the files: raised when a reader of older files would misread a newer one."""
+"""Version of the file format."""
 
 STIFFER, NEARLY_SLACK, NEARLY_NEUTRAL = 100.0, 1e-4, 1e-4
-"""What makes a problem hard: by which factor cables are stiffer; a cable's distance from its rest length as a fraction
+"""Criteria of hard problems: factor on the stiffness; a cable's distance from its rest length as a fraction
 of the largest stretch; the softest stiffness as a fraction of the stiffest."""
 
 CABLE_FIELDS = ("exits", "anchors", "axial_stiffness", "linear_density", "pulley_radius", "pulley_axis", "stiffening")
-"""Of ``Cabling``, that a file has: limits of force play no part."""
+"""Fields of ``Cabling`` in a file; force limits are not needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +47,13 @@ class SetProblem:
     """One problem of the set.
 
     Attributes:
-        name: by which answers are named.
+        name: key of its answers.
         level: of ``LEVELS``.
         problem: robot, rest lengths and load; its pose is the first start.
         starts: poses to start from, (3,).
         positions: of the proved equilibria, (equilibria, 3) [m].
         rotations: rotation matrices, (equilibria, 3, 3).
-        index: unstable directions of each.
+        index: number of unstable directions of each.
         complete: whether it is proved that there are no others.
     """
 
@@ -68,10 +68,10 @@ class SetProblem:
 
 
 def read_problems(folder: Path) -> list[SetProblem]:
-    """All problems of a folder.
+    """Read all problems of a folder.
 
     Raises:
-        InvalidInput: no such folder, no file of a level in it, or a file that is not one.
+        InvalidInput: no such folder, no file of a level in it, or an invalid file.
     """
     problems = []
     for level in LEVELS:
@@ -81,10 +81,10 @@ def read_problems(folder: Path) -> list[SetProblem]:
         except OSError as error:
             raise InvalidInput(f"{path}: {error.strerror}; expected the folder of the set of problems") from None
         try:
-            told = json.loads(text)
-            if told["format"] != FORMAT:
-                raise InvalidInput(f"{path}: found format {told['format']!r}, expected {FORMAT}")
-            problems += [_read(level, one) for one in told["problems"]]
+            content = json.loads(text)
+            if content["format"] != FORMAT:
+                raise InvalidInput(f"{path}: found format {content['format']!r}, expected {FORMAT}")
+            problems += [_read(level, one) for one in content["problems"]]
         except InvalidInput:
             raise
         except (ValueError, KeyError, TypeError) as error:
@@ -92,27 +92,27 @@ def read_problems(folder: Path) -> list[SetProblem]:
     return problems
 
 
-def _read(level: str, told: dict[str, Any]) -> SetProblem:
-    robot = Robot(**told["robot"], name=told["name"])
+def _read(level: str, content: dict[str, Any]) -> SetProblem:
+    robot = Robot(**content["robot"], name=content["name"])
     starts = tuple(
         RigidTransform.from_components(start["position"], Rotation.from_quat(start["quaternion"]))
-        for start in told["starts"]
+        for start in content["starts"]
     )
-    equilibria = told["equilibria"]
+    equilibria = content["equilibria"]
     return SetProblem(
-        name=told["name"],
+        name=content["name"],
         level=level,
-        problem=Problem.of(robot, starts[0], told["rest_lengths"], told["external_wrench"]),
+        problem=Problem.of(robot, starts[0], content["rest_lengths"], content["external_wrench"]),
         starts=starts,
         positions=np.array([[float(v) for v in one["position"]] for one in equilibria]),
         rotations=np.array([[[float(v) for v in row] for row in one["rotation_matrix"]] for one in equilibria]),
         index=tuple(one["unstable_directions"] for one in equilibria),
-        complete=told["complete"],
+        complete=content["complete"],
     )
 
 
 def written(name: str, problem: Problem, starts: list[RigidTransform], proofs: list[Certificate], *, complete: bool):
-    """A problem as its file has it."""
+    """A problem in the format of its file."""
     robot, cabling = problem.robot, problem.robot.cabling
     fields = {field: getattr(cabling, field).tolist() for field in CABLE_FIELDS}
     fields |= {"mass": robot.mass, "center_of_mass": robot.center_of_mass.tolist()}
@@ -144,12 +144,12 @@ def _proved(one: Certificate) -> dict[str, Any]:
 
 
 def draw_problems(level: str, count: int, seed: int = 0) -> Iterator[dict[str, Any]]:
-    """Problems of a level, drawn at random from the catalogue, as files have them.
+    """Problems of a level, drawn at random from the catalogue, in the format of files.
 
     Args:
         level: of ``LEVELS``.
-        count: how many.
-        seed: of the draws.
+        count: number of problems.
+        seed: of the random numbers.
     """
     random = np.random.default_rng([seed, LEVELS.index(level)])
     names, made, drawn = list_robots(), 0, 0
@@ -158,7 +158,7 @@ def draw_problems(level: str, count: int, seed: int = 0) -> Iterator[dict[str, A
         drawn += 1
         try:
             candidate = _candidate(level, load_robot(name), random)
-        except CdprError:  # a pose that this robot cannot take
+        except CdprError:  # an invalid pose of this robot
             continue
         if candidate is not None:
             made += 1
@@ -168,7 +168,7 @@ def draw_problems(level: str, count: int, seed: int = 0) -> Iterator[dict[str, A
 def _candidate(
     level: str, robot: Robot, random: np.random.Generator
 ) -> tuple[Problem, list[RigidTransform], list[Certificate], bool] | None:
-    """A problem of this robot that is of this level, with its proofs; or None."""
+    """A problem of this robot and level with its proofs; or None."""
     robot, wrench = _varied(level, robot, random)
     lower, upper = robot.workspace
     position = np.round(random.uniform(lower, upper), 4)
@@ -186,7 +186,7 @@ def _candidate(
 
 
 def _varied(level: str, robot: Robot, random: np.random.Generator) -> tuple[Robot, np.ndarray | None]:
-    """Other stiffness, and every now and then a law, a pulley's wheel, a force or a torque."""
+    """Vary the stiffness, and in some problems the elasticity, a pulley, a force or a torque."""
     factor = STIFFER if level == "higher" else 10 ** random.uniform(-1.0, 0.5)
     changes: dict[str, Any] = {"axial_stiffness": np.round(factor * robot.axial_stiffness, 3)}
     draw, plain = random.random(), robot.cabling.massless and not robot.cabling.bent
@@ -203,7 +203,7 @@ def _varied(level: str, robot: Robot, random: np.random.Generator) -> tuple[Robo
 
 
 def _starts(robot: Robot, commanded: RigidTransform, random: np.random.Generator) -> list[RigidTransform]:
-    """The commanded pose; near it; and far from it, turned by 40°."""
+    """Start poses: the commanded pose, one near it, and one far from it, rotated by 40°."""
     extent = np.ptp(robot.workspace, axis=0)
     axis = np.array([0.0, 1.0, 0.0]) if robot.mobility == "planar" else random.normal(size=3)
     axis = axis / np.linalg.norm(axis)
@@ -215,12 +215,12 @@ def _starts(robot: Robot, commanded: RigidTransform, random: np.random.Generator
 
 
 def _answers(problem: Problem, starts: list[RigidTransform]) -> tuple[list[Certificate], bool]:
-    """All equilibria where they are proved to be all; else those that Newton's method finds from the starts."""
+    """All equilibria if the list is proved complete; else those that Newton's method finds from the start poses."""
     robot = problem.robot
     if robot.mobility == "planar" and robot.cabling.massless and not robot.cabling.pulleys.any():
-        every = certify_all(problem, time_limit=10)
-        if every.complete:
-            return list(every), True
+        proved = certify_all(problem, time_limit=10)
+        if proved.complete:
+            return list(proved), True
     proofs: list[Certificate] = []
     for start in starts:
         try:
@@ -243,9 +243,9 @@ def _is_of(level: str, proofs: list[Certificate]) -> bool:
         return any(any(one.slack) for one in stable)
     several = len(stable) > 1
     for one in stable:
-        found = one.equilibrium
-        stretch = np.abs(found.lengths - found.rest_lengths)
-        values = np.abs(found.eigenvalues)
+        equilibrium = one.equilibrium
+        stretch = np.abs(equilibrium.lengths - equilibrium.rest_lengths)
+        values = np.abs(equilibrium.eigenvalues)
         hard = stretch.min() < NEARLY_SLACK * stretch.max() or values.min() < NEARLY_NEUTRAL * values.max()
         several = several or bool(hard)
     return several

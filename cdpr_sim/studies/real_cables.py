@@ -1,4 +1,4 @@
-"""What real cables do to a platform: pulleys, weight and a stiffening law, each by itself, by both methods."""
+"""Effects of real cables on a platform, by both methods: pulleys, cable mass and nonlinear elasticity, separately."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics.newton import solve_many
-from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, PAPER_SAG
+from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_HEIGHTS, PAPER_LINE
 
 BELOW, ABOVE = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
-"""Where a cable comes from to its pulley, as the direction in which it arrives: up a mast from a winch on the ground,
-or down from one above."""
+"""Direction in which a cable arrives at its pulley: up a mast from a winch below, or down from a winch above."""
 
 POSES, SEED = 200, 1
 """Random level poses of the workspace, per robot."""
@@ -31,11 +30,11 @@ DEMOBOT_RADIUS, DEMOBOT_DENSITY = 0.01, 0.0005
 """[m], [kg/m] Assumed, as the paper gives neither: a small ball-bearing wheel; Vectran of 0.7 mm, 1.4 g/cm³."""
 
 CRANE_RADIUS, CRANE_DENSITY, CRANE_STIFFNESS = 0.1, 0.064, 1e6
-"""[m], [kg/m], [N] Assumed: wheels of 25 times the rope's diameter; steel rope of 4 mm, some 0.06 kg/m in makers'
-tables, and 80 GPa over the whole of its cross-section."""
+"""[m], [kg/m], [N] Assumed: wheels of 25 times the rope's diameter; steel rope of 4 mm, about 0.06 kg/m in
+manufacturers' tables, and 80 GPa over the full cross-section."""
 
 STIFFENING = (50.0, 0.0)
-"""(a2, a3), assumed: the stiffness doubles by 1 % of strain. New ropes stiffen that much, ones in use less."""
+"""(a2, a3), assumed: the stiffness doubles at 1 % strain, as for new ropes; used ropes stiffen less."""
 
 
 def crane() -> Robot:
@@ -45,10 +44,10 @@ def crane() -> Robot:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A robot, and what its cables are said to be like.
+    """A robot and the assumed properties of its cables.
 
     Attributes:
-        title: what the robot is called.
+        title: name of the robot.
         robot: with plain cables.
         radius: of its pulleys [m].
         density: of its cables [kg/m].
@@ -74,10 +73,10 @@ def cases() -> tuple[Case, ...]:
     )
 
 
-def lengths_as_if_for_points(robot: Robot, commanded: ArrayLike) -> Float[np.ndarray, "poses cables"]:
-    """Rest lengths [m] by which winches let cables over pulleys out that believe in point exits.
+def point_exit_lengths(robot: Robot, commanded: ArrayLike) -> Float[np.ndarray, "poses cables"]:
+    """Rest lengths [m] of cables over pulleys, commanded by winches that assume point exits.
 
-    Homed at the middle of the workspace: there they are right. The change from there is that of straight cables.
+    They are correct at the middle of the workspace, where the robot is homed; changes are those of straight cables.
     """
     points = robot.replace(pulley_radius=0.0)
     commanded, home = np.asarray(commanded, dtype=float), robot.home[None]
@@ -91,41 +90,42 @@ def lengths_as_if_for_points(robot: Robot, commanded: ArrayLike) -> Float[np.nda
 
 @dataclass(frozen=True, eq=False)
 class CableEffect:
-    """How far platforms move when a property of their cables is taken in, or told to the winches.
+    """Displacement of platforms by a property of their cables, or by its use in the winches' model.
 
     Attributes:
-        robot: what the robot is called.
+        robot: name of the robot.
         what: the property.
-        shifts: distances by which the platforms move, in MuJoCo, (settled,) [m].
-        turns: by how much their tilts change, in MuJoCo, (settled,) [rad].
-        apart: the largest distance between MuJoCo and statics over all these poses [m].
-        unsettled: how many poses are left out, since MuJoCo's platform did not come to rest there.
+        shifts: displacements in MuJoCo, (settled,) [m].
+        turns: changes of tilt in MuJoCo, (settled,) [rad].
+        method_difference: largest distance between MuJoCo and statics over these poses [m].
+        unsettled: number of poses left out, since MuJoCo did not settle.
     """
 
     robot: str
     what: str
     shifts: Float[np.ndarray, " poses"]
     turns: Float[np.ndarray, " poses"]
-    apart: float
+    method_difference: float
     unsettled: int
 
 
 UNAWARE, UNAWARE_ABOVE = "pulleys unknown to the winches", "the same, cables from above"
-ELASTICITY, AWARE, WEIGHT, LAW = "elasticity", "pulleys known to the winches", "weight", "stiffening"
+ELASTICITY, AWARE = "elasticity", "pulleys known to the winches"
+MASS, NONLINEAR = "mass of the cables", "nonlinear elasticity"
 
 
 def effects(case: Case, poses: int = POSES) -> tuple[CableEffect, ...]:
-    """Each property of the cables by itself.
+    """Effect of each property of the cables separately.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
     """
     robot, commanded = case.robot, case.commanded(poses)
     over = robot.replace(pulley_radius=case.radius, pulley_axis=BELOW)
     from_above = robot.replace(pulley_radius=case.radius, pulley_axis=ABOVE)
     plain, aware, aware_above = (_both(one, commanded) for one in (robot, over, from_above))
-    unaware = _both(over, commanded, lengths_as_if_for_points(over, commanded))
-    unaware_above = _both(from_above, commanded, lengths_as_if_for_points(from_above, commanded))
+    unaware = _both(over, commanded, point_exit_lengths(over, commanded))
+    unaware_above = _both(from_above, commanded, point_exit_lengths(from_above, commanded))
     weight = _both(robot.replace(linear_density=case.density), commanded)
     law = _both(robot.replace(stiffening=STIFFENING), commanded)
     pairs = {
@@ -133,15 +133,15 @@ def effects(case: Case, poses: int = POSES) -> tuple[CableEffect, ...]:
         UNAWARE_ABOVE: (unaware_above, aware_above),
         ELASTICITY: (plain, None),
         AWARE: (aware, plain),
-        WEIGHT: (weight, plain),
-        LAW: (law, plain),
+        MASS: (weight, plain),
+        NONLINEAR: (law, plain),
     }
     return tuple(_effect(case.title, what, *pair) for what, pair in pairs.items())
 
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """The error that pulleys cause of which the winches do not know, against their radius.
+    """Position error caused by pulleys unknown to the winches, over their radius.
 
     Attributes:
         title: of the robot.
@@ -149,7 +149,7 @@ class Growth:
         radii: (radii,) [m].
         shifts: by statics, (radii, poses) [m].
         settled_radii: every few of them, (some,) [m].
-        settled: the same by MuJoCo, (some, poses) [m].
+        settled: by MuJoCo, (some, poses) [m].
     """
 
     title: str
@@ -161,7 +161,7 @@ class Growth:
 
     @property
     def rate(self) -> float:
-        """Median error per radius, at the middle of the radii."""
+        """Median error per radius, at the middle radius."""
         middle = len(self.radii) // 2
         return float(np.median(self.shifts[middle]) / self.radii[middle])
 
@@ -169,19 +169,19 @@ class Growth:
 def growth(
     case: Case, axis: tuple[float, float, float] = BELOW, *, radii: int = 13, every: int = 4, poses: int = POSES
 ) -> Growth:
-    """Radii from none to thrice the case's own.
+    """Position errors for radii from 0 to three times that of the case.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     commanded = case.commanded(poses)
     sizes = np.linspace(0, 3 * case.radius, radii)
 
     def shifts(method, radius: float) -> np.ndarray:
         robot = case.robot.replace(pulley_radius=radius, pulley_axis=axis)
-        unaware = method(robot, commanded, lengths_as_if_for_points(robot, commanded))
-        return np.linalg.norm(_at_rest(unaware).positions - _at_rest(method(robot, commanded)).positions, axis=-1)
+        unaware = method(robot, commanded, point_exit_lengths(robot, commanded))
+        return np.linalg.norm(_all_solved(unaware).positions - _all_solved(method(robot, commanded)).positions, axis=-1)
 
     return Growth(
         title=case.title,
@@ -195,64 +195,64 @@ def growth(
 
 @dataclass(frozen=True, eq=False)
 class PaperEnd:
-    """What a property of the cables makes of the ends of the paper's lines, in MuJoCo.
+    """Effect of a property of the cables at the ends of the paper's lines, in MuJoCo.
 
     Attributes:
         what: the property.
-        sags: of the parallel layout, per height, (heights,) [m].
+        downward_deviations: in -z, of the parallel layout, per height, (heights,) [m].
         tilts: of the parallel layout, (heights,) [rad].
-        crossed_rises: deviations in z of the crossed layout, which the paper saw follow its line, (heights,) [m].
+        crossed_deviations: in z, of the crossed layout, which followed its line in the paper, (heights,) [m].
     """
 
     what: str
-    sags: Float[np.ndarray, " heights"]
+    downward_deviations: Float[np.ndarray, " heights"]
     tilts: Float[np.ndarray, " heights"]
-    crossed_rises: Float[np.ndarray, " heights"]
+    crossed_deviations: Float[np.ndarray, " heights"]
 
 
 def paper_ends(heights: Sequence[float] = PAPER_HEIGHTS) -> tuple[PaperEnd, ...]:
-    """The paper's 15 mm: does any property of the cables explain it? Lengths as if for points, as the paper's are.
+    """Whether a property of the cables explains the paper's 15 mm, with rest lengths for point exits as in the paper.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
-    enough = radius_for_sag(PAPER_SAG, heights[0])
+    enough = radius_for_deviation(PAPER_DEVIATION, heights[0])
     known = {
         "plain cables": {},
-        f"weight, {1e3 * DEMOBOT_DENSITY:g} g/m": {"linear_density": DEMOBOT_DENSITY},
-        f"stiffening, a2 = {STIFFENING[0]:g}": {"stiffening": STIFFENING},
+        f"mass, {1e3 * DEMOBOT_DENSITY:g} g/m": {"linear_density": DEMOBOT_DENSITY},
+        f"nonlinear, a2 = {STIFFENING[0]:g}": {"stiffening": STIFFENING},
         f"pulleys of {1e3 * DEMOBOT_RADIUS:g} mm": {"pulley_radius": DEMOBOT_RADIUS, "pulley_axis": BELOW},
         "the same, from above": {"pulley_radius": DEMOBOT_RADIUS, "pulley_axis": ABOVE},
         f"pulleys of {1e3 * enough:.0f} mm, from above": {"pulley_radius": enough, "pulley_axis": ABOVE},
     }
-    found = []
+    results = []
     for what, changes in known.items():
         ends = {
             name: _end(load_robot(name).replace(**changes), heights, settle_many) for name in ("parallel", "cogiro")
         }
         parallel, crossed = ends["parallel"], ends["cogiro"]
-        found.append(PaperEnd(what, -parallel.deviation[:, 2], parallel.tilt, crossed.deviation[:, 2]))
-    return tuple(found)
+        results.append(PaperEnd(what, -parallel.deviation[:, 2], parallel.tilt, crossed.deviation[:, 2]))
+    return tuple(results)
 
 
-def radius_for_sag(sag: float, height: float) -> float:
-    """Of pulleys with cables from above [m] with which the parallel layout hangs that low at the line's end."""
+def radius_for_deviation(deviation: float, height: float) -> float:
+    """Radius [m] of pulleys, with cables from above, for this ``deviation`` in -z of the parallel layout."""
 
     def missing(radius: float) -> float:
         robot = load_robot("parallel").replace(pulley_radius=radius, pulley_axis=ABOVE)
-        return float(-_end(robot, (height,), solve_many).deviation[0, 2]) - sag
+        return float(-_end(robot, (height,), solve_many).deviation[0, 2]) - deviation
 
     return float(brentq(missing, 0.0, 0.09, xtol=1e-5))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, eq=False)
 class CableExample:
-    """A platform to be drawn, settled by MuJoCo.
+    """An equilibrium by MuJoCo, to be drawn.
 
     Attributes:
         equilibria: a single row.
-        shapes: how its cables hang, (cables, points, 3) [m].
+        shapes: profiles of its cables, (cables, points, 3) [m].
     """
 
     equilibria: EquilibriumBatch
@@ -261,29 +261,29 @@ class CableExample:
 
 @dataclass(frozen=True, eq=False)
 class RealCables:
-    """All of the study.
+    """The whole study.
 
     Attributes:
         effects: of each robot and property.
-        growths: of the pulleys' error with their radius.
-        over_pulleys: DemoBot over pulleys that its winches do not know.
-        heavy: the crane, with cables with mass.
+        growths: position error over the pulleys' radius.
+        over_pulleys: DemoBot with pulleys unknown to its winches.
+        with_mass: the crane, with cables with mass.
         ends: of the paper's lines.
     """
 
     effects: tuple[CableEffect, ...]
     growths: tuple[Growth, ...]
     over_pulleys: CableExample
-    heavy: CableExample
+    with_mass: CableExample
     ends: tuple[PaperEnd, ...]
 
 
 def real_cables(poses: int = POSES) -> RealCables:
-    """Everything that the figure and the table show.
+    """Compute the data of the figure and the tables.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     crossed, parallel, large = cases()
     over = crossed.robot.replace(pulley_radius=2 * crossed.radius, pulley_axis=BELOW)
@@ -297,27 +297,27 @@ def real_cables(poses: int = POSES) -> RealCables:
             growth(crossed, ABOVE, poses=poses),
             growth(large, poses=poses),
         ),
-        over_pulleys=_example(over, aside, lengths_as_if_for_points(over, aside)),
-        heavy=_example(large.robot.replace(linear_density=large.density), corner),
+        over_pulleys=_example(over, aside, point_exit_lengths(over, aside)),
+        with_mass=_example(large.robot.replace(linear_density=large.density), corner),
         ends=paper_ends(),
     )
 
 
 def _end(robot: Robot, heights: Sequence[float], method) -> EquilibriumBatch:
-    """At the left end of the paper's line, per height; lengths as if for points."""
+    """Equilibria at the left end of the paper's line, per height, with rest lengths for point exits."""
     commanded = np.array([[PAPER_LINE[0], robot.home[1], height] for height in heights])
-    return _at_rest(method(robot, commanded, lengths_as_if_for_points(robot, commanded)))
+    return _all_solved(method(robot, commanded, point_exit_lengths(robot, commanded)))
 
 
 def _both(
     robot: Robot, commanded: np.ndarray, rest_lengths: np.ndarray | None = None
 ) -> tuple[EquilibriumBatch, EquilibriumBatch]:
-    """By MuJoCo and by statics."""
+    """Equilibria by MuJoCo and by statics."""
     problems = Problems.of(robot, commanded, rest_lengths)
-    return settle_many(problems), _at_rest(solve_many(problems))
+    return settle_many(problems), _all_solved(solve_many(problems))
 
 
-def _at_rest(equilibria: EquilibriumBatch) -> EquilibriumBatch:
+def _all_solved(equilibria: EquilibriumBatch) -> EquilibriumBatch:
     for row in np.flatnonzero(~equilibria.converged):
         equilibria[int(row)]  # raises, with the reason
     return equilibria
@@ -326,18 +326,20 @@ def _at_rest(equilibria: EquilibriumBatch) -> EquilibriumBatch:
 def _effect(
     title: str,
     what: str,
-    found: tuple[EquilibriumBatch, EquilibriumBatch],
-    beside: tuple[EquilibriumBatch, EquilibriumBatch] | None,
+    changed: tuple[EquilibriumBatch, EquilibriumBatch],
+    reference: tuple[EquilibriumBatch, EquilibriumBatch] | None,
 ) -> CableEffect:
-    pairs = [found] if beside is None else [found, beside]
+    pairs = [changed] if reference is None else [changed, reference]
     rows = np.all([settled.converged for settled, _ in pairs], axis=0)
-    apart = max(float(np.linalg.norm(a.positions - b.positions, axis=-1)[rows].max()) for a, b in pairs)
-    settled = found[0]
-    start, tilt = (settled.problems.positions, 0.0) if beside is None else (beside[0].positions, beside[0].tilt)
+    difference = max(float(np.linalg.norm(a.positions - b.positions, axis=-1)[rows].max()) for a, b in pairs)
+    settled = changed[0]
+    start, tilt = (
+        (settled.problems.positions, 0.0) if reference is None else (reference[0].positions, reference[0].tilt)
+    )
     shifts, turns = np.linalg.norm(settled.positions - start, axis=-1), np.abs(settled.tilt - tilt)
-    return CableEffect(title, what, shifts[rows], turns[rows], apart, int((~rows).sum()))
+    return CableEffect(title, what, shifts[rows], turns[rows], difference, int((~rows).sum()))
 
 
 def _example(robot: Robot, commanded: np.ndarray, rest_lengths: np.ndarray | None = None) -> CableExample:
-    equilibria = _at_rest(settle_many(robot, commanded, rest_lengths))
+    equilibria = _all_solved(settle_many(robot, commanded, rest_lengths))
     return CableExample(equilibria, cable_profiles(equilibria)[0])

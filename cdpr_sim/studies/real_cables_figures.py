@@ -1,4 +1,4 @@
-"""What real cables do, drawn: a robot over pulleys, a crane on heavy ropes, and how far each property moves them."""
+"""Figure of the effects of real cables: a robot with pulleys, a crane with sagging ropes, effect of each property."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
@@ -18,10 +18,10 @@ from cdpr_sim.studies.real_cables import (
     AWARE,
     BELOW,
     ELASTICITY,
-    LAW,
+    MASS,
+    NONLINEAR,
     UNAWARE,
     UNAWARE_ABOVE,
-    WEIGHT,
     CableEffect,
     CableExample,
     Growth,
@@ -29,46 +29,46 @@ from cdpr_sim.studies.real_cables import (
 )
 
 COLORS = (style.BLUE, style.VERMILLION, style.GREEN)
-"""Of the robots, in the study's order."""
+"""Colours of the robots, in the study's order."""
 
 ROWS = {
     UNAWARE: "pulleys unknown\nto the winches",
     UNAWARE_ABOVE: "…, cables arriving\nfrom above",
     ELASTICITY: "elasticity",
     AWARE: "pulleys known\nto the winches",
-    WEIGHT: "the cables' weight",
-    LAW: "a law that stiffens",
+    MASS: "mass of the cables",
+    NONLINEAR: "nonlinear elasticity",
 }
-"""What each row of the comparison is called."""
+"""Labels of the rows."""
 
 
 @styled
 def real_cables(study: RealCables) -> Figure:
-    """Pulleys, weight and law: what they look like, and how far each of them moves the platform."""
+    """Pulleys, cable mass and nonlinear elasticity: examples, and the displacement of the platform by each."""
     rates = [one.rate for one in study.growths if one.axis == BELOW][:2]
     figure = canvas(
         12,
         8.2,
-        f"Winches that do not know their pulleys miss by about {np.mean(rates):.1f} mm per mm of radius; weight and "
-        "stiffening hardly matter",
-        "Everything settled in MuJoCo, and solved by statics within "
-        f"{_power(max(effect.apart for effect in study.effects))} m of it. DemoBot: 10 mm pulleys, 0.5 g/m; "
+        f"Pulleys unknown to the winches cause an error of about {np.mean(rates):.1f} mm per mm of radius; cable mass "
+        "and nonlinear elasticity have little effect",
+        "Settled in MuJoCo; statics differs by less than "
+        f"{_power(max(effect.method_difference for effect in study.effects))} m. DemoBot: 10 mm pulleys, 0.5 g/m; "
         "crane (geometry and 91 kg of CoGiRo, by CASPR): 100 mm pulleys, 4 mm steel rope, 64 g/m, EA = 1 MN; "
-        "stiffening doubles EA by 1 % of strain: all these assumed. Cables arrive from below, up masts, unless it says "
-        f"otherwise. {len(study.effects[0].shifts)} random commanded poses per robot; lengths homed in the middle."
+        "EA doubles at 1 % strain: all these are assumed. Cables arrive from below, up masts, unless stated "
+        f"otherwise. {len(study.effects[0].shifts)} random commanded poses per robot; homed at the middle."
         f"{_left_out(study.effects)}",
     )
     columns = figure.add_gridspec(1, 2, width_ratios=(1, 1.18))
     left, right = columns[0].subgridspec(2, 1, height_ratios=(1.55, 1)), columns[1].subgridspec(2, 1)
     _pulleys(figure.add_subplot(left[0]), study.over_pulleys)
-    _heavy(figure.add_subplot(left[1]), study.heavy)
+    _ropes_with_mass(figure.add_subplot(left[1]), study.with_mass)
     _growth(figure.add_subplot(right[0]), study.growths)
     _effects(figure.add_subplot(right[1]), study.effects)
     return figure
 
 
 def _pulleys(ax: Axes, example: CableExample) -> None:
-    """DemoBot over pulleys, beside where its winches believe it to be."""
+    """DemoBot with pulleys, and its commanded pose with point exits."""
     equilibria = example.equilibria
     robot, position, rotation = equilibria.robot, equilibria.positions[0], equilibria.rotations[0]
     drawing.draw_front(ax, robot)
@@ -81,9 +81,11 @@ def _pulleys(ax: Axes, example: CableExample) -> None:
     off = 1e3 * np.linalg.norm(position - commanded)
     radius = 1e3 * robot.cabling.pulley_radius.max()
     ax.set_ylim(-0.02, 0.56)
-    ax.set_title(f"DemoBot over pulleys of {radius:.0f} mm that its winches do not know: {off:.0f} mm off")
+    ax.set_title(f"DemoBot with {radius:.0f} mm pulleys unknown to its winches: error of {off:.0f} mm")
     handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
-    handles[0] = Line2D([], [], color=style.COMMANDED, lw=0.9, ls=style.COMMANDED_DASH, label="as its winches believe")
+    handles[0] = Line2D(
+        [], [], color=style.COMMANDED, lw=0.9, ls=style.COMMANDED_DASH, label="commanded, with point exits"
+    )
     ax.legend(handles=[*handles, Patch(**style.WHEEL, label="pulley")], loc="upper center", bbox_to_anchor=(0.5, -0.16),
               ncols=3)  # fmt: skip
     # One exit, closer.
@@ -94,39 +96,39 @@ def _pulleys(ax: Axes, example: CableExample) -> None:
         return
     # In the wheel's own plane: outwards and upwards from the exit.
     flat = np.array([wheel.outwards, wheel.axis])
-    rim, way = (
+    rim, curve = (
         (wheel.arc() - robot.exits[cable]) @ flat.T,
         (cable_curve(robot.cabling, cable, anchor)) - robot.exits[cable],
     )
-    way = way @ flat.T
+    curve = curve @ flat.T
     near.fill(*rim.T, fc=style.WHEEL["fc"], ec=style.WHEEL["ec"], lw=1)
     near.plot([0, 0], [-3 * wheel.radius, 0], color=style.INK, lw=1.2)
-    near.plot(*way.T, color=style.INK, lw=1.2)
-    near.plot([0, way[-1, 0]], [0, way[-1, 1]], color=style.COMMANDED, lw=1, ls=style.COMMANDED_DASH)
+    near.plot(*curve.T, color=style.INK, lw=1.2)
+    near.plot([0, curve[-1, 0]], [0, curve[-1, 1]], color=style.COMMANDED, lw=1, ls=style.COMMANDED_DASH)
     near.plot(0, 0, "o", color=style.INK, ms=3.5)
     near.set(aspect="equal", xticks=[], yticks=[])
     near.set_xlim(-1.2 * wheel.radius, 3.4 * wheel.radius)
     near.set_ylim(-2.6 * wheel.radius, 1.4 * wheel.radius)
-    near.set_title("one of them, seen from its side", fontsize=8, loc="center")
+    near.set_title("one pulley, seen from its side", fontsize=8, loc="center")
     for spine in near.spines.values():
         spine.set(visible=True, color=style.FAINT)
 
 
-def _heavy(ax: Axes, example: CableExample) -> None:
-    """The crane with ropes with mass, in their true shape."""
+def _ropes_with_mass(ax: Axes, example: CableExample) -> None:
+    """The crane with the profiles of its ropes."""
     equilibria = example.equilibria
     robot, position, rotation = equilibria.robot, equilibria.positions[0], equilibria.rotations[0]
     drawing.draw_front(ax, robot)
     drawing.draw_platform(ax, robot, position, rotation)
     drawing.draw_cables(ax, robot, position, rotation, equilibria.slack[0], shapes=example.shapes)
     along, sags = _sags(example)
-    ax.set_title(f"The crane on steel ropes, which sag by {sags.max(1).min():.0f} to {sags.max(1).max():.0f} mm")
-    # The same shapes, their sag stretched.
+    ax.set_title(f"The crane on steel ropes, with a sag of {sags.max(1).min():.0f} to {sags.max(1).max():.0f} mm")
+    # The same profiles, with the sag enlarged.
     near = ax.inset_axes((0.52, 0.14, 0.45, 0.36))
     for sag, slack in zip(sags, equilibria.slack[0], strict=True):
         looks = {"color": style.SLACK_CABLE, "ls": style.SLACK_DASH} if slack else {"color": style.INK}
         near.plot(along, -sag, lw=1.0, **looks)
-    near.set_title("below the straight line [mm], from exit to anchor", fontsize=8, loc="center")
+    near.set_title("sag below the straight line [mm], from exit to anchor", fontsize=8, loc="center")
     near.tick_params(labelsize=7.5)
     near.set_xticks([])
     if equilibria.slack.any():
@@ -136,7 +138,7 @@ def _heavy(ax: Axes, example: CableExample) -> None:
 
 
 def _growth(ax: Axes, growths: tuple[Growth, ...]) -> None:
-    """Error against radius: DemoBot drawn, the crane, ten times as large, in words."""
+    """Position error over radius: DemoBot as curves; the crane, ten times larger, in the legend only."""
     colors = dict(zip(dict.fromkeys(one.title for one in growths), COLORS, strict=False))
     for one in growths:
         if one.title.startswith("crane"):
@@ -155,17 +157,17 @@ def _growth(ax: Axes, growths: tuple[Growth, ...]) -> None:
     crane = next((one for one in growths if one.title.startswith("crane")), None)
     if crane is not None:
         ax.plot([], [], ls="none", label=f"not drawn: crane, from below: {crane.rate:.2f} mm per mm")
-    ax.set(xlabel="radius of the pulleys [mm]", ylabel="error of position [mm]")
+    ax.set(xlabel="radius of the pulleys [mm]", ylabel="position error [mm]")
     ax.set_ylim(0, 1.25 * ax.get_ylim()[1])
     ax.set_xlim(0, 1e3 * growths[0].radii[-1])
-    ax.set_title("DemoBot, lengths computed as if cables left from points")
+    ax.set_title("DemoBot, with rest lengths for point exits")
     handles, labels = ax.get_legend_handles_labels()
     handles += [Patch(fc=style.FAINT, alpha=0.6), Line2D([], [], **points(style.INK))]
     ax.legend(handles, [*labels, "from 5 to 95 % of the poses; lines: median", "MuJoCo, settled"], loc="upper left")
 
 
 def _effects(ax: Axes, effects: tuple[CableEffect, ...]) -> None:
-    """A row per property, a point per robot: the median, with a line up to 95 % of the poses."""
+    """A row per property, a point per robot: the median, with a line up to the 95 % quantile."""
     titles = list(dict.fromkeys(effect.robot for effect in effects))
     names = list(ROWS)[::-1]
     for effect in effects:
@@ -177,10 +179,10 @@ def _effects(ax: Axes, effects: tuple[CableEffect, ...]) -> None:
         )
         marker = points(COLORS[robot], style.MARKERS[robot], ms=5.5)
         ax.plot(middle, height, **marker, gid=f"median {effect.robot} {effect.what}")
-    ax.set(xscale="log", xlabel="the platform moves by: median, and up to 95 % of poses [mm]")
+    ax.set(xscale="log", xlabel="displacement of the platform: median, and up to 95 % of poses [mm]")
     ax.set_yticks(range(len(names)), [ROWS[name] for name in names])
     ax.grid(axis="x")
-    ax.set_title("What each property does by itself, in MuJoCo")
+    ax.set_title("Effect of each property separately, in MuJoCo")
     handles = [
         Line2D([], [], **points(COLORS[i], style.MARKERS[i], ms=5.5) | {"ls": "-", "color": COLORS[i]}, label=title)
         for i, title in enumerate(titles)
@@ -191,16 +193,16 @@ def _effects(ax: Axes, effects: tuple[CableEffect, ...]) -> None:
 
 def _left_out(effects: tuple[CableEffect, ...]) -> str:
     missing = sum(effect.unsettled for effect in effects)
-    return f" Left out: {missing} at which MuJoCo did not come to rest." if missing else ""
+    return f" Left out: {missing} poses at which MuJoCo did not settle." if missing else ""
 
 
 def _layout(title: str) -> str:
-    """Without the robot's name, which the panel has in its title."""
+    """The layout without the robot's name, which is in the panel's title."""
     return title.removeprefix("DemoBot, ")
 
 
 def _sags(example: CableExample) -> tuple[np.ndarray, np.ndarray]:
-    """How far along each rope (points,), and how far below its chord it hangs there, (cables, points) [mm]."""
+    """Fraction along each rope (points,), and sag below its chord, (cables, points) [mm]."""
     shapes = example.shapes
     along = np.linspace(0, 1, shapes.shape[1])
     chords = shapes[:, :1] + along[:, None] * (shapes[:, -1:] - shapes[:, :1])

@@ -1,4 +1,4 @@
-"""One robot for somebody who has never seen it: a pose, the worst of its workspace, maps, and a drive across."""
+"""Summary of one robot: a pose, the worst poses of its workspace, maps, and a drive across the workspace."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ if TYPE_CHECKING:
     import xarray as xr
 
 GRID = (7, 5, 4)
-"""Poses that are settled in MuJoCo, unless the caller says otherwise."""
+"""Default number of poses settled in MuJoCo along x, y and z."""
 
 WORST = 5
-"""Poses of the grid that are shown one by one."""
+"""Number of worst poses listed."""
 
 ALIKE = 1e-3
-"""Two poses of a grid whose platforms are equally far off, but for this fraction, are listed as one. Symmetry leaves
-far less, also where nothing holds the platform in some direction."""
+"""Poses whose deviations differ by less than this fraction are listed as one. Symmetric poses differ by far less, also
+if the platform is neutrally stable."""
 
 POINTS = 61
-"""Of a map, along its longer side."""
+"""Poses along the longer side of a map."""
 
 MOTION = 49
-"""States of the drive: four seconds at twelve frames a second."""
+"""States of the drive: four seconds at twelve frames per second."""
 
 SWINGS = 10
-"""That a pendulum as long as the frame makes during the drive: slow enough for the platform to follow."""
+"""Duration of the drive in periods of a pendulum as long as the frame: slow enough for the platform to follow."""
 
 MAP = ("tilt", "distance", "slack_count", "feasible")
-"""Quantities of a map; and where cables have mass, which of them there are."""
+"""Quantities of a map; the first three for cables with mass."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +59,11 @@ class View:
     """One commanded pose, by both methods.
 
     Attributes:
-        problem: what was asked.
-        settled: MuJoCo's answer, or why there is none.
-        solved: the static solver's, likewise.
-        agreement: of the two, where both rest.
-        shapes: how cables hang with mass, (cables, points, 3) [m]; else None.
+        problem: the problem.
+        settled: MuJoCo's equilibrium, or why there is none.
+        solved: the static solver's equilibrium, or why there is none.
+        agreement: of both equilibria, if they exist.
+        shapes: profiles of cables with mass, (cables, points, 3) [m]; else None.
     """
 
     problem: Problem
@@ -75,21 +75,21 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class RobotSummary:
-    """What there is to say of a robot.
+    """Summary of a robot.
 
     Attributes:
-        robot: whose.
-        first: the pose that was asked for.
-        worst: the poses of the grid where the methods do not agree, and then those farthest from where they were
-            commanded, rotations counted by what the anchors see; of poses that are alike by symmetry, one.
+        robot: the robot.
+        first: the requested pose.
+        worst: poses of the grid where the methods disagree, then those with the largest deviation, with rotations
+            weighted by the characteristic length; one of those that are equivalent by symmetry.
         most: the largest deviation [m] and the largest tilt [rad] of all poses of the grid, by statics.
         check: both methods over the grid.
         plane: tilt, deviation, slack cables and feasibility over the plane across y through the first of ``worst``;
             None where the workspace is flat.
-        modes: natural frequencies at the pose that was asked for; None where there are none.
-        motion: a drive across the workspace; None if it was not asked for, or the platform fell.
+        modes: natural frequencies at the requested pose; None if there are none.
+        motion: a drive across the workspace; None if not requested, or if the platform fell.
         static: the static solver's poses during the drive.
-        shapes: how cables hang meanwhile, if they have mass.
+        shapes: profiles of cables with mass during the drive.
         missing: why something is left out, a sentence each.
     """
 
@@ -106,7 +106,7 @@ class RobotSummary:
     missing: tuple[str, ...]
 
 
-def portray(
+def summarize(
     robot: Robot,
     pose: PoseLike | None = None,
     *,
@@ -114,53 +114,53 @@ def portray(
     motion: bool = True,
     progress: Callable[[str], None] = lambda _: None,
 ) -> RobotSummary:
-    """Ask both methods what there is to say of a robot.
+    """Summarise a robot by both methods.
 
     Args:
-        robot: which.
-        pose: that is asked first; default: the middle of the workspace.
-        grid: of the poses that are settled in MuJoCo, as ``check`` takes it; default: ``GRID``.
+        robot: the robot.
+        pose: shown first; default: the middle of the workspace.
+        grid: poses settled in MuJoCo, as for ``check``; default: ``GRID``.
         motion: whether to drive it across its workspace.
-        progress: called with what begins, in words.
+        progress: called with a description of each step.
 
     Raises:
-        InvalidInput: a pose or a grid that cannot be right.
+        InvalidInput: an invalid pose or grid.
     """
-    asked = Problem.of(robot, robot.home if pose is None else pose)
+    requested = Problem.of(robot, robot.home if pose is None else pose)
     axes = grids.as_grid(GRID if grid is None else grid, [robot])
     missing: list[str] = []
-    progress("MuJoCo settles the platform all over its workspace")
+    progress("Settling the platform over its workspace in MuJoCo")
     checked = check(robot, axes)
     problems, most = _worst(robot, axes, checked)
-    first, *worst = _views([asked, *problems])
-    progress("The static solver maps the workspace")
+    first, *worst = _views([requested, *problems])
+    progress("Computing maps of the workspace by statics")
     plane, modes, drove = None, None, None
     try:
         massless = robot.cabling.massless
         quantities = (*MAP, "capacity_margin") if massless else MAP[:3]
-        y = float((problems or [asked])[0].pose.translation[1])
+        y = float((problems or [requested])[0].pose.translation[1])
         plane = sweep(robot, grids.plane("xz", y, POINTS, [robot]), quantities=quantities)
     except InvalidInput as error:
         missing.append(f"No maps: {error}.")
-    rest = first.solved
-    if robot.cabling.massless and isinstance(rest, Equilibrium) and rest.stability is not Stability.UNSTABLE:
-        modes = natural_modes(rest)
+    solved = first.solved
+    if robot.cabling.massless and isinstance(solved, Equilibrium) and solved.stability is not Stability.UNSTABLE:
+        modes = natural_modes(solved)
     if motion:
-        progress("MuJoCo drives the platform across its workspace")
+        progress("Driving the platform across its workspace in MuJoCo")
         try:
-            drove = _across(robot, asked.pose.translation)
+            drove = _across(robot, requested.pose.translation)
         except CdprError as error:
-            missing.append(f"No film: {error}.")
+            missing.append(f"No video: {error}.")
     static = None if drove is None else solve_trajectory(drove).poses
     shapes = None if drove is None else shapes_of(drove)
     return RobotSummary(robot, first, tuple(worst), most, checked, plane, modes, drove, static, shapes, tuple(missing))
 
 
 def settled_along(robot: Robot, waypoints: Float[np.ndarray, "states 3"], seconds: float) -> Trajectory:
-    """A motion so slow that the platform settles at each waypoint; of robots whose cables have weight.
+    """Quasi-static motion: the platform settled at each waypoint; for robots whose cables have mass.
 
     Raises:
-        NotSettled: some platform does not come to rest.
+        NotSettled: MuJoCo did not settle at some waypoint.
     """
     equilibria = settle_many(robot, waypoints)
     for row in np.flatnonzero(~equilibria.converged):
@@ -169,29 +169,29 @@ def settled_along(robot: Robot, waypoints: Float[np.ndarray, "states 3"], second
 
 
 def shapes_of(equilibria: EquilibriumBatch) -> Float[np.ndarray, "*batch cables points 3"] | None:
-    """How cables hang with mass; None of others, whose shapes need no statics."""
+    """Profiles of cables with mass; None for massless cables."""
     return None if equilibria.robot.cabling.massless else cable_profiles(equilibria)
 
 
 def _worst(robot: Robot, axes: dict[str, np.ndarray], checked: Check) -> tuple[list[Problem], tuple[float, float]]:
-    """The poses where the methods do not agree, and those farthest from where they were commanded.
+    """Problems where the methods disagree, then those with the largest deviation.
 
-    And of all poses the largest deviation [m] and the largest tilt [rad].
+    Also the largest deviation [m] and the largest tilt [rad] of all poses.
     """
     outcome = checked.dataset["outcome"].values.ravel()
     positions = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, 3)
     equilibria = solve_many(robot, positions)
-    turned = robot.characteristic_length * np.asarray(equilibria.poses.rotation.magnitude())
-    distance, found = np.linalg.norm(equilibria.deviation, axis=-1), equilibria.converged & (outcome != REFUSED)
-    away = np.hypot(distance, turned)
-    disagreeing = {finding.position for finding in checked.disagreements}
-    odd = np.array([tuple(map(float, position)) in disagreeing for position in positions])
+    rotation = robot.characteristic_length * np.asarray(equilibria.poses.rotation.magnitude())
+    distance, solved = np.linalg.norm(equilibria.deviation, axis=-1), equilibria.converged & (outcome != REFUSED)
+    deviation = np.hypot(distance, rotation)
+    disagreeing = {one.position for one in checked.disagreements}
+    disagrees = np.array([tuple(map(float, position)) in disagreeing for position in positions])
     rows: list[int] = []
-    for row in np.lexsort((-np.where(equilibria.converged, away, np.inf), ~odd)):
-        alike = any(np.isclose(away[row], away[other], rtol=ALIKE, atol=0) for other in rows) and not odd[row]
-        if outcome[row] != REFUSED and not alike and len(rows) < WORST:
+    for row in np.lexsort((-np.where(equilibria.converged, deviation, np.inf), ~disagrees)):
+        alike = any(np.isclose(deviation[row], deviation[other], rtol=ALIKE, atol=0) for other in rows)
+        if outcome[row] != REFUSED and (disagrees[row] or not alike) and len(rows) < WORST:
             rows.append(int(row))
-    most = float(distance[found].max(initial=0.0)), float(equilibria.tilt[found].max(initial=0.0))
+    most = float(distance[solved].max(initial=0.0)), float(equilibria.tilt[solved].max(initial=0.0))
     return [Problem.of(robot, positions[row]) for row in rows], most
 
 
@@ -214,7 +214,7 @@ def _views(problems: list[Problem]) -> list[View]:
 
 
 def _across(robot: Robot, through: Float[np.ndarray, "3"]) -> Trajectory:
-    """Along x from end to end of the workspace, through a pose."""
+    """Drive along x from end to end of the workspace, through a pose."""
     ends = np.array([through, through])
     ends[:, 0] = robot.workspace[:, 0]
     seconds = SWINGS * 2 * np.pi * np.sqrt(np.ptp(robot.frame, axis=0).max() / (robot.gravity or STANDARD_GRAVITY))

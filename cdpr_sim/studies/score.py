@@ -1,8 +1,8 @@
-"""How many digits a solver has right, on problems whose answers are proved; and what it calls solved that is not.
+"""Correct digits and false claims of solvers on problems whose equilibria are proved.
 
 Correct digits are counted as in NIST's Statistical Reference Datasets, by the log relative error −log10(|q − c|/|c|)
 of an answer q to the certified c, 15 at most: here the smaller of the position's (|c| is its distance from the origin)
-and the rotation's (the angle in radians). Any proved equilibrium is an answer, stable or not; which it was is counted.
+and the rotation's (the angle in radians). Any proved equilibrium is a solution, stable or not; both are counted.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from cdpr_sim.statics.solve import solve
 from cdpr_sim.studies.problem_set import SetProblem
 
 MOST_DIGITS = 15.0
-"""What doubles can have right."""
+"""Largest number of correct digits in double precision."""
 
 SOLVED_DIGITS = 3.0
-"""Fewer correct digits are no solution: what is called one is wrong."""
+"""A claimed solution with fewer correct digits is false."""
 
 
 Answer = RigidTransform | None
-"""A pose, or that none was found."""
+"""A pose, or None if none was found."""
 
 Solver = Callable[..., Any]
-"""(robot, rest_lengths, start) → pose or None; with ``external_wrench=`` where there is one."""
+"""(robot, rest_lengths, start) → pose or None; with ``external_wrench=`` if there is one."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ class Outcome:
     Attributes:
         problem: the problem's name.
         level: of ``LEVELS``.
-        start: which, from 0.
+        start: index of the start pose.
         claimed: whether a pose was given.
-        digits: correct ones; 0 without a pose.
+        digits: correct digits; 0 without a pose.
         stable: whether the nearest proved equilibrium is stable.
-        seconds: taken; nan of answers from a file.
+        seconds: time; nan for answers from a file.
     """
 
     problem: str
@@ -70,7 +70,7 @@ class Outcome:
 
     @property
     def solved(self) -> bool:
-        """Whether a pose was given that is an equilibrium to three digits."""
+        """Whether the given pose is an equilibrium to three digits."""
         return self.claimed and self.digits >= SOLVED_DIGITS
 
 
@@ -82,20 +82,20 @@ class Score:
     outcomes: tuple[Outcome, ...]
 
     def of(self, level: str) -> tuple[Outcome, ...]:
-        """Those of a level."""
+        """Outcomes of one level."""
         return tuple(one for one in self.outcomes if one.level == level)
 
 
 def score(name: str, solver: Solver, problems: Iterable[SetProblem], *, progress: bool = False) -> Score:
-    """Call a solver with every problem from every start, and compare its answers with the proved ones.
+    """Call a solver for every problem from every start, and compare its answers with the proved equilibria.
 
     Args:
-        name: what the solver is called.
-        solver: takes a robot, rest lengths (cables,) [m] and a start, a ``RigidTransform``; where there is an external
-            wrench (6,) also ``external_wrench=``. It gives a pose (anything that ``Problem`` takes), or None. An
+        name: of the solver.
+        solver: takes a robot, rest lengths (cables,) [m] and a start, a ``RigidTransform``; if there is an external
+            wrench (6,) also ``external_wrench=``. It returns a pose (anything that ``Problem`` takes), or None. An
             exception counts as no answer.
         problems: from ``read_problems``.
-        progress: whether to show a bar.
+        progress: whether to show a progress bar.
     """
     outcomes = []
     problems = list(problems)
@@ -107,22 +107,22 @@ def score(name: str, solver: Solver, problems: Iterable[SetProblem], *, progress
                 begun = time.perf_counter()
                 try:
                     answer = solver(one.problem.robot, one.problem.rest_lengths, start, **more)
-                except Exception:  # whatever a solver that is not ours raises, it has no answer
+                except Exception:  # an exception of any type counts as no answer
                     answer = None
-                outcomes.append(judged(one, number, answer, time.perf_counter() - begun))
+                outcomes.append(evaluated(one, number, answer, time.perf_counter() - begun))
             advance(1)
     return Score(name, tuple(outcomes))
 
 
 def score_answers(path: Path, problems: Iterable[SetProblem]) -> Score:
-    """Compare the answers of a file with the proved ones.
+    """Compare the answers of a file with the proved equilibria.
 
     Raises:
-        InvalidInput: a file that is not one of answers.
+        InvalidInput: not a file of answers.
     """
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        answers = told["answers"]
+        content = json.loads(path.read_text(encoding="utf-8"))
+        answers = content["answers"]
         outcomes = []
         for one in problems:
             mine = answers.get(one.name) or [None] * len(one.starts)
@@ -134,15 +134,15 @@ def score_answers(path: Path, problems: Iterable[SetProblem]) -> Score:
                     turn = Rotation.from_quat(given["quaternion"])
                     answer = RigidTransform.from_components(given["position"], turn)
                     seconds = float(given.get("seconds", math.nan))
-                outcomes.append(judged(one, number, answer, seconds))
-        return Score(str(told.get("solver", path.stem)), tuple(outcomes))
+                outcomes.append(evaluated(one, number, answer, seconds))
+        return Score(str(content.get("solver", path.stem)), tuple(outcomes))
     except OSError as error:
         raise InvalidInput(f"{path}: {error.strerror}") from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InvalidInput(f"{path}: found no file of answers ({type(error).__name__}: {error})") from None
 
 
-def judged(one: SetProblem, start: int, answer: Any, seconds: float) -> Outcome:
+def evaluated(one: SetProblem, start: int, answer: Any, seconds: float) -> Outcome:
     """An answer beside the proved equilibrium that it is nearest to."""
     nothing = Outcome(one.name, one.level, start, False, 0.0, False, seconds)
     if answer is None:
@@ -165,7 +165,7 @@ def judged(one: SetProblem, start: int, answer: Any, seconds: float) -> Outcome:
 
 
 def _digits(positions: np.ndarray, rotations: np.ndarray, index: tuple[int, ...], at: Pose) -> tuple[float, bool]:
-    """Of the nearest equilibrium: digits, and whether it is stable."""
+    """Correct digits with respect to the closest equilibrium, and whether that is stable."""
     off = np.linalg.norm(positions - at.position, axis=1) / np.linalg.norm(positions, axis=1)
     turned = angle_between(rotations, at.rotation_matrix)
     worst = np.maximum(off, turned)
@@ -174,10 +174,10 @@ def _digits(positions: np.ndarray, rotations: np.ndarray, index: tuple[int, ...]
 
 
 def solver_called(name: str) -> Solver:
-    """One of ``SOLVERS``, or ``module:function`` of anyone's.
+    """One of ``SOLVERS``, or the ``module:function`` of a user.
 
     Raises:
-        UnknownName: neither.
+        UnknownName: neither of them.
         InvalidInput: a module or function that cannot be imported.
     """
     if name in SOLVERS:
@@ -194,7 +194,7 @@ def solver_called(name: str) -> Solver:
     return found
 
 
-# --- the solvers that are compared in the manual
+# --- solvers compared in the manual
 
 
 def _static(method: Any) -> Solver:
@@ -214,8 +214,8 @@ def _mujoco(robot, rest_lengths, start, external_wrench=None) -> Answer:
         return None
 
 
-def _naively(way: str) -> Solver:
-    """SciPy as one first tries it: six numbers, a position and a rotation vector from the start."""
+def _scipy(function: str) -> Solver:
+    """SciPy's solvers on six numbers, a position and a rotation vector from the start, without further measures."""
 
     def solver(robot, rest_lengths, start, external_wrench=None) -> Answer:
         problem = Problem.of(robot, start, rest_lengths, external_wrench)
@@ -233,13 +233,13 @@ def _naively(way: str) -> Solver:
             return forces.at(problem, at.translation, at.rotation.as_matrix())
 
         first = np.zeros(len(free))
-        if way == "rigid":
+        if function == "rigid":
 
             def stretch(x):
                 return state(x).lengths - problem.rest_lengths
 
             found = scipy.optimize.least_squares(stretch, first, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-        elif way == "root":
+        elif function == "root":
             found = scipy.optimize.root(lambda x: (state(x).net_wrench / units)[free], first)
         else:
             torque = problem.external_wrench[3:]
@@ -256,8 +256,8 @@ SOLVERS: dict[str, Solver] = {
     "fsolve": _static("fsolve"),
     "least_squares": _static("least_squares"),
     "mujoco": _mujoco,
-    "root": _naively("root"),
-    "minimize": _naively("minimize"),
-    "rigid": _naively("rigid"),
+    "root": _scipy("root"),
+    "minimize": _scipy("minimize"),
+    "rigid": _scipy("rigid"),
 }
-"""This package's methods; SciPy's ``root`` and ``minimize`` used naively; and cables that cannot stretch."""
+"""This package's methods; SciPy's ``root`` and ``minimize``; and rigid cables."""

@@ -1,4 +1,4 @@
-"""How solvers fare: how often and how fast they find rest, and how far the two methods are apart."""
+"""Performance of solvers: success rate and time; and differences between the two methods."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from cdpr_sim.statics import solve as solvers
 from cdpr_sim.statics.solve import Method
 
 REPEATS = 9
-"""How often the compiled call is timed; it takes less than a millisecond, and its median is kept."""
+"""Repetitions of the timing of the compiled call, which takes less than a millisecond; the median is used."""
 
 
 @dataclass(frozen=True, eq=False)
 class Convergence:
-    """How often and how fast each solver finds rest, against the cables' stiffness.
+    """Success rate and time of each solver over the cables' stiffness.
 
     Attributes:
-        robot: the robot, its own stiffness aside.
+        robot: the robot, apart from its stiffness.
         axial_stiffness: EA, (stiffnesses,) [N].
         poses: number of random commanded poses per stiffness.
-        solved: per method, poses at which forces balance in the end, (stiffnesses,).
-        stable: per method, those of them at which the platform would stay, (stiffnesses,).
+        solved: per method, number of poses with balanced forces, (stiffnesses,).
+        stable: per method, number of those that are not unstable, (stiffnesses,).
         seconds: per method, time of every pose, solved or not, (stiffnesses, poses) [s].
-        compiled_seconds: time per pose where Newton solves them all in one call, (stiffnesses,) [s].
+        compiled_seconds: time per pose of Newton for all poses in one call, (stiffnesses,) [s].
     """
 
     robot: Robot
@@ -56,7 +56,7 @@ def convergence(
     methods: Sequence[Method] = get_args(Method),
     seed: int = 1,
 ) -> Convergence:
-    """Every method from the same random level poses of the robot's workspace (default: DemoBot's parallel layout)."""
+    """Run every method from the same random level poses of the workspace (default: DemoBot's parallel layout)."""
     robot = load_robot("parallel") if robot is None else robot
     rng = np.random.default_rng(seed)
     stiffness = np.asarray(axial_stiffness, dtype=float)
@@ -65,7 +65,7 @@ def convergence(
     stable = {method: np.zeros(len(stiffness), dtype=int) for method in methods}
     seconds = {method: np.zeros((len(stiffness), poses)) for method in methods}
     compiled = np.zeros(len(stiffness))
-    newton.solve_many(robot, commanded)  # compile before the clock starts
+    newton.solve_many(robot, commanded)  # compiles before the timing
     for i, EA in enumerate(stiffness):
         one = robot.replace(axial_stiffness=EA)
         for method in methods:
@@ -91,7 +91,7 @@ def _seconds(function: Callable[..., object], *arguments: object) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """What the solver says minus what MuJoCo does, for one robot over all materials.
+    """Differences between the static solver and MuJoCo, for one robot over all materials.
 
     Attributes:
         name: of the robot.
@@ -108,24 +108,24 @@ class Differences:
     verdicts: tuple[Verdict, ...]
 
     @property
-    def free(self) -> Bool[np.ndarray, " poses"]:
-        """Poses at which nothing holds the platform against some motion, so that each method may stop elsewhere."""
-        return np.array([verdict is Verdict.AGREE_BUT_FREE for verdict in self.verdicts])
+    def neutral(self) -> Bool[np.ndarray, " poses"]:
+        """Neutrally stable poses, where the methods may stop at different equilibria of a continuum."""
+        return np.array([verdict is Verdict.AGREE_EXCEPT_NEUTRAL for verdict in self.verdicts])
 
     @property
     def disagreeing(self) -> int:
-        """How many poses the two methods disagree about."""
-        return sum(verdict not in (Verdict.AGREE, Verdict.AGREE_BUT_FREE) for verdict in self.verdicts)
+        """Number of poses at which the two methods disagree."""
+        return sum(verdict not in (Verdict.AGREE, Verdict.AGREE_EXCEPT_NEUTRAL) for verdict in self.verdicts)
 
 
 def differences(
     robots: Sequence[str] = PAPER_ROBOTS, materials: Sequence[str] = PAPER_MATERIALS, *, poses: int = 100, seed: int = 2
 ) -> tuple[Differences, ...]:
-    """Both methods from ``poses`` random level poses per robot (default: the paper's) and material.
+    """Compare both methods from ``poses`` random level poses per robot (default: the paper's) and material.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     rng = np.random.default_rng(seed)
     results = []

@@ -1,4 +1,4 @@
-"""Why parallel cables tilt a planar platform: where the forces of its two sides meet (the paper's Fig. 9)."""
+"""Cause of the tilt of a planar platform on parallel cables: intersection of its two sides' forces (paper, Fig. 9)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cdpr_sim.statics.solve import solve
 
 @dataclass(frozen=True, eq=False)
 class MomentBalance:
-    """A planar platform on two pairs of cables, seen through its moment balance (Fig. 9).
+    """Moment balance of a planar platform on two pairs of cables (Fig. 9).
 
     Attributes:
         robot: the robot.
@@ -26,12 +26,12 @@ class MomentBalance:
         rest_lengths: (cables,) [m], at the commanded pose.
         starts: a point on each side's line of force, (2, 3) [m].
         directions: unit vectors along them, (2, 3).
-        point: the paper's name of where the midlines meet: "H" for horizontal pairs, "V" for vertical ones.
-        intersection: where the two lines meet, (3,) [m]; that point while the pairs pull equally.
+        point: the paper's name of the midlines' intersection: "H" for horizontal pairs, "V" for vertical ones.
+        intersection: of the two lines of force, (3,) [m]; ``point`` for equal tensions in each pair.
         arm: horizontal distance of the centre of mass from there [m], positive to the right.
         moment: of the weight about the intersection [N m], positive as rotation about y: m g arm.
         net_moment: of all forces together about y, by the wrench matrix [N m]; equals ``moment``.
-        at_rest: whether the tensions are those of the equilibrium, rather than equal in each pair.
+        at_rest: whether the tensions are those of the equilibrium, or equal in each pair.
     """
 
     robot: Robot
@@ -50,9 +50,9 @@ class MomentBalance:
 
 
 def equal_pulls(robot: Robot, position: ArrayLike) -> MomentBalance:
-    """Level at ``position``, each pair's two cables pulling equally, as hard as it takes to carry the weight.
+    """Moment balance at a level pose, with equal tensions in each pair that carry the weight.
 
-    The intersection is the paper's point H or V, and ``net_moment`` makes the platform tilt.
+    The intersection is the paper's point H or V, and ``net_moment`` tilts the platform.
 
     Raises:
         InvalidInput: cables with mass.
@@ -68,22 +68,22 @@ def equal_pulls(robot: Robot, position: ArrayLike) -> MomentBalance:
 
 
 def balance_at_rest(robot: Robot, commanded: ArrayLike) -> MomentBalance:
-    """The same at the equilibrium that the static solver finds: the lines meet on the vertical of the centre of mass.
+    """Moment balance at the static equilibrium: the lines intersect on the vertical through the centre of mass.
 
     Raises:
         InvalidInput: cables with mass.
-        NotConverged: there is none.
+        NotConverged: the static solver found no equilibrium.
     """
     robot.cabling.refuse_weight("tilt condition")
-    found = solve(robot, np.asarray(commanded, dtype=float))
-    return _balance(robot, found.position, found.rotation.as_matrix(), found.tensions, found.rest_lengths, at_rest=True)
+    one = solve(robot, np.asarray(commanded, dtype=float))
+    return _balance(robot, one.position, one.rotation.as_matrix(), one.tensions, one.rest_lengths, at_rest=True)
 
 
 def moment_balances() -> tuple[MomentBalance, ...]:
-    """Fig. 9's cases: horizontal pairs beside the middle, vertical ones in the middle, beside it, and there at rest.
+    """Cases of Fig. 9: horizontal pairs beside the middle; vertical pairs at the middle, beside it, and at equilibrium.
 
     Raises:
-        NotConverged: the static solver found no rest.
+        NotConverged: the static solver found no equilibrium.
     """
     horizontal, vertical = load_robot("planar-horizontal"), load_robot("planar-vertical")
     middle, beside = np.array([0.4, 0.0, 0.2]), np.array([0.25, 0.0, 0.2])
@@ -135,7 +135,7 @@ def _balance(
 def _point_of_action(
     points: Float[np.ndarray, "pair 3"], forces: Float[np.ndarray, "pair 3"]
 ) -> Float[np.ndarray, "3"]:
-    """The point nearest to the anchors' middle on the line in the x-z plane about which ``forces`` have no moment."""
+    """The point on the line of the resultant of ``forces`` in the x-z plane that is closest to the anchors' middle."""
     total, middle = forces.sum(0), points.mean(0)
     moment = np.cross(points - middle, forces).sum(0)
     return middle + np.cross(total, moment) / (total @ total)

@@ -1,4 +1,4 @@
-"""The two-cable bar by every witness: closed forms, the static solver and MuJoCo (the paper's Fig. 3 and 4)."""
+"""The two-cable bar by closed forms, the static solver and MuJoCo (the paper's Fig. 3 and 4)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cdpr_sim.studies.lines import PAPER_HEIGHTS, Line, along_x, equilibria_by_m
 
 @dataclass(frozen=True, eq=False)
 class Manifold:
-    """The poses at which the two-cable bar can rest, and where it drifts as its cables soften (Fig. 3).
+    """Equilibria of the two-cable bar, and its drift with decreasing stiffness (Fig. 3).
 
     Attributes:
         robot: the robot.
@@ -28,7 +28,7 @@ class Manifold:
         commanded: level poses, (commands, 3) [m].
         axial_stiffness: EA, (drifts,) [N], stiffest first.
         static: one ``EquilibriumBatch`` per stiffness, a row per command.
-        settled: the same for every few stiffnesses, by MuJoCo.
+        settled: by MuJoCo, for some of the stiffnesses.
     """
 
     robot: Robot
@@ -43,14 +43,14 @@ class Manifold:
 
 @dataclass(frozen=True, eq=False)
 class ClosedForms:
-    """The two-cable bar computed four times: by both methods and by two closed forms, of a bar and of a point (Fig. 4).
+    """The two-cable bar by both methods and by two closed forms, of a bar and of a point (Fig. 4).
 
     Attributes:
         line: the bar commanded along x.
-        closed_form: rotation about y [rad] at which the bar balances where the static method put it, (rows,).
-        short_bar: the same by the paper's Eq. 5 and 6, mended: a bar of no length, (rows,) [rad].
+        closed_form: equilibrium rotation about y [rad] at the positions of the static method, (rows,).
+        short_bar: by the paper's Eq. 5 and 6, corrected, for a bar of length zero, (rows,) [rad].
         poses: a few poses at a few heights, by the static method.
-        settled_poses: the same by MuJoCo.
+        settled_poses: the same poses by MuJoCo.
         balanced: the closed form's rotation [rad] at the commanded positions of ``poses``.
     """
 
@@ -73,11 +73,11 @@ def manifold(
     columns: int = 61,
     heights: int = 41,
 ) -> Manifold:
-    """The two-cable robot's manifold over its workspace, and its drift on it as EA falls [N].
+    """The two-cable robot's manifold over its workspace, and its drift with decreasing EA [N].
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     robot = load_robot("two-cable") if robot is None else robot
     (left, _, bottom), (right, _, top) = robot.workspace
@@ -106,11 +106,11 @@ def closed_forms(
     static_rows: int = 201,
     settled_rows: int = 25,
 ) -> ClosedForms:
-    """The two-cable bar commanded across its workspace, held against its closed forms.
+    """The two-cable bar commanded across its workspace, compared with its closed forms.
 
     Raises:
-        NotConverged: the static solver found no rest somewhere.
-        NotSettled: MuJoCo's platform did not come to rest somewhere.
+        NotConverged: the static solver found no equilibrium at some pose.
+        NotSettled: MuJoCo did not settle at some pose.
     """
     robot = load_robot("two-cable") if robot is None else robot
     ends = (float(robot.workspace[0, 0]), float(robot.workspace[1, 0]))
@@ -129,6 +129,6 @@ def closed_forms(
 
 
 def _upright(robot: Robot, position: ArrayLike) -> float:
-    """Of the closed form's equilibria the one that is not turned over [rad]."""
+    """The closed form's equilibrium with the smallest rotation [rad]."""
     rotations = two_cable_closed_form.equilibrium_rotations(robot, position)
     return float(rotations[np.argmin(np.abs(rotations))])

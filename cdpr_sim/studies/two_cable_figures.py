@@ -1,4 +1,4 @@
-"""The two-cable bar, drawn: its manifold, its poses, its closed forms (the paper's Fig. 3 and 4)."""
+"""Figures of the two-cable bar: manifold, poses and closed forms (the paper's Fig. 3 and 4)."""
 
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
@@ -21,15 +21,15 @@ from cdpr_sim.studies.two_cable import ClosedForms, Manifold
 
 @styled
 def manifold(study: Manifold) -> Figure:
-    """Fig. 3: the surface of all poses at which the two-cable bar can rest, and its drift as the cables soften."""
+    """Fig. 3: the surface of all equilibria of the two-cable bar, and its drift with decreasing stiffness."""
     softest, stiffest = study.axial_stiffness.min(), study.axial_stiffness.max()
     figure = canvas(
         11,
         5.2,
-        "A bar on two cables can only rest on one surface of poses; softer cables let it drift along it",
+        "The equilibria of a bar on two cables form a surface of poses; with softer cables it drifts along the surface",
         f"{study.robot.name}, {study.robot.mass:g} kg. Surface and contours: closed form. Curves: static solver, "
         f"EA from {newtons(stiffest)} down to {newtons(softest)}. Hollow points: MuJoCo, settled. Black dots: "
-        "commanded level poses, which lie on the surface only midway between the exits. (Paper, Fig. 3)",
+        "commanded level poses, which are on the surface only midway between the exits. (Paper, Fig. 3)",
     )
     grid = figure.add_gridspec(1, 2, width_ratios=(1.1, 1), wspace=0.08)
     space: Axes3D = figure.add_subplot(grid[0], projection="3d", computed_zorder=False)  # type: ignore[assignment]
@@ -48,9 +48,9 @@ def manifold(study: Manifold) -> Figure:
     front = figure.add_subplot(grid[1])
     contours = front.contour(x, z, beta, levels=np.arange(-60, 61, 10), colors=style.FAINT, linewidths=style.THIN)
     front.clabel(contours, fmt="%d°", fontsize=8, colors=style.MUTED)
-    front.set(xlabel="x [m]", ylabel="z [m]", title="the same from the front: contours of the rotation about y [°]")
+    front.set(xlabel="x [m]", ylabel="z [m]", title="front view: contours of the rotation about y [°]")
 
-    norm = Normalize(-1 / softest, -1 / stiffest)  # by compliance, as the drift goes
+    norm = Normalize(-1 / softest, -1 / stiffest)  # by compliance, to which the drift is proportional
     colors = matplotlib.colormaps[style.STIFFNESS_MAP]
     drift = np.array([equilibria.positions for equilibria in study.static])
     turn = np.degrees([equilibria.euler[:, 1] for equilibria in study.static])
@@ -80,8 +80,8 @@ def manifold(study: Manifold) -> Figure:
     front.legend(
         handles=[
             Line2D([], [], ls="none", marker="o", color=style.INK, label="commanded, level"),
-            Line2D([], [], ls=":", lw=0.9, color=style.INK, label=f"to where cables of {newtons(stiffest)} leave it"),
-            Line2D([], [], color=colors(0.6), lw=2.6, label="static solver, EA falling"),
+            Line2D([], [], ls=":", lw=0.9, color=style.INK, label=f"to the equilibrium with EA = {newtons(stiffest)}"),
+            Line2D([], [], color=colors(0.6), lw=2.6, label="static solver, EA decreasing"),
             Line2D([], [], **points(style.INK, ms=4.5), label="MuJoCo, settled"),
         ],
         loc="upper center",
@@ -93,13 +93,13 @@ def manifold(study: Manifold) -> Figure:
 
 @styled
 def poses(forms: ClosedForms) -> Figure:
-    """Fig. 4: where the two-cable bar is commanded, how it would have to tilt there, and where it rests."""
+    """Fig. 4: commanded poses of the two-cable bar, its equilibrium tilt at these positions, and its equilibria."""
     robot, equilibria, settled = forms.poses.robot, forms.poses, forms.settled_poses
-    shift = 1e3 * np.abs(equilibria.deviation[:, 0]).max()
+    deviation = 1e3 * np.abs(equilibria.deviation[:, 0]).max()
     figure = canvas(
         8.6,
         6.4,
-        f"Commanded level, a bar on two cables tilts and moves up to {shift:.0f} mm inwards",
+        f"Commanded level, a bar on two cables tilts and deviates up to {deviation:.0f} mm inwards",
         f"{robot.name}, {describe_cables(robot)}, bar of {1e3 * robot.platform_size[0]:.0f} mm and {robot.mass:g} kg, "
         f"{len(equilibria)} commanded poses. (Paper, Fig. 4)",
     )
@@ -124,9 +124,9 @@ def poses(forms: ClosedForms) -> Figure:
     ax.legend(
         handles=[
             Line2D([], [], color=style.MUTED, lw=2, ls=(0, (1.5, 1)), label="commanded, level"),
-            Line2D([], [], color=style.GREEN, lw=2, ls=(0, (5, 1.5)), label="closed form: tilt it needs there"),
-            Line2D([], [], color=style.BLUE, lw=3.4, label="static solver: where it rests"),
-            Line2D([], [], **points(style.INK, ms=4.5), label="MuJoCo: its ends and middle, settled"),
+            Line2D([], [], color=style.GREEN, lw=2, ls=(0, (5, 1.5)), label="closed form: equilibrium tilt there"),
+            Line2D([], [], color=style.BLUE, lw=3.4, label="static solver: equilibrium"),
+            Line2D([], [], **points(style.INK, ms=4.5), label="MuJoCo: ends and middle, settled"),
         ],
         loc="upper center",
         bbox_to_anchor=(0.5, -0.1),
@@ -137,22 +137,24 @@ def poses(forms: ClosedForms) -> Figure:
 
 @styled
 def closed_form(forms: ClosedForms) -> Figure:
-    """Fig. 4, Eq. 5 and 6: the tilt of the two-cable bar by four witnesses, and how far the short-bar form is off."""
+    """Fig. 4, Eq. 5 and 6: tilt of the two-cable bar by four methods, and the error of the short-bar formula."""
     static, settled, robot = forms.line.static, forms.line.settled, forms.line.robot
     x, beta = static.positions[:, 0], np.degrees(static.euler[:, 1])
     closed, short = np.degrees(forms.closed_form), np.degrees(forms.short_bar)
     figure = canvas(
         8.6,
         5.6,
-        f"Leaving the bar's length out of the closed form costs {np.abs(short - beta).max():.1f}° of tilt",
-        f"{robot.name}, {describe_cables(robot)}, commanded level along z = {forms.line.height:g} m; at each position "
-        f"where the solver finds the bar at rest, {len(x)} in all. Short bar: the paper's Eq. 5 and 6 contain terms of "
-        "the wrong dimension; mended, they are tan θ = (h₁X₂ + h₂X₁)/(2X₁X₂), a bar of no length.",
+        f"Without the bar's length, the closed form has an error of up to {np.abs(short - beta).max():.1f}° of tilt",
+        f"{robot.name}, {describe_cables(robot)}, commanded level along z = {forms.line.height:g} m; at the {len(x)} "
+        "equilibria of the static solver. Short bar: the paper's Eq. 5 and 6 contain terms of the wrong dimension; "
+        "corrected, they are tan θ = (h₁X₂ + h₂X₁)/(2X₁X₂), for a bar of length zero.",
     )
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
     top.plot(x, closed, color=style.SKY, lw=5, alpha=0.8, label="closed form, with the bar's length")
     top.plot(x, beta, color=style.INK, lw=1.2, label="static solver", gid="static")
-    top.plot(x, short, color=style.VERMILLION, ls=style.DASHES[1], label="closed form of a short bar (paper, mended)")
+    top.plot(
+        x, short, color=style.VERMILLION, ls=style.DASHES[1], label="closed form of a short bar (paper, corrected)"
+    )
     top.plot(
         settled.positions[:, 0],
         np.degrees(settled.euler[:, 1]),
@@ -172,6 +174,6 @@ def closed_form(forms: ClosedForms) -> Figure:
         textcoords="offset points",
         fontsize=8.5,
     )
-    bottom.set(xlabel="x where the bar rests [m]", ylabel="minus static solver [°]")
+    bottom.set(xlabel="x of the bar [m]", ylabel="error to static solver [°]")
     bottom.legend(loc="lower right")
     return figure

@@ -1,4 +1,4 @@
-"""Both methods over the workspaces of the zoo's robots, and with their cables drawn in."""
+"""Both methods over the workspaces of the zoo's robots, with and without pretension."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from cdpr_sim.crosscheck.compare import Verdict, compare
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.statics.newton import solve_many
 
-DRAWN_IN = 1e-3
-"""Of each cable's length, to tension a robot that is held from all sides: a crude pretension, the same strain in all
-cables, which moves the platform where they do not balance."""
+PRETENSION_STRAIN = 1e-3
+"""Reduction of each rest length, as a fraction, for fully constrained robots: a simple pretension with the same strain
+in all cables, which moves the platform where the tensions do not balance."""
 
 
 @dataclass(frozen=True, eq=False)
-class Visit:
-    """What both methods say of one robot at poses of its workspace.
+class RobotCheck:
+    """Comparison of both methods for one robot at poses of its workspace.
 
     Attributes:
-        robot: which.
-        poses: how many.
-        verdicts: of each pose where both came to rest.
-        unsolved: where the static solver found no rest, or MuJoCo did not settle.
-        position_error: the largest where both agree [m].
-        tension_error: likewise [N].
-        tension: the largest there is [N].
+        robot: the robot.
+        poses: number of poses.
+        verdicts: counts over the poses where both methods found an equilibrium.
+        unsolved: number of poses where the static solver found none, or MuJoCo did not settle.
+        position_error: largest value where both agree [m].
+        tension_error: largest value where both agree [N].
+        tension: largest tension [N].
     """
 
     robot: Robot
@@ -43,27 +43,27 @@ class Visit:
 
     @property
     def agreeing(self) -> int:
-        """At how many poses the methods agree."""
-        return self.verdicts[Verdict.AGREE] + self.verdicts[Verdict.AGREE_BUT_FREE]
+        """Number of poses at which the methods agree."""
+        return self.verdicts[Verdict.AGREE] + self.verdicts[Verdict.AGREE_EXCEPT_NEUTRAL]
 
 
-def visit(robot: Robot, poses: int = 200, drawn_in: float = 0.0, seed: int = 0) -> Visit:
-    """Both methods from ``poses`` random level poses of the workspace, its cables shorter by ``drawn_in``."""
+def check_robot(robot: Robot, poses: int = 200, strain: float = 0.0, seed: int = 0) -> RobotCheck:
+    """Compare both methods at random level poses of the workspace, with rest lengths reduced by ``strain``."""
     positions = np.random.default_rng(seed).uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
     problems = Problems.of(robot, positions)
-    if drawn_in:
-        problems = Problems.of(robot, positions, (1 - drawn_in) * problems.rest_lengths)
+    if strain:
+        problems = Problems.of(robot, positions, (1 - strain) * problems.rest_lengths)
     solved, settled = solve_many(problems), settle_many(problems)
     errors, agree = compare_many(solved, settled)
-    rested = solved.converged & settled.converged
+    found = solved.converged & settled.converged
     verdicts = Counter({Verdict.AGREE: int(agree.sum())})
-    verdicts.update(compare(solved[row], settled[row]).verdict for row in np.flatnonzero(rested & ~agree).tolist())
-    return Visit(
+    verdicts.update(compare(solved[row], settled[row]).verdict for row in np.flatnonzero(found & ~agree).tolist())
+    return RobotCheck(
         robot=robot,
         poses=poses,
         verdicts=verdicts,
-        unsolved=int((~rested).sum()),
+        unsolved=int((~found).sum()),
         position_error=float(errors["position_error"][agree].max(initial=0.0)),
         tension_error=float(errors["tension_error"][agree].max(initial=0.0)),
-        tension=float(solved.tensions[rested].max(initial=0.0)),
+        tension=float(solved.tensions[found].max(initial=0.0)),
     )

@@ -1,1 +1,1 @@
-"""Films of given trajectories."""
+"""Videos of given trajectories."""

@@ -1,4 +1,4 @@
-"""Videos of trajectories, side by side in step: files that are whole or not there at all, and players in notebooks."""
+"""Videos of trajectories, synchronised side by side: files, written atomically, and players in notebooks."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SECONDS = 10.0
 SUFFIXES = (".mp4", ".gif")
 
 LEAST_SIZE, MOST_SIZE = (320, 240), (3840, 2160)
-"""[pixel] Below nothing can be read; above, a frame takes software OpenGL more than a second."""
+"""[pixel] Smaller frames are illegible; larger ones take software OpenGL more than a second."""
 
 MOST_FRAMES, MOST_FPS = 100_000, 240.0
 MOST_EXAGGERATION = 1e4
@@ -41,14 +41,14 @@ MOST_ROBOTS = 6
 Shapes = Float[np.ndarray, "steps cables points 3"]
 
 AHEAD = 4
-"""Frames whose pictures are being drawn while the one before them is put together: more keep no more processors busy,
-since they are begun one by one, and cost memory."""
+"""Frames drawn ahead of the one being composed: more would not use more processors, since they are started one by one,
+but cost memory."""
 
 ENCODERS = 4
-"""Threads of the encoder, whatever the machine: with another number of them H.264 becomes other bytes."""
+"""Threads of the encoder, the same on every machine, since the bytes of H.264 depend on it."""
 
 QUALITY = 18.0
-"""Constant rate factor, or quantiser, of H.264: no difference to be seen."""
+"""Constant rate factor, or quantiser, of H.264: visually lossless."""
 
 
 def write_video(
@@ -65,30 +65,30 @@ def write_video(
     force: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
-    """Write a video of one trajectory, or of several side by side in step; mp4 (H.264) or gif, by suffix.
+    """Write a video of one trajectory, or of several synchronised side by side; mp4 (H.264) or gif, by suffix.
 
-    Frames go to the encoder one by one. The file appears when it is complete: an interrupt leaves nothing behind, and
-    a file that was there stays as it was.
+    Frames are encoded one by one. The file is written atomically: after an interrupt there is no partial file, and an
+    existing file is unchanged.
 
     Args:
         path: of the file, ending in .mp4 or .gif.
-        trajectories: what moves, one or several; each is shown from its first state to its last.
+        trajectories: one or several; each is shown from its first state to its last.
         static: the static solver's poses for each, a stack of (steps,) or None, drawn as outlines.
-        shapes: how each one's cables hang in each state, from ``cable_profiles``, or None; needed of cables with mass.
-        seconds: duration of the video; the motion is shown faster or slower to fit, and the picture says so.
+        shapes: profiles of the cables in each state, from ``cable_profiles``, or None; required for cables with mass.
+        seconds: duration of the video; the motion is shown faster or slower to fit, as stated in the picture.
         fps: frames per second.
         size: (width, height) [pixel], even numbers.
-        exaggeration: draw shifts, tilts and slack this many times as large; the picture says so.
-        renderer: "opengl", "raycast", or "auto" for the first that works here.
-        force: replace a file that is there.
+        exaggeration: factor by which deviations, tilts and slack are drawn larger, as stated in the picture.
+        renderer: "opengl", "raycast", or "auto" for the first that works on this machine.
+        force: whether to replace an existing file.
         progress: called after each frame with the fraction done, 0 to 1.
 
     Returns:
         The path of the file that was written.
 
     Raises:
-        InvalidInput: a path that cannot be written, a file that is there, an unknown suffix, a size, duration or number
-            of frames that cannot be right.
+        InvalidInput: a path that cannot be written, an existing file, an unknown suffix, an invalid size, duration or
+            number of frames.
         StoreError: a full disk, or an encoder that was killed.
     """
     refuse_unless(FLAG, force=force)
@@ -139,22 +139,22 @@ def show(
     renderer: Backend = "auto",
     progress: Callable[[float], None] | None = None,
 ) -> None:
-    """Play a trajectory, or several side by side in step, in a notebook.
+    """Play a trajectory, or several synchronised side by side, in a notebook.
 
     Args:
-        trajectories: what moves, one or several; each is shown from its first state to its last.
+        trajectories: one or several; each is shown from its first state to its last.
         static: the static solver's poses for each, a stack of (steps,) or None, drawn as outlines.
-        shapes: how each one's cables hang in each state, (steps, cables, points, 3) [m], or None;
-            needed of cables with weight.
-        seconds: how long it plays; the motion is shown faster or slower to fit, and the picture says so.
+        shapes: profiles of the cables in each state, (steps, cables, points, 3) [m], or None; required for cables with
+            mass.
+        seconds: duration; the motion is shown faster or slower to fit, as stated in the picture.
         fps: frames per second.
         size: (width, height) [pixel], even numbers.
-        exaggeration: draw shifts, tilts and slack this many times as large; the picture says so.
-        renderer: "opengl", "raycast", or "auto" for the first that works here.
+        exaggeration: factor by which deviations, tilts and slack are drawn larger, as stated in the picture.
+        renderer: "opengl", "raycast", or "auto" for the first that works on this machine.
         progress: called after each frame with the fraction done, 0 to 1.
 
     Raises:
-        InvalidInput: a size, duration or number of frames that cannot be right.
+        InvalidInput: an invalid size, duration or number of frames.
         UnknownName: no such renderer.
     """
     mediapy = _mediapy()
@@ -177,7 +177,7 @@ def show(
 
 
 class _Film:
-    """The frames of a video: its stages, its page and its renderers."""
+    """The frames of a video: scenes, page layout and renderers."""
 
     def __init__(
         self,
@@ -199,24 +199,24 @@ class _Film:
         statics = [static] if isinstance(static, RigidTransform) else listed("static", statics)
         for poses in statics:
             refuse_unless(RigidTransform | None, static=poses)
-        hanging = [None] * len(several) if shapes is None else shapes
-        hanging = [shapes] if isinstance(shapes, np.ndarray) else listed("shapes", hanging)
-        for curves in hanging:
+        profiles = [None] * len(several) if shapes is None else shapes
+        profiles = [shapes] if isinstance(shapes, np.ndarray) else listed("shapes", profiles)
+        for curves in profiles:
             refuse_unless(np.ndarray | None, shapes=curves)
         self.count = check_settings(seconds, fps, size, exaggeration, renderer)
         self.fps, self.size = fps, (int(size[0]), int(size[1]))
         check_count(len(several))
         if len(statics) != len(several):
             raise InvalidInput(f"static: found {len(statics)} stacks of poses, expected {len(several)}, one each")
-        if len(hanging) != len(several):
-            raise InvalidInput(f"shapes: found them for {len(hanging)} robots, expected {len(several)}, or None, each")
+        if len(profiles) != len(several):
+            raise InvalidInput(f"shapes: found {len(profiles)} arrays, expected {len(several)}, or None, each")
         for trajectory, poses in zip(several, statics, strict=True):
             if poses is not None and (poses.single or len(poses) != len(trajectory)):
                 raise InvalidInput(f"static: expected {len(trajectory)} poses, as many as the trajectory has states")
         largest = nice_above(max(float(trajectory.tensions.max()) for trajectory in several))
         self.stages = [
             Stage(trajectory, poses, largest_tension=largest, exaggeration=exaggeration, shapes=curves)
-            for trajectory, poses, curves in zip(several, statics, hanging, strict=True)
+            for trajectory, poses, curves in zip(several, statics, profiles, strict=True)
         ]
         self._numbers = [
             [getattr(trajectory, name) for trajectory in several] for name in ("tilt", "deviation", "tensions", "slack")
@@ -227,7 +227,9 @@ class _Film:
             [_captions(trajectory) for trajectory in several],
             largest_tension=largest,
             footnote=_footnote(several, seconds),
-            warning="" if exaggeration == 1 else f"Deviations drawn {exaggeration:g} × as large; the numbers are true",
+            warning=""
+            if exaggeration == 1
+            else f"Deviations drawn {exaggeration:g} × larger; the numbers are the true values",
             outlined=any(poses is not None for poses in statics),
         )
         self._wholes = [
@@ -247,7 +249,7 @@ class _Film:
         self._renderers = []
 
     def frames(self) -> Iterator[Picture]:
-        """One after the other; each trajectory's states at even fractions of its own duration."""
+        """All frames; states at equal fractions of each trajectory's own duration."""
         boxes = [box for cell in self.page.cells for box in (cell.view, cell.close_up)]
         width, height = max(box.width for box in boxes), max(box.height for box in boxes)
         self._renderers = [open_renderer(stage.model, width, height, self._backend) for stage in self.stages]
@@ -258,7 +260,7 @@ class _Film:
                 self._progress(done / self.count)
 
     def _begun(self, fraction: float) -> Callable[[], Picture]:
-        """Have the pictures of one frame drawn; the frame is there when what is returned is called."""
+        """Start drawing the pictures of one frame; the returned function waits for the frame."""
         steps, views, close_ups = [], [], []
         for stage, renderer, camera, cell in zip(
             self.stages, self._renderers, self._wholes, self.page.cells, strict=True
@@ -276,7 +278,7 @@ class _Film:
 
 
 def _ahead(begun: Iterable[Callable[[], Picture]]) -> Iterator[Callable[[], Picture]]:
-    """The same in the same order, each when ``AHEAD`` more have been begun."""
+    """The same functions in the same order, each after ``AHEAD`` more have been started."""
     waiting = deque()
     for frame in begun:
         waiting.append(frame)
@@ -294,7 +296,7 @@ def _state_at(trajectory: Trajectory, fraction: float) -> int:
 
 
 def check_count(robots: int) -> None:
-    """See that so many fit side by side.
+    """Check the number of robots side by side.
 
     Raises:
         InvalidInput: none, or too many.
@@ -307,7 +309,7 @@ def check_settings(seconds: float, fps: float, size: tuple[int, int], exaggerati
     """The number of frames of a video with these settings.
 
     Raises:
-        InvalidInput: a duration, rate, size or exaggeration that cannot be right.
+        InvalidInput: an invalid duration, rate, size or exaggeration.
         UnknownName: no such renderer.
     """
     one_of("renderer", renderer, get_args(Backend))
@@ -335,7 +337,7 @@ def check_settings(seconds: float, fps: float, size: tuple[int, int], exaggerati
 
 
 def _captions(trajectory: Trajectory) -> list[str]:
-    """What the cables, the platform and the frame are, in words from many to few."""
+    """Descriptions of cables, platform and frame, from long to short."""
     robot = trajectory.robot
     size = " × ".join(f"{edge:.3g}" for edge in np.ptp(robot.frame, axis=0))
     stiffness = ", ".join([robot.material or "cables", describe_stiffness(robot, "kN")])
@@ -358,10 +360,10 @@ def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
     elif rate < 0.95:
         speed = f"{1 / rate:.3g} times slower"
     still = all(np.ptp(trajectory.commanded.translation, axis=0).max() == 0 for trajectory in trajectories)
-    what = "The platform is let go where it was commanded" if still else "The winches follow the dark line"
+    motion = "The platform is released at the commanded pose" if still else "The winches follow the dark line"
     if all(trajectory.converged.all() for trajectory in trajectories):
-        return f"{what}; at every state MuJoCo's platform has come to rest."
-    return f"{what}; simulated by MuJoCo, shown {speed}."
+        return f"{motion}; MuJoCo has settled at every state."
+    return f"{motion}; simulated by MuJoCo, shown {speed}."
 
 
 def _writer(path: Path, film: _Film):
@@ -376,7 +378,7 @@ def _writer(path: Path, film: _Film):
 
 
 class _Encoder:
-    """mediapy's writer, whose ffmpeg is started where interrupts do not reach it."""
+    """mediapy's writer, with ffmpeg started in a way that interrupts do not reach it."""
 
     def __init__(self, writer) -> None:
         self.writer = writer
@@ -391,9 +393,9 @@ class _Encoder:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """A process that is started within is not reached by Ctrl-C, which a terminal sends to all: it is we who end it.
+    """Block interrupts while a child process is started, so that Ctrl-C does not reach the child: we end it ourselves.
 
-    An interrupt that comes meanwhile is not lost: it waits until the block ends.
+    An interrupt during the block is delivered when the block ends.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -406,7 +408,7 @@ def _interrupts_held() -> Iterator[None]:
 
 
 def _mediapy():
-    """mediapy, with the ffmpeg that ``imageio-ffmpeg`` brings."""
+    """mediapy, with the ffmpeg of ``imageio-ffmpeg``."""
     extras.require("video", "video")
     import imageio_ffmpeg
     import mediapy

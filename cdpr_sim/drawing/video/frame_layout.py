@@ -1,4 +1,4 @@
-"""The page around the pictures of a video: title, numbers, tension bars, legend and scale. Everything is given."""
+"""Layout of a video frame around the pictures: title, numbers, tension bars, legend and scale. Nothing is computed."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from cdpr_sim.drawing.video.scene import tension_colors
 LEGENDS = (
     {
         "platform": "platform in MuJoCo",
-        "commanded": "where it was commanded",
-        "static": "where the static solver puts it",
+        "commanded": "commanded pose",
+        "static": "pose by the static solver",
         "slack": "slack cable",
         "tension": "tension",
     },
@@ -31,11 +31,11 @@ LEGENDS = (
     },
     {"platform": "MuJoCo", "commanded": "commanded", "static": "static", "slack": "slack", "tension": ""},
 )
-"""From wordy to terse."""
+"""Legends from long to short."""
 
 
 LEAST_CHART = 8
-"""[pixel] Height and width below which bars tell nothing."""
+"""[pixel] Smallest height and width of the bar chart."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Cell:
-    """One robot's place on the page: the picture of the whole, the close-up, and the numbers."""
+    """Areas of one robot on the page: heading, full view, close-up, numbers and bars."""
 
     heading: Box
     view: Box
@@ -75,11 +75,11 @@ class Page:
     Args:
         size: (width, height) [pixel].
         robots: one per cell.
-        captions: the line under each robot's name, in words from many to few: the first that fits is written.
+        captions: the line under each robot's name, from long to short: the first that fits is written.
         largest_tension: [N] the end of the scale.
-        footnote: what the whole is, in a line.
-        warning: what must not be overlooked, written into the pictures; or nothing.
-        outlined: whether the static solver's outline is drawn, and so belongs in the legend.
+        footnote: description of the video, in a line.
+        warning: written into the pictures; or empty.
+        outlined: whether the static solver's outline is drawn, and included in the legend.
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class Page:
         return Cell(heading, view, Box(left, under, close, strip), numbers, bars)
 
     def _draw_heading(self, draw: ImageDraw.ImageDraw, box: Box, robot: Robot, captions: Sequence[str]) -> None:
-        """Name and, where there is room for all of it, description; below them the first caption that fits."""
+        """Name and, if it fits, description; below them the first caption that fits."""
         title = self._font(style.TITLE_HEIGHT, bold=True)
         draw.text((box.left, box.top), robot.name, _rgb(style.PAGE_INK), title)
         beside = box.left + draw.textlength(robot.name + " ", title)
@@ -167,7 +167,7 @@ class Page:
         self._fitted(draw, (box.left, line), caption, box.width, style.LABEL_HEIGHT, style.PAGE_INK)
 
     def _draw_warning(self, draw: ImageDraw.ImageDraw, view: Box) -> None:
-        """At the foot of the picture, on a strip of its own."""
+        """The warning on a strip at the foot of the picture."""
         line, gap = self._line(style.TEXT_HEIGHT), self._gap
         top = view.bottom - line - 2 * gap
         draw.rectangle((view.left, top, view.right - 1, view.bottom - 1), fill=_rgb(style.PAGE_INK))
@@ -176,9 +176,9 @@ class Page:
         )
 
     def _draw_numbers(self, draw: ImageDraw.ImageDraw, box: Box, tilt: float, deviation, slack) -> None:
-        """Tilt, shift and sag, to be read at a glance; and how many cables are slack."""
-        shift, sag = 1e3 * float(np.hypot(*deviation[:2])), -1e3 * float(deviation[2])
-        rows = [("tilt", np.degrees(tilt), " °"), ("shift", shift, " mm"), ("sag", sag, " mm")]
+        """Tilt, deviation in x, y and in -z, and the number of slack cables."""
+        horizontal, down = 1e3 * float(np.hypot(*deviation[:2])), -1e3 * float(deviation[2])
+        rows = [("tilt", np.degrees(tilt), " °"), ("dev. xy", horizontal, " mm"), ("dev. -z", down, " mm")]
         step = box.height / 4
         label, figure = self._font(style.LABEL_HEIGHT), self._font(style.NUMBER_HEIGHT, bold=True)
         unit_left = box.right - max(label.getlength(text) for text in (" mm", f" of {len(slack)}"))
@@ -195,7 +195,7 @@ class Page:
         draw.text((unit_left, base), f" of {len(slack)}", color, label, anchor="ls")
 
     def _chart(self, box: Box) -> Box:
-        """Where the bars stand: above their numbers and below the title."""
+        """Area of the bars: above their numbers and below the title."""
         line = self._line(style.LABEL_HEIGHT)
         left = self._font(style.LABEL_HEIGHT).getlength(self._newtons(self.largest_tension)) + 2 * self._gap
         top = box.top + line + self._gap
@@ -220,7 +220,7 @@ class Page:
             return
         colors = tension_colors(tensions, self.largest_tension)
         for i, (left, right) in enumerate(_slots(chart, len(tensions))):
-            if slack[i]:  # a slack cable: an empty frame, and its number in the colour of slackness
+            if slack[i]:  # a slack cable: an empty frame, and its number in the same colour
                 draw.rectangle((left, chart.top, right, chart.bottom - 1), outline=_rgb(style.SLACK_COLOR))
                 self._draw_bar_number(draw, chart, i, len(tensions), style.SLACK_COLOR)
                 self._draw_upright(draw, (left + right) / 2, chart, right - left)
@@ -229,14 +229,14 @@ class Page:
             draw.rectangle((left, chart.bottom - 1 - height, right, chart.bottom - 1), fill=_rgb(colors[i]))
 
     def _draw_bar_number(self, draw: ImageDraw.ImageDraw, chart: Box, i: int, cables: int, color: style.Color) -> None:
-        """Under its bar, where bars are wide enough for all numbers."""
+        """The cable's number under its bar, if bars are wide enough for all numbers."""
         font, pitch = self._font(style.LABEL_HEIGHT), chart.width / cables
         if font.getlength(f"{cables} ") <= pitch:
             middle = chart.left + (i + 0.5) * pitch
             draw.text((middle, chart.bottom + self._gap / 2), str(i + 1), _rgb(color), font, anchor="ma")
 
     def _draw_upright(self, draw: ImageDraw.ImageDraw, middle: float, chart: Box, width: float) -> None:
-        """The word "slack", upwards along a bar that is wide and high enough for it."""
+        """The word "slack", vertical in its bar, if it fits."""
         size = self._size(style.LABEL_HEIGHT)
         word = _upright("slack", size)
         if word.width <= width and word.height <= chart.height - 2 * self._gap:
@@ -244,9 +244,9 @@ class Page:
             draw.bitmap(place, word, _rgb(style.SLACK_COLOR))
 
     def _numbers_width(self) -> float:
-        """Of the widest line of numbers: a word, a number and its unit."""
+        """Width of the widest line of numbers: a label, a number and its unit."""
         label, figure = self._font(style.LABEL_HEIGHT), self._font(style.NUMBER_HEIGHT, bold=True)
-        return label.getlength("slack   ") + figure.getlength("00.00") + label.getlength(" of 8")
+        return label.getlength("dev. xy ") + figure.getlength("−0.00") + label.getlength(" of 8")
 
     def _draw_legend(self, draw: ImageDraw.ImageDraw, footnote: str, outlined: bool) -> None:
         width, height = self.size
@@ -258,26 +258,26 @@ class Page:
         scale = round(0.16 * width)
         ends = self._newtons(0), f"{self._newtons(self.largest_tension)} N"
 
-        def needed(words: dict[str, str]) -> float:
+        def needed(labels: dict[str, str]) -> float:
             swatches = sum(
                 swatch + 3 * gap + font.getlength(text)
-                for key, text in words.items()
+                for key, text in labels.items()
                 if key != "tension" and (key != "static" or outlined)
             )
-            return swatches + sum(font.getlength(text) + gap for text in (words["tension"], *ends)) + scale
+            return swatches + sum(font.getlength(text) + gap for text in (labels["tension"], *ends)) + scale
 
         room = width - 2 * gap
-        words = next((words for words in LEGENDS if needed(words) <= room), LEGENDS[-1])
-        spread = min(3.0 * gap, max(0.0, (room - needed(words)) / len(words)))
+        labels = next((labels for labels in LEGENDS if needed(labels) <= room), LEGENDS[-1])
+        spread = min(3.0 * gap, max(0.0, (room - needed(labels)) / len(labels)))
         x = float(gap)
-        for key in words:
+        for key in labels:
             if key == "tension" or (key == "static" and not outlined):
                 continue
             self._draw_swatch(draw, key, x, middle, swatch, 0.62 * line)
             x += swatch + gap
-            draw.text((x, middle), words[key], _rgb(style.PAGE_INK), font, anchor="lm")
-            x += font.getlength(words[key]) + 2 * gap + spread
-        for text in (words["tension"], ends[0]):
+            draw.text((x, middle), labels[key], _rgb(style.PAGE_INK), font, anchor="lm")
+            x += font.getlength(labels[key]) + 2 * gap + spread
+        for text in (labels["tension"], ends[0]):
             draw.text((x, middle), text, _rgb(style.PAGE_INK), font, anchor="lm")
             x += font.getlength(text) + gap
         for column, color in enumerate(tension_colors(np.linspace(0, 1, scale), 1.0)):
@@ -303,12 +303,12 @@ class Page:
         draw.rectangle((x, top, x + width, bottom), _rgb(fill), outline, max(2, round(height / 6)))
 
     def _first_fitting(self, texts: Sequence[str], width: float) -> str:
-        """The first text that is no wider than ``width`` in the smallest type; or the last."""
+        """The first text that fits into ``width`` in the smallest font; or the last."""
         least = _font(style.LEAST_HEIGHT, False)
         return next((text for text in texts if least.getlength(text) <= width), texts[-1])
 
     def _fitted(self, draw, at, text: str, width: float, size: float, color, anchor: str = "la") -> None:
-        """``text``, in smaller type where it is wider than ``width``; dropped where it cannot be read."""
+        """Write ``text`` in a font small enough for ``width``; truncated if the smallest legible font is too wide."""
         sizes = range(self._size(size), style.LEAST_HEIGHT - 1, -1)
         fonts = (_font(pixels, False) for pixels in sizes)
         font = next((one for one in fonts if one.getlength(text) <= width), _font(style.LEAST_HEIGHT, False))
@@ -331,7 +331,7 @@ class Page:
 
 
 def nice_above(value: float) -> float:
-    """The next number 1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6 or 8 times a power of ten: a scale's end."""
+    """Upper end of a scale: the next 1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6 or 8 times a power of ten."""
     if not value > 0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
@@ -339,7 +339,7 @@ def nice_above(value: float) -> float:
 
 
 def _has_room(chart: Box) -> bool:
-    """Whether bars fit there: many robots on a small page go without."""
+    """Whether bars fit: with many robots on a small page they are left out."""
     return min(chart.width, chart.height) >= LEAST_CHART
 
 
@@ -356,7 +356,7 @@ def _rgb(color: Sequence[float]) -> tuple[int, int, int]:
 
 @functools.lru_cache(maxsize=64)
 def _font(size: int, bold: bool) -> ImageFont.FreeTypeFont:
-    """DejaVu Sans, which comes with matplotlib and so is on every machine."""
+    """DejaVu Sans, included in matplotlib and so the same on every machine."""
     import matplotlib
 
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"

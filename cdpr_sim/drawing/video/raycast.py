@@ -40,7 +40,7 @@ Picture = UInt8[np.ndarray, "height width 3"]
 
 @dataclass(frozen=True)
 class _Shot:
-    """What a picture is made from: shapes, by which cameras they are seen, coarse and fine, and how they are lit."""
+    """Input of a picture: shapes, coarse and fine camera, and lights."""
 
     kinds: Int32[np.ndarray, " shapes"]
     floats: Float[np.ndarray, "shapes 20"]
@@ -48,7 +48,7 @@ class _Shot:
     lights: Float[np.ndarray, "lights 13"]
 
     def alike(self, other: _Shot) -> int:
-        """How many of the first shapes look the same in both; none do where camera or lights have moved."""
+        """Number of leading shapes that are the same in both; 0 if camera or lights have moved."""
         if not (np.array_equal(self.cameras, other.cameras) and np.array_equal(self.lights, other.lights)):
             return 0
         count = min(len(self.kinds), len(other.kinds))
@@ -56,13 +56,13 @@ class _Shot:
         return int(np.argmin(np.append(same, False)))
 
     def first(self, count: int) -> _Shot:
-        """Of its shapes only the first."""
+        """The shot with its first ``count`` shapes only."""
         return _Shot(self.kinds[:count], self.floats[:count], self.cameras, self.lights)
 
 
 @dataclass(frozen=True)
 class _Backdrop:
-    """The shapes that have not moved since a picture was drawn, alone: ``known`` of them, or 0 after the first one."""
+    """Picture of the ``known`` shapes that have not moved since the last picture; 0 of them after the first picture."""
 
     shot: _Shot
     known: int
@@ -71,12 +71,12 @@ class _Backdrop:
 
 
 class RayCaster:
-    """Draws scenes of one model: a picture on one processor, and several at a time on all of them."""
+    """Draws scenes of one model: one processor per picture, several pictures in parallel."""
 
     name = "raycast"
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        self._draw = _DRAW.compiled  # here, where Ctrl-C ends it, and not in a thread
+        self._draw = _DRAW.compiled  # compiled here, where Ctrl-C works, and not in a thread
         self._threads = ThreadPoolExecutor(os.cpu_count() or 1)
         self._floor = _checkers(model)
         self._sky = np.array([model.vis.rgba.haze[:3], _top_of_sky(model)], dtype=float)
@@ -85,13 +85,13 @@ class RayCaster:
     def draw(self, scene: mujoco.MjvScene, width: int, height: int) -> Picture:
         """The scene, from its own camera.
 
-        One ray per pixel finds what is where; pixels at whose edge something else begins are cast again, finely. A
-        shape that MuJoCo draws and this does not (a mesh, an arrow, text) is left out.
+        One ray per pixel identifies the visible shape; pixels at edges are supersampled. Shapes of other types (meshes,
+        arrows, text) are left out.
         """
         return self.start(scene, width, height)()
 
     def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
-        """``draw`` the scene as it is now, meanwhile: the picture is there when what is returned is called."""
+        """Start to ``draw`` the present scene in a thread; the returned function waits for the picture."""
         scale = style.SUPERSAMPLING
         cameras = np.array([_camera(scene, width, height), _camera(scene, scale * width, scale * height)])
         shot = _Shot(*_geoms(scene), cameras, _lights(scene))
@@ -99,11 +99,11 @@ class RayCaster:
         return lambda: drawing.result().pixels
 
     def close(self) -> None:
-        """Let the threads go."""
+        """Stop the threads."""
         self._threads.shutdown(cancel_futures=True)
 
     def _backdrop(self, shot: _Shot, width: int, height: int) -> _Backdrop:
-        """What stands still since the last pictures of this size."""
+        """The backdrop of shapes that have not moved since the last pictures of this size."""
         size = width, height
         before = self._backdrops.get(size)
         alike = shot.alike(before.shot) if before else 0
@@ -291,7 +291,7 @@ def _hit_round(ox, oy, oz, dx, dy, dz, radius, half, capped):
 
 @part
 def _slab(o, d, size):
-    """Where the ray enters and leaves |x| <= size; from never to always where it runs along inside."""
+    """Ray parameters at entry to and exit from |x| <= size; unbounded for a parallel ray inside."""
     if abs(d) < 1e-12:
         return (1e30, -1e30) if abs(o) > size else (-1e30, 1e30)
     middle, reach = -o / d, size / abs(d)
@@ -334,7 +334,7 @@ def _hit(kind, ox, oy, oz, dx, dy, dz, a, b, c):
 
 @part
 def _checker(x, y, floor, footprint):
-    """How much of the floor's second colour there is at (x, y): half where a pixel covers more than a square."""
+    """Share of the floor's second colour at (x, y): half where a pixel covers more than a square."""
     edge = floor[2, 0]
     odd = (math.floor(x / edge) + math.floor(y / edge)) & 1
     blur = min(1.0, footprint / edge)
@@ -342,7 +342,7 @@ def _checker(x, y, floor, footprint):
 
 
 def _draw(known, kinds, floats, cameras, lights, floor, sky, scale, what, pixels):
-    """Draw all shapes over a picture, and numbers for what each pixel shows, of the first ``known`` alone."""
+    """Draw all shapes over a picture of the first ``known`` shapes, and the id of the shape at each pixel."""
     rows, columns = what.shape
     coarse, fine = np.empty((rows, len(kinds), 2), np.int32), np.empty((scale * rows, len(kinds), 2), np.int32)
     _cover(kinds, floats, cameras[0], columns, coarse)
@@ -391,7 +391,7 @@ _DRAW = compiling.Compiled(
 
 @part
 def _touch(known, ranges, touched):
-    """Which pixels shapes beyond the first ``known`` may show in, or change the edges of: all where none are known."""
+    """Pixels that shapes beyond the first ``known`` may cover, or whose edges they may change; all if none is known."""
     rows, columns = touched.shape
     touched[:] = known == 0
     for row in range(rows):
@@ -406,7 +406,7 @@ def _touch(known, ranges, touched):
 
 @part
 def _is_edge(what, row, column):
-    """Whether a pixel has a neighbour that shows something else."""
+    """Whether a pixel has a neighbour with another shape."""
     rows, columns = what.shape
     mine = what[row, column]
     return (
@@ -419,7 +419,7 @@ def _is_edge(what, row, column):
 
 @part
 def _place(wanted, column):
-    """How many of the wanted columns lie left of this one."""
+    """Number of wanted columns to the left of this one."""
     low, high = 0, len(wanted)
     while low < high:
         middle = (low + high) // 2
@@ -432,7 +432,7 @@ def _place(wanted, column):
 
 @part
 def _cast(row, wanted, kinds, floats, ranges, camera, lights, floor, sky, pixels, what):
-    """One ray through each of a row's ``wanted`` columns, which ascend: its colour, and a number for what it hits."""
+    """Cast a ray through each of a row's ``wanted`` columns (ascending): its colour, and the id of what it hits."""
     count = len(wanted)
     if count == 0:
         return
@@ -471,7 +471,7 @@ def _cast(row, wanted, kinds, floats, ranges, camera, lights, floor, sky, pixels
                 continue
             if opaque:
                 depth[k] = t
-            # Faces of a box count as different things, and so does what is seen through a clear one.
+            # Faces of a box have different ids, and so has what is seen through a transparent shape.
             side = int(abs(nx) + 2 * abs(ny)) if kind == BOX else 0
             what[k] = 16 * (g + 1) + 4 * side + (0 if opaque else 1021 * what[k])
             norm = 1 / math.sqrt(nx * nx + ny * ny + nz * nz)

@@ -1,4 +1,4 @@
-"""Pictures of a MuJoCo scene: by OpenGL where one can be loaded without any set-up, else by our own ray caster."""
+"""Pictures of a MuJoCo scene: by OpenGL if it can be loaded without set-up, else by the ray caster."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -38,16 +38,16 @@ class Renderer(Protocol):
         ...
 
     def start(self, scene: mujoco.MjvScene, width: int, height: int) -> Callable[[], Picture]:
-        """``draw`` the scene as it is now, meanwhile where that can be; what is returned gives the picture."""
+        """Start to ``draw`` the present scene, in parallel if possible; the returned function gives the picture."""
         ...
 
     def close(self) -> None:
-        """Give back what the renderer holds."""
+        """Release the renderer's resources."""
         ...
 
 
 def open_renderer(model: mujoco.MjModel, width: int, height: int, backend: Backend = "auto") -> Renderer:
-    """A renderer of pictures up to ``width`` x ``height``: OpenGL where there is one, else the ray caster.
+    """A renderer of pictures up to ``width`` x ``height``: OpenGL if available, else the ray caster.
 
     Raises:
         OpenGLUnavailable: ``backend`` is "opengl" and there is none.
@@ -127,7 +127,7 @@ def _candidates() -> list[str]:
 
 
 def _forget(name: str, platform: str | None) -> None:
-    """Undo a failed import: PyOpenGL binds itself to the first platform that it is asked for."""
+    """Undo a failed import, since PyOpenGL binds itself to the first platform requested."""
     for module in list(sys.modules):
         if module.split(".")[0] == "OpenGL" or module.startswith(f"mujoco.{name}"):
             del sys.modules[module]

@@ -1,9 +1,9 @@
-"""What a video of a robot shows, state by state, as MuJoCo's abstract scene: neither pixels nor OpenGL.
+"""Scene of a robot's video, state by state, as MuJoCo's abstract scene: neither pixels nor OpenGL.
 
-The platform where MuJoCo has it; a translucent ghost where it was commanded; the outline of the static solver's pose;
-cables coloured by tension, slack ones hanging as chains, those over pulleys on their wheels; the commanded path and the
-trail of the platform's origin. All of it is given: poses, tensions and lengths come from a ``Trajectory``, the outline
-from a static solver, and how cables hang with mass from ``cable_profiles``.
+It shows the platform in MuJoCo; a translucent platform at the commanded pose; the outline of the static solver's pose;
+cables coloured by tension, slack ones as chains, those over pulleys on their wheels; the commanded path and the trail
+of the platform's origin. Everything is given: poses, tensions and lengths by a ``Trajectory``, the outline by a static
+solver, and the profiles of cables with mass by ``cable_profiles``.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap
 
 PIECES = 48
-"""Straight pieces that draw a path."""
+"""Straight segments of a path."""
 
 MOST_GEOMS = 4000
 
 HIDDEN = 5
-"""Group of tendons that MuJoCo does not draw."""
+"""Group of tendons hidden in MuJoCo."""
 
 _NOWHERE, _IDENTITY = np.zeros(3), np.eye(3).ravel()
 
@@ -45,14 +45,14 @@ class Stage:
     """One robot, its frame and the floor, set to one state of a trajectory at a time.
 
     Args:
-        trajectory: what moves.
-        static: the static solver's pose for each state, a stack of (steps,); nan where it found none.
+        trajectory: the motion.
+        static: the static solver's pose for each state, a stack of (steps,); nan without an equilibrium.
         largest_tension: [N] the dark end of the tension scale.
-        exaggeration: every deviation from the commanded pose, shift and rotation alike, is drawn this many times.
-        shapes: how the cables hang in each state, (steps, cables, points, 3) [m]; needed of those that have weight.
+        exaggeration: factor by which deviations from the commanded pose, translations and rotations, are drawn larger.
+        shapes: profiles of the cables in each state, (steps, cables, points, 3) [m]; required for cables with mass.
 
     Raises:
-        InvalidInput: cables with mass, without their shapes; or shapes that do not fit.
+        InvalidInput: cables with mass without ``shapes``; or ``shapes`` of the wrong size.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Stage:
         self.trajectory, self.largest_tension, self.exaggeration = trajectory, largest_tension, exaggeration
         robot = self.robot = trajectory.robot
         self.shapes = _fitting(trajectory, shapes)
-        self._massless = robot.replace(linear_density=0.0)  # nothing moves here: a cable with mass is drawn as one line
+        self._massless = robot.replace(linear_density=0.0)  # for drawing only: a cable with mass is one curve
         self.model = _model(self._massless, trajectory.commanded[0])
         self.data = mujoco.MjData(self.model)
         self.scene = mujoco.MjvScene(self.model, maxgeom=MOST_GEOMS)
@@ -82,7 +82,7 @@ class Stage:
         self.static = None if static is None else exaggerated(static, trajectory.commanded, exaggeration)
         self._reach = _box_around(self.poses, robot.platform_size)
         floor = self.model.geom("floor").pos
-        floor[2] = min(floor[2], self._reach[0, 2])  # a platform that falls through it would not be seen
+        floor[2] = min(floor[2], self._reach[0, 2])  # else a platform below the floor would be hidden
         self._slack = trajectory.slack
         self._way, self._trail = trajectory.commanded.translation, self.poses.translation
         self._any_camera = self.whole(1.5)
@@ -114,13 +114,13 @@ class Stage:
         return self.scene
 
     def whole(self, aspect: float) -> mujoco.MjvCamera:
-        """A camera that has the whole frame, and the platform wherever it goes, in a picture of this aspect (w/h)."""
+        """A camera that sees the whole frame and all poses of the platform, for a picture of this aspect (w/h)."""
         corners = np.array([*itertools.product(*self.robot.frame.T), *itertools.product(*self._reach.T)])
         corners = np.vstack([corners, self.robot.exits])
         axes = _camera_axes()
         center = corners.mean(0)
         distance = 0.0
-        for _ in range(3):  # centre what is seen, then see how far back that takes
+        for _ in range(3):  # centre the view, then determine the distance
             seen = (corners - center) @ axes.T
             tangent = np.tan(np.radians(style.FIELD_OF_VIEW) / 2) * style.FILL * np.array([aspect, 1.0])
             distance = float((np.abs(seen[:, :2]) / tangent + seen[:, 2:]).max())
@@ -129,11 +129,11 @@ class Stage:
         return _camera(center, distance)
 
     def close_up(self) -> mujoco.MjvCamera:
-        """A camera that follows the command closely, so that what the platform does otherwise shows."""
+        """A camera close to the commanded pose and the platform, which shows the deviation."""
         size = float(np.linalg.norm(self.robot.platform_size))
         both = self._commanded.translation, self._pose.translation
-        apart = float(np.linalg.norm(both[1] - both[0]))
-        height = max(style.CLOSE_UP * size, apart + 1.6 * size)
+        deviation = float(np.linalg.norm(both[1] - both[0]))
+        height = max(style.CLOSE_UP * size, deviation + 1.6 * size)
         return _camera(np.mean(both, axis=0), height / 2 / np.tan(np.radians(style.FIELD_OF_VIEW) / 2))
 
     def _set_cables(self, step: int) -> None:
@@ -144,14 +144,14 @@ class Stage:
         model.tendon_lengthspring[:] = 0
 
     def _set_lengths(self, step: int) -> None:
-        """MuJoCo draws a cable as a hanging chain of its rest length, where that is longer than the distance."""
+        """Let MuJoCo draw a cable as a hanging chain of its rest length, where that exceeds the distance."""
         trajectory, distance = self.trajectory, self.data.ten_length
         spare = np.maximum(trajectory.rest_lengths[step] - trajectory.lengths[step], 0)
         spare *= np.where(self._slack[step], self.exaggeration, 0)
         self.model.tendon_lengthspring[:, 1] = np.where(spare > LEAST_SPARE * distance, distance + spare, 0)
 
     def _light_slack(self, step: int) -> None:
-        """Slack cables shine by themselves, so that in shade as well they have the legend's colour."""
+        """Let slack cables emit light, so that they have the legend's colour in shade as well."""
         slack = self._slack[step]
         for geom in self.scene.geoms[: self.scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_TENDON and slack[geom.objid]:
@@ -159,7 +159,7 @@ class Stage:
                 geom.rgba[:3] = np.array(style.SLACK_COLOR) / (1 + style.SLACK_SHINE)
 
     def _draw_cables(self, step: int) -> None:
-        """Those that MuJoCo would draw otherwise: straight, or from before their pulleys."""
+        """Draw the cables that MuJoCo would draw differently: with mass, or over pulleys."""
         trajectory, robot = self.trajectory, self.robot
         pose = self._pose
         anchors = pose.apply(robot.anchors)
@@ -171,8 +171,8 @@ class Stage:
                 spare = self.exaggeration * max(0.0, float(trajectory.rest_lengths[step, cable] - true))
                 length = float(ways[cable]) + spare
             shape = None if self.shapes is None else self.shapes[step, cable]
-            way = cable_curve(robot.cabling, int(cable), anchors[cable], length, shape)
-            self._line(way, style.CABLE_RADIUS, tuple(self.model.tendon_rgba[cable].tolist()))
+            curve = cable_curve(robot.cabling, int(cable), anchors[cable], length, shape)
+            self._line(curve, style.CABLE_RADIUS, tuple(self.model.tendon_rgba[cable].tolist()))
 
     def _draw_paths(self, step: int) -> None:
         every = max(1, len(self.trajectory) // PIECES)
@@ -193,7 +193,7 @@ class Stage:
             matrix,
             (*style.COMMANDED_COLOR, style.GHOST_ALPHA),
         )
-        # A dark patch on the floor under the platform tells how high it hangs and where it is.
+        # A dark patch on the floor under the platform indicates its position and height.
         floor = self.data.geom("floor").xpos[2]
         x, y, _ = pose.translation
         turn = Rotation.from_euler("z", pose.rotation.as_euler("zyx")[0]).as_matrix().ravel()
@@ -231,7 +231,7 @@ def _fitting(
     robot = trajectory.robot
     if shapes is None and not robot.cabling.massless:
         raise InvalidInput(
-            f"shapes: found none of cables of {robot.cabling.linear_density.max():g} kg/m, expected how they hang, "
+            f"shapes: found none of cables of {robot.cabling.linear_density.max():g} kg/m, expected their profiles, "
             "from cable_profiles"
         )
     expected = (len(trajectory), robot.cables)
@@ -241,25 +241,25 @@ def _fitting(
 
 
 def exaggerated(poses: RigidTransform, commanded: RigidTransform, times: float) -> RigidTransform:
-    """``poses`` with their shift and rotation away from ``commanded`` drawn ``times`` as large."""
+    """``poses`` with their deviations from ``commanded`` in position and rotation multiplied by ``times``."""
     if times == 1:
         return poses
-    shift = poses.translation - commanded.translation
-    turn = (poses.rotation * commanded.rotation.inv()).as_rotvec()
+    deviation = poses.translation - commanded.translation
+    rotation = (poses.rotation * commanded.rotation.inv()).as_rotvec()
     return RigidTransform.from_components(
-        commanded.translation + times * shift, Rotation.from_rotvec(times * turn) * commanded.rotation
+        commanded.translation + times * deviation, Rotation.from_rotvec(times * rotation) * commanded.rotation
     )
 
 
 def _box_around(poses: RigidTransform, size: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2 3"]:
-    """Two opposite corners of the box that a platform of this size never leaves."""
+    """Two opposite corners of the box that contains a platform of this size at all poses."""
     corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * size
     points = poses.translation[:, None] + corners @ np.swapaxes(poses.rotation.as_matrix(), -1, -2)
     return np.array([np.nanmin(points, axis=(0, 1)), np.nanmax(points, axis=(0, 1))])
 
 
 def tension_colors(tensions: Float[np.ndarray, " n"], largest: float) -> Float[np.ndarray, "n 3"]:
-    """Colours on the perceptually uniform scale from no tension to ``largest`` [N]."""
+    """Colours of the scale from no tension to ``largest`` [N]."""
     fractions = np.clip(np.asarray(tensions) / largest, 0, 1)
     start, end = style.TENSION_RANGE
     return _tension_map()(start + fractions * (end - start))[..., :3]
@@ -267,7 +267,7 @@ def tension_colors(tensions: Float[np.ndarray, " n"], largest: float) -> Float[n
 
 @functools.cache
 def _tension_map() -> Colormap:
-    """Kept, since matplotlib hands out a copy that has everything still to compute."""
+    """The colour map, cached, since matplotlib returns a copy without its lookup table."""
     import matplotlib
 
     return matplotlib.colormaps[style.TENSION_MAP]

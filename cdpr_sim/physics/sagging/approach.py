@@ -30,41 +30,41 @@ def approach(simulation: ChainSimulation, target: float, most: int) -> tuple[boo
     Args:
         simulation: the platform.
         target: largest unbalanced force [N] of an equilibrium.
-        most: largest number of steps; a few suffice for hanging chains, and some two hundred for a folded one.
+        most: largest number of steps; a few suffice for hanging chains, and some hundred for a folded one.
 
     Returns:
-        Whether equilibrium was reached, and the number of steps.
+        Whether equilibrium was reached, and the number of steps that were tried.
     """
     data, angular = simulation.data, simulation.angular
     before, turn, last = (data.qpos.copy(), data.qvel.copy()), TURN, np.zeros_like(data.qvel[angular])
-    taken, vain = 0, 0
-    while (residual := simulation.residual()) > target and taken < most and vain < VAIN:
+    tried, vain = 0, 0
+    while (residual := simulation.residual()) > target and tried < most and vain < VAIN:
         step = _implicit_step(simulation)
         if step is None:
             break
-        taken += 1
         back = step[angular] @ last < 0
         turn, last = turn / 2 if back else turn, step[angular]
         step = step / max(1.0, float(np.abs(last).max()) / turn)
-        vain = 0 if _stepped(simulation, step, residual) else vain + 1
+        trusted, tries = _stepped(simulation, step, residual)
+        tried, vain = tried + tries, 0 if trusted else vain + 1
     equilibria = bool(residual <= target)
     if not equilibria:
         data.qpos[:], data.qvel[:] = before
-    return equilibria, taken
+    return equilibria, tried
 
 
-def _stepped(simulation: ChainSimulation, step: Float[np.ndarray, " dofs"], residual: float) -> bool:
-    """Take the step, shortened to where it is reliable; returns whether it is."""
+def _stepped(simulation: ChainSimulation, step: Float[np.ndarray, " dofs"], residual: float) -> tuple[bool, int]:
+    """Take the step, shortened to where it is reliable; returns whether it is, and the number of attempts."""
     data, start, pulls = simulation.data, simulation.data.qpos.copy(), simulation.anchor_pulls()
     for shortened in range(SHORTER):
         data.qpos[:] = start
         mujoco.mj_integratePos(simulation.model, data.qpos, 0.5**shortened * step, 1)
         if simulation.residual() <= CLOSER * residual:
-            return True
+            return True, shortened + 1
         simulation.lay(pulls)
         if simulation.residual() <= max(TRUSTED * simulation.load, CLOSER * residual):
-            return True
-    return False
+            return True, shortened + 1
+    return False, SHORTER
 
 
 def _implicit_step(simulation: ChainSimulation) -> Float[np.ndarray, " dofs"] | None:

@@ -25,8 +25,8 @@ STEPS, MOST_STEPS = 10_000, 30_000
 """Time steps after which a platform counts as not converging: on taut cables it needs some ten, on slack ones tens to
 thousands. And the largest number in total, with new starts in shorter steps or from a saddle."""
 
-MOST_APPROACHES = 400
-"""Total number of steps of ``approach``: the cost of one is that of some fifty time steps."""
+MOST_APPROACHES = 2000
+"""Total number of steps of ``approach``: one costs as much as one to fifty time steps."""
 
 LOOK = 5
 """Time steps between two evaluations of the residual."""
