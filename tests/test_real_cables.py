@@ -331,7 +331,7 @@ def test_cables_with_mass_are_drawn_from_their_wheels_to_their_anchors():
     [
         (lambda robot, found: cdpr.settle(robot, POSE), "MuJoCo model"),
         (lambda robot, found: cdpr.settle_many(robot, [POSE]), "MuJoCo model"),
-        (lambda robot, found: cdpr.check(robot, {"z": [0.1, 0.2]}), "MuJoCo model"),
+        (lambda robot, found: cdpr.check(robot, {"z": [0.1, 0.2]}), "check"),
         (lambda robot, found: cdpr.to_mjcf(robot, POSE), "MuJoCo model"),
         (lambda robot, found: cdpr.certify(found), "certify"),
     ],
