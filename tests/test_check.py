@@ -117,6 +117,26 @@ def test_wrong_stiffness_on_one_method_is_found_at_every_pose(monkeypatch):
     assert any("residual" in reason for reason in first.reasons)
 
 
+def test_a_check_counts_the_poses_whose_equilibria_are_proved(monkeypatch):
+    """All of `cogiro`; of `parallel` those that are not neutral; none with cables that are 1 % stiffer in MuJoCo."""
+    pytest.importorskip("flint")
+    check = cdpr.check(["cogiro", "parallel"], (3, 2, 2), certify=True)
+    neutral = check.dataset["outcome"] == OUTCOMES.index("agree_except_neutral")
+    assert 0 < neutral.sum() < 12
+    np.testing.assert_array_equal(check.dataset["proved"], ~neutral)
+    counts = list(check_table(check).columns[-1].cells)
+    assert counts == ["12", str(12 - int(neutral.sum()))]
+    settle = checking.settle_many
+
+    def stiffer(problems, threads):
+        wrong = problems.robot.replace(axial_stiffness=1.01 * problems.robot.axial_stiffness)
+        settled = settle(cdpr.Problems.of(wrong, problems.positions, problems.rest_lengths), threads=threads)
+        return dataclasses.replace(settled, problems=problems)
+
+    monkeypatch.setattr(checking, "settle_many", stiffer)
+    assert not cdpr.check("cogiro", (2, 2, 1), certify=True).dataset["proved"].any()
+
+
 def test_cables_of_robots_own_files_are_called_by_their_names():
     """In the dataset, in the table and over the map; those without a name, by their stiffness."""
     nameless = cdpr.load_robot("cogiro").replace(axial_stiffness=2e3, name="nameless")

@@ -112,6 +112,7 @@ REACHED = [
     ("map parallel -o full/old.png --force", "sweep", {}),
     ("check parallel --grid 2 3 4", "check", {1: (2, 3, 4)}),
     ("check parallel --material fishing-0.4mm", "check", {2: [SOFT]}),
+    ("check parallel --certify", "check", {"certify": True}),
     ("check parallel -o full/old.png --force", "check", {}),
     ("video parallel --path 0.3 0.4", "drive", {(1, lambda line: [x for x, _, _ in line]): [0.3, 0.4]}),
     ("video parallel --y 0.2 --z 0.1", "drive", {(1, lambda line: [at[1:] for at in line]): [(0.2, 0.1)] * 2}),

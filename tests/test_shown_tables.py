@@ -407,8 +407,11 @@ def test_identification_shows_lengths_in_millimetres_and_the_rest_in_its_unit():
     ]  # fmt: skip
     note = analysis_tables.identification_note(identification())
     assert f"Residuals: {math.sqrt((9 + 16) / 2):.3g} mm and 2° (root mean square)." in note
-    assert "judged from them: 5 mm and 6°" in note
-    assert "\nRows left out are missed by 3.46 standard errors; by 1.23 with axial_stiffness alone.\n" in note
+    assert "estimated from them: 5 mm and 6°" in note
+    assert (
+        "\nRows left out are predicted with an error of 3.46 standard errors, and of 1.23 with axial_stiffness alone.\n"
+        in note
+    )
     assert repr(identification()).endswith("mass = 0.4 ± inf kg; mass is unknown>")
     told = as_json.identification(identification())
     assert told["unknowns"]["rest_length_offset 3"] == {"value": 0.0021, "standard_error": 0.00031, "unit": "m"}

@@ -283,7 +283,7 @@ def test_a_platform_that_falls_is_said_to_fall():
         ({"waypoints": [[0.4, 0.25, 0.9]]}, "falls since cables cannot push"),
         (
             {"robot": demobot(pulley_radius=0.02), "waypoints": UNDER_A_PULLEY},
-            "pose: found the anchor of cable 2 inside its pulley's wheel or under its footprint",
+            "pose: found the anchor of cable 2 inside or below its pulley's wheel",
         ),
     ],
 )

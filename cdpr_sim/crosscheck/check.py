@@ -29,6 +29,7 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck import compare
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.physics.settle import residuals_of, settle_many
+from cdpr_sim.proof import certificate as proof
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.newton import solve_many
 
@@ -74,7 +75,8 @@ class Check(HtmlRepr):
 
     Attributes:
         dataset: over (robot, material, x, y, z), or (robot, x, y, z) with each robot's own cables: the ``outcome`` as
-            a CF flag, the errors and the cross residuals of ``Agreement``.
+            a CF flag, the errors and the cross residuals of ``Agreement``; with ``certify``, whether both equilibria
+            are ``proved``.
         disagreements: every pose at which the methods do not agree.
     """
 
@@ -94,8 +96,7 @@ class Check(HtmlRepr):
         """
         one_of("axis", axis, grids.AXES)
         agree = self.dataset["outcome"] == OUTCOMES.index("agree")
-        errors = [name for name in _MEANINGS if name != "outcome"]
-        worst = self.dataset[errors].where(agree).assign(outcome=self.dataset["outcome"]).max(axis, keep_attrs=True)
+        worst = self.dataset[COMPARED].where(agree).assign(outcome=self.dataset["outcome"]).max(axis, keep_attrs=True)
         middle = self.dataset[axis].mean(keep_attrs=True)
         worst = worst.expand_dims({axis: [float(middle)]}).assign_coords(frame=self.dataset["frame"])
         worst[axis].attrs = {"units": "m", "section": f"the worst along {axis}"}
@@ -114,6 +115,7 @@ def check(
     materials: Sequence[str] | Mapping[str, float] | None = None,
     *,
     threads: int = 0,
+    certify: bool = False,
     progress: bool = False,
 ) -> Check:
     """Settle every pose of a grid in MuJoCo and compare each with the solver.
@@ -123,6 +125,7 @@ def check(
         grid: counts (nx, ny, nz) over the workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m]; default: 10⁴.
         materials: names of the catalogue, or {name: EA [N]}; default: each robot's own.
         threads: for MuJoCo; 0 for one per processor.
+        certify: prove both methods' equilibria (extra ``proof``), in about 0.03 s a pose.
         progress: show a progress bar on standard error.
 
     Returns:
@@ -131,11 +134,14 @@ def check(
     Raises:
         InvalidInput: an invalid grid or invalid names; a cable with mass that runs over a pulley or is nonlinear.
         UnknownName: no such robot or material.
+        MissingExtra: a library of the extra ``sweep``, or of ``proof`` if ``certify``, is not installed.
     """
     extras.require("sweep", "check")
+    if certify:
+        extras.require("proof", "check with certify")
     import xarray as xr
 
-    refuse_unless(FLAG, progress=progress)
+    refuse_unless(FLAG, certify=certify, progress=progress)
     whole("threads", threads, 0, MOST_THREADS)
     group = as_robots(robots)
     for robot in group:
@@ -160,7 +166,9 @@ def check(
                 variant = robot.replace(axial_stiffness=stiffness)
                 parts = []
                 for first in range(0, len(rows), ROWS):
-                    part, found = _check_rows(variant, rows[first : first + ROWS], label or cables_name(robot), threads)
+                    part, found = _check_rows(
+                        variant, rows[first : first + ROWS], label or cables_name(robot), threads, certify
+                    )
                     parts.append(part)
                     disagreements += found
                     advance(len(rows[first : first + ROWS]))
@@ -183,7 +191,8 @@ def check(
         },
         attrs={"title": "MuJoCo and statics over the workspace of cable-driven parallel robots"},
     )
-    for name, (units, meaning) in _MEANINGS.items():
+    for name in dataset.data_vars:
+        units, meaning = _MEANINGS[str(name)]
         dataset[name].attrs = {"units": units, "long_name": meaning}
     dataset["outcome"].attrs |= {"flag_values": list(range(len(OUTCOMES))), "flag_meanings": " ".join(OUTCOMES)}
     return Check(dataset, tuple(disagreements))
@@ -196,11 +205,13 @@ _MEANINGS = {
     "tension_error": ("N", "largest difference in a cable"),
     "static_in_mujoco": ("N", "residual of MuJoCo at the static pose"),
     "settled_in_statics": ("N", "residual of statics at the settled pose"),
+    "proved": ("1", "whether the equilibria of both methods are proved"),
 }
+COMPARED = [name for name in _MEANINGS if name not in ("outcome", "proved")]
 
 
 def _check_rows(
-    robot: Robot, positions: np.ndarray, material: str, threads: int
+    robot: Robot, positions: np.ndarray, material: str, threads: int, certify: bool
 ) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
     """The columns of ``_MEANINGS`` at each position, and the disagreements."""
     problems = Problems.of(robot, positions)
@@ -215,6 +226,13 @@ def _check_rows(
         if outcome[row] not in AGREEING:
             x, y, z = (float(value) for value in positions[row])
             disagreements.append(Disagreement(robot.name, material, (x, y, z), name, reasons))
+    if certify:
+        values["proved"] = np.array(
+            [
+                bool(converged) and all(proof.certify(equilibria[row]).proved for equilibria in (solved, settled))
+                for row, converged in enumerate(solved.converged & settled.converged)
+            ]
+        )
     return {"outcome": outcome, **values}, disagreements
 
 
@@ -228,7 +246,7 @@ def compare_many(
         settled: the same problems by MuJoCo.
         threads: for MuJoCo; 0 for one per processor.
     """
-    columns = {name: np.full(len(solved), np.nan) for name in _MEANINGS if name != "outcome"}
+    columns = {name: np.full(len(solved), np.nan) for name in COMPARED}
     within = np.zeros(len(solved), dtype=bool)
     rows = np.flatnonzero(solved.converged & settled.converged)
     if not rows.size:

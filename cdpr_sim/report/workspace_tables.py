@@ -85,6 +85,7 @@ def check_table(check: Check) -> Table:
     always = {"agree", "disagree", "unsettled"}
     outcomes = [name for code, name in enumerate(OUTCOMES) if name in always or code in present]
     headings = [_HEADINGS[name] for name in outcomes] + [f"{name}\n≤ {unit}" for name, _, unit in _ERRORS.values()]
+    headings += ["proved"] if "proved" in dataset else []
     table = new_table(f"MuJoCo and Newton at {poses:,} poses", "robot", "cables", *headings, text_columns=2, dense=True)
     for robot, material, one in _variants(dataset):
         counts = [int((one["outcome"] == OUTCOMES.index(name)).sum()) for name in outcomes]
@@ -94,7 +95,8 @@ def check_table(check: Check) -> Table:
             f"[red]{count}[/]" if count and not name.startswith("agree") and name != "refused" else str(count)
             for name, count in zip(outcomes, counts, strict=True)
         ]
-        table.add_row(escape(robot), escape(material), *cells, *(f"{value:.0e}" for value in largest))
+        proved = [str(int(one["proved"].sum()))] if "proved" in dataset else []
+        table.add_row(escape(robot), escape(material), *cells, *(f"{value:.0e}" for value in largest), *proved)
     return table
 
 
