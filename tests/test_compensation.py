@@ -237,3 +237,29 @@ def test_a_problem_is_compensated_like_a_robot_and_a_pose(catalogue):
     for beside in ({"pose": pose}, {"external_wrench": wrench}):
         with pytest.raises(cdpr.InvalidInput, match=f"{next(iter(beside))}: found one beside a Problem"):
             cdpr.compensate(cdpr.Problem.of(robot, pose), **beside)
+
+
+@pytest.mark.parametrize("prefer", ["smallest", "stiffest"])
+@pytest.mark.parametrize("beside", [{}, {"pulley_radius": 0.1, "pulley_axis": (0, 0, 1), "stiffening": (100.0, 2e4)}])
+def test_cables_with_mass_are_compensated(catalogue, prefer, beside):
+    """A crane on steel rope comes back to the commanded pose; with the lengths of massless cables it does not."""
+    robot, pose = catalogue["cogiro-crane"].replace(linear_density=0.064, **beside), (1.0, 1.0, 2.0)
+    found = cdpr.compensate(robot, pose, prefer=prefer)
+    assert found.exact
+    assert (found.tensions >= found.tension_limits[0] * (1 - 1e-9)).all()
+    assert np.abs(cdpr.solve(robot, pose, found.rest_lengths).position - pose).max() < 1e-9
+    massless = cdpr.compensate(robot.replace(linear_density=0.0), pose)
+    assert np.abs(cdpr.solve(robot, pose, massless.rest_lengths).position - pose).max() > 1e-5
+    if prefer == "smallest":
+        assert np.linalg.norm(found.tensions) < np.linalg.norm(cdpr.compensate(robot, pose, prefer="stiffest").tensions)
+
+
+def test_what_cannot_be_compensated_with_cable_mass_is_said_in_a_sentence(catalogue):
+    """Tensions below what the weight alone gives, and poses where none balance the load."""
+    robot = catalogue["cogiro-crane"].replace(linear_density=0.064)
+    with pytest.raises(cdpr.NotConverged, match=r"wanted in cable 1, expected at least what its weight alone gives"):
+        cdpr.compensate(robot.replace(linear_density=20.0), (1.0, 1.0, 2.0), tensions=(0.0, 1e6))
+    with pytest.raises(
+        cdpr.NotConverged, match=r"found no tensions from 100 to 200 N with which the cables, whose mass"
+    ):
+        cdpr.compensate(robot, (1.0, 1.0, 2.0), tensions=(100.0, 200.0))

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from sample_problems import random_problems
 
@@ -122,4 +123,48 @@ def test_tensions_by_pose_are_exact(problem):
 
     exact = derivatives.tension_by_pose(at(problem))
     differenced = np.array([(tensions(1e-6 * d) - tensions(-1e-6 * d)) / 2e-6 for d in np.eye(6)]).T
+    assert np.abs(exact - differenced).max() <= SLOPE * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_derivatives_of_cables_of_every_kind_are_exact(seed):
+    """Of robots that mix wheels, masses and laws, taut and slack: every column of every parameter, and the pose's."""
+    random = np.random.default_rng(seed)
+    robot = cdpr.load_robot("cogiro").replace(
+        axial_stiffness=10 ** random.uniform(3, 4, 8), linear_density=0.01 * (random.random(8) < 0.8),
+        pulley_radius=0.02 * (random.random(8) < 0.6),
+        stiffening=np.array([20.0, 500.0]) * (random.random((8, 1)) < 0.6),
+    )  # fmt: skip
+    pose = (0.2, 0.25, 0.15, 0.05, -0.03, 0.1)
+    problem = cdpr.Problem.of(robot, pose, robot.rest_lengths(pose) * random.choice([0.97, 0.999, 1.02], 8))
+    state = at(problem)
+
+    def both(name: str, index: int, step: float) -> np.ndarray:
+        other = at(changed(problem, name, index, step))
+        return np.concatenate([other.net_wrench, other.tensions])
+
+    wrenches, tensions = derivatives.wrench_by_parameter(state), derivatives.tension_by_parameter(state)
+    assert (
+        set(wrenches)
+        == set(tensions)
+        == set(derivatives.parameters(robot))
+        == {*derivatives.PARAMETERS, "pulley_radius"}
+    )
+    for name, wrench in wrenches.items():
+        size = {"axial_stiffness": 0.01, "mass": 0.01, "external_wrench": 1e-3}.get(name, 1e-6)
+        scale = max(np.abs(wrench).max(), np.abs(tensions[name]).max(), 1e-9 * problem.load / size)
+        for index in range(wrench.shape[1]):
+            if name == "pulley_radius" and robot.pulley_radius[index] == 0:
+                continue
+            exact = np.concatenate([wrench[:, index], tensions[name][:, index]])
+            differenced = (both(name, index, size) - both(name, index, -size)) / (2 * size)
+            assert np.abs(exact - differenced).max() <= 10 * SLOPE * scale, (name, index)
+
+    def there(step):
+        moved_to = moved(problem.pose, step)
+        other = forces.at(problem, moved_to.translation, moved_to.rotation.as_matrix())
+        return np.concatenate([other.net_wrench, other.tensions])
+
+    differenced = np.array([(there(1e-6 * d) - there(-1e-6 * d)) / 2e-6 for d in np.eye(6)]).T
+    exact = np.vstack([derivatives.wrench_slope(state), derivatives.tension_by_pose(state)])
     assert np.abs(exact - differenced).max() <= SLOPE * np.abs(exact).max()

@@ -339,3 +339,19 @@ def test_a_centre_of_mass_that_the_data_hardly_determine_is_said(robot):
     assert any("hardly determine center_of_mass z" in reason for reason in found.reasons)
     whole = cdpr.identify(robot, cdpr.Measurements.of(commanded(), poses), "center_of_mass")
     assert [one for one in whole.reasons if "center_of_mass z" not in one] == []
+
+
+def test_stiffness_and_offsets_of_cables_with_every_property_are_found(robot):
+    """With mass, over pulleys and nonlinear; believed to be massless, the same cables are far from what they are."""
+    true = robot.replace(linear_density=5e-3, pulley_radius=0.01, stiffening=(1.0, 20.0))
+    offsets = 1e-3 * np.array([1, -1, 2, 0, 1, 0, -2, 1])
+    positions = commanded()
+    measurements = cdpr.Measurements.of(positions, exact_poses(true, positions, offsets))
+    believed = true.replace(axial_stiffness=2 * true.axial_stiffness)
+    found = cdpr.identify(believed, measurements, unknowns=["axial_stiffness", "rest_length_offsets"])
+    assert found.robot.axial_stiffness == pytest.approx(true.axial_stiffness, rel=FITTED)
+    assert np.asarray(found.values)[1:] == pytest.approx(offsets, abs=1e-7)
+    massless = cdpr.identify(
+        believed.replace(linear_density=0.0), measurements, unknowns=["axial_stiffness", "rest_length_offsets"]
+    )
+    assert abs(massless.robot.axial_stiffness[0] / true.axial_stiffness[0] - 1) > 0.01

@@ -41,7 +41,8 @@ class Case:
                 start_position, start_rotation = start
             self.start = start_position, start_rotation
             found = sagging_gufunc()(
-                robot.cabling.packed, self.weights, self.rest, *asked, start_position, start_rotation
+                robot.cabling.packed, self.weights, robot.wrapped_lengths, self.rest, *asked, start_position,
+                start_rotation,
             )  # fmt: skip
         self.position, self.rotation, self.lengths, self.tensions, self.residual, self.iterations, self.status = found
 

@@ -172,3 +172,17 @@ def test_sensitivity_is_asked_of_an_equilibrium_a_problem_or_a_robot_and_a_pose(
         for beside in ({"pose": pose}, {"rest_lengths": problem.rest_lengths}, {"external_wrench": wrench}):
             with pytest.raises(cdpr.InvalidInput, match=f"{next(iter(beside))}: found one beside a"):
                 cdpr.sensitivity(ready, **beside)
+
+
+def test_derivatives_hold_for_cables_with_every_property():
+    """With mass, over pulleys, nonlinear, beside a plain one: against solving anew on both sides."""
+    robot = cdpr.load_robot("cogiro").replace(
+        material="fishing-0.4mm", linear_density=[5e-3] * 7 + [0], pulley_radius=[0.01] * 7 + [0],
+        stiffening=[[1.0, 20.0]] * 7 + [[0, 0]],
+    )  # fmt: skip
+    answer = cdpr.sensitivity(robot, (0.25, 0.22, 0.15))
+    base = answer.equilibrium
+    for name in derivatives.parameters(robot):
+        for index in range(0, answer.pose[name].shape[1], 3):
+            step = sizes(robot).get(name, 1e-5)
+            assert check_column(base.problem, base, answer, name, index, step), (name, index)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from cdpr_sim.core.checks import refuse_unless, whole
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
-from cdpr_sim.statics import catenary
+from cdpr_sim.statics import any_cable
 
 MOST_POINTS = 100_000
 """Largest number of points along a cable; a picture has fewer pixels."""
@@ -17,14 +17,15 @@ def cable_profiles(equilibria: EquilibriumBatch, points: int = 25) -> Float[np.n
     """Points along each cable from exit to anchor, with the platforms at the poses of ``equilibria`` [m], base frame.
 
     They are equally spaced on the unstretched cable. A massless taut cable is straight; a massless slack one has the
-    profile of the limit of small weight; nan for cables over pulleys, which drawing leads over their wheels itself.
+    profile of the limit of small weight; nan for massless cables over pulleys, which drawing leads over their wheels
+    itself. Profiles of cables with mass over pulleys begin where the cable leaves its wheel.
 
     Args:
         equilibria: equilibria by either method.
         points: number of points along each cable, 2 or more.
 
     Returns:
-        (..., cables, points, 3) [m]; nan for cables over pulleys.
+        (..., cables, points, 3) [m]; nan for massless cables over pulleys.
 
     Raises:
         InvalidInput: not equilibria; fewer than 2 points, or not an integer.
@@ -33,8 +34,9 @@ def cable_profiles(equilibria: EquilibriumBatch, points: int = 25) -> Float[np.n
     whole("points", points, 2, MOST_POINTS)
     robot = equilibria.robot
     anchors = equilibria.positions[..., None, :] + robot.anchors @ np.swapaxes(equilibria.rotations, -1, -2)
-    shapes = catenary.profile(
-        robot.exits, anchors, equilibria.rest_lengths, equilibria.problems.axial_stiffness, robot.cable_weights, points
-    )
-    shapes[..., robot.cabling.pulleys, :, :] = np.nan
+    shapes = any_cable.profiles(
+        robot.cabling, robot.exits, anchors, equilibria.rest_lengths, equilibria.problems.axial_stiffness,
+        robot.cable_weights, robot.wrapped_lengths, points,
+    )  # fmt: skip
+    shapes[..., robot.cabling.pulleys & (robot.linear_density == 0), :, :] = np.nan
     return shapes

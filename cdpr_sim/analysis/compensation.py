@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.analysis.tensions import Demand, balances, leftover, smallest, stiffest
+from cdpr_sim.analysis.tensions import Demand, balances, leftover, on_the_balance, smallest, stiffest
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.checks import Frozen, checked_array, frozen, one_of
@@ -36,6 +36,7 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import derivatives, forces, newton
+from cdpr_sim.statics.any_cable import rest_lengths_under
 from cdpr_sim.statics.balance_kernel import shortfall_gufunc
 
 Prefer = Literal["smallest", "stiffest"]
@@ -55,6 +56,9 @@ LEAST_ARM = 1e-3
 """Weight of the rotation, in characteristic lengths, if only the position counts: this small weight still chooses the
 least rotation for a position, and moves the position by its square times centimetres: at most 8e-9 m
 (``scripts/measure_constants.py``)."""
+
+MASS_STEPS = 30
+"""Choices of tensions of cables with mass, each with the directions of the last; they come nearer tenfold or more."""
 
 MOST_STRAIN, MOST_LOADS, WORKING = 0.05, 3.0, 1 / 5
 """Default upper limit of tension: a strain of 5 %, where ropes break, and at most a fifth of the breaking
@@ -156,8 +160,8 @@ def compensate(
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
         tensions: smallest and largest tension [N], each one number or one per cable: the pretension of a robot with
             cables from below. Default: the robot's ``force_min`` and ``force_max``; where it has none, from 1 % of the
-            load, which keeps every cable taut, to a strain of 5 % or a fifth of the breaking load, whichever is less,
-            and at least three loads.
+            load, which keeps every cable taut, or a cable's weight where that is more, to a strain of 5 % or a fifth of
+            the breaking load, whichever is less, and at least three loads.
         tension_limits: the same argument by its name in ``feasible`` and ``sweep``.
         prefer: of all such tensions, the "smallest" (by norm) or those that make the platform "stiffest".
         arm: weight of rotation where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least. 0 [m]
@@ -169,12 +173,11 @@ def compensate(
     Raises:
         InvalidInput: an invalid argument; limits that no tension satisfies.
         UnknownName: no such preference.
-        NotConverged: no pose was found that tensions within limits hold.
+        NotConverged: no pose was found that tensions within limits hold; of cables with mass, the commanded pose.
     """
     one_of("preference", prefer, get_args(Prefer))
     asked = Problem.of(robot, pose, external_wrench=external_wrench)
     robot, commanded = asked.robot, asked.pose
-    robot.cabling.refuse_weight("compensate")
     rigid = Problem.of(robot, commanded, external_wrench=asked.external_wrench)  # refuses a pose above all exits
     if tensions is not None and tension_limits is not None:
         raise InvalidInput("tensions: found tension_limits beside it, expected one of the two, which are the same")
@@ -195,11 +198,24 @@ def compensate(
     floor = HELD * rigid.force_scale / robot.characteristic_length
     idle = len(robot.free) - demand.held.shape[1]
     chosen = smallest(demand, floor) if prefer == "smallest" else stiffest(demand, floor)
-    if chosen is not None:
+    for _ in range(1 if robot.cabling.massless else MASS_STEPS):
+        if chosen is None:
+            break
         cut = _cut(rigid, commanded, chosen)
         found = forces.equilibrium_at(cut, commanded, iterations=0, source="compensation")
-        if _holds(found, idle):
+        if robot.cabling.massless or found.residual <= BALANCED * demand.scale:
+            if not _holds(found, idle):
+                break
             return Compensation(commanded, found, CompensationOutcome.EXACT, 0.0, arm, (), limits, found)
+        # The directions in which cables with mass pull depend on their tensions.
+        demand = replace(demand, wrench_matrix=_directed(cut, commanded))
+        # The stiffest are only brought to the balance again: a choice of its own each time would not settle.
+        chosen = smallest(demand, floor) if prefer == "smallest" else on_the_balance(demand, chosen)
+    if not robot.cabling.massless:
+        raise NotConverged(
+            f"compensate: found no tensions from {lower.min():.3g} to {upper.max():.3g} N with which the cables, whose "
+            "mass is taken into account, hold the commanded pose; a nearest pose is only found for massless cables"
+        )
     reasons = _reasons(demand, rigid)
     found = _nearest(rigid, limits, floor, idle, arm)
     try:
@@ -216,7 +232,8 @@ def default_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Floa
     most = np.minimum(MOST_STRAIN * robot.axial_stiffness, WORKING * robot.breaking_load)
     most = np.maximum(most, MOST_LOADS * problem.load)
     upper = np.minimum(robot.force_max, np.maximum(most, robot.force_min))
-    lower = np.where(robot.force_min > 0, robot.force_min, np.minimum(TAUT * problem.force_scale, upper))
+    taut = np.maximum(TAUT * problem.force_scale, robot.cable_weights * problem.rest_lengths)
+    lower = np.where(robot.force_min > 0, robot.force_min, np.minimum(taut, upper))
     return lower, upper
 
 
@@ -257,9 +274,25 @@ def demand_at(
 def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " cables"]) -> Problem:
     """``problem`` with the unstretched lengths that have these tensions at ``pose``, from which it starts."""
     robot = problem.robot
-    lengths = forces.geometry(robot, pose.translation, pose.rotation.as_matrix()).lengths
-    rest = forces.rest_lengths_for(robot, lengths, tensions)
+    cables = forces.geometry(robot, pose.translation, pose.rotation.as_matrix())
+    if robot.cabling.massless:
+        rest = forces.rest_lengths_for(robot, cables.lengths, tensions)
+    else:
+        apart = pose.translation + cables.arms - robot.exits
+        rest = rest_lengths_under(robot.cabling, apart, tensions, robot.cable_weights, robot.wrapped_lengths)
+        if np.isnan(rest).any():
+            cable = int(np.argmax(np.isnan(rest)))
+            raise NotConverged(
+                f"compensate: found {tensions[cable]:.3g} N wanted in cable {cable + 1}, expected at least what its "
+                "weight alone gives; a larger smallest tension may do"
+            )
     return Problem(robot, pose, frozen(rest), problem.external_wrench)
+
+
+def _directed(problem: Problem, pose: RigidTransform) -> Float[np.ndarray, "free cables"]:
+    """``Demand.wrench_matrix``, with the directions in which the problem's cables pull at ``pose``."""
+    state, robot = forces.at(problem, pose.translation, pose.rotation.as_matrix()), problem.robot
+    return (state.wrench_matrix / robot.units[:, None])[robot.free]
 
 
 def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:

@@ -157,7 +157,6 @@ def identify(
     """
     refuse_unless(Robot, robot=robot)
     refuse_unless(Measurements, measurements=measurements)
-    robot.cabling.refuse_weight("identify")
     measurements.check_robot(robot)
     names = _names(unknowns)
     wanted = _wanted(robot, names)

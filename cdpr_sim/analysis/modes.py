@@ -56,6 +56,9 @@ def natural_modes(
 ) -> Modes:
     """Natural frequencies and mode shapes about an equilibrium.
 
+    Cables count as springs: their own inertia and oscillation are neglected, also where their mass makes them sag. A
+    mode near a cable's own lowest frequency, sqrt(tension/density)/(2 length), couples with it.
+
     Args:
         equilibrium: an equilibrium by either method, without other arguments; or a problem, or a robot with the
             arguments of ``solve``.
@@ -79,7 +82,6 @@ def natural_modes(
             "equilibrium: found one under an external torque, expected none: such a torque is not conservative, and "
             "the platform need not oscillate about the equilibrium"
         )
-    problem.robot.cabling.refuse_weight("natural_modes")
     free = problem.robot.free
     stiffness = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix()).stiffness_matrix
     mass = mass_matrix(problem.robot, equilibrium.rotation)

@@ -149,7 +149,6 @@ def sensitivity(
             f"equilibrium: found a neutral one of {problem.robot.name!r}, expected a stable one: "
             "the slightest change moves the platform without limit"
         )
-    problem.robot.cabling.refuse_weight("sensitivity")
     free = problem.robot.free
     state = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix())
     slope = derivatives.wrench_slope(state)[np.ix_(free, free)]

@@ -148,7 +148,7 @@ def stiffest(demand: Demand, floor: float = -np.inf) -> Float[Array, " cables"] 
             best, best_value = tensions, value
         if bound - best_value <= GAP * max(abs(bound), abs(best_value)):
             break
-    return _on_the_balance(demand, best) if best_value >= floor - GAP * abs(floor) else None
+    return on_the_balance(demand, best) if best_value >= floor - GAP * abs(floor) else None
 
 
 def nearest(demand: Demand) -> Float[Array, " cables"]:
@@ -207,7 +207,7 @@ def _least_norm(demand: Demand, gains: list[Array], least: list[float]) -> Float
     return np.clip(tensions, demand.lower, demand.upper)
 
 
-def _on_the_balance(demand: Demand, tensions: Float[Array, " cables"]) -> Float[Array, " cables"]:
-    """Correct a linear program's tensions, which balance the load to 1e-7, by the smallest change that balances it."""
+def on_the_balance(demand: Demand, tensions: Float[Array, " cables"]) -> Float[Array, " cables"]:
+    """Correct tensions that nearly balance the load by the smallest change that balances it, within their limits."""
     correction = np.linalg.pinv(demand.wrench_matrix) @ (demand.wrench_matrix @ tensions + demand.load)
     return np.clip(tensions - correction, demand.lower, demand.upper)

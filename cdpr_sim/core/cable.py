@@ -146,14 +146,6 @@ class Cabling(Frozen):
         for name, value in values.items():
             object.__setattr__(self, name, frozen(value))
         _refuse_falling_law(self.stiffening)
-        both = (self.linear_density > 0) & ((self.pulley_radius > 0) | self.stiffening.any(-1))
-        if both.any():
-            cable = int(np.argmax(both))
-            other = "a pulley" if self.pulley_radius[cable] > 0 else "nonlinear elasticity"
-            raise InvalidInput(
-                f"linear_density: found {self.linear_density[cable]:g} kg/m and {other} in cable {cable + 1}, expected "
-                "one of the two: mass is taken into account only for straight cables with a linear law"
-            )
 
     def __len__(self) -> int:
         return len(self.exits)
@@ -195,20 +187,19 @@ class Cabling(Frozen):
                 "is not taken into account here"
             )
 
-    def refuse_mixture(self) -> None:
-        """Refuse cables with mass together with pulleys and nonlinear laws on the other cables.
+    def refuse_mixture(self, what: str) -> None:
+        """Refuse cables with mass that run over pulleys or have nonlinear laws.
 
         Raises:
-            InvalidInput: some cables have mass, and others run over pulleys or have nonlinear laws.
+            InvalidInput: a cable has mass, and runs over a pulley or has a nonlinear law.
         """
-        if not self.massless and self.bent:
-            massive = int(np.argmax(self.linear_density))
-            other = int(np.argmax(self.pulleys | self.stiffening.any(-1)))
-            what = "a pulley" if self.pulleys[other] else "nonlinear elasticity"
+        both = (self.linear_density > 0) & (self.pulleys | self.stiffening.any(-1))
+        if both.any():
+            cable = int(np.argmax(both))
+            other = "a pulley" if self.pulleys[cable] else "nonlinear elasticity"
             raise InvalidInput(
-                f"linear_density: found {self.linear_density[massive]:g} kg/m in cable {massive + 1} and {what} in "
-                f"cable {other + 1}, expected only one of the two in a robot: statics does not take both into account "
-                "(cdpr_sim.settle does)"
+                f"{what}: found {self.linear_density[cable]:g} kg/m and {other} in cable {cable + 1}, expected one of "
+                "the two: both together are not taken into account here (cdpr_sim.solve does)"
             )
 
     def beyond_law(
@@ -242,6 +233,8 @@ class Cabling(Frozen):
         self, axial_stiffness: Float[np.ndarray, "*batch cables"]
     ) -> Float[np.ndarray, "*batch cables columns"]:
         """``packed`` with another axial stiffness, or with many."""
+        if axial_stiffness is self.axial_stiffness:
+            return self.packed
         table = np.empty((*axial_stiffness.shape, COLUMNS))
         table[...] = self.packed
         table[..., STIFFNESS] = axial_stiffness

@@ -93,6 +93,13 @@ def wheel_paths(
     return np.where(clear >= 0, np.array(found), np.nan)
 
 
+def wrapped_lengths(
+    cabling: Cabling, apart: Float[np.ndarray, "*batch cables 3"]
+) -> Float[np.ndarray, "*batch cables"]:
+    """What lies on each cable's wheel [m], by where its exit is from its anchor; 0 where it has no path."""
+    return np.nan_to_num(cabling.pulley_radius * paths(cabling, apart)[9])
+
+
 def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Float[np.ndarray, "3 3"]) -> str:
     """Message about the first anchor whose cable has no path with the platform at this pose; "" if there is none."""
     apart = cabling.exits - position - cabling.anchors @ rotation.T

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
-from cdpr_sim.core import cable_path
+from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core import pose as _pose
 from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.errors import CdprError
@@ -172,6 +172,7 @@ class _NoEquilibrium(CdprError):
             where = f": found {found}" if found else ""
         elif status is Status.OVERSTRAINED:
             beyond = robot.cabling.beyond_law(point.lengths, point.rest_lengths)
+            beyond |= point.tensions > cable_law.largest_tension(*robot.cabling.law)
             cables = [str(cable + 1) for cable in np.flatnonzero(beyond)]
             evidence = f"cable{'s' if len(cables) > 1 else ''} {', '.join(cables)}"
         reason = f"{robot.name}: {point.source}: {status.sentence}{where} ({evidence})"

@@ -312,6 +312,15 @@ class Robot(HtmlRepr):
         return frozen(self.cabling.linear_density * self.gravity)
 
     @cached_property
+    def wrapped_lengths(self) -> Float[np.ndarray, " cables"]:
+        """What lies on each cable's wheel with the platform level at ``home``, (cables,) [m]; 0 without a wheel.
+
+        Of a cable with mass, this first part of the rest length counts as massless at every pose: weight that the wheel
+        carries.
+        """
+        return frozen(cable_path.wrapped_lengths(self.cabling, self.exits - self.home - self.anchors))
+
+    @cached_property
     def characteristic_length(self) -> float:
         """A length of the platform [m] that makes rotations comparable with translations.
 

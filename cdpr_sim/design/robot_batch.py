@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core import available_memory, cable_law
 from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS
-from cdpr_sim.core.cable_path import path, wheel_paths
+from cdpr_sim.core.cable_path import path, wheel_paths, wrapped_lengths
 from cdpr_sim.core.checks import Frozen, checked_array, refuse_unless, shown
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
@@ -341,7 +341,6 @@ def _eigenvalues(equilibria: EquilibriumBatch) -> Float[np.ndarray, "layouts cas
 
 def _solve(layouts: RobotBatch, cases: Cases) -> tuple[np.ndarray, ...]:
     robot = layouts.robot
-    robot.cabling.refuse_mixture()
     table, rest_lengths = layouts.tables(cases.factors), layouts.rigid_lengths(cases)
     up = (layouts.exits[:, None, :, 2] - np.einsum("cj,lmj->lcm", cases.rotations[:, 2], layouts.anchors)).max(-1)
     falls = (cases.positions[:, 2] >= up) & (robot.weight > cases.wrench[:, 2])
@@ -357,13 +356,14 @@ def _solve(layouts: RobotBatch, cases: Cases) -> tuple[np.ndarray, ...]:
         if robot.cabling.massless:
             law = rest_lengths, table[..., STIFFNESS], *robot.cabling.stiffening.T
             tensions = cable_law.tension(lengths - rest_lengths, *law)
-            status = within_law(robot.cabling, lengths, rest_lengths, status)
         else:
             weights = layouts.linear_density[:, None] * robot.gravity
+            wrapped = wrapped_lengths(robot.cabling, layouts.exits - robot.home - layouts.anchors)[:, None]
             positions, rotations, lengths, tensions, residuals, more, status = sagging_gufunc()(
-                table, weights, rest_lengths, *platform, positions, rotations
+                table, weights, wrapped, rest_lengths, *platform, positions, rotations
             )
             iterations = iterations + more
+        status = within_law(robot.cabling, tensions, table[..., STIFFNESS], status)
     status = np.where(falls, int(Status.FALLS), status)
     return rest_lengths, positions, rotations, lengths, tensions, residuals, iterations, status, falls
 

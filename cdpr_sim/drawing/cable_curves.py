@@ -47,6 +47,11 @@ class Wheel:
         angles = np.linspace(0.0, angle, max(2, 1 + int(np.ceil(ARC * angle / (2 * np.pi)))))[:, None]
         return self.center + self.radius * (np.sin(angles) * self.axis - np.cos(angles) * self.outwards)
 
+    def angle_to(self, point: Float[np.ndarray, "3"]) -> float:
+        """Of a point of the rim, the way the cable goes."""
+        away = point - self.center
+        return float(np.mod(np.arctan2(away @ self.axis, -away @ self.outwards), 2 * np.pi))
+
 
 def wheel_of(cabling: Cabling, cable: int, anchor: Float[np.ndarray, "3"]) -> Wheel | None:
     """Wheel of a cable to ``anchor``, base frame [m]; None without a pulley, or if the anchor lies within the wheel."""
@@ -66,7 +71,7 @@ def cable_curve(
     cable: int,
     anchor: Float[np.ndarray, "3"],
     rest_length: float | None = None,
-    shape: Curve | None = None,
+    shape: Float[np.ndarray, "hanging 3"] | None = None,
 ) -> Curve:
     """The curve of one cable from its exit to ``anchor``, base frame [m].
 
@@ -75,7 +80,8 @@ def cable_curve(
         cable: index of the cable.
         anchor: its end, (3,) [m].
         rest_length: of a slack cable [m]; None draws it straight.
-        shape: profile of a cable with mass, (points, 3) [m]; it is shifted linearly if its end is drawn elsewhere.
+        shape: profile of a cable with mass from where it leaves its wheel, (hanging, 3) [m]; it is shifted linearly if
+            its end is drawn elsewhere.
 
     Raises:
         InvalidInput: a cable with mass without its profile.
@@ -86,7 +92,9 @@ def cable_curve(
                 f"shapes: found none of a cable of {cabling.linear_density[cable]:g} kg/m, expected its "
                 "profile, from cable_profiles"
             )
-        return shape + np.linspace(0, 1, len(shape))[:, None] * (anchor - shape[-1])
+        free = shape + np.linspace(0, 1, len(shape))[:, None] * (anchor - shape[-1])
+        wheel = wheel_of(cabling, cable, anchor)
+        return free if wheel is None else np.concatenate([wheel.arc(wheel.angle_to(free[0]))[:-1], free])
     start, wheel = cabling.exits[cable], wheel_of(cabling, cable, anchor)
     before = np.empty((0, 3))
     if wheel is not None:

@@ -76,6 +76,7 @@ def to_mjcf(
     problem = Problem.of(robot, pose, rest_lengths)
     refuse_unless(FLAG, winches=winches)
     robot = problem.robot
+    robot.cabling.refuse_mixture("MuJoCo model")
     if winches:
         chains.refuse_weight(robot, "a winch in MuJoCo")
     drag, size = _air(problem)

@@ -120,8 +120,7 @@ class RobotTable(_Table):
     modulus: Number | None = _key("E over the full circle of `diameter`: EA = E π d²/4.", "Pa", None)
     diameter: Number | None = _key("Of cables given by a rope's `material` or by `modulus`.", LENGTH, None)
     linear_density: Density = _key(
-        'Mass per length; 0 is a massless cable, `"material"` the rope\'s own. Not with pulleys or stiffening on one '
-        "cable.",
+        'Mass per length; 0 is a massless cable, `"material"` the rope\'s own.',
         "kg/m",
         0.0,
     )

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics.any_cable import any_cable_slopes
 from cdpr_sim.statics.forces import State, cross_matrix
 
 Array = np.ndarray
@@ -51,66 +52,69 @@ def wrench_by_parameter(state: State) -> dict[str, Float[Array, "6 parameters"]]
 
     Exits and anchors are in the order x, y, z of cable 1, x, y, z of cable 2, and so on.
     """
-    robot, rotation, geometry, tau = state.problem.robot, state.rotation, state.geometry, state.tensions
-    arms, directions, W = geometry.arms, geometry.directions, geometry.wrench_matrix
-    tension_by = tension_by_parameter(state)
-    # The cable's force is f = tau u: a step of its exit turns it, and a step of its anchor turns it back.
-    turning = tau[:, None, None] * geometry.length_hessians
-    by_exit = np.concatenate([turning, cross_matrix(arms) @ turning], axis=1)
-    lever = np.concatenate([np.zeros_like(turning), -cross_matrix(tau[:, None] * directions)], axis=1)
-    by_anchor = (lever - by_exit) @ rotation
-    cables = robot.cables
+    robot, rotation, arms = state.problem.robot, state.rotation, state.geometry.arms
     center = rotation @ robot.center_of_mass
-    pull = np.array([0.0, 0.0, -robot.gravity])
-    by_radius = {}
-    if robot.cabling.pulleys.any():
-        forces = tau[:, None] * _turning_by_radius(state)
-        by_radius["pulley_radius"] = W @ tension_by["pulley_radius"] + np.hstack([forces, np.cross(arms, forces)]).T
-    return by_radius | {
-        "rest_lengths": W @ tension_by["rest_lengths"],
-        "axial_stiffness": W @ tension_by["axial_stiffness"],
-        "exits": W @ tension_by["exits"] + by_exit.transpose(1, 0, 2).reshape(6, 3 * cables),
-        "anchors": W @ tension_by["anchors"] + by_anchor.transpose(1, 0, 2).reshape(6, 3 * cables),
-        "mass": np.concatenate([pull, np.cross(center, pull)])[:, None],
-        "center_of_mass": np.vstack([np.zeros((3, 3)), -robot.mass * cross_matrix(pull) @ rotation]),
+    weight = np.array([0.0, 0.0, -robot.gravity])
+    found = {
+        "mass": np.concatenate([weight, np.cross(center, weight)])[:, None],
+        "center_of_mass": np.vstack([np.zeros((3, 3)), -robot.mass * cross_matrix(weight) @ rotation]),
         "external_wrench": np.eye(6),
     }
+    for name, by in pull_by_parameter(state).items():
+        torque = cross_matrix(arms) @ by
+        if name == "anchors":  # which are the pulls' levers, too
+            torque = torque - cross_matrix(state.pulls) @ rotation
+        found[name] = np.concatenate([by, torque], axis=1).transpose(1, 0, 2).reshape(6, -1)
+    return found
 
 
 def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables parameters"]]:
-    """∂(tensions)/∂(parameter) at a fixed pose, for each of ``parameters``; ``state`` is of a single pose.
+    """∂(tensions)/∂(parameter) at a fixed pose, for each of ``parameters``; ``state`` is of a single pose."""
+    cables, directions = state.problem.robot.cables, state.pull_directions
+    found = {
+        "mass": np.zeros((cables, 1)), "center_of_mass": np.zeros((cables, 3)), "external_wrench": np.zeros((cables, 6))
+    }  # fmt: skip
+    for name, by in pull_by_parameter(state).items():
+        along = (directions[:, None, :] @ by)[:, 0]
+        found[name] = (np.eye(cables)[..., None] * along[:, None]).reshape(cables, -1)
+    return found
+
+
+def tension_by_pose(state: State) -> Float[Array, "cables 6"]:
+    """∂(tensions)/∂(pose step): minus the pull's change along itself with the anchor's step, 1 and −[r]×."""
+    along = (state.pull_directions[:, None, :] @ state.cable_stiffness)[:, 0]
+    return -np.hstack([along, np.cross(state.geometry.arms, along)])
+
+
+def pull_by_parameter(state: State) -> dict[str, Float[Array, "cables 3 parameters"]]:
+    """∂(pull)/∂(parameter) of each cable on its anchor at a fixed pose, by its own parameters; of a single pose.
 
     The law is a function of the strain s/l0, so that a change dl0 of the rest length acts like a change −(l/l0) dl0 of
     the length.
     """
-    problem, lengths, elastic = state.problem, state.lengths, state.tangent_stiffness
-    rest, cables = problem.rest_lengths, problem.robot.cables
-    directions = state.geometry.directions
-    rows = np.arange(cables)
-    by_exit = np.zeros((cables, cables, 3))
-    by_exit[rows, rows] = elastic[:, None] * directions
-    by_anchor = np.zeros((cables, cables, 3))
-    by_anchor[rows, rows] = -(elastic[:, None] * directions) @ state.rotation
-    by_radius = {}
-    if problem.robot.cabling.pulleys.any():
+    problem, robot, stiffness = state.problem, state.problem.robot, state.cable_stiffness
+    found = {"exits": stiffness, "anchors": -stiffness @ state.rotation}
+    if state.hanging is not None:
+        by_length, by_stiffness, by_radius = any_cable_slopes(
+            robot.cabling.packed_with(problem.axial_stiffness), state.hanging, problem.rest_lengths,
+            robot.cable_weights, robot.wrapped_lengths,
+        )  # fmt: skip
+    else:
+        rest, elastic, u, wraps = (
+            problem.rest_lengths,
+            state.tangent_stiffness,
+            state.geometry.directions,
+            state.geometry.wraps,
+        )
+        per_stiffness = cable_law.per_axial_stiffness(state.lengths - rest, rest, *robot.cabling.stiffening.T)
+        by_length = (-elastic * state.lengths / rest)[:, None] * u
+        by_stiffness = ((state.tensions > 0) * per_stiffness)[:, None] * u
         # A larger wheel takes up more cable by its wrap, and reduces the distance to the anchor by as much.
-        wraps = state.geometry.wraps
-        by_radius["pulley_radius"] = np.diag(elastic * (wraps - np.sin(wraps)))
-    per_stiffness = cable_law.per_axial_stiffness(lengths - rest, rest, *problem.robot.cabling.stiffening.T)
-    return by_radius | {
-        "rest_lengths": np.diag(-elastic * lengths / rest),
-        "axial_stiffness": np.diag((state.tensions > 0) * per_stiffness),
-        "exits": by_exit.reshape(cables, 3 * cables),
-        "anchors": by_anchor.reshape(cables, 3 * cables),
-        "mass": np.zeros((cables, 1)),
-        "center_of_mass": np.zeros((cables, 3)),
-        "external_wrench": np.zeros((cables, 6)),
-    }
-
-
-def tension_by_pose(state: State) -> Float[Array, "cables 6"]:
-    """∂(tensions)/∂(pose step): the tangent stiffness of a taut cable times the slope of its length, −Wᵀ."""
-    return -state.wrench_matrix.T * state.tangent_stiffness[:, None]
+        by_radius = (elastic * (wraps - np.sin(wraps)))[:, None] * u + state.tensions[:, None] * _turning_by_radius(
+            state
+        )
+    found |= {"rest_lengths": by_length[..., None], "axial_stiffness": by_stiffness[..., None]}
+    return found | ({"pulley_radius": by_radius[..., None]} if robot.cabling.pulleys.any() else {})
 
 
 def _turning_by_radius(state: State) -> Float[Array, "cables 3"]:

@@ -20,7 +20,8 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.statics.catenary import Catenary, catenary
+from cdpr_sim.statics.any_cable import any_cables
+from cdpr_sim.statics.catenary import Catenary
 
 Array = np.ndarray
 
@@ -100,6 +101,8 @@ class State:
     @property
     def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
         """W (Eq. 4)."""
+        if self.hanging is not None:
+            return _wrenches(self.pull_directions, self.geometry.arms)
         return self.geometry.wrench_matrix
 
     @cached_property
@@ -109,6 +112,30 @@ class State:
             return np.full(self.lengths.shape, np.nan)
         k, _ = cable_law.tangent(self.lengths - self.problem.rest_lengths, *_law(self.problem))
         return k * (self.tensions > 0)
+
+    @property
+    def pulls(self) -> Float[Array, "*batch cables 3"]:
+        """Forces of the cables on their anchors, base frame, (..., cables, 3) [N]."""
+        if self.hanging is not None:
+            return self.hanging.pull
+        return self.tensions[..., None] * self.geometry.directions
+
+    @property
+    def pull_directions(self) -> Float[Array, "*batch cables 3"]:
+        """Unit vectors of the pulls; of slack massless cables, ``Geometry.directions``."""
+        if self.hanging is None:
+            return self.geometry.directions
+        tau = self.tensions[..., None]
+        return np.where(tau > 0, self.pulls / np.where(tau > 0, tau, 1.0), self.geometry.directions)
+
+    @property
+    def cable_stiffness(self) -> Float[Array, "*batch cables 3 3"]:
+        """−∂(pull)/∂(anchor) of each cable, symmetric, (..., cables, 3, 3) [N/m]: k u uᵀ + tau ∂²l/∂b²."""
+        if self.hanging is not None:
+            return self.hanging.stiffness
+        u = self.geometry.directions
+        turning = self.tensions[..., None, None] * self.geometry.length_hessians
+        return self.tangent_stiffness[..., None, None] * (u[..., :, None] * u[..., None, :]) + turning
 
     @cached_property
     def load_wrench(self) -> Float[Array, "*batch 6"]:
@@ -196,17 +223,13 @@ def geometry(robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[
 def at(
     problem: Problem | Problems, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
 ) -> State:
-    """Forces of ``problem`` with the platform at a pose, or many; for many problems, each at its own pose.
-
-    Raises:
-        InvalidInput: some cables have mass, and others run over pulleys or have nonlinear laws.
-    """
-    problem.robot.cabling.refuse_mixture()
-    cables = geometry(problem.robot, position, rotation)
-    rest, stiffness = problem.rest_lengths, problem.axial_stiffness
-    if not problem.robot.cabling.massless:
-        anchors = np.asarray(position)[..., None, :] + cables.arms
-        hanging = catenary(problem.robot.exits, anchors, rest, stiffness, problem.robot.cable_weights)
+    """Forces of ``problem`` with the platform at a pose, or many; for many problems, each at its own pose."""
+    robot, cables = problem.robot, geometry(problem.robot, position, rotation)
+    rest = problem.rest_lengths
+    if not robot.cabling.massless:
+        apart = np.asarray(position)[..., None, :] + cables.arms - robot.exits
+        table = robot.cabling.packed_with(problem.axial_stiffness)
+        hanging = any_cables(table, apart, rest, robot.cable_weights, robot.wrapped_lengths)
         return State(problem, np.asarray(position), rotation, cables, hanging.anchor_tension, hanging)
     tau = cable_law.tension(cables.lengths - rest, *_law(problem))
     return State(problem, np.asarray(position), rotation, cables, tau)

@@ -110,8 +110,7 @@ def solve_many(
         A row for each pose. The status marks a row that is not finite, or at which the platform would fall.
 
     Raises:
-        InvalidInput: shapes that do not fit or are ambiguous, invalid numbers; a robot with mass on some cables and
-            pulleys or nonlinear laws on others.
+        InvalidInput: shapes that do not fit or are ambiguous, invalid numbers.
     """
     problems = Problems.of(
         robot,
@@ -212,35 +211,34 @@ def _solve(
 
     Input that is not finite is reported by a status, not by a NumPy warning. Where cables have mass, the search starts
     at the equilibrium with massless cables.
-
-    Raises:
-        InvalidInput: some cables have mass, and others run over pulleys or have nonlinear laws.
     """
     cabling = robot.cabling
-    cabling.refuse_mixture()
-    table = cabling.packed if axial_stiffness is robot.axial_stiffness else cabling.packed_with(axial_stiffness)
+    table = cabling.packed_with(axial_stiffness)
     platform = weight, robot.center_of_mass, wrench, _free(robot), robot.characteristic_length
     with np.errstate(all="ignore"):
         found = equilibrium_gufunc(bent=cabling.bent)(table, rest_lengths, *platform, positions, rotations)
         if not cabling.massless:
-            started = sagging_gufunc()(table, robot.cable_weights, rest_lengths, *platform, found[0], found[1])
-            return tuple(np.asarray(result) for result in (*started[:5], started[5] + found[4], started[6]))
+            cables = table, robot.cable_weights, robot.wrapped_lengths, rest_lengths
+            started = [np.asarray(result) for result in sagging_gufunc()(*cables, *platform, found[0], found[1])]
+            *_, tensions, residuals, iterations, status = started
+            status = within_law(cabling, tensions, axial_stiffness, status)
+            return *started[:4], residuals, np.asarray(iterations + found[4]), status
         at, turned, lengths, residuals, iterations, status = (np.asarray(result) for result in found)
-        law = rest_lengths, axial_stiffness, *cabling.stiffening.T
-        status = within_law(cabling, lengths, rest_lengths, status)
-        return at, turned, lengths, cable_law.tension(lengths - rest_lengths, *law), residuals, iterations, status
+        tensions = cable_law.tension(lengths - rest_lengths, rest_lengths, axial_stiffness, *cabling.stiffening.T)
+        status = within_law(cabling, tensions, axial_stiffness, status)
+        return at, turned, lengths, tensions, residuals, iterations, status
 
 
 def within_law(
     cabling: Cabling,
-    lengths: Float[np.ndarray, "*batch cables"],
-    rest_lengths: Float[np.ndarray, "*#batch cables"],
+    tensions: Float[np.ndarray, "*batch cables"],
+    axial_stiffness: Float[np.ndarray, "*#batch cables"],
     status: Int[np.ndarray, "*batch"],
 ) -> Int[np.ndarray, "*batch"]:
     """``status``, changed where forces balance but a cable is strained beyond the range of its law."""
     if cabling.linear:
         return status
-    beyond = cabling.beyond_law(lengths, rest_lengths).any(-1)
+    beyond = (tensions > cable_law.largest_tension(axial_stiffness, *cabling.stiffening.T)).any(-1)
     return np.where((status == Status.CONVERGED) & beyond, Status.OVERSTRAINED.value, status)
 
 

@@ -2,11 +2,11 @@
 
 Static equilibrium is a stationary point of the energy of cables and platform,
 
-    V(q) = Σ [Uᵢ(dᵢ(q)) + ½ wᵢ L0ᵢ z_Bᵢ(q)] + m g z_com(q) − (work of the external wrench),
+    V(q) = Σ Eᵢ(dᵢ(q)) + m g z_com(q) − (work of the external wrench),
 
-with dᵢ from exit to anchor, and it is stable at a minimum. U is the energy of ``catenary``, convex and smooth even
-where a cable sags, or that of a massless cable. Newton's method on V with its exact curvature: for a cable with pull f
-and stiffness k on an anchor whose arm is r, D = ∂d/∂x = [1, −[r]×],
+with dᵢ from exit to anchor, and it is stable at a minimum. E is the energy of ``any_cable``, of stretch and of the
+cable's own weight, smooth even where a cable sags. Newton's method on V with its exact curvature: for a cable with pull
+f and stiffness k on an anchor whose arm is r, D = ∂d/∂x = [1, −[r]×],
 
     ∂²V = Dᵀ k D + [0, (f·r) 1 − ½ (f rᵀ + r fᵀ)].
 
@@ -24,11 +24,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cdpr_sim.core.cable import ANCHOR, EXIT, STIFFNESS
+from cdpr_sim.core.cable import ANCHOR, EXIT, RADIUS, STIFFNESS
 from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.core.status import ACCEPTABLE, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.catenary import elastic_catenary
+from cdpr_sim.statics.any_cable import any_cable, cable_of, clear_of_wheel
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 from cdpr_sim.statics.newton_kernel import (
     FORCE_TOLERANCE,
@@ -49,41 +49,46 @@ POLISHED = 0.01
 """Fraction of the tolerated unbalanced force above which one more step is taken."""
 
 _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT)
-_STALLED, _NOT_FINITE = int(Status.STALLED), int(Status.NOT_FINITE)
+_STALLED, _NOT_FINITE, _OFF_WHEEL = int(Status.STALLED), int(Status.NOT_FINITE), int(Status.OFF_WHEEL)
 
 
 def _solve_one(
-    table, weights, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation,
-    position, rotation, chords, tensions, residual, iterations, status,
+    table, weights, wrapped, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position,
+    start_rotation, position, rotation, lengths, tensions, residual, iterations, status,
 ):  # fmt: skip
     """One element of the gufunc; copies make the arrays of the compiled inner code contiguous."""
     m = len(rest_lengths)
     case = _Case(
-        np.empty((m, 3)), np.empty((m, 3)), ck.copied(rest_lengths), np.empty(m), ck.copied(weights), weight,
+        np.empty((m, table.shape[1])), ck.copied(rest_lengths), ck.copied(weights), ck.copied(wrapped), weight,
         ck.copied(center_of_mass), ck.copied(wrench), ck.copied(free), scale,
     )  # fmt: skip
     for i in range(m):
-        for a in range(3):
-            case.A[i, a], case.B[i, a] = table[i, EXIT + a], table[i, ANCHOR + a]
-        case.EA[i] = table[i, STIFFNESS]
+        for a in range(table.shape[1]):
+            case.table[i, a] = table[i, a]
     start = _new_point(m)
     for a in range(3):
         start.p[a] = start_position[a]
         for b in range(3):
             start.R[a, b] = start_rotation[a, b]
     rest, residual[0], iterations[0], status[0] = _descend(case, start)
+    if status[0] == _CONVERGED or not residual[0] < np.inf:
+        for i in range(m):
+            at = _apart(case, rest, i)
+            on_wheel = rest.tau[i] >= 0 and clear_of_wheel(at[0], at[1], at[2], _cable(case, i))
+            if table[i, RADIUS] > 0 and not on_wheel:
+                status[0] = _OFF_WHEEL
     for a in range(3):
         position[a] = rest.p[a]
         for b in range(3):
             rotation[a, b] = rest.R[a, b]
     for i in range(m):
-        chords[i], tensions[i] = rest.l[i], rest.tau[i]
+        lengths[i], tensions[i] = rest.l[i], rest.tau[i]
 
 
 _HEAVY = Kernel(
     "static solver for cables with mass",
     _solve_one,
-    "(m,k),(m),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(m),(),(),()",
+    "(m,k),(m),(m),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(m),(),(),()",
     ("iterations", "status"),
 )
 
@@ -91,23 +96,23 @@ _HEAVY = Kernel(
 def sagging_gufunc() -> Kernel:
     """The solver as a NumPy generalised ufunc.
 
-    Arguments: ``Cabling.packed`` (m,k), of straight and linear cables; their weights per rest length (m) [N/m], 0 for
-    massless ones; rest lengths (m), the platform's weight, centre of mass (3), external wrench (6), free directions as
-    0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
-    Results: position (3), rotation matrix (3,3), chords from exits to anchors (m), tensions at the anchors (m),
+    Arguments: ``Cabling.packed`` (m,k); weights per rest length (m) [N/m], 0 for massless cables; the first parts of
+    the rest lengths that weigh nothing (m), ``Robot.wrapped_lengths``; rest lengths (m), the platform's weight, centre
+    of mass (3), external wrench (6), free directions as 0 or 1 (6), characteristic length, starting position (3),
+    starting rotation matrix (3,3).
+    Results: position (3), rotation matrix (3,3), lengths of the massless paths (m), tensions at the anchors (m),
     residual, iterations, status.
     """
     return _HEAVY
 
 
 class _Case(NamedTuple):
-    """Data of one problem. w: weights per length; free: 1 where the platform moves; scale: length of rotations."""
+    """Data of one problem. w: weights per length beyond ``wrapped``; free: 1 where it moves; scale: length."""
 
-    A: np.ndarray
-    B: np.ndarray
+    table: np.ndarray
     l0: np.ndarray
-    EA: np.ndarray
     w: np.ndarray
+    wrapped: np.ndarray
     weight: float
     com: np.ndarray
     wrench: np.ndarray
@@ -116,7 +121,7 @@ class _Case(NamedTuple):
 
 
 class _Point(NamedTuple):
-    """A pose, and the cables' arms, pulls, stiffnesses (xx, xy, yy, xz, yz, zz), chords and tensions there."""
+    """A pose, and the cables' arms, pulls, stiffnesses (xx, xy, yy, xz, yz, zz), lengths and tensions there."""
 
     p: np.ndarray
     R: np.ndarray
@@ -142,13 +147,13 @@ def _descend(case, here):
     K, L = np.empty((6, 6)), np.empty((6, 6))
     V = _measure(case, here)
     size = ck.largest(here.p)
-    load = _load(case, ck.mean(case.EA))
+    load = _load(case, ck.mean(case.table[:, STIFFNESS]))
     stiffest, pulling = 0.0, 0.0
     for i in range(len(case.l0)):
-        stiffest = max(stiffest, case.EA[i] / case.l0[i])
+        stiffest = max(stiffest, case.table[i, STIFFNESS] / case.l0[i])
         pulling += case.w[i] * case.l0[i]
         for a in range(3):
-            size = max(size, abs(case.A[i, a]))
+            size = max(size, abs(case.table[i, EXIT + a]))
     enough = min(FORCE_TOLERANCE * load, LARGEST_RESIDUAL) + ROUNDING * (stiffest * size + pulling)
     enough = min(enough, ACCEPTABLE * load)
     least_shift = 1e-6 * load / ck.mean(case.l0)
@@ -203,7 +208,7 @@ def _descend(case, here):
                     substitute(L, rhs, correction)
                     for a in range(6):
                         x[a] += correction[a]
-                if rounding or fallen >= 0.05 * decrease:
+                if fallen >= 0.05 * decrease or (rounding and fallen == fallen):  # not where a cable has no path
                     accepted = True
                     break
             shift = max(6 * shift, least_shift)
@@ -221,25 +226,33 @@ def _measure(case, at):
 
     That work depends on the path and is accumulated step by step.
     """
-    A, B, l0, w = case.A, case.B, case.l0, case.w
-    p, R, r, f, k = at.p, at.R, at.r, at.f, at.k
+    p, R, r, f, k, B = at.p, at.R, at.r, at.f, at.k, case.table
     V = case.weight * (p[2] + R[2, 0] * case.com[0] + R[2, 1] * case.com[1] + R[2, 2] * case.com[2])
     for a in range(3):
         V -= case.wrench[a] * p[a]
-    for i in range(len(l0)):
+    for i in range(len(case.l0)):
         for a in range(3):
-            r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
-        dx, dy, dz = p[0] + r[i, 0] - A[i, 0], p[1] + r[i, 1] - A[i, 1], p[2] + r[i, 2] - A[i, 2]
-        flat = dx * dx + dy * dy
-        x, half = np.sqrt(flat), 0.5 * w[i] * l0[i]
-        up, along, skew, upward, across, U, _, tau = elastic_catenary(x, dz, l0[i], case.EA[i], w[i])
-        at.l[i], at.tau[i] = np.sqrt(flat + dz * dz), tau
-        f[i, 0], f[i, 1], f[i, 2] = -across * dx, -across * dy, -up - half
-        c, s = (dx / x, dy / x) if x > 0 else (1.0, 0.0)
-        k[i, 0], k[i, 2] = along * c * c + across * s * s, along * s * s + across * c * c
-        k[i, 1], k[i, 3], k[i, 4], k[i, 5] = (along - across) * c * s, skew * c, skew * s, upward
-        V += U + half * (p[2] + r[i, 2])
+            r[i, a] = R[a, 0] * B[i, ANCHOR] + R[a, 1] * B[i, ANCHOR + 1] + R[a, 2] * B[i, ANCHOR + 2]
+        x, y, z = _apart(case, at, i)
+        (
+            f[i, 0], f[i, 1], f[i, 2], k[i, 0], k[i, 1], k[i, 2], k[i, 3], k[i, 4], k[i, 5], E, _, at.tau[i], at.l[i]
+        ) = any_cable(x, y, z, _cable(case, i))  # fmt: skip
+        V += E
     return V
+
+
+@inline
+def _cable(case, i):
+    return cable_of(case.table[i], case.l0[i], case.w[i], case.wrapped[i])
+
+
+@inline
+def _apart(case, at, i):
+    """From exit to anchor of cable i."""
+    return (
+        at.p[0] + at.r[i, 0] - case.table[i, EXIT], at.p[1] + at.r[i, 1] - case.table[i, EXIT + 1],
+        at.p[2] + at.r[i, 2] - case.table[i, EXIT + 2],
+    )  # fmt: skip
 
 
 @outlined
@@ -272,7 +285,8 @@ def _slope(case, at, g):
     for a in range(6):
         if case.free[a] == 0.0:
             g[a] = 0.0
-        residual = max(residual, abs(g[a]))
+        if not abs(g[a]) <= residual:  # nan stays
+            residual = abs(g[a])
     return residual
 
 

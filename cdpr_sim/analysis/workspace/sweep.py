@@ -175,7 +175,6 @@ def sweep(
     wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
     limits = [checked_limits(robot, tension_limits) for robot in group]
     for robot in group:
-        robot.cabling.refuse_mixture()
         checked_wrenches(robot, wrench)
         if wrenches is not None:
             checked_wrenches(robot, wrenches)

@@ -1,0 +1,503 @@
+"""One cable of any kind: over a wheel or a point, with mass or without, linear or not; compiled.
+
+A cable runs from its exit A over a swivelling wheel of radius r with axis e (r = 0: a point) to its anchor B. The first
+part of its rest length L0, ``wrapped``, is massless; the rest, L = L0 − wrapped, weighs w per length. ``wrapped`` is
+about what lies on the wheel. It does not change with the pose, so that the pull is the slope of an energy. Behind the
+exit lies a length c of the same cable, which stretches too. The law is tau(eps) of ``core.cable_law``.
+
+Let t be the tension vector where weight begins, along the cable, with T = |t| and u = t/T. Complementary energy has t
+as its unknown. With G = wrapped + c, psi(eps) = ∫tau d eps, its conjugate psi*(T) = T (1 + eps) − psi, the angle theta
+between u and e, the unit vector n across e in the wheel's plane (u = sin theta n + cos theta e), and b = e × n,
+
+    Psi(t) = G psi*(T) − c T − r T (theta − sin theta) + ∫ psi*(|t + w s up|) ds over s from 0 to L,
+    B − A = ∂Psi/∂t = r [(1 − cos theta) n + sin theta e] + f u + (span of the free part),
+    ∂²Psi/∂t² = G eps'(T) u uᵀ + f/T (1 − u uᵀ) + r/T tan(theta/2) b bᵀ + (compliance of the free part),
+
+where f = wrapped + G eps − r theta. Psi is convex where the wheel can hold the cable, 0 < theta < pi. The cable's
+stiffness is the inverse of this Hessian, and its energy is t·(B − A) − Psi + w L z_B.
+
+The free part of a linear cable is the catenary of ``catenary``, which takes its span and returns t. A nonlinear law is
+replaced there by the line that touches it at a tension near. Gauss's rule sums what the line misses; it converges
+fast, since a cable that sags much pulls little. So the unknown of the iteration is the span of the free part; Newton's
+method takes three or four steps.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+from cdpr_sim.core import cable_law, cable_path
+from cdpr_sim.core.cable import AXIS, RADIUS, STIFFENING, STIFFNESS, Cabling
+from cdpr_sim.core.compiling import Kernel, inline, outlined
+from cdpr_sim.statics.catenary import Catenary, elastic_catenary, profile
+
+MAX_STEPS = 100
+"""Newton steps: three or four do, seven nearly always."""
+
+FULL_STEPS = 7
+"""After these, a step that does not come nearer is shortened."""
+
+SHORTENED, LEAST_FRACTION = 0.4, 1e-4
+"""By how much, and the shortest part of a step that is tried."""
+
+SOLVED = 1e-15
+"""Where the cable's end misses its anchor by this fraction of its length, nothing is left but rounding."""
+
+NEARLY_SOLVED = 1e-11
+"""Where steps of this fraction do not get shorter any more, rounding keeps them so."""
+
+STRAIN_STEPS = 60
+"""Newton steps to the strain of a given tension; a handful do."""
+
+LENGTH_STEPS, LENGTH_ROUNDING = 50, 1e-14
+"""Newton steps to the rest length of a given tension, and the relative step that ends them."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2
+
+_pulley_path = outlined(cable_path.pulley_path)
+inline(cable_law.stiffened)
+_energy = inline(cable_law.energy)
+_tangent = inline(cable_law.tangent)
+
+
+class AnyCable(NamedTuple):
+    """What is given of one cable: the wheel's axis and radius, lengths [m], the law, and weight per length [N/m]."""
+
+    ex: float
+    ey: float
+    ez: float
+    radius: float
+    wrapped: float
+    behind: float
+    rest_length: float
+    EA: float
+    a2: float
+    a3: float
+    weight: float
+
+
+def any_cables(
+    table: ArrayLike, apart: ArrayLike, rest_lengths: ArrayLike, weights: ArrayLike, wrapped: ArrayLike
+) -> Catenary:
+    """What cables do, of every kind; everything broadcasts.
+
+    Args:
+        table: rows of ``Cabling.packed``, (..., columns).
+        apart: from exits to anchors, base frame, (..., 3) [m].
+        rest_lengths: from exits to anchors, (...) [m].
+        weights: per rest length, (...) [N/m].
+        wrapped: the massless first part of each rest length, (...) [m].
+
+    Returns:
+        Pulls, stiffnesses, energies (with the exit at height 0) and tensions; nan where a cable has no path: in its
+        wheel, or where its weight would lift it off.
+    """
+    with np.errstate(all="ignore"):
+        return Catenary(*any_cable_gufunc()(table, apart, rest_lengths, weights, wrapped))
+
+
+def any_cable_slopes(
+    table: Float[np.ndarray, "*#batch columns"],
+    found: Catenary,
+    rest_lengths: Float[np.ndarray, "*#batch"],
+    weights: Float[np.ndarray, "*#batch"],
+    wrapped: Float[np.ndarray, "*#batch"],
+) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"]]:
+    """Derivatives of the pulls in ``found`` by rest length, axial stiffness and wheel radius, at fixed ends.
+
+    With t_B = t + w L up the tension vector at the anchor, the pull is −t_B, and t changes by −K ∂(∂Psi/∂t)/∂q at fixed
+    t. ``wrapped`` is held fixed. Other arguments as of ``any_cables``.
+    """
+    EA, law, r, e = (
+        table[..., STIFFNESS],
+        (table[..., STIFFENING], table[..., STIFFENING + 1]),
+        table[..., RADIUS],
+        AXIS,
+    )
+    axis, L = table[..., e : e + 3], rest_lengths - wrapped
+    up = np.array([0.0, 0.0, 1.0])
+    t = -found.pull - (weights * L)[..., None] * up
+
+    def along(v):
+        """(unit vector, strain, slope of strain) under the tension vector v."""
+        T = np.linalg.norm(v, axis=-1)
+        strain = 1 / cable_law.rest_length_for(1.0, T, EA, *law) - 1
+        slope, _ = cable_law.tangent(strain, 1.0, EA, *law)
+        return v / np.where(T > 0, T, 1.0)[..., None], strain, T / (EA * slope)
+
+    u, _, by_stiffness = along(t)
+    at_anchor, strain, _ = along(-found.pull)
+    length = (1 + strain)[..., None] * at_anchor
+    stiffness = -(wrapped * by_stiffness)[..., None] * u
+    for node, part in zip(_NODES, _WEIGHTS, strict=True):
+        v, _, by_stiffness = along(t + (node * weights * L)[..., None] * up)
+        stiffness = stiffness - (part * L * by_stiffness)[..., None] * v
+    cosine = (u * axis).sum(-1)[..., None]
+    n = u - cosine * axis
+    sine = np.linalg.norm(n, axis=-1, keepdims=True)
+    radius = (1 - cosine) * n / np.where(sine > 0, sine, 1.0) + sine * axis - np.arctan2(sine, cosine) * u
+    turned = np.einsum(
+        "...ab,...qb->...qa", found.stiffness, np.stack([length, stiffness, radius * (r > 0)[..., None]], -2)
+    )
+    return turned[..., 0, :] - weights[..., None] * up, turned[..., 1, :], turned[..., 2, :]
+
+
+def rest_lengths_under(
+    cabling: Cabling,
+    apart: Float[np.ndarray, "cables 3"],
+    tensions: Float[np.ndarray, " cables"],
+    weights: Float[np.ndarray, " cables"],
+    wrapped: Float[np.ndarray, " cables"],
+) -> Float[np.ndarray, " cables"]:
+    """Rest lengths with which cables have these tensions at their anchors [m]; nan below what their weight alone gives.
+
+    Tension falls as the rest length grows, and is convex: Newton's method from the massless length, which is too short.
+    Where a cable sags so much that tension rises with more length, there is no smaller one.
+
+    Args:
+        cabling: the cables.
+        apart: from exits to anchors, base frame, (cables, 3) [m].
+        tensions: (cables,) [N].
+        weights: per rest length, (cables,) [N/m].
+        wrapped: the massless first part of each rest length, (cables,) [m].
+    """
+    rest = cable_law.rest_length_for(cable_path.paths(cabling, -apart)[0], tensions, *cabling.law)
+    done = np.zeros(len(rest), bool)
+    for _ in range(LENGTH_STEPS):
+        found = any_cables(cabling.packed, apart, rest, weights, wrapped)
+        by_length, _, _ = any_cable_slopes(cabling.packed, found, rest, weights, wrapped)
+        beyond = found.anchor_tension - tensions
+        with np.errstate(all="ignore"):
+            slope = (found.pull * by_length).sum(-1) / found.anchor_tension
+            step = np.where((beyond == 0) | (tensions == 0), 0.0, beyond / slope)
+            rest = np.where(slope < 0, rest - step, np.nan)
+            done = np.abs(step) <= LENGTH_ROUNDING * rest
+        if (done | np.isnan(rest)).all():
+            break
+    return np.where(done, rest, np.nan)
+
+
+def profiles(
+    cabling: Cabling,
+    exits: ArrayLike,
+    anchors: ArrayLike,
+    rest_lengths: ArrayLike,
+    axial_stiffness: Float[np.ndarray, "*#batch cables"],
+    weights: Float[np.ndarray, "*#batch cables"],
+    wrapped: ArrayLike,
+    points: int,
+) -> Float[np.ndarray, "*batch cables points 3"]:
+    """Where cables hang: points from exit to anchor, or from where a cable with mass leaves its wheel, to draw [m].
+
+    Arguments as of ``any_cables``. A massless cable has the shape to which its weight's last trace would bring it,
+    without its pulley. A nonlinear one is taken as linear there, as stiff as at its mean tension.
+    """
+    exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
+    if not (np.any(weights) and cabling.bent):
+        return profile(exits, anchors, rest, axial_stiffness, weights, points)
+    found = any_cables(cabling.packed_with(axial_stiffness), anchors - exits, rest, weights, wrapped)
+    with np.errstate(all="ignore"):
+        t = -found.pull
+        t[..., 2] -= weights * (rest - wrapped)
+        T, e, r = found.exit_tension, cabling.pulley_axis, cabling.pulley_radius
+        u = t / T[..., None]
+        cosine = (u * e).sum(-1)[..., None]
+        n = u - cosine * e
+        sine = np.linalg.norm(n, axis=-1, keepdims=True)
+        law = axial_stiffness, *cabling.stiffening.T
+        on_wheel = r * np.arctan2(sine, cosine)[..., 0] * cable_law.rest_length_for(1.0, T, *law)
+        mean = np.fmax(0.5 * (T + found.anchor_tension), np.finfo(float).tiny * 1e10)
+        secant = mean / (1 / cable_law.rest_length_for(1.0, mean, *law) - 1)
+        over = cabling.pulleys & (weights > 0)
+        starts = np.where(over[..., None], exits + r[:, None] * ((1 - cosine) * n / sine + sine * e), exits)
+    rest = np.where(over, rest - on_wheel, rest)
+    stiffness = np.where(cabling.stiffening.any(-1) & np.isfinite(secant) & (secant > 0), secant, axial_stiffness)
+    return profile(starts, anchors, rest, stiffness, weights, points)
+
+
+def _one(table, apart, rest_length, weight, wrapped, pull, stiffness, energy, exit_tension, anchor_tension):
+    """One element of the gufunc."""
+    cable = cable_of(table, rest_length, weight, wrapped)
+    (
+        pull[0], pull[1], pull[2], xx, xy, yy, xz, yz, zz, energy[0], exit_tension[0], anchor_tension[0], _
+    ) = any_cable(apart[0], apart[1], apart[2], cable)  # fmt: skip
+    stiffness[0, 0], stiffness[1, 1], stiffness[2, 2] = xx, yy, zz
+    stiffness[0, 1] = stiffness[1, 0] = xy
+    stiffness[0, 2] = stiffness[2, 0] = xz
+    stiffness[1, 2] = stiffness[2, 1] = yz
+
+
+_ANY = Kernel("cables of any kind", _one, "(k),(c),(),(),()->(c),(c,c),(),(),()")
+
+
+def any_cable_gufunc() -> Kernel:
+    """A cable as a NumPy generalised ufunc: arguments of ``any_cables``, results of ``Catenary``."""
+    return _ANY
+
+
+@inline
+def cable_of(row, rest_length, weight, wrapped):
+    """The cable of a row of ``Cabling.packed``."""
+    return AnyCable(
+        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], wrapped, 0.0, rest_length, row[STIFFNESS],
+        row[STIFFENING], row[STIFFENING + 1], weight,
+    )  # fmt: skip
+
+
+@inline
+def clear_of_wheel(x, y, z, cable):
+    """Whether a cable to there stays on its wheel, up to where its weight would lift it."""
+    return _pulley_path(-x, -y, -z, cable.ex, cable.ey, cable.ez, cable.radius)[10] >= 0
+
+
+@outlined
+def any_cable(x, y, z, cable):
+    """A cable whose anchor lies at (x, y, z) from its exit.
+
+    (pull on the anchor x, y, z; stiffness −∂pull/∂anchor xx, xy, yy, xz, yz, zz; energy, with the exit at height 0;
+    tension at the exit, at the anchor; length of the massless path). All is nan where the cable has no path.
+    """
+    straight = cable.radius == 0.0 and cable.behind == 0.0 and cable.wrapped == 0.0
+    if straight and cable.a2 == 0.0 and cable.a3 == 0.0:
+        half = 0.5 * cable.weight * cable.rest_length
+        t, C, U, exit_tension, anchor_tension = _hanging(x, y, z, cable.rest_length, cable.EA, cable.weight)
+        return (
+            -t[0], -t[1], -(t[2] + 2 * half), C[0], C[1], C[2], C[3], C[4], C[5], U + half * z, exit_tension,
+            anchor_tension, np.sqrt(x * x + y * y + z * z),
+        )  # fmt: skip
+    if cable.weight == 0.0:
+        return _massless(x, y, z, cable)
+    return _with_mass(x, y, z, cable)
+
+
+@inline
+def _wheel_path(x, y, z, cable):
+    """(length, straight piece from wheel to anchor x, y, z, its length, across x, y, z, bend, wrap)."""
+    if cable.radius == 0.0:
+        length = np.sqrt(x * x + y * y + z * z)
+        return length, x, y, z, length, 0.0, 0.0, 0.0, 0.0, 0.0
+    length, fx, fy, fz, free, bx, by, bz, bend, wrap, _ = _pulley_path(
+        -x, -y, -z, cable.ex, cable.ey, cable.ez, cable.radius
+    )
+    return length, -fx, -fy, -fz, free, bx, by, bz, bend, wrap
+
+
+@outlined
+def _massless(x, y, z, cable):
+    """A spring along the path, whose stretch the part behind the exit shares."""
+    length, fx, fy, fz, free, bx, by, bz, bend, _ = _wheel_path(x, y, z, cable)
+    if not length > cable.rest_length:
+        none = 0.0 if length <= cable.rest_length else np.nan
+        return none, none, none, none, none, none, none, none, none, none, none, none, length
+    stretch, whole = length - cable.rest_length, cable.rest_length + cable.behind
+    k, e = _tangent(stretch, whole, cable.EA, cable.a2, cable.a3)
+    T, u = k * e, (fx / free, fy / free, fz / free)
+    K = _rank_one(_around(T / free, k - T / free, u), T * bend, (bx, by, bz))
+    energy = _energy(stretch, whole, cable.EA, cable.a2, cable.a3)
+    return -T * u[0], -T * u[1], -T * u[2], K[0], K[1], K[2], K[3], K[4], K[5], energy, T, T, length
+
+
+@outlined
+def _with_mass(x, y, z, cable):
+    """Newton's method on the span of the free part; what it misses is B − A."""
+    radius, rest, EA, a2, a3 = cable.radius, cable.rest_length, cable.EA, cable.a2, cable.a3
+    L = rest - cable.wrapped
+    G, weight = cable.wrapped + cable.behind, cable.weight * L
+    length, fx, fy, fz, free, _, _, _, _, wrap = _wheel_path(x, y, z, cable)
+    eps = max((length - rest) / (rest + cable.behind), 0.0)
+    # The line that touches the law where the cable would be without mass: tau = (eps - (mu - 1)) EAb/mu.
+    mu, EAb, nonlinear = 1.0, EA, a2 != 0.0 or a3 != 0.0
+    if nonlinear:
+        k, e = _tangent(eps, 1.0, EA, a2, a3)
+        mu = 1 + eps - e
+        EAb = mu * k
+    size = np.sqrt(x * x + y * y + z * z) + rest
+    if length <= rest:
+        fx, fy, fz = x, y, z
+    else:
+        part = 1 - (cable.wrapped + G * eps - radius * wrap) / free
+        fx, fy, fz = fx * part, fy * part, fz * part
+    if not (L > 0 and length >= 0):
+        fx = np.nan
+    M = np.empty((3, 6))
+    ox, oy, oz, sx, sy, sz = fx, fy, fz, 0.0, 0.0, 0.0
+    last, before, fraction, solved = np.inf, np.inf, 1.0, False
+    t, C, H, U = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0
+    D, Psi = (0.0, 0.0, 0.0), 0.0
+    for step in range(MAX_STEPS):
+        t, C, U, _, _ = _hanging(fx, fy, fz, mu * L, EAb, cable.weight / mu)
+        D, H, Psi = _guided(t, cable, G)
+        if nonlinear:
+            D, H, Psi = _add_missed(t, cable, L, mu, EAb, D, H, Psi)
+        rx, ry, rz = fx + D[0] - x, fy + D[1] - y, fz + D[2] - z
+        missed = abs(rx) + abs(ry) + abs(rz)
+        if not missed < np.inf and step == 0:
+            break
+        if step >= FULL_STEPS and not missed < before and fraction > LEAST_FRACTION and missed > NEARLY_SOLVED * size:
+            fraction *= SHORTENED
+            fx, fy, fz = ox - fraction * sx, oy - fraction * sy, oz - fraction * sz
+            continue
+        fraction, before = 1.0, missed
+        _one_plus_product(H, C, M)
+        M[0, 3], M[1, 3], M[2, 3] = rx, ry, rz
+        _eliminate(M, 4)
+        ox, oy, oz, sx, sy, sz = fx, fy, fz, M[0, 3], M[1, 3], M[2, 3]
+        fx, fy, fz = fx - sx, fy - sy, fz - sz
+        moved = abs(sx) + abs(sy) + abs(sz)
+        if missed <= SOLVED * size or (moved >= 0.5 * last and moved < NEARLY_SOLVED * size):
+            solved = True
+            break
+        last = moved
+    if not solved:
+        n = np.nan
+        return n, n, n, n, n, n, n, n, n, n, n, n, length
+    cx, cy, cz = _times(C, sx, sy, sz)  # the last step's own effect
+    t = (t[0] - cx, t[1] - cy, t[2] - cz)
+    _one_plus_product(C, H, M)
+    M[0, 3], M[1, 3], M[2, 3] = C[0], C[1], C[3]
+    M[0, 4], M[1, 4], M[2, 4] = C[1], C[2], C[4]
+    M[0, 5], M[1, 5], M[2, 5] = C[3], C[4], C[5]
+    _eliminate(M, 6)
+    # t·(B − A) − Psi; of the free part, t·span − Psi = U − w L/2 (its rise)
+    energy = t[0] * D[0] + t[1] * D[1] + t[2] * D[2] - Psi + U - 0.5 * weight * (z - D[2]) + weight * z
+    return (
+        -t[0], -t[1], -(t[2] + weight), M[0, 3], 0.5 * (M[0, 4] + M[1, 3]), M[1, 4], 0.5 * (M[0, 5] + M[2, 3]),
+        0.5 * (M[1, 5] + M[2, 4]), M[2, 5], energy, np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]),
+        np.sqrt(t[0] * t[0] + t[1] * t[1] + (t[2] + weight) * (t[2] + weight)), length,
+    )  # fmt: skip
+
+
+@inline
+def _hanging(x, y, z, L0, EA, w):
+    """Of a linear cable between points: (tension vector where it begins, stiffness, U, tensions at its ends)."""
+    flat = np.sqrt(x * x + y * y)
+    V, along, skew, upward, across, U, T0, T1 = elastic_catenary(flat, z, L0, EA, w)
+    c, s = (x / flat, y / flat) if flat > 0 else (1.0, 0.0)
+    C = (
+        along * c * c + across * s * s, (along - across) * c * s, along * s * s + across * c * c, skew * c, skew * s,
+        upward,
+    )  # fmt: skip
+    return (across * x, across * y, V - 0.5 * w * L0), C, U, T0, T1
+
+
+@outlined
+def _guided(t, cable, G):
+    """Of wheel, massless part and part behind: (∂Psi/∂t, ∂²Psi/∂t², Psi) at the tension vector t."""
+    T = np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
+    u = (t[0] / T, t[1] / T, t[2] / T)
+    eps, slope, energy = _strain(T, cable.EA, cable.a2, cable.a3)
+    f = cable.wrapped + G * eps
+    Psi = G * (T * (1 + eps) - energy) - cable.behind * T
+    if cable.radius == 0.0:
+        return (f * u[0], f * u[1], f * u[2]), _around(f / T, G * slope - f / T, u), Psi
+    ex, ey, ez, r = cable.ex, cable.ey, cable.ez, cable.radius
+    cosine = u[0] * ex + u[1] * ey + u[2] * ez
+    nx, ny, nz = u[0] - cosine * ex, u[1] - cosine * ey, u[2] - cosine * ez
+    sine = np.sqrt(nx * nx + ny * ny + nz * nz)
+    nx, ny, nz = nx / sine, ny / sine, nz / sine
+    theta = np.arctan2(sine, cosine)
+    f -= r * theta
+    p, q = r * (1 - cosine), r * sine
+    D = (p * nx + q * ex + f * u[0], p * ny + q * ey + f * u[1], p * nz + q * ez + f * u[2])
+    H = _around(f / T, G * slope - f / T, u)
+    H = _rank_one(H, p / (sine * T), (ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx))
+    return D, H, Psi - r * T * (theta - sine)
+
+
+@outlined
+def _add_missed(t, cable, L, mu, EAb, D, H, Psi):
+    """Add what the free part of a nonlinear cable stretches more than its line, by Gauss's rule."""
+    for j in range(len(_NODES)):
+        m, v = L * _WEIGHTS[j], t[2] + cable.weight * L * _NODES[j]
+        T = np.sqrt(t[0] * t[0] + t[1] * t[1] + v * v)
+        u = (t[0] / T, t[1] / T, v / T)
+        eps, slope, energy = _strain(T, cable.EA, cable.a2, cable.a3)
+        more = m * (1 + eps - mu - T * mu / EAb)
+        D = (D[0] + more * u[0], D[1] + more * u[1], D[2] + more * u[2])
+        A = _around(more / T, m * (slope - mu / EAb) - more / T, u)
+        H = (H[0] + A[0], H[1] + A[1], H[2] + A[2], H[3] + A[3], H[4] + A[4], H[5] + A[5])
+        Psi += m * (T * (1 + eps) - energy - mu * T - 0.5 * mu * T * T / EAb)
+    return D, H, Psi
+
+
+@inline
+def _strain(T, EA, a2, a3):
+    """(eps, d eps/dT, energy per rest length) under the tension T >= 0: the law, inverted."""
+    eps, low, high = T / EA, 0.0, np.inf
+    if a2 == 0.0 and a3 == 0.0:
+        return eps, 1 / EA, 0.5 * T * eps
+    if a2 >= 0.0 and a3 >= 0.0:
+        eps = min(eps, cable_law.M)  # from above, where a law that stiffens is convex
+    slope, _ = _tangent(eps, 1.0, EA, a2, a3)
+    for _ in range(STRAIN_STEPS):
+        slope, e = _tangent(eps, 1.0, EA, a2, a3)
+        step = e - T / slope
+        if abs(step) <= 4e-16 * eps:
+            break
+        if step > 0:
+            high = eps
+        else:
+            low = eps
+        eps -= step
+        if not low < eps < high:
+            eps = 2 * low + T / EA if high == np.inf else 0.5 * (low + high)
+    return eps, 1 / slope, _energy(eps, 1.0, EA, a2, a3)
+
+
+# Symmetric matrices as (xx, xy, yy, xz, yz, zz).
+
+
+@inline
+def _around(every, more, u):
+    """every 1 + more u uᵀ."""
+    x, y, z = more * u[0], more * u[1], more * u[2]
+    return every + x * u[0], x * u[1], every + y * u[1], x * u[2], y * u[2], every + z * u[2]
+
+
+@inline
+def _rank_one(S, size, b):
+    """S + size b bᵀ."""
+    x, y, z = size * b[0], size * b[1], size * b[2]
+    return (
+        S[0] + x * b[0], S[1] + x * b[1], S[2] + y * b[1], S[3] + x * b[2], S[4] + y * b[2], S[5] + z * b[2]
+    )  # fmt: skip
+
+
+@inline
+def _times(S, x, y, z):
+    return S[0] * x + S[1] * y + S[3] * z, S[1] * x + S[2] * y + S[4] * z, S[3] * x + S[4] * y + S[5] * z
+
+
+@inline
+def _one_plus_product(P, Q, M):
+    """1 + P Q into the first columns of M."""
+    columns = (_times(P, Q[0], Q[1], Q[3]), _times(P, Q[1], Q[2], Q[4]), _times(P, Q[3], Q[4], Q[5]))
+    for a in range(3):
+        M[a, 0], M[a, 1], M[a, 2] = columns[0][a], columns[1][a], columns[2][a]
+        M[a, a] += 1.0
+
+
+@outlined
+def _eliminate(M, columns):
+    """Solve for the right sides that stand in M beside its first three columns, in place, with pivots."""
+    for i in range(3):
+        p = i
+        for j in range(i + 1, 3):
+            if abs(M[j, i]) > abs(M[p, i]):
+                p = j
+        for k in range(i, columns):
+            M[i, k], M[p, k] = M[p, k], M[i, k]
+        for j in range(i + 1, 3):
+            factor = M[j, i] / M[i, i]
+            for k in range(i + 1, columns):
+                M[j, k] -= factor * M[i, k]
+    for i in range(2, -1, -1):
+        for k in range(3, columns):
+            for j in range(i + 1, 3):
+                M[i, k] -= M[i, j] * M[j, k]
+            M[i, k] /= M[i, i]
