@@ -51,7 +51,9 @@ def test_check_lists_every_disagreement_and_exits_1(monkeypatch):
     assert result.exit_code == 1
     text = " ".join(result.stdout.split())
     assert "2 of 2 poses do not agree" in text
-    assert "cogiro, vectran-0.7mm at (0.1, 0.25, 0.225) m: disagree: MuJoCo at the static pose finds" in text
+    assert (
+        "cogiro, vectran-0.7mm at (0.1, 0.25, 0.225) m: disagree: MuJoCo at the static pose has a residual of" in text
+    )
 
 
 def test_sweep_keeps_its_result(tmp_path):

@@ -246,7 +246,7 @@ def test_names_of_meeting_points_stand_beside_them():
     renderer = drawn(figure)
     for ax in figure.axes:
         point = next(a for a in ax.lines if a.get_gid() == "meeting point").get_xydata()[0]
-        name = next(text for text in ax.texts if text.get_text() in ("H", "V", "they meet"))
+        name = next(text for text in ax.texts if text.get_text() in ("H", "V", "intersection"))
         box = name.get_window_extent(renderer).transformed(ax.transData.inverted())
         apart = np.maximum([box.x0 - point[0], box.y0 - point[1]], [point[0] - box.x1, point[1] - box.y1]).max()
         assert apart < 0.05
@@ -289,7 +289,7 @@ def test_commanded_pose_shows_where_the_platform_hangs_just_there(widths):
 def test_captions_say_what_the_titles_numbers_are_of(widths):
     """The tilt of cogiro is another along this line than over its whole workspace."""
     caption = " ".join(lines_figures.spatial(widths["cogiro"]).get_supxlabel().split())
-    assert "numbers are of what is drawn here: x = 0.1 to 0.7 m, z = 0.1 and 0.28 m, y = 0.25 m" in caption
+    assert "numbers refer to what is drawn here: x = 0.1 to 0.7 m, z = 0.1 and 0.28 m, y = 0.25 m" in caption
 
 
 def test_outline_of_the_feasible_workspace_passes_between_its_grids_columns():

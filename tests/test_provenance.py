@@ -233,7 +233,7 @@ def test_compare_asks_each_method_about_the_other(monkeypatch):
     assert len(asked) == 1
     np.testing.assert_array_equal(asked[0].position, static.position)
     assert agreement.settled_in_statics < 1e-6
-    assert any("MuJoCo at the static pose finds 1.2e+02 N" in reason for reason in agreement.reasons)
+    assert any("MuJoCo at the static pose has a residual of 1.2e+02 N" in reason for reason in agreement.reasons)
 
 
 def test_sweep_and_map_show_what_the_solver_says(monkeypatch):

@@ -286,10 +286,7 @@ def test_heavy_cables_are_not_drawn_without_their_shape(real):
 
 
 REFUSALS = {
-    "compensate": lambda robot: cdpr.compensate(robot, POSE),
-    "sensitivity": lambda robot: cdpr.sensitivity(robot, POSE),
     "feasible": lambda robot: cdpr.feasible(robot, POSE),
-    "natural_modes": lambda robot: cdpr.natural_modes(cdpr.solve(robot, POSE)),
     "frequency": lambda robot: cdpr.sweep(robot, (1, 1, 1), quantities=["frequency"]),
     "driving": lambda robot: cdpr.drive(robot, [POSE]),
     "releasing": lambda robot: cdpr.release(cdpr.solve(robot, POSE)),

@@ -51,7 +51,7 @@ def test_settling_ends_at_its_bounds_in_a_sentence(beside_a_folded_chain, monkey
     monkeypatch.setattr(chain_relaxation, "MOST_STEPS", 30)
     monkeypatch.setattr(chain_relaxation, "MOST_APPROACHES", 0)
     with pytest.raises(
-        cdpr.NotSettled, match=r"did not come to rest .* time steps that it is given \(30 time steps"
+        cdpr.NotSettled, match=r"no equilibrium was reached within the allowed iterations or time steps \(30 time steps"
     ) as stopped:
         cdpr.settle(beside_a_folded_chain)
     assert stopped.value.equilibrium is not None

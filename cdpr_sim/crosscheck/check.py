@@ -137,11 +137,11 @@ def check(
         MissingExtra: a library of the extra ``sweep``, or of ``proof`` if ``certify``, is not installed.
     """
     extras.require("sweep", "check")
+    refuse_unless(FLAG, certify=certify, progress=progress)
     if certify:
         extras.require("proof", "check with certify")
     import xarray as xr
 
-    refuse_unless(FLAG, certify=certify, progress=progress)
     whole("threads", threads, 0, MOST_THREADS)
     group = as_robots(robots)
     for robot in group:

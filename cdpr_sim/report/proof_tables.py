@@ -22,7 +22,7 @@ MOST_DIGITS = 15
 def certificate_table(proofs: Sequence[Certificate]) -> Table:
     """A column per method: the proved equilibrium, and the largest error of the computed one."""
     robot = proofs[0].equilibrium.problem.robot
-    title = f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg: proved"
+    title = f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg: certificates"
     table = new_table(title, "", methods=True)
     for one in proofs:
         style = "" if one.proved else "dim"
