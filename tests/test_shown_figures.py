@@ -596,7 +596,7 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     )
     assert ax.get_title() == "The crane on steel ropes, with a sag of 3 to 10 mm"
     (inset,) = ax.child_axes
-    assert inset.get_title() == "sag below the straight line [mm], from exit to anchor"
+    assert inset.get_title() == "sag [mm], from exit to anchor"
     for line, sag in zip(inset.lines, sags, strict=True):
         np.testing.assert_allclose(line.get_ydata(), [0, -1e3 * sag, 0], atol=1e-12)
     slack = [same_color(line.get_color(), legend(ax)["slack rope"].get_color()) for line in inset.lines]

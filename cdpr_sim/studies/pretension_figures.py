@@ -64,7 +64,7 @@ def _robot(ax: Axes3D, study: Pretension) -> None:
     above = drawing.seen(ax, np.array([x, y, z + 1.1]))
     ax.text2D(*above, f"{FORCE:g} N", transform=ax.transData, fontsize=8.5, ha="center")
     slack = int(study.drawn.slack[0].sum())
-    ax.set_title(f"{DRAWN:g} N is too little: {slack} cables slack under a downward force", loc="left")
+    ax.set_title(f"{DRAWN:g} N: {slack} cables slack under a force", loc="left")
     handles = [handle for handle in drawing.pose_legend(slack=True) if "cable" in str(handle.get_label())]
     ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, -0.08), ncols=2)
 

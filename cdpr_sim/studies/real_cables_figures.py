@@ -128,7 +128,7 @@ def _ropes_with_mass(ax: Axes, example: CableExample) -> None:
     for sag, slack in zip(sags, equilibria.slack[0], strict=True):
         looks = {"color": style.SLACK_CABLE, "ls": style.SLACK_DASH} if slack else {"color": style.INK}
         near.plot(along, -sag, lw=1.0, **looks)
-    near.set_title("sag below the straight line [mm], from exit to anchor", fontsize=8, loc="center")
+    near.set_title("sag [mm], from exit to anchor", fontsize=8, loc="center")
     near.tick_params(labelsize=7.5)
     near.set_xticks([])
     if equilibria.slack.any():
