@@ -1,6 +1,6 @@
 """Compare controllers: both layouts, both cables, the paper's line and a circle, slow and fast, with a wrong model.
 
-Run: python scripts/compare_controllers.py. It takes more than ten minutes on one core, a part of it for compensation at
+Run: python scripts/compare_controllers.py. It takes several minutes on one core, a part of it for compensation at
 poses that cannot be held. It prints a table, draws pictures/controllers.png, and renders the best controller along the
 line beside the worst that stays in the picture: pictures/controllers.gif.
 """
