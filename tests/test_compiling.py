@@ -142,7 +142,9 @@ kernel, many = compiling.Kernel("double", doubled, "()->()"), np.arange(100.0)
 
 def start(folder: Path, text: str, name: str = "script.py") -> subprocess.Popen:
     """A script that is run by itself, with the machine code of this folder alone."""
-    (folder / name).write_text(text)
+    script = folder / name
+    if not script.exists() or script.read_text() != text:  # Numba 0.61 compiles anew what has another time
+        script.write_text(text)
     environment = os.environ | {"PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(folder / "cache")}
     pipes = dict(stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     return subprocess.Popen([sys.executable, name], cwd=folder, env=environment, **pipes)  # type: ignore[call-overload]

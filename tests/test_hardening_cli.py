@@ -110,8 +110,8 @@ def test_a_full_disk_is_not_a_wrong_place(tmp_path):
 
 @pytest.mark.parametrize("name", ["v.mp4", "v.gif"])
 def test_a_disk_that_a_video_fills_is_one_sentence_and_status_3(tmp_path, name):
-    """A disk of 40 kB, mounted for this process alone; the encoder's own words are not repeated."""
-    mounted = f"mount -t tmpfs -o size=40k tmpfs '{tmp_path}'"
+    """A disk of 12 kB, mounted for this process alone; the encoder's own words are not repeated."""
+    mounted = f"mount -t tmpfs -o size=12k tmpfs '{tmp_path}'"
     if subprocess.run(["unshare", "-rm", "sh", "-c", mounted], capture_output=True).returncode:
         pytest.skip("this machine lets nobody mount a disk")
     video = f"video cogiro --drive-seconds 1 --seconds 0.5 --renderer raycast -o '{tmp_path / name}'"
@@ -119,7 +119,7 @@ def test_a_disk_that_a_video_fills_is_one_sentence_and_status_3(tmp_path, name):
     words = ["unshare", "-rm", "sh", "-c", script]
     result = subprocess.run(words, env=ENVIRONMENT, capture_output=True, text=True, timeout=600)
     assert (result.returncode, result.stdout) == (terminal.OUTSIDE, ""), result.stderr
-    said = [line for line in result.stderr.splitlines() if "compiles its ray caster" not in line]
+    said = [line for line in result.stderr.splitlines() if line and "compiles its" not in line]
     assert said == [f"cdpr-sim: {tmp_path / name}: cannot be written: No space left on device"]
 
 
