@@ -34,6 +34,7 @@ def settle(
 
     Exit status: 0 if they agree, 1 if they do not, 2 for invalid input or if no equilibrium is found.
     """
+    from cdpr_sim.proof.complete import quickly_complete
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck_tables as report
     from cdpr_sim.report import proof_tables
@@ -48,7 +49,7 @@ def settle(
         agreement = cdpr.compare(newton, settled)
         outcomes = [settled, newton, *seecr]
         proved = [cdpr.certify(one) for one in outcomes if certify and isinstance(one, cdpr.Equilibrium)]
-        complete = cdpr.certify_all(problem) if certify and proof_tables.quickly_complete(problem) else None
+        complete = cdpr.certify_all(problem) if certify and quickly_complete(problem) else None
     if as_json:
         answer = json_of.crosscheck(problem, outcomes, agreement, proved)
         print_json(answer if complete is None else answer | json_of.complete(complete))

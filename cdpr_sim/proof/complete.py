@@ -166,6 +166,12 @@ class CompleteEquilibria(HtmlRepr):
         )
 
 
+def quickly_complete(problem: Problem) -> bool:
+    """Whether the proof of completeness takes milliseconds: a planar robot with massless cables and no pulleys."""
+    robot = problem.robot
+    return robot.mobility == "planar" and robot.cabling.massless and not robot.cabling.pulleys.any()
+
+
 def certify_all(
     robot: Robot | Problem,
     rest_lengths: ArrayLike | None = None,

@@ -9,7 +9,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from cdpr_sim.core.describe import describe_cables
-from cdpr_sim.core.problem import Problem
 from cdpr_sim.proof.certificate import Certificate
 from cdpr_sim.proof.complete import CompleteEquilibria
 from cdpr_sim.report.crosscheck_tables import SLACK, heading
@@ -63,12 +62,6 @@ def proof_cell(proof: Certificate | None) -> str:
     if proof is None:
         return ""
     return f"error < {1e3 * proof.position_error:.0e} mm" if proof.proved else "[red]not proved[/]"
-
-
-def quickly_complete(problem: Problem) -> bool:
-    """Whether the proof of completeness takes milliseconds: a planar robot with massless cables and no pulleys."""
-    robot = problem.robot
-    return robot.mobility == "planar" and robot.cabling.massless and not robot.cabling.pulleys.any()
 
 
 def complete_note(proved: CompleteEquilibria) -> str:
