@@ -110,8 +110,8 @@ def test_a_full_disk_is_not_a_wrong_place(tmp_path):
 
 @pytest.mark.parametrize("name", ["v.mp4", "v.gif"])
 def test_a_disk_that_a_video_fills_is_one_sentence_and_status_3(tmp_path, name):
-    """A disk of 12 kB, mounted for this process alone; the encoder's own words are not repeated."""
-    mounted = f"mount -t tmpfs -o size=12k tmpfs '{tmp_path}'"
+    """A disk of one page, mounted for this process alone; the encoder's own words are not repeated."""
+    mounted = f"mount -t tmpfs -o size=4k tmpfs '{tmp_path}'"
     if subprocess.run(["unshare", "-rm", "sh", "-c", mounted], capture_output=True).returncode:
         pytest.skip("this machine lets nobody mount a disk")
     video = f"video cogiro --drive-seconds 1 --seconds 0.5 --renderer raycast -o '{tmp_path / name}'"
