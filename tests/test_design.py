@@ -18,7 +18,7 @@ from cdpr_sim.design.symmetry import group
 from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.studies.better_layouts import driven
 from cdpr_sim.studies.real_cables import crane
-from tests.sample_problems import symmetric_pair
+from tests.sample_problems import grid, symmetric_pair
 
 LINE = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 6)]
 """Along the paper's line [m]."""
@@ -52,8 +52,9 @@ def test_a_batch_of_layouts_rests_where_each_robot_does(kind: str, parallel):
         assert alone.converged.all()
         assert found.positions[row] == pytest.approx(alone.positions, abs=1e-9)
         assert found.tensions[row] == pytest.approx(alone.tensions, abs=1e-6)
-        if kind != "heavy":
-            assert found.eigenvalues[row] == pytest.approx(alone.eigenvalues, rel=1e-5, abs=1e-3)
+        assert found.eigenvalues[row] == pytest.approx(alone.eigenvalues, rel=1e-5, abs=1e-3)
+        frequencies = [cdpr.natural_modes(alone[case]).frequencies[0] for case in range(12)]
+        assert found.frequencies[row] == pytest.approx(frequencies, rel=1e-5, abs=1e-3)
     one = found[1, 7]
     assert one.residual == found.residuals[1, 7]
     assert np.array_equal(one.problem.robot.exits, found.layouts.exits[1])
@@ -160,17 +161,34 @@ def test_slopes_are_those_of_differences(bent: bool):
     assert np.abs(unaware.pose - by.pose).max() > 0.1 * np.abs(by.pose).max()
 
 
-def test_sensitivity_to_errors_is_that_of_single_equilibria(parallel):
-    """The objective against ``sensitivity``, coordinate by coordinate."""
-    cases = Cases.of(parallel, LINE[:2])
+@pytest.mark.parametrize("density", [0.0, 0.01])
+def test_sensitivity_to_errors_is_that_of_single_equilibria(parallel, density):
+    """The objective against ``sensitivity``, coordinate by coordinate, for cables with and without mass."""
+    robot = parallel.replace(linear_density=density)
+    cases = Cases.of(robot, LINE[:2])
     found = OBJECTIVES["worst sensitivity"].score(
-        solve_layouts(RobotBatch.of([parallel]), cases, 1), (np.zeros(8), np.ones(8))
+        solve_layouts(RobotBatch.of([robot]), cases, 1), (np.zeros(8), np.ones(8))
     )
     squares = []
     for pose in LINE[:2]:
-        by = cdpr.sensitivity(parallel, pose).pose
-        squares.append(sum(((by[name].T * parallel.units) ** 2).sum() for name in ("exits", "anchors")))
+        by = cdpr.sensitivity(robot, pose).pose
+        squares.append(sum(((by[name].T * robot.units) ** 2).sum() for name in ("exits", "anchors")))
     assert found[0] == pytest.approx(np.sqrt(max(squares)), rel=1e-6)
+
+
+def test_feasible_volume_counts_the_feasible_poses(parallel):
+    """As ``feasible`` says, for cables with and without mass and for each layout; the weight changes the count."""
+    volumes = []
+    for density in (0.0, 0.01):
+        robot = parallel.replace(linear_density=density)
+        robots = [robot, robot.replace(exits=robot.exits * [0.8, 1.0, 1.0])]
+        equilibria = solve_layouts(RobotBatch.of(robots), Cases.of(robot, grid(robot, 400)), 1)
+        volumes.append(OBJECTIVES["feasible volume"].score(equilibria, (np.full(8, 0.1), np.full(8, 2.5))))
+        asked = {"tension_limits": (0.1, 2.5)}
+        shares = [cdpr.feasible(one, grid(robot, 400), **asked).mean() for one in robots]
+        assert volumes[-1] == pytest.approx(shares)
+        assert 0 < min(shares) < max(shares) < 1
+    assert not np.isclose(*volumes).all()
 
 
 def test_a_level_layout_is_found_and_mujoco_agrees(better, parallel):
@@ -451,9 +469,6 @@ def test_what_no_layout_can_do_is_said(parallel):
     with pytest.raises(cdpr.InvalidInput, match="violates 'lowest tension at least 100 N' the most") as raised:
         cdpr.find_layout(parallel, LINE, within=0.02, generations=2, subject_to=asked)
     assert "and also tensions from 0 to 1.5 N" in str(raised.value)
-    heavy = parallel.replace(linear_density=0.01)
-    with pytest.raises(cdpr.InvalidInput, match="expected massless ones"):
-        cdpr.find_layout(heavy, LINE, within=0.05, objective="lowest frequency", generations=2)
 
 
 @pytest.mark.parametrize("robot", ["better", "mixed", "rope", "label"])

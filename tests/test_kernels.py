@@ -9,11 +9,11 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.modes import mass_matrix
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import derivatives, forces, matrix_kernel
 from cdpr_sim.statics.catenary import catenary
+from cdpr_sim.statics.forces import mass_matrix
 from cdpr_sim.statics.newton import stiffness_of
 
 POSES = [(0.3, 0.2, 0.1, 0.05, -0.1, 0.2), (0.45, 0.3, 0.2, -0.1, 0.02, -0.3), (0.2, 0.25, 0.15, 0.0, 0.1, 0.0)]
@@ -63,12 +63,11 @@ def test_rests_balance_and_are_minima(kind):
 def test_eigenvalues_and_frequencies_are_numpys(kind):
     """Of the stiffness matrix, and of it over the mass matrix, about rests without a torque."""
     equilibria = solved(kind, WRENCH * [1, 1, 1, 0, 0, 0])
-    robot = equilibria.robot
     state = forces.at(equilibria.problems, equilibria.positions, equilibria.rotations)
     values, frequencies = stiffness_of(equilibria)
     np.testing.assert_allclose(values, state.eigenvalues, rtol=1e-9)
     for row, rotation in enumerate(equilibria.rotations):
-        squares = eigh(state.stiffness_matrix[row], mass_matrix(robot, Rotation.from_matrix(rotation)))[0]
+        squares = eigh(state.stiffness_matrix[row], mass_matrix(equilibria.problems[row], rotation))[0]
         assert frequencies[row] == pytest.approx(np.sqrt(squares[0]) / (2 * np.pi), rel=1e-9)
 
 

@@ -5,9 +5,9 @@ from sample_problems import hanging_mass
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.modes import mass_matrix
 from cdpr_sim.core.pose import moved
 from cdpr_sim.physics.mjcf import coordinates
+from cdpr_sim.statics.forces import mass_matrix
 
 FREQUENCY = 5e-6
 """Relative error of a measured frequency, 200 steps of RK4 to a period, 12 periods, zero crossings interpolated:
@@ -34,7 +34,7 @@ def measured_frequency(equilibrium: cdpr.Equilibrium, shape: np.ndarray, frequen
         state[:3], state[3:] = platform.xpos, platform.xquat
     turns = Rotation.from_quat(states[:, 3:], scalar_first=True) * equilibrium.rotation.inv()
     moves = np.hstack([states[:, :3] - equilibrium.position, turns.as_rotvec()])
-    values = moves @ mass_matrix(robot, equilibrium.rotation) @ shape
+    values = moves @ mass_matrix(equilibrium.problem, equilibrium.rotation.as_matrix()) @ shape
     before = np.flatnonzero(np.diff(np.sign(values)))
     crossings = (before + values[before] / (values[before] - values[before + 1])) * model.opt.timestep
     return 0.5 * (len(crossings) - 1) / (crossings[-1] - crossings[0])
@@ -70,7 +70,8 @@ def test_shapes_have_unit_kinetic_energy_and_diagonalise_the_stiffness(catalogue
     """½ q̇ᵀ M q̇ = 1 for each shape at 1/s, and no two share energy."""
     robot = catalogue["cogiro"].replace(center_of_mass=(0.01, 0.005, -0.02))
     modes = cdpr.natural_modes(robot, (0.3, 0.2, 0.1))
-    energies = 0.5 * modes.shapes @ mass_matrix(robot, modes.equilibrium.rotation) @ modes.shapes.T
+    mass = mass_matrix(modes.equilibrium.problem, modes.equilibrium.rotation.as_matrix())
+    energies = 0.5 * modes.shapes @ mass @ modes.shapes.T
     assert energies == pytest.approx(np.eye(6), abs=1e-9)
 
 

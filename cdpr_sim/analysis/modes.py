@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh, qr
-from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, Stability
@@ -84,7 +83,7 @@ def natural_modes(
         )
     free = problem.robot.free
     stiffness = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix()).stiffness_matrix
-    mass = mass_matrix(problem.robot, equilibrium.rotation)
+    mass = forces.mass_matrix(problem, equilibrium.rotation.as_matrix())
     squares, vectors = eigh(stiffness[np.ix_(free, free)], mass[np.ix_(free, free)])
     shapes = np.zeros((len(free), 6))
     shapes[:, free] = np.sqrt(2) * vectors.T
@@ -115,15 +114,3 @@ def neutral_directions(equilibrium: Equilibrium) -> Float[np.ndarray, "neutral 6
         pivots = np.asarray(order)[: len(spanned)]
         twists[:, free] = (np.linalg.inv(spanned[:, pivots]) @ spanned)[np.argsort(pivots)]
     return np.where(np.abs(twists) > ROUNDING, twists, 0.0) / units
-
-
-def mass_matrix(robot: Robot, rotation: Rotation) -> Float[np.ndarray, "6 6"]:
-    """M about the platform's origin in the base frame [kg, kg m, kg m²].
-
-    With c the centre of mass relative to it: [[m 1, −m [c]×], [m [c]×, R I Rᵀ + m (c·c 1 − c cᵀ)]].
-    """
-    R = rotation.as_matrix()
-    center = R @ robot.center_of_mass
-    cross = forces.cross_matrix(center)
-    inertia = R @ robot.inertia @ R.T + robot.mass * (center @ center * np.eye(3) - np.outer(center, center))
-    return np.block([[robot.mass * np.eye(3), -robot.mass * cross], [robot.mass * cross, inertia]])

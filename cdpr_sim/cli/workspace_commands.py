@@ -67,9 +67,7 @@ def draw_map(
                 "more, use a .nc or .zarr store of `cdpr-sim sweep`"
             )
         section = grids.plane(plane, at, points, robots)
-        with_mass = not all(one.cabling.massless for one in robots)
-        wanted = [name for name in maps.QUANTITIES if not with_mass or name not in ("feasible", "capacity_margin")]
-        conditions = dict(tension_limits=limits, wrenches=wrenches_of(wrench), quantities=wanted)
+        conditions = dict(tension_limits=limits, wrenches=wrenches_of(wrench), quantities=maps.QUANTITIES)
         dataset = cdpr.sweep(robots, section, material or None, **conditions, progress=True)  # type: ignore[arg-type]
         names = [name for name in (*maps.ELASTIC, "wrench_feasible") if name in dataset]
         maps.write(maps.draw_elastic_map(dataset, names=names), output)

@@ -93,7 +93,6 @@ def _clearance(least: float) -> Constraint:
 
 def _limit(robot: Robot, name: str, limit: float) -> Constraint:
     objective = OBJECTIVES[name]
-    objective.refuse_weight(robot)
     side, scale = (-1.0, abs(limit) or 1.0) if objective.largest else (1.0, abs(limit) or 1.0)
     words = "at least" if objective.largest else "at most"
     return Constraint(

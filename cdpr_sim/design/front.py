@@ -142,7 +142,6 @@ def find_front(
         robot, poses, move, within, symmetry, objectives[0], subject_to, external_wrench, stiffness, progress, threads,
     )  # fmt: skip
     goals = (evaluator.objective, Objective.of(objectives[1]))
-    goals[1].refuse_weight(robot)
     whole("seed", seed, 0)
     space = evaluator.space
     free = space.upper > space.lower

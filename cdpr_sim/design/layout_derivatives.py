@@ -39,7 +39,7 @@ class Steps:
         exits, anchors: (variables, cables, 3).
         axial_stiffness: (variables, cables).
         center: of mass, (variables, 3).
-        known: whether the winches know the change and adapt the rest lengths.
+        known: whether the winches know the change and adapt the rest lengths; others are of exits and anchors only.
     """
 
     exits: Float[np.ndarray, "variables cables 3"]
@@ -68,29 +68,34 @@ def layout_derivatives(
     rest_lengths: Float[np.ndarray, "cases cables"],
     steps: Steps,
 ) -> LayoutDerivatives:
-    """Derivatives of the equilibria of ``robot`` by ``steps``, for massless cables; nan in neutrally stable cases."""
+    """Derivatives of the equilibria of ``robot`` by ``steps``; nan in neutrally stable cases.
+
+    For cables with mass only by steps that are not known, and without those of the tensions, which are nan.
+    """
     problems = cases.problems(robot, rest_lengths)
     state = forces.at(problems, positions, rotations)
-    u, arms, tau, elastic = (
-        state.geometry.directions[:, None], state.geometry.arms[:, None], state.tensions[:, None],
+    u, arms, elastic = (
+        state.geometry.directions[:, None],
+        state.geometry.arms[:, None],
         state.tangent_stiffness[:, None],
-    )  # fmt: skip
+    )
     # Exit minus anchor of each cable at equilibrium.
     arm_moves = np.einsum("cij,nmj->cnmi", rotations, steps.anchors)
     ends = steps.exits[None] - arm_moves
-    length_changes = np.zeros((*ends.shape[:2], robot.cables))
+    force = np.einsum("cmij,cnmj->cnmi", state.cable_stiffness, ends)
+    pulled = elastic * (u * ends).sum(-1)
     if steps.known:
         commanded = forces.geometry(robot, cases.positions, cases.rotations).directions[:, None]
         length_changes = (
             commanded * (steps.exits[None] - np.einsum("cij,nmj->cnmi", cases.rotations, steps.anchors))
         ).sum(-1)
-    stretch = state.lengths - rest_lengths
-    per_stiffness = cable_law.per_axial_stiffness(stretch, rest_lengths, *robot.cabling.stiffening.T)
-    per_stiffness = np.where(state.tensions > 0, per_stiffness, 0.0) * cases.factors[:, None]
-    pulled = elastic * ((u * ends).sum(-1) - (state.lengths / rest_lengths)[:, None] * length_changes)
-    pulled = pulled + per_stiffness[:, None] * steps.axial_stiffness[None]
-    force = pulled[..., None] * u + tau[..., None] * np.einsum("cmij,cnmj->cnmi", state.geometry.length_hessians, ends)
-    torque = np.cross(arms, force) + np.cross(arm_moves, tau[..., None] * u)
+        stretch = state.lengths - rest_lengths
+        per_stiffness = cable_law.per_axial_stiffness(stretch, rest_lengths, *robot.cabling.stiffening.T)
+        per_stiffness = np.where(state.tensions > 0, per_stiffness, 0.0) * cases.factors[:, None]
+        further = per_stiffness[:, None] * steps.axial_stiffness[None]
+        further -= elastic * (state.lengths / rest_lengths)[:, None] * length_changes
+        pulled, force = pulled + further, force + further[..., None] * u
+    torque = np.cross(arms, force) + np.cross(arm_moves, state.pulls[:, None])
     weight = np.array([0.0, 0.0, -robot.weight])
     center = np.cross(np.einsum("cij,nj->cni", rotations, steps.center), weight)
     wrench = np.concatenate([force.sum(-2), torque.sum(-2) + center], axis=-1)

@@ -12,7 +12,6 @@ from jaxtyping import Float
 
 from cdpr_sim.core.checks import as_numbers, shown
 from cdpr_sim.core.errors import InvalidInput, UnknownName
-from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
 from cdpr_sim.design.robot_batch import LayoutEquilibria, feasible_share
 
@@ -32,7 +31,6 @@ class Objective:
         score: (layouts,) in SI units, a function of the equilibria and the tension limits.
         smooth: quantity with a gradient: "tilt", "deviation" or "tensions"; "" without one.
         equilibria: whether it needs an equilibrium in every case.
-        massless: whether it is defined for massless cables only.
     """
 
     name: str
@@ -42,7 +40,6 @@ class Objective:
     largest: bool = False
     smooth: str = ""
     equilibria: bool = True
-    massless: bool = False
 
     @classmethod
     def of(cls, given: Any) -> Objective:
@@ -66,15 +63,6 @@ class Objective:
     def __reduce__(self) -> str | tuple[Any, ...]:
         """Copy objectives of the table by name, since most of their functions cannot be pickled."""
         return (Objective.of, (self.name,)) if OBJECTIVES.get(self.name) is self else super().__reduce__()
-
-    def refuse_weight(self, robot: Robot) -> None:
-        """Refuse cables with mass if the objective is defined for massless cables only.
-
-        Raises:
-            InvalidInput: some cable has mass.
-        """
-        if self.massless:
-            robot.cabling.refuse_weight(self.name)
 
     def shown(self, value: float) -> str:
         """The value with its unit; nan means that there is no equilibrium at some pose."""
@@ -156,13 +144,13 @@ _ALL = (
     Objective("lowest tension", "N", 1.0, _least(lambda r: r.tensions.min(-1)), largest=True, smooth="tensions"),
     Objective("highest tension", "N", 1.0, _worst(lambda r: r.tensions.max(-1)), smooth="tensions"),
     Objective("softest stiffness", "N/m", 1.0, _least(lambda r: r.eigenvalues[..., 0]), largest=True),
-    Objective("lowest frequency", "Hz", 1.0, _least(lambda r: r.frequencies), largest=True, massless=True),
+    Objective("lowest frequency", "Hz", 1.0, _least(lambda r: r.frequencies), largest=True),
     Objective(
         "feasible volume", "%", 0.01,
         lambda equilibria, limits: feasible_share(equilibria.layouts, equilibria.cases, limits),
-        largest=True, equilibria=False, massless=True,
+        largest=True, equilibria=False,
     ),
-    Objective("worst sensitivity", "mm/mm", 1.0, _worst(_error), massless=True),
+    Objective("worst sensitivity", "mm/mm", 1.0, _worst(_error)),
     Objective("displacement", "mm", 1e-3, lambda equilibria, _: equilibria.layouts.displacements),
     Objective("size of frame", "m", 1.0, lambda equilibria, _: _frame(equilibria)),
 )  # fmt: skip

@@ -262,15 +262,25 @@ class LayoutEquilibria(EquilibriumBatch):
 
     @cached_property
     def modes(self) -> tuple[Float[np.ndarray, "layouts cases free"], Float[np.ndarray, "layouts cases"]]:
-        """Eigenvalues of the stiffness matrix [N/m], and the lowest natural frequency [Hz]; of massless cables."""
+        """Eigenvalues of the stiffness matrix [N/m], and the lowest natural frequency [Hz].
+
+        By the compiled function; for cables with mass, whose own inertia is neglected, layout by layout in NumPy.
+        """
         layouts, cases, robot = self.layouts, self.cases, self.robot
-        robot.cabling.refuse_weight("frequencies of layouts")
         with np.errstate(all="ignore"):
+            if not robot.cabling.massless:
+                found = [self._modes_of(row) for row in range(len(self))]
+                return np.array([one[0] for one in found]), np.array([one[1] for one in found])
             return stiffness_gufunc(bent=robot.cabling.bent)(
                 layouts.tables(cases.factors), self.problems.rest_lengths, robot.mass, robot.gravity,
                 layouts.center_of_mass[:, None], robot.inertia, np.array(robot.free),
                 layouts.characteristic_lengths[:, None], self.positions, self.rotations,
             )  # fmt: skip
+
+    def _modes_of(self, row: int) -> tuple[np.ndarray, np.ndarray]:
+        problems = self.cases.problems(self.layouts.robot_at(row), self.problems.rest_lengths[row])
+        matrix = forces.at(problems, self.positions[row], self.rotations[row]).stiffness_matrix
+        return forces.modes_from(problems, self.rotations[row], matrix)
 
     @property
     def frequencies(self) -> Float[np.ndarray, "layouts cases"]:
@@ -323,20 +333,9 @@ def solve_layouts(layouts: RobotBatch, cases: Cases, threads: int | None = None)
 
 
 def _eigenvalues(equilibria: EquilibriumBatch) -> Float[np.ndarray, "layouts cases free"]:
-    """Eigenvalues by the compiled function; for cables with mass, layout by layout in NumPy."""
+    """Eigenvalues on demand; a named function, so that a batch can be pickled."""
     assert isinstance(equilibria, LayoutEquilibria)
-    if equilibria.robot.cabling.massless:
-        return equilibria.modes[0]
-    found = []
-    with np.errstate(all="ignore"):
-        for row in range(len(equilibria)):
-            robot = equilibria.layouts.robot_at(row)
-            problems = equilibria.cases.problems(robot, equilibria.problems.rest_lengths[row])
-            matrix = forces.at(problems, equilibria.positions[row], equilibria.rotations[row]).stiffness_matrix
-            known = np.isfinite(matrix).all((-1, -2))
-            found.append(np.full((len(equilibria.cases), len(robot.free)), np.nan))
-            found[-1][known] = forces.eigenvalues(robot, matrix[known])
-    return np.array(found)
+    return equilibria.modes[0]
 
 
 def _solve(layouts: RobotBatch, cases: Cases) -> tuple[np.ndarray, ...]:
@@ -373,12 +372,16 @@ def feasible_share(
 ) -> Float[np.ndarray, " layouts"]:
     """Share of the cases in which rigid cables hold the platform within ``limits`` and the robot's own limits."""
     robot = layouts.robot
-    robot.cabling.refuse_weight("feasible volume")
     lower, upper = np.maximum(limits[0], robot.force_min), np.minimum(limits[1], robot.force_max)
     with np.errstate(all="ignore"):
+        # Massless cables have no weight in any layout.
+        robots = [layouts.robot_at(row) for row in range(1 if robot.cabling.massless else len(layouts))]
+        found = [forces.weight_of_cables(one, cases.positions, cases.rotations) for one in robots]
+        difference, weight = (np.stack(column) for column in zip(*found, strict=True))
+        lower, upper = lower + difference, upper - difference
         left = shortfall_gufunc(bent=robot.cabling.bent)(
             layouts.tables(np.ones(len(cases))), lower, upper, robot.weight, layouts.center_of_mass[:, None],
-            cases.wrench[:, None], np.array(robot.free), layouts.characteristic_lengths[:, None], cases.positions,
-            cases.rotations,
+            cases.wrench[:, None] + weight[..., None, :], np.array(robot.free),
+            layouts.characteristic_lengths[:, None], cases.positions, cases.rotations,
         )  # fmt: skip
-    return (np.asarray(left) <= BALANCED).mean(-1)
+    return ((np.asarray(left) <= BALANCED) & (lower <= upper).all(-1)).mean(-1)

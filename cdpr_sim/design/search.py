@@ -102,7 +102,6 @@ class LayoutEvaluator:
         moves = [move] if isinstance(move, (str, Move)) else listed("move", move, "names or Moves")
         space = Space.of(robot, [one if isinstance(one, Move) else Move(one, within) for one in moves], symmetry)
         wanted = Objective.of(objective)
-        wanted.refuse_weight(robot)
         cases = Cases.of(robot, poses, external_wrench, stiffness)
         return cls(space, cases, wanted, *constraints_of(robot, subject_to), threads)
 

@@ -20,6 +20,7 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics.any_cable import any_cables
 from cdpr_sim.statics.catenary import Catenary
 
@@ -235,6 +236,25 @@ def at(
     return State(problem, np.asarray(position), rotation, cables, tau)
 
 
+def weight_of_cables(
+    robot: Robot, position: Float[Array, "*#batch 3"], rotation: Float[Array, "*#batch 3 3"]
+) -> tuple[Float[Array, "*#batch cables"], Float[Array, "*#batch 6"]]:
+    """Effects of the mass of taut cables, to the first order in weight over tension.
+
+    Such a cable pulls along its chord with the tension at its middle, and half its weight is a load on the anchor.
+
+    Returns:
+        By how much the tension at either end of each cable differs from that at its middle, (..., cables) [N]; the
+        wrench of half the cables' weight about the origin, (..., 6) [N, N m].
+    """
+    if robot.cabling.massless:
+        return np.zeros(robot.cables), np.zeros(6)
+    cables = geometry(robot, position, rotation)
+    half = robot.cable_weights * cables.free_lengths / 2
+    down = half[..., None] * np.array([0.0, 0.0, -1.0])
+    return half * np.abs(cables.directions[..., 2]), _wrenches(down, cables.arms).sum(-1)
+
+
 def load_wrench(problem: Problem | Problems, rotation: Float[Array, "*#batch 3 3"]) -> Float[Array, "*batch 6"]:
     """Gravity at the centre of mass plus the external wrench, about the origin: w_e of Eq. 3 [N, N m]."""
     arm = (rotation * problem.robot.center_of_mass).sum(-1)
@@ -248,6 +268,44 @@ def eigenvalues(robot: Robot, stiffness_matrix: Float[Array, "*batch 6 6"]) -> F
     """Ascending eigenvalues of a stiffness matrix on the free directions [N/m]; rotations in characteristic lengths."""
     matrix = stiffness_matrix / np.outer(robot.units, robot.units)
     return np.linalg.eigvalsh(matrix[..., robot.free, :][..., robot.free])
+
+
+def modes_from(
+    problem: Problem | Problems,
+    rotation: Float[Array, "*batch 3 3"],
+    stiffness_matrix: Float[Array, "*batch 6 6"],
+) -> tuple[Float[Array, "*batch free"], Float[Array, "*batch"]]:
+    """Eigenvalues of a stiffness matrix, as of ``eigenvalues``, and the platform's lowest natural frequency [Hz].
+
+    The frequency is 0 where a direction is unconstrained and nan at a saddle; both are nan where the matrix is.
+    """
+    robot = problem.robot
+    known = np.asarray(np.isfinite(stiffness_matrix).all((-1, -2)))
+    matrix = np.where(known[..., None, None], stiffness_matrix, np.eye(6))
+    inertia = mass_matrix(problem, np.where(known[..., None, None], rotation, np.eye(3)))
+    on_free, units = np.ix_(robot.free, robot.free), np.outer(robot.units, robot.units)
+    lower = np.linalg.cholesky((inertia / units)[..., *on_free])
+    half = np.linalg.solve(lower, (matrix / units)[..., *on_free])
+    squares = np.linalg.eigvalsh(np.linalg.solve(lower, np.swapaxes(half, -1, -2)))
+    lowest, neutral = squares[..., 0], NEUTRAL * np.abs(squares).max(-1)
+    frequency = np.where(lowest > neutral, np.sqrt(np.maximum(lowest, 0.0)) / (2 * np.pi), 0.0)
+    values = np.where(known[..., None], eigenvalues(robot, matrix), np.nan)
+    return values, np.where(known & (lowest >= -neutral), frequency, np.nan)
+
+
+def mass_matrix(problem: Problem | Problems, rotation: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 6 6"]:
+    """M about the platform's origin in the base frame [kg, kg m, kg m²].
+
+    With c the centre of mass relative to it: [[m 1, −m [c]×], [m [c]×, R I Rᵀ + m (c·c 1 − c cᵀ)]].
+    """
+    robot, mass = problem.robot, np.asarray(problem.mass)[..., None, None]
+    center = rotation @ robot.center_of_mass
+    lever = cross_matrix(center)
+    matrix = np.zeros((*rotation.shape[:-2], 6, 6))
+    matrix[..., :3, :3] = mass * np.eye(3)
+    matrix[..., :3, 3:], matrix[..., 3:, :3] = -mass * lever, mass * lever
+    matrix[..., 3:, 3:] = rotation @ robot.inertia @ np.swapaxes(rotation, -1, -2) - mass * lever @ lever
+    return matrix
 
 
 def eigenvalues_at(problem: Problem, pose: Pose) -> Float[Array, " free"]:

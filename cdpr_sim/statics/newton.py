@@ -163,17 +163,13 @@ def _eigenvalues(equilibria: EquilibriumBatch) -> Float[np.ndarray, "*batch free
 def stiffness_of(equilibria: EquilibriumBatch) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:
     """Eigenvalues of the stiffness matrix, ascending [N/m], and the lowest natural frequency [Hz], row by row.
 
-    The frequencies are nan for cables with mass: such cables oscillate themselves.
+    Cables count as springs: their own inertia and oscillation are neglected, also where their mass makes them sag.
     """
     problems, robot = equilibria.problems, equilibria.robot
     with np.errstate(all="ignore"):
         if not robot.cabling.massless:
-            eigenvalues = np.full((*equilibria.shape, len(robot.free)), np.nan)
-            rows = np.isfinite(equilibria.residuals)
-            if rows.any():
-                state = forces.at(problems, equilibria.positions, equilibria.rotations)
-                eigenvalues[rows] = forces.eigenvalues(robot, state.stiffness_matrix[rows])
-            return eigenvalues, np.full(equilibria.shape, np.nan)
+            state = forces.at(problems, equilibria.positions, equilibria.rotations)
+            return forces.modes_from(problems, equilibria.rotations, state.stiffness_matrix)
         return stiffness_gufunc(bent=robot.cabling.bent)(
             robot.cabling.packed_with(problems.axial_stiffness), problems.rest_lengths, problems.mass, robot.gravity,
             robot.center_of_mass, robot.inertia, np.array(robot.free), robot.characteristic_length,

@@ -136,14 +136,12 @@ def summarize(
     progress("Computing maps of the workspace by statics")
     plane, modes, drove = None, None, None
     try:
-        massless = robot.cabling.massless
-        quantities = (*MAP, "capacity_margin") if massless else MAP[:3]
         y = float((problems or [requested])[0].pose.translation[1])
-        plane = sweep(robot, grids.plane("xz", y, POINTS, [robot]), quantities=quantities)
+        plane = sweep(robot, grids.plane("xz", y, POINTS, [robot]), quantities=(*MAP, "capacity_margin"))
     except InvalidInput as error:
         missing.append(f"No maps: {error}.")
     solved = first.solved
-    if robot.cabling.massless and isinstance(solved, Equilibrium) and solved.stability is not Stability.UNSTABLE:
+    if isinstance(solved, Equilibrium) and solved.stability is not Stability.UNSTABLE:
         modes = natural_modes(solved)
     if motion:
         progress("Driving the platform across its workspace in MuJoCo")

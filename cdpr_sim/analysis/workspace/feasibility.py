@@ -12,6 +12,11 @@ The fast method minimises ‖W tau + w_e‖² within the limits, compiled (``sta
 of its results are proofs: either tensions that balance the load, or a residual r with rᵀ(W tau + w_e) ≥ ‖r‖² > 0 for
 all tensions within the limits, a direction in which the cables cannot pull enough (Farkas). The reference is linear
 programming, by HiGHS.
+
+A cable with mass pulls along its chord with the tension at its middle, and half its weight is a load on the anchor:
+the first order in weight over tension. Both of its ends keep within the limits, whose tensions differ by the weight
+times the difference of height. On ``cogiro-crane`` with ropes of 0.064 kg/m the pulls, 136 N and more, are then wrong
+by at most 0.012 N (60 random poses).
 """
 
 from __future__ import annotations
@@ -59,20 +64,20 @@ def shortfall(
     Returns:
         The norm of W tau + w_e at the tensions that make it least, torques divided by the characteristic length, over
         the largest norm of w_e. Of many poses, nan where one is not finite, an anchor lies on its exit, or a cable
-        leaves its pulley's wheel.
+        leaves its pulley's wheel; infinite where the weight of a cable alone needs more than its limits.
 
     Raises:
         InvalidInput: an invalid argument; a single pose at which a cable leaves its pulley's wheel.
     """
     lower, upper = checked_limits(robot, tension_limits)
-    robot.cabling.refuse_weight("feasible")
     loads = checked_wrenches(robot, wrenches)
     at, turned = _placed(robot, positions, rotations)
-    left = _over_poses(shortfall_gufunc, robot, lower, upper, loads, at, turned)
-    for index in map(tuple, np.argwhere(np.isposinf(left))):  # the active sets cycled
+    asked = _with_cable_weight(robot, at, turned, lower, upper, loads)
+    left = np.where((asked[0] > asked[1]).any(-1), np.inf, _over_poses(shortfall_gufunc, robot, *asked, at, turned))
+    for index in map(tuple, np.argwhere(np.isposinf(left))):  # the active sets cycled, or limits exclude each other
         position = np.broadcast_to(at, (*left.shape, 3))[index]
         rotation = np.broadcast_to(turned, (*left.shape, 3, 3))[index]
-        left[index] = max(_least_by_linprog(robot, position, rotation, lower, upper, load) for load in loads)
+        left[index] = _least_by_linprog(robot, position, rotation, lower, upper, loads)
     return left
 
 
@@ -117,7 +122,6 @@ def closed_form_feasible(
         InvalidInput: as in ``shortfall``, or a limit that is infinite.
     """
     lower, upper = checked_limits(robot, tension_limits)
-    robot.cabling.refuse_weight("closed_form_feasible")
     if not np.isfinite(upper).all():
         cable = int(np.argmax(~np.isfinite(upper)))
         raise InvalidInput(f"tension_limits: found no largest tension in cable {cable + 1}, expected a finite one")
@@ -125,14 +129,14 @@ def closed_form_feasible(
     W = (forces.geometry(robot, at, turned).wrench_matrix / robot.units[:, None])[..., robot.free, :]
     known = np.asarray(np.isfinite(W).all((-1, -2)))
     W = np.where(known[..., None, None], W, 0.0)
+    lower, upper, wrenches = _with_cable_weight(robot, at, turned, lower, upper, checked_wrenches(robot, wrenches))
     middle = (lower + upper) / 2
     held = known.copy()
-    for wrench in checked_wrenches(robot, wrenches):
-        asked = Problem(robot, robot.pose(robot.home), np.ones(robot.cables), wrench)
-        load = (forces.load_wrench(asked, turned) / robot.units)[..., robot.free]
-        tensions = middle - np.einsum("...cf,...f->...c", np.linalg.pinv(W), W @ middle + load)
-        left = np.abs(np.einsum("...fc,...c->...f", W, tensions) + load).max(-1)
-        held &= (left <= BALANCED * upper.max()) & ((tensions >= lower) & (tensions <= upper)).all(-1)
+    for wrench in np.moveaxis(wrenches, -2, 0):
+        load = ((_weight(robot, turned) + wrench) / robot.units)[..., robot.free]
+        tensions = middle - np.einsum("...cf,...f->...c", np.linalg.pinv(W), _pull(W, middle) + load)
+        left = np.abs(_pull(W, tensions) + load).max(-1)
+        held &= (left <= BALANCED * upper.max(-1)) & ((tensions >= lower) & (tensions <= upper)).all(-1)
     return held
 
 
@@ -165,9 +169,10 @@ def capacity_margin(
     Raises:
         InvalidInput: as in ``shortfall``.
     """
-    limits, loads = checked_limits(robot, tension_limits), checked_wrenches(robot, wrenches)
-    robot.cabling.refuse_weight("capacity_margin")
-    return _over_poses(margin_gufunc, robot, *limits, loads, *_placed(robot, positions, rotations))
+    lower, upper = checked_limits(robot, tension_limits)
+    loads, (at, turned) = checked_wrenches(robot, wrenches), _placed(robot, positions, rotations)
+    asked = _with_cable_weight(robot, at, turned, lower, upper, loads)
+    return _over_poses(margin_gufunc, robot, *asked, at, turned)
 
 
 def feasible_by_linprog(
@@ -184,12 +189,8 @@ def feasible_by_linprog(
         InvalidInput: as in ``shortfall``.
     """
     lower, upper = checked_limits(robot, tension_limits)
-    robot.cabling.refuse_weight("feasible")
     at, turned = _placed(robot, checked_array("position", position, (3,)), rotation)
-    return all(
-        _least_by_linprog(robot, at, turned, lower, upper, load) <= HIGHS_TOLERANCE
-        for load in checked_wrenches(robot, wrenches)
-    )
+    return _least_by_linprog(robot, at, turned, lower, upper, checked_wrenches(robot, wrenches)) <= HIGHS_TOLERANCE
 
 
 def _placed(
@@ -207,9 +208,9 @@ def _placed(
 def _over_poses(
     gufunc: Callable[..., Callable],
     robot: Robot,
-    lower: Float[Array, " cables"],
-    upper: Float[Array, " cables"],
-    loads: Float[Array, "sets 6"],
+    lower: Float[Array, "*#batch cables"],
+    upper: Float[Array, "*#batch cables"],
+    loads: Float[Array, "*#batch sets 6"],
     positions: Float[Array, "*#batch 3"],
     rotations: Float[Array, "*#batch 3 3"],
 ) -> Float[Array, "*batch"]:
@@ -223,27 +224,56 @@ def _over_poses(
         )  # fmt: skip
 
 
+def _with_cable_weight(
+    robot: Robot,
+    positions: Float[Array, "*#batch 3"],
+    rotations: Float[Array, "*#batch 3 3"],
+    lower: Float[Array, " cables"],
+    upper: Float[Array, " cables"],
+    loads: Float[Array, "sets 6"],
+) -> tuple[Float[Array, "*#batch cables"], Float[Array, "*#batch cables"], Float[Array, "*#batch sets 6"]]:
+    """Limits of the tensions at the middles of the cables, and loads with half of the cables' weight."""
+    difference, weight = forces.weight_of_cables(robot, positions, rotations)
+    return lower + difference, upper - difference, loads + weight[..., None, :]
+
+
 def _least_by_linprog(
     robot: Robot,
     position: Float[Array, "3"],
     rotation: Float[Array, "3 3"],
     lower: Float[Array, " cables"],
     upper: Float[Array, " cables"],
-    wrench: Float[Array, "6"],
+    wrenches: Float[Array, "sets 6"],
 ) -> float:
     """The least largest component of W tau + w_e, over the load: as ``shortfall``, in another norm."""
     from scipy.optimize import linprog
 
+    lower, upper, loads = _with_cable_weight(robot, position, rotation, lower, upper, wrenches)
+    if (lower > upper).any():
+        return np.inf
     W = (forces.geometry(robot, position, rotation).wrench_matrix / robot.units[:, None])[robot.free]
-    problem = Problem(robot, robot.pose(robot.home), np.ones(robot.cables), wrench)
-    load = (forces.load_wrench(problem, rotation) / robot.units)[robot.free]
-    size = float(np.linalg.norm(load)) or 1.0
-    over = -np.ones((len(load), 1))
-    bounds = np.vstack([np.column_stack([lower, upper]) / size, [0.0, np.inf]])
-    result = linprog(
-        np.append(np.zeros(robot.cables), 1.0),
-        A_ub=np.block([[W, over], [-W, over]]),
-        b_ub=np.append(-load, load) / size,
-        bounds=bounds,
-    )
-    return float(result.fun) if result.status == 0 else np.nan
+    least = []
+    for load in (_weight(robot, rotation) + loads) / robot.units:
+        load = load[robot.free]
+        size = float(np.linalg.norm(load)) or 1.0
+        over = -np.ones((len(load), 1))
+        bounds = np.vstack([np.column_stack([lower, upper]) / size, [0.0, np.inf]])
+        result = linprog(
+            np.append(np.zeros(robot.cables), 1.0),
+            A_ub=np.block([[W, over], [-W, over]]),
+            b_ub=np.append(-load, load) / size,
+            bounds=bounds,
+        )
+        least.append(result.fun if result.status == 0 else np.nan)
+    return float(np.max(least))
+
+
+def _weight(robot: Robot, rotations: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 6"]:
+    """Gravity's wrench on the platform."""
+    return forces.load_wrench(Problem(robot, robot.pose(robot.home), np.ones(robot.cables), np.zeros(6)), rotations)
+
+
+def _pull(
+    W: Float[Array, "*batch free cables"], tensions: Float[Array, "*#batch cables"]
+) -> Float[Array, "*batch free"]:
+    return np.einsum("...fc,...c->...f", W, tensions)

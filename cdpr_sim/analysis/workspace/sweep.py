@@ -108,8 +108,6 @@ ROBOT = {
 }
 """Coordinates that describe the robots: unit and meaning."""
 
-_OF_MASSLESS_CABLES = {"feasible", "frequency"}
-
 _MODES = {"eigenvalues", "frequency"}
 
 
@@ -139,9 +137,8 @@ def sweep(
         tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each;
             default: each robot's ``force_min`` and ``force_max``.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
-        quantities: names of ``QUANTITIES`` and "feasible", which are the default if the robots' cables allow them
-            (those with mass allow neither "feasible" nor "frequency"); or "capacity_margin", which is zero on the
-            border of the feasible workspace, between the poses of the grid. The status is always included.
+        quantities: names of ``QUANTITIES`` and "feasible", which are the default; or "capacity_margin", which is zero
+            on the border of the feasible workspace, between the poses of the grid. The status is always included.
         chunk: largest number of poses per Dask task; None: one call of NumPy, on one core, without Dask.
         compute: False for a Dataset of Dask arrays that are not computed yet, for other tools and clusters.
         store: a new .nc file, or a .zarr folder, in which an interrupted sweep is resumed; the result is then read from
@@ -164,7 +161,7 @@ def sweep(
     group = as_robots(robots)
     axes = as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)
-    names = _checked_quantities(quantities, group)
+    names = _checked_quantities(quantities)
     most = max(group, key=lambda robot: robot.cables)
     if "slack_set" in names and most.cables > MOST_BITS:
         raise InvalidInput(
@@ -295,16 +292,12 @@ def _labelled(stiffness: np.ndarray, materials: Sequence[str] | Mapping[str, flo
     return xr.DataArray(stiffness, dims=("material", "cable"), coords={"material": list(materials)})
 
 
-def _checked_quantities(quantities: Sequence[str] | None, robots: Sequence[Robot]) -> list[str]:
+def _checked_quantities(quantities: Sequence[str] | None) -> list[str]:
     if quantities is None:
-        massless = all(robot.cabling.massless for robot in robots)
-        return [name for name in (*QUANTITIES, "feasible") if massless or name not in _OF_MASSLESS_CABLES]
+        return [*QUANTITIES, "feasible"]
     known = [*QUANTITIES, "feasible", "capacity_margin"]
     for name in listed("quantities", quantities, "a list of names"):
         one_of("quantity", name, known)
-        if name in _OF_MASSLESS_CABLES:
-            for robot in robots:
-                robot.cabling.refuse_weight(name)
     return [name for name in known if name in quantities or name == "status"]
 
 
