@@ -6,6 +6,7 @@ from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
+from cdpr_sim.robots.writing import as_toml
 
 runner = CliRunner()
 
@@ -71,6 +72,22 @@ def test_equilibria_marks_the_one_that_is_reached():
     values = json.loads(run("equilibria", "two-cable", "--saddles", "--starts", "300", "--json").stdout)
     assert values["imbalance"] == 0
     assert [one["stays_in_mujoco"] for one in values["equilibria"]] == [True, False]
+
+
+def test_equilibria_of_cables_with_mass_are_not_released(tmp_path):
+    """They are listed, and both methods say which is reached; undamped cables would oscillate themselves."""
+    robot = cdpr.load_robot("parallel").replace(linear_density=0.002)
+    file = tmp_path / "rope.toml"
+    file.write_text(as_toml(robot))
+    ask = ("equilibria", str(file), "--pose", "0.2", "0.25", "0.1", "--starts", "50")
+    result, values = run(*ask), json.loads(run(*ask, "--json").stdout)
+    assert result.exit_code == 0
+    assert "released" not in result.stdout
+    assert "MuJoCo reaches the same one" in " ".join(result.stdout.split())
+    assert values["equilibria"][0]["stays_in_mujoco"] is None
+    assert values["equilibria"][0]["position"] == pytest.approx(
+        cdpr.solve(robot, (0.2, 0.25, 0.1)).position.tolist(), abs=1e-9
+    )
 
 
 def test_identify_reads_a_file_and_finds_the_stiffness(tmp_path):

@@ -288,7 +288,6 @@ def test_heavy_cables_are_not_drawn_without_their_shape(real):
 REFUSALS = {
     "driving": lambda robot: cdpr.drive(robot, [POSE]),
     "releasing": lambda robot: cdpr.release(cdpr.solve(robot, POSE)),
-    "growing gravity": lambda robot: cdpr.grow_gravity(robot, POSE),
 }
 
 

@@ -112,7 +112,11 @@ def equilibria(
             reached, _ = found.nearest(followed.reached.pose)
             by_mujoco, _ = found.nearest(cdpr.grow_gravity(problem).pose)
             proved = cdpr.certify_all(problem, time_limit=time_limit) if certify else None
-            releases = [cdpr.release(one, seconds=2.0 if one.stable else 20.0) for one in found]
+            releases = [  # which oscillate undamped; cables with mass would do so as well
+                cdpr.release(one, seconds=2.0 if one.stable else 20.0)
+                for one in found
+                if problem.robot.cabling.massless
+            ]
     if as_json:
         answer = json_of.equilibria(problem, found, releases, followed, reached, by_mujoco)
         print_json(answer if proved is None else answer | json_of.complete(proved))

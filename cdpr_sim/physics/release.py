@@ -127,6 +127,8 @@ def grow_gravity(
 ) -> Equilibrium:
     """Equilibrium in MuJoCo after gravity has grown slowly from zero, starting at ``pose`` in viscous air.
 
+    Cables with mass are massless while gravity grows; the platform then settles on the cables with their mass.
+
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
         pose: initial pose of the platform.
@@ -137,17 +139,17 @@ def grow_gravity(
         The equilibrium at which the platform comes to rest in MuJoCo under full gravity.
 
     Raises:
-        InvalidInput: an invalid argument; cables with mass.
+        InvalidInput: an invalid argument.
         NotSettled: it does not come to rest, or MuJoCo warns of its motion.
     """
     problem = Problem.of(robot, pose, rest_lengths)
     if problem.external_wrench.any():
         raise InvalidInput("external_wrench: found one, expected gravity only, which grows")
     seconds, robot = _duration(seconds), problem.robot
-    chains.refuse_weight(robot, "growing gravity")
-    model = mujoco.MjModel.from_xml_string(to_mjcf(robot, problem.pose, problem.rest_lengths))
+    massless = robot.replace(linear_density=0.0)
+    model = mujoco.MjModel.from_xml_string(to_mjcf(massless, problem.pose, problem.rest_lengths))
     data = mujoco.MjData(model)
-    place(model, data, robot, problem.pose)
+    place(model, data, massless, problem.pose)
     mujoco.mj_kinematics(model, data)
     steps = max(int(seconds / model.opt.timestep), 1)
     for step in range(steps):

@@ -157,15 +157,15 @@ def equilibria(
     reached: int,
     reached_in_mujoco: int,
 ) -> dict[str, Any]:
-    """Each equilibrium with its energy and the behaviour of MuJoCo's platform released there; which are reached."""
+    """Each equilibrium with its energy, and MuJoCo's platform released there if given; which of them are reached."""
     return _problem(problem) | {
         "reached": reached,
         "reached_in_mujoco": reached_in_mujoco,
         "jumps": list(path.jumps),
         "imbalance": found.imbalance,
         "equilibria": [
-            outcome(one) | {"energy": float(energy), "stays_in_mujoco": release.stays}
-            for one, energy, release in zip(found, found.energies, releases, strict=True)
+            outcome(one) | {"energy": float(energy), "stays_in_mujoco": release and release.stays}
+            for one, energy, release in zip(found, found.energies, releases or [None] * len(found), strict=True)
         ],
     }
 
