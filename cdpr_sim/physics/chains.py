@@ -440,8 +440,10 @@ class Chains:
         pulls: Float[np.ndarray, "chains 3"],
         spans: Float[np.ndarray, "chains 3"],
         wrapped: Float[np.ndarray, " chains"],
-    ) -> tuple[Float[np.ndarray, "chains nodes 3"], Bool[np.ndarray, " chains"]]:
-        """Extents from anchor to first mass, base frame, of hanging chains, and whether they reach their exits or wheels.
+    ) -> tuple[Float[np.ndarray, "chains nodes 3"], Bool[np.ndarray, " chains"], Float[np.ndarray, "chains 3"]]:
+        """Hanging chains: (extents from anchor to first mass, whether they reach their exits or wheels, pulls).
+
+        Extents [m] and pulls on the anchors [N] are in the base frame.
 
         Each segment is parallel to its own pull, which changes from segment to segment by the weights of the masses,
         and is stretched by it; Newton's method finds the pulls on the anchors with which the chains reach their exits.
@@ -463,39 +465,40 @@ class Chains:
         inwards = self.segments[:, ::-1]
         law = model.tendon_stiffness[inwards], *np.moveaxis(model.tendon_stiffnesspoly[inwards], -1, 0)
 
-        def laid(pulls: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            each = pulls[:, None] + hanging
-            size = np.maximum(np.linalg.norm(each, axis=2, keepdims=True), LEAST_PULL)
+        def laid(pulls: np.ndarray) -> tuple[np.ndarray, ...]:
+            each = pulls[..., None, :] + hanging
+            size = np.maximum(np.linalg.norm(each, axis=-1, keepdims=True), LEAST_PULL)
             along = each / size
             stretch, give = _stretched(size[..., 0], *law)
             reach = rest + stretch[..., None]
-            segments, turning = reach * along, reach / size
-            slope = turning.sum(1)[..., None] * np.eye(3) + np.einsum(
-                "ns,nsi,nsj->nij", give - turning[..., 0], along, along
-            )
-            return segments, spans - segments.sum(1), slope
+            segments = reach * along
+            off = spans - segments.sum(-2)
+            return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give
 
         # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
         # segment: it is least there where the others leave no more than that length to span.
-        folded = np.zeros(len(pulls), dtype=bool)
-        for segment in range(SEGMENTS):
-            _, off, _ = laid(-hanging[:, segment])
-            folded |= np.linalg.norm(off, axis=1) <= rest[:, segment, 0]
-        segments, off, slope = laid(pulls)
-        found = np.zeros(len(pulls), dtype=bool)
+        folded = (laid(-np.moveaxis(hanging, 1, 0))[2] <= rest[..., 0].T).any(0)
+        found, here = np.zeros(len(pulls), dtype=bool), laid(pulls)
         for _ in range(LAYINGS):
-            found = np.linalg.norm(off, axis=1) <= CLOSED * rest.sum(1)[:, 0]
+            _, off, apart, along, turning, give = here
+            found = apart <= CLOSED * rest.sum(1)[:, 0]
             if (found | folded).all():
                 break
+            slope = turning.sum(1)[..., None] * np.eye(3) + np.einsum(
+                "ns,nsi,nsj->nij", give - turning[..., 0], along, along
+            )
             step = np.linalg.solve(slope, off[..., None])[..., 0]
             for _ in range(SHORTER):
-                worse = np.linalg.norm(laid(pulls + step)[1], axis=1) > np.linalg.norm(off, axis=1)
+                here = laid(pulls + step)
+                worse = here[2] > apart
                 if not (worse & ~folded).any():
                     break
                 step[worse] *= 0.5
+            else:
+                here = laid(pulls + step)
             pulls = pulls + step
-            segments, off, slope = laid(pulls)
-        return segments[:, :-1], found
+        segments = here[0]
+        return segments[:, :-1], found, pulls
 
 
 def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass: float) -> ET.Element:

@@ -5,8 +5,7 @@ The cable arrives along the axis e and touches the wheel at the exit A. In MuJoC
 - a body at A with a hinge about e, the swivel; its x axis points from A to the centre of the wheel;
 - a *sphere* of the wheel's radius at that centre, the groove. The plane of entry, centre and anchor cuts it in a great
   circle, wherever the anchor is. On a cylinder the tendon may slide off as a helix, and the swivel is then unstable;
-- a site beyond the wheel, seen along e: it selects the side on which the tendon passes. For a cable with mass, whose
-  first mass may hang below the wheel, it lies between that direction and the exit;
+- a site beyond the wheel, seen along e: it selects the side on which the tendon passes;
 - a site on the axis before A, where the tendon begins. At less than about ten radii, the swivel is unstable.
 
 So the tendon is longer than the cable by that straight entry, ``ENTRY`` radii. No force turns the wheel of a slack
@@ -94,9 +93,7 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
         ET.SubElement(body, "geom", {"name": f"groove_{i}", "class": "guide", "size": text(radius)}).set(
             "pos", text([radius, 0, 0])
         )
-        side = np.array([-1.0, 0, 1.0]) / np.sqrt(2) if cabling.linear_density[cable] > 0 else np.array([0, 0, 1.0])
-        place = np.array([radius, 0, 0]) + SIDE * radius * side
-        ET.SubElement(body, "site", {"name": f"side_{i}", "class": "guide", "pos": text(place)})
+        ET.SubElement(body, "site", {"name": f"side_{i}", "class": "guide", "pos": text([radius, 0, SIDE * radius])})
         wheel = ET.SubElement(body, "geom", {"name": f"wheel_{i}", "class": "drawn", "type": "cylinder"})
         wheel.set("size", text(radius))
         wheel.set("fromto", text([radius, -WIDTH * radius, 0, radius, WIDTH * radius, 0]))

@@ -24,7 +24,7 @@ TURNING = 5.0
 """Inertia added to the platform's rotation, as a multiple of its own: a small platform rotates faster than it
 swings, and only the swing has to be resolved."""
 
-LAID, CLOSER = 1e-15, 0.5
+LAID, CLOSER = 1e-9, 0.5
 """Largest change of a mass's position, in characteristic lengths, when a chain over a wheel is laid out once more; and
 the largest change as a fraction of the one before, with which that is continued."""
 
@@ -249,7 +249,8 @@ class ChainSimulation:
             self.turn_wheels()
             mujoco.mj_fwdPosition(model, data)
             starts, wrapped = chains.departures(data, exits)
-            extents, found = chains.hung(model, pulls, starts - data.xpos[chains.ends], wrapped)
+            extents, found, pulled = chains.hung(model, pulls, starts - data.xpos[chains.ends], wrapped)
+            pulls = np.where(found[:, None], pulled, pulls)
             extents = extents @ self.rotation
             moved = np.abs(extents - data.qpos[chains.coordinates])[found & chains.over].max(initial=0)
             data.qpos[chains.coordinates[found]] = extents[found]
