@@ -70,6 +70,9 @@ WRAP_MARGIN = 0.5
 """[rad] By how much more than at the middle of the workspace a cable may wrap its wheel before the first mass of its
 chain touches it."""
 
+FLAT = 1e-12
+"""Least sine of the angle between a wheel's axis and a chain that leaves it: along the axis no direction is outwards."""
+
 SHORTEST_FREE = 0.1
 """Least free length of a first segment that damping assumes, in radii of its wheel."""
 
@@ -332,7 +335,8 @@ class Chains:
         over: which chains run over wheels.
         first: bodies of the first masses of those chains.
         grooves: geoms of their wheels.
-        radii: radii of their wheels [m].
+        radii: radii of the wheels of all chains [m], 0 without one.
+        axes: their axes.
     """
 
     cables: Int[np.ndarray, " chains"]
@@ -347,7 +351,8 @@ class Chains:
     over: Bool[np.ndarray, " chains"]
     first: Int[np.ndarray, " guided"]
     grooves: Int[np.ndarray, " guided"]
-    radii: Float[np.ndarray, " guided"]
+    radii: Float[np.ndarray, " chains"]
+    axes: Float[np.ndarray, "chains 3"]
 
     @classmethod
     def of(cls, model: mujoco.MjModel, cabling: Cabling) -> Chains:
@@ -382,7 +387,8 @@ class Chains:
             over=over,
             first=nodes[over, -1],
             grooves=np.array(grooves, dtype=int),
-            radii=cabling.pulley_radius[cables[over]],
+            radii=cabling.pulley_radius[cables],
+            axes=cabling.pulley_axis[cables],
         )
 
     def let_out(
@@ -409,59 +415,34 @@ class Chains:
         lengths[:, 0] -= self.entries
         return lengths
 
-    def departures(
-        self, data: mujoco.MjData, exits: Float[np.ndarray, "chains 3"]
-    ) -> tuple[Float[np.ndarray, "chains 3"], Float[np.ndarray, " chains"]]:
-        """Where the first tendons leave their wheels, else the exits; and their lengths on the wheels [m], by MuJoCo.
-
-        As of MuJoCo's last call. A tendon that misses its wheel leaves from the exit.
-        """
-        points, wrapped, path = exits.copy(), np.zeros(len(exits)), data.wrap_xpos.reshape(-1, 3)
-        for chain in np.flatnonzero(self.over):
-            tendon = self.segments[chain, 0]
-            if data.ten_wrapnum[tendon] == pulleys.POINTS:
-                entry, begin, end, mass = path[data.ten_wrapadr[tendon] :][: pulleys.POINTS]
-                points[chain] = end
-                straight = magnitude(begin - entry) + magnitude(mass - end)
-                wrapped[chain] = data.ten_length[tendon] - straight + magnitude(begin - entry) - self.entries[chain]
-        return points, wrapped
-
     def free(self, model: mujoco.MjModel, data: mujoco.MjData) -> Float[np.ndarray, "chains segments"]:
         """Lengths of the segments that are free to turn [m]: at rest; of the first over a wheel, what lies beyond it."""
         lengths = self.rest_lengths(model)
         away = data.xpos[self.first] - data.geom_xpos[self.grooves]
-        beyond = (away * away).sum(1) - self.radii**2
-        lengths[self.over, 0] = np.sqrt(np.maximum(beyond, (SHORTEST_FREE * self.radii) ** 2))
+        squares = self.radii[self.over] ** 2
+        lengths[self.over, 0] = np.sqrt(np.maximum((away * away).sum(1) - squares, SHORTEST_FREE**2 * squares))
         return lengths
 
     def hung(
-        self,
-        model: mujoco.MjModel,
-        pulls: Float[np.ndarray, "chains 3"],
-        spans: Float[np.ndarray, "chains 3"],
-        wrapped: Float[np.ndarray, " chains"],
-    ) -> tuple[Float[np.ndarray, "chains nodes 3"], Bool[np.ndarray, " chains"], Float[np.ndarray, "chains 3"]]:
-        """Hanging chains: (extents from anchor to first mass, whether they reach their exits or wheels, pulls).
-
-        Extents [m] and pulls on the anchors [N] are in the base frame.
+        self, model: mujoco.MjModel, pulls: Float[np.ndarray, "chains 3"], spans: Float[np.ndarray, "chains 3"]
+    ) -> tuple[Float[np.ndarray, "chains nodes 3"], Bool[np.ndarray, " chains"]]:
+        """Extents from anchor to first mass, base frame, of hanging chains, and whether they reach their exits.
 
         Each segment is parallel to its own pull, which changes from segment to segment by the weights of the masses,
         and is stretched by it; Newton's method finds the pulls on the anchors with which the chains reach their exits.
-        These are only initial positions of the masses: whether they are in equilibrium there is decided in MuJoCo. A
+        A first segment over a wheel begins where its direction is a tangent of the wheel, and is shorter by the arc from
+        the exit to there. These are only initial positions of the masses: whether they are in equilibrium there is decided in MuJoCo. A
         folded chain, with a segment that is not taut, has no such pulls and is not computed.
 
         Args:
             model: with springs and masses.
             pulls: approximate pulls on the anchors [N].
-            spans: vectors from anchors to the exits, or to where the chains leave their wheels [m].
-            wrapped: lengths that lie on the wheels [m].
+            spans: vectors from anchors to exits [m].
         """
         masses = np.concatenate([model.body_mass[self.ends, None], model.body_mass[self.nodes]], axis=1)
         hanging = -masses.cumsum(1)[..., None] * model.opt.gravity
         rest = self.rest_lengths(model)[:, ::-1, None]
-        on_wheel = np.zeros_like(rest)
-        on_wheel[:, -1, 0] = wrapped
-        rest = rest - on_wheel
+        axes, radii = self.axes, self.radii[:, None]
         inwards = self.segments[:, ::-1]
         law = model.tendon_stiffness[inwards], *np.moveaxis(model.tendon_stiffnesspoly[inwards], -1, 0)
 
@@ -471,22 +452,31 @@ class Chains:
             along = each / size
             stretch, give = _stretched(size[..., 0], *law)
             reach = rest + stretch[..., None]
+            ahead = -(along[..., -1, :] * axes).sum(-1, keepdims=True)
+            outwards = -along[..., -1, :] - ahead * axes
+            aside = np.linalg.norm(outwards, axis=-1, keepdims=True)
+            outwards = outwards / np.maximum(aside, FLAT)
+            reach[..., -1, :] -= radii * np.arctan2(aside, ahead)
+            leaving = radii * ((1 - ahead) * outwards + aside * axes)  # from the exit
             segments = reach * along
-            off = spans - segments.sum(-2)
-            return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give
+            off = spans + leaving - segments.sum(-2)
+            swivelling = radii * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
+            sideways = np.cross(axes, outwards)
+            return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give, swivelling, sideways
 
         # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
         # segment: it is least there where the others leave no more than that length to span.
         folded = (laid(-np.moveaxis(hanging, 1, 0))[2] <= rest[..., 0].T).any(0)
         found, here = np.zeros(len(pulls), dtype=bool), laid(pulls)
         for _ in range(LAYINGS):
-            _, off, apart, along, turning, give = here
+            _, off, apart, along, turning, give, swivelling, sideways = here
             found = apart <= CLOSED * rest.sum(1)[:, 0]
             if (found | folded).all():
                 break
             slope = turning.sum(1)[..., None] * np.eye(3) + np.einsum(
                 "ns,nsi,nsj->nij", give - turning[..., 0], along, along
             )
+            slope += swivelling[..., None] * sideways[:, :, None] * sideways[:, None]
             step = np.linalg.solve(slope, off[..., None])[..., 0]
             for _ in range(SHORTER):
                 here = laid(pulls + step)
@@ -498,7 +488,7 @@ class Chains:
                 here = laid(pulls + step)
             pulls = pulls + step
         segments = here[0]
-        return segments[:, :-1], found, pulls
+        return segments[:, :-1], found
 
 
 def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass: float) -> ET.Element:

@@ -24,10 +24,6 @@ TURNING = 5.0
 """Inertia added to the platform's rotation, as a multiple of its own: a small platform rotates faster than it
 swings, and only the swing has to be resolved."""
 
-LAID, CLOSER = 1e-9, 0.5
-"""Largest change of a mass's position, in characteristic lengths, when a chain over a wheel is laid out once more; and
-the largest change as a fraction of the one before, with which that is continued."""
-
 IMMOVABLE = 1e100
 """Inertia of a platform that is held fixed: no force moves it."""
 
@@ -240,23 +236,13 @@ class ChainSimulation:
     def lay(self, pulls: Float[np.ndarray, "chains 3"]) -> Bool[np.ndarray, " chains"]:
         """Lay out chains as they hang between exit and anchor for these approximate pulls on the platform [N].
 
-        Only chains for which that succeeds are changed; returns which they are. Where a chain leaves its wheel follows
-        from MuJoCo's own path over it, for which the chain is laid out again.
+        Only chains for which that succeeds are changed; returns which they are.
         """
         model, data, chains = self.model, self.data, self.chains
-        exits, before = self.robot.exits[chains.cables], np.inf
-        while True:
-            self.turn_wheels()
-            mujoco.mj_fwdPosition(model, data)
-            starts, wrapped = chains.departures(data, exits)
-            extents, found, pulled = chains.hung(model, pulls, starts - data.xpos[chains.ends], wrapped)
-            pulls = np.where(found[:, None], pulled, pulls)
-            extents = extents @ self.rotation
-            moved = np.abs(extents - data.qpos[chains.coordinates])[found & chains.over].max(initial=0)
-            data.qpos[chains.coordinates[found]] = extents[found]
-            if not LAID * self.length < moved < CLOSER * before:  # each turn reduces the error to about a hundredth
-                return found
-            before = moved
+        mujoco.mj_kinematics(model, data)
+        extents, found = chains.hung(model, pulls, self.spans())
+        data.qpos[chains.coordinates[found]] = extents[found] @ self.rotation
+        return found
 
     def spans(self) -> Float[np.ndarray, "chains 3"]:
         """Vectors from anchors to exits [m], as of MuJoCo's last call."""
