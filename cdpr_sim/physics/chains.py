@@ -10,6 +10,14 @@ segments the error falls only with the square of their number.
 For a cable that bends sharply such a division has errors of percents: a slack chain is divided again when it hangs,
 more finely where it bends, and then has an error of at most 3e-7, unless it bends more sharply than ``SHARPEST``.
 
+Over a pulley (``pulleys``) the first tendon begins at the entry, wraps the wheel and ends at the first mass, which the
+wheel faces. It is longer by the entry and by what lies on the wheel (``Robot.wrapped_lengths``), which has no mass. Its
+quadrature is Gauss and Radau's with one point fixed at the exit: the tension of the first segment is then that of the
+cable where it leaves the wheel. With Gauss and Legendre's points it is that at the first of them: an error of 1e-7 m
+on a crane. The first segment must reach beyond the wheel (``too_short``).
+
+A nonlinear law is that of ``tendons``, for each segment.
+
 The masses are branches of the platform: each moves on three slide joints relative to its neighbour on the side of the
 anchor, so that a coordinate is a segment's own extent, in the platform's frame, and only the first segment is attached
 to the world. MuJoCo's implicit integrator takes account of damping, but not of the transverse stiffness of a taut
@@ -35,6 +43,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.number_format import LEAST_INERTIA, magnitude, text
 
 SEGMENTS = 6
@@ -57,6 +66,20 @@ CLOSED, LEAST_PULL = 1e-13, 1e-12
 """Largest distance of a chain's end from its exit, as a fraction of its length; and the smallest pull [N] with a
 direction."""
 
+WRAP_MARGIN = 0.5
+"""[rad] By how much more than at the middle of the workspace a cable may wrap its wheel before the first mass of its
+chain touches it."""
+
+FLAT = 1e-12
+"""Least sine of the angle between a wheel's axis and a chain that leaves it: along the axis no direction is outwards."""
+
+SHORTEST_FREE = 0.1
+"""Least free length of a first segment that damping assumes, in radii of its wheel."""
+
+STRETCHINGS, LEAST_SLOPE = 30, 0.01
+"""Largest number of Newton steps to the stretch of a nonlinear segment, of which a handful suffice; and the least slope
+of its law that they assume, as a fraction of its slope at rest."""
+
 FAR = 1e4
 """Distance of a brake's other end, in rest lengths: at that distance, directions do not change."""
 
@@ -77,24 +100,49 @@ def refuse_weight(robot: Robot, doing: str) -> None:
         )
 
 
-class ChainDivision(NamedTuple):
-    """ChainDivision of chains from exit to anchor: segments' lengths, and masses, the one at the anchor last.
+def too_short(robot: Robot, rest_lengths: Float[np.ndarray, "*batch cables"]) -> Bool[np.ndarray, "*batch cables"]:
+    """Which chains are so short for their wheels that the first mass might touch them."""
+    cabling = robot.cabling
+    first = (rest_lengths - robot.wrapped_lengths) / SEGMENTS**2
+    return (cabling.linear_density > 0) & cabling.pulleys & (first < WRAP_MARGIN * cabling.pulley_radius)
 
-    As fractions of the whole. The missing mass would be at the exit.
+
+def refuse_short(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
+    """Refuse chains that are ``too_short``.
+
+    Raises:
+        InvalidInput: a cable with mass over a pulley is too short for a chain.
+    """
+    short = too_short(robot, rest_lengths)
+    if short.any():
+        cable = int(np.argmax(short))
+        radius = robot.cabling.pulley_radius[cable]
+        least = robot.wrapped_lengths[cable] + WRAP_MARGIN * SEGMENTS**2 * radius
+        raise InvalidInput(
+            f"rest_lengths: found {rest_lengths[cable]:g} m in cable {cable + 1}, with mass and over a pulley of "
+            f"{radius:g} m, expected at least {least:.3g} m: in MuJoCo the first mass of its chain could touch the wheel"
+        )
+
+
+class ChainDivision(NamedTuple):
+    """Division of chains from exit to anchor: segments' lengths, and masses, the one at the anchor last.
+
+    As fractions of the cable that has mass. The missing mass would be at the exit.
     """
 
     lengths: Float[np.ndarray, "#chains segments"]
     masses: Float[np.ndarray, "#chains points"]
 
 
-@cache
-def straight() -> ChainDivision:
-    """ChainDivision by the quadrature along the cable."""
-    points, weights = _quadrature()
-    return ChainDivision(weights[None] / 2, np.diff((points + 1) / 2, append=1.0)[None])
+def straight(over_wheel: Bool[np.ndarray, " chains"]) -> ChainDivision:
+    """Divisions by the quadrature along the cable, for chains over wheels and others."""
+    points, weights = _quadrature(over_wheel)
+    return ChainDivision(weights / 2, np.diff((points + 1) / 2, append=1.0))
 
 
-def divisions(level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " chains"]) -> ChainDivision:
+def divisions(
+    level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " chains"], over_wheel: Bool[np.ndarray, " chains"]
+) -> ChainDivision:
     """Divisions of chains with bends: by the quadrature in u, with level + bend sinh(u) the position along the cable.
 
     So they are divided more finely where they bend. Chains that hardly bend are divided like straight ones.
@@ -102,29 +150,57 @@ def divisions(level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " cha
     Args:
         level: position along each chain, from the exit, where it is horizontal, as a fraction of its length.
         bend: distance from there to where its slope is 45 degrees.
+        over_wheel: which chains run over a wheel.
     """
-    points, weights = _quadrature()
+    points, weights = _quadrature(over_wheel)
     level, bend = level[:, None], np.maximum(bend, SHARPEST)[:, None]
     first, last = np.arcsinh(-level / bend), np.arcsinh((1 - level) / bend)
     u = (first + last + (last - first) * points) / 2
     lengths = weights * np.cosh(u)
     bent = ChainDivision(lengths / lengths.sum(1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
-    return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(), strict=True)))
+    return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(over_wheel), strict=True)))
+
+
+def _quadrature(over_wheel: Bool[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:
+    """Points from -1 to 1, and weights: Gauss and Radau's for chains over wheels, else Gauss and Legendre's."""
+    return tuple(both[over_wheel.astype(int)] for both in _quadratures())
 
 
 @cache
-def _quadrature() -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
-    """Points from -1 to 1, and weights; rounded, since the last digits differ between versions of NumPy."""
+def _quadratures() -> tuple[Float[np.ndarray, "2 points"], Float[np.ndarray, "2 points"]]:
+    """Both rules; rounded, since the last digits differ between versions of NumPy."""
     points, weights = np.polynomial.legendre.leggauss(SEGMENTS)
-    return np.round(points, 14), np.round(weights, 14)
+    last = np.eye(SEGMENTS + 1)[SEGMENTS - 1]  # coefficients of the Legendre polynomial of one degree less
+    radau = np.polynomial.legendre.legroots(last + np.eye(SEGMENTS + 1)[SEGMENTS])
+    radau[0] = -1.0
+    slopes = (1 - radau) / (SEGMENTS * np.polynomial.legendre.legval(radau, last)) ** 2
+    return np.round([points, radau], 14), np.round([weights, slopes], 14)
 
 
-def shape(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"], rest_length: float) -> Float[np.ndarray, "n 3"]:
-    """Initial profile of a chain: its segments, from exit to anchor, straight or sagging along a parabola.
+def cut(
+    robot: Robot,
+    cables: Int[np.ndarray, " chains"],
+    rest_lengths: Float[np.ndarray, " cables"],
+    division: ChainDivision,
+) -> tuple[Float[np.ndarray, "chains segments"], Float[np.ndarray, "chains points"]]:
+    """Rest lengths [m] of the segments from exit to anchor, what lies on the wheel included; and the masses [kg]."""
+    wrapped = robot.wrapped_lengths[cables]
+    weighing = (rest_lengths[cables] - wrapped)[:, None]
+    lengths = division.lengths * weighing
+    lengths[:, 0] += wrapped
+    return lengths, robot.cabling.linear_density[cables, None] * weighing * division.masses
+
+
+def shape(
+    start: Float[np.ndarray, "3"],
+    end: Float[np.ndarray, "3"],
+    rest_length: float,
+    parts: Float[np.ndarray, " segments"],
+) -> Float[np.ndarray, "n 3"]:
+    """Initial profile of a chain: its segments, from exit or wheel to anchor, straight or sagging along a parabola.
 
     Its length is approximately that of the cable; MuJoCo then computes the true profile.
     """
-    (parts,) = straight().lengths
     s = np.append(0.0, np.cumsum(parts))
     chord = magnitude(end - start)
     sag = np.sqrt(3 / 8 * max(rest_length - chord, 0.0) * max(chord, SHALLOWEST * rest_length))
@@ -137,8 +213,11 @@ def extents(
     robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"]
 ) -> Float[np.ndarray, "chains nodes 3"]:
     """The slides' coordinates with the platform at ``pose``: per cable with mass, from anchor to first mass."""
-    anchors = pose.apply(robot.anchors)
-    rows = [shape(robot.exits[i], anchors[i], rest_lengths[i]) for i in np.flatnonzero(robot.cabling.linear_density)]
+    cables = np.flatnonzero(robot.cabling.linear_density)
+    starts, anchors = pulleys.departures(robot, pose), pose.apply(robot.anchors)
+    free = rest_lengths - robot.wrapped_lengths
+    parts = straight(robot.cabling.pulleys).lengths
+    rows = [shape(starts[i], anchors[i], free[i], parts[i]) for i in cables]
     inwards = -np.array(rows).reshape(-1, SEGMENTS, 3)[:, :0:-1]
     return pose.rotation.inv().apply(inwards.reshape(-1, 3)).reshape(inwards.shape)
 
@@ -159,11 +238,11 @@ def add_chains(
         InvalidInput: a cable with too small a mass.
     """
     cabling = robot.cabling
-    (lengths,), (parts,) = straight()
+    cables = np.flatnonzero(cabling.linear_density)
     coordinates = extents(robot, pose, rest_lengths)
-    for cable, extent in zip(np.flatnonzero(cabling.linear_density), coordinates, strict=True):
+    rows = zip(cables, coordinates, *cut(robot, cables, rest_lengths, straight(cabling.pulleys[cables])), strict=True)
+    for cable, extent, lengths, masses in rows:
         i, length = cable + 1, rest_lengths[cable]
-        masses = cabling.linear_density[cable] * length * parts
         if masses.min() < LEAST_MASS:
             raise InvalidInput(
                 f"linear_density: found {cabling.linear_density[cable]:g} kg/m in cable {i}, {length:g} m long, "
@@ -173,7 +252,7 @@ def add_chains(
         parent, place = platform, cabling.anchors[cable]
         for k, along in zip(range(SEGMENTS - 1, 0, -1), extent, strict=True):
             parent = _point(parent, f"node_{i}_{k}", place + along, masses[k - 1])
-            damping = plucked(step, robot.weight, lengths[k] * length)
+            damping = plucked(step, robot.weight, lengths[k])
             for axis, name in enumerate("xyz"):
                 slide = ET.SubElement(parent, "joint", name=f"{name}_{i}_{k}", type="slide")
                 slide.set("axis", text(np.eye(3)[axis]))
@@ -192,32 +271,44 @@ def add_far(world: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray,
             far.set("pos", text(cabling.exits[cable] + FAR * rest_lengths[cable] * np.eye(3)[axis]))
 
 
-def add_segments(tendons: ET.Element, robot: Robot, cable: int, rest_length: float, step: float) -> None:
-    """The tendons ``cable_1_1``, ..., from exit to anchor, of one cable with mass, its brakes, and ``chord_1``.
+def add_segments(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float) -> None:
+    """The tendons ``cable_1_1``, ..., from exit to anchor, of each cable with mass, its brakes, and ``chord_1``.
 
     Their damping is for the time step ``step`` [s] of a model that is only stepped. It also damps slack segments, which
     slows them down and does not change the equilibrium.
     """
-    (parts,) = straight().lengths
-    i = cable + 1
-    sites = [f"exit_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS)), f"anchor_{i}"]
-    for k in range(1, SEGMENTS + 1):
-        length = parts[k - 1] * rest_length
-        stiffness = robot.axial_stiffness[cable] / length
-        segment = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}_{k}", "class": "cable"})
-        segment.set("stiffness", text(stiffness))
-        segment.set("springlength", text([0, length]))
-        segment.set("damping", text(step * stiffness))
-        for site in sites[k - 1 : k + 1]:
-            ET.SubElement(segment, "site", site=site)
-    for axis in "xyz":
-        brake = ET.SubElement(tendons, "spatial", name=f"brake_{i}_{axis}", group="4")
-        brake.set("damping", text(plucked(step, robot.weight, parts[0] * rest_length)))
-        for site in (f"far_{i}_{axis}", sites[1]):
-            ET.SubElement(brake, "site", site=site)
-    chord = ET.SubElement(tendons, "spatial", name=f"chord_{i}", group="4")
-    for site in (sites[0], sites[-1]):
-        ET.SubElement(chord, "site", site=site)
+    cabling, parent = robot.cabling, root.find("tendon")
+    cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(robot.cabling)
+    assert parent is not None
+    for cable, lengths in zip(cables, cut(robot, cables, rest_lengths, straight(cabling.pulleys[cables]))[0], strict=True):
+        i, over, law = cable + 1, bool(cabling.pulleys[cable]), bool(cabling.stiffening[cable].any())
+        stiffnesses = tendons.springs(cabling.axial_stiffness[[cable]], lengths[:, None])[:, 0]
+        further = tendons.polynomials(
+            cabling.axial_stiffness[[cable]], cabling.stiffening[[cable]], lengths[:, None]
+        )[:, 0]
+        sites = [f"entry_{i}" if over else f"exit_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS)), f"anchor_{i}"]
+        uppers = lengths.copy()
+        uppers[0] += entries[cable]
+        for k in range(1, SEGMENTS + 1):
+            segment = ET.SubElement(parent, "spatial", {"name": f"cable_{i}_{k}", "class": "cable"})
+            segment.set("stiffness", text([stiffnesses[k - 1], *further[k - 1]] if law else stiffnesses[k - 1]))
+            segment.set("springlength", text([0, uppers[k - 1]]))
+            segment.set("damping", text(step * stiffnesses[k - 1]))
+            _run(segment, i, sites[k - 1 : k + 1], over and k == 1)
+        free = lengths[0] - robot.wrapped_lengths[cable]
+        for axis in "xyz":
+            brake = ET.SubElement(parent, "spatial", name=f"brake_{i}_{axis}", group="4")
+            brake.set("damping", text(plucked(step, robot.weight, free)))
+            _run(brake, i, [f"far_{i}_{axis}", sites[1]])
+        _run(ET.SubElement(parent, "spatial", name=f"chord_{i}", group="4"), i, [sites[0], sites[-1]], over)
+
+
+def _run(tendon: ET.Element, i: int, sites: list[str], over_wheel: bool = False) -> None:
+    """Let a tendon of cable ``i`` run between two sites, over the wheel or straight."""
+    ET.SubElement(tendon, "site", site=sites[0])
+    if over_wheel:
+        pulleys.add_way(tendon, i)
+    ET.SubElement(tendon, "site", site=sites[1])
 
 
 def plucked(
@@ -233,6 +324,7 @@ class Chains:
 
     Attributes:
         cables: indices of the cables.
+        entries: difference between the length of each first tendon, and each chord, and the cable's [m].
         segments: tendons from exit to anchor.
         brakes: tendons to distant points.
         chords: tendons from exit to anchor.
@@ -240,9 +332,15 @@ class Chains:
         ends: bodies at the anchors.
         coordinates: indices of the slides in ``qpos``, from anchor to exit.
         dofs: indices of the slides in ``qvel``.
+        over: which chains run over wheels.
+        first: bodies of the first masses of those chains.
+        grooves: geoms of their wheels.
+        radii: radii of the wheels of all chains [m], 0 without one.
+        axes: their axes.
     """
 
     cables: Int[np.ndarray, " chains"]
+    entries: Float[np.ndarray, " chains"]
     segments: Int[np.ndarray, "chains segments"]
     brakes: Int[np.ndarray, "chains 3"]
     chords: Int[np.ndarray, " chains"]
@@ -250,6 +348,11 @@ class Chains:
     ends: Int[np.ndarray, " chains"]
     coordinates: Int[np.ndarray, "chains nodes 3"]
     dofs: Int[np.ndarray, "chains nodes 3"]
+    over: Bool[np.ndarray, " chains"]
+    first: Int[np.ndarray, " guided"]
+    grooves: Int[np.ndarray, " guided"]
+    radii: Float[np.ndarray, " chains"]
+    axes: Float[np.ndarray, "chains 3"]
 
     @classmethod
     def of(cls, model: mujoco.MjModel, cabling: Cabling) -> Chains:
@@ -269,32 +372,56 @@ class Chains:
         numbers = cables + 1
         slides = ids(joints, [f"{axis}_{i}_{k}" for i in numbers for k in inwards for axis in "xyz"])
         slides = slides.reshape(len(cables), SEGMENTS - 1, 3)
+        nodes, over = ids(bodies, [f"node_{i}_{k}" for i in numbers for k in inwards]), cabling.pulleys[cables]
+        grooves = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"groove_{i}") for i in numbers[over]]
         return cls(
             cables=cables,
+            entries=pulleys.entries(cabling)[cables],
             segments=ids(tendons, [f"cable_{i}_{k}" for i in numbers for k in range(1, SEGMENTS + 1)]),
             brakes=ids(tendons, [f"brake_{i}_{axis}" for i in numbers for axis in "xyz"]),
             chords=ids(tendons, [f"chord_{i}" for i in numbers])[:, 0],
-            nodes=ids(bodies, [f"node_{i}_{k}" for i in numbers for k in inwards]),
+            nodes=nodes,
             ends=ids(bodies, [f"end_{i}" for i in numbers])[:, 0],
             coordinates=model.jnt_qposadr[slides],
             dofs=model.jnt_dofadr[slides],
+            over=over,
+            first=nodes[over, -1],
+            grooves=np.array(grooves, dtype=int),
+            radii=cabling.pulley_radius[cables],
+            axes=cabling.pulley_axis[cables],
         )
 
     def let_out(
         self,
         model: mujoco.MjModel,
-        cabling: Cabling,
+        robot: Robot,
         axial_stiffness: Float[np.ndarray, " cables"],
         rest_lengths: Float[np.ndarray, " cables"],
         division: ChainDivision,
     ) -> None:
         """Set a model's cables with mass to these rest lengths: springs and masses. ``mj_setConst`` has to follow."""
-        lengths = rest_lengths[self.cables, None]
-        model.tendon_lengthspring[self.segments, 1] = division.lengths * lengths
-        model.tendon_stiffness[self.segments] = axial_stiffness[self.cables, None] / (division.lengths * lengths)
-        masses = cabling.linear_density[self.cables, None] * lengths * division.masses
+        lengths, masses = cut(robot, self.cables, rest_lengths, division)
+        model.tendon_lengthspring[self.segments, 1] = lengths
+        model.tendon_lengthspring[self.segments[:, 0], 1] += self.entries
+        law = axial_stiffness[self.cables], robot.cabling.stiffening[self.cables]
+        model.tendon_stiffness[self.segments] = tendons.springs(law[0], lengths.T).T
+        model.tendon_stiffnesspoly[self.segments] = tendons.polynomials(*law, lengths.T).swapaxes(0, 1)
         model.body_mass[self.nodes] = masses[:, -2::-1]
         model.body_mass[self.ends] = masses[:, -1]
+
+    def rest_lengths(self, model: mujoco.MjModel) -> Float[np.ndarray, "chains segments"]:
+        """Rest lengths of the segments [m], what lies on the wheel included."""
+        lengths = model.tendon_lengthspring[self.segments, 1]
+        lengths[:, 0] -= self.entries
+        return lengths
+
+    def free(self, model: mujoco.MjModel, data: mujoco.MjData) -> Float[np.ndarray, "chains segments"]:
+        """Lengths of the segments that are free to turn [m]: at rest; of the first over a wheel, what lies beyond it."""
+        lengths = self.rest_lengths(model)
+        away = data.xpos[self.first] - data.geom_xpos[self.grooves]
+        squares = self.radii[self.over] ** 2
+        lengths[self.over, 0] = np.sqrt(np.maximum((away * away).sum(1) - squares, SHORTEST_FREE**2 * squares))
+        return lengths
 
     def hung(
         self, model: mujoco.MjModel, pulls: Float[np.ndarray, "chains 3"], spans: Float[np.ndarray, "chains 3"]
@@ -303,7 +430,8 @@ class Chains:
 
         Each segment is parallel to its own pull, which changes from segment to segment by the weights of the masses,
         and is stretched by it; Newton's method finds the pulls on the anchors with which the chains reach their exits.
-        These are only initial positions of the masses: whether they are in equilibrium there is decided in MuJoCo. A
+        A first segment over a wheel begins where its direction is a tangent of the wheel, and is shorter by the arc from
+        the exit to there. These are only initial positions of the masses: whether they are in equilibrium there is decided in MuJoCo. A
         folded chain, with a segment that is not taut, has no such pulls and is not computed.
 
         Args:
@@ -313,40 +441,53 @@ class Chains:
         """
         masses = np.concatenate([model.body_mass[self.ends, None], model.body_mass[self.nodes]], axis=1)
         hanging = -masses.cumsum(1)[..., None] * model.opt.gravity
-        rest = model.tendon_lengthspring[self.segments[:, ::-1], 1][..., None]
-        give = 1 / model.tendon_stiffness[self.segments[:, ::-1]][..., None]
+        rest = self.rest_lengths(model)[:, ::-1, None]
+        axes, radii = self.axes, self.radii[:, None]
+        inwards = self.segments[:, ::-1]
+        law = model.tendon_stiffness[inwards], *np.moveaxis(model.tendon_stiffnesspoly[inwards], -1, 0)
 
-        def laid(pulls: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            each = pulls[:, None] + hanging
-            size = np.maximum(np.linalg.norm(each, axis=2, keepdims=True), LEAST_PULL)
+        def laid(pulls: np.ndarray) -> tuple[np.ndarray, ...]:
+            each = pulls[..., None, :] + hanging
+            size = np.maximum(np.linalg.norm(each, axis=-1, keepdims=True), LEAST_PULL)
             along = each / size
-            segments = (rest + give * size) * along
-            turning = rest / size
-            slope = ((give + turning).sum(1)[..., None]) * np.eye(3) - np.einsum(
-                "ns,nsi,nsj->nij", turning[..., 0], along, along
-            )
-            return segments, spans - segments.sum(1), slope
+            stretch, give = _stretched(size[..., 0], *law)
+            reach = rest + stretch[..., None]
+            ahead = -(along[..., -1, :] * axes).sum(-1, keepdims=True)
+            outwards = -along[..., -1, :] - ahead * axes
+            aside = np.linalg.norm(outwards, axis=-1, keepdims=True)
+            outwards = outwards / np.maximum(aside, FLAT)
+            reach[..., -1, :] -= radii * np.arctan2(aside, ahead)
+            leaving = radii * ((1 - ahead) * outwards + aside * axes)  # from the exit
+            segments = reach * along
+            off = spans + leaving - segments.sum(-2)
+            swivelling = radii * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
+            sideways = np.cross(axes, outwards)
+            return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give, swivelling, sideways
 
         # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
         # segment: it is least there where the others leave no more than that length to span.
-        folded = np.zeros(len(pulls), dtype=bool)
-        for segment in range(SEGMENTS):
-            _, off, _ = laid(-hanging[:, segment])
-            folded |= np.linalg.norm(off, axis=1) <= rest[:, segment, 0]
-        segments, off, slope = laid(pulls)
-        found = np.zeros(len(pulls), dtype=bool)
+        folded = (laid(-np.moveaxis(hanging, 1, 0))[2] <= rest[..., 0].T).any(0)
+        found, here = np.zeros(len(pulls), dtype=bool), laid(pulls)
         for _ in range(LAYINGS):
-            found = np.linalg.norm(off, axis=1) <= CLOSED * rest.sum(1)[:, 0]
+            _, off, apart, along, turning, give, swivelling, sideways = here
+            found = apart <= CLOSED * rest.sum(1)[:, 0]
             if (found | folded).all():
                 break
+            slope = turning.sum(1)[..., None] * np.eye(3) + np.einsum(
+                "ns,nsi,nsj->nij", give - turning[..., 0], along, along
+            )
+            slope += swivelling[..., None] * sideways[:, :, None] * sideways[:, None]
             step = np.linalg.solve(slope, off[..., None])[..., 0]
             for _ in range(SHORTER):
-                worse = np.linalg.norm(laid(pulls + step)[1], axis=1) > np.linalg.norm(off, axis=1)
+                here = laid(pulls + step)
+                worse = here[2] > apart
                 if not (worse & ~folded).any():
                     break
                 step[worse] *= 0.5
+            else:
+                here = laid(pulls + step)
             pulls = pulls + step
-            segments, off, slope = laid(pulls)
+        segments = here[0]
         return segments[:, :-1], found
 
 
@@ -354,3 +495,20 @@ def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass
     body = ET.SubElement(parent, "body", name=name, pos=text(position))
     ET.SubElement(body, "inertial", pos="0 0 0", mass=text(mass), diaginertia=text([LEAST_INERTIA] * 3))
     return body
+
+
+def _stretched(
+    pulls: Float[np.ndarray, "chains segments"],
+    stiffness: Float[np.ndarray, "chains segments"],
+    square: Float[np.ndarray, "chains segments"],
+    cube: Float[np.ndarray, "chains segments"],
+) -> tuple[Float[np.ndarray, "chains segments"], Float[np.ndarray, "chains segments"]]:
+    """Stretch [m] of springs with MuJoCo's polynomials under these pulls, and its slope [m/N], by Newton's method."""
+    stretch, slope = pulls / stiffness, stiffness
+    for _ in range(STRETCHINGS if square.any() or cube.any() else 0):
+        slope = np.maximum(stiffness + stretch * (2 * square + 3 * cube * stretch), LEAST_SLOPE * stiffness)
+        step = (stretch * (stiffness + stretch * (square + cube * stretch)) - pulls) / slope
+        stretch = np.maximum(stretch - step, 0)
+        if (np.abs(step) <= CLOSED * stretch).all():
+            break
+    return stretch, 1 / slope

@@ -71,12 +71,13 @@ def to_mjcf(
         An MJCF document, which ``mujoco.MjModel.from_xml_string`` compiles; its numbers parse back exactly.
 
     Raises:
-        InvalidInput: an invalid pose or length; winches on cables with mass.
+        InvalidInput: an invalid pose or length; winches on cables with mass; a cable with mass that is too short for
+            its pulley.
     """
     problem = Problem.of(robot, pose, rest_lengths)
     refuse_unless(FLAG, winches=winches)
     robot = problem.robot
-    robot.cabling.refuse_mixture("MuJoCo model")
+    chains.refuse_short(robot, problem.rest_lengths)
     if winches:
         chains.refuse_weight(robot, "a winch in MuJoCo")
     drag, size = _air(problem)
@@ -99,6 +100,7 @@ def to_mjcf(
     if winches:
         add_drums(world, robot, problem.rest_lengths)
     tendons.add_tendons(root, robot, problem.rest_lengths, TIMESTEP, wound=winches)
+    chains.add_segments(root, robot, problem.rest_lengths, TIMESTEP)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
@@ -206,7 +208,7 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidT
     if not robot.cabling.massless:
         found = chains.Chains.of(model, robot.cabling)
         lengths = np.zeros(robot.cables)
-        lengths[found.cables] = model.tendon_lengthspring[found.segments, 1].sum(1)
+        lengths[found.cables] = found.rest_lengths(model).sum(1)
         data.qpos[found.coordinates] = chains.extents(robot, pose, lengths)
     pulleys.toward_anchors(model, data, robot)
 

@@ -9,8 +9,9 @@ The cable arrives along the axis e and touches the wheel at the exit A. In MuJoC
 - a site on the axis before A, where the tendon begins. At less than about ten radii, the swivel is unstable.
 
 So the tendon is longer than the cable by that straight entry, ``ENTRY`` radii. No force turns the wheel of a slack
-cable; it is turned towards its anchor explicitly (``toward_anchors``), as by a taut cable. A planar robot's wheel
-lies in the plane, on the side of its axis where the anchor is, and does not swivel.
+cable; it is turned towards its anchor explicitly (``toward_anchors``), as by a taut cable; the wheel of a cable with
+mass, towards the first mass of its chain. A planar robot's wheel lies in the plane, on the side of its axis where the
+anchor is, and does not swivel.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -118,6 +119,25 @@ def facing(robot: Robot, pose: RigidTransform) -> tuple[Float[np.ndarray, "pulle
     return x[:, None] * sides[:, 0] + y[:, None] * sides[:, 1], np.round(np.arctan2(y, x), 12)
 
 
+def departures(robot: Robot, pose: RigidTransform) -> Float[np.ndarray, "cables 3"]:
+    """Points where the cables leave their wheels on the tangents to their anchors at ``pose``, (cables, 3) [m].
+
+    The exits of cables without a pulley, and of those whose anchors are inside their wheels.
+    """
+    cabling, points = robot.cabling, robot.exits.copy()
+    over = np.flatnonzero(cabling.pulleys)
+    radius, axis, (outwards, _) = cabling.pulley_radius[over, None], cabling.pulley_axis[over], facing(robot, pose)
+    centers = robot.exits[over] + radius * outwards
+    away = pose.apply(robot.anchors)[over] - centers
+    aside, ahead = ((away * direction).sum(1, keepdims=True) for direction in (outwards, axis))
+    square = aside * aside + ahead * ahead
+    free = square - radius * radius
+    turned = aside * axis - ahead * outwards
+    tangent = centers + radius / square * (radius * away + np.sqrt(np.maximum(free, 0)) * turned)
+    points[over] = np.where(free > 0, tangent, points[over])
+    return points
+
+
 def add_way(tendon: ET.Element, i: int) -> None:
     """Elements between entry and anchor in the tendon of cable ``i``, over the wheel."""
     ET.SubElement(tendon, "geom", geom=f"groove_{i}", sidesite=f"side_{i}")
@@ -131,6 +151,7 @@ class Swivels:
         cables: indices of the cables.
         bodies: bodies of the pulleys.
         anchors: sites of the anchors.
+        faced: sites that the wheels face: the anchors, or the first masses of chains.
         coordinates: indices of the swivels in ``qpos``; none in planar robots.
         dofs: indices of the swivels in ``qvel``.
         radii: radii of the wheels in the model [m].
@@ -139,6 +160,7 @@ class Swivels:
     cables: Int[np.ndarray, " pulleys"]
     bodies: Int[np.ndarray, " pulleys"]
     anchors: Int[np.ndarray, " pulleys"]
+    faced: Int[np.ndarray, " pulleys"]
     coordinates: Int[np.ndarray, " swivels"]
     dofs: Int[np.ndarray, " swivels"]
     radii: Float[np.ndarray, " pulleys"]
@@ -148,18 +170,23 @@ class Swivels:
         """The indices, by name."""
         cables = np.flatnonzero(cabling.pulleys)
 
-        def ids(kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " pulleys"]:
-            found = [mujoco.mj_name2id(model, kind.value, f"{name}_{cable + 1}") for cable in cables]
+        def ids(kind: mujoco.mjtObj, name: str, chain: str = "") -> Int[np.ndarray, " pulleys"]:
+            names = [chain if chain and cabling.linear_density[cable] > 0 else name for cable in cables]
+            found = [
+                mujoco.mj_name2id(model, kind.value, each.format(cable + 1))
+                for each, cable in zip(names, cables, strict=True)
+            ]
             return np.array([one for one in found if one >= 0], dtype=int)
 
-        joints = ids(mujoco.mjtObj.mjOBJ_JOINT, "swivel")
+        joints = ids(mujoco.mjtObj.mjOBJ_JOINT, "swivel_{}")
         return cls(
             cables=cables,
-            bodies=ids(mujoco.mjtObj.mjOBJ_BODY, "pulley"),
-            anchors=ids(mujoco.mjtObj.mjOBJ_SITE, "anchor"),
+            bodies=ids(mujoco.mjtObj.mjOBJ_BODY, "pulley_{}"),
+            anchors=ids(mujoco.mjtObj.mjOBJ_SITE, "anchor_{}"),
+            faced=ids(mujoco.mjtObj.mjOBJ_SITE, "anchor_{}", "node_{}_1"),
             coordinates=model.jnt_qposadr[joints],
             dofs=model.jnt_dofadr[joints],
-            radii=model.geom_size[ids(mujoco.mjtObj.mjOBJ_GEOM, "groove"), 0],
+            radii=model.geom_size[ids(mujoco.mjtObj.mjOBJ_GEOM, "groove_{}"), 0],
         )
 
     def __len__(self) -> int:
@@ -171,9 +198,18 @@ class Swivels:
         matrices: Float[np.ndarray, "*rows bodies 9"],
         sites: Float[np.ndarray, "*rows sites 3"],
     ) -> Float[np.ndarray, "*rows pulleys"]:
-        """Angle by which each wheel has to rotate about its axis to face its anchor [rad], from MuJoCo's positions."""
-        x, y, _ = self._seen(positions, matrices, sites)
+        """Angle by which each wheel has to rotate about its axis to face its site [rad], from MuJoCo's positions."""
+        x, y, _ = self._seen(positions, matrices, sites[..., self.faced, :])
         return np.arctan2(y, x)
+
+    def face(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Turn each wheel of a single simulation towards its site; ``mj_kinematics`` has to follow."""
+        mujoco.mj_kinematics(model, data)
+        turns = self.turns(data.xpos, data.xmat, data.site_xpos)
+        if len(self.coordinates):
+            data.qpos[self.coordinates] += turns
+        else:
+            model.body_quat[self.bodies] = flipped(model.body_quat[self.bodies], turns)
 
     def off_wheel(
         self,
@@ -183,28 +219,22 @@ class Swivels:
         points: Int[np.ndarray, "*rows pulleys"],
     ) -> Bool[np.ndarray, "*rows pulleys"]:
         """Whether each cable is off its wheel: its tendon misses the wheel, or its anchor is below the wheel."""
-        x, y, _ = self._seen(positions, matrices, sites)
+        x, y, _ = self._seen(positions, matrices, sites[..., self.anchors, :])
         return (points < POINTS) | (np.hypot(x, y) < self.radii)
 
-    def _seen(self, positions: np.ndarray, matrices: np.ndarray, sites: np.ndarray) -> Float[np.ndarray, "3 *rows n"]:
-        """The anchors in the frames of their wheels [m]: outwards, sideways, along the axis."""
-        away = sites[..., self.anchors, :] - positions[..., self.bodies, :]
+    def _seen(self, positions: np.ndarray, matrices: np.ndarray, seen: np.ndarray) -> Float[np.ndarray, "3 *rows n"]:
+        """Points, one per wheel, in the frames of the wheels [m]: outwards, sideways, along the axis."""
+        away = seen - positions[..., self.bodies, :]
         axes = matrices[..., self.bodies, :].reshape(*away.shape, 3)
         return np.moveaxis((away[..., None, :] @ axes)[..., 0, :], -1, 0)
 
 
 def toward_anchors(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> None:
-    """Turn each wheel of a single simulation towards its anchor, after the platform was placed."""
+    """Turn each wheel of a single simulation towards its anchor or first mass, after the platform was placed."""
     swivels = Swivels.of(model, robot.cabling)
-    if not len(swivels):
-        return
-    mujoco.mj_kinematics(model, data)
-    turns = swivels.turns(data.xpos, data.xmat, data.site_xpos)
-    if robot.mobility == "spatial":
-        data.qpos[swivels.coordinates] += turns
-    else:
-        model.body_quat[swivels.bodies] = flipped(model.body_quat[swivels.bodies], turns)
-    mujoco.mj_kinematics(model, data)
+    if len(swivels):
+        swivels.face(model, data)
+        mujoco.mj_kinematics(model, data)
 
 
 def flipped(

@@ -28,7 +28,7 @@ from jaxtyping import Float
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import chains, pulleys, winches
+from cdpr_sim.physics import pulleys, winches
 from cdpr_sim.physics.number_format import text
 
 NOTHING = 1e-200
@@ -51,7 +51,7 @@ def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
 def add_tendons(
     root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float, *, wound: bool = False
 ) -> None:
-    """The tendons ``cable_1``, ..., with ``rest_lengths`` [m]; a cable with mass has several, for this time step.
+    """The tendons ``cable_1``, ... of massless cables, with ``rest_lengths`` [m], for this time step.
 
     Where cables are ``wound``, the actuators of their winches replace their springs, except for nonlinear cables, which
     begin at a drum; and ``rope_1``, ... are drawn in their place (``winches.hang``).
@@ -61,8 +61,7 @@ def add_tendons(
     further = polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
     lengths = rest_lengths + (winches.behind(robot) if wound else pulleys.entries(cabling))
     for i, (stiffness, length) in enumerate(zip(stiffnesses, lengths, strict=True), start=1):
-        if cabling.linear_density[i - 1] > 0:
-            chains.add_segments(tendons, robot, i - 1, rest_lengths[i - 1], step)
+        if cabling.linear_density[i - 1] > 0:  # ``chains.add_segments``
             continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
         nonlinear = cabling.stiffening[i - 1].any()

@@ -62,7 +62,7 @@ def _stepped(simulation: ChainSimulation, step: Float[np.ndarray, " dofs"], resi
         if simulation.residual() <= CLOSER * residual:
             return True, shortened + 1
         simulation.lay(pulls)
-        if simulation.residual() <= max(TRUSTED * simulation.load, CLOSER * residual):
+        if simulation.residual() <= max(TRUSTED * simulation.load, (1 - (1 - CLOSER) * 0.5**shortened) * residual):
             return True, shortened + 1
     return False, SHORTER
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.batch import HELD
-from cdpr_sim.physics.chains import STRAIGHT, Chains, divisions, straight
+from cdpr_sim.physics.chains import SEGMENTS, STRAIGHT, Chains, divisions, straight
 from cdpr_sim.physics.mjcf import place, to_mjcf
 
 TURNING = 5.0
@@ -57,11 +57,14 @@ class ChainSimulation:
         self.data = mujoco.MjData(self.model)
         self.chains = Chains.of(self.model, cabling)
         self.slides = self.chains.dofs.reshape(len(self.chains.dofs), -1)
-        self.weights = (cabling.linear_density * robot.gravity * rest_lengths)[self.chains.cables]
+        self.weights = (robot.cable_weights * (rest_lengths - robot.wrapped_lengths))[self.chains.cables]
         self.massless = np.flatnonzero(cabling.linear_density == 0)
         self.single = np.array([self._id(mujoco.mjtObj.mjOBJ_TENDON, f"cable_{i + 1}") for i in self.massless], int)
         self.swivels = pulleys.Swivels.of(self.model, cabling)
         self.entries = pulleys.entries(cabling)
+        first = np.zeros(robot.cables, int)  # the tendon that leaves each exit
+        first[self.massless], first[self.chains.cables] = self.single, self.chains.segments[:, 0]
+        self.guided = first[self.swivels.cables]
         self.axial_stiffness, self.given = axial_stiffness, model is not None
         if not self.given:
             self._let_out()
@@ -96,7 +99,7 @@ class ChainSimulation:
 
     def _let_out(self) -> None:
         model, cabling, rest, axial_stiffness = self.model, self.robot.cabling, self.rest_lengths, self.axial_stiffness
-        self.chains.let_out(model, cabling, axial_stiffness, rest, straight())
+        self.chains.let_out(model, self.robot, axial_stiffness, rest, straight(self.chains.over))
         model.tendon_lengthspring[self.single, 1] = (rest + self.entries)[self.massless]
         model.tendon_stiffness[self.single] = tendons.springs(axial_stiffness, rest)[self.massless]
         further = tendons.polynomials(axial_stiffness, cabling.stiffening, rest)
@@ -105,7 +108,7 @@ class ChainSimulation:
     def _compile(self) -> None:
         """Compute the constants that follow from springs and masses."""
         mujoco.mj_setConst(self.model, self.data)
-        self.springs = self.model.tendon_stiffness.copy()
+        self.springs, self.polynomials = self.model.tendon_stiffness.copy(), self.model.tendon_stiffnesspoly.copy()
         self.reset()
 
     @property
@@ -123,8 +126,8 @@ class ChainSimulation:
 
     @property
     def chords(self) -> Float[np.ndarray, " chains"]:
-        """Distances from exit to anchor [m]."""
-        return self.data.ten_length[self.chains.chords]
+        """Lengths of the massless paths from exit to anchor [m]."""
+        return self.data.ten_length[self.chains.chords] - self.chains.entries
 
     @property
     def lengths(self) -> Float[np.ndarray, " cables"]:
@@ -172,7 +175,7 @@ class ChainSimulation:
 
     def residual(self) -> float:
         """``unbalanced`` at the present coordinates, at zero velocity and with the true springs."""
-        self.model.tendon_stiffness[:] = self.springs
+        self.model.tendon_stiffness[:], self.model.tendon_stiffnesspoly[:] = self.springs, self.polynomials
         self.data.qvel[:] = 0
         self.turn_wheels()
         mujoco.mj_forward(self.model, self.data)
@@ -184,9 +187,9 @@ class ChainSimulation:
         return bool((self.model.tendon_stiffness == self.springs).all())
 
     def turn_wheels(self) -> None:
-        """Turn each wheel towards its anchor."""
+        """Turn each wheel towards its anchor, or towards the first mass of its chain."""
         if len(self.swivels):
-            pulleys.toward_anchors(self.model, self.data, self.robot)
+            self.swivels.face(self.model, self.data)
 
     def anchor_pulls(self) -> Float[np.ndarray, "chains 3"]:
         """Pull of each chain on the platform [N], base frame: its last segment's, and the weight of the mass there."""
@@ -227,7 +230,7 @@ class ChainSimulation:
         """Whether a cable is off its wheel, as of MuJoCo's last call."""
         if not len(self.swivels):
             return False
-        points = self.data.ten_wrapnum[self.single[np.isin(self.massless, self.swivels.cables)]]
+        points = self.data.ten_wrapnum[self.guided]
         return bool(self.swivels.off_wheel(self.data.xpos, self.data.xmat, self.data.site_xpos, points).any())
 
     def lay(self, pulls: Float[np.ndarray, "chains 3"]) -> Bool[np.ndarray, " chains"]:
@@ -237,8 +240,7 @@ class ChainSimulation:
         """
         model, data, chains = self.model, self.data, self.chains
         mujoco.mj_kinematics(model, data)
-        spans = self.spans()
-        extents, found = chains.hung(model, pulls, spans)
+        extents, found = chains.hung(model, pulls, self.spans())
         data.qpos[chains.coordinates[found]] = extents[found] @ self.rotation
         return found
 
@@ -261,8 +263,8 @@ class ChainSimulation:
             return False
         qpos = data.qpos.copy()
         for _ in range(2):
-            division = divisions(1 + pulls[:, 2], bends)
-            chains.let_out(model, self.robot.cabling, self.axial_stiffness, self.rest_lengths, division)
+            division = divisions(1 + pulls[:, 2], bends, chains.over)
+            chains.let_out(model, self.robot, self.axial_stiffness, self.rest_lengths, division)
             self._compile()
             data.qpos[:] = qpos
             bends[~self.lay(pulls * weights)] = STRAIGHT  # a folded chain stays as it is
@@ -273,4 +275,5 @@ class ChainSimulation:
 def _model_of(robot: Robot) -> mujoco.MjModel:
     """The compiled model of ``robot``, which is never modified."""
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
-    return mujoco.MjModel.from_xml_string(to_mjcf(robot, middle, np.ones(robot.cables)))
+    lengths = 1.0 + robot.wrapped_lengths + SEGMENTS**2 * robot.cabling.pulley_radius  # enough for every wheel
+    return mujoco.MjModel.from_xml_string(to_mjcf(robot, middle, lengths))

@@ -45,10 +45,10 @@ def released(
         InvalidInput: a mass per problem, since all rows have one model.
     """
     readings, steps, status = [], [], []
-    for row, simulation in enumerate(_rows(problems, starts, model)):
+    for row, (simulation, start) in enumerate(_rows(problems, starts, model)):
         which = f"pose {row + 1} of {len(problems)}: " if len(problems) > 1 else ""
         relaxation = _relaxed(
-            simulation, starts[row], frames if row == 0 else None, lambda words, which=which: say(which + words)
+            simulation, start, frames if row == 0 else None, lambda words, which=which: say(which + words)
         )
         reading = ChainState.of(simulation)
         for _ in range(NUDGES):
@@ -69,14 +69,25 @@ def released(
 
 
 def _relaxed(
-    simulation: ChainSimulation, start: RigidTransform, frames: Frames | None, say: Callable[[str], None]
+    simulation: ChainSimulation,
+    start: RigidTransform,
+    frames: Frames | None,
+    say: Callable[[str], None] = lambda words: None,
 ) -> ChainRelaxation:
-    """Settle in long steps, else by ``approach`` from the start, else in shorter steps; then divide chains at bends."""
+    """Settle in long steps, else by ``approach`` from the start, else in shorter steps; then divide chains at bends.
+
+    Over wheels ``approach`` comes first, unless the motion is wanted: time steps take ten times as long there.
+    """
     relaxation = ChainRelaxation(simulation, frames, say)
+    at_once = frames is None and bool(simulation.chains.over.any())
+    if at_once:
+        if relaxation.approach_from_afar():
+            return relaxation.divide_at_bends()
+        simulation.let_go(start)
     relaxation.run()
     if relaxation.status is not Status.CONVERGED:
         simulation.let_go(start)
-        if relaxation.approach_from_afar():
+        if not at_once and relaxation.approach_from_afar():
             return relaxation.divide_at_bends()
         simulation.let_go(start)
         relaxation = relaxation.again(LONGEST_AGAIN)
@@ -89,17 +100,18 @@ def unbalanced(
 ) -> Float[np.ndarray, " rows"]:
     """Largest unbalanced force [N] on each platform held at its pose; nan if its chains do not settle."""
     found = []
-    for simulation in _rows(problems, poses, model):
+    for simulation, pose in _rows(problems, poses, model):
         simulation.hold()
-        relaxation = ChainRelaxation(simulation)
-        relaxation.run()
-        rested = relaxation.divide_at_bends().status is Status.CONVERGED
+        rested = _relaxed(simulation, pose, None).status is Status.CONVERGED
         simulation.held = False
         found.append(simulation.unbalanced() if rested else np.nan)
     return np.array(found)
 
 
-def _rows(problems: Problems, starts: RigidTransform, model: mujoco.MjModel | None) -> Iterator[ChainSimulation]:
+def _rows(
+    problems: Problems, starts: RigidTransform, model: mujoco.MjModel | None
+) -> Iterator[tuple[ChainSimulation, RigidTransform]]:
+    """Each problem's simulation, and where it starts."""
     robot, rows = problems.robot, len(problems)
     refuse_own_masses(problems)
     rest = np.broadcast_to(problems.rest_lengths, (rows, robot.cables))
@@ -107,4 +119,5 @@ def _rows(problems: Problems, starts: RigidTransform, model: mujoco.MjModel | No
     wrenches = np.broadcast_to(problems.external_wrench, (rows, 6))
     with quiet():
         for row in range(rows):
-            yield ChainSimulation(robot, rest[row], stiffness[row], wrenches[row], starts[row], model)
+            start = starts[row]
+            yield ChainSimulation(robot, rest[row], stiffness[row], wrenches[row], start, model), start

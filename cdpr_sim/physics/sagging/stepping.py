@@ -49,7 +49,7 @@ class Stepping:
     def __init__(self, simulation: ChainSimulation, longest: float) -> None:
         self.simulation, self.longest = simulation, longest
         chains, model = simulation.chains, simulation.model
-        self.segment_lengths = model.tendon_lengthspring[chains.segments, 1]
+        self.segment_lengths = chains.rest_lengths(model)
         self.stiffness = simulation.springs[chains.segments] * self.segment_lengths
         mujoco.mj_fwdPosition(model, simulation.data)
         self.slack = (simulation.chords <= simulation.rest_lengths[chains.cables]) & (simulation.weights > 0)
@@ -83,28 +83,35 @@ class Stepping:
             self.simulation.weights,
         )
         chains = simulation.chains
+        if chains.over.any():  # a wheel that lags behind its chain excites it
+            simulation.turn_wheels()
         mujoco.mj_step1(model, data)
+        self.free = chains.free(model, data)
         with np.errstate(divide="ignore", invalid="ignore"):  # no limit for a coordinate without velocity
             model.opt.timestep = step = self._time_step(longest)
         soft = np.where(
             self.slack[:, None], np.minimum((self.softness * weights)[:, None], self.stiffness), self.stiffness
         )
+        true = soft == self.stiffness
         model.tendon_stiffness[chains.segments] = np.where(
-            soft == self.stiffness, simulation.springs[chains.segments], soft / self.segment_lengths
+            true, simulation.springs[chains.segments], soft / self.segment_lengths
+        )
+        model.tendon_stiffnesspoly[chains.segments] = np.where(
+            true[..., None], simulation.polynomials[chains.segments], 0.0
         )
         _, left_over = simulation.forces()
         grows = self.calm & (np.abs(left_over).max(1) <= weights)
         self.softness = np.where(grows, np.minimum(GROWTH * self.softness, STIFF), self.softness)
         stretch = np.maximum(data.ten_length - model.tendon_lengthspring[:, 1], 0)[simulation.tendons]
-        tangent = model.tendon_stiffness[simulation.tendons] + (
-            stretch[:, None] ** [1, 2] * [2, 3] * model.tendon_stiffnesspoly[simulation.tendons]
-        ).sum(1)
+        further = stretch[:, None] ** [1, 2] * model.tendon_stiffnesspoly[simulation.tendons]
+        secant = model.tendon_stiffness[simulation.tendons] + further.sum(1)
+        tangent = model.tendon_stiffness[simulation.tendons] + (further * [2, 3]).sum(1)
         model.tendon_damping[simulation.tendons] = np.where(stretch > 0, step * tangent, 0)
-        pulls = (stretch[: chains.segments.size] * model.tendon_stiffness[chains.segments.ravel()]).reshape(soft.shape)
+        pulls = (stretch * secant)[: chains.segments.size].reshape(soft.shape)
         self.pulls = pulls.max(1)
         largest = np.maximum(self.pulls, weights)[:, None]
         tension = np.maximum(pulls, LEAST_PULL * largest) if self.gentle else largest
-        resisting = plucked(self.longest, PLUCKED * tension, self.segment_lengths)
+        resisting = plucked(self.longest, PLUCKED * tension, self.free)
         model.dof_damping[chains.dofs] = resisting[:, :0:-1, None]
         model.tendon_damping[chains.brakes] = resisting[:, :1]
         mujoco.mj_passive(model, data)
@@ -132,5 +139,5 @@ class Stepping:
         strains = np.maximum(self.pulls, weights) / stiffness
         extending = np.concatenate([data.ten_velocity[chains.brakes][:, None], data.qvel[chains.dofs][:, ::-1]], axis=1)
         turning = np.sqrt(np.maximum((extending**2).sum(2) - data.ten_velocity[chains.segments] ** 2, 0))
-        turns = np.sqrt(2 * np.maximum(strains, NEAREST**2))[:, None] * self.segment_lengths / turning
+        turns = np.sqrt(2 * np.maximum(strains, NEAREST**2))[:, None] * self.free / turning
         return float(min(longest, np.nanmin(passage), np.nanmin(turns)))
