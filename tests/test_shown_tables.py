@@ -32,6 +32,7 @@ from cdpr_sim.design.layout_result import Change, LayoutResult
 from cdpr_sim.design.objectives import OBJECTIVES
 from cdpr_sim.physics.release import Release
 from cdpr_sim.report import analysis_tables, as_json, crosscheck_tables, design_tables, workspace_tables
+from studies.checked_lines import line_table
 
 COMMANDED = (0.4, 0.25, 0.2)
 
@@ -203,7 +204,7 @@ def test_a_line_is_listed_with_how_far_the_methods_are_apart():
     """Millimetres, degrees, cables that are taut, and nanometres."""
     ends = [made_up("mujoco"), made_up("newton")]
     agreements = [agreement(Verdict.AGREE, position_error=1.5e-9), agreement(Verdict.DISAGREE, position_error=2.5e-6)]
-    shown = columns(crosscheck_tables.line_table("title", ends, agreements))
+    shown = columns(line_table("title", ends, agreements))
     tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in ((3, 20), (4, 21))]
     assert shown == {
         "commanded x [mm]": ["400.00", "400.00"], "x [mm]": ["411.00", "412.00"], "dev. -z [mm]": ["7.000", "10.000"],
