@@ -263,7 +263,7 @@ def methods() -> Iterator[Row]:
     )
 
 
-def missed_by(division: chains.Division, level: np.ndarray, bend: float) -> float:
+def missed_by(division: chains.ChainDivision, level: np.ndarray, bend: float) -> float:
     """Largest distance between the ends of a chain and of the catenary with the same force, over the length.
 
     The chains are horizontal at ``level``; their horizontal force is ``bend`` weights. See ``chains.divisions``.
