@@ -15,7 +15,7 @@ from cdpr_sim.drawing.layout_figures import draw_front
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.studies.better_layouts import picture
 from cdpr_sim.studies.gallery import encoded
-from cdpr_sim.studies.layout_studies import FRAME_TOP, LINE, crane_masts, frame_numbers, level_parallel
+from studies.layout_studies import FRAME_TOP, LINE, crane_masts, frame_numbers, level_parallel
 
 SHOWN = 0.16  # m, the largest displacement of an exit of the drawn layout
 GENERATIONS = 200  # of NSGA-II

@@ -8,7 +8,7 @@ import sys
 
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.compare import Verdict
-from cdpr_sim.studies.zoo_check import PRETENSION_STRAIN, check_robot
+from studies.zoo_check import PRETENSION_STRAIN, check_robot
 
 POSES = 200  # random poses without rotation, per robot
 HEAD = (

@@ -16,10 +16,10 @@ from rich.progress import Progress
 import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.materials import PAPER_MATERIALS
-from cdpr_sim.report.controller_tables import runs_table, summary_table
-from cdpr_sim.studies.controller_comparison import LAYOUTS, PAUSE, Run, Task, held, rms, runs
-from cdpr_sim.studies.controller_comparison_figures import controllers
 from cdpr_sim.studies.gallery import encoded
+from studies.controller_comparison import LAYOUTS, PAUSE, Run, Task, held, rms, runs
+from studies.controller_comparison_figures import controllers
+from studies.controller_tables import runs_table, summary_table
 
 FILMED = "line", 0.05  # path, top speed [m/s]
 IN_SIGHT = 0.06  # [m] largest distance from the reference; beyond it, a platform leaves the picture

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 import cdpr_sim as cdpr
-from cdpr_sim.studies.compensated_line import compensated_line
-from cdpr_sim.studies.compensation_figures import draw_compensation
+from studies.compensated_line import compensated_line
+from studies.compensation_figures import draw_compensation
 
 ROBOTS = {"cogiro": "crossed cables (Cogiro), fishing line", "parallel": "parallel cables, fishing line"}
 MATERIAL = "fishing-0.4mm"

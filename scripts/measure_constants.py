@@ -44,7 +44,7 @@ from cdpr_sim.report.html_page import FILM_RATE, FILM_SIZE
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.statics import balance_kernel, catenary
 from cdpr_sim.statics.newton_kernel import MAX_ITERATIONS
-from cdpr_sim.studies.controller_comparison import SENSORS, believed
+from studies.controller_comparison import SENSORS, believed
 
 POSES = 30_000
 """Random poses in the workspace, for each layout and material."""
@@ -263,7 +263,7 @@ def methods() -> Iterator[Row]:
     )
 
 
-def missed_by(division: chains.Division, level: np.ndarray, bend: float) -> float:
+def missed_by(division: chains.ChainDivision, level: np.ndarray, bend: float) -> float:
     """Largest distance between the ends of a chain and of the catenary with the same force, over the length.
 
     The chains are horizontal at ``level``; their horizontal force is ``bend`` weights. See ``chains.divisions``.

@@ -11,8 +11,8 @@ from rich.table import Table
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.materials import NYLON_FIBRES, NYLON_MODULUS, line_stiffness
-from cdpr_sim.studies import paper_numbers as study
 from cdpr_sim.studies.lines import PAPER_HEIGHTS
+from studies import paper_numbers as study
 
 DIAMETER = 0.4e-3  # [m] of the fishing line
 ROWS = 24  # poses along a line

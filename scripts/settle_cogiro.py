@@ -6,8 +6,7 @@ Run: python scripts/settle_cogiro.py
 import numpy as np
 from rich.console import Console
 
-from cdpr_sim.report.crosscheck_tables import line_table
-from cdpr_sim.studies.lines import checked_lines
+from studies.checked_lines import checked_lines, line_table
 
 ROBOT = "cogiro"
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]

@@ -9,10 +9,10 @@ from pathlib import Path
 from rich.console import Console
 
 from cdpr_sim.core.files import write_whole
-from cdpr_sim.report.pretension_tables import conclusions, pretension_table
 from cdpr_sim.studies.gallery import encoded
 from cdpr_sim.studies.pretension import pretension
 from cdpr_sim.studies.pretension_figures import pretension as draw
+from studies.pretension_tables import conclusions, pretension_table
 
 POINTS = 121  # pretensions, from the smallest without slack cables to the largest of the winches
 OUTPUT = Path(__file__).parent.parent / "pictures" / "fully-constrained.png"

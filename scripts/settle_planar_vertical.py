@@ -7,8 +7,7 @@ import numpy as np
 from rich.console import Console
 
 import cdpr_sim as cdpr
-from cdpr_sim.report.crosscheck_tables import line_table
-from cdpr_sim.studies.lines import checked_lines
+from studies.checked_lines import checked_lines, line_table
 
 ROBOT = "planar-vertical"
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]

@@ -10,11 +10,11 @@ import numpy as np
 from rich.console import Console
 
 from cdpr_sim.core.files import write_whole
-from cdpr_sim.report.real_cable_tables import effects_table, ends_table, left_out
 from cdpr_sim.studies.gallery import encoded
 from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_TILT
 from cdpr_sim.studies.real_cables import BELOW, real_cables
 from cdpr_sim.studies.real_cables_figures import real_cables as draw
+from studies.real_cable_tables import effects_table, ends_table, left_out
 
 POSES = 200  # random commanded poses per robot
 OUTPUT = Path(__file__).parent.parent / "pictures" / "real-cables.png"

@@ -7,10 +7,9 @@ import numpy as np
 from rich.console import Console
 
 import cdpr_sim as cdpr
-from cdpr_sim.report.crosscheck_tables import line_table
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.statics import two_cable_closed_form
-from cdpr_sim.studies.lines import checked_lines
+from studies.checked_lines import checked_lines, line_table
 
 ROBOT = "two-cable"
 MATERIALS = ["vectran-0.7mm", "fishing-0.4mm"]

@@ -13,6 +13,8 @@ import pytest
 import cdpr_sim as cdpr
 
 PACKAGE = Path(cdpr.__file__).parent
+BESIDE = Path(__file__).parents[1] / "scripts" / "studies"
+"""Studies that only scripts run: they use the package, which does not know them."""
 
 FOLDERS = (
     "core", "robots", "statics", "analysis", "design", "control", "physics", "proof", "crosscheck",
@@ -83,6 +85,8 @@ def own(names: Iterable[str]) -> set[str]:
 
 
 ANYWHERE = {module: imports(ast.walk(tree)) for module, tree in TREES.items()}
+STUDIES = {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in BESIDE.glob("*.py")}
+IN_STUDIES = {study: imports(ast.walk(tree)) for study, tree in STUDIES.items()}
 AT_HEAD = {module: imports(tree.body) for module, tree in TREES.items()}
 GRAPH = {module: own(names) - {module} for module, names in ANYWHERE.items()}
 """Per module, the modules of this package that it imports: in functions and for type checkers as well."""
@@ -110,6 +114,16 @@ def test_imports_run_one_way():
     TopologicalSorter(GRAPH).prepare()  # raises CycleError
 
 
+def test_the_package_does_not_need_the_studies_of_the_scripts():
+    """Those import the package and each other, in no circle; an installed package is without them."""
+    assert all(ast.get_docstring(tree) for tree in STUDIES.values())
+    assert not {module for module, names in ANYWHERE.items() if {"studies", "scripts"} & libraries(names)}
+    within = {study: {name for name in names if name.startswith("studies.")} for study, names in IN_STUDIES.items()}
+    used = {study: {name.split(".")[1] for name in names} for study, names in within.items()}
+    assert {one for names in used.values() for one in names} <= STUDIES.keys()
+    TopologicalSorter(used).prepare()  # raises CycleError
+
+
 def test_walls_stand():
     """Neither method knows the other, and what draws knows neither."""
     for module, used in GRAPH.items():
@@ -125,7 +139,7 @@ def test_walls_stand():
 
 def test_nothing_touches_matplotlibs_global_state():
     """No pyplot: figures are objects, and nobody's open windows or styles are changed."""
-    for module, names in ANYWHERE.items():
+    for module, names in (ANYWHERE | IN_STUDIES).items():
         assert not any(name.startswith(("matplotlib.pyplot", "pylab")) for name in names), module
 
 

@@ -8,8 +8,7 @@ import pytest
 from rich.console import Console
 
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.report.controller_tables import runs_table, summary_table
-from cdpr_sim.studies.controller_comparison import (
+from studies.controller_comparison import (
     PAUSE,
     RIGID,
     RIGID_FEEDBACK,
@@ -22,7 +21,8 @@ from cdpr_sim.studies.controller_comparison import (
     run,
     tasks,
 )
-from cdpr_sim.studies.controller_comparison_figures import ROWS, controllers
+from studies.controller_comparison_figures import ROWS, controllers
+from studies.controller_tables import runs_table, summary_table
 
 LINE = Task("cogiro", "fishing-0.4mm", "line", 0.5)
 CIRCLE = Task("parallel", "vectran-0.7mm", "circle", 0.05)

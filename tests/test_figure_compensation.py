@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.studies.compensated_line import CompensatedLine
-from cdpr_sim.studies.compensation_figures import draw_compensation
+from studies.compensated_line import CompensatedLine
+from studies.compensation_figures import draw_compensation
 
 
 def line_of(robot: cdpr.Robot) -> CompensatedLine:

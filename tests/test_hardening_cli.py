@@ -23,7 +23,7 @@ from cdpr_sim.design.robot_batch import Cases, solve_layouts
 from cdpr_sim.drawing.video import film
 from cdpr_sim.report import table_style
 from cdpr_sim.report.analysis_tables import compensation_table
-from cdpr_sim.report.crosscheck_tables import line_table
+from studies.checked_lines import line_table
 
 COMMAND = [sys.executable, "-c", "from cdpr_sim.cli import main; main()"]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(cdpr.__file__).parents[1]), "COLUMNS": "80"}

@@ -320,7 +320,8 @@ def test_the_four_layouts_are_drawn():
 def test_slack_cables_have_the_legends_colour_in_shade_as_well():
     """On their dark side too: every vermilion pixel is the legend's or mixed with its neighbours."""
     trajectory = cdpr.drive(cdpr.load_robot("parallel"), [(0.17, 0.25, 0.1), (0.2, 0.25, 0.1)], states=2)
-    frame = next(film.frames(trajectory, seconds=2, fps=1, size=(960, 720), renderer="raycast")).astype(float) / 255
+    shown = film.Film(trajectory, seconds=2, fps=1, size=(960, 720), renderer="raycast")
+    frame = next(shown.frames()).astype(float) / 255
     red, green, blue = np.moveaxis(frame, -1, 0)
     slack = (red > 2.5 * green) & (red > 4 * blue)
     assert slack.sum() > 500

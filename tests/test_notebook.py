@@ -18,7 +18,7 @@ from cdpr_sim.core.errors import MissingExtra
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.drawing.video import render
 from cdpr_sim.report import html
-from cdpr_sim.report.notebook import html_of
+from cdpr_sim.report.notebook import content_of
 
 POSE = (0.285, 0.25, 0.1)
 """Where four cables of eight are slack, and the platform tilts by 5.3°."""
@@ -95,10 +95,10 @@ def test_results_say_in_a_line_what_they_are(results):
 
 def test_each_kind_has_an_introduction_of_its_own(results):
     """Well-formed, with a table, and nothing that is fetched."""
-    plain = html_of.dispatch(object)
+    plain = content_of.dispatch(object)
     for name, result in results.items():
         if isinstance(result, HtmlRepr):
-            assert html_of.dispatch(type(result)) is not plain, name
+            assert content_of.dispatch(type(result)) is not plain, name
             text = result._repr_html_()
             page = Page(text)
             assert any(tag == "table" for tag, _ in page.tags), name

@@ -5,8 +5,8 @@ import pytest
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import materials
-from cdpr_sim.studies import paper_numbers as study
 from cdpr_sim.studies.lines import PAPER_HEIGHTS
+from studies import paper_numbers as study
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.describe import describe_twist
-from cdpr_sim.report.pretension_tables import conclusions
 from cdpr_sim.statics import forces
 from cdpr_sim.studies.pretension import least_pretension, pretension, taut_from
+from studies.pretension_tables import conclusions
 
 METHODS = (cdpr.solve, cdpr.settle)
 

@@ -24,9 +24,9 @@ from cdpr_sim.drawing.cable_curves import cable_curve
 from cdpr_sim.drawing.video.film import _captions, _footnote
 from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.physics.model_files import model_files
-from cdpr_sim.report import real_cable_tables as tables
 from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.studies import real_cables, real_cables_figures, tilt_condition
+from studies import real_cable_tables as tables
 
 UP = (0.0, 0.0, 1.0)
 POSE = (0.3, 0.25, 0.1)

@@ -23,10 +23,6 @@ from cdpr_sim.crosscheck.layout_validation import LayoutValidation
 from cdpr_sim.drawing import style
 from cdpr_sim.studies import (
     better_layouts,
-    compensated_line,
-    compensation_figures,
-    controller_comparison,
-    controller_comparison_figures,
     lines,
     lines_figures,
     pretension,
@@ -39,6 +35,7 @@ from cdpr_sim.studies import (
     two_cable,
     two_cable_figures,
 )
+from studies import compensated_line, compensation_figures, controller_comparison, controller_comparison_figures
 
 RANDOM = np.random.default_rng(15)
 

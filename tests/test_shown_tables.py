@@ -3,6 +3,7 @@
 The results are made up, all of their numbers different, so that no two could be swapped unnoticed.
 """
 
+import inspect
 import io
 import json
 import math
@@ -23,6 +24,7 @@ from cdpr_sim.analysis.identification import Identification
 from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
 from cdpr_sim.cli import app
+from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES, Check
 from cdpr_sim.crosscheck.compare import Agreement, Verdict
@@ -32,6 +34,7 @@ from cdpr_sim.design.layout_result import Change, LayoutResult
 from cdpr_sim.design.objectives import OBJECTIVES
 from cdpr_sim.physics.release import Release
 from cdpr_sim.report import analysis_tables, as_json, crosscheck_tables, design_tables, workspace_tables
+from studies.checked_lines import line_table
 
 COMMANDED = (0.4, 0.25, 0.2)
 
@@ -203,7 +206,7 @@ def test_a_line_is_listed_with_how_far_the_methods_are_apart():
     """Millimetres, degrees, cables that are taut, and nanometres."""
     ends = [made_up("mujoco"), made_up("newton")]
     agreements = [agreement(Verdict.AGREE, position_error=1.5e-9), agreement(Verdict.DISAGREE, position_error=2.5e-6)]
-    shown = columns(crosscheck_tables.line_table("title", ends, agreements))
+    shown = columns(line_table("title", ends, agreements))
     tilts = [math.acos(math.cos(math.radians(a)) * math.cos(math.radians(b))) for a, b in ((3, 20), (4, 21))]
     assert shown == {
         "commanded x [mm]": ["400.00", "400.00"], "x [mm]": ["411.00", "412.00"], "dev. -z [mm]": ["7.000", "10.000"],
@@ -386,9 +389,9 @@ def test_what_comes_nearest_is_listed_first():
     assert distances == pytest.approx([1000 * found.least[row] for row in order], rel=0.01)
 
 
-def identification() -> Identification:
+def identification(robot: cdpr.Robot | None = None) -> Identification:
     return Identification(
-        robot=cdpr.load_robot("cogiro"),
+        robot=robot or cdpr.load_robot("cogiro"),
         names=("axial_stiffness", "rest_length_offset 3", "mass"), units=("N", "m", "kg"),
         values=np.array([1234.5, 0.0021, 0.4]), standard_errors=np.array([6.7, 0.00031, np.inf]),
         correlations=np.eye(3), residuals=np.array([[3e-3, 4e-3, np.nan, np.radians(2), np.nan, np.nan]]), spread=1.5,
@@ -461,3 +464,18 @@ def test_json_says_why_there_is_none_and_what_cables_take():
     robot = cdpr.load_robot("cogiro").replace(force_min=0.5, force_max=[7.0] * 7 + [np.inf])
     told = as_json.solution(made_up("newton", problem=cdpr.Problem.of(robot, COMMANDED)))
     assert told["cables"] == {"force_min": [0.5] * 8, "force_max": [7.0] * 7 + [None]}
+
+
+def test_json_has_every_property_of_cables_that_is_not_as_by_default():
+    """Whatever properties there are, each with a value of its own, and no property that is as by default."""
+    parameters = inspect.signature(Cabling).parameters.items()
+    usual = {name: one.default for name, one in parameters if one.default is not one.empty}
+    given = {name: np.where(np.isinf(value), 50.0, np.add(value, 1.0)) for name, value in usual.items()}
+    assert "pulley_axis" in given
+    for names in (given, [name for name in given if name != "pulley_axis"], ["linear_density"], []):
+        robot = cdpr.load_robot("cogiro").replace(**({"breaking_load": np.inf} | {name: given[name] for name in names}))
+        shown = as_json.identification(identification(robot=robot)).get("cables", {})
+        assert shown.keys() - {"pulley_axis"} == set(names) - {"pulley_axis"}
+        assert ("pulley_axis" in shown) == ("pulley_radius" in names)
+        for name, values in shown.items():
+            np.testing.assert_array_equal(values, getattr(robot, name))

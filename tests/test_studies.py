@@ -14,6 +14,7 @@ from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import solvers as solver_studies
 from cdpr_sim.studies import tilt_condition as balance
 from cdpr_sim.studies import two_cable as two_cable_studies
+from studies import checked_lines
 
 MANIFOLD_TOLERANCE = 1e-8
 """[rad] The closed form where the bar was put: 3e-12 measured for the solver, 1e-9 for MuJoCo, which stops at 1e-9 of
@@ -88,17 +89,17 @@ def test_both_methods_answer_the_same_line(robot):
 def test_lines_are_checked_by_the_other_method(monkeypatch):
     """MuJoCo's rests against statics, which agree; against answers a millimetre beside them, nowhere."""
     asked = {"layout": "parallel", "materials": ["fishing-0.4mm"], "heights": [0.1], "rows": 2}
-    (checked,) = studies.checked_lines(**asked).values()
+    (checked,) = checked_lines.checked_lines(**asked).values()
     assert checked.settled.source == "mujoco"
     assert [one.verdict for one in checked.agreements] == [Verdict.AGREE] * 2
-    solve = studies.solve_many
+    solve = checked_lines.solve_many
 
     def beside(problems):
         found = solve(problems)
         return dataclasses.replace(found, positions=found.positions + 1e-3)
 
-    monkeypatch.setattr(studies, "solve_many", beside)
-    (checked,) = studies.checked_lines(**asked).values()
+    monkeypatch.setattr(checked_lines, "solve_many", beside)
+    (checked,) = checked_lines.checked_lines(**asked).values()
     assert [one.verdict for one in checked.agreements] == [Verdict.DISAGREE] * 2
 
 

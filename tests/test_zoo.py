@@ -10,7 +10,7 @@ from test_cli import run
 import cdpr_sim as cdpr
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.drawing.still import sheet, stamp_of
-from cdpr_sim.studies.zoo_check import PRETENSION_STRAIN, check_robot
+from studies.zoo_check import PRETENSION_STRAIN, check_robot
 
 MODELS = Path(__file__).parents[1] / "models"
 

@@ -10,7 +10,7 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, RobotName, problem_of, robot_of
-from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
+from cdpr_sim.cli.terminal import DISAGREE, busy, errors_as_sentences, print_json, print_parts
 
 BYTES_PER_START = 1000
 """Memory per start pose of the search for equilibria: about 600 measured (``scripts/measure_constants.py``)."""
@@ -52,10 +52,11 @@ def compensate(
     if as_json:
         print_json(json_of.compensation(problem, compensation, verification, before, after))
     else:
-        console = Output()
-        console.print(report.compensation_table(compensation, before, after))
-        console.print(report.compensation_lengths(compensation), highlight=False)
-        console.print(report.compensation_verdict(compensation, verification), highlight=False)
+        print_parts(
+            report.compensation_table(compensation, before, after),
+            report.compensation_lengths(compensation),
+            report.compensation_verdict(compensation, verification),
+        )
     raise typer.Exit(0 if compensation.exact and verification.held else DISAGREE)
 
 
@@ -78,10 +79,8 @@ def sensitivity(
     if as_json:
         print_json(json_of.sensitivity(answer, effects, modes))
     else:
-        console = Output()
-        console.print(report.sensitivity_table(answer, effects[:rows]))
-        console.print(report.sensitivity_note(answer), highlight=False)
-        console.print(report.modes_table(modes))
+        table = report.sensitivity_table(answer, effects[:rows])
+        print_parts(table, report.sensitivity_note(answer), report.modes_table(modes))
 
 
 def equilibria(
@@ -121,20 +120,17 @@ def equilibria(
         answer = json_of.equilibria(problem, found, releases, followed, reached, by_mujoco)
         print_json(answer if proved is None else answer | json_of.complete(proved))
     else:
-        console = Output()
-        console.print(report.equilibria_table(found, releases, reached))
         same = "MuJoCo reaches the same one" if by_mujoco == reached else f"MuJoCo reaches {by_mujoco + 1} instead"
-        console.print(
+        print_parts(
+            report.equilibria_table(found, releases, reached),
             f"With gravity increased step by step, the platform reaches equilibrium {reached + 1}; {same}.",
-            highlight=False,
+            report.equilibria_note(found),
         )
-        console.print(report.equilibria_note(found), highlight=False)
         if proved is not None:
             from cdpr_sim.report import proof_tables
 
-            console.print(proof_tables.complete_note(proved), highlight=False)
-            missing = proved.missing_from(found)
-            console.print(proof_tables.missing_note([one for one in missing if saddles or one.stable]), highlight=False)
+            missing = [one for one in proved.missing_from(found) if saddles or one.stable]
+            print_parts(proof_tables.complete_note(proved), proof_tables.missing_note(missing))
     raise typer.Exit(0 if by_mujoco == reached else DISAGREE)
 
 
@@ -178,7 +174,5 @@ def identify(
     if as_json:
         print_json(json_of.identification(result))
     else:
-        console = Output()
-        console.print(report.identification_table(result))
-        console.print(report.identification_note(result), highlight=False)
+        print_parts(report.identification_table(result), report.identification_note(result))
     raise typer.Exit(DISAGREE if result.reasons else 0)

@@ -10,7 +10,7 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, RobotName, robot_of
-from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json, progress_bars
+from cdpr_sim.cli.terminal import DISAGREE, busy, errors_as_sentences, print_json, print_parts, progress_bars
 
 if TYPE_CHECKING:
     import numpy as np
@@ -154,11 +154,8 @@ def design(
     if as_json:
         print_json(report.design_json(validation))
     else:
-        console = Output()
-        console.print(report.changes_table(result))
-        console.print(report.numbers_table(result, shown.numbers(validation)))
-        for sentence in (result.message, *validation.sentences):
-            console.print(sentence, highlight=False)
+        tables = report.changes_table(result), report.numbers_table(result, shown.numbers(validation))
+        print_parts(*tables, result.message, *validation.sentences)
         for path in filter(None, (output, picture, video)):
             typer.echo(path)
     raise typer.Exit(0 if validation.agrees and validation.better else DISAGREE)
@@ -210,14 +207,9 @@ def front(
             output / f"robot-{row + 1}.toml": as_toml(pareto.robot(row)).encode() for row in range(len(pareto))
         }  # fmt: skip
         write_whole(files)
-    console = Output()
-    console.print(report.front_table(pareto))
-    console.print(
-        f"{pareto.layouts_evaluated:,} layouts evaluated, by statics alone; `design` validates a layout in MuJoCo.",
-        highlight=False,
-    )
-    for sentence in pareto.warnings:
-        console.print(sentence, highlight=False)
+    count = f"{pareto.layouts_evaluated:,} layouts evaluated"
+    note = f"{count}, by statics alone; `design` validates a layout in MuJoCo."
+    print_parts(report.front_table(pareto), note, *pareto.warnings)
     for path in files:
         typer.echo(path)
 
@@ -260,12 +252,10 @@ def clearances(
             each = machine.cables * clearance.POINTS * clearance.BYTES_PER_POINT
             distances = cdpr.clearances(machine, _poses(machine, grid, line, points, each), fitting=fitting)
         free = distances.free(least)
-    console = Output()
-    console.print(report.clearance_table(distances))
-    console.print(
+    print_parts(
+        report.clearance_table(distances),
         f"Interference-free (distance above {1e3 * least:g} mm) at {int(free.sum())} of {free.size} poses; "
         f"{1e3 * distances.fitting:.3g} mm at both ends of each cable ignored.",
-        highlight=False,
     )
     raise typer.Exit(0 if free.all() else DISAGREE)
 

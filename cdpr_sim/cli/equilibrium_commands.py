@@ -8,7 +8,7 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, Pretension, RobotName, problem_of, wrenches_of
-from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json
+from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json, print_parts
 
 if TYPE_CHECKING:
     from cdpr_sim.report.crosscheck_tables import Outcome
@@ -93,10 +93,7 @@ def solve(
     if as_json:
         print_json(json_of.solution(result))
     else:
-        console = Output()
-        console.print(report.settle_table(problem, [result]))
-        for note in report.equilibrium_notes(result):
-            console.print(note, highlight=False)
+        print_parts(report.settle_table(problem, [result]), *report.equilibrium_notes(result))
 
 
 def certify(
@@ -130,10 +127,7 @@ def certify(
     if as_json:
         print_json(json_of.certificates(proved))
     else:
-        console = Output()
-        console.print(report.certificate_table(proved))
-        for line in report.reasons(proved):
-            console.print(line, highlight=False)
+        print_parts(report.certificate_table(proved), *report.reasons(proved))
     raise typer.Exit(0 if all(one.proved for one in proved) else DISAGREE)
 
 

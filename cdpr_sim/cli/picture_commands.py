@@ -14,7 +14,7 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import robot_of
-from cdpr_sim.cli.terminal import Output, busy, errors_as_sentences, progress_bars, tidy_when_terminated
+from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_parts, progress_bars, tidy_when_terminated
 
 COMPENSATED_WAYPOINTS = 61
 """Waypoints of a video with compensated lengths; between them the corrections are interpolated linearly."""
@@ -37,7 +37,7 @@ def figures(
         table.add_column("content")
         for one, picture in cdpr.PICTURES.items():
             table.add_row(one, picture.paper, picture.shows)
-        Output().print(table)
+        print_parts(table)
         return
     with errors_as_sentences():
         wanted = name or cdpr.list_figures()

@@ -12,7 +12,7 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import MaterialName, Pose, RobotName, problem_of, robot_of
-from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
+from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences, print_parts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,20 +22,19 @@ def robots() -> None:
     """List the robots of the catalogue and the cable materials."""
     from cdpr_sim.report.table_style import new_table
 
-    console = Output()
     for kind, machines in _by_kind().items():
         table = new_table(f"Robots: {kind}", "robot", "mobility", "cables", "mass", text_columns=2)
         table.add_column("description")
         for robot in machines:
             table.add_row(robot.name, robot.mobility, str(robot.cables), f"{robot.mass:g} kg", robot.description)
-        console.print(table)
+        print_parts(table)
     table = new_table("Cables of fixed diameter", "material", "EA", "breaks at")
     table.add_column("source")
     for material in cdpr.MATERIALS.values():
         table.add_row(
             material.name, f"{material.axial_stiffness:g} N", material.breaking_load_in_words, material.source
         )
-    console.print(table)
+    print_parts(table)
     table = new_table(
         "Ropes of any diameter, for example steel-rope-4mm", "material", "modulus", "fill", "density", "strength"
     )
@@ -49,7 +48,7 @@ def robots() -> None:
             rope.strength_in_words,
             rope.source,
         )
-    console.print(table)
+    print_parts(table)
 
 
 def new(

@@ -19,6 +19,7 @@ import cdpr_sim as cdpr
 
 if TYPE_CHECKING:
     from rich.status import Status
+    from rich.table import Table
 
 
 class Output(Console):
@@ -137,6 +138,13 @@ def progress_bars() -> Iterator[Callable[[str], Callable[[float], None]]]:
             return lambda done: progress.update(task, completed=done)
 
         yield add
+
+
+def print_parts(*parts: Table | str) -> None:
+    """Print tables, and lines in rich's markup, on standard output; numbers in lines are not coloured."""
+    console = Output()
+    for part in parts:
+        console.print(part, highlight=False)
 
 
 def print_json(value: dict[str, Any]) -> None:

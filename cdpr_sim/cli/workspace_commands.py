@@ -9,7 +9,7 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import Grid, Limits, MaterialNames, RobotNames, Wrenches, wrenches_of
-from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences
+from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences, print_parts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -78,10 +78,7 @@ def draw_map(
 def _print(dataset: xr.Dataset) -> None:
     from cdpr_sim.report import workspace_tables as report
 
-    console = Output()
-    console.print(report.sweep_table(dataset))
-    for line in report.sweep_lines(dataset):
-        console.print(line, highlight=False)
+    print_parts(report.sweep_table(dataset), *report.sweep_lines(dataset))
 
 
 def check(
@@ -105,8 +102,5 @@ def check(
         result = cdpr.check(robot, grid, material or None, certify=certify, progress=True)
         if output is not None:
             maps.write(maps.draw_agreement_map(result.across()), output)
-    console = Output()
-    console.print(report.check_table(result))
-    for line in report.check_lines(result):
-        console.print(line, highlight=False)
+    print_parts(report.check_table(result), *report.check_lines(result))
     raise typer.Exit(0 if result.agrees else DISAGREE)

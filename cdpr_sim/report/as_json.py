@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import math
+import inspect
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.report.crosscheck_tables import Outcome, best_point
 
@@ -26,6 +28,12 @@ if TYPE_CHECKING:
     from cdpr_sim.proof.complete import CompleteEquilibria
 
 
+_NUMBERS = (
+    "source", "position", "euler", "tilt", "tensions", "lengths", "rest_lengths", "slack", "overloaded", "residual",
+    "eigenvalues",
+)  # fmt: skip
+
+
 def outcome(result: Outcome) -> dict[str, Any]:
     """An equilibrium; or the best point of a method that found none, with the reason."""
     status: dict[str, Any] = {"equilibrium": isinstance(result, Equilibrium)}
@@ -34,21 +42,9 @@ def outcome(result: Outcome) -> dict[str, Any]:
     point = best_point(result)
     if point is None:
         return status
-    return status | {
-        "source": point.source,
-        "position": point.position.tolist(),
-        "euler": point.euler.tolist(),
-        "tilt": point.tilt,
-        "tensions": point.tensions.tolist(),
-        "lengths": point.lengths.tolist(),
-        "rest_lengths": point.rest_lengths.tolist(),
-        "slack": point.slack.tolist(),
-        "overloaded": point.overloaded.tolist(),
-        "residual": point.residual,
-        "eigenvalues": point.eigenvalues.tolist(),
-        "stability": point.stability.name.lower(),
-        "iterations": point.iterations,
-    }
+    return (
+        status | fields(point, *_NUMBERS) | {"stability": point.stability.name.lower(), "iterations": point.iterations}
+    )
 
 
 def solution(equilibrium: Equilibrium) -> dict[str, Any]:
@@ -63,16 +59,9 @@ def crosscheck(
     return (
         _problem(problem)
         | (certificates(proved) if proved else {})
-        | {
-            "results": _by_source(outcomes),
-            "agrees": agreement.agrees,
-            "position_error": agreement.position_error,
-            "rotation_error": agreement.rotation_error,
-            "tension_error": agreement.tension_error,
-            "same_slack": agreement.same_slack,
-            "verdict": agreement.verdict.value,
-            "reasons": list(agreement.reasons),
-        }
+        | {"results": _by_source(outcomes)}
+        | fields(agreement, "agrees", "position_error", "rotation_error", "tension_error", "same_slack")
+        | {"verdict": agreement.verdict.value, "reasons": list(agreement.reasons)}
     )
 
 
@@ -90,20 +79,9 @@ def certificate(proof: Certificate) -> dict[str, Any]:
         "rotation_matrix": proof.rotation.tolist(),
         "tensions": proof.tensions.tolist(),
         "decimals": {name: list(digits) for name, digits in proof.decimals.items()},
-        "digits": proof.digits,
-        "radius": proof.radius,
-        "position_error": proof.position_error,
-        "rotation_error": proof.rotation_error,
-        "tension_error": proof.tension_error,
-    }
-    return {
-        "proved": proof.proved,
-        "exists": proof.exists,
-        "stable": proof.stable,
-        "index": proof.index,
-        "slack": list(proof.slack),
-        "reasons": list(proof.reasons),
-    } | (enclosures if proof.exists else dict.fromkeys(enclosures))
+    } | fields(proof, "digits", "radius", "position_error", "rotation_error", "tension_error")
+    found = fields(proof, "proved", "exists", "stable", "index", "slack", "reasons")
+    return found | (enclosures if proof.exists else dict.fromkeys(enclosures))
 
 
 def complete(proved: CompleteEquilibria) -> dict[str, Any]:
@@ -111,10 +89,8 @@ def complete(proved: CompleteEquilibria) -> dict[str, Any]:
     return {
         "proved_complete": proved.complete,
         "proved": [certificate(one) for one in proved],
-        "undecided": [{"reason": one.reason, "boxes": one.boxes} for one in proved.undecided],
-        "pending": proved.pending,
-        "boxes": proved.boxes,
-    }
+        "undecided": [fields(one, "reason", "boxes") for one in proved.undecided],
+    } | fields(proved, "pending", "boxes")
 
 
 def compensation(
@@ -125,16 +101,17 @@ def compensation(
     after: Sequence[Equilibrium],
 ) -> dict[str, Any]:
     """The compensated lengths, and the equilibria of each method with the rigid and with the compensated lengths."""
-    return _problem(problem) | {
-        "exact": result.exact,
-        "distance": result.distance,
-        "held": verification.held,
-        "reached_from_commanded": verification.reached_from_commanded,
-        "reasons": [*result.reasons, *verification.reasons],
-        "rest_lengths": result.rest_lengths.tolist(),
-        "before": _by_source(before),
-        "after": _by_source(after),
-    }
+    return (
+        _problem(problem)
+        | fields(result, "exact", "distance")
+        | fields(verification, "held", "reached_from_commanded")
+        | {
+            "reasons": [*result.reasons, *verification.reasons],
+            "rest_lengths": result.rest_lengths.tolist(),
+            "before": _by_source(before),
+            "after": _by_source(after),
+        }
+    )
 
 
 def sensitivity(answer: Sensitivity, effects: Sequence[Effect], modes: Modes) -> dict[str, Any]:
@@ -196,30 +173,22 @@ def _problem(problem: Problem) -> dict[str, Any]:
 
 
 def _robot(robot: Robot) -> dict[str, Any]:
-    """The robot's name, mass and cables; with density, nonlinear elasticity, pulleys and limits, if any."""
+    """The robot's name, mass and cables; with those properties of cables in which one of them is not as by default."""
     cabling, properties = robot.cabling, {}
-    description = {
-        "robot": robot.name,
-        "mass": robot.mass,
-        "material": robot.material,
-        "axial_stiffness": robot.axial_stiffness.tolist(),
-    }
-    if not cabling.massless:
-        properties["linear_density"] = cabling.linear_density.tolist()
-    if not cabling.linear:
-        properties["stiffening"] = cabling.stiffening.tolist()
-    if cabling.pulleys.any():
-        properties["pulley_radius"] = cabling.pulley_radius.tolist()
-        properties["pulley_axis"] = cabling.pulley_axis.tolist()
-    if cabling.force_min.any():
-        properties["force_min"] = cabling.force_min.tolist()
-    if np.isfinite(cabling.force_max).any():
-        properties["force_max"] = _finite(cabling.force_max)
-    if np.isfinite(cabling.breaking_load).any():
-        properties["breaking_load"] = _finite(cabling.breaking_load)
+    for name, parameter in inspect.signature(Cabling).parameters.items():
+        values, usual = getattr(cabling, name), parameter.default
+        if usual is not parameter.empty and (cabling.pulleys if name == "pulley_axis" else values != usual).any():
+            properties[name] = _finite(values)
+    description = {"robot": robot.name} | fields(robot, "mass", "material", "axial_stiffness")
     return description | {"cables": properties} if properties else description
 
 
-def _finite(values: Sequence[float] | np.ndarray) -> list[float | None]:
+def fields(result: object, *names: str) -> dict[str, Any]:
+    """Attributes by their names, arrays as lists."""
+    values = {name: getattr(result, name) for name in names}
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+
+
+def _finite(values: ArrayLike) -> list:
     """Infinite values as null, since JSON has no infinity."""
-    return [float(value) if math.isfinite(value) else None for value in values]
+    return np.where(np.isfinite(values), values, None).tolist()  # type: ignore[call-overload]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from rich.markup import escape
@@ -107,27 +107,6 @@ def agreement_table(agreement: Agreement) -> Table:
     table.add_section()
     table.add_row(escape("MuJoCo's residual at the static equilibrium [N]"), f"{agreement.static_in_mujoco:.1e}")
     table.add_row(escape("static residual at MuJoCo's equilibrium [N]"), f"{agreement.settled_in_statics:.1e}")
-    return table
-
-
-def line_table(title: str, settled: Iterable[Equilibrium], agreements: Sequence[Agreement]) -> Table:
-    """A row per commanded pose: MuJoCo's equilibrium, and the difference between the two methods."""
-    table = new_table(
-        title,
-        "commanded\nx [mm]", "x\n[mm]", "dev. -z\n[mm]", "tilt\n[°]", "about y\n[°]", "taut\ncables",
-        "difference\n[nm]", "verdict", text_columns=0, dense=True,
-    )  # fmt: skip
-    for end, agreement in zip(settled, agreements, strict=True):
-        table.add_row(
-            f"{1e3 * end.problem.pose.translation[0]:.2f}",
-            f"{1e3 * end.position[0]:.2f}",
-            f"{-1e3 * end.deviation[2]:.3f}",
-            f"{np.degrees(end.tilt):.3f}",
-            f"{np.degrees(end.euler[1]):.3f}",
-            str(int((~end.slack).sum())),
-            f"{1e9 * agreement.position_error:.2f}",
-            "agree" if agreement.agrees else "[red]differ[/]",
-        )
     return table
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from html import escape
 from itertools import pairwise
+from typing import NamedTuple
 
 from rich.markup import escape as plain
 from rich.table import Table
@@ -31,15 +32,32 @@ STYLE = """
 """
 """Colours follow the surrounding text, on dark and light backgrounds; only pictures have a white background."""
 
-__all__ = ["data", "fragment", "picture", "plain", "sentences", "table"]
+__all__ = ["Part", "Picture", "data", "fragment", "plain", "sentences", "table"]
 
 LONG = 40
 """Number of characters above which a cell may be wrapped."""
 
 
-def fragment(*parts: str) -> str:
-    """Parts of HTML with their style: the notebook display of an object."""
-    return f'<div class="cdpr-sim"><style>{STYLE}</style>{"".join(parts)}</div>'
+class Picture(NamedTuple):
+    """A PNG file's content, with its alternative text."""
+
+    png: bytes
+    description: str
+
+
+Part = Table | Picture | str
+"""A string is lines in rich's markup."""
+
+
+def fragment(*parts: Part) -> str:
+    """Parts with their style: the notebook display of an object."""
+    return f'<div class="cdpr-sim"><style>{STYLE}</style>{"".join(map(_part, parts))}</div>'
+
+
+def _part(part: Part) -> str:
+    if isinstance(part, Picture):
+        return f'<img alt="{escape(part.description)}" src="{data(part.png, "image/png")}">'
+    return table(part) if isinstance(part, Table) else sentences(part)
 
 
 def table(sheet: Table) -> str:
@@ -75,11 +93,6 @@ def sentences(*markup: str) -> str:
     """Lines of the command line's output, a paragraph each."""
     lines = (line.strip() for text in markup for line in text.splitlines())
     return "".join(f"<p>{_inline(line)}</p>" for line in lines if line)
-
-
-def picture(png: bytes, description: str) -> str:
-    """A picture embedded in the page, with its alternative text."""
-    return f'<img alt="{escape(description)}" src="{data(png, "image/png")}">'
 
 
 def data(content: bytes, kind: str) -> str:

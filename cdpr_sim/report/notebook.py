@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from functools import singledispatch
+from typing import Any
 
 import numpy as np
 
@@ -27,164 +29,97 @@ from cdpr_sim.design.front import Front
 from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.proof.certificate import Certificate
 from cdpr_sim.proof.complete import CompleteEquilibria
-from cdpr_sim.report import analysis_tables, crosscheck_tables, design_tables, html, proof_tables, workspace_tables
+from cdpr_sim.report import analysis_tables as analysis
+from cdpr_sim.report import crosscheck_tables as crosscheck
+from cdpr_sim.report import design_tables as design
+from cdpr_sim.report import html, proof_tables, workspace_tables
 from cdpr_sim.report.robot_tables import batch_table, cables_table, robot_table, trajectory_table
 
 EFFECTS = 20
 """Number of sensitivities displayed, the largest first."""
 
+Content = Iterable[html.Part]
 
-@singledispatch
+
 def html_of(result: HtmlRepr) -> str:
     """A result as HTML for a notebook, legible on dark and light backgrounds, with all text escaped."""
-    return html.fragment(html.sentences(html.plain(repr(result))))
+    return html.fragment(*content_of(result))
 
 
-@html_of.register
-def _(robot: Robot) -> str:
+@singledispatch
+def content_of(result: Any) -> Content:
+    """The tables, pictures and sentences (rich's markup) that a result is displayed by."""
+    return [html.plain(repr(result))]
+
+
+def _robot(robot: Robot) -> Content:
     from cdpr_sim.drawing import still
 
-    description = f"{robot.name}, commanded to the middle of its workspace"
-    warnings = (html.plain(sentence) for sentence in (*robot.warnings, *robot.notes))
-    return html.fragment(
-        html.picture(still.encoded(still.draw(robot)), description),
-        html.table(robot_table(robot)),
-        html.table(cables_table(robot)),
-        html.sentences(*warnings),
-    )
+    yield html.Picture(still.encoded(still.draw(robot)), f"{robot.name}, commanded to the middle of its workspace")
+    yield robot_table(robot)
+    yield cables_table(robot)
+    yield from map(html.plain, (*robot.warnings, *robot.notes))
 
 
-@html_of.register
-def _(problem: Problem) -> str:
-    return html.fragment(html.table(crosscheck_tables.problem_table(problem)))
+def _equilibrium(equilibrium: Equilibrium) -> Content:
+    yield crosscheck.settle_table(equilibrium.problem, [equilibrium])
+    if np.isfinite(equilibrium.residual):
+        yield from map(html.plain, crosscheck.equilibrium_notes(equilibrium))
 
 
-@html_of.register
-def _(equilibrium: Equilibrium) -> str:
-    notes = crosscheck_tables.equilibrium_notes(equilibrium) if np.isfinite(equilibrium.residual) else []
-    return html.fragment(
-        html.table(crosscheck_tables.settle_table(equilibrium.problem, [equilibrium])),
-        html.sentences(*map(html.plain, notes)),
-    )
-
-
-@html_of.register
-def _(equilibria: EquilibriumBatch) -> str:
-    return html.fragment(html.table(batch_table(equilibria)))
-
-
-@html_of.register
-def _(motion: Trajectory) -> str:
-    return html.fragment(html.table(trajectory_table(motion)), html.sentences("cdpr_sim.show(trajectory) plays it."))
-
-
-@html_of.register
-def _(agreement: Agreement) -> str:
-    return html.fragment(
-        html.table(crosscheck_tables.agreement_table(agreement)),
-        html.sentences(crosscheck_tables.verdict_sentence(agreement), *map(html.plain, agreement.reasons)),
-    )
-
-
-@html_of.register
-def _(check: Check) -> str:
-    return html.fragment(
-        html.table(workspace_tables.check_table(check)), html.sentences(*workspace_tables.check_lines(check))
-    )
-
-
-@html_of.register
-def _(compensation: Compensation) -> str:
-    return html.fragment(
-        html.table(analysis_tables.compensation_table(compensation, [], [compensation.equilibrium])),
-        html.sentences(
-            analysis_tables.compensation_lengths(compensation), analysis_tables.compensation_verdict(compensation)
-        ),
-    )
-
-
-@html_of.register
-def _(verification: CompensationCheck) -> str:
+def _compensation_check(verification: CompensationCheck) -> Content:
     compensation, settled = verification.compensation, verification.settled_from_compensated
     after = [one for one in (compensation.equilibrium, settled) if one is not None]
-    return html.fragment(
-        html.table(analysis_tables.compensation_table(compensation, [], after)),
-        html.sentences(analysis_tables.compensation_verdict(compensation, verification)),
-    )
+    yield analysis.compensation_table(compensation, [], after)
+    yield analysis.compensation_verdict(compensation, verification)
 
 
-@html_of.register
-def _(modes: Modes) -> str:
-    return html.fragment(html.table(analysis_tables.modes_table(modes)))
-
-
-@html_of.register
-def _(answer: Sensitivity) -> str:
-    return html.fragment(
-        html.table(analysis_tables.sensitivity_table(answer, answer.effects()[:EFFECTS])),
-        html.sentences(analysis_tables.sensitivity_note(answer)),
-    )
-
-
-@html_of.register
-def _(found: Equilibria) -> str:
-    return html.fragment(
-        html.table(analysis_tables.equilibria_table(found)), html.sentences(analysis_tables.equilibria_note(found))
-    )
-
-
-@html_of.register
-def _(proof: Certificate) -> str:
-    return html.fragment(
-        html.table(proof_tables.certificate_table([proof])), html.sentences(*proof_tables.reasons([proof]))
-    )
-
-
-@html_of.register
-def _(proved: CompleteEquilibria) -> str:
-    tables = [html.table(proof_tables.certificate_table(proved.certificates))] if proved.certificates else []
-    return html.fragment(*tables, html.sentences(proof_tables.complete_note(proved)))
-
-
-@html_of.register
-def _(path: LoadPath) -> str:
+def _load_path(path: LoadPath) -> Content:
     jumps = ", ".join(f"{100 * load:.3g} %" for load in path.jumps)
-    note = f"Jump to another equilibrium at {jumps} of the load." if jumps else "No jump while the load increases."
-    reached = crosscheck_tables.settle_table(path.reached.problem, [path.reached])
-    return html.fragment(html.table(reached), html.sentences(note))
+    yield crosscheck.settle_table(path.reached.problem, [path.reached])
+    yield f"Jump to another equilibrium at {jumps} of the load." if jumps else "No jump while the load increases."
 
 
-@html_of.register
-def _(clearances: Clearances) -> str:
-    return html.fragment(html.table(design_tables.clearance_table(clearances)))
+_CONTENT: dict[type, Callable[[Any], Content]] = {
+    Robot: _robot,
+    Problem: lambda problem: [crosscheck.problem_table(problem)],
+    Equilibrium: _equilibrium,
+    EquilibriumBatch: lambda equilibria: [batch_table(equilibria)],
+    Trajectory: lambda motion: [trajectory_table(motion), "cdpr_sim.show(trajectory) plays it."],
+    Agreement: lambda agreement: [
+        crosscheck.agreement_table(agreement),
+        crosscheck.verdict_sentence(agreement),
+        *map(html.plain, agreement.reasons),
+    ],
+    Check: lambda check: [workspace_tables.check_table(check), *workspace_tables.check_lines(check)],
+    Compensation: lambda found: [
+        analysis.compensation_table(found, [], [found.equilibrium]),
+        analysis.compensation_lengths(found),
+        analysis.compensation_verdict(found),
+    ],
+    CompensationCheck: _compensation_check,
+    Modes: lambda modes: [analysis.modes_table(modes)],
+    Sensitivity: lambda answer: [
+        analysis.sensitivity_table(answer, answer.effects()[:EFFECTS]),
+        analysis.sensitivity_note(answer),
+    ],
+    Equilibria: lambda found: [analysis.equilibria_table(found), analysis.equilibria_note(found)],
+    Certificate: lambda proof: [proof_tables.certificate_table([proof]), *proof_tables.reasons([proof])],
+    CompleteEquilibria: lambda proved: [
+        *([proof_tables.certificate_table(proved.certificates)] if proved.certificates else []),
+        proof_tables.complete_note(proved),
+    ],
+    LoadPath: _load_path,
+    Clearances: lambda clearances: [design.clearance_table(clearances)],
+    Identification: lambda found: [analysis.identification_table(found), analysis.identification_note(found)],
+    LayoutResult: lambda result: [design.changes_table(result), html.plain(str(result))],
+    Front: lambda front: [design.front_table(front)],
+    LayoutValidation: lambda validation: [
+        design.changes_table(validation.layout),
+        *map(html.plain, validation.sentences),
+    ],
+    Hull: lambda hull: [workspace_tables.hull_table(hull)],
+}
 
-
-@html_of.register
-def _(result: Identification) -> str:
-    return html.fragment(
-        html.table(analysis_tables.identification_table(result)),
-        html.sentences(analysis_tables.identification_note(result)),
-    )
-
-
-@html_of.register
-def _(result: LayoutResult) -> str:
-    return html.fragment(html.table(design_tables.changes_table(result)), html.sentences(html.plain(str(result))))
-
-
-@html_of.register
-def _(front: Front) -> str:
-    return html.fragment(html.table(design_tables.front_table(front)))
-
-
-@html_of.register
-def _(validation: LayoutValidation) -> str:
-    return html.fragment(
-        html.table(design_tables.changes_table(validation.layout)),
-        html.sentences(*map(html.plain, validation.sentences)),
-    )
-
-
-@html_of.register
-def _(hull: Hull) -> str:
-    return html.fragment(html.table(workspace_tables.hull_table(hull)))
+for _kind, _content in _CONTENT.items():
+    content_of.register(_kind, _content)

@@ -17,7 +17,6 @@ from cdpr_sim.analysis.workspace.feasibility import capacity_margin
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.crosscheck.compare import Agreement, compare
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics.newton import solve_many
@@ -123,14 +122,6 @@ class Line:
     def height(self) -> float:
         """Commanded z [m]."""
         return float(self.static.problems.positions[0, 2])
-
-
-@dataclass(frozen=True, eq=False)
-class CheckedLine:
-    """One robot commanded along x at one height, settled in MuJoCo and compared with statics row by row."""
-
-    settled: EquilibriumBatch
-    agreements: tuple[Agreement, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,31 +243,6 @@ def paper_lines(
         for material in materials
         for height in heights
     )
-
-
-def checked_lines(
-    layout: str,
-    materials: Sequence[str] = PAPER_MATERIALS,
-    heights: Sequence[float] = PAPER_HEIGHTS,
-    *,
-    ends: tuple[float, float] = PAPER_LINE,
-    rows: int = 9,
-) -> dict[tuple[str, float], CheckedLine]:
-    """Both methods along the paper's line, compared pose by pose, for each material and height z [m].
-
-    Raises:
-        NotConverged: the static solver found no equilibrium at some pose.
-        NotSettled: MuJoCo did not settle at some pose.
-    """
-    lines = {}
-    for material in materials:
-        robot = load_robot(layout).replace(material=material)
-        for height in heights:
-            settled = equilibria_by_mujoco(robot, along_x(robot, height, ends, rows))
-            solved = solve_many(settled.problems)
-            agreements = tuple(compare(a, b) for a, b in zip(solved, settled, strict=True))
-            lines[material, height] = CheckedLine(settled, agreements)
-    return lines
 
 
 def along_x(robot: Robot, height: float, ends: tuple[float, float], rows: int) -> Float[np.ndarray, "rows 3"]:

@@ -93,7 +93,7 @@ def write_video(
     """
     refuse_unless(FLAG, force=force)
     path = check_place(path, SUFFIXES, force=force)
-    film = _Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress)
+    film = Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress)
     with film, appearing(path) as (temporary,):
         try:
             with _Encoder(_writer(temporary, film)) as video:
@@ -104,27 +104,6 @@ def write_video(
                 raise StoreError(f"{path}: cannot be written: {full}") from error
             raise InvalidInput(f"{path}: cannot be written: {str(error).strip().splitlines()[-1]}") from error
     return path
-
-
-def frames(
-    trajectories: Trajectory | Sequence[Trajectory],
-    static: RigidTransform | Sequence[RigidTransform | None] | None = None,
-    *,
-    shapes: Shapes | Sequence[Shapes | None] | None = None,
-    seconds: float = SECONDS,
-    fps: float = FPS,
-    size: tuple[int, int] = SIZE,
-    exaggeration: float = 1.0,
-    renderer: Backend = "auto",
-    progress: Callable[[float], None] | None = None,
-) -> Iterator[Picture]:
-    """The frames of ``write_video``, one by one.
-
-    Raises:
-        InvalidInput: as ``write_video``.
-    """
-    with _Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress) as film:
-        yield from film.frames()
 
 
 def show(
@@ -160,36 +139,27 @@ def show(
     mediapy = _mediapy()
     from IPython.display import HTML, display
 
-    pictures = frames(
-        trajectories,
-        static,
-        shapes=shapes,
-        seconds=seconds,
-        fps=fps,
-        size=size,
-        exaggeration=exaggeration,
-        renderer=renderer,
-        progress=progress,
-    )
-    content = mediapy.compress_video(pictures, fps=fps, qp=round(QUALITY))
+    film = Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress)
+    with film:
+        content = mediapy.compress_video(film.frames(), fps=fps, qp=round(QUALITY))
     # Without the table that show_video would put around it, in which a width of 100 % is the video's own.
     display(HTML(mediapy.html_from_compressed_video(content, *size, border="max-width: 100%; height: auto")))
 
 
-class _Film:
-    """The frames of a video: scenes, page layout and renderers."""
+class Film:
+    """The frames of a video: scenes, page layout and renderers; arguments and errors as in ``write_video``."""
 
     def __init__(
         self,
         trajectories: Trajectory | Sequence[Trajectory],
-        static: RigidTransform | Sequence[RigidTransform | None] | None,
-        shapes: Shapes | Sequence[Shapes | None] | None,
-        seconds: float,
-        fps: float,
-        size: tuple[int, int],
-        exaggeration: float,
-        renderer: Backend,
-        progress: Callable[[float], None] | None,
+        static: RigidTransform | Sequence[RigidTransform | None] | None = None,
+        shapes: Shapes | Sequence[Shapes | None] | None = None,
+        seconds: float = SECONDS,
+        fps: float = FPS,
+        size: tuple[int, int] = SIZE,
+        exaggeration: float = 1.0,
+        renderer: Backend = "auto",
+        progress: Callable[[float], None] | None = None,
     ) -> None:
         refuse_unless(PROGRESS, progress=progress)
         several = [trajectories] if isinstance(trajectories, Trajectory) else listed("trajectories", trajectories)
@@ -240,7 +210,7 @@ class _Film:
         self._progress = progress
         self._renderers: list[Renderer] = []
 
-    def __enter__(self) -> _Film:
+    def __enter__(self) -> Film:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -366,7 +336,7 @@ def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
     return f"{motion}; simulated by MuJoCo, shown {speed}."
 
 
-def _writer(path: Path, film: _Film):
+def _writer(path: Path, film: Film):
     mediapy, (width, height) = _mediapy(), film.size
     if path.suffix == ".gif":
         # One palette, of the first frame (whose legend holds every colour), so that no frame has to wait for the last.

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.drawing import style
-from cdpr_sim.studies.compensated_line import CompensatedLine
+from studies.compensated_line import CompensatedLine
 
 BEFORE, AFTER, POSITION, OUT_OF_REACH = style.VERMILLION, style.BLUE, style.GREEN, "#f4f1ea"
 """Colours; the last one shades poses that no lengths can hold."""

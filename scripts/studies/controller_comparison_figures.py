@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, styled
-from cdpr_sim.studies.controller_comparison import (
+from studies.controller_comparison import (
     ELASTIC,
     ELASTIC_FEEDBACK,
     EXIT_OFF,

@@ -8,7 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from cdpr_sim.report.table_style import new_table
-from cdpr_sim.studies.controller_comparison import Run, rms
+from studies.controller_comparison import Run, rms
 
 
 def runs_table(runs: Sequence[Run]) -> Table:
