@@ -71,9 +71,10 @@ def layout_derivatives(
     """Derivatives of the equilibria of ``robot`` by ``steps``, for massless cables; nan in neutrally stable cases."""
     problems = cases.problems(robot, rest_lengths)
     state = forces.at(problems, positions, rotations)
-    u, arms, tau, elastic = (
-        state.geometry.directions[:, None], state.geometry.arms[:, None], state.tensions[:, None],
-        state.tangent_stiffness[:, None],
+    n, whole = robot.reeving, rest_lengths + robot.cabling.behind
+    u, arms, pulls, elastic = (
+        state.geometry.directions[:, None], state.geometry.arms[:, None], state.pull_sizes[:, None],
+        n * state.tangent_stiffness[:, None],  # tension by the length of one part of line
     )  # fmt: skip
     # Exit minus anchor of each cable at equilibrium.
     arm_moves = np.einsum("cij,nmj->cnmi", rotations, steps.anchors)
@@ -85,12 +86,14 @@ def layout_derivatives(
             commanded * (steps.exits[None] - np.einsum("cij,nmj->cnmi", cases.rotations, steps.anchors))
         ).sum(-1)
     stretch = state.lengths - rest_lengths
-    per_stiffness = cable_law.per_axial_stiffness(stretch, rest_lengths, *robot.cabling.stiffening.T)
+    per_stiffness = cable_law.per_axial_stiffness(stretch, whole, *robot.cabling.stiffening.T)
     per_stiffness = np.where(state.tensions > 0, per_stiffness, 0.0) * cases.factors[:, None]
-    pulled = elastic * ((u * ends).sum(-1) - (state.lengths / rest_lengths)[:, None] * length_changes)
+    per_length = ((state.lengths + robot.cabling.behind) / whole)[:, None]
+    pulled = elastic * ((u * ends).sum(-1) - per_length * length_changes)
     pulled = pulled + per_stiffness[:, None] * steps.axial_stiffness[None]
-    force = pulled[..., None] * u + tau[..., None] * np.einsum("cmij,cnmj->cnmi", state.geometry.length_hessians, ends)
-    torque = np.cross(arms, force) + np.cross(arm_moves, tau[..., None] * u)
+    turned = np.einsum("cmij,cnmj->cnmi", state.geometry.length_hessians, ends)
+    force = (n * pulled)[..., None] * u + pulls[..., None] * turned
+    torque = np.cross(arms, force) + np.cross(arm_moves, pulls[..., None] * u)
     weight = np.array([0.0, 0.0, -robot.weight])
     center = np.cross(np.einsum("cij,nj->cni", rotations, steps.center), weight)
     wrench = np.concatenate([force.sum(-2), torque.sum(-2) + center], axis=-1)
@@ -107,7 +110,7 @@ def layout_derivatives(
         moved[..., free] = found
         pose[held] = moved
     along = np.einsum("cim,cni->cnm", state.wrench_matrix, pose)
-    return LayoutDerivatives(pose, pulled - elastic * along)
+    return LayoutDerivatives(pose, pulled - state.tangent_stiffness[:, None] * along)
 
 
 CONDITION = 1e12

@@ -34,6 +34,8 @@ def outcome(result: Outcome) -> dict[str, Any]:
     point = best_point(result)
     if point is None:
         return status
+    if (point.problem.robot.reeving > 1).any():
+        status["pulls"] = point.pulls.tolist()
     return status | {
         "source": point.source,
         "position": point.position.tolist(),
@@ -196,7 +198,7 @@ def _problem(problem: Problem) -> dict[str, Any]:
 
 
 def _robot(robot: Robot) -> dict[str, Any]:
-    """The robot's name, mass and cables; with density, nonlinear elasticity, pulleys and limits, if any."""
+    """The robot's name, mass and cables; with density, nonlinear elasticity, pulleys, drive line and limits, if any."""
     cabling, properties = robot.cabling, {}
     description = {
         "robot": robot.name,
@@ -211,6 +213,10 @@ def _robot(robot: Robot) -> dict[str, Any]:
     if cabling.pulleys.any():
         properties["pulley_radius"] = cabling.pulley_radius.tolist()
         properties["pulley_axis"] = cabling.pulley_axis.tolist()
+    if cabling.winch_to_exit.any():
+        properties["winch_to_exit"] = cabling.winch_to_exit.tolist()
+    if (cabling.reeving > 1).any():
+        properties["reeving"] = cabling.reeving.tolist()
     if cabling.force_min.any():
         properties["force_min"] = cabling.force_min.tolist()
     if np.isfinite(cabling.force_max).any():
