@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.cable import COLUMNS, STIFFENING, STIFFNESS
+from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFENING, STIFFNESS
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
@@ -40,17 +40,18 @@ with 40 and 80."""
 
 LAWS = {"linear": (0.0, 0.0), "nonlinear": (100.0, 2e4)}
 WHEELS = {"point": 0.0, "wheel": 0.1}
+BEHIND_EXITS = (0.0, 6.0)
 RESTS = {"taut": 0.996, "just taut": 0.99999, "slack": 1.01, "sagging": 1.1}
 
 
 class Cables:
     """What is given of cables, row by row, and what they do."""
 
-    def __init__(self, span, slackness, radius, axis, stiffness, law, weight):
+    def __init__(self, span, slackness, radius, axis, stiffness, law, weight, behind=0.0):
         self.span = np.atleast_2d(span).astype(float)
         n = len(self.span)
-        self.radius, self.stiffness, self.weight = (
-            np.broadcast_to(v, n).astype(float) for v in (radius, stiffness, weight)
+        self.radius, self.stiffness, self.weight, self.behind = (
+            np.broadcast_to(v, n).astype(float) for v in (radius, stiffness, weight, behind)
         )
         self.axis, self.law = np.broadcast_to(axis, (n, 3)), np.broadcast_to(law, (n, 2))
         theta, s = massless_path(self.span, self.radius, self.axis)
@@ -58,7 +59,8 @@ class Cables:
         self.rest, self.wrapped = self.length * slackness, self.radius * theta
         self.table = np.zeros((n, COLUMNS))
         self.table[:, STIFFNESS], self.table[:, STIFFENING : STIFFENING + 2] = self.stiffness, self.law
-        self.table[:, STIFFENING + 2], self.table[:, STIFFENING + 3 :] = self.radius, self.axis
+        self.table[:, RADIUS], self.table[:, AXIS : AXIS + 3] = self.radius, self.axis
+        self.table[:, BEHIND] = self.behind
 
     def at(self, moved=0.0, **changed):
         given = {"table": self.table, "rest": self.rest, "weight": self.weight, "wrapped": self.wrapped} | changed
@@ -92,10 +94,11 @@ def strain_under(tension, stiffness, a2, a3):
 def misses(cables, pull):
     """How far from its anchor each cable ends which is pulled so, by the wheel's geometry and an integral of its shape.
 
-    None of the package's formulas: a massless piece that leaves the wheel along the tension's direction, and then
-    dr = (1 + eps) t/T ds with t growing by the weight. In extended precision.
+    None of the package's formulas: a massless piece that leaves the wheel along the tension's direction, with what the
+    stretch of the part behind the exit adds to it, and then dr = (1 + eps) t/T ds with t growing by the weight. In
+    extended precision.
     """
-    pull, span, rest, wrapped, radius, weight, EA, axis = (
+    pull, span, rest, wrapped, radius, weight, EA, axis, behind = (
         np.asarray(v, np.longdouble)
         for v in (
             pull,
@@ -106,6 +109,7 @@ def misses(cables, pull):
             cables.weight,
             cables.stiffness,
             cables.axis,
+            cables.behind,
         )
     )
     a2, a3 = cables.law.T.astype(np.longdouble)
@@ -120,7 +124,8 @@ def misses(cables, pull):
     n = n / sine[:, None]
     theta = np.arctan2(sine, cosine)
     lift_off = radius[:, None] * ((1 - cosine)[:, None] * n + sine[:, None] * axis)
-    straight = wrapped * (1 + strain_under(T, EA, a2, a3)) - np.where(radius > 0, radius * theta, 0)
+    strain = strain_under(T, EA, a2, a3)
+    straight = wrapped * (1 + strain) + behind * strain - np.where(radius > 0, radius * theta, 0)
     end = np.where(radius[:, None] > 0, lift_off, 0) + straight[:, None] * u
     # The free part: along s where the cable is nearly straight, else along q with t_z = H sinh q.
     points, parts = np.polynomial.legendre.leggauss(60)
@@ -146,15 +151,16 @@ def misses(cables, pull):
 
 
 def every_kind(weight=0.6, stiffness=1e5):
-    """A row for each wheel, law, slackness, direction and axis."""
+    """A row for each wheel, law, slackness, direction, axis and length behind the exit."""
     kinds = list(
         itertools.product(
-            WHEELS.values(), LAWS.values(), RESTS.values(), [(3, 4, -6), (-2, 1, 0.4), (0.5, 0, -8)], [1, -1]
+            WHEELS.values(), LAWS.values(), RESTS.values(), [(3, 4, -6), (-2, 1, 0.4), (0.5, 0, -8)], [1, -1],
+            BEHIND_EXITS,
         )
-    )
-    radius, law, slackness, span, sign = map(np.array, zip(*kinds, strict=True))
+    )  # fmt: skip
+    radius, law, slackness, span, sign, behind = map(np.array, zip(*kinds, strict=True))
     axis = sign[:, None] * np.array([0.1, -0.2, np.sqrt(0.95)])
-    return Cables(span, slackness, radius, axis, stiffness, law, weight)
+    return Cables(span, slackness, radius, axis, stiffness, law, weight, behind)
 
 
 def test_every_cable_ends_at_its_anchor() -> None:
@@ -166,14 +172,14 @@ def test_every_cable_ends_at_its_anchor() -> None:
     assert (misses(cables, 1.001 * pull) > 1e3 * ENDS * scale).all()  # the certificate sees a thousandth
 
 
-@pytest.mark.parametrize(("name", "factor"), [("weight", 1.01), ("radius", 1.01), ("stiffness", 1.01), ("law", 1.01)])
-def test_the_certificate_sees_each_property(name, factor) -> None:
-    """One percent more weight, radius, stiffness or nonlinearity is another cable."""
+@pytest.mark.parametrize("name", ["weight", "radius", "stiffness", "law", "behind"])
+def test_the_certificate_sees_each_property(name) -> None:
+    """One percent more weight, radius, stiffness, nonlinearity or length behind the exit is another cable."""
     cables = every_kind()
     pull, value = cables.at().pull, getattr(cables, name)
     felt = (value != 0) if value.ndim == 1 else (value != 0).any(1)
     felt &= (cables.rest < 0.99999 * cables.length) | (name in ("weight", "radius"))
-    setattr(cables, name, factor * value)
+    setattr(cables, name, 1.01 * value)
     assert (misses(cables, pull)[felt] > 10 * ENDS * np.linalg.norm(cables.span, axis=1)[felt]).all()
 
 
@@ -300,7 +306,7 @@ def test_a_fine_chain_of_masses_and_springs_pulls_as_much(wheel, law, slackness)
 
 
 def random_robot(seed: int):
-    """Two to ten cables, each with or without wheel, mass and nonlinear law, some slack; and what it is asked."""
+    """Two to ten cables, each with or without wheel, mass, nonlinear law, drive line, some slack; and its problem."""
     random = np.random.default_rng(seed)
     size, cables = 10 ** random.uniform(-0.3, 1.2), random.integers(2, 11)
     exits = random.uniform(-0.5, 0.5, (cables, 3)) * size
@@ -310,11 +316,14 @@ def random_robot(seed: int):
     load = 9.81 * mass
     axis = random.normal(size=(cables, 3)) * 0.1
     axis[:, 2] = random.choice([-1, 1])
+    line = np.random.default_rng([seed, 1])
     robot = cdpr.Robot(
         exits, anchors, load * 10 ** random.uniform(1.5, 4.5) * random.uniform(1, 2, cables), mass,
         linear_density=mass / size * 10 ** random.uniform(-5, -1, cables) * (random.random(cables) < 0.7),
         pulley_radius=size * 10 ** random.uniform(-3, -1.7) * (random.random(cables) < 0.6), pulley_axis=axis,
         stiffening=np.array([random.uniform(0, 100), random.uniform(0, 2e4)]) * (random.random((cables, 1)) < 0.5),
+        winch_to_exit=size * line.uniform(0, 2, cables) * (line.random(cables) < 0.5),
+        reeving=line.integers(1, 4, cables),
     )  # fmt: skip
     position = random.uniform(-0.2, 0.2, 3) * size * [1, 1, 0.4]
     wrench = np.zeros(6)
@@ -330,8 +339,9 @@ def certify(equilibrium) -> None:
     state = forces.at(problem, equilibrium.position, rotation)
     arms = robot.anchors @ rotation.T
     cables = Cables(
-        equilibrium.position + arms - robot.exits, 1.0, robot.pulley_radius, robot.pulley_axis, robot.axial_stiffness,
-        robot.stiffening, robot.cable_weights,
+        equilibrium.position + arms - robot.exits, 1.0, robot.pulley_radius, robot.pulley_axis,
+        robot.reeving * robot.axial_stiffness, robot.stiffening, robot.reeving * robot.linear_density * robot.gravity,
+        robot.winch_to_exit / robot.reeving,
     )  # fmt: skip
     np.testing.assert_allclose(cables.length, equilibrium.lengths, rtol=1e-10)
     cables.rest, cables.wrapped = problem.rest_lengths, robot.wrapped_lengths
@@ -342,7 +352,7 @@ def certify(equilibrium) -> None:
     ends = np.where(robot.stiffening.any(1) & (cables.rest > cables.length), SAGGING_ENDS, ENDS)
     assert (misses(cables, np.where(pulling[:, None], pull, 1.0)) <= ends * size)[pulling].all()
     assert (pulling | ((robot.linear_density == 0) & (cables.length <= cables.rest))).all()
-    np.testing.assert_allclose(np.linalg.norm(pull, axis=1), equilibrium.tensions, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(pull, axis=1), equilibrium.pulls, rtol=1e-6, atol=1e-6)
     weight = np.array([0, 0, -robot.weight])
     net = np.r_[pull.sum(0) + weight, np.cross(arms, pull).sum(0)] + problem.external_wrench
     rounding = 1e-13 * size * (state.hanging.stiffness.max() + (robot.cable_weights * cables.rest).sum())
@@ -350,7 +360,7 @@ def certify(equilibrium) -> None:
 
 
 def test_random_robots_of_mixed_cables_rest_where_forces_balance() -> None:
-    """Wheels, masses and laws in any mixture: nearly all are solved, and every answer is certified from outside."""
+    """Wheels, masses, laws, drive lines in any mixture: nearly all are solved, and every answer is certified."""
     solved, asked = 0, 0
     for seed in range(ROBOTS):
         try:

@@ -232,7 +232,7 @@ def default_limits(problem: Problem) -> tuple[Float[np.ndarray, " cables"], Floa
     most = np.minimum(MOST_STRAIN * robot.axial_stiffness, WORKING * robot.breaking_load)
     most = np.maximum(most, MOST_LOADS * problem.load)
     upper = np.minimum(robot.force_max, np.maximum(most, robot.force_min))
-    taut = np.maximum(TAUT * problem.force_scale, robot.cable_weights * problem.rest_lengths)
+    taut = np.maximum(TAUT * problem.force_scale, robot.cable_weights / robot.reeving * problem.rest_lengths)
     lower = np.where(robot.force_min > 0, robot.force_min, np.minimum(taut, upper))
     return lower, upper
 
@@ -277,6 +277,12 @@ def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " c
     cables = forces.geometry(robot, pose.translation, pose.rotation.as_matrix())
     if robot.cabling.massless:
         rest = forces.rest_lengths_for(robot, cables.lengths, tensions)
+        if not rest.min() > 0:
+            cable = int(np.argmin(rest))
+            raise NotConverged(
+                f"compensate: found {tensions[cable]:.3g} N wanted in cable {cable + 1}, under which the rope between "
+                f"winch and exit stretches by more than the {cables.lengths[cable]:.3g} m from exit to anchor"
+            )
     else:
         apart = pose.translation + cables.arms - robot.exits
         rest = rest_lengths_under(robot.cabling, apart, tensions, robot.cable_weights, robot.wrapped_lengths)

@@ -31,8 +31,11 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import derivatives, forces, newton
 
-UNKNOWNS = ("axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "mass", "center_of_mass")
-"""Unknowns that can be fitted: one EA for all cables, one each, an offset of each rest length, mass, centre of mass."""
+UNKNOWNS = (
+    "axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "mass", "center_of_mass", "winch_to_exit",
+)  # fmt: skip
+"""Unknowns that can be fitted: one EA for all cables, one each, an offset of each rest length, mass, centre of mass,
+one length of rope between winch and exit for all cables."""
 
 REWEIGHTINGS = 20
 """Number of fits, each weighted by the scatters from the residuals of the last one; they converge in three or four."""
@@ -313,6 +316,9 @@ def _wanted(robot: Robot, names: Sequence[str]) -> list[_Unknown]:
             for i, at in enumerate(robot.center_of_mass.tolist())
             if i in axes
         ],
+        "winch_to_exit": [
+            _Unknown("winch_to_exit", "m", "winch_to_exit", tuple(cables), float(robot.winch_to_exit.mean()), False)
+        ],
     }
     return [one for name in names for one in choices[name]]
 
@@ -362,11 +368,12 @@ class _Model:
         if not self.unknowns:
             return x
         far = np.array([np.log(RANGE) if one.logarithmic else np.inf for one in self.unknowns])
+        behind = [one.parameter == "winch_to_exit" for one in self.unknowns]  # which is 0 or more
         return least_squares(
             self.weighted,
             x,
             jac=self.weighted_slopes,  # pyright: ignore[reportArgumentType]
-            bounds=(-far, far),
+            bounds=(np.where(behind, [-one.start for one in self.unknowns], -far), far),
             x_scale="jac",
             xtol=1e-10,
             ftol=1e-12,
@@ -381,7 +388,7 @@ class _Model:
     def changed(self, x: Float[np.ndarray, " unknowns"]) -> tuple[Robot, Float[np.ndarray, "rows cables"]]:
         """The robot and its rest lengths with the unknowns at ``x``."""
         stiffness = self.robot.axial_stiffness.copy()
-        center, mass = self.robot.center_of_mass.copy(), self.robot.mass
+        center, mass, behind = self.robot.center_of_mass.copy(), self.robot.mass, 0.0
         rest = self.rest_lengths.copy()
         touched = set()
         for one, coordinate in zip(self.unknowns, x, strict=True):
@@ -393,9 +400,11 @@ class _Model:
                 rest[:, columns] += value
             elif one.parameter == "mass":
                 mass = value
+            elif one.parameter == "winch_to_exit":
+                behind = value
             else:
                 center[columns] = value
-        new = {"axial_stiffness": stiffness, "mass": mass, "center_of_mass": center}
+        new = {"axial_stiffness": stiffness, "mass": mass, "center_of_mass": center, "winch_to_exit": behind}
         return self.robot.replace(**{name: value for name, value in new.items() if name in touched}), rest
 
     def solve(self, x: Float[np.ndarray, " unknowns"]) -> None:
@@ -431,7 +440,7 @@ class _Model:
             problem = Problem(self.now, self.poses[row], self.rest[row], no_wrench)
             state = forces.at(problem, position, rotation)
             slope = derivatives.wrench_slope(state)[np.ix_(free, free)]
-            by_parameter = derivatives.wrench_by_parameter(state)
+            by_parameter = derivatives.wrench_by_parameter(state, [one.parameter for one in self.unknowns])
             wrench = np.zeros((6, len(self.unknowns)))
             for column, one in enumerate(self.unknowns):
                 wrench[:, column] = by_parameter[one.parameter][:, list(one.columns)].sum(1)

@@ -182,6 +182,8 @@ def _name(parameter: str, index: int) -> str:
         return f"{parameter[:-1]} {index // 3 + 1} {'xyz'[index % 3]}"
     if parameter == "pulley_radius":
         return f"pulley radius {index + 1}"
+    if parameter == "winch_to_exit":
+        return f"winch to exit {index + 1}"
     if parameter == "rest_lengths":
         return f"rest length {index + 1}"
     if parameter == "axial_stiffness":

@@ -107,6 +107,7 @@ def video(
         machines = [robot_of(name, cables) for name, cables, _ in wanted]
         for robot in machines:
             robot.cabling.refuse_mixture("video")  # refused here, before every state is settled
+            robot.cabling.refuse_mass_on_drive_line("video")
             for option, chosen in (("--compensate", compensate), ("--drop", drop)):
                 if chosen:
                     robot.cabling.refuse_weight(option)

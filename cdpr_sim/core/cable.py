@@ -11,15 +11,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import MOST_LENGTH, Frozen, as_numbers, checked_array, frozen, in_range, refuse_far
 from cdpr_sim.core.errors import InvalidInput
 
-EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, COLUMNS = 0, 3, 6, 7, 9, 10, 13
-"""Columns of ``Cabling.packed``: the first coordinate of the exit and of the anchor, axial stiffness, the coefficients
-of nonlinear elasticity, the pulley's radius and axis; and the number of columns."""
+EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, BEHIND, PARTS, COLUMNS = 0, 3, 6, 7, 9, 10, 13, 14, 15
+"""Columns of ``Cabling.packed``: the first coordinate of the exit and of the anchor, axial stiffness of all parts of
+line, the coefficients of nonlinear elasticity, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
+the number of parts of line; and the number of columns."""
 
 DOWN = (0.0, 0.0, -1.0)
 """Default axis of a pulley: the cable arrives downwards, along a mast."""
@@ -42,6 +43,9 @@ MOST_STIFFENING = 1e9
 ROUNDING = 4e-16
 """Largest deviation from 1 of the length of a unit vector in double precision."""
 
+MOST_REEVING = 100
+"""Largest number of parts of line; large cranes have some dozens."""
+
 STIFFNESS_RANGE = (1e-6, 1e15)
 """[N] Range of axial stiffness that is accepted: from spider silk to steel ropes of one metre diameter, and far
 beyond."""
@@ -63,10 +67,15 @@ class Cabling(Frozen):
         stiffening: (a2, a3) of the nonlinear law tau = EA (eps + a2 eps² + a3 eps³) for a strain eps > 0, one pair or
             one per cable.
         force_min: smallest wanted tension [N], one number or one per cable. Force limits do not change the equilibrium:
-            they decide which tensions are chosen, and which poses are feasible.
+            they decide which tensions are chosen, and which poses are feasible. All limits are limits of the rope's
+            tension.
         force_max: largest tension that the cable or its winch allows [N], one number or one per cable; infinite without
             a limit.
         breaking_load: smallest tension at which a cable breaks [N], one number or one per cable; infinite if unknown.
+        winch_to_exit: length of rope between the winch and the exit [m], one number or one per cable; it does not
+            depend on the pose, and it stretches with the rope.
+        reeving: parts of line between exit and platform, an integer, one or one per cable: a rope under the tension T
+            pulls the platform with ``reeving`` T, and ``linear_density`` is the mass per length of one part.
 
     Raises:
         InvalidInput: a field is invalid; the message names it.
@@ -82,6 +91,8 @@ class Cabling(Frozen):
     force_min: Float[np.ndarray, " cables"]
     force_max: Float[np.ndarray, " cables"]
     breaking_load: Float[np.ndarray, " cables"]
+    winch_to_exit: Float[np.ndarray, " cables"]
+    reeving: Int[np.ndarray, " cables"]
 
     def __init__(
         self,
@@ -95,6 +106,8 @@ class Cabling(Frozen):
         force_min: ArrayLike = 0.0,
         force_max: ArrayLike = np.inf,
         breaking_load: ArrayLike = np.inf,
+        winch_to_exit: ArrayLike = 0.0,
+        reeving: ArrayLike = 1,
     ) -> None:
         exits = checked_array("exits", exits, (None, 3))
         cables = len(exits)
@@ -113,6 +126,8 @@ class Cabling(Frozen):
             "force_min": _per_cable("force_min", force_min, (), cables),
             "force_max": _limit_per_cable("force_max", force_max, cables),
             "breaking_load": _limit_per_cable("breaking_load", breaking_load, cables),
+            "winch_to_exit": _per_cable("winch_to_exit", winch_to_exit, (), cables),
+            "reeving": _parts_of_line(reeving, cables),
         }
         in_range("exits", exits, -MOST_LENGTH, MOST_LENGTH, "m")
         in_range("anchors", values["anchors"], -MOST_LENGTH, MOST_LENGTH, "m")
@@ -120,13 +135,15 @@ class Cabling(Frozen):
             least = values["axial_stiffness"].min()
             raise InvalidInput(f"axial_stiffness: found {least:g} N, expected more than 0")
         in_range("axial_stiffness", values["axial_stiffness"], *STIFFNESS_RANGE, "N")
-        for name, unit in (("linear_density", "kg/m"), ("pulley_radius", "m"), ("force_min", "N")):
+        units = {"linear_density": "kg/m", "pulley_radius": "m", "force_min": "N", "winch_to_exit": "m"}
+        for name, unit in units.items():
             cable = int(np.argmin(values[name]))
             if values[name][cable] < 0:
                 raise InvalidInput(
                     f"{name}: found {values[name][cable]:g} {unit} in cable {cable + 1}, expected 0 or more"
                 )
         refuse_far("pulley_radius", values["pulley_radius"])
+        refuse_far("winch_to_exit", values["winch_to_exit"])
         tiny = (values["pulley_radius"] > 0) & (values["pulley_radius"] < LEAST_RADIUS)
         if tiny.any():
             cable = int(np.argmax(tiny))
@@ -172,8 +189,23 @@ class Cabling(Frozen):
 
     @property
     def law(self) -> tuple[Float[np.ndarray, " cables"], ...]:
-        """The arguments of ``cable_law`` for each cable besides lengths: axial stiffness [N], a2, a3."""
+        """The arguments of ``cable_law`` for each rope besides lengths: axial stiffness [N], a2, a3."""
         return self.axial_stiffness, *self.stiffening.T
+
+    @cached_property
+    def direct(self) -> bool:
+        """Whether every cable is wound at its exit and has one part of line."""
+        return not self.winch_to_exit.any() and bool((self.reeving == 1).all())
+
+    @cached_property
+    def behind(self) -> Float[np.ndarray, " cables"]:
+        """Length of rope behind each exit for each part of line, (cables,) [m].
+
+        In the mathematics, a rope with n parts of line, g = ``winch_to_exit``, the rest length l0 from exit to anchor,
+        the weight w and the law tau(eps) is one cable of the law n tau(eps) and the weight n w, of which a length
+        g/n lies behind the exit: the strain n (l − l0)/(n l0 + g) is (l − l0)/(l0 + g/n), and n tau pulls.
+        """
+        return frozen(self.winch_to_exit / self.reeving)
 
     def refuse_weight(self, what: str) -> None:
         """Refuse cables with mass, where mass is not taken into account.
@@ -202,6 +234,34 @@ class Cabling(Frozen):
                 "the two: both together are not taken into account here (cdpr_sim.solve does)"
             )
 
+    def refuse_mass_on_drive_line(self, what: str) -> None:
+        """Refuse cables with mass that have rope between winch and exit, or several parts of line.
+
+        Raises:
+            InvalidInput: a cable has mass and one of them.
+        """
+        both = (self.linear_density > 0) & ((self.winch_to_exit > 0) | (self.reeving > 1))
+        if both.any():
+            cable = int(np.argmax(both))
+            raise InvalidInput(
+                f"{what}: found {self.linear_density[cable]:g} kg/m with winch_to_exit {self.winch_to_exit[cable]:g} m "
+                f"and reeving {self.reeving[cable]} in cable {cable + 1}, expected a massless cable, or 0 and 1: mass "
+                "together with a drive line is not taken into account here (cdpr_sim.solve does)"
+            )
+
+    def refuse_drive_line(self, what: str) -> None:
+        """Refuse rope between winch and exit, and reeving, where they are not taken into account.
+
+        Raises:
+            InvalidInput: some cable has one of them.
+        """
+        if not self.direct:
+            cable = int(np.argmax((self.winch_to_exit > 0) | (self.reeving > 1)))
+            raise InvalidInput(
+                f"{what}: found winch_to_exit {self.winch_to_exit[cable]:g} m and reeving {self.reeving[cable]} in "
+                f"cable {cable + 1}, expected 0 and 1: the drive line is not taken into account here"
+            )
+
     def beyond_law(
         self, lengths: Float[np.ndarray, "*batch cables"], rest_lengths: Float[np.ndarray, "*#batch cables"]
     ) -> Bool[np.ndarray, "*batch cables"]:
@@ -211,20 +271,23 @@ class Cabling(Frozen):
             lengths: stretched lengths [m].
             rest_lengths: unstretched lengths [m].
         """
-        return self.stiffening.any(-1) & (lengths > (1 + MOST_STRAIN) * rest_lengths)
+        behind = MOST_STRAIN * self.behind
+        return self.stiffening.any(-1) & (lengths > (1 + MOST_STRAIN) * rest_lengths + behind)
 
     @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:
-        """All fields as one table, a row per cable, for compiled code."""
+        """Cables as one table for compiled code, a row for all parts of line of a cable."""
         return frozen(
             np.column_stack(
                 [
                     self.exits,
                     self.anchors,
-                    self.axial_stiffness,
+                    self.reeving * self.axial_stiffness,
                     self.stiffening,
                     self.pulley_radius,
                     self.pulley_axis,
+                    self.behind,
+                    self.reeving,
                 ]
             )
         )
@@ -237,7 +300,7 @@ class Cabling(Frozen):
             return self.packed
         table = np.empty((*axial_stiffness.shape, COLUMNS))
         table[...] = self.packed
-        table[..., STIFFNESS] = axial_stiffness
+        table[..., STIFFNESS] = self.reeving * axial_stiffness
         return table
 
     def same_as(self, other: Cabling) -> bool:
@@ -252,6 +315,19 @@ def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int)
     if array.shape != core:
         array = checked_array(field, array, (cables, *core))
     return np.broadcast_to(array, (cables, *core)).copy()
+
+
+def _parts_of_line(value: ArrayLike, cables: int) -> Int[np.ndarray, " cables"]:
+    """``reeving``: a whole number for each cable."""
+    parts = _per_cable("reeving", value, (), cables)
+    wrong = (parts != np.round(parts)) | (parts < 1) | (parts > MOST_REEVING)
+    if wrong.any():
+        cable = int(np.argmax(wrong))
+        raise InvalidInput(
+            f"reeving: found {parts[cable]:g} parts of line in cable {cable + 1}, expected a whole number from 1 to "
+            f"{MOST_REEVING}"
+        )
+    return parts.astype(int)
 
 
 def _limit_per_cable(field: str, value: ArrayLike, cables: int) -> Float[np.ndarray, " cables"]:

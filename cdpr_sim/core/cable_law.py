@@ -21,7 +21,10 @@ STRAIN_STEPS = 30
 
 
 def tension(stretch, rest_length, axial_stiffness, a2, a3):
-    """tau [N]: tension of a cable, which pulls and never pushes (Eq. 10, 11)."""
+    """tau [N]: tension of a cable, which pulls and never pushes (Eq. 10, 11).
+
+    ``rest_length``, here and below, is all that shares the stretch: l0, and with it ``Cabling.behind``.
+    """
     pulled = np.maximum(stretch, 0.0)
     linear = axial_stiffness * pulled / rest_length
     if not (np.any(a2) or np.any(a3)):
@@ -67,13 +70,16 @@ def per_axial_stiffness(stretch, rest_length, a2, a3):
     return strain + stiffened(strain, a2, a3)
 
 
-def rest_length_for(length, pull, axial_stiffness, a2, a3):
-    """l0 = l/(1 + eps): unstretched length of a cable that has length l under the tension ``pull`` (Eq. 10)."""
+def rest_length_for(length, pull, axial_stiffness, a2, a3, behind: float | np.ndarray = 0.0):
+    """l0 = (l − eps c)/(1 + eps): unstretched length of a cable that has length l under the tension ``pull`` (Eq. 10).
+
+    A length c ``behind`` the exit stretches with it.
+    """
     if not (np.any(a2) or np.any(a3)):
-        return length * axial_stiffness / (axial_stiffness + pull)
+        return (length * axial_stiffness - behind * pull) / (axial_stiffness + pull)
     pull = pull / axial_stiffness
     strain = pull
     for _ in range(STRAIN_STEPS):
         slope, _ = tangent(strain, 1.0, 1.0, a2, a3)
         strain = strain - (tension(strain, 1.0, 1.0, a2, a3) - pull) / slope
-    return length / (1.0 + strain)
+    return (length - strain * behind) / (1.0 + strain)

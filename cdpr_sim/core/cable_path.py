@@ -117,10 +117,13 @@ def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Floa
 def wrench_matrix(
     cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "6 cables"]:
-    """W, whose column i is (uᵢ, R bᵢ × uᵢ): the wrench on the platform of unit tension in cable i (paper Eq. 4)."""
+    """W, whose column i is nᵢ (uᵢ, R bᵢ × uᵢ): the wrench on the platform of unit tension in rope i (paper Eq. 4).
+
+    nᵢ is its number of parts of line.
+    """
     arms = cabling.anchors @ rotation.T
     _, *free_piece, free_length = paths(cabling, cabling.exits - position - arms)[:5]
-    directions = (np.array(free_piece) / free_length).T
+    directions = (cabling.reeving * (np.array(free_piece) / free_length)).T
     return np.hstack([directions, np.cross(arms, directions)]).T
 
 

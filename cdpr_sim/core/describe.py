@@ -37,9 +37,10 @@ def cables_name(robot: Robot) -> str:
 
 
 def describe_properties(robot: Robot) -> tuple[str, ...]:
-    """Properties in which cables differ from massless linear ones without pulleys: mass, law and pulleys.
+    """Properties in which cables differ from massless linear ones from points: mass, law, pulleys and drive line.
 
-    "0.5 g/m", "nonlinear with a2 = 20, a3 = 0", "over pulleys of 20 mm radius"; with the number of cables if not all.
+    "0.5 g/m", "nonlinear with a2 = 20, a3 = 0", "over pulleys of 20 mm radius", "6 m from winch to exit", "2 parts of
+    line"; with the number of cables if not all.
     """
     cabling, words = robot.cabling, []
     if not cabling.massless:
@@ -52,6 +53,11 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
     if cabling.pulleys.any():
         radius = 1e3 * cabling.pulley_radius[cabling.pulleys]
         words.append(f"over pulleys of {_span(radius)} mm radius{_some(cabling.pulleys)}")
+    behind, several = cabling.winch_to_exit > 0, cabling.reeving > 1
+    if behind.any():
+        words.append(f"{_span(cabling.winch_to_exit[behind])} m from winch to exit{_some(behind)}")
+    if several.any():
+        words.append(f"{_span(cabling.reeving[several].astype(float))} parts of line{_some(several)}")
     return tuple(words)
 
 

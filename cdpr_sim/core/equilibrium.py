@@ -61,7 +61,7 @@ class Equilibrium(_Held, Posed, HtmlRepr):
     Attributes:
         problem: the problem.
         pose: the platform's pose, a ``RigidTransform``; ``position`` and ``rotation_matrix`` are its plain arrays.
-        tensions: (cables,) [N], 0 where slack.
+        tensions: tensions of the ropes, (cables,) [N], 0 where slack; ``pulls`` are the forces on the platform.
         lengths: (cables,) [m].
         residual: largest unbalanced force [N] over the free directions, torques divided by the robot's
             characteristic length; 0 at equilibrium.
@@ -114,6 +114,11 @@ class Equilibrium(_Held, Posed, HtmlRepr):
         if self.problem.robot.cabling.massless:
             return self.tensions <= 0
         return self.lengths <= self.rest_lengths
+
+    @property
+    def pulls(self) -> Float[np.ndarray, " cables"]:
+        """Forces with which the cables pull on the platform, (cables,) [N]: tensions times parts of line."""
+        return self.problem.robot.reeving * self.tensions
 
     @property
     def overloaded(self) -> Bool[np.ndarray, " cables"]:

@@ -33,7 +33,7 @@ class EquilibriumBatch(Frozen, HtmlRepr):
             found.
         rotations: rotation matrices of the platform, (..., 3, 3).
         lengths: (..., cables) [m].
-        tensions: (..., cables) [N], 0 where slack.
+        tensions: tensions of the ropes, (..., cables) [N], 0 where slack; ``pulls`` are the forces on the platform.
         residuals: (...) largest unbalanced force [N], torques divided by the characteristic length.
         iterations: (...) Newton iterations, or time steps.
         status: (...) a ``Status`` each.
@@ -140,6 +140,11 @@ class EquilibriumBatch(Frozen, HtmlRepr):
     def deviation(self) -> Float[np.ndarray, "*batch 3"]:
         """(..., 3) position minus commanded position [m]."""
         return self.positions - self.problems.positions
+
+    @property
+    def pulls(self) -> Float[np.ndarray, "*batch cables"]:
+        """Forces with which the cables pull on the platform, (..., cables) [N]: tensions times parts of line."""
+        return self.robot.reeving * self.tensions
 
     @property
     def slack(self) -> Bool[np.ndarray, "*batch cables"]:

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
@@ -82,7 +82,11 @@ class Robot(HtmlRepr):
             without a limit. Both limits are used by ``compensate`` and ``sweep`` (feasibility); they do not change
             the equilibrium.
         breaking_load: smallest tension at which a cable breaks [N], one number or one per cable; infinite if
-            unknown. Equilibria report overloaded cables.
+            unknown. Equilibria report overloaded cables. All three are limits of the rope's tension, as ``tensions``.
+        winch_to_exit: length of rope between the winch and the exit [m], one number or one per cable; it does not
+            depend on the pose, and it stretches with the rope.
+        reeving: parts of line between exit and platform, an integer, one or one per cable. A rope under the tension T
+            pulls the platform with ``reeving`` T; ``axial_stiffness`` and ``linear_density`` are those of the rope.
         center_of_mass: in the platform frame, (3,) [m].
         inertia: inertia about the centre of mass in the platform frame [kg m²], (3, 3) or its diagonal (3,);
             default: a uniform box of ``platform_size`` centred there.
@@ -133,6 +137,8 @@ class Robot(HtmlRepr):
         force_min: ArrayLike = 0.0,
         force_max: ArrayLike = np.inf,
         breaking_load: ArrayLike = np.inf,
+        winch_to_exit: ArrayLike = 0.0,
+        reeving: ArrayLike = 1,
         center_of_mass: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike | None = None,
         mobility: Mobility = "spatial",
@@ -158,6 +164,8 @@ class Robot(HtmlRepr):
             force_min,
             force_max,
             breaking_load,
+            winch_to_exit,
+            reeving,
         )
         name = checked_name("name", name)
         if material is not None:
@@ -274,6 +282,16 @@ class Robot(HtmlRepr):
         return self.cabling.breaking_load
 
     @property
+    def winch_to_exit(self) -> Float[np.ndarray, " cables"]:
+        """Length of rope between the winch and the exit of each cable, (cables,) [m]."""
+        return self.cabling.winch_to_exit
+
+    @property
+    def reeving(self) -> Int[np.ndarray, " cables"]:
+        """Parts of line between exit and platform of each cable, (cables,)."""
+        return self.cabling.reeving
+
+    @property
     def cables(self) -> int:
         """The number of cables m."""
         return len(self.cabling)
@@ -308,8 +326,8 @@ class Robot(HtmlRepr):
 
     @cached_property
     def cable_weights(self) -> Float[np.ndarray, " cables"]:
-        """Weight of the cables per length, (cables,) [N/m]."""
-        return frozen(self.cabling.linear_density * self.gravity)
+        """Weight of the cables per length from exit to anchor, with all parts of line, (cables,) [N/m]."""
+        return frozen(self.cabling.reeving * (self.cabling.linear_density * self.gravity))
 
     @cached_property
     def wrapped_lengths(self) -> Float[np.ndarray, " cables"]:
@@ -384,7 +402,8 @@ class Robot(HtmlRepr):
 
         Without tensions, those of rigid cables (paper Eq. 1, 2), with which the equilibrium is below the pose. With
         tensions, each elastic cable gets the unstretched length with which it has its tension at the pose, which is
-        then an equilibrium: this is how a fully constrained robot is pretensioned.
+        then an equilibrium: this is how a fully constrained robot is pretensioned. Lengths are from exit to anchor;
+        tensions are those of the ropes, of which ``reeving`` parts pull.
 
         Args:
             pose: the commanded pose.
@@ -417,7 +436,14 @@ class Robot(HtmlRepr):
                 f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1}, expected at most {most[cable]:.4g} N, a "
                 f"strain of {MOST_STRAIN:.0%}, up to which its nonlinear law is defined"
             )
-        return cable_law.rest_length_for(lengths, pulls, *law)
+        rest = cable_law.rest_length_for(lengths, pulls, *law, behind=self.cabling.behind)
+        if not rest.min() > 0:
+            cable = int(np.argmin(rest))
+            raise InvalidInput(
+                f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1}, under which the rope between winch and "
+                f"exit stretches by more than the {lengths[cable]:.4g} m from exit to anchor, expected a smaller one"
+            )
+        return rest
 
     def _balancing(
         self, at: Pose, tensions: ArrayLike, external_wrench: ArrayLike | None

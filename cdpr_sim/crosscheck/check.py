@@ -146,6 +146,7 @@ def check(
     group = as_robots(robots)
     for robot in group:
         robot.cabling.refuse_mixture("check")  # refused here, before statics solves the whole grid
+        robot.cabling.refuse_mass_on_drive_line("check")
     axes = grids.as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)

@@ -84,7 +84,7 @@ def _clearance(least: float) -> Constraint:
 
     def violation(equilibria: LayoutEquilibria) -> np.ndarray:
         layouts = equilibria.layouts
-        weights = layouts.linear_density[:, None] * equilibria.robot.gravity
+        weights = layouts.cable_weights[:, None]
         distances = clearance.least_clearance(equilibria, layouts.exits[:, None], layouts.anchors[:, None], weights)
         return np.maximum(least - distances.min(-1), 0) / least
 

@@ -74,11 +74,9 @@ def layout_derivatives(
     """
     problems = cases.problems(robot, rest_lengths)
     state = forces.at(problems, positions, rotations)
-    u, arms, elastic = (
-        state.geometry.directions[:, None],
-        state.geometry.arms[:, None],
-        state.tangent_stiffness[:, None],
-    )
+    n, whole = robot.reeving, rest_lengths + robot.cabling.behind
+    u, arms = state.geometry.directions[:, None], state.geometry.arms[:, None]
+    elastic = n * state.tangent_stiffness[:, None]  # tension by the length of one part of line
     # Exit minus anchor of each cable at equilibrium.
     arm_moves = np.einsum("cij,nmj->cnmi", rotations, steps.anchors)
     ends = steps.exits[None] - arm_moves
@@ -90,11 +88,11 @@ def layout_derivatives(
             commanded * (steps.exits[None] - np.einsum("cij,nmj->cnmi", cases.rotations, steps.anchors))
         ).sum(-1)
         stretch = state.lengths - rest_lengths
-        per_stiffness = cable_law.per_axial_stiffness(stretch, rest_lengths, *robot.cabling.stiffening.T)
+        per_stiffness = cable_law.per_axial_stiffness(stretch, whole, *robot.cabling.stiffening.T)
         per_stiffness = np.where(state.tensions > 0, per_stiffness, 0.0) * cases.factors[:, None]
-        further = per_stiffness[:, None] * steps.axial_stiffness[None]
-        further -= elastic * (state.lengths / rest_lengths)[:, None] * length_changes
-        pulled, force = pulled + further, force + further[..., None] * u
+        per_length = ((state.lengths + robot.cabling.behind) / whole)[:, None]
+        further = per_stiffness[:, None] * steps.axial_stiffness[None] - elastic * per_length * length_changes
+        pulled, force = pulled + further, force + (n * further)[..., None] * u
     torque = np.cross(arms, force) + np.cross(arm_moves, state.pulls[:, None])
     weight = np.array([0.0, 0.0, -robot.weight])
     center = np.cross(np.einsum("cij,nj->cni", rotations, steps.center), weight)
@@ -112,7 +110,7 @@ def layout_derivatives(
         moved[..., free] = found
         pose[held] = moved
     along = np.einsum("cim,cni->cnm", state.wrench_matrix, pose)
-    return LayoutDerivatives(pose, pulled - elastic * along)
+    return LayoutDerivatives(pose, pulled - state.tangent_stiffness[:, None] * along)
 
 
 CONDITION = 1e12

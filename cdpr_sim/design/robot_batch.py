@@ -196,6 +196,11 @@ class RobotBatch(Frozen):
         radii = np.sqrt((self.anchors**2).sum(-1).mean(-1))
         return np.where(radii > 0, radii, self.robot.characteristic_length)
 
+    @property
+    def cable_weights(self) -> Float[np.ndarray, "layouts cables"]:
+        """Weights of the cables per length, with all parts of line (``Robot.cable_weights``) [N/m]."""
+        return self.robot.reeving * (self.linear_density * self.robot.gravity)
+
     @cached_property
     def displacements(self) -> Float[np.ndarray, " layouts"]:
         """Largest displacement of exits, anchors and centre of mass, (layouts,) [m]."""
@@ -211,7 +216,7 @@ class RobotBatch(Frozen):
         table[:] = self.robot.cabling.packed
         table[..., EXIT : EXIT + 3] = self.exits[:, None]
         table[..., ANCHOR : ANCHOR + 3] = self.anchors[:, None]
-        table[..., STIFFNESS] = self.axial_stiffness[:, None] * factors[:, None]
+        table[..., STIFFNESS] = self.robot.reeving * (self.axial_stiffness[:, None] * factors[:, None])
         return table
 
     def rigid_lengths(self, cases: Cases) -> Float[np.ndarray, "layouts cases cables"]:
@@ -341,6 +346,7 @@ def _eigenvalues(equilibria: EquilibriumBatch) -> Float[np.ndarray, "layouts cas
 def _solve(layouts: RobotBatch, cases: Cases) -> tuple[np.ndarray, ...]:
     robot = layouts.robot
     table, rest_lengths = layouts.tables(cases.factors), layouts.rigid_lengths(cases)
+    stiffness = table[..., STIFFNESS] / robot.reeving  # of the ropes
     up = (layouts.exits[:, None, :, 2] - np.einsum("cj,lmj->lcm", cases.rotations[:, 2], layouts.anchors)).max(-1)
     falls = (cases.positions[:, 2] >= up) & (robot.weight > cases.wrench[:, 2])
     start = np.where(falls[..., None], np.nan, cases.positions)
@@ -353,16 +359,17 @@ def _solve(layouts: RobotBatch, cases: Cases) -> tuple[np.ndarray, ...]:
         found = equilibrium_gufunc(bent=robot.cabling.bent)(table, rest_lengths, *platform, start, cases.rotations)
         positions, rotations, lengths, residuals, iterations, status = found
         if robot.cabling.massless:
-            law = rest_lengths, table[..., STIFFNESS], *robot.cabling.stiffening.T
+            law = rest_lengths + robot.cabling.behind, stiffness, *robot.cabling.stiffening.T
             tensions = cable_law.tension(lengths - rest_lengths, *law)
         else:
-            weights = layouts.linear_density[:, None] * robot.gravity
+            weights = layouts.cable_weights[:, None]
             wrapped = wrapped_lengths(robot.cabling, layouts.exits - robot.home - layouts.anchors)[:, None]
-            positions, rotations, lengths, tensions, residuals, more, status = sagging_gufunc()(
+            positions, rotations, lengths, pulls, residuals, more, status = sagging_gufunc()(
                 table, weights, wrapped, rest_lengths, *platform, positions, rotations
             )
+            tensions = pulls / robot.reeving
             iterations = iterations + more
-        status = within_law(robot.cabling, tensions, table[..., STIFFNESS], status)
+        status = within_law(robot.cabling, tensions, stiffness, status)
     status = np.where(falls, int(Status.FALLS), status)
     return rest_lengths, positions, rotations, lengths, tensions, residuals, iterations, status, falls
 

@@ -75,7 +75,12 @@ def _of(robot: Robot, signs: np.ndarray) -> tuple[Symmetry | None, str]:
         cable = int(far.argmax())
         return None, f"the image of cable {cable + 1} is {1e3 * far[cable]:.3g} mm from the nearest cable"
     cabling = robot.cabling
-    own = np.column_stack([cabling.axial_stiffness, cabling.linear_density, cabling.pulley_radius, cabling.stiffening])
+    own = np.column_stack(
+        [
+            cabling.axial_stiffness, cabling.linear_density, cabling.pulley_radius, cabling.stiffening,
+            cabling.winch_to_exit, cabling.reeving,
+        ]
+    )  # fmt: skip
     axes = np.where(cabling.pulleys[:, None], cabling.pulley_axis, 0.0)
     if not np.allclose(own, own[images]) or not np.allclose(axes * signs, axes[images]):
         cable = int(np.argmax(~np.isclose(own, own[images]).all(1) | ~np.isclose(axes * signs, axes[images]).all(1)))

@@ -110,9 +110,10 @@ class Simulations:
         if not own_springs:
             stiffness, rest = problems.axial_stiffness, problems.rest_lengths
             self.band[:, :, 1] = rest + self.entries
-            self.springs[:] = tendons.springs(stiffness, rest) / self.unit
-            if not self.robot.cabling.linear:
-                self.polynomials[:] = tendons.polynomials(stiffness, self.robot.cabling.stiffening, rest) / self.unit
+            cabling = self.robot.cabling
+            self.springs[:] = tendons.springs(cabling, stiffness, rest) / self.unit
+            if not cabling.linear:
+                self.polynomials[:] = tendons.polynomials(cabling, stiffness, rest) / self.unit
         self.armature[:] = self.model.dof_armature
 
     def reset(self, rows: Bool[np.ndarray, " rows"]) -> None:
@@ -234,9 +235,10 @@ class Simulations:
         return at, self.rotations.copy(), lengths, self._tensions()
 
     def _tensions(self) -> Float[np.ndarray, "rows cables"]:
-        """Tension [N] of each cable: MuJoCo's spring force with only that spring switched on, along its tendon.
+        """Tension [N] of each rope: MuJoCo's spring force with only that spring switched on, along its tendon.
 
-        qfrc_spring = -J' tau, hence tau = -(J . qfrc_spring) / (J . J): it would be negative if a cable pushed.
+        qfrc_spring = -J' f, hence f = -(J . qfrc_spring) / (J . J): it would be negative if a cable pushed. All parts
+        of line pull with f, and share it.
         """
         all_springs, all_polynomials = self.springs.copy(), self.polynomials.copy()
         forces = np.empty((self.robot.cables, *self._spring.shape))
@@ -250,8 +252,8 @@ class Simulations:
         jacobian[self._entry_cables, :, self.model.ten_J_colind] = self._jacobian.T
         # The two are parallel. Where J vanishes, at an anchor on its exit, the spring's force vanishes too.
         squares = (jacobian * jacobian).sum(-1)
-        tensions = -(jacobian * forces).sum(-1) / np.maximum(squares, np.finfo(float).tiny)
-        return tensions.T * self.unit + 0.0  # no negative zero
+        pulls = -(jacobian * forces).sum(-1) / np.maximum(squares, np.finfo(float).tiny)
+        return pulls.T * self.unit / self.robot.reeving + 0.0  # no negative zero
 
     def _stiffness(self) -> tuple[Float[np.ndarray, "rows free"], Float[np.ndarray, "rows free"]]:
         """Eigenvalues [N/m], ascending, of the stiffness in MuJoCo at the present poses; direction of the smallest.

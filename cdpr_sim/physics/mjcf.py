@@ -77,6 +77,7 @@ def to_mjcf(
     problem = Problem.of(robot, pose, rest_lengths)
     refuse_unless(FLAG, winches=winches)
     robot = problem.robot
+    robot.cabling.refuse_mass_on_drive_line("MuJoCo model")
     chains.refuse_short(robot, problem.rest_lengths)
     if winches:
         chains.refuse_weight(robot, "a winch in MuJoCo")
@@ -97,8 +98,9 @@ def to_mjcf(
     nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
     chains.add_far(world, robot.cabling, problem.rest_lengths)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
+    springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
     if winches:
-        add_drums(world, robot, problem.rest_lengths)
+        add_drums(world, robot, springs)
     tendons.add_tendons(root, robot, problem.rest_lengths, TIMESTEP, wound=winches)
     chains.add_segments(root, robot, problem.rest_lengths, TIMESTEP)
     sensors = ET.SubElement(root, "sensor")
@@ -106,7 +108,7 @@ def to_mjcf(
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
     if winches:
-        add_winches(root, world, robot, problem.rest_lengths)
+        add_winches(root, world, robot, problem.rest_lengths, springs)
     keyframes = ET.SubElement(root, "keyframe")
     swivels = pulleys.facing(robot, problem.pose)[1] if robot.mobility == "spatial" else []
     at = coordinates(robot, problem.pose)

@@ -147,6 +147,10 @@ def _cables(robot: Robot) -> str:
 
 
 def _law(robot: Robot) -> str:
-    if robot.cabling.linear:
-        return "EA (l - l0)/l0"
-    return "EA (eps + a2 eps² + a3 eps³), eps = (l - l0)/l0,"
+    parts, shared = "", "l0"
+    if not robot.cabling.direct:
+        parts, shared = "n ", "(l0 + g/n)"
+    law = f"{parts}EA (l - l0)/{shared}"
+    if not robot.cabling.linear:
+        law = f"{parts}EA (eps + a2 eps² + a3 eps³), eps = (l - l0)/{shared},"
+    return law + (" with n parts of line and g from winch to exit" if parts else "")

@@ -183,5 +183,5 @@ def _fastest(model: mujoco.MjModel, equilibrium: Equilibrium) -> float:
     springs = float((model.tendon_stiffness * stiffer).sum())
     fastest = float(np.sqrt(springs * (1 / robot.mass + reach**2 / np.linalg.eigvalsh(robot.inertia)[0])))
     if robot.cabling.pulleys.any():
-        fastest = max(fastest, pulleys.swivelling(robot, float(equilibrium.tensions.max())))
+        fastest = max(fastest, pulleys.swivelling(robot, float(equilibrium.pulls.max())))
     return fastest

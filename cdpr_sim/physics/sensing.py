@@ -32,7 +32,7 @@ class Readings:
         self._pose = addresses("position", "orientation")
         self._lengths = addresses(*(f"length_{i}" for i in cables))
         self._tensions = addresses(*(f"tension_{i}" for i in cables))
-        self._entries = pulleys.entries(robot.cabling)
+        self._entries, self._parts = pulleys.entries(robot.cabling), robot.reeving
 
     def pose(self, data: mujoco.MjData) -> Float[np.ndarray, "7"]:
         """Pose of the platform: position [m], and quaternion w x y z."""
@@ -43,8 +43,8 @@ class Readings:
         return data.sensordata[self._lengths] - self._entries
 
     def tensions(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
-        """Tensions of the cables [N]."""
-        return data.sensordata[self._tensions]
+        """Tensions of the ropes [N]: the sensors read the pulls of all parts of line."""
+        return data.sensordata[self._tensions] / self._parts
 
 
 def pose_of(reading: Float[np.ndarray, "*rows 7"]) -> RigidTransform:

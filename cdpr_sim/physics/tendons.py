@@ -8,6 +8,9 @@ spring has no force inside that dead band, so
 A nonlinear cable has the two further coefficients of MuJoCo's polynomial, EA a2/l0² and EA a3/l0³. The tendon of one
 over a pulley begins before the pulley (``pulleys``) and is longer by that entry.
 
+A rope with n parts of line and a length g between winch and exit stretches by n (l - l0) over its length L = n l0 + g,
+and each part pulls. Its one tendon has the coefficients n² EA/L, n³ EA a2/L² and n⁴ EA a3/L³; its force is n tau.
+
 Three attributes of tendons are left out on purpose. ``range`` would add a constraint that stops the cable
 stretching; ``damping`` ignores the dead band, so that a slack cable would push, and it turns off the drawing of a
 slack cable as a hanging chain; ``frictionloss`` would hold the platform away from its equilibrium.
@@ -57,8 +60,8 @@ def add_tendons(
     begin at a drum; and ``rope_1``, ... are drawn in their place (``winches.hang``).
     """
     tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
-    stiffnesses = springs(cabling.axial_stiffness, rest_lengths)
-    further = polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
+    stiffnesses = springs(cabling, cabling.axial_stiffness, rest_lengths)
+    further = polynomials(cabling, cabling.axial_stiffness, rest_lengths)
     lengths = rest_lengths + (winches.behind(robot) if wound else pulleys.entries(cabling))
     for i, (stiffness, length) in enumerate(zip(stiffnesses, lengths, strict=True), start=1):
         if cabling.linear_density[i - 1] > 0:  # ``chains.add_segments``
@@ -93,20 +96,26 @@ def add_twin(tendons: ET.Element, name: str, cable: int, length: float, **look: 
 
 
 def springs(
-    axial_stiffness: Float[np.ndarray, "*#batch cables"], rest_lengths: Float[np.ndarray, "*#batch cables"]
+    cabling: Cabling,
+    axial_stiffness: Float[np.ndarray, "*#batch cables"],
+    rest_lengths: Float[np.ndarray, "*#batch cables"],
 ) -> Float[np.ndarray, "*batch cables"]:
     """MuJoCo's ``stiffness`` of each tendon [N/m]: of two cables of one material, the shorter is the stiffer."""
-    return axial_stiffness / rest_lengths
+    parts = cabling.reeving
+    return parts * parts * axial_stiffness / (parts * rest_lengths + cabling.winch_to_exit)
 
 
 def polynomials(
+    cabling: Cabling,
     axial_stiffness: Float[np.ndarray, "*#batch cables"],
-    stiffening: Float[np.ndarray, "cables 2"],
     rest_lengths: Float[np.ndarray, "*#batch cables"],
 ) -> Float[np.ndarray, "*batch cables 2"]:
     """MuJoCo's ``stiffnesspoly`` of each tendon [N/m², N/m³]: of the stretch's square and cube."""
-    squares = rest_lengths * rest_lengths
-    return (axial_stiffness[..., None] * stiffening) / np.stack([squares, squares * rest_lengths], axis=-1)
+    parts = cabling.reeving
+    ropes = parts * rest_lengths + cabling.winch_to_exit
+    squares, coefficients = ropes * ropes, axial_stiffness[..., None] * cabling.stiffening
+    powers = np.stack([parts**3, parts**4], axis=-1)
+    return powers * coefficients / np.stack([squares, squares * ropes], axis=-1)
 
 
 def pull(
@@ -122,8 +131,8 @@ def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndar
     """Set a model's cables to one row of ``rest_lengths`` [m] after the other, as winches do."""
     ends, stiffnesses, further = model.tendon_lengthspring[:, 1], model.tendon_stiffness, model.tendon_stiffnesspoly
     lengths = rest_lengths + pulleys.entries(cabling)
-    pulls = springs(cabling.axial_stiffness, rest_lengths)
-    bends = None if cabling.linear else polynomials(cabling.axial_stiffness, cabling.stiffening, rest_lengths)
+    pulls = springs(cabling, cabling.axial_stiffness, rest_lengths)
+    bends = None if cabling.linear else polynomials(cabling, cabling.axial_stiffness, rest_lengths)
     for step in range(len(lengths)):
         ends[:], stiffnesses[:] = lengths[step], pulls[step]
         if bends is not None:

@@ -29,6 +29,7 @@ from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell, Trajectory
+from cdpr_sim.physics import tendons, winches
 from cdpr_sim.physics.batch import quiet
 from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, poses_through, problems_at
 from cdpr_sim.physics.mjcf import TIMESTEP, place, to_mjcf
@@ -264,18 +265,19 @@ class _Machine:
         self.data = mujoco.MjData(self.model)
         self.readings = Readings(self.model, robot)
         self.platform = self.model.body("platform").id
-        self._written = robot.rest_lengths(pose)
+        self._rigid, self._shared = robot.rest_lengths(pose), winches.shared(robot)
+        self._written = self._rigid + self._shared
         fastest, self._damping_time = self._damp(damping, cable_damping)
         self._longest = min(TIMESTEP, 2 * np.pi / fastest / STEPS)
         self._speed = winch_speed
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
-        self._reach = (self._written[:, None] / (1 + self.model.actuator_ctrlrange)).T[::-1]
+        self._reach = (self._written[:, None] / (1 + self.model.actuator_ctrlrange)).T[::-1] - self._shared
         self._springs = self.model.actuator_gainprm.copy(), self.model.actuator_biasprm.copy()
         self._motors = np.zeros(robot.cables, dtype=bool)
         self._acceleration = np.zeros(self.model.nv)
         self.let_out = self.checked(lengths).rest_lengths
         place(self.model, self.data, robot, settle(robot, pose, self.let_out).pose)
-        self.data.ctrl[:] = self._written / self.let_out - 1
+        self.data.ctrl[:] = self._controls()
         self.look()
 
     def _damp(self, damping: float, cable_damping: float) -> tuple[float, float]:
@@ -294,7 +296,7 @@ class _Machine:
         data.qvel[:] = 0
         critical = model.dof_damping[0] / self.robot.mass  # [1/s], the damping written in the model
         model.dof_damping[:free] = damping * critical * mass.diagonal()
-        springs = self.robot.axial_stiffness / self._written
+        springs = tendons.springs(self.robot.cabling, self.robot.axial_stiffness, self._rigid)
         model.actuator_biasprm[:, 2] = -cable_damping * springs
         stiffest = eigh(stretch * springs @ stretch.T, mass[:, :free], eigvals_only=True)[-1]
         damped = damping * critical + cable_damping * stiffest
@@ -316,6 +318,10 @@ class _Machine:
                 f"{highest[cable]:.4g} m, which its winch can let out"
             )
         return command
+
+    def _controls(self) -> Float[np.ndarray, " cables"]:
+        """Controls of the actuators for the present rest lengths (``winch_controls``)."""
+        return self._written / (self.let_out + self._shared) - 1
 
     def look(self) -> None:
         """Update MuJoCo's sensors, which otherwise have the values before the step."""
@@ -344,7 +350,7 @@ class _Machine:
             mujoco.mj_step1(model, data)
             ahead = self.let_out + advance
             self.let_out = np.where(by_tension, self._held_tensions(command, most), ahead) if some else ahead
-            data.ctrl[:] = self._written / self.let_out - 1
+            data.ctrl[:] = self._controls()
             self._acceleration = self._accelerated()
             data.qvel += half * self._acceleration
             yield number * step
@@ -369,11 +375,12 @@ class _Machine:
 
         A winch that can reach the length of its tension becomes a constant force, the others are springs.
         """
-        wanted = self.readings.lengths(self.data) / (1 + command.tensions / self.robot.axial_stiffness)
+        strains = command.tensions / self.robot.axial_stiffness
+        wanted = (self.readings.lengths(self.data) - strains * self._shared) / (1 + strains)
         near = wanted.clip(self.let_out - most, self.let_out + most).clip(*self._reach)
         self._motors = command.by_tension & (near == wanted)
         gain, bias = self.model.actuator_gainprm, self.model.actuator_biasprm
         gain[:], bias[:] = self._springs
         gain[self._motors] = bias[self._motors] = 0.0
-        bias[self._motors, 0] = command.tensions[self._motors]
+        bias[self._motors, 0] = (self.robot.reeving * command.tensions)[self._motors]
         return near

@@ -12,7 +12,8 @@ from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.settle import settle
-from cdpr_sim.physics.winches import SERVO, reach
+from cdpr_sim.physics.tendons import springs
+from cdpr_sim.physics.winches import SERVO, reach, shared
 
 
 def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Float[np.ndarray, "*rows cables"]:
@@ -24,8 +25,9 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
         rest_lengths: unstretched cable lengths l0, (..., cables) [m].
 
     Returns:
-        ``ctrl`` of the actuators ``winch_1``, ..., (..., cables), L/l0 - 1 with L the rigid lengths at ``pose``.
-        For nonlinear cables l (L/l0 - 1) [m], with l their length at the equilibrium in MuJoCo from ``pose``.
+        ``ctrl`` of the actuators ``winch_1``, ..., (..., cables), u = (L + c)/(l0 + c) - 1 with L the rigid lengths at
+        ``pose`` and c = ``winch_to_exit``/``reeving``. For nonlinear cables (l + c) u [m], with l their length at the
+        equilibrium in MuJoCo from ``pose``.
 
     Raises:
         InvalidInput: invalid lengths, or lengths out of the winches' range.
@@ -44,12 +46,13 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
             f"rest_lengths: found {wanted[place]:g} m for cable {cable + 1}, expected {lowest[cable]:.4g} to "
             f"{highest[cable]:.4g} m, which its winch can let out"
         )
-    controls = problem.rest_lengths / wanted - 1
+    extra = shared(robot)
+    controls = (problem.rest_lengths + extra) / (wanted + extra) - 1
     nonlinear = robot.cabling.stiffening.any(1)
     if nonlinear.any():
-        servos = SERVO * robot.axial_stiffness / problem.rest_lengths
+        servos = SERVO * springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
-            drawn_in = rest.lengths * controls[row] + rest.tensions / servos  # plus the servos' displacement
+            drawn_in = (rest.lengths + extra) * controls[row] + rest.pulls / servos  # plus the servos' displacement
             controls[row][nonlinear] = drawn_in[nonlinear]
     return controls

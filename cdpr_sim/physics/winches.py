@@ -9,10 +9,15 @@ is bilinear in l and u, like MuJoCo's affine gain and bias. ``forcerange`` begin
 pushes; ``gear`` -1 makes tension a positive force. The stiffness is EA/l0, as required: a shorter cable is a
 stiffer one. The tendon of a cable over a pulley is longer by its straight entry; the constants account for that.
 
+A rope with n parts of line and a length g between winch and exit has the strain (l - l0)/(l0 + c) with c = g/n
+(``shared``): the same formulas hold with l + c, l0 + c and L + c in the place of l, l0 and L. The actuator's force is
+the pull of all parts, n tau, and EA in it n EA.
+
 A nonlinear cable keeps its spring, since no actuator in MuJoCo is more than linear in length. Its tendon begins
 at a drum, a body ``drum_1`` on a slide behind the exit, which the actuator moves: its control q is a length [m], by
 which the cable is drawn in behind the exit. The tension is then the law's at the strain (l + q)/L - 1, which equals
-the required l/l0 - 1 for q = l (L/l0 - 1). That depends on l; ``winch_controls`` uses its value at the equilibrium. In
+the required l/l0 - 1 for q = l (L/l0 - 1), likewise with c. That depends on l; ``winch_controls`` uses its value at
+the equilibrium. In
 motions about that equilibrium the cable is as stiff as one of length L, and its tension sensor includes the drum's
 inertia.
 """
@@ -71,17 +76,25 @@ def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray,
     return np.maximum((1 - SPARE) * nearest, SHORTEST * longest), longest
 
 
+def shared(robot: Robot) -> Float[np.ndarray, " cables"]:
+    """Length of rope between winch and exit, for each part of line [m]: it stretches with the cable."""
+    return robot.winch_to_exit / robot.reeving
+
+
 def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
     """Difference between the length of each tendon and its cable at control 0 [m]: the part behind the exit."""
     _, longest = reach(robot)
     return pulleys.entries(robot.cabling) + np.where(robot.cabling.stiffening.any(1), longest, 0)
 
 
-def add_drums(world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
-    """The bodies ``drum_1``, ... of nonlinear cables, on slides along which the cables arrive; the last joints."""
+def add_drums(world: ET.Element, robot: Robot, springs: Float[np.ndarray, " cables"]) -> None:
+    """The bodies ``drum_1``, ... of nonlinear cables, on slides along which the cables arrive; the last joints.
+
+    ``springs`` are the stiffnesses of the cables' tendons, from ``tendons.springs`` [N/m].
+    """
     for cable in np.flatnonzero(robot.cabling.stiffening.any(1)):
         i, axis = cable + 1, robot.cabling.pulley_axis[cable]
-        inertia = SERVO * robot.axial_stiffness[cable] / rest_lengths[cable] / DRUM_SWING**2
+        inertia = SERVO * springs[cable] / DRUM_SWING**2
         start = robot.exits[cable] - behind(robot)[cable] * axis
         drum = ET.SubElement(world, "body", name=f"drum_{i}", pos=text(start), gravcomp="1")
         slide = ET.SubElement(drum, "joint", name=f"drum_{i}", type="slide", axis=text(-axis))
@@ -92,13 +105,23 @@ def add_drums(world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, "
         ET.SubElement(drum, "site", {"name": f"drum_{i}", "class": "exit"})
 
 
-def add_winches(root: ET.Element, world: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> None:
-    """The actuators ``winch_1``, ..., which let out ``rest_lengths`` [m] at a control of 0; and the sensors."""
+def add_winches(
+    root: ET.Element,
+    world: ET.Element,
+    robot: Robot,
+    rest_lengths: Float[np.ndarray, " cables"],
+    springs: Float[np.ndarray, " cables"],
+) -> None:
+    """The actuators ``winch_1``, ..., which let out ``rest_lengths`` [m] at a control of 0; and the sensors.
+
+    ``springs`` are the stiffnesses of tendons of these rest lengths, from ``tendons.springs`` [N/m].
+    """
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
     bounds = np.array([np.minimum(reach(robot)[0], rest_lengths), np.maximum(reach(robot)[1], rest_lengths)])
-    for cable, (stiffness, length) in enumerate(zip(robot.axial_stiffness, rest_lengths, strict=True)):
-        i, slope = cable + 1, stiffness / length
-        shortest, longest = bounds[:, cable]
+    stiffnesses, extra = robot.reeving * robot.axial_stiffness, shared(robot)
+    for cable, (stiffness, slope) in enumerate(zip(stiffnesses, springs, strict=True)):
+        i, length = cable + 1, rest_lengths[cable] + extra[cable]
+        shortest, longest = bounds[:, cable] + extra[cable]
         winch = ET.SubElement(actuators, "general", name=f"winch_{i}")
         if robot.cabling.stiffening[cable].any():
             winch.set("joint", f"drum_{i}")
@@ -107,7 +130,7 @@ def add_winches(root: ET.Element, world: ET.Element, robot: Robot, rest_lengths:
             winch.set("biasprm", text([0, -SERVO * slope, 0]))
             winch.set("ctrlrange", text([length - longest, length - shortest]))
         else:
-            entry = pulleys.entries(robot.cabling)[cable]
+            entry = pulleys.entries(robot.cabling)[cable] - extra[cable]
             winch.set("tendon", f"cable_{i}")
             winch.set("gear", "-1")
             winch.set("gaintype", "affine")

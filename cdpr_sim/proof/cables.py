@@ -7,15 +7,15 @@ error in shared code.
 - Over a swivelling wheel of radius r at the exit (Pott 2012, doi:10.1007/978-94-007-4620-6_25), with the anchor at the
   height h below the exit along the wheel's axis and at the distance ρ from that axis, l = r θ + s with
   s² = (ρ − r)² + h² − r² and θ = atan2(ρ − r, h) + atan2(r, s). Slope and curvature of l come from its derivatives.
-- Its tension is τ = EA (ε + a2 ε² + a3 ε³) for ε = l/l0 − 1 > 0, and 0 otherwise; linear beyond ε = 20 %.
+- Its tension is τ = EA (ε + a2 ε² + a3 ε³) for ε = l/l0 − 1 > 0, and 0 otherwise; linear beyond ε = 20 %. A rope with
+  n parts of line, and the length g between winch and exit, has ε = n (l − l0)/(n l0 + g) and pulls with n τ.
 - A cable with mass is an elastic catenary (Irvine, Cable Structures, 1981, chapter 1): with the tension (H, V) at its
   middle, H sinh(b ± a) = V ± w l0/2, κ = w l0/(2 EA), it spans x = 2 H/w (a + κ) and z = 2 V/w (tanh a + κ), and
   eliminating H, V and b leaves one equation for the unknown a:
 
       x² [sinh a/(a + κ)]² + z² [tanh a/(tanh a + κ)]² = l0².
 
-Cable between winch and exit, and sections of another material, would be further data of ``Cable``, and in
-``Cable._tension`` a longer cable l0 + L whose part L never changes its path.
+Sections of another material would be further data of ``Cable``.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Pull:
         force: on the anchor, (3,) [N].
         slope: ∂force/∂anchor at a fixed unknown, (3, 3) [N/m].
         taut: True where it is proved longer than its rest length, False where it is proved shorter, None otherwise.
-        tension: at the anchor [N].
+        tension: of the rope, at the anchor [N].
         stretch: length minus rest length [m].
         by_unknown: ∂force/∂unknown of a cable with mass, (3,); empty otherwise.
         gap: left minus right side of its equation [m²]; None without mass.
@@ -70,6 +70,7 @@ class Cable:
         self.anchor = balls(cabling.anchors[index])
         self.rest_length = exact(problem.rest_lengths[index])
         self.axial_stiffness = exact(cabling.axial_stiffness[index])
+        self.parts, self.behind = int(cabling.reeving[index]), exact(cabling.winch_to_exit[index])
         self.a2, self.a3 = balls(cabling.stiffening[index])
         self.linear = not cabling.stiffening[index].any()
         self.radius = exact(cabling.pulley_radius[index])
@@ -115,21 +116,22 @@ class Cable:
         else:
             along = [part / length for part in apart]
             curvature = [[((1 if i == j else 0) - along[i] * along[j]) / length for j in range(3)] for i in range(3)]
-        force = [-tension * part for part in along]
-        slope = [[-(stiffness * along[i] * along[j] + tension * curvature[i][j]) for j in range(3)] for i in range(3)]
+        pulled, stiffness = self.parts * tension, self.parts * self.parts * stiffness
+        force = [-pulled * part for part in along]
+        slope = [[-(stiffness * along[i] * along[j] + pulled * curvature[i][j]) for j in range(3)] for i in range(3)]
         return Pull(force, slope, taut, tension, stretch, [])
 
     def energy(self, at: Sequence[Ball]) -> Ball:
         """∫ τ dl [J] of a massless cable with its anchor at ``at``; by another derivation than ``pull``, for tests."""
         apart = [b - a for b, a in zip(at, self.exit, strict=True)]
         length = self._over_wheel(apart).v if self.over_pulley else dot(apart, apart).sqrt()
-        strain = (length / self.rest_length - 1).max(exact(0))
+        strain = ((length - self.rest_length) * self.parts / self._rope()).max(exact(0))
         curved = strain.min(exact(MOST_STRAIN))
         over = strain - curved
         tension = curved + self.a2 * curved**2 + self.a3 * curved**3
         slope = 1 + 2 * self.a2 * curved + 3 * self.a3 * curved**2
         work = curved**2 / 2 + self.a2 * curved**3 / 3 + self.a3 * curved**4 / 4 + over * tension + over**2 * slope / 2
-        return self.axial_stiffness * self.rest_length * work
+        return self.axial_stiffness * self._rope() * work
 
     def unknown_near(self, at: Sequence[float] | np.ndarray) -> float:
         """A double near the catenary's a with the anchor at ``at``, by bisection; proves nothing."""
@@ -150,9 +152,14 @@ class Cable:
     def _kappa(self) -> Ball:
         return self.weight * self.rest_length / (2 * self.axial_stiffness)
 
+    def _rope(self) -> Ball:
+        """Rest length of the rope, from its winch to its end [m]."""
+        return self.rest_length * self.parts + self.behind
+
     def _tension(self, stretch: Ball) -> tuple[Ball, Ball]:
-        """τ and ∂τ/∂l [N, N/m] for this stretch, or none."""
-        strain, unit = stretch / self.rest_length, self.axial_stiffness / self.rest_length
+        """τ and its derivative by the length of the rope [N, N/m], for this stretch of one part of line, or none."""
+        rope = self._rope()
+        strain, unit = stretch * self.parts / rope, self.axial_stiffness / rope
         if self.linear:
             return self.axial_stiffness * strain, unit
         curved = strain.min(exact(MOST_STRAIN))

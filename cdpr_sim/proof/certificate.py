@@ -168,6 +168,7 @@ def certify(equilibrium: Equilibrium) -> Certificate:
         raise InvalidInput(f"equilibrium: found {equilibrium!r}, expected an Equilibrium")
     problem = equilibrium.problem
     problem.robot.cabling.refuse_mixture("certify")
+    problem.robot.cabling.refuse_mass_on_drive_line("certify")
     with arithmetic(BITS):
         balance = Balance(problem, Pose(equilibrium.position, equilibrium.rotation_matrix))
         arm = problem.robot.characteristic_length

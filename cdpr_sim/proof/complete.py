@@ -222,6 +222,7 @@ def certify_all(
     problem = robot
     cabling = problem.robot.cabling
     cabling.refuse_weight("certify_all")
+    cabling.refuse_drive_line("certify_all")
     if cabling.pulleys.any():
         raise InvalidInput(
             "certify_all: found cables over pulleys, expected cables that start at points: the interval functions of a "

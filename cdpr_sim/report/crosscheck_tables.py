@@ -111,12 +111,16 @@ def agreement_table(agreement: Agreement) -> Table:
 
 
 def equilibrium_notes(equilibrium: Equilibrium) -> list[str]:
-    """Notes below the table of an equilibrium: neutral directions, and tensions beyond the limits."""
+    """Notes below the table of an equilibrium: neutral directions, pulls of several parts, tensions beyond limits."""
     robot, notes = equilibrium.problem.robot, []
     neutral = neutral_directions(equilibrium)
     if len(neutral):
         directions = "; ".join(describe_twist(twist, robot) for twist in neutral)
         notes.append(f"Neutrally stable: {directions if len(neutral) < len(robot.free) else 'all directions'}.")
+    for cable in np.flatnonzero((robot.reeving > 1) & ~equilibrium.slack):
+        notes.append(
+            f"Cable {cable + 1}: its {robot.reeving[cable]} parts of line pull with {equilibrium.pulls[cable]:.4g} N."
+        )
     for cable in np.flatnonzero((equilibrium.tensions < robot.force_min) | (equilibrium.tensions > robot.force_max)):
         notes.append(
             f"Cable {cable + 1}: tension {equilibrium.tensions[cable]:.4g} N, outside its limits of "

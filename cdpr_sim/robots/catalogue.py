@@ -90,6 +90,8 @@ class CableTable(_Table):
     force_min: Number | None = _key("As for the whole robot.", "N", None)
     force_max: Number | None = _key("As for the whole robot.", "N", None)
     breaking_load: Number | None = _key("As for the whole robot.", "N", None)
+    winch_to_exit: Number | None = _key("As for the whole robot.", LENGTH, None)
+    reeving: Number | None = _key("As for the whole robot.", "", None)
     pulley: PulleyTable | None = _key("As for the whole robot.", "", None)
 
 
@@ -130,6 +132,8 @@ class RobotTable(_Table):
     breaking_load: Number | None = _key(
         "Smallest tension at which a cable breaks; by default that of its material, if known.", "N", None
     )
+    winch_to_exit: Number = _key("Rope between the winch and the exit, which stretches too.", LENGTH, 0.0)
+    reeving: Number = _key("Parts of line between exit and platform, a whole number.", "", 1)
     pulley: PulleyTable = _key("The wheel at each exit; by default none.", "", PulleyTable(radius=0.0))
     platform: PlatformTable = _key("The platform: its mass, size, centre of mass and inertia: `[platform]`.")
     frame: BoxTable | None = _key("The drawn frame; by default the box around the exits, down to the floor.", "", None)
@@ -155,6 +159,8 @@ class RobotTable(_Table):
             force_min=[_own(cable.force_min, self.force_min) for cable in self.cables],
             force_max=[_own(_own(cable.force_max, self.force_max), np.inf) for cable in self.cables],
             breaking_load=[np.inf if one.breaking_load is None else one.breaking_load for one in made],
+            winch_to_exit=[_own(cable.winch_to_exit, self.winch_to_exit) / METRES[self.units] for cable in self.cables],
+            reeving=[_own(cable.reeving, self.reeving) for cable in self.cables],
             pulley_radius=[pulley.radius / METRES[self.units] for pulley in pulleys],
             pulley_axis=[pulley.axis for pulley in pulleys],
             center_of_mass=self._metres(self.platform.center_of_mass),

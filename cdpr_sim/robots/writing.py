@@ -39,7 +39,10 @@ def _lines(robot: Robot) -> Iterator[str]:
         "force_min": cabling.force_min,
         "force_max": cabling.force_max,
         "breaking_load": cabling.breaking_load,
+        "winch_to_exit": cabling.winch_to_exit,
     }
+    if (cabling.reeving > 1).any():
+        common["reeving"] = cabling.reeving
     own = {name: values for name, values in common.items() if (values != values[0]).any()}
     for name, values in common.items():
         if name not in own and values[0].any() and np.isfinite(values[0]).all():

@@ -3,7 +3,8 @@
 A cable runs from its exit A over a swivelling wheel of radius r with axis e (r = 0: a point) to its anchor B. The first
 part of its rest length L0, ``wrapped``, is massless; the rest, L = L0 − wrapped, weighs w per length. ``wrapped`` is
 about what lies on the wheel. It does not change with the pose, so that the pull is the slope of an energy. Behind the
-exit lies a length c of the same cable, which stretches too. The law is tau(eps) of ``core.cable_law``.
+exit lies a length c of the same cable, which stretches too. Several parts of line are one cable here
+(``Cabling.behind``). The law is tau(eps) of ``core.cable_law``.
 
 Let t be the tension vector where weight begins, along the cable, with T = |t| and u = t/T. Complementary energy has t
 as its unknown. With G = wrapped + c, psi(eps) = ∫tau d eps, its conjugate psi*(T) = T (1 + eps) − psi, the angle theta
@@ -31,7 +32,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import AXIS, RADIUS, STIFFENING, STIFFNESS, Cabling
+from cdpr_sim.core.cable import AXIS, BEHIND, RADIUS, STIFFENING, STIFFNESS, Cabling
 from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.statics.catenary import Catenary, elastic_catenary, profile
 
@@ -90,12 +91,12 @@ def any_cables(
         table: rows of ``Cabling.packed``, (..., columns).
         apart: from exits to anchors, base frame, (..., 3) [m].
         rest_lengths: from exits to anchors, (...) [m].
-        weights: per rest length, (...) [N/m].
+        weights: per rest length, of all parts of line, (...) [N/m].
         wrapped: the massless first part of each rest length, (...) [m].
 
     Returns:
-        Pulls, stiffnesses, energies (with the exit at height 0) and tensions; nan where a cable has no path: in its
-        wheel, or where its weight would lift it off.
+        Pulls, stiffnesses, energies (with the exit at height 0) and tensions, of all parts of line together; nan where
+        a cable has no path: in its wheel, or where its weight would lift it off.
     """
     with np.errstate(all="ignore"):
         return Catenary(*any_cable_gufunc()(table, apart, rest_lengths, weights, wrapped))
@@ -107,8 +108,10 @@ def any_cable_slopes(
     rest_lengths: Float[np.ndarray, "*#batch"],
     weights: Float[np.ndarray, "*#batch"],
     wrapped: Float[np.ndarray, "*#batch"],
-) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3"]]:
-    """Derivatives of the pulls in ``found`` by rest length, axial stiffness and wheel radius, at fixed ends.
+) -> Float[np.ndarray, "4 *batch 3"]:
+    """Derivatives of the pulls in ``found``, at fixed ends.
+
+    By rest length, by axial stiffness, by wheel radius and by the length behind the exit; both of all parts of line.
 
     With t_B = t + w L up the tension vector at the anchor, the pull is −t_B, and t changes by −K ∂(∂Psi/∂t)/∂q at fixed
     t. ``wrapped`` is held fixed. Other arguments as of ``any_cables``.
@@ -120,6 +123,7 @@ def any_cable_slopes(
         AXIS,
     )
     axis, L = table[..., e : e + 3], rest_lengths - wrapped
+    massless = wrapped + table[..., BEHIND]
     up = np.array([0.0, 0.0, 1.0])
     t = -found.pull - (weights * L)[..., None] * up
 
@@ -130,10 +134,11 @@ def any_cable_slopes(
         slope, _ = cable_law.tangent(strain, 1.0, EA, *law)
         return v / np.where(T > 0, T, 1.0)[..., None], strain, T / (EA * slope)
 
-    u, _, by_stiffness = along(t)
-    at_anchor, strain, _ = along(-found.pull)
-    length = (1 + strain)[..., None] * at_anchor
-    stiffness = -(wrapped * by_stiffness)[..., None] * u
+    u, strain, by_stiffness = along(t)
+    at_anchor, at_end, _ = along(-found.pull)
+    length = (1 + at_end)[..., None] * at_anchor
+    behind = strain[..., None] * u
+    stiffness = -(massless * by_stiffness)[..., None] * u
     for node, part in zip(_NODES, _WEIGHTS, strict=True):
         v, _, by_stiffness = along(t + (node * weights * L)[..., None] * up)
         stiffness = stiffness - (part * L * by_stiffness)[..., None] * v
@@ -141,10 +146,10 @@ def any_cable_slopes(
     n = u - cosine * axis
     sine = np.linalg.norm(n, axis=-1, keepdims=True)
     radius = (1 - cosine) * n / np.where(sine > 0, sine, 1.0) + sine * axis - np.arctan2(sine, cosine) * u
-    turned = np.einsum(
-        "...ab,...qb->...qa", found.stiffness, np.stack([length, stiffness, radius * (r > 0)[..., None]], -2)
-    )
-    return turned[..., 0, :] - weights[..., None] * up, turned[..., 1, :], turned[..., 2, :]
+    by = np.stack(np.broadcast_arrays(length, stiffness, radius * (r > 0)[..., None], behind))
+    turned = np.einsum("...ab,q...b->q...a", found.stiffness, by)
+    turned[0] -= weights[..., None] * up
+    return turned
 
 
 def rest_lengths_under(
@@ -162,16 +167,20 @@ def rest_lengths_under(
     Args:
         cabling: the cables.
         apart: from exits to anchors, base frame, (cables, 3) [m].
-        tensions: (cables,) [N].
-        weights: per rest length, (cables,) [N/m].
+        tensions: of the ropes, (cables,) [N].
+        weights: per rest length, of all parts of line, (cables,) [N/m].
         wrapped: the massless first part of each rest length, (cables,) [m].
     """
-    rest = cable_law.rest_length_for(cable_path.paths(cabling, -apart)[0], tensions, *cabling.law)
+    rest = cable_law.rest_length_for(
+        cable_path.paths(cabling, -apart)[0], tensions, *cabling.law, behind=cabling.behind
+    )
+    rest = np.where(rest > 0, rest, np.nan)
+    pulls = cabling.reeving * tensions
     done = np.zeros(len(rest), bool)
     for _ in range(LENGTH_STEPS):
         found = any_cables(cabling.packed, apart, rest, weights, wrapped)
-        by_length, _, _ = any_cable_slopes(cabling.packed, found, rest, weights, wrapped)
-        beyond = found.anchor_tension - tensions
+        by_length = any_cable_slopes(cabling.packed, found, rest, weights, wrapped)[0]
+        beyond = found.anchor_tension - pulls
         with np.errstate(all="ignore"):
             slope = (found.pull * by_length).sum(-1) / found.anchor_tension
             step = np.where((beyond == 0) | (tensions == 0), 0.0, beyond / slope)
@@ -194,13 +203,16 @@ def profiles(
 ) -> Float[np.ndarray, "*batch cables points 3"]:
     """Where cables hang: points from exit to anchor, or from where a cable with mass leaves its wheel, to draw [m].
 
-    Arguments as of ``any_cables``. A massless cable has the shape to which its weight's last trace would bring it,
-    without its pulley. A nonlinear one is taken as linear there, as stiff as at its mean tension.
+    Arguments as of ``any_cables``, with the axial stiffness of the ropes. A massless cable has the shape to which its
+    weight's last trace would bring it, without its pulley. A nonlinear one is taken as linear there, as stiff as at its
+    mean tension.
     """
     exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
-    if not (np.any(weights) and cabling.bent):
+    table = cabling.packed_with(axial_stiffness)
+    axial_stiffness = table[..., STIFFNESS]
+    if not (np.any(weights) and (cabling.bent or cabling.behind.any())):
         return profile(exits, anchors, rest, axial_stiffness, weights, points)
-    found = any_cables(cabling.packed_with(axial_stiffness), anchors - exits, rest, weights, wrapped)
+    found = any_cables(table, anchors - exits, rest, weights, wrapped)
     with np.errstate(all="ignore"):
         t = -found.pull
         t[..., 2] -= weights * (rest - wrapped)
@@ -210,12 +222,15 @@ def profiles(
         n = u - cosine * e
         sine = np.linalg.norm(n, axis=-1, keepdims=True)
         law = axial_stiffness, *cabling.stiffening.T
-        on_wheel = r * np.arctan2(sine, cosine)[..., 0] * cable_law.rest_length_for(1.0, T, *law)
+        unstretched = cable_law.rest_length_for(1.0, T, *law)
+        on_wheel = r * np.arctan2(sine, cosine)[..., 0] * unstretched
+        # Rope from behind the exit that its stretch moves past the exit.
+        pulled_out = np.where(weights > 0, cabling.behind * (1 - unstretched), 0.0)
         mean = np.fmax(0.5 * (T + found.anchor_tension), np.finfo(float).tiny * 1e10)
         secant = mean / (1 / cable_law.rest_length_for(1.0, mean, *law) - 1)
         over = cabling.pulleys & (weights > 0)
         starts = np.where(over[..., None], exits + r[:, None] * ((1 - cosine) * n / sine + sine * e), exits)
-    rest = np.where(over, rest - on_wheel, rest)
+    rest = np.where(over, rest - on_wheel, rest) + pulled_out
     stiffness = np.where(cabling.stiffening.any(-1) & np.isfinite(secant) & (secant > 0), secant, axial_stiffness)
     return profile(starts, anchors, rest, stiffness, weights, points)
 
@@ -244,7 +259,7 @@ def any_cable_gufunc() -> Kernel:
 def cable_of(row, rest_length, weight, wrapped):
     """The cable of a row of ``Cabling.packed``."""
     return AnyCable(
-        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], wrapped, 0.0, rest_length, row[STIFFNESS],
+        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], wrapped, row[BEHIND], rest_length, row[STIFFNESS],
         row[STIFFENING], row[STIFFENING + 1], weight,
     )  # fmt: skip
 

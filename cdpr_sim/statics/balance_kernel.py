@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cdpr_sim.core.cable import PARTS
 from cdpr_sim.core.compiling import Kernel, inline
 from cdpr_sim.statics import cable_kernel as ck
 
@@ -41,7 +42,7 @@ def _shortfall(unpack: Callable) -> Callable:
         cables = unpack(table, np.ones(len(lower)))  # rest lengths have no effect here
         m, n = len(lower), len(free)
         on_free, load, height, r = np.empty((n, m)), np.empty(n), np.empty(m), np.empty(n)
-        if not _fill_pulls(cables, free, scale, position, rotation, on_free):
+        if not _fill_pulls(table, cables, free, scale, position, rotation, on_free):
             left[0] = np.nan
             return
         left[0] = 0.0
@@ -72,7 +73,7 @@ def _margin(unpack: Callable) -> Callable:
         m, n = len(lower), len(free)
         on_free, load, shifted = np.empty((n, m)), np.empty(n), np.empty(n)
         height, r = np.empty(m), np.empty(n)
-        if not _fill_pulls(cables, free, scale, position, rotation, on_free):
+        if not _fill_pulls(table, cables, free, scale, position, rotation, on_free):
             margin[0] = np.nan
             return
         margin[0] = np.inf
@@ -140,8 +141,11 @@ def margin_gufunc(*, bent: bool = False) -> Kernel:
 
 
 @inline
-def _fill_pulls(cables, free, scale, position, rotation, on_free):
-    """Force of each cable on the free directions per newton, into (free, cables); False where it is not finite."""
+def _fill_pulls(table, cables, free, scale, position, rotation, on_free):
+    """Force of each cable on the free directions per newton in its rope, into (free, cables).
+
+    False where it is not finite.
+    """
     m, n = on_free.shape[1], len(free)
     state, J = ck.new_state(cables), np.empty((m, 6))
     ck.measure(cables, position, rotation, state)
@@ -150,7 +154,7 @@ def _fill_pulls(cables, free, scale, position, rotation, on_free):
         if not np.isfinite(state.l[i]) or state.l[i] == 0.0 or not ck.on_wheels(state):
             return False
         for a in range(n):
-            on_free[a, i] = -J[i, free[a]]
+            on_free[a, i] = -table[i, PARTS] * J[i, free[a]]
     return True
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import ANCHOR, AXIS, EXIT, RADIUS, STIFFENING, STIFFNESS
+from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, EXIT, RADIUS, STIFFENING, STIFFNESS
 from cdpr_sim.core.compiling import by_type, inline, outlined
 
 _path = inline(cable_path.path)
@@ -27,7 +27,7 @@ NO_LENGTH = np.finfo(float).tiny
 
 
 class Cables(NamedTuple):
-    """Data of plain cables. A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length."""
+    """Data of plain cables. A, B: exits, anchors; l0: rest lengths; k: axial stiffness per length that stretches."""
 
     A: np.ndarray
     B: np.ndarray
@@ -53,8 +53,8 @@ class CableState(NamedTuple):
 class BentCables(NamedTuple):
     """Data of cables that may run over pulleys and have nonlinear laws.
 
-    A, B: exits, anchors; l0: rest lengths; k: axial stiffness per rest length; EA, a2, a3: coefficients of the law;
-    radius, axis: of the pulleys.
+    A, B: exits, anchors; l0: rest lengths; k: axial stiffness per length that stretches; EA, a2, a3: coefficients of
+    the law; whole: lengths that stretch, with what lies behind the exits; radius, axis: of the pulleys.
     """
 
     A: np.ndarray
@@ -64,6 +64,7 @@ class BentCables(NamedTuple):
     EA: np.ndarray
     a2: np.ndarray
     a3: np.ndarray
+    whole: np.ndarray
     radius: np.ndarray
     axis: np.ndarray
 
@@ -94,7 +95,7 @@ def unpack(table, rest_lengths):
     for i in range(m):
         for a in range(3):
             A[i, a], B[i, a] = table[i, EXIT + a], table[i, ANCHOR + a]
-        k[i] = table[i, STIFFNESS] / rest_lengths[i]
+        k[i] = table[i, STIFFNESS] / (rest_lengths[i] + table[i, BEHIND])
     return Cables(A, B, rest_lengths, k)
 
 
@@ -103,13 +104,15 @@ def unpack_bent(table, rest_lengths):
     """The same for bent cables."""
     m, plain = len(rest_lengths), unpack(table, rest_lengths)
     EA, a2, a3, radius, axis = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty((m, 3))
+    whole = np.empty(m)
     for i in range(m):
         for a in range(3):
             axis[i, a] = table[i, AXIS + a]
         EA[i] = table[i, STIFFNESS]
         a2[i], a3[i] = table[i, STIFFENING], table[i, STIFFENING + 1]
         radius[i] = table[i, RADIUS]
-    return BentCables(plain.A, plain.B, plain.l0, plain.k, EA, a2, a3, radius, axis)
+        whole[i] = rest_lengths[i] + table[i, BEHIND]
+    return BentCables(plain.A, plain.B, plain.l0, plain.k, EA, a2, a3, whole, radius, axis)
 
 
 def _new_plain_state(cables):
@@ -160,7 +163,7 @@ def _measure_bent(cables, p, R, state):
         inverse = 1 / free
         u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
         l[i] = length
-        state.k[i], e[i] = _tangent(length - l0[i], l0[i], cables.EA[i], cables.a2[i], cables.a3[i])
+        state.k[i], e[i] = _tangent(length - l0[i], cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
         state.f[i] = free
 
 
@@ -175,7 +178,7 @@ def _bent_energy(cables, state, V):
     for i in range(len(cables.l0)):
         if state.e[i] > 0:
             stretch = state.l[i] - cables.l0[i]
-            V += _energy(stretch, cables.l0[i], cables.EA[i], cables.a2[i], cables.a3[i])
+            V += _energy(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
     return V
 
 

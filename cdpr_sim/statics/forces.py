@@ -61,8 +61,11 @@ class Geometry:
 
     @cached_property
     def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
-        """W, whose column i is (uᵢ, R bᵢ × uᵢ): the wrench on the platform of unit tension in cable i (Eq. 4)."""
-        return _wrenches(self.directions, self.arms)
+        """W, whose column i is nᵢ (uᵢ, R bᵢ × uᵢ): the wrench on the platform of unit tension in rope i (Eq. 4).
+
+        nᵢ is its number of parts of line. The rope's length changes by minus this column times the platform's step.
+        """
+        return self.robot.reeving * _wrenches(self.directions, self.arms)
 
     @cached_property
     def length_hessians(self) -> Float[Array, "*batch cables 3 3"]:
@@ -83,7 +86,8 @@ class State:
         position: (..., 3) [m].
         rotation: (..., 3, 3).
         geometry: geometry of the cables.
-        tensions: (..., cables) [N], 0 where slack (Eq. 10, 11); for a cable with mass, at the platform's end.
+        tensions: tensions of the ropes, (..., cables) [N], 0 where slack (Eq. 10, 11); for a cable with mass, at the
+            platform's end.
         hanging: states of the cables if some have mass.
     """
 
@@ -103,40 +107,49 @@ class State:
     def wrench_matrix(self) -> Float[Array, "*batch 6 cables"]:
         """W (Eq. 4)."""
         if self.hanging is not None:
-            return _wrenches(self.pull_directions, self.geometry.arms)
+            return self.problem.robot.reeving * _wrenches(self.pull_directions, self.geometry.arms)
         return self.geometry.wrench_matrix
 
     @cached_property
     def tangent_stiffness(self) -> Float[Array, "*batch cables"]:
-        """∂tau/∂l, (..., cables) [N/m], 0 where slack; nan for robots whose cables have mass."""
+        """∂tau/∂(n l), (..., cables) [N/m], 0 where slack; nan for robots whose cables have mass.
+
+        Tension by the length of all n parts of line: the spring constant of the whole rope, EA/(n l0 + g).
+        """
         if self.hanging is not None:
             return np.full(self.lengths.shape, np.nan)
         k, _ = cable_law.tangent(self.lengths - self.problem.rest_lengths, *_law(self.problem))
-        return k * (self.tensions > 0)
+        return k / self.problem.robot.reeving * (self.tensions > 0)
 
     @property
     def pulls(self) -> Float[Array, "*batch cables 3"]:
         """Forces of the cables on their anchors, base frame, (..., cables, 3) [N]."""
         if self.hanging is not None:
             return self.hanging.pull
-        return self.tensions[..., None] * self.geometry.directions
+        return self.pull_sizes[..., None] * self.geometry.directions
+
+    @property
+    def pull_sizes(self) -> Float[Array, "*batch cables"]:
+        """Magnitudes of the pulls, (..., cables) [N]: tensions times parts of line."""
+        return self.problem.robot.reeving * self.tensions
 
     @property
     def pull_directions(self) -> Float[Array, "*batch cables 3"]:
         """Unit vectors of the pulls; of slack massless cables, ``Geometry.directions``."""
         if self.hanging is None:
             return self.geometry.directions
-        tau = self.tensions[..., None]
+        tau = self.pull_sizes[..., None]
         return np.where(tau > 0, self.pulls / np.where(tau > 0, tau, 1.0), self.geometry.directions)
 
     @property
     def cable_stiffness(self) -> Float[Array, "*batch cables 3 3"]:
-        """−∂(pull)/∂(anchor) of each cable, symmetric, (..., cables, 3, 3) [N/m]: k u uᵀ + tau ∂²l/∂b²."""
+        """−∂(pull)/∂(anchor) of each cable, symmetric, (..., cables, 3, 3) [N/m]: n² k u uᵀ + n tau ∂²l/∂b²."""
         if self.hanging is not None:
             return self.hanging.stiffness
         u = self.geometry.directions
-        turning = self.tensions[..., None, None] * self.geometry.length_hessians
-        return self.tangent_stiffness[..., None, None] * (u[..., :, None] * u[..., None, :]) + turning
+        n = self.problem.robot.reeving[:, None, None]
+        turning = self.pull_sizes[..., None, None] * self.geometry.length_hessians
+        return n * n * self.tangent_stiffness[..., None, None] * (u[..., :, None] * u[..., None, :]) + turning
 
     @cached_property
     def load_wrench(self) -> Float[Array, "*batch 6"]:
@@ -165,7 +178,8 @@ class State:
         problem, robot = self.problem, self.problem.robot
         height = self.position[..., 2] + np.einsum("...j,j->...", self.rotation[..., 2, :], robot.center_of_mass)
         if self.hanging is None:
-            elastic = cable_law.energy(self.lengths - problem.rest_lengths, *_law(problem)).sum(-1)
+            each = cable_law.energy(self.lengths - problem.rest_lengths, *_law(problem))
+            elastic = (robot.reeving * each).sum(-1)
         else:
             elastic = self.hanging.energy.sum(-1)
         work = np.einsum("...i,...i->...", self.position, problem.external_wrench[..., :3])
@@ -175,27 +189,29 @@ class State:
     def stiffness_matrix(self) -> Float[Array, "*batch 6 6"]:
         """The Hessian of the energy over (translation, left-applied rotation vector) [N/m, N, N m].
 
-        Over the taut cables, K = Σ k ∂lᵀ ∂l + tau ∂²l, plus the weight's part; ∂l = −(u, r × u) is minus the column of
-        the wrench matrix. With D = ∂b = [1, −[r]×] for the anchor's position b and r = R b,
+        Over the taut cables, with l the length of all parts of line, K = Σ k ∂lᵀ ∂l + tau ∂²l, plus the weight's part;
+        ∂l is minus the column of the wrench matrix. For one part, with D = ∂b = [1, −[r]×] for the anchor's position b
+        and r = R b,
 
             ∂²l = Dᵀ (∂²l/∂b²) D + [0, (u·r) 1 − ½ (u rᵀ + r uᵀ)],
 
         in which ∂²l/∂b² = (1 − u uᵀ)/s + bend b bᵀ (``Geometry.length_hessians``) and Dᵀ u = (u, r × u).
         Exact unless a cable is exactly at its rest length, where the matrix is discontinuous.
         """
-        robot, geometry, tau = self.problem.robot, self.geometry, self.tensions
+        robot, geometry = self.problem.robot, self.geometry
         arms, W = geometry.arms, geometry.wrench_matrix
         if self.hanging is None:
-            across = tau / geometry.free_lengths
-            matrix = (W * (self.tangent_stiffness - across)[..., None, :]) @ np.swapaxes(W, -1, -2)
+            pulling, n = self.pull_sizes, robot.reeving
+            across = pulling / geometry.free_lengths
+            matrix = (W * (self.tangent_stiffness - across / (n * n))[..., None, :]) @ np.swapaxes(W, -1, -2)
             matrix[..., :3, :3] += across.sum(-1)[..., None, None] * np.eye(3)
             lever = cross_matrix((across[..., None] * arms).sum(-2))
             matrix[..., 3:, :3] += lever
             matrix[..., :3, 3:] -= lever
-            pulls = tau[..., None] * geometry.directions + across[..., None] * arms
+            pulls = pulling[..., None] * geometry.directions + across[..., None] * arms
             if robot.cabling.pulleys.any():
                 wheels = _wrenches(geometry.across, arms)
-                matrix += (wheels * (tau * geometry.bends)[..., None, :]) @ np.swapaxes(wheels, -1, -2)
+                matrix += (wheels * (pulling * geometry.bends)[..., None, :]) @ np.swapaxes(wheels, -1, -2)
         else:
             D = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -cross_matrix(arms)], axis=-1)
             matrix = (np.swapaxes(D, -1, -2) @ self.hanging.stiffness @ D).sum(-3)
@@ -231,7 +247,8 @@ def at(
         apart = np.asarray(position)[..., None, :] + cables.arms - robot.exits
         table = robot.cabling.packed_with(problem.axial_stiffness)
         hanging = any_cables(table, apart, rest, robot.cable_weights, robot.wrapped_lengths)
-        return State(problem, np.asarray(position), rotation, cables, hanging.anchor_tension, hanging)
+        tau = hanging.anchor_tension / robot.reeving
+        return State(problem, np.asarray(position), rotation, cables, tau, hanging)
     tau = cable_law.tension(cables.lengths - rest, *_law(problem))
     return State(problem, np.asarray(position), rotation, cables, tau)
 
@@ -244,7 +261,7 @@ def weight_of_cables(
     Such a cable pulls along its chord with the tension at its middle, and half its weight is a load on the anchor.
 
     Returns:
-        By how much the tension at either end of each cable differs from that at its middle, (..., cables) [N]; the
+        By how much the tension at either end of each rope differs from that at its middle, (..., cables) [N]; the
         wrench of half the cables' weight about the origin, (..., 6) [N, N m].
     """
     if robot.cabling.massless:
@@ -252,7 +269,7 @@ def weight_of_cables(
     cables = geometry(robot, position, rotation)
     half = robot.cable_weights * cables.free_lengths / 2
     down = half[..., None] * np.array([0.0, 0.0, -1.0])
-    return half * np.abs(cables.directions[..., 2]), _wrenches(down, cables.arms).sum(-1)
+    return half / robot.reeving * np.abs(cables.directions[..., 2]), _wrenches(down, cables.arms).sum(-1)
 
 
 def load_wrench(problem: Problem | Problems, rotation: Float[Array, "*#batch 3 3"]) -> Float[Array, "*batch 6"]:
@@ -316,8 +333,8 @@ def eigenvalues_at(problem: Problem, pose: Pose) -> Float[Array, " free"]:
 def rest_lengths_for(
     robot: Robot, lengths: Float[Array, "*batch cables"], tensions: Float[Array, "*batch cables"]
 ) -> Float[Array, "*batch cables"]:
-    """Unstretched lengths of cables that have these lengths under these tensions [m]."""
-    return cable_law.rest_length_for(lengths, tensions, *robot.cabling.law)
+    """Unstretched lengths of cables that have these lengths under these tensions of their ropes [m]."""
+    return cable_law.rest_length_for(lengths, tensions, *robot.cabling.law, behind=robot.cabling.behind)
 
 
 def equilibrium_at(problem: Problem, pose: RigidTransform, *, iterations: int, source: str) -> Equilibrium:
@@ -343,7 +360,8 @@ def cross_matrix(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"
 
 def _law(problem: Problem | Problems) -> tuple[Array, ...]:
     """The arguments of ``cable_law`` besides stretches."""
-    return problem.rest_lengths, problem.axial_stiffness, *problem.robot.cabling.stiffening.T
+    cabling = problem.robot.cabling
+    return problem.rest_lengths + cabling.behind, problem.axial_stiffness, *cabling.stiffening.T
 
 
 def _weight(problem: Problem | Problems, arm: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:

@@ -216,11 +216,13 @@ def _solve(
         if not cabling.massless:
             cables = table, robot.cable_weights, robot.wrapped_lengths, rest_lengths
             started = [np.asarray(result) for result in sagging_gufunc()(*cables, *platform, found[0], found[1])]
-            *_, tensions, residuals, iterations, status = started
+            *_, pulls, residuals, iterations, status = started
+            tensions = pulls / cabling.reeving
             status = within_law(cabling, tensions, axial_stiffness, status)
-            return *started[:4], residuals, np.asarray(iterations + found[4]), status
+            return *started[:3], tensions, residuals, np.asarray(iterations + found[4]), status
         at, turned, lengths, residuals, iterations, status = (np.asarray(result) for result in found)
-        tensions = cable_law.tension(lengths - rest_lengths, rest_lengths, axial_stiffness, *cabling.stiffening.T)
+        whole = rest_lengths + cabling.behind
+        tensions = cable_law.tension(lengths - rest_lengths, whole, axial_stiffness, *cabling.stiffening.T)
         status = within_law(cabling, tensions, axial_stiffness, status)
         return at, turned, lengths, tensions, residuals, iterations, status
 

@@ -114,7 +114,8 @@ def _read(level: str, content: dict[str, Any]) -> SetProblem:
 def written(name: str, problem: Problem, starts: list[RigidTransform], proofs: list[Certificate], *, complete: bool):
     """A problem in the format of its file."""
     robot, cabling = problem.robot, problem.robot.cabling
-    fields = {field: getattr(cabling, field).tolist() for field in CABLE_FIELDS}
+    names = CABLE_FIELDS + (() if cabling.direct else ("winch_to_exit", "reeving"))
+    fields = {field: getattr(cabling, field).tolist() for field in names}
     fields |= {"mass": robot.mass, "center_of_mass": robot.center_of_mass.tolist()}
     fields |= {"gravity": robot.gravity, "mobility": robot.mobility}
     return {

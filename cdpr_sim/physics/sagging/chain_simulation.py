@@ -101,8 +101,8 @@ class ChainSimulation:
         model, cabling, rest, axial_stiffness = self.model, self.robot.cabling, self.rest_lengths, self.axial_stiffness
         self.chains.let_out(model, self.robot, axial_stiffness, rest, straight(self.chains.over))
         model.tendon_lengthspring[self.single, 1] = (rest + self.entries)[self.massless]
-        model.tendon_stiffness[self.single] = tendons.springs(axial_stiffness, rest)[self.massless]
-        further = tendons.polynomials(axial_stiffness, cabling.stiffening, rest)
+        model.tendon_stiffness[self.single] = tendons.springs(cabling, axial_stiffness, rest)[self.massless]
+        further = tendons.polynomials(cabling, axial_stiffness, rest)
         model.tendon_stiffnesspoly[self.single] = further[self.massless]
 
     def _compile(self) -> None:
@@ -211,7 +211,7 @@ class ChainSimulation:
                 row = data.ten_J[first : first + entries]
                 force = data.qfrc_spring[model.ten_J_colind[first : first + entries]]
                 tensions[cable] = -(row @ force) / max(row @ row, np.finfo(float).tiny) + 0.0
-        return tensions
+        return tensions / self.robot.reeving
 
     @contextmanager
     def _only(self, tendons: np.ndarray | np.integer) -> Iterator[None]:
