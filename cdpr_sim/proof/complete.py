@@ -67,9 +67,6 @@ MOST_LEFT = 5_000
 SAVED = 30.0
 """[s] Time between two writes of the store."""
 
-TIGHTER = 60
-"""Number of contractions of a box with one equilibrium."""
-
 FAMILY = 1e3
 """Undecided boxes that form a region of this many times their size are a family of equilibria."""
 
@@ -185,8 +182,7 @@ def certify_all(
     """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
 
     Planar robots take milliseconds. Spatial ones with four cables take minutes, and with more cables as long as the
-    time
-    limit: boxes not examined by then are counted as pending, and a store continues the search.
+    time limit: boxes not examined by then are counted as pending, and a store continues the search.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
@@ -270,6 +266,7 @@ class _Search:
         """Search until everything is done, or the time is over, or too many boxes are undecided."""
         started, saved, done, looked = time.monotonic(), time.monotonic(), 0.0, False
         before = self.seconds
+        self.kernel.SEARCH.compiled  # noqa: B018  (compiled before threads need it)
 
         def save() -> None:
             if self.store is not None:
@@ -306,13 +303,15 @@ class _Search:
         stack, ranges = np.empty((DEPTH, 6, 2)), np.empty((DEPTH, m, 2))
         top = len(boxes)
         stack[:top], ranges[:top] = boxes, tensions
-        found, left = np.empty((FOUND_ROOM, 6, 2)), np.empty((LEFT_ROOM, 6, 2))
+        found, left = np.empty((FOUND_ROOM, 6, 3)), np.empty((LEFT_ROOM, 6, 2))
         known = self.found[chart][: FOUND_ROOM // 2]
         before = len(known)
         if before:
             found[:before] = known
         counts = np.zeros(self.kernel.COUNTS, np.int64)
-        top, nf, nl = self.kernel.search(self.setups[chart], stack, ranges, top, found, before, left, 0, CALL, counts)
+        top, nf, nl = self.kernel.SEARCH.compiled(
+            *self.setups[chart], stack, ranges, top, found, before, left, 0, CALL, counts
+        )
         return chart, stack[:top].copy(), ranges[:top].copy(), found[before:nf].copy(), left[:nl].copy(), counts
 
     def _take(self, result: tuple, divide: bool) -> None:
@@ -333,9 +332,9 @@ class _Search:
         """Write the file completely or not at all; boxes being examined count as pending."""
         parts: dict[str, np.ndarray] = {"key": np.array(self.key), "counts": self.counts}
         parts["seconds"] = np.array(seconds)
-        for name, listed in (("found", self.found), ("left", self.left)):
+        for name, listed, columns in (("found", self.found, 3), ("left", self.left, 2)):
             for chart, boxes in enumerate(listed):
-                parts[f"{name}_{chart}"] = np.array(boxes).reshape(-1, 6, 2)
+                parts[f"{name}_{chart}"] = np.array(boxes).reshape(-1, 6, columns)
         m = self.problem.robot.cables
         for chart in range(len(self.setups)):
             mine = [task for task in (*self.waiting, *self.running.values()) if task[0] == chart]
@@ -386,7 +385,7 @@ def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"]):
     law = np.stack([problem.rest_lengths, robot.axial_stiffness, *robot.cabling.stiffening.T, *_slopes(robot)], 1)
     size, weight = _size(problem), robot.mass * robot.gravity
     return kernel.Setup(
-        exits=np.ascontiguousarray(robot.exits),
+        exits=np.array(robot.exits),
         anchors=robot.anchors * signs,
         law=law,
         center_of_mass=robot.center_of_mass * signs,
@@ -468,7 +467,7 @@ class _Member:
     balance: Balance
     enclosure: Enclosure
     chart: int
-    box: Float[np.ndarray, "6 2"] | None
+    box: Float[np.ndarray, "6 3"] | None
 
 
 def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...], tuple[Undecided, ...]]:
@@ -476,13 +475,15 @@ def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...],
     undecided: list[Undecided] = []
     for chart, boxes in enumerate(search.found):
         for box in boxes:
-            member = _member(problem, search, chart, box)
+            member = _member(problem, chart, box)
             if member is None:
-                undecided.append(_undecided("one equilibrium, of which no proof in balls is found", [box], chart))
+                undecided.append(
+                    _undecided("one equilibrium, of which no proof in balls is found", [box[:, :2]], chart)
+                )
                 continue
             known = [_same(member, other) for other in members]
             if None in known:
-                undecided.append(_undecided("an equilibrium that may be another's", [box], chart))
+                undecided.append(_undecided("an equilibrium that may be another's", [box[:, :2]], chart))
             elif True not in known:
                 members.append(member)
     if sum(map(len, search.left)) > MOST_LEFT:
@@ -499,20 +500,9 @@ def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...],
     return tuple(certificates[i] for i in order), tuple(undecided)
 
 
-def _member(problem: Problem, search: _Search, chart: int, box: Float[np.ndarray, "6 2"]) -> _Member | None:
-    """The one equilibrium of a box, proved in balls to lie in the box."""
-    kernel, setup = search.kernel, search.setups[chart]
-    m = problem.robot.cables
-    o, spin, at = np.zeros((m + 1, kernel.COLUMNS, 2)), np.empty((3, 3, 2)), np.empty(6)
-    q, ranges = box.copy(), np.stack([np.zeros(m), np.full(m, 1e300)], 1)
-    at[:] = q.mean(1)
-    for _ in range(TIGHTER):
-        width = float(((q[:, 1] - q[:, 0]) * setup.scales).max())
-        if not kernel.contract(q, ranges, setup, o, spin) or not kernel.krawczyk(q, ranges, setup, o, spin, at):
-            return None
-        if ((q[:, 1] - q[:, 0]) * setup.scales).max() > 0.9 * width:
-            break
-    member = _near(problem, chart, q.mean(1), box)
+def _member(problem: Problem, chart: int, box: Float[np.ndarray, "6 3"]) -> _Member | None:
+    """The one equilibrium of a box (6, 3), its lower and upper bounds and a point nearby, proved to lie in the box."""
+    member = _near(problem, chart, box[:, 2], box)
     return member if member is not None and _in_box(member, chart, box) else None
 
 
@@ -539,7 +529,7 @@ def _in_chart(member: _Member, chart: int, planar: bool) -> list[Ball]:
     return [*member.balance.position(member.enclosure.image), x / w, y / w, z / w]
 
 
-def _in_box(member: _Member, chart: int, box: Float[np.ndarray, "6 2"]) -> bool:
+def _in_box(member: _Member, chart: int, box: Float[np.ndarray, "6 3"]) -> bool:
     planar = len(member.balance.axes) == 2
     rows = FREE["planar" if planar else "spatial"]
     at = _in_chart(member, chart, planar)
