@@ -1,6 +1,7 @@
 """No equilibrium is missing: against searches from many starts, and by attacks on every test that excludes a box."""
 
 import dataclasses
+import time
 from fractions import Fraction
 
 import numba
@@ -175,6 +176,18 @@ def test_a_family_is_reported_and_not_called_complete():
     proved = cdpr.certify_all(symmetric_pair())
     assert not proved.complete
     assert any("family" in one.reason for one in proved.undecided)
+
+
+def test_a_time_limit_does_not_count_the_compilation(monkeypatch):
+    """A first search with a limit shorter than the compilation ends as any other."""
+
+    def slowly(*_):
+        time.sleep(0.5)
+        return compiled
+
+    compiled = kernel.SEARCH.compiled
+    monkeypatch.setattr(type(kernel.SEARCH), "compiled", property(slowly))
+    assert cdpr.certify_all(CASES["horizontal"], time_limit=0.4).complete
 
 
 def test_a_stable_equilibrium_at_a_kink_is_proved_by_convexity():

@@ -58,11 +58,12 @@ a box is left undecided. At 0.4 rather than 0.1 or 1 a planar search needs the f
 CALL = 20_000
 """Boxes of one call of the kernel: after it, time and progress are updated. Half a second, for a spatial robot."""
 
-FOUND_ROOM, LEFT_ROOM, DEPTH = 500, 5_000, 4_000
-"""Rows of the kernel's tables."""
+MOST_LEFT = 1_000
+"""Number of undecided boxes above which a search stops, since it has met a family of equilibria: folds and kinks leave
+a few boxes, and a family as many as its length has of ``LEAST``."""
 
-MOST_LEFT = 5_000
-"""Number of undecided boxes above which a search stops, since it has met a family of equilibria."""
+FOUND_ROOM, LEFT_ROOM, DEPTH = 500, MOST_LEFT + 1, 4_000
+"""Rows of the kernel's tables."""
 
 SAVED = 30.0
 """[s] Time between two writes of the store."""
@@ -188,7 +189,7 @@ def certify_all(
         robot: the robot; or a ``Problem``, without other arguments.
         rest_lengths: unstretched cable lengths, (cables,) [m].
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
-        time_limit: [s] after which the search stops; default: none.
+        time_limit: [s] of the search, without compilation before the first, after which it stops; default: none.
         threads: number of threads.
         store: a file in which the search is stored and from which it is resumed.
         progress: whether to show a progress bar.
@@ -225,8 +226,8 @@ def certify_all(
         )
     if not _pull(problem) > 0:
         raise InvalidInput("certify_all: found no load, expected weight or force: slack cables hold any pose then")
-    started = time.monotonic()
     search = _Search(problem, path)
+    started = time.monotonic()  # the limit is of the search, without the compilation before the first
     search.run(math.inf if most is None else started + most, threads, progress)
     with arithmetic(BITS):
         certificates, undecided = _proved(problem, search)
@@ -242,7 +243,7 @@ class _Search:
     def __init__(self, problem: Problem, store: Path | None) -> None:
         from cdpr_sim.proof import search_kernel as kernel
 
-        self.kernel, self.problem, self.store = kernel, problem, store
+        self.look, self.problem, self.store = kernel.SEARCH.compiled, problem, store
         signs = CHARTS[problem.robot.mobility]
         self.setups = [_setup(kernel, problem, np.array(sign)) for sign in signs]
         self.found: list[list[np.ndarray]] = [[] for _ in signs]
@@ -266,7 +267,6 @@ class _Search:
         """Search until everything is done, or the time is over, or too many boxes are undecided."""
         started, saved, done, looked = time.monotonic(), time.monotonic(), 0.0, False
         before = self.seconds
-        self.kernel.SEARCH.compiled  # noqa: B018  (compiled before threads need it)
 
         def save() -> None:
             if self.store is not None:
@@ -308,10 +308,8 @@ class _Search:
         before = len(known)
         if before:
             found[:before] = known
-        counts = np.zeros(self.kernel.COUNTS, np.int64)
-        top, nf, nl = self.kernel.SEARCH.compiled(
-            *self.setups[chart], stack, ranges, top, found, before, left, 0, CALL, counts
-        )
+        counts = np.zeros_like(self.counts)
+        top, nf, nl = self.look(*self.setups[chart], stack, ranges, top, found, before, left, 0, CALL, counts)
         return chart, stack[:top].copy(), ranges[:top].copy(), found[before:nf].copy(), left[:nl].copy(), counts
 
     def _take(self, result: tuple, divide: bool) -> None:
