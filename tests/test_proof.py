@@ -411,6 +411,19 @@ def test_settle_says_why_an_equilibrium_is_not_proved(monkeypatch):
     assert len(re.findall("MuJoCo, Newton.*: not proved: a reason", result.stdout)) == 1
 
 
+def test_a_robot_that_certify_refuses_is_settled_without_a_proof(monkeypatch):
+    """By default; with ``--certify`` the refusal is the answer."""
+
+    def refused(equilibrium):
+        raise cdpr.InvalidInput("certify: found something, expected something else")
+
+    monkeypatch.setattr(cdpr, "certify", refused)
+    result = run("settle", "cogiro")
+    assert result.exit_code == 0
+    assert "proved" not in result.stdout
+    assert run("settle", "cogiro", "--certify").exit_code == 2
+
+
 def test_printed_bounds_are_never_better_than_the_proved_ones():
     """One digit: errors are rounded up, the distance to the next equilibrium is rounded down."""
     for value in (1.2e-9, 9.5e-9, 3e-8, 2.0000001e-12):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -39,7 +40,6 @@ def settle(
 
     Exit status: 0 if they agree, 1 if they do not, 2 for invalid input or if no equilibrium is found.
     """
-    from cdpr_sim.proof.balls import installed
     from cdpr_sim.proof.complete import quickly_complete
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck_tables as report
@@ -54,8 +54,7 @@ def settle(
             raise newton
         agreement = cdpr.compare(newton, settled)
         outcomes = [settled, newton, *seecr]
-        wanted = installed() if certify is None else certify
-        proved = [cdpr.certify(one) for one in outcomes if wanted and isinstance(one, cdpr.Equilibrium)]
+        proved = _certificates(outcomes, certify)
         complete = cdpr.certify_all(problem) if certify and quickly_complete(problem) else None
     if as_json:
         answer = json_of.crosscheck(problem, outcomes, agreement, proved)
@@ -151,3 +150,17 @@ def _outcome(problem: cdpr.Problem, method: str) -> Outcome:
         return cdpr.solve(problem, method=method)  # type: ignore[arg-type]
     except cdpr.NotConverged as failure:
         return failure
+
+
+def _certificates(outcomes: Sequence[Outcome], wanted: bool | None) -> list[cdpr.Certificate]:
+    """Certificates of all equilibria; by default none where the extra is missing or ``certify`` refuses the robot."""
+    from cdpr_sim.proof.balls import installed
+
+    if not (installed() if wanted is None else wanted):
+        return []
+    try:
+        return [cdpr.certify(one) for one in outcomes if isinstance(one, cdpr.Equilibrium)]
+    except cdpr.InvalidInput:
+        if wanted:
+            raise
+        return []

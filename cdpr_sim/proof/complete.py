@@ -165,7 +165,7 @@ class CompleteEquilibria(HtmlRepr):
 
 
 def quickly_complete(problem: Problem) -> bool:
-    """Whether the proof of completeness takes milliseconds: a planar robot with massless cables and no pulleys."""
+    """Whether completeness is proved in a fraction of a second: a planar robot, massless cables and no pulleys."""
     robot = problem.robot
     return robot.mobility == "planar" and robot.cabling.massless and not robot.cabling.pulleys.any()
 
@@ -182,8 +182,8 @@ def certify_all(
 ) -> CompleteEquilibria:
     """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
 
-    Planar robots take milliseconds. Spatial ones with four cables take minutes, and with more cables as long as the
-    time limit: boxes not examined by then are counted as pending, and a store continues the search.
+    Planar robots take tens of milliseconds. Spatial ones with four cables take half an hour, and with more cables as
+    long as the time limit: boxes not examined by then are counted as pending, and a store continues the search.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
