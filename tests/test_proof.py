@@ -1,8 +1,11 @@
 """What is called proved holds: by another evaluation in balls, and by faults that must never be called proved."""
 
 import dataclasses
+import json
 import math
+import re
 import sys
+from decimal import ROUND_FLOOR
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from cdpr_sim.proof.balance import Balance
 from cdpr_sim.proof.balls import arithmetic, dot, exact, middle
 from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import index_of
+from cdpr_sim.report import proof_tables
 
 flint = pytest.importorskip("flint")
 
@@ -372,11 +376,60 @@ def test_certify_prints_what_is_proved_of_both_methods():
     assert '"proved": true' in printed.stdout
 
 
-def test_settle_adds_a_row_when_it_is_asked_to_certify():
-    """Each method's equilibrium, and how far it is off at most; a method that failed has none."""
-    result = run("settle", "parallel", "--pose", "0.285", "0.25", "0.1", "--certify")
+def test_settle_shows_the_proved_errors_where_the_extra_is_installed(monkeypatch):
+    """In a row, and on request in a column too; without the extra it prints what ``--no-certify`` prints."""
+    words = "settle", "parallel", "--pose", "0.285", "0.25", "0.1"
+    label = re.escape("proved within [mm]")
+    default, column, without = (run(*words, *more) for more in ((), ("--certify",), ("--no-certify",)))
+    assert [one.exit_code for one in (default, column, without)] == [0, 0, 0]
+    (bounds,) = re.findall(f"^ {label} +(.*)$", default.stdout, re.MULTILINE)
+    assert all(float(bound) < 1e-6 for bound in bounds.split())
+    assert len(bounds.split()) >= 2
+    assert " proved " not in default.stdout.splitlines()[3]
+    assert " proved " in column.stdout.splitlines()[3]
+    assert set(json.loads(run(*words, "--json").stdout)["certificates"]) >= {"mujoco", "newton"}
+    monkeypatch.setitem(sys.modules, "flint", None)
+    plain = run(*words)
+    assert plain.stdout == without.stdout
+    assert "proved" not in plain.stdout
+    assert "certificates" not in json.loads(run(*words, "--json").stdout)
+    asked = run(*words, "--certify")
+    assert asked.exit_code == 2
+    assert 'pip install "cdpr-sim[proof]"' in asked.stderr
+
+
+def test_settle_says_why_an_equilibrium_is_not_proved(monkeypatch):
+    """Once for the methods that share the reason; the exit status is still that of the comparison."""
+    certify = cdpr.certify
+
+    def unproved(equilibrium):
+        return dataclasses.replace(certify(equilibrium), reasons=("a reason",))
+
+    monkeypatch.setattr(cdpr, "certify", unproved)
+    result = run("settle", "cogiro")
     assert result.exit_code == 0
-    assert row(result.stdout, "proved").count("error") >= 2
+    assert len(re.findall("MuJoCo, Newton.*: not proved: a reason", result.stdout)) == 1
+
+
+def test_a_robot_that_certify_refuses_is_settled_without_a_proof(monkeypatch):
+    """By default; with ``--certify`` the refusal is the answer."""
+
+    def refused(equilibrium):
+        raise cdpr.InvalidInput("certify: found something, expected something else")
+
+    monkeypatch.setattr(cdpr, "certify", refused)
+    result = run("settle", "cogiro")
+    assert result.exit_code == 0
+    assert "proved" not in result.stdout
+    assert run("settle", "cogiro", "--certify").exit_code == 2
+
+
+def test_printed_bounds_are_never_better_than_the_proved_ones():
+    """One digit: errors are rounded up, the distance to the next equilibrium is rounded down."""
+    for value in (1.2e-9, 9.5e-9, 3e-8, 2.0000001e-12):
+        assert value <= float(proof_tables._bound(value)) <= 2 * value
+        assert value / 2 <= float(proof_tables._bound(value, ROUND_FLOOR)) <= value
+    assert proof_tables._bound(math.inf) == ""
 
 
 def test_bounds_are_rounded_outwards():

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson, MaterialName, Pose, Pretension, RobotName, problem_of, wrenches_of
@@ -23,14 +25,18 @@ def settle(
     material: MaterialName = None,
     pretension: Pretension = None,
     certify: Annotated[
-        bool,
+        bool | None,
         typer.Option(
-            "--certify", help="Prove the equilibria (extra proof); for planar robots, also that there are no others."
+            "--certify/--no-certify",
+            help="Show the proved equilibrium in a column; for planar robots, prove that there are no others. By "
+            "default one row shows the proved errors if the extra proof is installed.",
         ),
-    ] = False,
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Settle the platform in MuJoCo, solve with Newton and SEECR, and compare MuJoCo with Newton.
+
+    With the extra proof, each equilibrium found is proved, with a bound of its error.
 
     Exit status: 0 if they agree, 1 if they do not, 2 for invalid input or if no equilibrium is found.
     """
@@ -48,21 +54,23 @@ def settle(
             raise newton
         agreement = cdpr.compare(newton, settled)
         outcomes = [settled, newton, *seecr]
-        proved = [cdpr.certify(one) for one in outcomes if certify and isinstance(one, cdpr.Equilibrium)]
+        proved = _certificates(outcomes, certify)
         complete = cdpr.certify_all(problem) if certify and quickly_complete(problem) else None
     if as_json:
         answer = json_of.crosscheck(problem, outcomes, agreement, proved)
         print_json(answer if complete is None else answer | json_of.complete(complete))
     else:
         console = Output()
-        middle = next((one.midpoint for one in proved if one.equilibrium is newton), None)
+        middle = next((one.midpoint for one in proved if certify and one.equilibrium is newton), None)
         shown = outcomes if middle is None else [middle, *outcomes]
         table = report.settle_table(problem, shown)
         if proved:
             cells = {one.equilibrium.source: proof_tables.proof_cell(one) for one in proved}
             sources = ["" if point is None else point.source for point in map(report.best_point, shown)]
-            table.add_row("proved", "", *(cells.get(source, "") for source in sources))
+            table.add_row(escape("proved within [mm]"), "", *(cells.get(source, "") for source in sources))
         console.print(table)
+        for line in proof_tables.reasons(proved):
+            console.print(line, highlight=False)
         if complete is not None:
             console.print(proof_tables.complete_note(complete), highlight=False)
         for outcome in outcomes:
@@ -136,3 +144,17 @@ def _outcome(problem: cdpr.Problem, method: str) -> Outcome:
         return cdpr.solve(problem, method=method)  # type: ignore[arg-type]
     except cdpr.NotConverged as failure:
         return failure
+
+
+def _certificates(outcomes: Sequence[Outcome], wanted: bool | None) -> list[cdpr.Certificate]:
+    """Certificates of all equilibria; by default none where the extra is missing or ``certify`` refuses the robot."""
+    from cdpr_sim.proof.balls import installed
+
+    if not (installed() if wanted is None else wanted):
+        return []
+    try:
+        return [cdpr.certify(one) for one in outcomes if isinstance(one, cdpr.Equilibrium)]
+    except cdpr.InvalidInput:
+        if wanted:
+            raise
+        return []

@@ -34,8 +34,8 @@ class At:
     Attributes:
         forces: the left sides of all equations, (unknowns,).
         slope: their derivatives, (unknowns, unknowns); over a box, an enclosure of all of them.
-        pulls: of each cable.
         pulls: pull of each cable.
+        rotation: R, (3, 3).
     """
 
     forces: list[Ball]

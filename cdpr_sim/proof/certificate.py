@@ -241,7 +241,7 @@ def _centre(balance: Balance, arm: float) -> tuple[list[Ball], At, Matrix] | Non
 
 def _krawczyk(balance: Balance, centre: list[Ball], point: At, inverse: Matrix, radius: float) -> Enclosure | None:
     box = _box(balance, centre, point, radius)
-    image, _ = _image(balance, centre, point, inverse, box)
+    image = _image(centre, point, inverse, box, balance.at(box))
     if image is None or not all(b.contains_interior(i) for b, i in zip(box, image, strict=True)):
         return None
     return Enclosure(box, *_smaller(balance, image, inverse), radius)
@@ -258,22 +258,19 @@ def _box(balance: Balance, centre: list[Ball], point: At, radius: float) -> list
     return [x + arb(0, r) for x, r in zip(centre, radii, strict=True)]
 
 
-def _image(
-    balance: Balance, centre: list[Ball], point: At, inverse: Matrix, box: list[Ball]
-) -> tuple[list[Ball] | None, At]:
-    """K(X), and the balance over X; None where no bound is found."""
-    over = balance.at(box)
+def _image(centre: list[Ball], point: At, inverse: Matrix, box: list[Ball], over: At) -> list[Ball] | None:
+    """K(X) from the balance at the centre and over the box; None where no bound is found."""
     product = inverse * matrix(over.slope)
     offset = inverse * matrix([[force] for force in point.forces])
     image = []
-    for k in range(balance.unknowns):
+    for k in range(len(box)):
         total = centre[k] - offset[k, 0]
-        for m in range(balance.unknowns):
+        for m in range(len(box)):
             total += ((1 if k == m else 0) - product[k, m]) * (box[m] - centre[m])
         if not total.is_finite():
-            return None, over
+            return None
         image.append(total)
-    return image, over
+    return image
 
 
 def _smaller(balance: Balance, image: list[Ball], inverse: Matrix) -> tuple[list[Ball], At]:
@@ -284,7 +281,7 @@ def _smaller(balance: Balance, image: list[Ball], inverse: Matrix) -> tuple[list
         if wide < 10.0**-ENOUGH_DIGITS:
             break
         centre = [x.mid() for x in image]
-        next_image, _ = _image(balance, centre, balance.at(centre), inverse, image)
+        next_image = _image(centre, balance.at(centre), inverse, image, over)
         if next_image is None or not all(a.overlaps(b) for a, b in zip(image, next_image, strict=True)):
             break
         image = [a.intersection(b) for a, b in zip(image, next_image, strict=True)]

@@ -58,17 +58,15 @@ a box is left undecided. At 0.4 rather than 0.1 or 1 a planar search needs the f
 CALL = 20_000
 """Boxes of one call of the kernel: after it, time and progress are updated. Half a second, for a spatial robot."""
 
-FOUND_ROOM, LEFT_ROOM, DEPTH = 500, 5_000, 4_000
-"""Rows of the kernel's tables."""
+MOST_LEFT = 1_000
+"""Number of undecided boxes above which a search stops, since it has met a family of equilibria: folds and kinks leave
+a few boxes, and a family as many as its length has of ``LEAST``."""
 
-MOST_LEFT = 5_000
-"""Number of undecided boxes above which a search stops, since it has met a family of equilibria."""
+FOUND_ROOM, LEFT_ROOM, DEPTH = 500, MOST_LEFT + 1, 4_000
+"""Rows of the kernel's tables."""
 
 SAVED = 30.0
 """[s] Time between two writes of the store."""
-
-TIGHTER = 60
-"""Number of contractions of a box with one equilibrium."""
 
 FAMILY = 1e3
 """Undecided boxes that form a region of this many times their size are a family of equilibria."""
@@ -167,7 +165,7 @@ class CompleteEquilibria(HtmlRepr):
 
 
 def quickly_complete(problem: Problem) -> bool:
-    """Whether the proof of completeness takes milliseconds: a planar robot with massless cables and no pulleys."""
+    """Whether completeness is proved in a fraction of a second: a planar robot, massless cables and no pulleys."""
     robot = problem.robot
     return robot.mobility == "planar" and robot.cabling.massless and not robot.cabling.pulleys.any()
 
@@ -184,15 +182,14 @@ def certify_all(
 ) -> CompleteEquilibria:
     """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
 
-    Planar robots take milliseconds. Spatial ones with four cables take minutes, and with more cables as long as the
-    time
-    limit: boxes not examined by then are counted as pending, and a store continues the search.
+    Planar robots take tens of milliseconds. Spatial ones with four cables take half an hour, and with more cables as
+    long as the time limit: boxes not examined by then are counted as pending, and a store continues the search.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
         rest_lengths: unstretched cable lengths, (cables,) [m].
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
-        time_limit: [s] after which the search stops; default: none.
+        time_limit: [s] of the search, without compilation before the first, after which it stops; default: none.
         threads: number of threads.
         store: a file in which the search is stored and from which it is resumed.
         progress: whether to show a progress bar.
@@ -230,8 +227,8 @@ def certify_all(
         )
     if not _pull(problem) > 0:
         raise InvalidInput("certify_all: found no load, expected weight or force: slack cables hold any pose then")
-    started = time.monotonic()
     search = _Search(problem, path)
+    started = time.monotonic()  # the limit is of the search, without the compilation before the first
     search.run(math.inf if most is None else started + most, threads, progress)
     with arithmetic(BITS):
         certificates, undecided = _proved(problem, search)
@@ -247,7 +244,7 @@ class _Search:
     def __init__(self, problem: Problem, store: Path | None) -> None:
         from cdpr_sim.proof import search_kernel as kernel
 
-        self.kernel, self.problem, self.store = kernel, problem, store
+        self.look, self.problem, self.store = kernel.SEARCH.compiled, problem, store
         signs = CHARTS[problem.robot.mobility]
         self.setups = [_setup(kernel, problem, np.array(sign)) for sign in signs]
         self.found: list[list[np.ndarray]] = [[] for _ in signs]
@@ -307,13 +304,13 @@ class _Search:
         stack, ranges = np.empty((DEPTH, 6, 2)), np.empty((DEPTH, m, 2))
         top = len(boxes)
         stack[:top], ranges[:top] = boxes, tensions
-        found, left = np.empty((FOUND_ROOM, 6, 2)), np.empty((LEFT_ROOM, 6, 2))
+        found, left = np.empty((FOUND_ROOM, 6, 3)), np.empty((LEFT_ROOM, 6, 2))
         known = self.found[chart][: FOUND_ROOM // 2]
         before = len(known)
         if before:
             found[:before] = known
-        counts = np.zeros(self.kernel.COUNTS, np.int64)
-        top, nf, nl = self.kernel.search(self.setups[chart], stack, ranges, top, found, before, left, 0, CALL, counts)
+        counts = np.zeros_like(self.counts)
+        top, nf, nl = self.look(*self.setups[chart], stack, ranges, top, found, before, left, 0, CALL, counts)
         return chart, stack[:top].copy(), ranges[:top].copy(), found[before:nf].copy(), left[:nl].copy(), counts
 
     def _take(self, result: tuple, divide: bool) -> None:
@@ -334,9 +331,9 @@ class _Search:
         """Write the file completely or not at all; boxes being examined count as pending."""
         parts: dict[str, np.ndarray] = {"key": np.array(self.key), "counts": self.counts}
         parts["seconds"] = np.array(seconds)
-        for name, listed in (("found", self.found), ("left", self.left)):
+        for name, listed, columns in (("found", self.found, 3), ("left", self.left, 2)):
             for chart, boxes in enumerate(listed):
-                parts[f"{name}_{chart}"] = np.array(boxes).reshape(-1, 6, 2)
+                parts[f"{name}_{chart}"] = np.array(boxes).reshape(-1, 6, columns)
         m = self.problem.robot.cables
         for chart in range(len(self.setups)):
             mine = [task for task in (*self.waiting, *self.running.values()) if task[0] == chart]
@@ -387,7 +384,7 @@ def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"]):
     law = np.stack([problem.rest_lengths, robot.axial_stiffness, *robot.cabling.stiffening.T, *_slopes(robot)], 1)
     size, weight = _size(problem), robot.mass * robot.gravity
     return kernel.Setup(
-        exits=np.ascontiguousarray(robot.exits),
+        exits=np.array(robot.exits),
         anchors=robot.anchors * signs,
         law=law,
         center_of_mass=robot.center_of_mass * signs,
@@ -469,7 +466,7 @@ class _Member:
     balance: Balance
     enclosure: Enclosure
     chart: int
-    box: Float[np.ndarray, "6 2"] | None
+    box: Float[np.ndarray, "6 3"] | None
 
 
 def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...], tuple[Undecided, ...]]:
@@ -477,13 +474,15 @@ def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...],
     undecided: list[Undecided] = []
     for chart, boxes in enumerate(search.found):
         for box in boxes:
-            member = _member(problem, search, chart, box)
+            member = _member(problem, chart, box)
             if member is None:
-                undecided.append(_undecided("one equilibrium, of which no proof in balls is found", [box], chart))
+                undecided.append(
+                    _undecided("one equilibrium, of which no proof in balls is found", [box[:, :2]], chart)
+                )
                 continue
             known = [_same(member, other) for other in members]
             if None in known:
-                undecided.append(_undecided("an equilibrium that may be another's", [box], chart))
+                undecided.append(_undecided("an equilibrium that may be another's", [box[:, :2]], chart))
             elif True not in known:
                 members.append(member)
     if sum(map(len, search.left)) > MOST_LEFT:
@@ -500,20 +499,9 @@ def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...],
     return tuple(certificates[i] for i in order), tuple(undecided)
 
 
-def _member(problem: Problem, search: _Search, chart: int, box: Float[np.ndarray, "6 2"]) -> _Member | None:
-    """The one equilibrium of a box, proved in balls to lie in the box."""
-    kernel, setup = search.kernel, search.setups[chart]
-    m = problem.robot.cables
-    o, spin, at = np.zeros((m + 1, kernel.COLUMNS, 2)), np.empty((3, 3, 2)), np.empty(6)
-    q, ranges = box.copy(), np.stack([np.zeros(m), np.full(m, 1e300)], 1)
-    at[:] = q.mean(1)
-    for _ in range(TIGHTER):
-        width = float(((q[:, 1] - q[:, 0]) * setup.scales).max())
-        if not kernel.contract(q, ranges, setup, o, spin) or not kernel.krawczyk(q, ranges, setup, o, spin, at):
-            return None
-        if ((q[:, 1] - q[:, 0]) * setup.scales).max() > 0.9 * width:
-            break
-    member = _near(problem, chart, q.mean(1), box)
+def _member(problem: Problem, chart: int, box: Float[np.ndarray, "6 3"]) -> _Member | None:
+    """The one equilibrium of a box (6, 3), its lower and upper bounds and a point nearby, proved to lie in the box."""
+    member = _near(problem, chart, box[:, 2], box)
     return member if member is not None and _in_box(member, chart, box) else None
 
 
@@ -540,7 +528,7 @@ def _in_chart(member: _Member, chart: int, planar: bool) -> list[Ball]:
     return [*member.balance.position(member.enclosure.image), x / w, y / w, z / w]
 
 
-def _in_box(member: _Member, chart: int, box: Float[np.ndarray, "6 2"]) -> bool:
+def _in_box(member: _Member, chart: int, box: Float[np.ndarray, "6 3"]) -> bool:
     planar = len(member.balance.axes) == 2
     rows = FREE["planar" if planar else "spatial"]
     at = _in_chart(member, chart, planar)

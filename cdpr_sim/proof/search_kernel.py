@@ -14,21 +14,21 @@ Intervals are pairs (lower, upper). Directions point from the exit to the anchor
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.core import code_cache, compiling
+from cdpr_sim.core import compiling
 from cdpr_sim.core.cable import MOST_STRAIN
+from cdpr_sim.core.compiling import outlined
 
 SHARE, TINY = 2.3e-16, 1e-300
 """Half a unit in the last place is at most 1.2e-16 of a number; a whole one, 2.3e-16; and an absolute bound below any
 length."""
 
-LENGTH, DIRECTION, MOMENT, ALONG, ARM, APART, COLUMNS = 0, 1, 4, 7, 8, 11, 14
-"""Columns of a cable's geometry: its length, n, u × n, n·u, u, and anchor minus exit."""
+LENGTH, DIRECTION, MOMENT, ARM, APART, COLUMNS = 0, 1, 4, 7, 10, 13
+"""Columns of a cable's geometry: its length, n, u × n, u, and anchor minus exit."""
 
 SPLIT = 0.4837
 """Fraction at which a box is divided: equilibria often have symmetric coordinates, at which a box should not end."""
@@ -48,15 +48,8 @@ EMPTY, CONTRACTED, UNIQUE = 0, 1, 2
 BOXES, BY_BALANCE, BY_KRAWCZYK, PROVED, LEFT, COUNTS = 0, 1, 2, 3, 4, 5
 """Counts of a search: boxes examined; excluded by balances; by Krawczyk's test; proved; undecided."""
 
-compiling.import_numba()
-
-
-def jit(function: Callable) -> Callable:
-    """Machine code of ``function`` for each set of argument types, in Numba's own cache folder."""
-    import numba
-
-    with code_cache.settings(CACHE_DIR=str(code_cache.folder() / "search")):
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+TIGHTER = 60
+"""Largest number of contractions of a box with one equilibrium."""
 
 
 class Setup(NamedTuple):
@@ -89,70 +82,70 @@ class Setup(NamedTuple):
     least: float
 
 
-@jit
+@outlined
 def up(x):
     """No less than any number that rounds to x."""
     return x + (abs(x) * SHARE + TINY)
 
 
-@jit
+@outlined
 def down(x):
     """No more than any number that rounds to x."""
     return x - (abs(x) * SHARE + TINY)
 
 
-@jit
+@outlined
 def add(a, b, c, d):
     """[a, b] + [c, d]."""
     return down(a + c), up(b + d)
 
 
-@jit
+@outlined
 def subtract(a, b, c, d):
     """[a, b] − [c, d]."""
     return down(a - d), up(b - c)
 
 
-@jit
+@outlined
 def multiply(a, b, c, d):
     """[a, b] × [c, d]."""
     p, q, r, s = a * c, a * d, b * c, b * d
     return down(min(min(p, q), min(r, s))), up(max(max(p, q), max(r, s)))
 
 
-@jit
+@outlined
 def scaled(a, b, c):
     """[a, b] × c."""
     p, q = a * c, b * c
     return down(min(p, q)), up(max(p, q))
 
 
-@jit
+@outlined
 def over(a, b, c, d):
     """[a, b] ÷ [c, d], c > 0."""
     return down(a / d if a >= 0 else a / c), up(b / c if b >= 0 else b / d)
 
 
-@jit
+@outlined
 def least(a, b):
     """The least |x| in [a, b]."""
     return a if a > 0 else (-b if b < 0 else 0.0)
 
 
-@jit
+@outlined
 def square(a, b):
     """[a, b]²."""
     low, high = least(a, b), max(abs(a), abs(b))
     return max(down(low * low), 0.0), up(high * high)
 
 
-@jit
+@outlined
 def root_down(x):
     """√x from below."""
     return max(down(np.sqrt(max(x, 0.0))), 0.0)
 
 
-@jit
+@outlined
 def unit_down(x, low, high):
     """The least x/√(x² + s) with s in [low, high]."""
     if x >= 0:
@@ -162,7 +155,7 @@ def unit_down(x, low, high):
     return max(down(x / h), -1.0) if h > 0 else -1.0
 
 
-@jit
+@outlined
 def turn(q, R, spin):
     """The rotation over a box, (3, 3, 2); and the angular velocities of v_k, (3, 3, 2), by coordinates k first."""
     s = np.empty((3, 2))
@@ -200,7 +193,7 @@ def turn(q, R, spin):
         spin[j, i, 0], spin[j, i, 1] = -f[k, 1], -f[k, 0]
 
 
-@jit
+@outlined
 def cross(a, b, r):
     """Component r of a × b, intervals (3, 2)."""
     i, j = (r + 1) % 3, (r + 2) % 3
@@ -209,10 +202,10 @@ def cross(a, b, r):
     return subtract(p0, p1, q0, q1)
 
 
-@jit
+@outlined
 def geometry(q, setup, o, spin):
     """Fill o (cables + 1, COLUMNS, 2): each cable's geometry over a box; in the last row, the arm of the weight."""
-    m = setup.exits.shape[0]
+    m, planar = setup.exits.shape[0], len(setup.rows) == 3  # then R has zeros beside its middle
     R, Rm, middle = np.empty((3, 3, 2)), np.empty((3, 3, 2)), np.empty((6, 2))
     turn(q, R, spin)
     for k in range(6):
@@ -228,6 +221,8 @@ def geometry(q, setup, o, spin):
         for r in range(3):
             u[r, 0] = u[r, 1] = 0.0
             for c in range(3):
+                if planar and (r + c) % 2 == 1:
+                    continue
                 p0, p1 = scaled(R[r, c, 0], R[r, c, 1], b[c])
                 u[r, 0], u[r, 1] = add(u[r, 0], u[r, 1], p0, p1)
                 p0, p1 = scaled(Rm[r, c, 0], Rm[r, c, 1], b[c])
@@ -237,6 +232,8 @@ def geometry(q, setup, o, spin):
                 continue
             w0, w1 = subtract(q[3 + k, 0], q[3 + k, 1], middle[3 + k, 0], middle[3 + k, 0])
             for r in range(3):
+                if planar and r == 1:
+                    continue
                 p0, p1 = cross(spin[k], u, r)
                 p0, p1 = multiply(p0, p1, w0, w1)
                 centred[r, 0], centred[r, 1] = add(centred[r, 0], centred[r, 1], p0, p1)
@@ -247,7 +244,7 @@ def geometry(q, setup, o, spin):
         for r in range(3):
             a, b_ = add(q[r, 0], q[r, 1], u[r, 0], u[r, 1])
             apart[r, 0], apart[r, 1] = subtract(a, b_, setup.exits[i, r], setup.exits[i, r])
-            o[i, APART + r] = apart[r]
+            o[i, APART + r, 0], o[i, APART + r, 1] = apart[r, 0], apart[r, 1]
             squares[r, 0], squares[r, 1] = square(apart[r, 0], apart[r, 1])
         low = down(down(squares[0, 0] + squares[1, 0]) + squares[2, 0])
         high = up(up(squares[0, 1] + squares[1, 1]) + squares[2, 1])
@@ -257,14 +254,12 @@ def geometry(q, setup, o, spin):
             s, t = (r + 1) % 3, (r + 2) % 3
             low, high = max(down(squares[s, 0] + squares[t, 0]), 0.0), up(squares[s, 1] + squares[t, 1])
             n[r, 0], n[r, 1] = unit_down(apart[r, 0], low, high), -unit_down(-apart[r, 1], low, high)
-        o[i, ALONG, 0] = o[i, ALONG, 1] = 0.0
         for r in range(3):
-            o[i, MOMENT + r, 0], o[i, MOMENT + r, 1] = cross(u, n, r)
-            p0, p1 = multiply(n[r, 0], n[r, 1], u[r, 0], u[r, 1])
-            o[i, ALONG, 0], o[i, ALONG, 1] = add(o[i, ALONG, 0], o[i, ALONG, 1], p0, p1)
+            if not planar or r == 1:
+                o[i, MOMENT + r, 0], o[i, MOMENT + r, 1] = cross(u, n, r)
 
 
-@jit
+@outlined
 def slope(law, strain_low, strain_high):
     """The law's slope over EA/l0: 1 + 2 a2 ε + 3 a3 ε², constant beyond MOST_STRAIN."""
     if law[2] == 0.0 and law[3] == 0.0:
@@ -277,7 +272,7 @@ def slope(law, strain_low, strain_high):
     return max(c, law[4]), min(d, law[5])
 
 
-@jit
+@outlined
 def strained(law, strain_low, strain_high):
     """τ/EA at a strain in an interval, which should be narrow."""
     if law[2] == 0.0 and law[3] == 0.0:
@@ -297,13 +292,13 @@ def strained(law, strain_low, strain_high):
     return add(p, q, s, t)
 
 
-@jit
+@outlined
 def strain(law, length):
     """l/l0 − 1."""
     return down(down(length / law[0]) - 1), up(up(length / law[0]) - 1)
 
 
-@jit
+@outlined
 def tension(law, low, high):
     """τ over lengths [low, high]; it is increasing."""
     a, b = strain(law, low)
@@ -313,10 +308,10 @@ def tension(law, low, high):
     return max(down(law[1] * p), 0.0), max(up(law[1] * q), 0.0)
 
 
-@jit
+@outlined
 def load(setup, o, g):
     """Fill g (6, 2): minus the wrench of weight and external wrench about the platform's origin."""
-    w0, w1 = setup.weight
+    w0, w1 = setup.weight[0], setup.weight[1]
     c = o[-1, ARM : ARM + 3]
     for r in range(6):
         g[r, 0] = g[r, 1] = -setup.wrench[r]
@@ -327,7 +322,7 @@ def load(setup, o, g):
     g[4, 0], g[4, 1] = subtract(g[4, 0], g[4, 1], a, b)
 
 
-@jit
+@outlined
 def balance(T, W, g0, g1):
     """Contract tensions T by Σ Tᵢ Wᵢ + [g0, g1] = 0. False if it cannot vanish."""
     m = T.shape[0]
@@ -355,11 +350,12 @@ def balance(T, W, g0, g1):
     return True
 
 
-@jit
+@outlined
 def virtual_work(T, o, g, rows, y, W):
     """Contract T by the balance along the motion y (6,), whose other entries than ``rows`` are zero."""
-    W[:] = 0.0
     low, high = 0.0, 0.0
+    for i in range(T.shape[0]):
+        W[i, 0] = W[i, 1] = 0.0
     for r in rows:
         for i in range(T.shape[0]):
             a, b = scaled(o[i, DIRECTION + r, 0], o[i, DIRECTION + r, 1], y[r])
@@ -369,29 +365,44 @@ def virtual_work(T, o, g, rows, y, W):
     return balance(T, W, low, high)
 
 
-@jit
+@outlined
 def unbalanced(T, o, g, rows, y):
     """Unbalanced part of the best tensions within T at the middle, in floats: the motion y, or zero."""
     m = T.shape[0]
-    tau, W = 0.5 * (T[:, 0] + T[:, 1]), np.zeros((m, 6))
+    tau, W, square_sums = np.empty(m), np.zeros((m, 6)), np.empty(m)
     for r in rows:
         y[r] = 0.5 * (g[r, 0] + g[r, 1])
-        for i in range(m):
+    for i in range(m):
+        tau[i], square_sums[i] = 0.5 * (T[i, 0] + T[i, 1]), TINY
+        for r in rows:
             W[i, r] = 0.5 * (o[i, DIRECTION + r, 0] + o[i, DIRECTION + r, 1])
             y[r] += tau[i] * W[i, r]
+            square_sums[i] += W[i, r] * W[i, r]
     for _ in range(8):
         for i in range(m):
-            best = tau[i] - (W[i] * y).sum() / max((W[i] * W[i]).sum(), TINY)
-            best = min(max(best, T[i, 0]), T[i, 1])
-            y += (best - tau[i]) * W[i]
+            along = 0.0
+            for r in rows:
+                along += W[i, r] * y[r]
+            best = min(max(tau[i] - along / square_sums[i], T[i, 0]), T[i, 1])
+            for r in rows:
+                y[r] += (best - tau[i]) * W[i, r]
             tau[i] = best
-    size = np.abs(y).max()
+    return normalised(y)
+
+
+@outlined
+def normalised(y):
+    """Divide y (6,) by its largest entry. False if it is zero."""
+    size = 0.0
+    for r in range(6):
+        size = max(size, abs(y[r]))
     if size > 0:
-        y /= size
+        for r in range(6):
+            y[r] /= size
     return size > 0
 
 
-@jit
+@outlined
 def contract(q, T, setup, o, spin):
     """Contract a box q (6, 2) and tensions T by lengths, balances and virtual works. False: no equilibrium in it."""
     m, rows = T.shape[0], setup.rows
@@ -413,15 +424,11 @@ def contract(q, T, setup, o, spin):
                 w[i, k] = 0.5 * (o[i, DIRECTION + rows[k], 0] + o[i, DIRECTION + rows[k], 1])
         for i in range(m):
             for j in range(i):
-                size = 0.0
                 for k in range(3):
                     s, t = (k + 1) % 3, (k + 2) % 3
                     y[rows[k]] = w[i, s] * w[j, t] - w[i, t] * w[j, s]
-                    size = max(size, abs(y[rows[k]]))
-                if size > 0:
-                    y /= size
-                    if not virtual_work(T, o, g, rows, y, W):
-                        return False
+                if normalised(y) and not virtual_work(T, o, g, rows, y, W):
+                    return False
     elif unbalanced(T, o, g, rows, y) and not virtual_work(T, o, g, rows, y, W):
         return False
     for i in range(m):  # from tensions to lengths, from lengths to positions
@@ -460,36 +467,43 @@ def contract(q, T, setup, o, spin):
     return True
 
 
-@jit
+@outlined
 def invert(M):
     """The inverse in floats, and whether it exists. Not a proof."""
     n = M.shape[0]
-    a = np.zeros((n, 2 * n))
-    a[:, :n] = M
+    a, C = M.copy(), np.zeros((n, n))
     for i in range(n):
-        a[i, n + i] = 1.0
+        C[i, i] = 1.0
     for i in range(n):
-        p = i + np.argmax(np.abs(a[i:, i]))
+        p = i
+        for j in range(i + 1, n):
+            if abs(a[j, i]) > abs(a[p, i]):
+                p = j
         if not abs(a[p, i]) > TINY:
-            return a[:, n:].copy(), False
-        if p != i:
-            row = a[p].copy()
-            a[p] = a[i]
-            a[i] = row
-        a[i] /= a[i, i]
+            return C, False
+        for k in range(n):
+            a[p, k], a[i, k] = a[i, k], a[p, k]
+            C[p, k], C[i, k] = C[i, k], C[p, k]
+        part = 1 / a[i, i]
+        for k in range(n):
+            a[i, k] *= part
+            C[i, k] *= part
         for j in range(n):
-            if j != i:
-                a[j] -= a[j, i] * a[i]
-    return a[:, n:].copy(), True
+            part = a[j, i]
+            if j != i and part != 0:
+                for k in range(n):
+                    a[j, k] -= part * a[i, k]
+                    C[j, k] -= part * C[i, k]
+    return C, True
 
 
-@jit
+@outlined
 def derivatives(T, setup, o, spin, acting, count, J):
     """Fill J: derivatives of the balances and of the cables' laws by the free coordinates and the acting tensions."""
     m, rows, n = setup.exits.shape[0], setup.rows, len(setup.rows)
     J[:] = 0.0
     K = np.zeros((6, 6, 2))  # of the balances by translation and rotation vector
-    w0, w1 = setup.weight
+    w0, w1 = setup.weight[0], setup.weight[1]
     c = o[m, ARM : ARM + 3]
     for r in range(3):
         a, b = multiply(w0, w1, c[r, 0], c[r, 1])
@@ -499,7 +513,7 @@ def derivatives(T, setup, o, spin, acting, count, J):
     E = np.zeros((3, 6, 2))
     for k in range(count):
         i = acting[k]
-        t0, t1 = T[i]
+        t0, t1 = T[i, 0], T[i, 1]
         s0, s1 = over(t0, t1, o[i, LENGTH, 0], o[i, LENGTH, 1])
         n_, u = o[i, DIRECTION : DIRECTION + 3], o[i, ARM : ARM + 3]
         for r in range(3):  # E = ([n]×, n·u − u nᵀ), and (1 − n nᵀ) seen by the arm is Eᵀ E
@@ -533,7 +547,7 @@ def derivatives(T, setup, o, spin, acting, count, J):
         if o[i, LENGTH, 0] < law[0]:
             low = 0.0
         for r in range(n):
-            w0_, w1_ = o[i, DIRECTION + rows[r]]
+            w0_, w1_ = o[i, DIRECTION + rows[r], 0], o[i, DIRECTION + rows[r], 1]
             J[r, n + k, 0], J[r, n + k, 1] = w0_, w1_
             K_low, K_high = multiply(low, high, w0_, w1_)
             J[n + k, r, 0], J[n + k, r, 1] = K_low, K_high
@@ -544,22 +558,24 @@ def derivatives(T, setup, o, spin, acting, count, J):
             turned[x, 0] = turned[x, 1] = turned[3 + x, 0] = turned[3 + x, 1] = 0.0
         for x in range(n):
             if r < n:
-                turned[rows[x]] = K[rows[r], rows[x]]
+                turned[rows[x], 0], turned[rows[x], 1] = K[rows[r], rows[x], 0], K[rows[r], rows[x], 1]
             else:
-                turned[rows[x]] = J[r, x]
+                turned[rows[x], 0], turned[rows[x], 1] = J[r, x, 0], J[r, x, 1]
         for x in range(n):
             if rows[x] < 3:
-                J[r, x] = turned[rows[x]]
+                J[r, x, 0], J[r, x, 1] = turned[rows[x], 0], turned[rows[x], 1]
             else:
                 low, high = 0.0, 0.0
                 for e in range(3):
-                    full = K[rows[r], 3 + e] if r < n else turned[3 + e]
-                    a, b = multiply(full[0], full[1], spin[rows[x] - 3, e, 0], spin[rows[x] - 3, e, 1])
+                    a, b = turned[3 + e, 0], turned[3 + e, 1]
+                    if r < n:
+                        a, b = K[rows[r], 3 + e, 0], K[rows[r], 3 + e, 1]
+                    a, b = multiply(a, b, spin[rows[x] - 3, e, 0], spin[rows[x] - 3, e, 1])
                     low, high = add(low, high, a, b)
                 J[r, x, 0], J[r, x, 1] = low, high
 
 
-@jit
+@outlined
 def krawczyk(q, T, setup, o, spin, at):
     """Krawczyk's test in the free coordinates and the tensions of cables that may be taut; contracts q and T.
 
@@ -577,24 +593,29 @@ def krawczyk(q, T, setup, o, spin, at):
     N = n + count
     Y, opened, J = np.empty((N, 2)), T.copy(), np.empty((N, N, 2))
     for r in range(n):
-        Y[r] = q[rows[r]]
+        Y[r, 0], Y[r, 1] = q[rows[r], 0], q[rows[r], 1]
     for k in range(count):
         i = acting[k]
         wider = OPENED * (T[i, 1] - T[i, 0]) + 1e-9 * setup.weight[1] + TINY
         opened[i, 0], opened[i, 1] = T[i, 0] - wider, T[i, 1] + wider
-        Y[n + k] = opened[i]
+        Y[n + k, 0], Y[n + k, 1] = opened[i, 0], opened[i, 1]
     derivatives(opened, setup, o, spin, acting, count, J)
-    C, regular = invert(0.5 * (J[:, :, 0] + J[:, :, 1]))
+    C = np.empty((N, N))
+    for r in range(N):
+        for c in range(N):
+            C[r, c] = 0.5 * (J[r, c, 0] + J[r, c, 1])
+    C, regular = invert(C)
     if not regular:
         return CONTRACTED
-    middle = 0.5 * (Y[:, 0] + Y[:, 1])
-    thin, G, g = q.copy(), np.zeros((N, 2)), np.empty((6, 2))
+    middle, thin, G, g = np.empty(N), q.copy(), np.zeros((N, 2)), np.empty((6, 2))
+    for r in range(N):
+        middle[r] = 0.5 * (Y[r, 0] + Y[r, 1])
     for r in range(n):
         thin[rows[r], 0] = thin[rows[r], 1] = middle[r]
     geometry(thin, setup, o, spin)
     load(setup, o, g)
     for r in range(n):
-        G[r] = g[rows[r]]
+        G[r, 0], G[r, 1] = g[rows[r], 0], g[rows[r], 1]
     for k in range(count):
         i, tau = acting[k], middle[n + k]
         law = setup.law[i]
@@ -628,7 +649,7 @@ def krawczyk(q, T, setup, o, spin, at):
         if image[r, 0] > image[r, 1]:
             return EMPTY
     for r in range(n):
-        q[rows[r]] = image[r]
+        q[rows[r], 0], q[rows[r], 1] = image[r, 0], image[r, 1]
         at[rows[r]] = 0.5 * (image[r, 0] + image[r, 1])
     for k in range(count):
         i = acting[k]
@@ -638,15 +659,15 @@ def krawczyk(q, T, setup, o, spin, at):
     return UNIQUE if inside else CONTRACTED
 
 
-@jit
+@outlined
 def steps_to_equilibrium(start, setup, o, spin):
     """Newton's steps in floats from a pose (6,): the last pose, and whether they converge. Not a proof."""
     m, rows, n = setup.exits.shape[0], setup.rows, len(setup.rows)
     y, last, g = start.copy(), np.inf, np.empty((6, 2))
     thin, T, acting = np.empty((6, 2)), np.zeros((m, 2)), np.empty(m, np.int64)
     for _ in range(40):
-        thin[:, 0] = y
-        thin[:, 1] = y
+        for r in range(6):
+            thin[r, 0] = thin[r, 1] = y[r]
         geometry(thin, setup, o, spin)
         load(setup, o, g)
         count = 0
@@ -663,12 +684,13 @@ def steps_to_equilibrium(start, setup, o, spin):
                     F[r] += tau * o[i, DIRECTION + rows[r], 0]
         J = np.empty((n + count, n + count, 2))
         derivatives(T, setup, o, spin, acting, count, J)
-        C, regular = invert(J[:, :, 0])
+        C, regular = invert(J[:, :, 0].copy())
         if not regular:
             return y, False
-        step = -(C[:n, :n].copy() @ F)
-        size = 0.0
+        step, size = np.zeros(n), 0.0
         for r in range(n):
+            for c in range(n):
+                step[r] -= C[r, c] * F[c]
             size = max(size, abs(step[r]) * setup.scales[rows[r]])
         part = min(1.0, 500 * setup.near / max(size, TINY))
         for r in range(n):
@@ -679,7 +701,7 @@ def steps_to_equilibrium(start, setup, o, spin):
     return y, False
 
 
-@jit
+@outlined
 def within(q, box, rows):
     """Whether q lies in the box."""
     for r in rows:  # noqa: SIM110  (Numba compiles no generator)
@@ -688,11 +710,14 @@ def within(q, box, rows):
     return True
 
 
-@jit
+@outlined
 def blown_up(q, setup, o, spin, box):
     """Write to ``box`` a box about an equilibrium near q that contains q and exactly one equilibrium. False if none."""
     m, rows = setup.exits.shape[0], setup.rows
-    y, ended = steps_to_equilibrium(0.5 * (q[:, 0] + q[:, 1]), setup, o, spin)
+    y = np.empty(6)
+    for r in range(6):
+        y[r] = 0.5 * (q[r, 0] + q[r, 1])
+    y, ended = steps_to_equilibrium(y, setup, o, spin)
     if not ended:
         return False
     at, T, size = np.empty(6), np.empty((m, 2)), 100 * setup.near
@@ -712,7 +737,28 @@ def blown_up(q, setup, o, spin, box):
     return False
 
 
-@jit
+@outlined
+def tightened(q, T, setup, o, spin, at):
+    """Contract a box with exactly one equilibrium until it hardly shrinks: ``at`` (6,) is near the equilibrium."""
+    width = np.inf
+    for _ in range(TIGHTER):
+        last, width = width, 0.0
+        for r in setup.rows:
+            width = max(width, (q[r, 1] - q[r, 0]) * setup.scales[r])
+        if width > 0.9 * last or not contract(q, T, setup, o, spin):
+            return
+        if krawczyk(q, T, setup, o, spin, at) == EMPTY:
+            return
+
+
+@outlined
+def found_at(found, box, at):
+    """Store a box and the point near its equilibrium."""
+    for r in range(6):
+        found[r, 0], found[r, 1], found[r, 2] = box[r, 0], box[r, 1], at[r]
+
+
+@outlined
 def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
     """Continue a search, depth first, for at most ``most`` boxes.
 
@@ -721,7 +767,7 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
         boxes: pending boxes, (room, 6, 2), of which the first ``top`` are filled in.
         tensions: their ranges of tensions, (room, cables, 2).
         top: number of pending boxes.
-        found: boxes with exactly one equilibrium, (room, 6, 2), of which ``nf`` are filled in.
+        found: boxes with exactly one equilibrium: lower, upper and a point near it, (room, 6, 3); ``nf`` are filled in.
         nf: their number.
         left: undecided boxes, (room, 6, 2), of which ``nl`` are filled in.
         nl: their number.
@@ -732,7 +778,7 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
         The new top, nf and nl. The search is complete at top = 0; it also stops if the arrays are full.
     """
     m, rows = setup.exits.shape[0], setup.rows
-    o, spin, at = np.zeros((m + 1, COLUMNS, 2)), np.empty((3, 3, 2)), np.empty(6)
+    o, spin, at = np.zeros((m + 1, COLUMNS, 2)), np.empty((3, 3, 2)), np.zeros(6)
     box, end = np.empty((6, 2)), counts[BOXES] + most
     while top > 0 and counts[BOXES] < end:
         if nf == found.shape[0] or nl == left.shape[0] or top + 1 >= boxes.shape[0]:
@@ -763,7 +809,8 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
                     alive = False
                     break
                 if state == UNIQUE:
-                    found[nf] = old
+                    tightened(q, T, setup, o, spin, at)
+                    found_at(found[nf], old, at)
                     nf += 1
                     counts[PROVED] += 1
                     alive = False
@@ -781,7 +828,9 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
             if (q[r, 1] - q[r, 0]) * setup.scales[r] > width:
                 widest, width = r, (q[r, 1] - q[r, 0]) * setup.scales[r]
         if width < setup.near and blown_up(q, setup, o, spin, box):
-            found[nf] = box
+            for r in range(6):
+                at[r] = 0.5 * (box[r, 0] + box[r, 1])
+            found_at(found[nf], box, at)
             nf += 1
             counts[PROVED] += 1
             continue
@@ -799,3 +848,24 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
         boxes[top + 1, widest, 0] = cut
         top += 2
     return top, nf, nl
+
+
+def _search(
+    exits, anchors, law, center_of_mass, weight, wrench, rows, scales, newton, near, least, boxes, tensions, top,
+    found, nf, left, nl, most, counts,
+):  # fmt: skip
+    """``search`` with the fields of ``Setup`` one by one: a signature in Numba's notation has no named tuples."""
+    setup = Setup(exits, anchors, law, center_of_mass, weight, wrench, rows, scales, newton, near, least)
+    return search(setup, boxes, tensions, top, found, nf, left, nl, most, counts)
+
+
+SEARCH = compiling.Compiled(
+    "search for all equilibria",
+    _search,
+    "UniTuple(int64, 3)(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], "
+    "int64[::1], float64[::1], float64, float64, float64, float64[:, :, ::1], float64[:, :, ::1], int64, "
+    "float64[:, :, ::1], int64, float64[:, :, ::1], int64, int64, int64[::1])",
+    error_model="numpy",
+    nogil=True,
+)
+"""``search`` as machine code. Its arguments are the fields of a ``Setup``, and then those of ``search``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
 import numpy as np
 from rich.markup import escape
@@ -39,7 +40,7 @@ def certificate_table(proofs: Sequence[Certificate]) -> Table:
     table.add_row("stability", *map(describe_stability, proofs))
     table.add_row("slack cables", *map(describe_slack, proofs))
     table.add_row("digits", *(f"{one.digits:.0f}" if one.exists else "" for one in proofs))
-    table.add_row(escape("unique within [mm]"), *(f"{1e3 * one.radius:.0e}" if one.exists else "" for one in proofs))
+    table.add_row(escape("unique within [mm]"), *(_bound(1e3 * one.radius, ROUND_FLOOR) for one in proofs))
     table.add_section()
     table.add_row(escape("position error at most [mm]"), *(_bound(1e3 * one.position_error) for one in proofs))
     table.add_row(escape("rotation error at most [°]"), *(_bound(np.degrees(one.rotation_error)) for one in proofs))
@@ -49,19 +50,19 @@ def certificate_table(proofs: Sequence[Certificate]) -> Table:
 
 
 def reasons(proofs: Sequence[Certificate]) -> list[str]:
-    """Why something is not proved, a line each."""
-    return [
-        f"{escape(heading(one.equilibrium))}: {escape(reason)}.".replace("\n", " ")
-        for one in proofs
-        for reason in one.reasons
-    ]
+    """Why something is not proved, a line for each reason with the methods that it holds for."""
+    methods: dict[str, list[str]] = {}
+    for one in proofs:
+        for reason in one.reasons:
+            methods.setdefault(reason, []).append(heading(one.equilibrium).replace("\n", " "))
+    return [escape(f"{', '.join(names)}: not proved: {reason}.") for reason, names in methods.items()]
 
 
 def proof_cell(proof: Certificate | None) -> str:
-    """Cell of a results table: the proved bound of the position error."""
+    """Cell of a results table: the proved bound of the position error [mm]."""
     if proof is None:
         return ""
-    return f"error < {1e3 * proof.position_error:.0e} mm" if proof.proved else "[red]not proved[/]"
+    return _bound(1e3 * proof.position_error) if proof.proved else "[red]no[/]"
 
 
 def complete_note(proved: CompleteEquilibria) -> str:
@@ -105,5 +106,8 @@ def _interval(ends: np.ndarray, known: bool) -> str:
     return f"{ends[0]:.3g} to {ends[1]:.3g}"
 
 
-def _bound(value: float) -> str:
-    return f"{value:.0e}" if np.isfinite(value) else ""
+def _bound(value: float, rounding: str = ROUND_CEILING) -> str:
+    """One digit, rounded to the side on which the bound still holds: upwards, or downwards by ``ROUND_FLOOR``."""
+    if not np.isfinite(value):
+        return ""
+    return f"{float(Context(prec=1, rounding=rounding).create_decimal_from_float(value)):.0e}"

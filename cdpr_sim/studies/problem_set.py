@@ -1,4 +1,7 @@
-"""Problems with proved equilibria, as files that any solver in any language can read; and how they were drawn.
+"""Problems with proved equilibria, as files that any solver in any language can read; how they are drawn and proved.
+
+A file states each problem completely, so that the set stays the same when a robot of the catalogue is corrected; the
+solutions follow from the file alone (``solutions``). ``draw_problems`` draws another set.
 
 They serve static equilibrium as NIST's Statistical Reference Datasets serve regression: a robot, rest lengths,
 a load and three starting poses, with every proved digit of the pose and the tensions, the slack cables, the index,
@@ -8,7 +11,7 @@ and, where it is proved, the list of all equilibria.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -127,9 +130,17 @@ def written(name: str, problem: Problem, starts: list[RigidTransform], proofs: l
             {"position": start.translation.tolist(), "quaternion": start.rotation.as_quat().tolist()}
             for start in starts
         ],
-        "equilibria": [_proved(one) for one in proofs],
-        "complete": complete,
+        **_solutions(proofs, complete),
     }
+
+
+def solutions(one: SetProblem) -> dict[str, Any]:
+    """The entries ``equilibria`` and ``complete`` of a problem of a file, proved again from its other entries."""
+    return _solutions(*_answers(one.problem, one.starts))
+
+
+def _solutions(proofs: Sequence[Certificate], complete: bool) -> dict[str, Any]:
+    return {"equilibria": [_proved(one) for one in proofs], "complete": complete}
 
 
 def _proved(one: Certificate) -> dict[str, Any]:
@@ -215,11 +226,11 @@ def _starts(robot: Robot, commanded: RigidTransform, random: np.random.Generator
     return starts
 
 
-def _answers(problem: Problem, starts: list[RigidTransform]) -> tuple[list[Certificate], bool]:
+def _answers(problem: Problem, starts: Sequence[RigidTransform]) -> tuple[list[Certificate], bool]:
     """All equilibria if the list is proved complete; else those that Newton's method finds from the start poses."""
     robot = problem.robot
     if robot.mobility == "planar" and robot.cabling.massless and not robot.cabling.pulleys.any():
-        proved = certify_all(problem, time_limit=10)
+        proved = certify_all(problem)  # no time limit: solutions must not depend on a machine's speed
         if proved.complete:
             return list(proved), True
     proofs: list[Certificate] = []
