@@ -132,7 +132,8 @@ def check(
         Outcome and errors at every pose, and each pose at which the two methods do not agree.
 
     Raises:
-        InvalidInput: an invalid grid or invalid names; a cable with mass that runs over a pulley or is nonlinear.
+        InvalidInput: an invalid grid or invalid names; with ``certify``, a cable with mass that runs over a pulley or is
+            nonlinear.
         UnknownName: no such robot or material.
         MissingExtra: a library of the extra ``sweep``, or of ``proof`` if ``certify``, is not installed.
     """
@@ -144,8 +145,8 @@ def check(
 
     whole("threads", threads, 0, MOST_THREADS)
     group = as_robots(robots)
-    for robot in group:
-        robot.cabling.refuse_mixture("check")  # refused here, before statics solves the whole grid
+    for robot in group if certify else ():
+        robot.cabling.refuse_mixture("check with certify")  # refused here, before statics solves the whole grid
     axes = grids.as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)
