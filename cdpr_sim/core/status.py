@@ -30,6 +30,7 @@ class Status(enum.IntEnum):
     MOVING = 6
     OVERSTRAINED = 7
     OFF_WHEEL = 8
+    TOO_SHORT = 9
 
     @property
     def sentence(self) -> str:
@@ -48,4 +49,5 @@ _SENTENCES = {
     Status.MOVING: "the platform is moving",
     Status.OVERSTRAINED: f"a cable is strained by more than {MOST_STRAIN:.0%}, beyond the range of its nonlinear law",
     Status.OFF_WHEEL: "a cable leaves its pulley's wheel",
+    Status.TOO_SHORT: "a cable with mass is so short that the first mass of its chain in MuJoCo could touch its wheel",
 }

@@ -281,7 +281,7 @@ def add_segments(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray,
     cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(robot.cabling)
     assert parent is not None
     for cable, lengths in zip(cables, cut(robot, cables, rest_lengths, straight(cabling.pulleys[cables]))[0], strict=True):
-        i, over, law = cable + 1, bool(cabling.pulleys[cable]), bool(cabling.stiffening[cable].any())
+        i, over, law = int(cable) + 1, bool(cabling.pulleys[cable]), bool(cabling.stiffening[cable].any())
         stiffnesses = tendons.springs(cabling.axial_stiffness[[cable]], lengths[:, None])[:, 0]
         further = tendons.polynomials(
             cabling.axial_stiffness[[cable]], cabling.stiffening[[cable]], lengths[:, None]
@@ -498,11 +498,11 @@ def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass
 
 
 def _stretched(
-    pulls: Float[np.ndarray, "chains segments"],
+    pulls: Float[np.ndarray, "*batch chains segments"],
     stiffness: Float[np.ndarray, "chains segments"],
     square: Float[np.ndarray, "chains segments"],
     cube: Float[np.ndarray, "chains segments"],
-) -> tuple[Float[np.ndarray, "chains segments"], Float[np.ndarray, "chains segments"]]:
+) -> tuple[Float[np.ndarray, "*batch chains segments"], Float[np.ndarray, "*#batch chains segments"]]:
     """Stretch [m] of springs with MuJoCo's polynomials under these pulls, and its slope [m/N], by Newton's method."""
     stretch, slope = pulls / stiffness, stiffness
     for _ in range(STRETCHINGS if square.any() or cube.any() else 0):

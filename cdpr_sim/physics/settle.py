@@ -31,6 +31,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.physics.batch import simulations_of
+from cdpr_sim.physics.chains import refuse_short, too_short
 from cdpr_sim.physics.dynamic_relaxation import NUDGES, Relaxation
 from cdpr_sim.physics.sagging import settle_chains as heavy
 
@@ -66,12 +67,14 @@ def settle(
         The equilibrium by MuJoCo's own pose, forces and stiffness; its ``source`` is "mujoco".
 
     Raises:
-        InvalidInput: an invalid pose, length or wrench.
+        InvalidInput: an invalid pose, length or wrench; a cable with mass that is too short for its pulley.
         NotSettled: it never comes to rest, MuJoCo warns of its motion, or a nonlinear cable is strained by more than 20
             %; carries the last state.
     """
     refuse_unless(FLAG, progress=progress)
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
+    if _weighs(problem.robot, model):
+        refuse_short(problem.robot, problem.rest_lengths)
     return _settled(Problems.stack([problem]), model=model, progress=progress)[0]
 
 
@@ -101,6 +104,7 @@ def settle_trajectory(
     """
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
     if _weighs(problem.robot, model):
+        refuse_short(problem.robot, problem.rest_lengths)
         motion: heavy.Frames = []
         equilibrium = _settled_heavy(Problems.stack([problem]), model=model, frames=motion)[0]
         times, poses, lengths, tensions = zip(*motion, strict=True)
@@ -153,7 +157,11 @@ def settle_many(
     whole("threads", threads, 0, MOST_THREADS)
     if len(problems.shape) != 1:
         raise InvalidInput(f"poses: found problems of shape {problems.shape}, expected rows: (rows,)")
-    can = problems.refusals == Status.PENDING
+    refusals = problems.refusals.copy()
+    if _weighs(problems.robot):
+        short = too_short(problems.robot, problems.rest_lengths).any(-1)
+        refusals[short & (refusals == Status.PENDING)] = Status.TOO_SHORT
+    can = refusals == Status.PENDING
     if can.all():
         return _settled(problems, threads=threads, progress=progress)
     robot, rows = problems.robot, len(problems)
@@ -166,7 +174,7 @@ def settle_many(
             whole[can] = getattr(found, name)
         return whole
 
-    status = problems.refusals.copy()
+    status = refusals
     iterations = np.zeros(rows, dtype=int)
     if found is not None:
         status[can], iterations[can] = found.status, found.iterations

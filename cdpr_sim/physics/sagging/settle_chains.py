@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.physics.batch import quiet, refuse_own_masses
+from cdpr_sim.physics.chains import too_short
 from cdpr_sim.physics.dynamic_relaxation import NUDGES
 from cdpr_sim.physics.sagging.chain_relaxation import ChainRelaxation, Frames
 from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
@@ -98,9 +99,15 @@ def _relaxed(
 def unbalanced(
     problems: Problems, poses: RigidTransform, *, model: mujoco.MjModel | None = None
 ) -> Float[np.ndarray, " rows"]:
-    """Largest unbalanced force [N] on each platform held at its pose; nan if its chains do not settle."""
+    """Largest unbalanced force [N] on each platform held at its pose.
+
+    It is nan if its chains do not settle, or are too short for their wheels.
+    """
     found = []
     for simulation, pose in _rows(problems, poses, model):
+        if too_short(problems.robot, simulation.rest_lengths).any():
+            found.append(np.nan)
+            continue
         simulation.hold()
         rested = _relaxed(simulation, pose, None).status is Status.CONVERGED
         simulation.held = False
