@@ -281,13 +281,13 @@ def curves() -> Iterator[Row]:
     """Errors of the approximations of sagging cables: MuJoCo's chains, and the straight segments of clearances."""
     level = np.linspace(-2, 3, 501)
     for bend in (chains.STRAIGHT, 1.0):
-        missed = missed_by(chains.straight(), level, bend)
+        missed = missed_by(chains.straight(np.zeros(1, bool)), level, bend)
         yield Row(
             f"SEGMENTS = {chains.SEGMENTS}", f"end of a chain with a horizontal force of {bend:g} weights, per length",
             f"{missed:.0e}", missed < (1e-11 if bend == chains.STRAIGHT else 2e-8),
         )  # fmt: skip
     bends = np.geomspace(chains.SHARPEST, chains.STRAIGHT, 30, endpoint=False)
-    missed = max(missed_by(chains.divisions(level, np.full(len(level), bend)), level, bend) for bend in bends)
+    missed = max(missed_by(chains.divisions(level, np.full(len(level), bend), np.zeros(len(level), bool)), level, bend) for bend in bends)
     yield Row(f"SHARPEST = {chains.SHARPEST:g}", "the same, slack and subdivided again", f"{missed:.0e}", missed < 1e-6)
     pieces, finer = clearance.POINTS - 1, 40
     hung = catenary.profile(np.zeros(3), np.array([1.0, 0, 0]), 1.001, 1e4, 1.0, finer * pieces + 1)

@@ -106,7 +106,6 @@ def video(
         film.check_count(len(wanted))
         machines = [robot_of(name, cables) for name, cables, _ in wanted]
         for robot in machines:
-            robot.cabling.refuse_mass_on_drive_line("video")  # refused here, before every state is settled
             for option, chosen in (("--compensate", compensate), ("--drop", drop)):
                 if chosen:
                     robot.cabling.refuse_weight(option)

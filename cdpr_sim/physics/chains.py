@@ -134,14 +134,14 @@ class ChainDivision(NamedTuple):
     masses: Float[np.ndarray, "#chains points"]
 
 
-def straight(over_wheel: Bool[np.ndarray, " chains"]) -> ChainDivision:
-    """Divisions by the quadrature along the cable, for chains over wheels and others."""
-    points, weights = _quadrature(over_wheel)
+def straight(at_exit: Bool[np.ndarray, " chains"]) -> ChainDivision:
+    """Divisions by the quadrature along the cable, for chains ``felt_at_exit`` and others."""
+    points, weights = _quadrature(at_exit)
     return ChainDivision(weights / 2, np.diff((points + 1) / 2, append=1.0))
 
 
 def divisions(
-    level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " chains"], over_wheel: Bool[np.ndarray, " chains"]
+    level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " chains"], at_exit: Bool[np.ndarray, " chains"]
 ) -> ChainDivision:
     """Divisions of chains with bends: by the quadrature in u, with level + bend sinh(u) the position along the cable.
 
@@ -150,20 +150,25 @@ def divisions(
     Args:
         level: position along each chain, from the exit, where it is horizontal, as a fraction of its length.
         bend: distance from there to where its slope is 45 degrees.
-        over_wheel: which chains run over a wheel.
+        at_exit: which chains are ``felt_at_exit``.
     """
-    points, weights = _quadrature(over_wheel)
+    points, weights = _quadrature(at_exit)
     level, bend = level[:, None], np.maximum(bend, SHARPEST)[:, None]
     first, last = np.arcsinh(-level / bend), np.arcsinh((1 - level) / bend)
     u = (first + last + (last - first) * points) / 2
     lengths = weights * np.cosh(u)
     bent = ChainDivision(lengths / lengths.sum(1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
-    return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(over_wheel), strict=True)))
+    return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(at_exit), strict=True)))
 
 
-def _quadrature(over_wheel: Bool[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:
-    """Points from -1 to 1, and weights: Gauss and Radau's for chains over wheels, else Gauss and Legendre's."""
-    return tuple(both[over_wheel.astype(int)] for both in _quadratures())
+def felt_at_exit(cabling: Cabling, cables: Int[np.ndarray, " chains"]) -> Bool[np.ndarray, " chains"]:
+    """Which chains need the tension at the exit itself in their first segments: a wheel or the rope behind feels it."""
+    return (cabling.pulleys | (cabling.winch_to_exit > 0))[cables]
+
+
+def _quadrature(at_exit: Bool[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:
+    """Points from -1 to 1, and weights: Gauss and Radau's for chains ``felt_at_exit``, else Gauss and Legendre's."""
+    return tuple(both[at_exit.astype(int)] for both in _quadratures())
 
 
 @cache
@@ -188,7 +193,23 @@ def cut(
     weighing = (rest_lengths[cables] - wrapped)[:, None]
     lengths = division.lengths * weighing
     lengths[:, 0] += wrapped
-    return lengths, robot.cabling.linear_density[cables, None] * weighing * division.masses
+    densities = robot.cabling.reeving * robot.cabling.linear_density  # with all parts of line
+    return lengths, densities[cables, None] * weighing * division.masses
+
+
+def segment_springs(
+    cabling: Cabling,
+    cables: Int[np.ndarray, " chains"],
+    axial_stiffness: Float[np.ndarray, " chains"],
+    lengths: Float[np.ndarray, "chains segments"],
+) -> tuple[Float[np.ndarray, "chains segments"], Float[np.ndarray, "chains segments 2"]]:
+    """``stiffness`` and ``stiffnesspoly`` of segments of these lengths; the first stretches with the rope behind it."""
+    parts = cabling.reeving[cables, None]
+    ropes = parts * lengths
+    ropes[:, 0] += cabling.winch_to_exit[cables]
+    stiffness = axial_stiffness[:, None]
+    further = tendons.polynomial(stiffness, cabling.stiffening[cables, None], ropes, parts)
+    return tendons.spring(stiffness, ropes, parts), further
 
 
 def shape(
@@ -216,7 +237,7 @@ def extents(
     cables = np.flatnonzero(robot.cabling.linear_density)
     starts, anchors = pulleys.departures(robot, pose), pose.apply(robot.anchors)
     free = rest_lengths - robot.wrapped_lengths
-    parts = straight(robot.cabling.pulleys).lengths
+    parts = straight(felt_at_exit(robot.cabling, np.arange(robot.cables))).lengths
     rows = [shape(starts[i], anchors[i], free[i], parts[i]) for i in cables]
     inwards = -np.array(rows).reshape(-1, SEGMENTS, 3)[:, :0:-1]
     return pose.rotation.inv().apply(inwards.reshape(-1, 3)).reshape(inwards.shape)
@@ -240,7 +261,8 @@ def add_chains(
     cabling = robot.cabling
     cables = np.flatnonzero(cabling.linear_density)
     coordinates = extents(robot, pose, rest_lengths)
-    rows = zip(cables, coordinates, *cut(robot, cables, rest_lengths, straight(cabling.pulleys[cables])), strict=True)
+    divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))
+    rows = zip(cables, coordinates, *divided, strict=True)
     for cable, extent, lengths, masses in rows:
         i, length = cable + 1, rest_lengths[cable]
         if masses.min() < LEAST_MASS:
@@ -280,12 +302,11 @@ def add_segments(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray,
     cabling, parent = robot.cabling, root.find("tendon")
     cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(robot.cabling)
     assert parent is not None
-    for cable, lengths in zip(cables, cut(robot, cables, rest_lengths, straight(cabling.pulleys[cables]))[0], strict=True):
+    divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))[0]
+    for cable, lengths in zip(cables, divided, strict=True):
         i, over, law = int(cable) + 1, bool(cabling.pulleys[cable]), bool(cabling.stiffening[cable].any())
-        stiffnesses = tendons.springs(cabling.axial_stiffness[[cable]], lengths[:, None])[:, 0]
-        further = tendons.polynomials(
-            cabling.axial_stiffness[[cable]], cabling.stiffening[[cable]], lengths[:, None]
-        )[:, 0]
+        given = cabling.axial_stiffness[[cable]], lengths[None]
+        stiffnesses, further = (one[0] for one in segment_springs(cabling, np.array([cable]), *given))
         sites = [f"entry_{i}" if over else f"exit_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS)), f"anchor_{i}"]
         uppers = lengths.copy()
         uppers[0] += entries[cable]
@@ -403,9 +424,8 @@ class Chains:
         lengths, masses = cut(robot, self.cables, rest_lengths, division)
         model.tendon_lengthspring[self.segments, 1] = lengths
         model.tendon_lengthspring[self.segments[:, 0], 1] += self.entries
-        law = axial_stiffness[self.cables], robot.cabling.stiffening[self.cables]
-        model.tendon_stiffness[self.segments] = tendons.springs(law[0], lengths.T).T
-        model.tendon_stiffnesspoly[self.segments] = tendons.polynomials(*law, lengths.T).swapaxes(0, 1)
+        springs = segment_springs(robot.cabling, self.cables, axial_stiffness[self.cables], lengths)
+        model.tendon_stiffness[self.segments], model.tendon_stiffnesspoly[self.segments] = springs
         model.body_mass[self.nodes] = masses[:, -2::-1]
         model.body_mass[self.ends] = masses[:, -1]
 

@@ -77,7 +77,6 @@ def to_mjcf(
     problem = Problem.of(robot, pose, rest_lengths)
     refuse_unless(FLAG, winches=winches)
     robot = problem.robot
-    robot.cabling.refuse_mass_on_drive_line("MuJoCo model")
     chains.refuse_short(robot, problem.rest_lengths)
     if winches:
         chains.refuse_weight(robot, "a winch in MuJoCo")

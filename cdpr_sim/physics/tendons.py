@@ -27,7 +27,7 @@ from collections.abc import Iterator
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.robot import Robot
@@ -101,8 +101,7 @@ def springs(
     rest_lengths: Float[np.ndarray, "*#batch cables"],
 ) -> Float[np.ndarray, "*batch cables"]:
     """MuJoCo's ``stiffness`` of each tendon [N/m]: of two cables of one material, the shorter is the stiffer."""
-    parts = cabling.reeving
-    return parts * parts * axial_stiffness / (parts * rest_lengths + cabling.winch_to_exit)
+    return spring(axial_stiffness, cabling.reeving * rest_lengths + cabling.winch_to_exit, cabling.reeving)
 
 
 def polynomials(
@@ -111,9 +110,25 @@ def polynomials(
     rest_lengths: Float[np.ndarray, "*#batch cables"],
 ) -> Float[np.ndarray, "*batch cables 2"]:
     """MuJoCo's ``stiffnesspoly`` of each tendon [N/m², N/m³]: of the stretch's square and cube."""
-    parts = cabling.reeving
-    ropes = parts * rest_lengths + cabling.winch_to_exit
-    squares, coefficients = ropes * ropes, axial_stiffness[..., None] * cabling.stiffening
+    ropes = cabling.reeving * rest_lengths + cabling.winch_to_exit
+    return polynomial(axial_stiffness, cabling.stiffening, ropes, cabling.reeving)
+
+
+def spring(
+    axial_stiffness: Float[np.ndarray, "*#batch"], ropes: Float[np.ndarray, "*#batch"], parts: Int[np.ndarray, "*#batch"]
+) -> Float[np.ndarray, "*batch"]:
+    """``stiffness`` of a tendon for a rope of the unstretched length ``ropes`` [m] in so many parts of line."""
+    return parts * parts * axial_stiffness / ropes
+
+
+def polynomial(
+    axial_stiffness: Float[np.ndarray, "*#batch"],
+    stiffening: Float[np.ndarray, "*#batch 2"],
+    ropes: Float[np.ndarray, "*#batch"],
+    parts: Int[np.ndarray, "*#batch"],
+) -> Float[np.ndarray, "*batch 2"]:
+    """``stiffnesspoly`` of such a tendon."""
+    squares, coefficients = ropes * ropes, axial_stiffness[..., None] * stiffening
     powers = np.stack([parts**3, parts**4], axis=-1)
     return powers * coefficients / np.stack([squares, squares * ropes], axis=-1)
 

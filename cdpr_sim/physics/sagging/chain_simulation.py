@@ -17,7 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.batch import HELD
-from cdpr_sim.physics.chains import SEGMENTS, STRAIGHT, Chains, divisions, straight
+from cdpr_sim.physics.chains import SEGMENTS, STRAIGHT, Chains, divisions, felt_at_exit, straight
 from cdpr_sim.physics.mjcf import place, to_mjcf
 
 TURNING = 5.0
@@ -99,7 +99,7 @@ class ChainSimulation:
 
     def _let_out(self) -> None:
         model, cabling, rest, axial_stiffness = self.model, self.robot.cabling, self.rest_lengths, self.axial_stiffness
-        self.chains.let_out(model, self.robot, axial_stiffness, rest, straight(self.chains.over))
+        self.chains.let_out(model, self.robot, axial_stiffness, rest, straight(felt_at_exit(cabling, self.chains.cables)))
         model.tendon_lengthspring[self.single, 1] = (rest + self.entries)[self.massless]
         model.tendon_stiffness[self.single] = tendons.springs(cabling, axial_stiffness, rest)[self.massless]
         further = tendons.polynomials(cabling, axial_stiffness, rest)
@@ -263,7 +263,7 @@ class ChainSimulation:
             return False
         qpos = data.qpos.copy()
         for _ in range(2):
-            division = divisions(1 + pulls[:, 2], bends, chains.over)
+            division = divisions(1 + pulls[:, 2], bends, felt_at_exit(self.robot.cabling, chains.cables))
             chains.let_out(model, self.robot, self.axial_stiffness, self.rest_lengths, division)
             self._compile()
             data.qpos[:] = qpos
