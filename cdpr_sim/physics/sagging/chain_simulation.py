@@ -131,10 +131,19 @@ class ChainSimulation:
 
     @property
     def lengths(self) -> Float[np.ndarray, " cables"]:
-        """Length of each cable [m]; for a cable with mass, its chord."""
+        """Length of each cable [m]; for a cable with mass, its chord, over a wheel that faces the anchor."""
+        model, data, qpos = self.model, self.data, self.data.qpos.copy()
+        aside = bool(self.chains.over.any())  # the wheels face the first masses
+        if aside:
+            self.swivels.face(model, data, anchors=True)
+            mujoco.mj_fwdPosition(model, data)
         lengths = np.empty(self.robot.cables)
         lengths[self.chains.cables] = self.chords
-        lengths[self.massless] = self.data.ten_length[self.single] - self.entries[self.massless]
+        lengths[self.massless] = data.ten_length[self.single] - self.entries[self.massless]
+        if aside:
+            data.qpos[:] = qpos
+            self.turn_wheels()
+            mujoco.mj_fwdPosition(model, data)
         return lengths
 
     @property
