@@ -281,14 +281,17 @@ def curves() -> Iterator[Row]:
     """Errors of the approximations of sagging cables: MuJoCo's chains, and the straight segments of clearances."""
     level = np.linspace(-2, 3, 501)
     for bend in (chains.STRAIGHT, 1.0):
-        missed = missed_by(chains.straight(np.zeros(1, bool)), level, bend)
+        missed = missed_by(chains.straight(np.array([False])), level, bend)
         yield Row(
             f"SEGMENTS = {chains.SEGMENTS}", f"end of a chain with a horizontal force of {bend:g} weights, per length",
             f"{missed:.0e}", missed < (1e-11 if bend == chains.STRAIGHT else 2e-8),
         )  # fmt: skip
     bends = np.geomspace(chains.SHARPEST, chains.STRAIGHT, 30, endpoint=False)
-    missed = max(missed_by(chains.divisions(level, np.full(len(level), bend), np.zeros(len(level), bool)), level, bend) for bend in bends)
-    yield Row(f"SHARPEST = {chains.SHARPEST:g}", "the same, slack and subdivided again", f"{missed:.0e}", missed < 1e-6)
+    for wheel, where in ((False, "slack and subdivided again"), (True, "over a wheel")):
+        over = np.full(len(level), wheel)
+        missed = max(missed_by(chains.divisions(level, np.full(len(level), bend), over), level, bend) for bend in bends)
+        accurate = missed < (2e-5 if wheel else 1e-6)
+        yield Row(f"SHARPEST = {chains.SHARPEST:g}", f"the same, {where}", f"{missed:.0e}", accurate)
     pieces, finer = clearance.POINTS - 1, 40
     hung = catenary.profile(np.zeros(3), np.array([1.0, 0, 0]), 1.001, 1e4, 1.0, finer * pieces + 1)
     knots = np.arange(0, len(hung), finer)

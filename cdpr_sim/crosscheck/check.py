@@ -132,8 +132,8 @@ def check(
         Outcome and errors at every pose, and each pose at which the two methods do not agree.
 
     Raises:
-        InvalidInput: an invalid grid or invalid names; with ``certify``, a cable with mass that runs over a pulley or is
-            nonlinear.
+        InvalidInput: an invalid grid or invalid names; with ``certify``, a cable with mass that runs over a pulley or
+            is nonlinear.
         UnknownName: no such robot or material.
         MissingExtra: a library of the extra ``sweep``, or of ``proof`` if ``certify``, is not installed.
     """

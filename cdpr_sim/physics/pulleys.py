@@ -198,14 +198,17 @@ class Swivels:
         matrices: Float[np.ndarray, "*rows bodies 9"],
         sites: Float[np.ndarray, "*rows sites 3"],
     ) -> Float[np.ndarray, "*rows pulleys"]:
-        """Angle by which each wheel has to rotate about its axis to face its site [rad], from MuJoCo's positions."""
-        x, y, _ = self._seen(positions, matrices, sites[..., self.faced, :])
+        """Angle by which each wheel has to rotate about its axis to face its anchor [rad], from MuJoCo's positions."""
+        return self._turns(positions, matrices, sites[..., self.anchors, :])
+
+    def _turns(self, positions: np.ndarray, matrices: np.ndarray, seen: np.ndarray) -> Float[np.ndarray, "*rows n"]:
+        x, y, _ = self._seen(positions, matrices, seen)
         return np.arctan2(y, x)
 
-    def face(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Turn each wheel of a single simulation towards its site; ``mj_kinematics`` has to follow."""
+    def face(self, model: mujoco.MjModel, data: mujoco.MjData, *, anchors: bool = False) -> None:
+        """Turn each wheel of a single simulation towards its site, or its anchor; ``mj_kinematics`` has to follow."""
         mujoco.mj_kinematics(model, data)
-        turns = self.turns(data.xpos, data.xmat, data.site_xpos)
+        turns = self._turns(data.xpos, data.xmat, data.site_xpos[self.anchors if anchors else self.faced])
         if len(self.coordinates):
             data.qpos[self.coordinates] += turns
         else:

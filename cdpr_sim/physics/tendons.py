@@ -115,7 +115,9 @@ def polynomials(
 
 
 def spring(
-    axial_stiffness: Float[np.ndarray, "*#batch"], ropes: Float[np.ndarray, "*#batch"], parts: Int[np.ndarray, "*#batch"]
+    axial_stiffness: Float[np.ndarray, "*#batch"],
+    ropes: Float[np.ndarray, "*#batch"],
+    parts: Int[np.ndarray, "*#batch"],
 ) -> Float[np.ndarray, "*batch"]:
     """``stiffness`` of a tendon for a rope of the unstretched length ``ropes`` [m] in so many parts of line."""
     return parts * parts * axial_stiffness / ropes

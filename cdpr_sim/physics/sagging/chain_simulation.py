@@ -99,7 +99,9 @@ class ChainSimulation:
 
     def _let_out(self) -> None:
         model, cabling, rest, axial_stiffness = self.model, self.robot.cabling, self.rest_lengths, self.axial_stiffness
-        self.chains.let_out(model, self.robot, axial_stiffness, rest, straight(felt_at_exit(cabling, self.chains.cables)))
+        self.chains.let_out(
+            model, self.robot, axial_stiffness, rest, straight(felt_at_exit(cabling, self.chains.cables))
+        )
         model.tendon_lengthspring[self.single, 1] = (rest + self.entries)[self.massless]
         model.tendon_stiffness[self.single] = tendons.springs(cabling, axial_stiffness, rest)[self.massless]
         further = tendons.polynomials(cabling, axial_stiffness, rest)
@@ -131,10 +133,19 @@ class ChainSimulation:
 
     @property
     def lengths(self) -> Float[np.ndarray, " cables"]:
-        """Length of each cable [m]; for a cable with mass, its chord."""
+        """Length of each cable [m]; for a cable with mass, its chord, over a wheel that faces the anchor."""
+        model, data, qpos = self.model, self.data, self.data.qpos.copy()
+        aside = bool(self.chains.over.any())  # the wheels face the first masses
+        if aside:
+            self.swivels.face(model, data, anchors=True)
+            mujoco.mj_fwdPosition(model, data)
         lengths = np.empty(self.robot.cables)
         lengths[self.chains.cables] = self.chords
-        lengths[self.massless] = self.data.ten_length[self.single] - self.entries[self.massless]
+        lengths[self.massless] = data.ten_length[self.single] - self.entries[self.massless]
+        if aside:
+            data.qpos[:] = qpos
+            self.turn_wheels()
+            mujoco.mj_fwdPosition(model, data)
         return lengths
 
     @property
