@@ -516,3 +516,19 @@ def test_robot_files_and_output_name_the_drive_line(tmp_path):
     assert "pulls" in str(document)
     assert any("2 parts of line pull with" in note for note in equilibrium_notes(found))
     assert "pulls" not in str(solution(cdpr.solve(cdpr.load_robot("cogiro"), POSE)))
+
+
+def test_sagging_ropes_are_drawn_as_long_as_they_are_beyond_their_exits():
+    """Their own stretched length, and what the stretch of the rope behind the exit adds to it."""
+    robot = cdpr.load_robot("cogiro").replace(
+        axial_stiffness=SOFT, linear_density=5e-4, winch_to_exit=0.6, reeving=2, mass=4.0
+    )
+    found = cdpr.solve_many(robot, [POSE])
+    shapes = cdpr.cable_profiles(found, 400)[0]
+    lengths = np.linalg.norm(np.diff(shapes, axis=1), axis=2).sum(1)
+    taut = found.tensions[0] > 1.0
+    strain = found.tensions[0] / SOFT  # within the weight of half a metre over 2 EA: 1e-6
+    expected = found.rest_lengths[0] * (1 + strain) + 0.3 * strain
+    assert taut.any()
+    assert lengths[taut] == pytest.approx(expected[taut], abs=1e-5)
+    assert np.abs(lengths - found.rest_lengths[0] * (1 + strain))[taut].min() > 1e-4  # without the rope behind the exit

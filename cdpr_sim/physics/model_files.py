@@ -109,6 +109,8 @@ def _winch_guide(robot: Robot) -> str:
         meaning = "L/l0 - 1, L the length at the written pose: each rest length l0 shorter by 2 %"
     else:
         meaning = "L/l0 - 1, or for a nonlinear cable the length that its drum draws in [m]"
+    if not robot.cabling.direct:
+        meaning += "; with a rope g from winch to exit and n parts of line, g/n is added to L and l0"
     return f"""## winch.xml: the same robot, driven by its winches
 
 ```python
