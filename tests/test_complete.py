@@ -67,6 +67,7 @@ def test_a_torque_leaves_the_list_complete():
     assert proved.complete
     assert all(one.proved for one in proved)
     assert sum((-1) ** one.index for one in proved) == 0
+    assert attack(proved, problem) == 1.0
     for x in np.linspace(0.1, 0.7, 4):
         found = cdpr.solve(problem.robot, (x, 0, 0.2), problem.rest_lengths, external_wrench=problem.external_wrench)
         assert len(proved.missing_from([found])) == len(proved) - 1

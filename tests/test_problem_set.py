@@ -20,6 +20,10 @@ AGAIN = 7
 """Every so many-th problem is proved again."""
 
 
+ALL_AGAIN = 23
+"""Every so many-th problem's whole solution is proved again."""
+
+
 @pytest.fixture(scope="module")
 def problems() -> list[problem_set.SetProblem]:
     return problem_set.read_problems(FOLDER)
@@ -52,6 +56,16 @@ def test_answers_of_the_set_are_proved_again(problems):
         proof = cdpr.certify(found)
         assert proof.proved, (one.name, proof.reasons)
         assert np.abs(proof.position.mean(0) - one.positions[one.index.index(0)]).max() < 1e-12
+
+
+def test_solutions_follow_from_what_the_files_state(problems):
+    """What ``scripts/generate_problems.py`` writes: equilibria, their number and order, and whether they are all."""
+    for one in problems[::ALL_AGAIN]:
+        solved = problem_set.solutions(one)
+        assert solved["complete"] == one.complete, one.name
+        assert tuple(each["unstable_directions"] for each in solved["equilibria"]) == one.index
+        positions = np.array([[float(v) for v in each["position"]] for each in solved["equilibria"]])
+        assert np.abs(positions - one.positions).max() <= 1e-15 * np.abs(one.positions).max()
 
 
 def test_a_solver_that_is_right_has_15_digits_and_one_that_is_off_has_as_many_as_it_has(problems):

@@ -182,8 +182,9 @@ def certify_all(
 ) -> CompleteEquilibria:
     """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
 
-    Planar robots take tens of milliseconds. Spatial ones with four cables take half an hour, and with more cables as
-    long as the time limit: boxes not examined by then are counted as pending, and a store continues the search.
+    Planar robots take tens of milliseconds. Spatial ones with four cables take minutes to hours, and with more
+    cables as long as the time limit: boxes not examined by then are counted as pending, and a store continues the
+    search.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
