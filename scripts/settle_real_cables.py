@@ -14,7 +14,8 @@ from cdpr_sim.studies.gallery import encoded
 from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_TILT
 from cdpr_sim.studies.real_cables import BELOW, real_cables
 from cdpr_sim.studies.real_cables_figures import real_cables as draw
-from studies.real_cable_tables import effects_table, ends_table, left_out
+from studies.paper_ends import ends_table, paper_ends
+from studies.real_cable_tables import effects_table, left_out
 
 POSES = 200  # random commanded poses per robot
 OUTPUT = Path(__file__).parent.parent / "pictures" / "real-cables.png"
@@ -29,8 +30,9 @@ def main() -> None:
         arriving = "from below" if one.axis == BELOW else "from above"
         console.print(f"{one.title}, cables arriving {arriving}: {one.rate:.2f} mm per mm of radius", highlight=False)
     console.print()
-    console.print(ends_table(study.ends))
-    plain, weight, law, *_, wide = study.ends
+    ends = paper_ends()
+    console.print(ends_table(ends))
+    plain, weight, law, *_, wide = ends
     by_weight, by_law = (
         1e3 * np.abs(one.downward_deviations - plain.downward_deviations).max() for one in (weight, law)
     )

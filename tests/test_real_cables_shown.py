@@ -26,6 +26,7 @@ from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.physics.model_files import model_files
 from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.studies import real_cables, real_cables_figures, tilt_condition
+from studies import paper_ends
 from studies import real_cable_tables as tables
 
 UP = (0.0, 0.0, 1.0)
@@ -393,6 +394,12 @@ def study() -> real_cables.RealCables:
     return real_cables.real_cables(12)
 
 
+@pytest.fixture(scope="module")
+def ends() -> tuple[paper_ends.PaperEnd, ...]:
+    """At the ends of the paper's lines."""
+    return paper_ends.paper_ends()
+
+
 def test_pulleys_unknown_to_the_winches_cost_more_than_half_a_millimetre_per_millimetre(study):
     """The headline, on both of DemoBot's layouts and on both methods; elasticity costs the level layout far less."""
     for one in study.growths[:2]:
@@ -404,9 +411,8 @@ def test_pulleys_unknown_to_the_winches_cost_more_than_half_a_millimetre_per_mil
     assert by_name[crossed, real_cables.UNAWARE] > 20 * by_name[crossed, real_cables.ELASTICITY]
 
 
-def test_nothing_explains_the_papers_15_mm(study):
+def test_nothing_explains_the_papers_15_mm(ends):
     """Weight and law leave the sag; pulleys from below lift; from above they sag unequally and lower the other."""
-    ends = list(study.ends)
     plain, weight, law, below, above, wide = ends
     solved = cdpr.solve(cdpr.load_robot("parallel"), (0.17, 0.25, 0.1))
     assert plain.downward_deviations[0] == pytest.approx(-solved.deviation[2], abs=1e-7)
@@ -435,11 +441,11 @@ def test_the_figure_shows_the_studys_numbers(study):
     )
 
 
-def test_the_tables_fit_a_terminal(study):
+def test_the_tables_fit_a_terminal(study, ends):
     """80 columns, nothing cut off, every property named."""
     from rich.console import Console
 
-    for table in (tables.effects_table(study.effects), tables.ends_table(study.ends)):
+    for table in (tables.effects_table(study.effects), paper_ends.ends_table(ends)):
         text = io.StringIO()
         Console(width=80, file=text).print(table)
         assert "…" not in text.getvalue()

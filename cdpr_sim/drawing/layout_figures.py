@@ -187,7 +187,6 @@ def draw_front(
     caption: str,
     given: tuple[float, float] | None = None,
     confirmed: Float[np.ndarray, "layouts 2"] | None = None,
-    logarithmic: bool = False,
 ) -> Figure:
     """Pareto front of two objectives.
 
@@ -198,7 +197,6 @@ def draw_front(
         caption: below.
         given: objectives of the given robot.
         confirmed: objectives by MuJoCo, hollow points.
-        logarithmic: whether the second axis is logarithmic.
     """
     figure = canvas(7.2, 4.4, title, caption)
     ax = figure.add_subplot()
@@ -210,10 +208,7 @@ def draw_front(
     if given is not None:
         ax.plot(*given, "D", ms=7, color=style.INK, label="as given")
     ax.set(xlabel=axes[0], ylabel=axes[1])
-    if logarithmic:
-        ax.set_yscale("log")
-    else:
-        ax.set_ylim(bottom=0)
+    ax.set_ylim(bottom=0)
     ax.grid(visible=True)
     ax.legend()
     return figure

@@ -47,7 +47,7 @@ def equilibria_by_statics(robot: Robot, commanded: ArrayLike) -> EquilibriumBatc
     Raises:
         NotConverged: some row has no equilibrium.
     """
-    return _all_solved(solve_many(robot, commanded))
+    return all_solved(solve_many(robot, commanded))
 
 
 def equilibria_by_mujoco(robot: Robot, commanded: ArrayLike) -> EquilibriumBatch:
@@ -56,7 +56,7 @@ def equilibria_by_mujoco(robot: Robot, commanded: ArrayLike) -> EquilibriumBatch
     Raises:
         NotSettled: some row did not settle.
     """
-    return _all_solved(settle_many(robot, commanded))
+    return all_solved(settle_many(robot, commanded))
 
 
 def homes(
@@ -92,7 +92,12 @@ def zones(equilibria: EquilibriumBatch) -> tuple[tuple[float, float, int], ...]:
     return tuple((float(x[a]), float(x[b]), int(slack[a])) for a, b in zip(starts, ends, strict=True))
 
 
-def _all_solved(equilibria: EquilibriumBatch) -> EquilibriumBatch:
+def all_solved(equilibria: EquilibriumBatch) -> EquilibriumBatch:
+    """The same equilibria.
+
+    Raises:
+        NotConverged, NotSettled: some row has no equilibrium.
+    """
     for row in np.flatnonzero(~equilibria.converged):
         equilibria[int(row)]  # raises, with the reason
     return equilibria

@@ -17,6 +17,7 @@ from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.newton import solve_many
+from cdpr_sim.studies.lines import all_solved
 
 FORCE, TORQUE = 100.0, 2.0
 """[N], [N m] External force and torque."""
@@ -238,9 +239,7 @@ def _both(
     methods = []
     for method, some in ((solve_many, lengths), (settle_many, lengths[::every])):
         equilibria = method(robot, np.repeat(robot.home[None], len(some), axis=0), some, external_wrench=wrench)
-        for row in np.flatnonzero(~equilibria.converged)[:1]:
-            equilibria[int(row)]  # raises
-        methods.append(equilibria)
+        methods.append(all_solved(equilibria))
     return methods[0], methods[1]
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from cdpr_sim.analysis.cable_profiles import cable_profiles
 from cdpr_sim.core import cable_path
@@ -18,7 +16,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics.newton import solve_many
-from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_HEIGHTS, PAPER_LINE
+from cdpr_sim.studies.lines import all_solved
 
 BELOW, ABOVE = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 """Direction in which a cable arrives at its pulley: up a mast from a winch below, or down from a winch above."""
@@ -181,7 +179,7 @@ def growth(
     def shifts(method, radius: float) -> np.ndarray:
         robot = case.robot.replace(pulley_radius=radius, pulley_axis=axis)
         unaware = method(robot, commanded, point_exit_lengths(robot, commanded))
-        return np.linalg.norm(_all_solved(unaware).positions - _all_solved(method(robot, commanded)).positions, axis=-1)
+        return np.linalg.norm(all_solved(unaware).positions - all_solved(method(robot, commanded)).positions, axis=-1)
 
     return Growth(
         title=case.title,
@@ -191,59 +189,6 @@ def growth(
         settled_radii=sizes[::every],
         settled=np.array([shifts(settle_many, radius) for radius in sizes[::every]]),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class PaperEnd:
-    """Effect of a property of the cables at the ends of the paper's lines, in MuJoCo.
-
-    Attributes:
-        what: the property.
-        downward_deviations: in -z, of the parallel layout, per height, (heights,) [m].
-        tilts: of the parallel layout, (heights,) [rad].
-        crossed_deviations: in z, of the crossed layout, which followed its line in the paper, (heights,) [m].
-    """
-
-    what: str
-    downward_deviations: Float[np.ndarray, " heights"]
-    tilts: Float[np.ndarray, " heights"]
-    crossed_deviations: Float[np.ndarray, " heights"]
-
-
-def paper_ends(heights: Sequence[float] = PAPER_HEIGHTS) -> tuple[PaperEnd, ...]:
-    """Whether a property of the cables explains the paper's 15 mm, with rest lengths for point exits as in the paper.
-
-    Raises:
-        NotConverged: the static solver found no equilibrium at some pose.
-        NotSettled: MuJoCo did not settle at some pose.
-    """
-    enough = radius_for_deviation(PAPER_DEVIATION, heights[0])
-    known = {
-        "plain cables": {},
-        f"mass, {1e3 * DEMOBOT_DENSITY:g} g/m": {"linear_density": DEMOBOT_DENSITY},
-        f"nonlinear, a2 = {STIFFENING[0]:g}": {"stiffening": STIFFENING},
-        f"pulleys of {1e3 * DEMOBOT_RADIUS:g} mm": {"pulley_radius": DEMOBOT_RADIUS, "pulley_axis": BELOW},
-        "the same, from above": {"pulley_radius": DEMOBOT_RADIUS, "pulley_axis": ABOVE},
-        f"pulleys of {1e3 * enough:.0f} mm, from above": {"pulley_radius": enough, "pulley_axis": ABOVE},
-    }
-    results = []
-    for what, changes in known.items():
-        ends = {
-            name: _end(load_robot(name).replace(**changes), heights, settle_many) for name in ("parallel", "cogiro")
-        }
-        parallel, crossed = ends["parallel"], ends["cogiro"]
-        results.append(PaperEnd(what, -parallel.deviation[:, 2], parallel.tilt, crossed.deviation[:, 2]))
-    return tuple(results)
-
-
-def radius_for_deviation(deviation: float, height: float) -> float:
-    """Radius [m] of pulleys, with cables from above, for this ``deviation`` in -z of the parallel layout."""
-
-    def missing(radius: float) -> float:
-        robot = load_robot("parallel").replace(pulley_radius=radius, pulley_axis=ABOVE)
-        return float(-_end(robot, (height,), solve_many).deviation[0, 2]) - deviation
-
-    return float(brentq(missing, 0.0, 0.09, xtol=1e-5))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,18 +213,16 @@ class RealCables:
         growths: position error over the pulleys' radius.
         over_pulleys: DemoBot with pulleys unknown to its winches.
         with_mass: the crane, with cables with mass.
-        ends: of the paper's lines.
     """
 
     effects: tuple[CableEffect, ...]
     growths: tuple[Growth, ...]
     over_pulleys: CableExample
     with_mass: CableExample
-    ends: tuple[PaperEnd, ...]
 
 
 def real_cables(poses: int = POSES) -> RealCables:
-    """Compute the data of the figure and the tables.
+    """Compute the data of the figure.
 
     Raises:
         NotConverged: the static solver found no equilibrium at some pose.
@@ -299,14 +242,7 @@ def real_cables(poses: int = POSES) -> RealCables:
         ),
         over_pulleys=_example(over, aside, point_exit_lengths(over, aside)),
         with_mass=_example(large.robot.replace(linear_density=large.density), corner),
-        ends=paper_ends(),
     )
-
-
-def _end(robot: Robot, heights: Sequence[float], method) -> EquilibriumBatch:
-    """Equilibria at the left end of the paper's line, per height, with rest lengths for point exits."""
-    commanded = np.array([[PAPER_LINE[0], robot.home[1], height] for height in heights])
-    return _all_solved(method(robot, commanded, point_exit_lengths(robot, commanded)))
 
 
 def _both(
@@ -314,13 +250,7 @@ def _both(
 ) -> tuple[EquilibriumBatch, EquilibriumBatch]:
     """Equilibria by MuJoCo and by statics."""
     problems = Problems.of(robot, commanded, rest_lengths)
-    return settle_many(problems), _all_solved(solve_many(problems))
-
-
-def _all_solved(equilibria: EquilibriumBatch) -> EquilibriumBatch:
-    for row in np.flatnonzero(~equilibria.converged):
-        equilibria[int(row)]  # raises, with the reason
-    return equilibria
+    return settle_many(problems), all_solved(solve_many(problems))
 
 
 def _effect(
@@ -341,5 +271,5 @@ def _effect(
 
 
 def _example(robot: Robot, commanded: np.ndarray, rest_lengths: np.ndarray | None = None) -> CableExample:
-    equilibria = _all_solved(settle_many(robot, commanded, rest_lengths))
+    equilibria = all_solved(settle_many(robot, commanded, rest_lengths))
     return CableExample(equilibria, cable_profiles(equilibria)[0])

@@ -27,6 +27,7 @@ from cdpr_sim.crosscheck.compare import Agreement, compare
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.statics.newton import solve_many, solve_trajectory
+from cdpr_sim.studies.lines import equilibria_by_mujoco
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -160,9 +161,7 @@ def settled_along(robot: Robot, waypoints: Float[np.ndarray, "states 3"], second
     Raises:
         NotSettled: MuJoCo did not settle at some waypoint.
     """
-    equilibria = settle_many(robot, waypoints)
-    for row in np.flatnonzero(~equilibria.converged):
-        equilibria[int(row)]  # raises, with the reason
+    equilibria = equilibria_by_mujoco(robot, waypoints)
     return Trajectory.through(equilibria, np.linspace(0.0, seconds, len(waypoints)))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from cdpr_sim.report.table_style import new_table
-from cdpr_sim.studies.real_cables import CableEffect, PaperEnd
+from cdpr_sim.studies.real_cables import CableEffect
 
 
 def effects_table(effects: Sequence[CableEffect]) -> Table:
@@ -43,16 +43,3 @@ def left_out(effects: Sequence[CableEffect]) -> str:
     """Number of poses at which MuJoCo's platform did not settle; empty if none."""
     missing = [f"{one.unsettled} ({one.robot}, {one.what})" for one in effects if one.unsettled]
     return f"Poses left out because MuJoCo's platform did not settle: {', '.join(missing)}." if missing else ""
-
-
-def ends_table(ends: Sequence[PaperEnd]) -> Table:
-    """A row for each property: deviation in z and tilt of the parallel layout, deviation in z of the crossed layout."""
-    table = new_table(
-        "At the ends of the paper's lines, with rest lengths for point exits, in MuJoCo",
-        "", "parallel\n-z mm\n0.1 m", "\n\n0.2 m", "\ntilt °\n0.1 m", "\n\n0.2 m", "crossed\nz mm\n0.1 m",
-        "\n\n0.2 m", dense=True,
-    )  # fmt: skip
-    for end in ends:
-        numbers = [*1e3 * end.downward_deviations, *np.degrees(end.tilts), *1e3 * end.crossed_deviations]
-        table.add_row(end.what, *(f"{value:.2f}" for value in numbers))
-    return table
