@@ -23,7 +23,7 @@ def __getattr__(name: str) -> object:
     return _attribute(name)
 
 
-def _in_html(result: object) -> str:
+def _in_html(result: _Introduced) -> str:
     """Display of a result in a notebook; the tables are imported at the first call."""
     from cdpr_sim.report.notebook import html_of
 

@@ -475,6 +475,14 @@ def test_drive_lines_that_cannot_be_are_refused(change, sentence):
         cdpr.load_robot("cogiro").replace(**change)
 
 
+def test_parts_of_line_share_an_implausible_weight(recwarn):
+    """A weight that stretches one part by 8 % stretches four by 2 %: only the first is doubted."""
+    mass = 0.08 * 8 * 1e3 / 9.81
+    fields = cdpr.load_robot("cogiro")._given | {"axial_stiffness": 1e3, "mass": mass, "inertia": None}
+    assert any("stretch by" in sentence for sentence in cdpr.Robot(**fields).warnings)
+    assert not any("stretch by" in sentence for sentence in cdpr.Robot(**fields | {"reeving": 4}).warnings)
+
+
 WITH_MASS = {
     "mass": dict(),
     "mass, pulleys": dict(pulley_radius=0.1),
