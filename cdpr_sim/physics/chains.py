@@ -499,6 +499,8 @@ class Chains:
                 "ns,nsi,nsj->nij", give - turning[..., 0], along, along
             )
             slope += swivelling[..., None] * sideways[:, :, None] * sideways[:, None]
+            if not (np.linalg.det(slope) > 0).all():  # a chain whose first segment would not reach beyond its wheel
+                break
             step = np.linalg.solve(slope, off[..., None])[..., 0]
             for _ in range(SHORTER):
                 here = laid(pulls + step)

@@ -52,7 +52,11 @@ MEMORY_COPIES = 2
 COMPRESSION = 3
 """Largest compression of a store: numbers with noise in their last digits do not get smaller than a third."""
 
-STATUSES = {int(status): status.name.lower() for status in Status if status not in (Status.DIVERGED, Status.MOVING)}
+STATUSES = {
+    int(status): status.name.lower()
+    for status in Status
+    if status not in (Status.DIVERGED, Status.MOVING, Status.TOO_SHORT)
+}
 """Values of ``status``, as its CF flags."""
 
 
