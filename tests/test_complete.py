@@ -185,6 +185,32 @@ def test_each_chart_has_the_coordinates_of_its_poses(name):
         assert found == pytest.approx([*robot.home, *v], abs=1e-12)
 
 
+def test_spatial_equilibria_are_proved_from_boxes_about_them_in_every_chart():
+    """Four cables: upright, turned over, and on edges; in two charts at once they count as one."""
+    cogiro = cdpr.load_robot("cogiro")
+    (low, high), top = (cogiro.exits.min(0), cogiro.exits.max(0)), cogiro.exits[:, 2].max()
+    exits = [[x, y, top] for x in (low[0], high[0]) for y in (low[1], high[1])]
+    anchors = [[x, y, 0.018] for x in (-0.0515, 0.0515) for y in (-0.03, 0.03)]
+    problem = cdpr.Problem.of(cdpr.Robot(exits, anchors, 1e4, 0.4), (0.3, 0.2, 0.15))
+    proofs = [cdpr.certify(one) for one in cdpr.find_equilibria(problem, saddles=True, starts=300)]
+    search = complete._Search(problem, None)
+    search.waiting, charts = [], set()
+    for one in proofs:
+        for chart, signs in enumerate(complete.CHARTS["spatial"]):
+            at = chart_coordinates(one, chart, np.array(signs))
+            if at is not None:
+                charts.add(chart)
+                box = np.stack([at - 1e-5, at + 1.1e-5], 1)
+                search.waiting.append((chart, box[None], np.tile([0.0, 1e300], (1, 4, 1))))
+    assert charts == {0, 1, 2, 3}
+    search.run(np.inf, 1, False)
+    with arithmetic():
+        certificates, undecided = complete._proved(problem, search)
+    assert undecided == ()
+    assert len(certificates) == len(proofs)
+    assert all(one.proved for one in certificates)
+
+
 def test_near_a_fold_both_equilibria_are_listed_and_proved():
     """A pair 2e-5 m apart, 1e-4 m from where it vanishes: by the proof and by ``find_equilibria`` alike."""
     robot = planar("planar-horizontal", axial_stiffness=1e3)
