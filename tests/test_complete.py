@@ -12,10 +12,14 @@ from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.errors import StoreError
+from cdpr_sim.core.pose import Pose
 from cdpr_sim.proof import complete
 from cdpr_sim.proof import search_kernel as kernel
+from cdpr_sim.proof.balance import Balance
+from cdpr_sim.proof.balls import arithmetic, middle
+from cdpr_sim.proof.certificate import Enclosure
 
-pytest.importorskip("flint")
+flint = pytest.importorskip("flint")
 
 BOXES_EACH = 300
 """Random boxes thrown about each proved equilibrium."""
@@ -159,6 +163,52 @@ def test_a_spatial_box_with_an_equilibrium_survives():
     listed = complete.CompleteEquilibria(problem, tuple(one for one in proved if one.proved), (), 0, 0, 0.0)
     assert len(listed)
     assert attack(listed, problem) == 1.0
+
+
+@pytest.mark.parametrize("name", ["cogiro", "planar-vertical"])
+def test_each_chart_has_the_coordinates_of_its_poses(name):
+    """The way from v to a rotation and back, in every chart: which box an equilibrium lies in depends on it."""
+    robot, random = cdpr.load_robot(name), np.random.default_rng(4)
+    problem = cdpr.Problem.of(robot, robot.home)
+    for chart, signs in enumerate(complete.CHARTS[robot.mobility]):
+        v = random.uniform(-1, 1, 3) * (np.isin([3, 4, 5], complete.FREE[robot.mobility]))
+        pose = Pose(robot.home, Rotation.from_quat([*v, 1.0]).as_matrix() * np.array(signs))
+        with arithmetic():
+            balance = Balance(problem, pose)
+            around = [x + flint.arb(0, 1e-6) for x in balance.start]
+            at = Enclosure(around, balance.start, balance.at(balance.start), 1e-6)
+            member = complete._Member(balance, at, chart, None)
+            found = [middle(x) for x in complete._in_chart(member, chart, robot.mobility == "planar")]
+            here = np.array([*robot.home, *v])
+            assert complete._in_balls(member, chart, np.stack([here - 1e-9, here + 1e-9], 1))
+            assert not complete._in_balls(member, chart, np.stack([here + 1e-4, here + 2e-4], 1))
+        assert found == pytest.approx([*robot.home, *v], abs=1e-12)
+
+
+def test_spatial_equilibria_are_proved_from_boxes_about_them_in_every_chart():
+    """Four cables: upright, turned over, and on edges; in two charts at once they count as one."""
+    cogiro = cdpr.load_robot("cogiro")
+    (low, high), top = (cogiro.exits.min(0), cogiro.exits.max(0)), cogiro.exits[:, 2].max()
+    exits = [[x, y, top] for x in (low[0], high[0]) for y in (low[1], high[1])]
+    anchors = [[x, y, 0.018] for x in (-0.0515, 0.0515) for y in (-0.03, 0.03)]
+    problem = cdpr.Problem.of(cdpr.Robot(exits, anchors, 1e4, 0.4), (0.3, 0.2, 0.15))
+    proofs = [cdpr.certify(one) for one in cdpr.find_equilibria(problem, saddles=True, starts=300)]
+    search = complete._Search(problem, None)
+    search.waiting, charts = [], set()
+    for one in proofs:
+        for chart, signs in enumerate(complete.CHARTS["spatial"]):
+            at = chart_coordinates(one, chart, np.array(signs))
+            if at is not None:
+                charts.add(chart)
+                box = np.stack([at - 1e-5, at + 1.1e-5], 1)
+                search.waiting.append((chart, box[None], np.tile([0.0, 1e300], (1, 4, 1))))
+    assert charts == {0, 1, 2, 3}
+    search.run(np.inf, 1, False)
+    with arithmetic():
+        certificates, undecided = complete._proved(problem, search)
+    assert undecided == ()
+    assert len(certificates) == len(proofs)
+    assert all(one.proved for one in certificates)
 
 
 def test_near_a_fold_both_equilibria_are_listed_and_proved():

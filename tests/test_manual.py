@@ -10,7 +10,6 @@ import tomllib
 from pathlib import Path
 from types import ModuleType
 from typing import get_type_hints
-from unittest import mock
 
 import pytest
 from typer.testing import CliRunner
@@ -45,8 +44,9 @@ DATA = {"", "text", "csv", "toml", "yaml"}
 
 def said(command: str) -> str:
     """What a command of ``cdpr-sim`` prints; of ``settle``, without the extra ``proof``, as README installs it."""
-    plain = {"flint": None} if "settle" in command and "--certify" not in command else {}
-    with mock.patch.dict(sys.modules, plain):
+    with pytest.MonkeyPatch.context() as patch:
+        if command.startswith("cdpr-sim settle") and "--certify" not in command:
+            patch.setitem(sys.modules, "flint", None)
         result = CliRunner().invoke(app, shlex.split(command)[1:], env={"COLUMNS": "100"})
     assert result.exit_code == 0, f"{command}: {result.stderr or result.exception!r}"
     return result.stdout

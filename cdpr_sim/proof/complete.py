@@ -523,9 +523,9 @@ def _in_chart(member: _Member, chart: int, planar: bool) -> list[Ball]:
     """The enclosure's (x, y, z, v) in a chart: R(v) is the rotation, after the chart's half turn is undone."""
     w, x, y, z = _quaternion(member.balance, member.enclosure.image)
     if planar:
-        w, x, y, z = ((w, x, y, z), (y, -z, -w, x))[chart]
+        w, x, y, z = ((w, x, y, z), (y, z, -w, -x))[chart]
     else:
-        w, x, y, z = ((w, x, y, z), (x, -w, z, -y), (y, -z, -w, x), (z, y, -x, -w))[chart]
+        w, x, y, z = ((w, x, y, z), (x, -w, -z, y), (y, z, -w, -x), (z, -y, x, -w))[chart]
     return [*member.balance.position(member.enclosure.image), x / w, y / w, z / w]
 
 
