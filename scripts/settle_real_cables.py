@@ -1,6 +1,6 @@
-"""Effect of pulleys, cable mass and nonlinear elasticity on DemoBot and on a large crane, settled in MuJoCo.
+"""Effect of pulleys, cable mass, nonlinear elasticity and drive lines on DemoBot and a large crane, settled in MuJoCo.
 
-Run: python scripts/settle_real_cables.py. It prints two tables with conclusions and draws
+Run: python scripts/settle_real_cables.py. It prints three tables with conclusions and draws
 pictures/real-cables.png.
 """
 
@@ -12,8 +12,9 @@ from rich.console import Console
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.studies.gallery import encoded
 from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_TILT
-from cdpr_sim.studies.real_cables import BELOW, real_cables
+from cdpr_sim.studies.real_cables import BELOW, cases, real_cables
 from cdpr_sim.studies.real_cables_figures import real_cables as draw
+from studies.crane_as_built import together
 from studies.paper_ends import ends_table, paper_ends
 from studies.real_cable_tables import effects_table, left_out
 
@@ -23,9 +24,10 @@ OUTPUT = Path(__file__).parent.parent / "pictures" / "real-cables.png"
 
 def main() -> None:
     console, study = Console(), real_cables(POSES)
-    console.print(effects_table(study.effects))
-    if left_out(study.effects):
-        console.print(left_out(study.effects), highlight=False)
+    for effects in (study.effects, together(cases()[-1], POSES)):
+        console.print(effects_table(effects))
+        if left_out(effects):
+            console.print(left_out(effects), highlight=False)
     for one in study.growths:
         arriving = "from below" if one.axis == BELOW else "from above"
         console.print(f"{one.title}, cables arriving {arriving}: {one.rate:.2f} mm per mm of radius", highlight=False)

@@ -26,7 +26,7 @@ from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.physics.model_files import model_files
 from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.studies import real_cables, real_cables_figures, tilt_condition
-from studies import paper_ends
+from studies import crane_as_built, paper_ends
 from studies import real_cable_tables as tables
 
 UP = (0.0, 0.0, 1.0)
@@ -370,6 +370,7 @@ def test_effects_are_differences_of_single_solves(number):
     effects = {effect.what: effect for effect in real_cables.effects(case, 2)}
     over = case.robot.replace(pulley_radius=case.radius, pulley_axis=UP)
     heavy = case.robot.replace(linear_density=case.density)
+    driven = case.robot.replace(winch_to_exit=case.behind)
     told = real_cables.point_exit_lengths(over, commanded)
     for row, pose in enumerate(commanded):
         plain, aware = cdpr.solve(case.robot, pose), cdpr.solve(over, pose)
@@ -378,6 +379,7 @@ def test_effects_are_differences_of_single_solves(number):
             real_cables.UNAWARE: (unaware, aware),
             real_cables.AWARE: (aware, plain),
             real_cables.MASS: (weighing, plain),
+            real_cables.BEHIND: (cdpr.solve(driven, pose), plain),
         }
         for what, (one, other) in pairs.items():
             found = effects[what]
@@ -386,6 +388,31 @@ def test_effects_are_differences_of_single_solves(number):
             assert found.shifts[row] == pytest.approx(np.linalg.norm(one.position - other.position), abs=2e-7)
             assert found.turns[row] == pytest.approx(abs(one.tilt - other.tilt), abs=1e-5)
         assert effects[real_cables.ELASTICITY].shifts[row] == pytest.approx(np.linalg.norm(plain.deviation), abs=2e-7)
+
+
+def test_the_crane_as_it_is_is_all_properties_at_once():
+    """Displaced from the plain crane by all, and from the whole by what is left out: against single solves."""
+    case = real_cables.cases()[2]
+    (pose,) = case.commanded(1)
+    given = dict(
+        pulley_radius=case.radius, pulley_axis=UP, linear_density=case.density, winch_to_exit=case.behind,
+        stiffening=real_cables.STIFFENING,
+    )  # fmt: skip
+    none = dict(pulley_radius=0.0, linear_density=0.0, winch_to_exit=0.0, stiffening=(0.0, 0.0))
+    whole = cdpr.solve(case.robot.replace(**given), pose)
+    found = {effect.what: effect for effect in crane_as_built.together(case, 1)}
+    assert all(one.unsettled == 0 and one.method_difference < 1e-9 for one in found.values())
+    others = {crane_as_built.TOGETHER: case.robot}
+    for name, what in (
+        ("pulley_radius", real_cables.AWARE), ("linear_density", real_cables.MASS),
+        ("winch_to_exit", real_cables.BEHIND), ("stiffening", real_cables.NONLINEAR),
+    ):  # fmt: skip
+        others[f"without {what}"] = case.robot.replace(**given | {name: none[name]})
+    assert found.keys() == others.keys()
+    for what, robot in others.items():
+        shift = np.linalg.norm(cdpr.solve(robot, pose).position - whole.position)
+        assert found[what].shifts[0] == pytest.approx(shift, abs=1e-9)
+        assert shift > 1e-5
 
 
 @pytest.fixture(scope="module")

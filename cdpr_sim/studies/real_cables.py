@@ -1,4 +1,4 @@
-"""Effects of real cables on a platform, by both methods: pulleys, cable mass and nonlinear elasticity, separately."""
+"""Effects of real cables on a platform, by both methods: each of pulleys, mass, nonlinear elasticity, drive line."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ BELOW, ABOVE = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 POSES, SEED = 200, 1
 """Random level poses of the workspace, per robot."""
 
-DEMOBOT_RADIUS, DEMOBOT_DENSITY = 0.01, 0.0005
-"""[m], [kg/m] Assumed, as the paper gives neither: a small ball-bearing wheel; Vectran of 0.7 mm, 1.4 g/cm³."""
+DEMOBOT_RADIUS, DEMOBOT_DENSITY, DEMOBOT_BEHIND = 0.01, 0.0005, 0.5
+"""[m], [kg/m], [m] Assumed, as the paper gives none: a small ball-bearing wheel; Vectran of 0.7 mm, 1.4 g/cm³; winches
+at the floor."""
 
-CRANE_RADIUS, CRANE_DENSITY, CRANE_STIFFNESS = 0.1, 0.064, 1e6
-"""[m], [kg/m], [N] Assumed: wheels of 25 times the rope's diameter; steel rope of 4 mm, about 0.06 kg/m in
-manufacturers' tables, and 80 GPa over the full cross-section."""
+CRANE_RADIUS, CRANE_DENSITY, CRANE_BEHIND, CRANE_STIFFNESS = 0.1, 0.064, 6.0, 1e6
+"""[m], [kg/m], [m], [N] Assumed: wheels of 25 times the rope's diameter; steel rope of 4 mm, about 0.06 kg/m in
+manufacturers' tables, and 80 GPa over the full cross-section; winches at the floor."""
 
 STIFFENING = (50.0, 0.0)
 """(a2, a3), assumed: the stiffness doubles at 1 % strain, as for new ropes; used ropes stiffen less."""
@@ -49,12 +50,24 @@ class Case:
         robot: with plain cables.
         radius: of its pulleys [m].
         density: of its cables [kg/m].
+        behind: length of rope between winch and exit [m].
     """
 
     title: str
     robot: Robot
     radius: float
     density: float
+    behind: float
+
+    @property
+    def properties(self) -> dict[str, dict[str, ArrayLike]]:
+        """The changes of the plain robot that each property is."""
+        return {
+            AWARE: {"pulley_radius": self.radius, "pulley_axis": BELOW},
+            MASS: {"linear_density": self.density},
+            NONLINEAR: {"stiffening": STIFFENING},
+            BEHIND: {"winch_to_exit": self.behind},
+        }
 
     def commanded(self, poses: int = POSES) -> Float[np.ndarray, "poses 3"]:
         """Random level positions of its workspace [m]."""
@@ -63,11 +76,11 @@ class Case:
 
 def cases() -> tuple[Case, ...]:
     """DemoBot's two layouts, and the crane."""
-    demobot = DEMOBOT_RADIUS, DEMOBOT_DENSITY
+    demobot = DEMOBOT_RADIUS, DEMOBOT_DENSITY, DEMOBOT_BEHIND
     return (
         Case("DemoBot, crossed (cogiro)", load_robot("cogiro"), *demobot),
         Case("DemoBot, parallel", load_robot("parallel"), *demobot),
-        Case("crane of 15 m", crane(), CRANE_RADIUS, CRANE_DENSITY),
+        Case("crane of 15 m", crane(), CRANE_RADIUS, CRANE_DENSITY, CRANE_BEHIND),
     )
 
 
@@ -109,7 +122,7 @@ class CableEffect:
 
 UNAWARE, UNAWARE_ABOVE = "pulleys unknown to the winches", "the same, cables from above"
 ELASTICITY, AWARE = "elasticity", "pulleys known to the winches"
-MASS, NONLINEAR = "mass of the cables", "nonlinear elasticity"
+MASS, NONLINEAR, BEHIND = "mass of the cables", "nonlinear elasticity", "rope behind the exits"
 
 
 def effects(case: Case, poses: int = POSES) -> tuple[CableEffect, ...]:
@@ -119,22 +132,19 @@ def effects(case: Case, poses: int = POSES) -> tuple[CableEffect, ...]:
         NotConverged: the static solver found no equilibrium at some pose.
     """
     robot, commanded = case.robot, case.commanded(poses)
-    over = robot.replace(pulley_radius=case.radius, pulley_axis=BELOW)
     from_above = robot.replace(pulley_radius=case.radius, pulley_axis=ABOVE)
-    plain, aware, aware_above = (_both(one, commanded) for one in (robot, over, from_above))
-    unaware = _both(over, commanded, point_exit_lengths(over, commanded))
-    unaware_above = _both(from_above, commanded, point_exit_lengths(from_above, commanded))
-    weight = _both(robot.replace(linear_density=case.density), commanded)
-    law = _both(robot.replace(stiffening=STIFFENING), commanded)
+    plain, aware_above = (both(one, commanded) for one in (robot, from_above))
+    changed = {what: both(robot.replace(**changes), commanded) for what, changes in case.properties.items()}
+    over = robot.replace(**case.properties[AWARE])
+    unaware = both(over, commanded, point_exit_lengths(over, commanded))
+    unaware_above = both(from_above, commanded, point_exit_lengths(from_above, commanded))
     pairs = {
-        UNAWARE: (unaware, aware),
+        UNAWARE: (unaware, changed[AWARE]),
         UNAWARE_ABOVE: (unaware_above, aware_above),
         ELASTICITY: (plain, None),
-        AWARE: (aware, plain),
-        MASS: (weight, plain),
-        NONLINEAR: (law, plain),
+        **{what: (one, plain) for what, one in changed.items()},
     }
-    return tuple(_effect(case.title, what, *pair) for what, pair in pairs.items())
+    return tuple(effect_of(case.title, what, *pair) for what, pair in pairs.items())
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +255,7 @@ def real_cables(poses: int = POSES) -> RealCables:
     )
 
 
-def _both(
+def both(
     robot: Robot, commanded: np.ndarray, rest_lengths: np.ndarray | None = None
 ) -> tuple[EquilibriumBatch, EquilibriumBatch]:
     """Equilibria by MuJoCo and by statics."""
@@ -253,12 +263,13 @@ def _both(
     return settle_many(problems), all_solved(solve_many(problems))
 
 
-def _effect(
+def effect_of(
     title: str,
     what: str,
     changed: tuple[EquilibriumBatch, EquilibriumBatch],
     reference: tuple[EquilibriumBatch, EquilibriumBatch] | None,
 ) -> CableEffect:
+    """Displacement from ``reference``, or from the commanded poses, by equilibria of ``both`` methods."""
     pairs = [changed] if reference is None else [changed, reference]
     rows = np.all([settled.converged for settled, _ in pairs], axis=0)
     difference = max(float(np.linalg.norm(a.positions - b.positions, axis=-1)[rows].max()) for a, b in pairs)

@@ -16,6 +16,7 @@ from cdpr_sim.drawing.axes import canvas, points, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 from cdpr_sim.studies.real_cables import (
     AWARE,
+    BEHIND,
     BELOW,
     ELASTICITY,
     MASS,
@@ -38,13 +39,14 @@ ROWS = {
     AWARE: "pulleys known\nto the winches",
     MASS: "mass of the cables",
     NONLINEAR: "nonlinear elasticity",
+    BEHIND: "rope behind\nthe exits",
 }
 """Labels of the rows."""
 
 
 @styled
 def real_cables(study: RealCables) -> Figure:
-    """Pulleys, cable mass and nonlinear elasticity: examples, and the displacement of the platform by each."""
+    """Real cables: examples, and the displacement of the platform by each of their properties."""
     rates = [one.rate for one in study.growths if one.axis == BELOW][:2]
     figure = canvas(
         12,
@@ -52,8 +54,9 @@ def real_cables(study: RealCables) -> Figure:
         f"Pulleys unknown to the winches cause an error of about {np.mean(rates):.1f} mm per mm of radius; cable mass "
         "and nonlinear elasticity have little effect",
         "Settled in MuJoCo; statics differs by less than "
-        f"{_power(max(effect.method_difference for effect in study.effects))} m. DemoBot: 10 mm pulleys, 0.5 g/m; "
-        "crane (geometry and 91 kg of CoGiRo, by CASPR): 100 mm pulleys, 4 mm steel rope, 64 g/m, EA = 1 MN; "
+        f"{_power(max(effect.method_difference for effect in study.effects))} m. DemoBot: 10 mm pulleys, 0.5 g/m, "
+        "0.5 m behind the exits; "
+        "crane (geometry and 91 kg of CoGiRo, by CASPR): 100 mm pulleys, 4 mm steel rope, 64 g/m, EA = 1 MN, 6 m; "
         "EA doubles at 1 % strain: all these are assumed. Cables arrive from below, up masts, unless stated "
         f"otherwise. {len(study.effects[0].shifts)} random commanded poses per robot; homed at the middle."
         f"{_left_out(study.effects)}",
