@@ -99,8 +99,8 @@ def test_a_wheel_that_is_larger_in_mujoco_alone_shows():
 def test_random_robots_of_all_kinds_settle_where_they_are_solved(seed):
     """Each cable with or without wheel, mass and law: the methods agree, or find two equilibria that both confirm.
 
-    Of 120 tried when this was written, 3 do not settle, and in 3 a deeply slack chain differs by more than ``compare``
-    tolerates.
+    Of the seeds 0 to 59, 55 agree and 1 finds another equilibrium; 2 do not settle, and in 2 a deeply slack chain differs
+    by more than ``compare`` tolerates.
     """
     robot, position, rest, wrench = random_robot(seed)
     rigid = robot.rest_lengths(position)
