@@ -178,7 +178,7 @@ def _quadratures() -> tuple[Float[np.ndarray, "2 points"], Float[np.ndarray, "2 
     """Both rules; rounded, since the last digits differ between versions of NumPy."""
     points, weights = np.polynomial.legendre.leggauss(SEGMENTS)
     last = np.eye(SEGMENTS + 1)[SEGMENTS - 1]  # coefficients of the Legendre polynomial of one degree less
-    radau = np.polynomial.legendre.legroots(last + np.eye(SEGMENTS + 1)[SEGMENTS])
+    radau = np.polynomial.legendre.legroots(last + np.eye(SEGMENTS + 1)[SEGMENTS]).real  # complex from NumPy 2.5 on
     radau[0] = -1.0
     slopes = (1 - radau) / (SEGMENTS * np.polynomial.legendre.legval(radau, last)) ** 2
     return np.round([points, radau], 14), np.round([weights, slopes], 14)
