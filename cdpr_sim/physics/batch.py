@@ -106,7 +106,7 @@ class Simulations:
         if self.wrenches.any():
             if self._origin < 0:
                 raise InvalidInput("model: found no body 'origin' in the platform, expected one to apply the wrench to")
-            self._loads[:, self._origin] = self.wrenches / self.unit
+            self._apply_wrenches()
         if not own_springs:
             stiffness, rest = problems.axial_stiffness, problems.rest_lengths
             self.band[:, :, 1] = rest + self.entries
@@ -117,10 +117,13 @@ class Simulations:
         self.armature[:] = self.model.dof_armature
 
     def reset(self, rows: Bool[np.ndarray, " rows"]) -> None:
-        """Reset the motion of ``rows`` and MuJoCo's warnings about it, but not their loads."""
-        loads = self._loads.copy()
+        """Reset the motion of ``rows`` and MuJoCo's warnings; apply the loads again: MuJoCo drops them."""
         self.batch.reset(rows, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        self._loads[:] = loads
+        if self.wrenches.any():
+            self._apply_wrenches()
+
+    def _apply_wrenches(self) -> None:
+        self._loads[:, self._origin] = self.wrenches / self.unit
 
     def place(self, positions: Float[np.ndarray, "*#rows 3"], rotations: Float[np.ndarray, "*#rows 3 3"]) -> None:
         """Put each row's platform at its pose, with the wheels turned towards it."""

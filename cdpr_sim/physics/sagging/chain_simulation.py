@@ -65,7 +65,7 @@ class ChainSimulation:
         first = np.zeros(robot.cables, int)  # the tendon that leaves each exit
         first[self.massless], first[self.chains.cables] = self.single, self.chains.segments[:, 0]
         self.guided = first[self.swivels.cables]
-        self.axial_stiffness, self.given = axial_stiffness, model is not None
+        self.axial_stiffness, self.wrench, self.given = axial_stiffness, external_wrench, model is not None
         if not self.given:
             self._let_out()
         self.free, self.length, self.held = len(robot.free), robot.characteristic_length, False
@@ -80,8 +80,6 @@ class ChainSimulation:
             max(robot.weight, float(np.abs(external_wrench / robot.units).max())) or robot.mass * STANDARD_GRAVITY
         )
         self.let_go(start)
-        if external_wrench.any():
-            self.data.xfrc_applied[self._id(mujoco.mjtObj.mjOBJ_BODY, "origin")] = external_wrench
 
     def let_go(self, pose: RigidTransform) -> None:
         """Put the platform at ``pose``, with zero velocity."""
@@ -89,10 +87,10 @@ class ChainSimulation:
         place(self.model, self.data, self.robot, pose)
 
     def reset(self) -> None:
-        """Reset the motion, but not the load."""
-        wrenches = self.data.xfrc_applied.copy()
+        """Reset the motion, and apply the load again: MuJoCo removes it where a motion diverges."""
         mujoco.mj_resetData(self.model, self.data)
-        self.data.xfrc_applied[:] = wrenches
+        if self.wrench.any():
+            self.data.xfrc_applied[self._id(mujoco.mjtObj.mjOBJ_BODY, "origin")] = self.wrench
 
     def _id(self, kind: mujoco.mjtObj, name: str) -> int:
         return mujoco.mj_name2id(self.model, kind.value, name)
