@@ -220,33 +220,22 @@ class Cabling(Frozen):
             )
 
     def refuse_mixture(self, what: str) -> None:
-        """Refuse cables with mass that run over pulleys or have nonlinear laws.
+        """Refuse cables with mass that run over pulleys, or have nonlinear laws or a drive line.
 
         Raises:
-            InvalidInput: a cable has mass, and runs over a pulley or has a nonlinear law.
+            InvalidInput: a cable has mass and one of these.
         """
-        both = (self.linear_density > 0) & (self.pulleys | self.stiffening.any(-1))
+        driven = (self.winch_to_exit > 0) | (self.reeving > 1)
+        both = (self.linear_density > 0) & (self.pulleys | self.stiffening.any(-1) | driven)
         if both.any():
             cable = int(np.argmax(both))
-            other = "a pulley" if self.pulleys[cable] else "nonlinear elasticity"
+            other = "and a pulley" if self.pulleys[cable] else "and nonlinear elasticity"
+            if driven[cable]:
+                other = f"with winch_to_exit {self.winch_to_exit[cable]:g} m and reeving {self.reeving[cable]}"
             raise InvalidInput(
-                f"{what}: found {self.linear_density[cable]:g} kg/m and {other} in cable {cable + 1}, expected one of "
-                "the two: both together are not taken into account here (cdpr_sim.solve does)"
-            )
-
-    def refuse_mass_on_drive_line(self, what: str) -> None:
-        """Refuse cables with mass that have rope between winch and exit, or several parts of line.
-
-        Raises:
-            InvalidInput: a cable has mass and one of them.
-        """
-        both = (self.linear_density > 0) & ((self.winch_to_exit > 0) | (self.reeving > 1))
-        if both.any():
-            cable = int(np.argmax(both))
-            raise InvalidInput(
-                f"{what}: found {self.linear_density[cable]:g} kg/m with winch_to_exit {self.winch_to_exit[cable]:g} m "
-                f"and reeving {self.reeving[cable]} in cable {cable + 1}, expected a massless cable, or 0 and 1: mass "
-                "together with a drive line is not taken into account here (cdpr_sim.solve does)"
+                f"{what}: found {self.linear_density[cable]:g} kg/m {other} in cable {cable + 1}, expected a "
+                "massless cable or mass alone: both together are not taken into account here (cdpr_sim.solve and "
+                "cdpr_sim.settle do)"
             )
 
     def refuse_drive_line(self, what: str) -> None:

@@ -145,10 +145,8 @@ def check(
 
     whole("threads", threads, 0, MOST_THREADS)
     group = as_robots(robots)
-    for robot in group:
-        if certify:  # refused here, before statics solves the whole grid
-            robot.cabling.refuse_mixture("check with certify")
-            robot.cabling.refuse_mass_on_drive_line("check with certify")
+    for robot in group if certify else ():  # refused here, before statics solves the whole grid
+        robot.cabling.refuse_mixture("check with certify")
     axes = grids.as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)

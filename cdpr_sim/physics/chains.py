@@ -305,10 +305,9 @@ def add_segments(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray,
     cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(robot.cabling)
     assert parent is not None
     divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))[0]
-    for cable, lengths in zip(cables, divided, strict=True):
+    springs = segment_springs(cabling, cables, cabling.axial_stiffness[cables], divided)
+    for cable, lengths, stiffnesses, further in zip(cables, divided, *springs, strict=True):
         i, over, law = int(cable) + 1, bool(cabling.pulleys[cable]), bool(cabling.stiffening[cable].any())
-        given = cabling.axial_stiffness[[cable]], lengths[None]
-        stiffnesses, further = (one[0] for one in segment_springs(cabling, np.array([cable]), *given))
         sites = [f"entry_{i}" if over else f"exit_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS)), f"anchor_{i}"]
         uppers = lengths.copy()
         uppers[0] += entries[cable]
