@@ -18,7 +18,6 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.given_tensions import cut
 
-
 DIRECTIONS = 3
 """Corrections of the directions in which cables with mass pull under the chosen tensions: each comes nearer tenfold or
 more."""

@@ -80,14 +80,14 @@ def to_mjcf(
     chains.refuse_short(robot, problem.rest_lengths)
     if winches:
         chains.refuse_weight(robot, "a winch in MuJoCo")
-    drag, size = _air(problem)
+    drag, _ = _air(problem)
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     option = ET.SubElement(root, "option", timestep=text(TIMESTEP))
     option.set("integrator", "discrete" if robot.cabling.massless else "implicitfast")
     option.set("gravity", text([0, 0, -robot.gravity]))
     if not winches:
-        option.set("viscosity", text(drag / (3 * np.pi * size)))
+        option.set("viscosity", text(air_viscosity(problem)))
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
     tendons.add_exits(world, robot.cabling)
@@ -212,6 +212,12 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidT
         lengths[found.cables] = found.rest_lengths(model).sum(1)
         data.qpos[found.coordinates] = chains.extents(robot, pose, lengths)
     pulleys.toward_anchors(model, data, robot)
+
+
+def air_viscosity(problem: Problem) -> float:
+    """Viscosity of the air of a model without winches [Pa s]."""
+    drag, size = _air(problem)
+    return drag / (3 * np.pi * size)
 
 
 def _air(problem: Problem) -> tuple[float, float]:

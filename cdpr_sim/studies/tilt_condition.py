@@ -60,7 +60,7 @@ def equal_pulls(robot: Robot, position: ArrayLike) -> MomentBalance:
     """
     position = np.asarray(position, dtype=float)
     rotation = np.eye(3)
-    pulls = geometry(robot, position, rotation).wrench_matrix
+    pulls, tensions = geometry(robot, position, rotation).wrench_matrix, np.zeros(robot.cables)
     for _ in range(1 if robot.cabling.massless else DIRECTIONS):
         pairs = pulls.reshape(6, 2, -1).sum(-1)  # unit tension in both cables of a pair
         sides = np.linalg.solve(pairs[[0, 2]], [0.0, robot.weight])
