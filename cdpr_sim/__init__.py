@@ -7,6 +7,7 @@ lists them and their modules.
 import lazy_loader
 
 from cdpr_sim.core.html_repr import HtmlRepr as _Introduced
+from cdpr_sim.core.with_mass import WithMass as _WithMass
 
 _attribute, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
@@ -31,3 +32,13 @@ def _in_html(result: _Introduced) -> str:
 
 
 _Introduced._in_html = staticmethod(_in_html)
+
+
+def _cut(*arguments: object) -> tuple:
+    """Rest lengths and wrench matrix under given tensions; statics is imported at the first call."""
+    from cdpr_sim.statics.given_tensions import cut
+
+    return cut(*arguments)  # type: ignore[arg-type]
+
+
+_WithMass.cut = staticmethod(_cut)

@@ -187,3 +187,17 @@ def test_a_chain_that_is_too_short_for_its_wheel_is_refused():
     found = cdpr.settle_many(cdpr.Problems.stack([short, short]))
     assert (found.status == Status.TOO_SHORT).all()
     assert np.isnan(found.positions).all()
+
+
+def test_lengths_for_tensions_hold_every_kind_of_cable_with_mass():
+    """Tensions of an equilibrium give back its lengths; a pretension holds the platform at its pose in MuJoCo too."""
+    crane = cdpr.load_robot("cogiro-crane").replace(**MIXED, winch_to_exit=[6, 0, 3, 0, 2, 0, 0, 1], reeving=[1, 2] * 4)
+    solved = cdpr.solve(crane, (1.0, 1.0, 2.0))
+    np.testing.assert_allclose(crane.rest_lengths(solved.pose, solved.tensions), solved.rest_lengths, atol=1e-12)
+    axes = [(0, 0, 1)] * 4 + [(0, 0, -1)] * 4
+    light = {**MIXED, "linear_density": np.array(MIXED["linear_density"]) / 10}
+    robot, pose = cdpr.load_robot("ipanema-1").replace(**light, pulley_axis=axes), (0.2, -0.1, 1.1)
+    lengths = robot.rest_lengths(pose, 200.0)
+    np.testing.assert_allclose(cdpr.settle(robot, pose, lengths).position, pose, rtol=0, atol=AGREE)
+    massless = robot.replace(linear_density=0.0).rest_lengths(pose, 200.0)
+    assert np.linalg.norm(cdpr.settle(robot, pose, massless).position - pose) > SEEN

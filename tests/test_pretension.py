@@ -183,7 +183,8 @@ def test_wrench_matrix_of_the_question_is_that_of_the_statics(catalogue):
         ({}, 50.0, "found -30.16 N in cable 5 where tensions nearest to 50 N balance"),
         ({}, 700.0, "found 780.2 N in cable 1 .* expected 0 to 720 N"),
         ({"force_min": 40}, 110.0, "found 29.84 N in cable 5 .* expected 40 to 720 N"),
-        ({"linear_density": 0.004}, 100.0, "their mass is not taken into account"),
+        ({"linear_density": 0.004}, 50.0, "found -.* N in cable . where tensions nearest to 50 N balance"),
+        ({"linear_density": 4.0}, 100.0, "N in cable ., which weighs .* N, expected at least what its weight alone"),
     ],
 )  # fmt: skip
 def test_tensions_that_cannot_be_are_refused_in_a_sentence(catalogue, change, tensions, said):

@@ -430,13 +430,6 @@ def test_what_follows_from_a_law_ends_where_it_does():
     assert cdpr.compensate(soft, POSE, tensions=(0.1, 9.0)).tension_limits[1] == pytest.approx(2.72)
 
 
-def test_rest_lengths_for_tensions_refuse_cables_with_mass():
-    """One sentence, and never an answer for massless cables."""
-    robot = cdpr.load_robot("cogiro").replace(linear_density=5e-4)
-    with pytest.raises(cdpr.InvalidInput, match="their mass is not taken into account"):
-        robot.rest_lengths((0.4, 0.25, 0.2), 20.0)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -36,8 +36,8 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import derivatives, forces, newton
-from cdpr_sim.statics.any_cable import rest_lengths_under
 from cdpr_sim.statics.balance_kernel import shortfall_gufunc
+from cdpr_sim.statics.given_tensions import cut
 
 Prefer = Literal["smallest", "stiffest"]
 
@@ -201,14 +201,14 @@ def compensate(
     for _ in range(1 if robot.cabling.massless else MASS_STEPS):
         if chosen is None:
             break
-        cut = _cut(rigid, commanded, chosen)
-        found = forces.equilibrium_at(cut, commanded, iterations=0, source="compensation")
+        shortened = _cut(rigid, commanded, chosen)
+        found = forces.equilibrium_at(shortened, commanded, iterations=0, source="compensation")
         if robot.cabling.massless or found.residual <= BALANCED * demand.scale:
             if not _holds(found, idle):
                 break
             return Compensation(commanded, found, CompensationOutcome.EXACT, 0.0, arm, (), limits, found)
         # The directions in which cables with mass pull depend on their tensions.
-        demand = replace(demand, wrench_matrix=_directed(cut, commanded))
+        demand = replace(demand, wrench_matrix=_directed(shortened, commanded))
         # The stiffest are only brought to the balance again: a choice of its own each time would not settle.
         chosen = smallest(demand, floor) if prefer == "smallest" else on_the_balance(demand, chosen)
     if not robot.cabling.massless:
@@ -274,24 +274,10 @@ def demand_at(
 def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " cables"]) -> Problem:
     """``problem`` with the unstretched lengths that have these tensions at ``pose``, from which it starts."""
     robot = problem.robot
-    cables = forces.geometry(robot, pose.translation, pose.rotation.as_matrix())
-    if robot.cabling.massless:
-        rest = forces.rest_lengths_for(robot, cables.lengths, tensions)
-        if not rest.min() > 0:
-            cable = int(np.argmin(rest))
-            raise NotConverged(
-                f"compensate: found {tensions[cable]:.3g} N wanted in cable {cable + 1}, under which the rope between "
-                f"winch and exit stretches by more than the {cables.lengths[cable]:.3g} m from exit to anchor"
-            )
-    else:
-        apart = pose.translation + cables.arms - robot.exits
-        rest = rest_lengths_under(robot.cabling, apart, tensions, robot.cable_weights, robot.wrapped_lengths)
-        if np.isnan(rest).any():
-            cable = int(np.argmax(np.isnan(rest)))
-            raise NotConverged(
-                f"compensate: found {tensions[cable]:.3g} N wanted in cable {cable + 1}, expected at least what its "
-                "weight alone gives; a larger smallest tension may do"
-            )
+    try:
+        rest, _ = cut(robot, pose.translation, pose.rotation.as_matrix(), tensions)
+    except InvalidInput as error:
+        raise NotConverged(f"compensate: {error}; other limits of tension may do") from None
     return Problem(robot, pose, frozen(rest), problem.external_wrench)
 
 

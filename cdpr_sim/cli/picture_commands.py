@@ -73,7 +73,12 @@ def video(
         typer.Option("--material", help="Cable material; repeatable: materials are shown side by side."),
     ] = None,
     drive_seconds: Annotated[
-        float | None, typer.Option("--drive-seconds", help="Duration of the drive [s]; default: quasi-static.")
+        float | None,
+        typer.Option(
+            "--drive-seconds",
+            help="Duration of the drive [s]; default: quasi-static (cables with mass: settled state by state, and "
+            "--compensate drives within the duration of the video).",
+        ),
     ] = None,
     seconds: Annotated[float, typer.Option("--seconds", help="Duration of the video [s].")] = 10.0,
     fps: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 30.0,
@@ -105,13 +110,12 @@ def video(
         wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
         film.check_count(len(wanted))
         machines = [robot_of(name, cables) for name, cables, _ in wanted]
-        for robot in machines:
-            for option, chosen in (("--compensate", compensate), ("--drop", drop)):
-                if chosen:
-                    robot.cabling.refuse_weight(option)
         motions: list[Callable[[], cdpr.Trajectory]] = []
         for robot, (_, _, compensated) in zip(machines, wanted, strict=True):
-            if not robot.cabling.massless:
+            in_time, still = drive_seconds, False
+            if not robot.cabling.massless and in_time is None and not drop:  # a quasi-static drive would take long
+                in_time, still = (seconds, False) if compensate else (None, True)
+            if still:
                 ends = _line(robot, path, y, z)
                 settled = settled_along(robot, np.linspace(ends[0], ends[-1], states), seconds)
                 motions.append(lambda settled=settled: settled)
@@ -128,7 +132,7 @@ def video(
                 start(
                     robot,
                     waypoints,
-                    seconds=drive_seconds,
+                    seconds=in_time,
                     states=states,
                     from_rest=not drop,
                     rest_lengths=lengths,

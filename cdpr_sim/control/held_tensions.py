@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +16,11 @@ from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
+from cdpr_sim.statics.given_tensions import cut
+
+DIRECTIONS = 3
+"""Corrections of the directions in which cables with mass pull under the chosen tensions: each comes nearer tenfold or
+more."""
 
 
 @dataclass
@@ -61,17 +66,23 @@ class HeldTensions:
         )
         limits = default_limits(problem) if self.tension_limits is None else self.tension_limits
         lower, upper = checked_limits(robot, limits)
-        W = forces.geometry(robot, pose.translation, rotation).wrench_matrix
-        count = len(free)
+        where, count = (pose.translation, rotation), len(free)
         demand = Demand(
-            wrench_matrix=(W / units[:, None])[free],
+            wrench_matrix=(forces.geometry(robot, *where).wrench_matrix / units[:, None])[free],
             load=(forces.load_wrench(problem, rotation) / units)[free],
             lower=lower,
             upper=upper,
             stiffness=np.zeros((count, count)),
             stiffening=np.zeros((robot.cables, count, count)),
         )
-        tensions = smallest(demand)
-        if tensions is None:
-            tensions = nearest(demand)
+        tensions = _chosen(demand)
+        for _ in range(0 if robot.cabling.massless else DIRECTIONS):
+            demand = replace(demand, wrench_matrix=(cut(robot, *where, tensions)[1] / units[:, None])[free])
+            tensions = _chosen(demand)
         return Command(problem.rest_lengths, tensions, np.ones(robot.cables, dtype=bool))
+
+
+def _chosen(demand: Demand) -> Float[np.ndarray, " cables"]:
+    """The smallest tensions that balance the load, or those that leave the least of it."""
+    tensions = smallest(demand)
+    return nearest(demand) if tensions is None else tensions

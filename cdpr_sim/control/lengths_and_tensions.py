@@ -85,8 +85,14 @@ def _left_to_tension(robot: Robot, compensations: Sequence[Compensation]) -> tup
     def softest(chosen: tuple[int, ...]) -> float:
         """The smallest eigenvalue of the remaining stiffness along the motion."""
         held = np.isin(np.arange(robot.cables), chosen)
-        lost = ((one.wrench_matrix * (one.tangent_stiffness * held)) @ one.wrench_matrix.T for one in states)
+        lost = ((one.wrench_matrix * (_along(robot, one) * held)) @ one.wrench_matrix.T for one in states)
         pairs = zip(states, lost, strict=True)
         return min(float(forces.eigenvalues(robot, one.stiffness_matrix - part)[0]) for one, part in pairs)
 
     return max(itertools.combinations(range(robot.cables), spare), key=softest)
+
+
+def _along(robot: Robot, state: forces.State) -> Float[np.ndarray, " cables"]:
+    """Stiffness of each rope in the direction of its pull [N/m]; of a sagging one, smaller than its spring's."""
+    u = state.pull_directions
+    return np.einsum("ci,cij,cj->c", u, state.cable_stiffness, u) / robot.reeving**2

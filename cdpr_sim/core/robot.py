@@ -33,6 +33,7 @@ from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.plausibility import implausibilities, surroundings, warn
 from cdpr_sim.core.pose import Pose, PoseLike
+from cdpr_sim.core.with_mass import WithMass
 
 Mobility = Literal["spatial", "planar"]
 Kind = Literal["suspended", "fully constrained", "under-actuated"]
@@ -58,6 +59,10 @@ LEAST_LENGTH = 1e-9
 
 BALANCED = 1e-3
 """Fraction of the largest tension that given tensions may leave unbalanced. Four digits of a printed table suffice."""
+
+DIRECTIONS, SETTLED = 30, 1e-12
+"""Choices of tensions nearest to a pretension, of cables with mass, each with the directions of the last, which come
+nearer tenfold or more; and the fraction of the load that may then be left unbalanced."""
 
 MOST_GRAVITY = 1e6
 """[m/s²]"""
@@ -403,14 +408,15 @@ class Robot(HtmlRepr):
         Without tensions, those of rigid cables (paper Eq. 1, 2), with which the equilibrium is below the pose. With
         tensions, each elastic cable gets the unstretched length with which it has its tension at the pose, which is
         then an equilibrium: this is how a fully constrained robot is pretensioned. Lengths are from exit to anchor;
-        tensions are those of the ropes, of which ``reeving`` parts pull.
+        tensions are those of the ropes, of which ``reeving`` parts pull; of cables with mass, at the platform's end.
 
         Args:
             pose: the commanded pose.
             tensions: (cables,) [N], which have to balance the load at the pose. Or one number p [N], a pretension: the
                 tensions that balance the load and are nearest to p in every cable, tau = p − W⁺ (W p + w_e) (Pott,
                 Bruckmann, Mikelsons, "Closed-form force distribution for parallel wire robots", Computational
-                Kinematics 2009). ``compensate`` finds any that balance the load within limits.
+                Kinematics 2009); W has the directions in which cables with mass pull under these tensions.
+                ``compensate`` finds any that balance the load within limits.
             external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity: part of
                 the load that the tensions balance.
 
@@ -419,36 +425,20 @@ class Robot(HtmlRepr):
 
         Raises:
             InvalidInput: an invalid pose, an exit that lies on its anchor there, or tensions that do not balance the
-                load or strain a cable beyond the range of its law; a pretension near which no tensions within the force
-                limits balance the load.
+                load or strain a cable beyond the range of its law, or are less than what a cable's weight alone gives;
+                a pretension near which no tensions within the force limits balance the load.
         """
         lengths = self._path_lengths(pose)
         if tensions is None:
             if external_wrench is not None:
                 raise InvalidInput("external_wrench: found one without tensions, expected both or neither")
             return lengths
-        self.cabling.refuse_weight("rest_lengths for given tensions")
-        pulls, law = self._balancing(self.placed(pose), tensions, external_wrench), self.cabling.law
-        most = cable_law.largest_tension(*law)
-        if (pulls > most).any():
-            cable = int(np.argmax(pulls > most))
-            raise InvalidInput(
-                f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1}, expected at most {most[cable]:.4g} N, a "
-                f"strain of {MOST_STRAIN:.0%}, up to which its nonlinear law is defined"
-            )
-        rest = cable_law.rest_length_for(lengths, pulls, *law, behind=self.cabling.behind)
-        if not rest.min() > 0:
-            cable = int(np.argmin(rest))
-            raise InvalidInput(
-                f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1}, under which the rope between winch and "
-                f"exit stretches by more than the {lengths[cable]:.4g} m from exit to anchor, expected a smaller one"
-            )
-        return rest
+        return self._balancing(self.placed(pose), tensions, external_wrench)
 
     def _balancing(
         self, at: Pose, tensions: ArrayLike, external_wrench: ArrayLike | None
     ) -> Float[np.ndarray, " cables"]:
-        """Tensions for ``rest_lengths``, one per cable, checked to balance the load."""
+        """Rest lengths for tensions, one per cable, which are checked to balance the load."""
         wanted = checked_array("tensions", tensions, None)
         if wanted.ndim:
             wanted = checked_array("tensions", wanted, (self.cables,))
@@ -458,12 +448,21 @@ class Robot(HtmlRepr):
         load = np.concatenate([weight, np.cross(at.rotation_matrix @ self.center_of_mass, weight)])
         if external_wrench is not None:
             load = load + checked_array("external_wrench", external_wrench, (6,))
-        matrix = cable_path.wrench_matrix(self.cabling, at.position, at.rotation_matrix)
-        matrix = (matrix / self.units[:, None])[self.free]
         load = (load / self.units)[self.free]
-        pulls = np.broadcast_to(wanted, (self.cables,)).copy()
+        pulls, where = np.broadcast_to(wanted, (self.cables,)).copy(), (at.position, at.rotation_matrix)
+        matrix = (cable_path.wrench_matrix(self.cabling, *where) / self.units[:, None])[self.free]
+        for _ in range(0 if self.cabling.massless else DIRECTIONS):
+            # Cables with mass pull in directions that depend on their tensions.
+            before = pulls
+            if wanted.ndim == 0:
+                pulls = wanted - np.linalg.pinv(matrix) @ (matrix.sum(1) * wanted + load)
+            if pulls.min() < 0:
+                break
+            matrix = (self._cut(at, pulls)[1] / self.units[:, None])[self.free]
+            if wanted.ndim or np.abs(pulls - before).max() <= SETTLED * np.abs(pulls).max():
+                break
         if wanted.ndim == 0:
-            pulls -= np.linalg.pinv(matrix) @ (matrix @ pulls + load)
+            pulls = wanted - np.linalg.pinv(matrix) @ (matrix.sum(1) * wanted + load)
         left, scale = np.abs(matrix @ pulls + load).max(), max(np.abs(load).max(), pulls.max())
         if left > BALANCED * scale:
             raise InvalidInput(
@@ -482,7 +481,20 @@ class Robot(HtmlRepr):
                 f"balance the load at the pose, expected {low[cable]:g} to {high[cable]:g} N; another pretension may "
                 "do, and compensate finds any tensions within limits"
             )
-        return pulls
+        return self._cut(at, pulls)[0]
+
+    def _cut(
+        self, at: Pose, pulls: Float[np.ndarray, " cables"]
+    ) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, "6 cables"]]:
+        """Rest lengths that give the ropes these tensions at their anchors, and the wrench matrix then."""
+        most = cable_law.largest_tension(*self.cabling.law)
+        if (pulls > most).any():
+            cable = int(np.argmax(pulls > most))
+            raise InvalidInput(
+                f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1}, expected at most {most[cable]:.4g} N, a "
+                f"strain of {MOST_STRAIN:.0%}, up to which its nonlinear law is defined"
+            )
+        return WithMass.cut(self, at.position, at.rotation_matrix, pulls)
 
     def _path_lengths(self, pose: PoseLike) -> Float[np.ndarray, " cables"]:
         """Lengths of the cables from exit to anchor, (cables,) [m] (paper Eq. 1, 2)."""

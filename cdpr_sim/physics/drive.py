@@ -3,7 +3,7 @@
 The winches use the robot's geometry and assume rigid cables: at every instant they let out the rest lengths of the
 commanded pose (paper Eq. 1, 2), and a shorter cable is a stiffer one, EA/l0. The motion of the platform is computed by
 MuJoCo: with true mass and inertia, the model of ``to_mjcf``, its integrator and its viscous air. Poses, lengths and
-tensions are read out of MuJoCo.
+tensions are read out of MuJoCo. Cables with mass are wound as ``sagging.chain_motion`` describes.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -27,10 +27,12 @@ from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import PlatformFell, Trajectory
-from cdpr_sim.physics import chains
 from cdpr_sim.physics.batch import quiet, simulations_of
-from cdpr_sim.physics.mjcf import place, to_mjcf
-from cdpr_sim.physics.settle import settle
+from cdpr_sim.physics.chains import refuse_short
+from cdpr_sim.physics.mjcf import TIMESTEP, air_viscosity, place, to_mjcf
+from cdpr_sim.physics.sagging import settle_chains
+from cdpr_sim.physics.sagging.chain_motion import ChainMotion
+from cdpr_sim.physics.settle import settle, weighs, without_weight
 from cdpr_sim.physics.tendons import let_out
 
 STATES = 301
@@ -55,6 +57,12 @@ MOST_SECONDS = 1e5
 FALLEN = 0.5
 """Distance from the commanded position, in mean rest lengths, beyond which the platform has fallen: no cable that
 obeys the law of a spring stretches by half, so that it must have swung out from below its cables."""
+
+SMOOTH = 0.01
+"""Time step of a platform on cables with mass, as a fraction of 1/omega of its slowest oscillation, if more than that
+of the model: an oscillation ten times as fast is damped by a twentieth of the critical damping."""
+
+Seen = tuple[RigidTransform, Float[np.ndarray, "steps cables"], Float[np.ndarray, "steps cables"]]
 
 ROWS = 128
 """States that are read out of MuJoCo side by side; this limits the memory."""
@@ -91,13 +99,14 @@ def drive(
         The motion, (states,): the platform's poses in MuJoCo with tensions [N], and the commands at those times.
 
     Raises:
-        InvalidInput: invalid waypoints, rest lengths, duration or number of states; cables with mass.
+        InvalidInput: invalid waypoints, rest lengths, duration or number of states; a cable with mass that is too
+            short for its pulley.
         NotSettled: the platform does not come to rest at the first waypoint.
         PlatformFell: it fell during the drive; carries the trajectory so far.
     """
     refuse_unless(FLAG, from_rest=from_rest)
     refuse_unless(PROGRESS, progress=progress)
-    poses = poses_through(robot, waypoints, "driving")
+    poses = poses_through(robot, waypoints)
     whole("states", states, 2, MOST_STATES)
     path = Path(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0])
@@ -112,10 +121,16 @@ def drive(
     problems = Problems.of(robot, commanded, path.winches(fractions))
     start = settle(robot, poses[0], problems.rest_lengths[0]).pose if from_rest else poses[0]
     with quiet():
-        qpos, fell = _simulate(problems, path, start, seconds, progress)
-    rows = np.arange(len(qpos))
-    seen = _read(problems.take(rows), qpos)
-    trajectory = Trajectory.of(problems.take(rows), seconds * fractions[: len(qpos)], *seen)
+        if weighs(robot):
+            for lengths in problems.rest_lengths:
+                refuse_short(robot, lengths)
+            seen, fell = _simulate_chains(problems, path, start, seconds, from_rest, progress)
+        else:
+            massless = without_weight(problems)
+            qpos, fell = _simulate(massless, path, start, seconds, progress)
+            seen = _read(massless.take(np.arange(len(qpos))), qpos)
+    rows = np.arange(len(seen[1]))
+    trajectory = Trajectory.of(problems.take(rows), seconds * fractions[: len(rows)], *seen)
     if fell:
         x, y, z = trajectory.commanded.translation[-1]
         raise PlatformFell(
@@ -126,14 +141,13 @@ def drive(
     return trajectory
 
 
-def poses_through(robot: Any, waypoints: Any, doing: str) -> list[RigidTransform]:
+def poses_through(robot: Any, waypoints: Any) -> list[RigidTransform]:
     """The waypoints as poses of a robot that can be driven.
 
     Raises:
-        InvalidInput: no robot or no poses; cables with mass, which ``doing`` does not take into account.
+        InvalidInput: no robot or no poses.
     """
     refuse_unless(Robot, robot=robot)
-    chains.refuse_weight(robot, doing)
     poses = [robot.pose(pose) for pose in listed("waypoints", waypoints, "a list of poses")]
     if not poses:
         raise InvalidInput("waypoints: found none, expected at least one pose")
@@ -195,6 +209,49 @@ def _simulate(
     return qpos, None
 
 
+def _simulate_chains(
+    problems: Problems,
+    path: Path,
+    start: RigidTransform,
+    seconds: float,
+    from_rest: bool,
+    progress: Callable[[float], None] | None,
+) -> tuple[Seen, str | None]:
+    """Poses, lengths and tensions at each problem's instant on cables with mass; the reason, if the platform fell."""
+    first = problems[0]
+    robot, intervals = problems.robot, len(problems) - 1
+    if from_rest:
+        simulation = settle_chains.at_rest(first, start)
+    else:
+        given = first.rest_lengths, robot.axial_stiffness, first.external_wrench
+        simulation = settle_chains.ChainSimulation(robot, *given, start)
+    longest = max(TIMESTEP, SMOOTH / simulation.swing)
+    motion = ChainMotion(simulation, longest, viscosity=air_viscosity(Problem.of(robot, first.pose)))
+    interval = seconds / intervals
+    pieces = max(1, int(np.ceil(interval / longest)))
+    platform, seen, fell = simulation.platform, [], None
+    for k, rest_lengths in enumerate(problems.rest_lengths):
+        if k > 0:
+            let_out = path.winches((k - 1 + np.linspace(0, 1, pieces + 1)) / intervals)
+            motion.advance(interval, lambda passed, rows=let_out: _between(rows, passed / interval))
+        motion.look()
+        seen.append(simulation.seen())
+        fell = fallen(problems.positions[k], problems.rotations[k], rest_lengths, simulation.data, platform)
+        if fell:
+            break
+        if progress is not None:
+            progress(k / intervals)
+    poses, lengths, tensions = zip(*seen, strict=True)
+    return (RigidTransform.concatenate(list(poses)), np.array(lengths), np.array(tensions)), fell
+
+
+def _between(rows: Float[np.ndarray, "steps cables"], fraction: float) -> Float[np.ndarray, " cables"]:
+    """Interpolated linearly between evenly spaced rows."""
+    at = fraction * (len(rows) - 1)
+    before = min(int(at), len(rows) - 2)
+    return rows[before] + (at - before) * (rows[before + 1] - rows[before])
+
+
 def fallen(
     position: Float[np.ndarray, "3"],
     rotation: Float[np.ndarray, "3 3"],
@@ -213,9 +270,7 @@ def fallen(
     return None
 
 
-def _read(
-    problems: Problems, qpos: Float[np.ndarray, "steps coordinates"]
-) -> tuple[RigidTransform, Float[np.ndarray, "steps cables"], Float[np.ndarray, "steps cables"]]:
+def _read(problems: Problems, qpos: Float[np.ndarray, "steps coordinates"]) -> Seen:
     """Poses, lengths and tensions of these states, from MuJoCo."""
     seen = []
     for first in range(0, len(problems), ROWS):

@@ -120,7 +120,7 @@ def to_mjcf(
     if factor is not None:
         refuse_undamped(robot, factor)
     forces, speed = largest_forces(robot, winch_force), positive("winch_speed", winch_speed, "m/s")
-    drag, size = _air(problem)
+    drag, _ = _air(problem)
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     step = min(TIMESTEP, rounded_down(steady_step(robot, forces))) if kind and np.isfinite(forces).all() else TIMESTEP
@@ -128,7 +128,7 @@ def to_mjcf(
     option.set("integrator", "discrete" if robot.cabling.massless and settling else "implicitfast")
     option.set("gravity", text([0, 0, -robot.gravity]))
     if settling and not kind:
-        option.set("viscosity", text(drag / (3 * np.pi * size)))
+        option.set("viscosity", text(air_viscosity(problem)))
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
     tendons.add_exits(world, robot.cabling)
@@ -268,6 +268,12 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidT
 def settling_drag(problem: Problem) -> float:
     """Drag [N s/m] of the platform in a model with the damping ``"settle"``."""
     return _air(problem)[0]
+
+
+def air_viscosity(problem: Problem) -> float:
+    """Viscosity of the air of a model without winches [Pa s]."""
+    drag, size = _air(problem)
+    return drag / (3 * np.pi * size)
 
 
 def _air(problem: Problem) -> tuple[float, float]:

@@ -73,7 +73,7 @@ def settle(
     """
     refuse_unless(FLAG, progress=progress)
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
-    if _weighs(problem.robot, model):
+    if weighs(problem.robot, model):
         refuse_short(problem.robot, problem.rest_lengths)
     return _settled(Problems.stack([problem]), model=model, progress=progress)[0]
 
@@ -103,7 +103,7 @@ def settle_trajectory(
         NotSettled: as ``settle``.
     """
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
-    if _weighs(problem.robot, model):
+    if weighs(problem.robot, model):
         refuse_short(problem.robot, problem.rest_lengths)
         motion: heavy.Frames = []
         equilibrium = _settled_heavy(Problems.stack([problem]), model=model, frames=motion)[0]
@@ -115,7 +115,7 @@ def settle_trajectory(
     equilibrium = _settled(Problems.stack([problem]), model=model, frames=frames)[0]
     times, qpos = (np.array(column) for column in zip(*frames, strict=True))
     commands = Problems.stack([problem] * len(times))
-    with simulations_of(_without_weight(commands), model) as simulations:
+    with simulations_of(without_weight(commands), model) as simulations:
         seen = simulations.observe(qpos)
     return equilibrium, Trajectory.of(commands, times, seen.poses, seen.lengths, seen.tensions)
 
@@ -158,7 +158,7 @@ def settle_many(
     if len(problems.shape) != 1:
         raise InvalidInput(f"poses: found problems of shape {problems.shape}, expected rows: (rows,)")
     refusals = problems.refusals.copy()
-    if _weighs(problems.robot):
+    if weighs(problems.robot):
         short = too_short(problems.robot, problems.rest_lengths).any(-1)
         refusals[short & (refusals == Status.PENDING)] = Status.TOO_SHORT
     can = refusals == Status.PENDING
@@ -223,9 +223,9 @@ def _residuals(
     model: mujoco.MjModel | None,
     threads: int,
 ) -> Float[np.ndarray, " rows"]:
-    if _weighs(problems.robot, model):
+    if weighs(problems.robot, model):
         return heavy.unbalanced(problems, poses_of(positions, rotations), model=model)
-    with simulations_of(_without_weight(problems), model, threads) as simulations:
+    with simulations_of(without_weight(problems), model, threads) as simulations:
         simulations.place(positions, rotations)
         return simulations.residuals()
 
@@ -240,10 +240,10 @@ def _settled(
 ) -> EquilibriumBatch:
     """Settle (rows,) problems that can be solved; ``frames`` collects the motion of the first one."""
     refuse_unless(mujoco.MjModel | None, model=model)
-    if _weighs(problems.robot, model):
+    if weighs(problems.robot, model):
         with saying(progress) as say:
             return _settled_heavy(problems, model=model, threads=threads, say=say)
-    asked, problems = problems, _without_weight(problems)
+    asked, problems = problems, without_weight(problems)
     with simulations_of(problems, model, threads) as simulations:
         relaxation = Relaxation(simulations, frames)
         relaxation.run()
@@ -288,7 +288,7 @@ def _settled_heavy(
     say: Callable[[str], None] = lambda words: None,
 ) -> EquilibriumBatch:
     """``_settled`` where cables have mass: released at the equilibrium with massless cables."""
-    light = _settled(_without_weight(problems), threads=threads)
+    light = _settled(without_weight(problems), threads=threads)
     finite = np.isfinite(light.residuals)
     starts = [(light if finite[row] else problems).poses[row] for row in range(len(problems))]
     from_there = RigidTransform.concatenate(starts)
@@ -312,12 +312,12 @@ def _settled_heavy(
     return equilibria
 
 
-def _weighs(robot: Robot, model: mujoco.MjModel | None = None) -> bool:
+def weighs(robot: Robot, model: mujoco.MjModel | None = None) -> bool:
     """Whether some cables have mass; a given model has chains for exactly the cables with mass of its robot."""
     return not robot.cabling.massless and (robot.gravity > 0 or model is not None)
 
 
-def _without_weight(problems: Problems) -> Problems:
+def without_weight(problems: Problems) -> Problems:
     """The same problems with massless cables."""
     if problems.robot.cabling.massless:
         return problems

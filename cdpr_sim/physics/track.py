@@ -143,7 +143,7 @@ def _course(
     seconds: float | None,
     pause: float,
 ) -> Reference:
-    path = Path(robot, poses_through(robot, waypoints, "tracking"))
+    path = Path(robot, poses_through(robot, waypoints))
     if not robot.cabling.linear:
         raise InvalidInput("stiffening: found cables whose law is not linear, expected linear ones for tracking")
     if seconds is None:

@@ -10,8 +10,12 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.statics.forces import geometry
+from cdpr_sim.statics.forces import at, geometry
+from cdpr_sim.statics.given_tensions import cut
 from cdpr_sim.statics.solve import solve
+
+DIRECTIONS = 10
+"""Choices of equal tensions of cables with mass, each with the directions in which they pull under the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,30 +57,28 @@ def equal_pulls(robot: Robot, position: ArrayLike) -> MomentBalance:
     """Moment balance at a level pose, with equal tensions in each pair that carry the weight.
 
     The intersection is the paper's point H or V, and ``net_moment`` tilts the platform.
-
-    Raises:
-        InvalidInput: cables with mass.
     """
-    robot.cabling.refuse_weight("tilt condition")
     position = np.asarray(position, dtype=float)
     rotation = np.eye(3)
-    pulls = geometry(robot, position, rotation).wrench_matrix
-    pairs = pulls.reshape(6, 2, -1).sum(-1)  # unit tension in both cables of a pair
-    sides = np.linalg.solve(pairs[[0, 2]], [0.0, robot.weight])
-    tensions = np.repeat(sides, robot.cables // 2)
-    return _balance(robot, position, rotation, tensions, robot.rest_lengths(position), at_rest=False)
+    pulls, tensions = geometry(robot, position, rotation).wrench_matrix, np.zeros(robot.cables)
+    for _ in range(1 if robot.cabling.massless else DIRECTIONS):
+        pairs = pulls.reshape(6, 2, -1).sum(-1)  # unit tension in both cables of a pair
+        sides = np.linalg.solve(pairs[[0, 2]], [0.0, robot.weight])
+        tensions = np.repeat(sides, robot.cables // 2)
+        pulls = pulls if robot.cabling.massless else cut(robot, position, rotation, tensions)[1]
+    return _balance(robot, position, rotation, pulls, tensions, robot.rest_lengths(position), at_rest=False)
 
 
 def balance_at_rest(robot: Robot, commanded: ArrayLike) -> MomentBalance:
     """Moment balance at the static equilibrium: the lines intersect on the vertical through the centre of mass.
 
     Raises:
-        InvalidInput: cables with mass.
         NotConverged: the static solver found no equilibrium.
     """
-    robot.cabling.refuse_weight("tilt condition")
     one = solve(robot, np.asarray(commanded, dtype=float))
-    return _balance(robot, one.position, one.rotation.as_matrix(), one.tensions, one.rest_lengths, at_rest=True)
+    rotation = one.rotation.as_matrix()
+    pulls = at(one.problem, one.position, rotation).wrench_matrix
+    return _balance(robot, one.position, rotation, pulls, one.tensions, one.rest_lengths, at_rest=True)
 
 
 def moment_balances() -> tuple[MomentBalance, ...]:
@@ -99,14 +101,14 @@ def _balance(
     robot: Robot,
     position: Float[np.ndarray, "3"],
     rotation: Float[np.ndarray, "3 3"],
+    wrench_matrix: Float[np.ndarray, "6 cables"],
     tensions: Float[np.ndarray, " cables"],
     rest_lengths: Float[np.ndarray, " cables"],
     *,
     at_rest: bool,
 ) -> MomentBalance:
-    cables = geometry(robot, position, rotation)
-    forces = (tensions[:, None] * cables.directions).reshape(2, -1, 3)
-    anchors = (position + cables.arms).reshape(2, -1, 3)
+    forces = (tensions * wrench_matrix[:3]).T.reshape(2, -1, 3)
+    anchors = (position + robot.anchors @ rotation.T).reshape(2, -1, 3)
     side_forces = forces.sum(1)
     starts = np.array([_point_of_action(points, pair) for points, pair in zip(anchors, forces, strict=True)])
     directions = side_forces / np.linalg.norm(side_forces, axis=1, keepdims=True)
@@ -127,7 +129,7 @@ def _balance(
         intersection=intersection,
         arm=arm,
         moment=robot.weight * arm,
-        net_moment=float((cables.wrench_matrix @ tensions)[4]),
+        net_moment=float((wrench_matrix @ tensions)[4]),
         at_rest=at_rest,
     )
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
@@ -69,12 +68,11 @@ class ChainRelaxation:
     ) -> None:
         self.simulation, self.frames, self.say, self.longest = simulation, frames, say, longest
         rest = simulation.rest_lengths
-        self.swing = float(np.sqrt(simulation.load / simulation.robot.mass / rest.mean()))
+        self.swing = simulation.swing
         self.speed = SPEED * self.swing * float(rest.max())
         rounding = ROUNDING * float(simulation.springs[simulation.chains.segments].max()) * float(rest.max())
         self.target = min(max(RESIDUAL * simulation.load, rounding), ACCEPTABLE * simulation.load)
         self.stepping = Stepping(simulation, longest / self.swing)
-        self.film = mujoco.MjData(simulation.model)
         self.steps, self.time, self.approaches, self.status = 0, 0.0, 0, Status.ITERATION_LIMIT
 
     def again(self, longest: float) -> ChainRelaxation:
@@ -162,13 +160,8 @@ class ChainRelaxation:
             self._film(self.frames)
 
     def _film(self, frames: Frames) -> None:
-        """Record the present state from a copy, so that the simulation is unchanged."""
-        simulation, data = self.simulation, self.simulation.data
-        self.film.qpos[:], self.film.qvel[:] = data.qpos, 0
-        simulation.data = self.film
-        tensions = simulation.tensions()
-        frames.append((self.time, simulation.pose, simulation.lengths, tensions))
-        simulation.data = data
+        """Record the present state."""
+        frames.append((self.time, *self.simulation.seen()))
 
     def _restart(self) -> None:
         """Restart from the last good coordinates, in shorter steps."""

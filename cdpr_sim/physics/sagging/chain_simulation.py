@@ -17,7 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.batch import HELD
-from cdpr_sim.physics.chains import SEGMENTS, STRAIGHT, Chains, divisions, felt_at_exit, straight
+from cdpr_sim.physics.chains import SEGMENTS, STRAIGHT, ChainDivision, Chains, divisions, felt_at_exit, straight
 from cdpr_sim.physics.mjcf import place, to_mjcf
 
 TURNING = 5.0
@@ -54,10 +54,10 @@ class ChainSimulation:
         self.model = copy.copy(_model_of(robot) if model is None else model)
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.model.opt.viscosity = self.model.opt.density = 0
-        self.data = mujoco.MjData(self.model)
+        self.data, self.film = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self.chains = Chains.of(self.model, cabling)
+        self.weights = self._weights()
         self.slides = self.chains.dofs.reshape(len(self.chains.dofs), -1)
-        self.weights = (robot.cable_weights * (rest_lengths - robot.wrapped_lengths))[self.chains.cables]
         self.massless = np.flatnonzero(cabling.linear_density == 0)
         self.single = np.array([self._id(mujoco.mjtObj.mjOBJ_TENDON, f"cable_{i + 1}") for i in self.massless], int)
         self.swivels = pulleys.Swivels.of(self.model, cabling)
@@ -67,7 +67,7 @@ class ChainSimulation:
         self.guided = first[self.swivels.cables]
         self.axial_stiffness, self.wrench, self.given = axial_stiffness, external_wrench, model is not None
         if not self.given:
-            self._let_out()
+            self._let_out(straight(felt_at_exit(cabling, self.chains.cables)))
         self.free, self.length, self.held = len(robot.free), robot.characteristic_length, False
         self.angular = slice(3, 6) if self.free == 6 else slice(2, 3)
         self.inertia = np.concatenate([np.full(3, robot.mass), np.diag(robot.inertia)])[robot.free]
@@ -79,6 +79,7 @@ class ChainSimulation:
         self.load = (
             max(robot.weight, float(np.abs(external_wrench / robot.units).max())) or robot.mass * STANDARD_GRAVITY
         )
+        self.swing = float(np.sqrt(self.load / robot.mass / rest_lengths.mean()))
         self.let_go(start)
 
     def let_go(self, pose: RigidTransform) -> None:
@@ -95,21 +96,39 @@ class ChainSimulation:
     def _id(self, kind: mujoco.mjtObj, name: str) -> int:
         return mujoco.mj_name2id(self.model, kind.value, name)
 
-    def _let_out(self) -> None:
+    def _let_out(self, division: ChainDivision) -> None:
+        """Springs and masses for the present rest lengths."""
+        self.division = division
         model, cabling, rest, axial_stiffness = self.model, self.robot.cabling, self.rest_lengths, self.axial_stiffness
-        self.chains.let_out(
-            model, self.robot, axial_stiffness, rest, straight(felt_at_exit(cabling, self.chains.cables))
-        )
+        self.chains.let_out(model, self.robot, axial_stiffness, rest, division)
         model.tendon_lengthspring[self.single, 1] = (rest + self.entries)[self.massless]
         model.tendon_stiffness[self.single] = tendons.springs(cabling, axial_stiffness, rest)[self.massless]
         further = tendons.polynomials(cabling, axial_stiffness, rest)
         model.tendon_stiffnesspoly[self.single] = further[self.massless]
 
+    def wind(self, rest_lengths: Float[np.ndarray, " cables"]) -> None:
+        """Let cables out, in motion: all segments of a chain change alike, so that it stays divided as it is.
+
+        Exact in equilibrium. The masses slide along the material, which neglects the momentum of what is wound.
+        MuJoCo's constants stay as they are: in motion it uses only sums of masses, to choose points of reference.
+        """
+        self.rest_lengths = rest_lengths
+        self.weights = self._weights()
+        self._let_out(self.division)
+        self._note_springs()
+
+    def _weights(self) -> Float[np.ndarray, " chains"]:
+        beyond = self.rest_lengths - self.robot.wrapped_lengths
+        return (self.robot.cable_weights * beyond)[self.chains.cables]
+
     def _compile(self) -> None:
         """Compute the constants that follow from springs and masses."""
         mujoco.mj_setConst(self.model, self.data)
-        self.springs, self.polynomials = self.model.tendon_stiffness.copy(), self.model.tendon_stiffnesspoly.copy()
+        self._note_springs()
         self.reset()
+
+    def _note_springs(self) -> None:
+        self.springs, self.polynomials = self.model.tendon_stiffness.copy(), self.model.tendon_stiffnesspoly.copy()
 
     @property
     def pose(self) -> RigidTransform:
@@ -200,6 +219,15 @@ class ChainSimulation:
         if len(self.swivels):
             self.swivels.face(self.model, self.data)
 
+    def seen(self) -> tuple[RigidTransform, Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
+        """Pose, lengths and tensions of the present state; the motion goes on undisturbed."""
+        data, self.data = self.data, self.film
+        self.data.qpos[:], self.data.qvel[:] = data.qpos, 0
+        tensions = self.tensions()
+        read = self.pose, self.lengths, tensions
+        self.data = data
+        return read
+
     def anchor_pulls(self) -> Float[np.ndarray, "chains 3"]:
         """Pull of each chain on the platform [N], base frame: its last segment's, and the weight of the mass there."""
         with self._only(self.chains.segments[:, -1]):
@@ -264,7 +292,7 @@ class ChainSimulation:
         chain, and its vertical component over the weight per length is the distance to the point where the chain is
         horizontal.
         """
-        model, data, chains = self.model, self.data, self.chains
+        data, chains = self.data, self.chains
         weights = self.weights[:, None]
         pulls = self.anchor_pulls() / weights
         bends = np.hypot(pulls[:, 0], pulls[:, 1])
@@ -273,7 +301,7 @@ class ChainSimulation:
         qpos = data.qpos.copy()
         for _ in range(2):
             division = divisions(1 + pulls[:, 2], bends, felt_at_exit(self.robot.cabling, chains.cables))
-            chains.let_out(model, self.robot, self.axial_stiffness, self.rest_lengths, division)
+            self._let_out(division)
             self._compile()
             data.qpos[:] = qpos
             bends[~self.lay(pulls * weights)] = STRAIGHT  # a folded chain stays as it is

@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.equilibrium import NotSettled
+from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.physics.batch import quiet, refuse_own_masses
 from cdpr_sim.physics.chains import too_short
@@ -94,6 +95,21 @@ def _relaxed(
         relaxation = relaxation.again(LONGEST_AGAIN)
         relaxation.run()
     return relaxation.divide_at_bends()
+
+
+def at_rest(problem: Problem, start: RigidTransform) -> ChainSimulation:
+    """Simulation of a problem at the equilibrium to which its platform settles from ``start``.
+
+    Raises:
+        NotSettled: it does not come to rest.
+    """
+    robot = problem.robot
+    simulation = ChainSimulation(
+        robot, problem.rest_lengths, robot.axial_stiffness, problem.external_wrench, start
+    )  # fmt: skip
+    if _relaxed(simulation, start, None).status is not Status.CONVERGED:
+        raise NotSettled(f"{robot.name}: the platform on cables with mass did not come to rest in MuJoCo")
+    return simulation
 
 
 def unbalanced(

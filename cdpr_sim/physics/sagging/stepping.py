@@ -12,6 +12,8 @@ up to the true one.
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 
@@ -44,16 +46,26 @@ class Stepping:
     Args:
         simulation: the platform.
         longest: longest time step that will be used [s].
+        ahead: part of a step after which a spring's force acts; from a half on, steps are stable.
+        cable_damping: damping of springs, as a multiple of their stiffness, if that is more [s].
     """
 
-    def __init__(self, simulation: ChainSimulation, longest: float) -> None:
-        self.simulation, self.longest = simulation, longest
+    def __init__(
+        self, simulation: ChainSimulation, longest: float, *, ahead: float = 1.0, cable_damping: float = 0.0
+    ) -> None:
+        self.simulation, self.longest, self.ahead, self.cable_damping = simulation, longest, ahead, cable_damping
         chains, model = simulation.chains, simulation.model
-        self.segment_lengths = chains.rest_lengths(model)
-        self.stiffness = simulation.springs[chains.segments] * self.segment_lengths
+        self.rates, self.turning = np.zeros(len(chains.cables)), bool(chains.over.any())
+        self.measure()
         mujoco.mj_fwdPosition(model, simulation.data)
         self.slack = (simulation.chords <= simulation.rest_lengths[chains.cables]) & (simulation.weights > 0)
         self.soften()
+
+    def measure(self) -> None:
+        """Take over the model's rest lengths and springs."""
+        simulation = self.simulation
+        self.segment_lengths = simulation.chains.rest_lengths(simulation.model)
+        self.stiffness = simulation.springs[simulation.chains.segments] * self.segment_lengths
 
     def soften(self) -> None:
         """Let chains stretch that were slack at first."""
@@ -74,8 +86,11 @@ class Stepping:
         self.calm = residual < CALM * simulation.load
         self.gentle = simulation.true and residual < GENTLE * simulation.weights.max()
 
-    def advance(self, longest: float) -> float:
-        """One time step, at most that long [s]; returns its duration."""
+    def advance(self, longest: float, wind: Callable[[float], None] = lambda step: None) -> float:
+        """One time step, at most that long [s]; returns its duration.
+
+        ``wind`` is called with the duration of the step, before its forces are computed: winches may let cables out.
+        """
         simulation, model, data, weights = (
             self.simulation,
             self.simulation.model,
@@ -83,12 +98,13 @@ class Stepping:
             self.simulation.weights,
         )
         chains = simulation.chains
-        if chains.over.any():  # a wheel that lags behind its chain excites it
+        if self.turning:  # a wheel that lags behind its chain excites it
             simulation.turn_wheels()
         mujoco.mj_step1(model, data)
         self.free = chains.free(model, data)
         with np.errstate(divide="ignore", invalid="ignore"):  # no limit for a coordinate without velocity
             model.opt.timestep = step = self._time_step(longest)
+        wind(step)
         soft = np.where(
             self.slack[:, None], np.minimum((self.softness * weights)[:, None], self.stiffness), self.stiffness
         )
@@ -106,7 +122,7 @@ class Stepping:
         further = stretch[:, None] ** [1, 2] * model.tendon_stiffnesspoly[simulation.tendons]
         secant = model.tendon_stiffness[simulation.tendons] + further.sum(1)
         tangent = model.tendon_stiffness[simulation.tendons] + (further * [2, 3]).sum(1)
-        model.tendon_damping[simulation.tendons] = np.where(stretch > 0, step * tangent, 0)
+        model.tendon_damping[simulation.tendons] = np.where(stretch > 0, self.lag(step) * tangent, 0)
         pulls = (stretch * secant)[: chains.segments.size].reshape(soft.shape)
         self.pulls = pulls.max(1)
         largest = np.maximum(self.pulls, weights)[:, None]
@@ -117,6 +133,10 @@ class Stepping:
         mujoco.mj_passive(model, data)
         mujoco.mj_step2(model, data)
         return step
+
+    def lag(self, step: float) -> float:
+        """Time after the beginning of a step at which springs act [s]."""
+        return max(self.ahead * step, self.cable_damping)
 
     def _time_step(self, longest: float) -> float:
         """[s] Short enough for chains that change between slack and taut, and for segments that rotate.
@@ -134,7 +154,9 @@ class Stepping:
         stiffness = np.minimum(self.stiffness[:, 0], np.where(self.slack, self.softness * weights, np.inf))
         near = np.maximum((weights / stiffness) ** (2 / 3), NEAREST) * rest
         passage = (
-            PASSAGE * np.maximum(np.abs(simulation.chords - rest), near) / np.abs(data.ten_velocity[chains.chords])
+            PASSAGE
+            * np.maximum(np.abs(simulation.chords - rest), near)
+            / np.abs(data.ten_velocity[chains.chords] - self.rates)
         )
         strains = np.maximum(self.pulls, weights) / stiffness
         extending = np.concatenate([data.ten_velocity[chains.brakes][:, None], data.qvel[chains.dofs][:, ::-1]], axis=1)

@@ -1,0 +1,96 @@
+"""A platform on cables with mass in motion: true inertia, and winches that let out all segments of a chain alike.
+
+Each time step is that of ``stepping``, with true springs. What differs from the motion of real cables:
+
+- The masses of a chain slide along its material while a winch winds it. That neglects the momentum of the cable that is
+  wound, a force of density times speed times winding speed at each end.
+- Wheels face their cables at once.
+- A spring acts with its force ``ahead`` of the step's beginning, which damps oscillations of the angular frequency
+  omega by the ratio (ahead - 1/2) omega step, and those of taut segments across the cable by up to omega step/2.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+from cdpr_sim.physics.sagging.stepping import Stepping
+
+ROUNDING = 1e-9
+"""Rounding of a number of steps."""
+
+Winches = Callable[[float], Float[np.ndarray, " cables"]]
+"""Rest lengths (cables,) [m] after so many seconds."""
+
+
+class ChainMotion:
+    """Motion of one platform on cables with mass, from the present state of its simulation.
+
+    Args:
+        simulation: the platform, at rest.
+        longest: longest time step [s].
+        viscosity: of the air [Pa s].
+        damping: of the platform's coordinates, (free,) [N s/m, N m s].
+        ahead: part of a step after which a spring's force acts, 1/2 to 1.
+        cable_damping: damping of springs, as a multiple of their stiffness, if that is more [s].
+    """
+
+    def __init__(
+        self,
+        simulation: ChainSimulation,
+        longest: float,
+        *,
+        viscosity: float = 0.0,
+        damping: Float[np.ndarray, " free"] | float = 0.0,
+        ahead: float = 1.0,
+        cable_damping: float = 0.0,
+    ) -> None:
+        self.simulation, self.longest = simulation, longest
+        model = simulation.model
+        simulation.residual()
+        model.opt.viscosity = viscosity
+        model.dof_armature[simulation.angular] = 0
+        model.dof_damping[: simulation.free] = damping
+        self.stepping = Stepping(simulation, longest, ahead=ahead, cable_damping=cable_damping)
+        self.stepping.stiffen()
+        self.stepping.turning = bool(len(simulation.swivels))
+        self.stepping.begin()
+        self.let_out, self.time = simulation.rest_lengths, 0.0
+
+    def advance(self, seconds: float, winches: Winches | None = None) -> None:
+        """Move for ``seconds``, while winches let these lengths out, which are counted from now on."""
+        passed = 0.0
+        while (left := seconds - passed) > ROUNDING * self.longest:
+            passed += self.step(left / np.ceil(left / self.longest - ROUNDING), winches, passed)
+
+    def step(self, longest: float, winches: Winches | None = None, passed: float = 0.0) -> float:
+        """One time step, at most that long [s], from ``passed`` on; returns its duration."""
+
+        def wind(step: float) -> None:
+            wanted = self.let_out if winches is None else winches(passed + step)
+            self._wind((wanted - self.let_out) / step, self.stepping.lag(step))
+            self.let_out = wanted
+
+        step = self.stepping.advance(longest, wind)
+        self.time += step
+        return step
+
+    def look(self) -> None:
+        """Bring MuJoCo's positions, and the springs, to the present instant."""
+        self._wind(np.zeros_like(self.let_out), 0.0)
+        mujoco.mj_kinematics(self.simulation.model, self.simulation.data)
+
+    def _wind(self, rates: Float[np.ndarray, " cables"], lag: float) -> None:
+        """Set springs to the lengths of the instant at which they act: damping is of strains, not of lengths."""
+        simulation = self.simulation
+        self.stepping.rates = rates[simulation.chains.cables]
+        rest_lengths = self.let_out + lag * rates
+        if (rest_lengths != simulation.rest_lengths).any():
+            simulation.wind(rest_lengths)
+            self.stepping.measure()

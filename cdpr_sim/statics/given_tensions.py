@@ -1,0 +1,54 @@
+"""Rest lengths under given tensions at a pose, of cables with any properties."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from cdpr_sim.core import cable_law
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import forces
+from cdpr_sim.statics.any_cable import any_cables, rest_lengths_under
+
+
+def cut(
+    robot: Robot,
+    position: Float[np.ndarray, "3"],
+    rotation: Float[np.ndarray, "3 3"],
+    tensions: Float[np.ndarray, " cables"],
+) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, "6 cables"]]:
+    """Rest lengths with which the ropes have these tensions at their anchors [m]; and the wrench matrix then.
+
+    A cable with mass pulls along its own end, whose direction depends on its tension.
+
+    Raises:
+        InvalidInput: a tension below that which the cable's weight alone gives, or with which the rope between winch
+            and exit stretches by more than the length of the cable.
+    """
+    cables = forces.geometry(robot, position, rotation)
+    if robot.cabling.massless:
+        rest, matrix = forces.rest_lengths_for(robot, cables.lengths, tensions), cables.wrench_matrix
+    else:
+        apart = position + cables.arms - robot.exits
+        given = robot.cable_weights, robot.wrapped_lengths
+        rest = rest_lengths_under(robot.cabling, apart, tensions, *given)
+        pulls = any_cables(robot.cabling.packed, apart, rest, *given).pull
+        pulling = (tensions > 0)[:, None]  # of a massless cable without tension, the direction of its path
+        directions = np.where(pulling, pulls / np.where(pulling, tensions[:, None], 1.0) / robot.reeving[:, None], 0.0)
+        directions = np.where(pulling, directions, cables.directions)
+        matrix = robot.reeving * np.concatenate([directions, np.cross(cables.arms, directions)], axis=1).T
+    if not rest.min() > 0:  # also if one is nan
+        cable = int(np.argmin(np.where(rest > 0, np.inf, 0.0)))
+        length, stretched = cables.lengths[cable], robot.cabling.behind[cable]
+        strain = 1 / cable_law.rest_length_for(1.0, tensions[cable], *(one[cable] for one in robot.cabling.law)) - 1
+        if stretched * strain >= length:
+            raise InvalidInput(
+                f"tensions: found {tensions[cable]:.4g} N in cable {cable + 1}, under which the rope between winch and "
+                f"exit stretches by more than the {length:.4g} m from exit to anchor, expected a smaller one"
+            )
+        raise InvalidInput(
+            f"tensions: found {tensions[cable]:.4g} N in cable {cable + 1}, which weighs "
+            f"{robot.cable_weights[cable] * length:.4g} N, expected at least what its weight alone gives"
+        )
+    return rest, matrix

@@ -1,0 +1,105 @@
+"""Cables with mass in motion: winches let chains out, and the platform rests where statics says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_any_cable_physics import LAW, LIGHT, MIXED, UP
+
+import cdpr_sim as cdpr
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.physics.mjcf import air_viscosity
+from cdpr_sim.physics.sagging.chain_motion import ChainMotion
+from cdpr_sim.physics.sagging.settle_chains import at_rest
+
+RESTS = 1e-9
+"""[m] Between a platform that has come to rest after its chains were wound, and statics: at most 2e-13 m measured."""
+
+AS_WRITTEN = 1e-5
+"""[m] Least error on the crane with the weights of the chains before they were wound: 3.3e-5 m measured."""
+
+NEARLY = 1e-4
+"""[m] By which a drive of 50 s lags behind its equilibria: 2.6e-5 m measured; in 5 s, 8e-3 m."""
+
+LAGS = 0.02
+"""Fraction by which tensions of that drive differ from those at rest: 0.007 measured."""
+
+EVERY = {**MIXED, "winch_to_exit": [6, 0, 3, 0, 2, 0, 0, 1], "reeving": [1, 2] * 4}
+LINE = [(1.0, 1.0, 2.0), (0.5, 0.6, 1.8)]
+
+WOUND = {
+    "crane of all kinds": ("cogiro-crane", EVERY, LINE[0], (0.2, 0.3, 1.5), 15.0),
+    "cogiro": ("cogiro", {**LIGHT, "pulley_axis": UP, "stiffening": LAW}, (0.3, 0.2, 0.15), (0.35, 0.22, 0.17), 2.0),
+}
+
+
+def wound(name: str, *, slack: float = 1.0, as_written: bool = False) -> tuple[np.ndarray, cdpr.Equilibrium]:
+    """Where a platform rests after its cables were wound to the lengths of another pose; and the equilibrium there."""
+    robot, changes, start, goal, hold = WOUND[name]
+    robot = cdpr.load_robot(robot).replace(**changes)
+    problem = Problem.of(robot, start, robot.rest_lengths(start) * np.where(np.arange(robot.cables) == 2, slack, 1.0))
+    lengths = robot.rest_lengths(goal)
+    simulation = at_rest(problem, problem.pose)
+    masses = simulation.model.body_mass.copy()
+    motion = ChainMotion(simulation, max(0.002, 0.01 / simulation.swing), viscosity=air_viscosity(problem))
+    change = lengths - problem.rest_lengths
+    motion.advance(2.0, lambda passed: problem.rest_lengths + min(passed / 2.0, 1.0) * change)
+    if as_written:
+        simulation.model.body_mass[:] = masses
+    motion.advance(hold)
+    motion.look()
+    return simulation.seen()[0].translation, cdpr.solve(robot, goal, lengths)
+
+
+@pytest.mark.parametrize("name", WOUND)
+def test_after_winding_the_platform_rests_where_statics_says(name):
+    """Cables of every kind, by decimetres and metres: springs, laws and weights of all segments follow the lengths."""
+    position, equilibrium = wound(name)
+    assert np.linalg.norm(position - equilibrium.position) < RESTS
+
+
+def test_weights_that_do_not_follow_the_lengths_show():
+    """Negative control: in MuJoCo the masses stay those of the lengths before."""
+    position, equilibrium = wound("crane of all kinds", as_written=True)
+    assert np.linalg.norm(position - equilibrium.position) > AS_WRITTEN
+
+
+def test_a_slow_drive_passes_through_the_equilibria_and_a_fast_one_does_not():
+    """With every kind of cable and drive line; tensions and lengths too."""
+    robot = cdpr.load_robot("cogiro-crane").replace(**EVERY)
+    slow = cdpr.drive(robot, LINE, seconds=50.0, states=11)
+    static = cdpr.solve_trajectory(slow)
+    assert np.linalg.norm(slow.positions - static.positions, axis=1).max() < NEARLY
+    np.testing.assert_allclose(slow.positions[0], static.positions[0], rtol=0, atol=RESTS)
+    np.testing.assert_allclose(slow.tensions, static.tensions, rtol=LAGS)
+    np.testing.assert_allclose(slow.lengths, static.lengths, rtol=0, atol=NEARLY)
+    massless = cdpr.solve_many(robot.replace(linear_density=0.0), slow.commanded)
+    assert np.linalg.norm(massless.positions - static.positions, axis=1).max() > 2 * NEARLY
+    fast = cdpr.drive(robot, LINE, seconds=5.0, states=11)
+    assert np.linalg.norm(fast.positions - static.positions, axis=1).max() > 10 * NEARLY
+
+
+def test_a_platform_that_is_released_drops_onto_its_sagging_cables():
+    """From the commanded pose, which it leaves at once, to its equilibrium."""
+    robot = cdpr.load_robot("cogiro-crane").replace(**EVERY)
+    motion = cdpr.drive(robot, LINE[:1], seconds=15.0, states=31, from_rest=False)
+    equilibrium = cdpr.solve(robot, LINE[0])
+    assert np.abs(motion.deviation[0]).max() == 0
+    assert np.linalg.norm(motion.deviation[1:], axis=1).max() > np.linalg.norm(equilibrium.deviation)
+    np.testing.assert_allclose(motion.positions[-1], equilibrium.position, rtol=0, atol=1e-6)
+
+
+def test_without_gravity_cables_are_driven_as_massless_ones():
+    """They weigh nothing there, for settling as well."""
+    robot = cdpr.load_robot("ipanema-1").replace(gravity=0.0)
+    line, words = [(0, 0, 1), (0.1, 0, 1)], {"seconds": 1.0, "states": 5}
+    plain, motion = (cdpr.drive(one, line, **words) for one in (robot, robot.replace(linear_density=0.01)))
+    np.testing.assert_array_equal(motion.positions, plain.positions)
+    np.testing.assert_array_equal(motion.tensions, plain.tensions)
+
+
+def test_a_drive_past_a_wheel_is_refused():
+    """Where a cable with mass becomes too short for a chain over its wheel; in one sentence, before it moves."""
+    robot = cdpr.load_robot("cogiro").replace(linear_density=5e-4, pulley_radius=0.018, pulley_axis=UP)
+    with pytest.raises(cdpr.InvalidInput, match=r"^rest_lengths: found \S+ m in cable \d, with mass and over a pulley"):
+        cdpr.drive(robot, [(0.4, 0.25, 0.1), (0.2, 0.15, 0.35)], seconds=1.0)
