@@ -36,7 +36,6 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import derivatives, forces, newton
-from cdpr_sim.statics.any_cable import rest_lengths_under
 from cdpr_sim.statics.balance_kernel import shortfall_gufunc
 
 Prefer = Literal["smallest", "stiffest"]
@@ -285,7 +284,7 @@ def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " c
             )
     else:
         apart = pose.translation + cables.arms - robot.exits
-        rest = rest_lengths_under(robot.cabling, apart, tensions, robot.cable_weights, robot.wrapped_lengths)
+        rest = derivatives.rest_lengths_under(robot, apart, tensions)
         if np.isnan(rest).any():
             cable = int(np.argmax(np.isnan(rest)))
             raise NotConverged(
