@@ -20,8 +20,8 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.statics.catenary import catenary
 from cdpr_sim.statics.forces import cross_matrix, load_wrench
+from cdpr_sim.statics.profiles import catenary
 
 Array = np.ndarray
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFENING, STIFFNESS
+from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFENING, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
-from cdpr_sim.statics.catenary import catenary
+from cdpr_sim.statics.profiles import catenary
 
 ROBOTS = 300
 """Random ones; 10,000 were tried when this was written, without drive lines."""
@@ -60,11 +60,12 @@ class Cables:
         self.table = np.zeros((n, COLUMNS))
         self.table[:, STIFFNESS], self.table[:, STIFFENING : STIFFENING + 2] = self.stiffness, self.law
         self.table[:, RADIUS], self.table[:, AXIS : AXIS + 3] = self.radius, self.axis
-        self.table[:, BEHIND] = self.behind
+        self.table[:, BEHIND], self.table[:, WEIGHT], self.table[:, WRAPPED] = self.behind, self.weight, self.wrapped
 
     def at(self, moved=0.0, **changed):
-        given = {"table": self.table, "rest": self.rest, "weight": self.weight, "wrapped": self.wrapped} | changed
-        return any_cables(given["table"], self.span + moved, given["rest"], given["weight"], given["wrapped"])
+        table = self.table.copy()
+        table[:, WEIGHT] = changed.get("weight", self.weight)
+        return any_cables(table, self.span + moved, self.rest)
 
 
 def massless_path(span, radius, axis):

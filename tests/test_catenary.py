@@ -10,7 +10,8 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from cdpr_sim.statics.catenary import Catenary, catenary, profile
+from cdpr_sim.statics.any_cable import Catenary
+from cdpr_sim.statics.profiles import catenary, profile
 
 ENDS_TOLERANCE = 4e-15
 """Of a cable's ends, per length of a cable that hangs plumb under its own weight: some ten roundings."""

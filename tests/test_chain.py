@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.problem import Problem
-from cdpr_sim.statics.catenary import catenary
+from cdpr_sim.statics.profiles import catenary
 
 PLACES = [(0.4, 0.1, -0.7), (0.9, -0.3, 0.2), (0.2, 0.1, 0.1), (0.6, 0.5, 0.75), (0.1, 0.0, -0.99)]
 """Anchors from an exit at 0, of a cable of length 1: slack, nearly taut and taut ones."""

@@ -12,9 +12,9 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import derivatives, forces, matrix_kernel
-from cdpr_sim.statics.catenary import catenary
 from cdpr_sim.statics.forces import mass_matrix
 from cdpr_sim.statics.newton import stiffness_of
+from cdpr_sim.statics.profiles import catenary
 
 POSES = [(0.3, 0.2, 0.1, 0.05, -0.1, 0.2), (0.45, 0.3, 0.2, -0.1, 0.02, -0.3), (0.2, 0.25, 0.15, 0.0, 0.1, 0.0)]
 

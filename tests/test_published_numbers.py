@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
-from cdpr_sim.statics.catenary import catenary
 from cdpr_sim.statics.forces import geometry
+from cdpr_sim.statics.profiles import catenary
 
 POSITION = np.array([0.1, 0.2, 1.0])
 

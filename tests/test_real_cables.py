@@ -19,7 +19,7 @@ from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.design.robot_batch import Cases, RobotBatch, solve_layouts
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 from cdpr_sim.statics import derivatives, forces
-from cdpr_sim.statics.catenary import catenary
+from cdpr_sim.statics.profiles import catenary
 
 SOFT = 1e3
 """[N] EA with which DemoBot's cables strain by some per mille, so that laws and lengths show."""

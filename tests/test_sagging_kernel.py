@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.cable import WEIGHT, WRAPPED
 from cdpr_sim.core.status import Status
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS
-from cdpr_sim.statics.catenary import catenary
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
-from cdpr_sim.statics.sagging_kernel import sagging_gufunc
+from cdpr_sim.statics.profiles import catenary
 
 ROBOTS = 300
 """Random ones; 10,000 were tried when this was written."""
@@ -40,10 +40,9 @@ class Case:
             else:
                 start_position, start_rotation = start
             self.start = start_position, start_rotation
-            found = sagging_gufunc()(
-                robot.cabling.packed, self.weights, robot.wrapped_lengths, self.rest, *asked, start_position,
-                start_rotation,
-            )  # fmt: skip
+            table = robot.cabling.packed.copy()
+            table[:, WEIGHT], table[:, WRAPPED] = self.weights, robot.wrapped_lengths
+            found = equilibrium_gufunc(sagging=True)(table, self.rest, *asked, start_position, start_rotation)
         self.position, self.rotation, self.lengths, self.tensions, self.residual, self.iterations, self.status = found
 
     def anchors(self, position, rotation):

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from cdpr_sim.core.checks import refuse_unless, whole
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
-from cdpr_sim.statics import any_cable
+from cdpr_sim.statics import profiles
 
 MOST_POINTS = 100_000
 """Largest number of points along a cable; a picture has fewer pixels."""
@@ -34,9 +34,9 @@ def cable_profiles(equilibria: EquilibriumBatch, points: int = 25) -> Float[np.n
     whole("points", points, 2, MOST_POINTS)
     robot = equilibria.robot
     anchors = equilibria.positions[..., None, :] + robot.anchors @ np.swapaxes(equilibria.rotations, -1, -2)
-    shapes = any_cable.profiles(
-        robot.cabling, robot.exits, anchors, equilibria.rest_lengths, equilibria.problems.axial_stiffness,
-        robot.cable_weights, robot.wrapped_lengths, points,
+    shapes = profiles.profiles(
+        robot, robot.exits, anchors, equilibria.rest_lengths, equilibria.problems.axial_stiffness,
+        robot.cable_weights, points,
     )  # fmt: skip
     shapes[..., robot.cabling.pulleys & (robot.linear_density == 0), :, :] = np.nan
     return shapes

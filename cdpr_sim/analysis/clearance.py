@@ -22,7 +22,7 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.statics import any_cable
+from cdpr_sim.statics import profiles
 from cdpr_sim.statics.newton import solve_many
 
 POINTS = 25
@@ -182,10 +182,9 @@ def cable_curves(
     fractions = np.linspace(0, 1, 2 if straight else points)
     curves = starts[..., None, :] + fractions[:, None] * (ends - starts)[..., None, :]
     if not straight:
-        hung = any_cable.profiles(
-            cabling, exits, ends, equilibria.rest_lengths, equilibria.problems.axial_stiffness, weights,
-            robot.wrapped_lengths, points,
-        )  # fmt: skip
+        hung = profiles.profiles(
+            robot, exits, ends, equilibria.rest_lengths, equilibria.problems.axial_stiffness, weights, points
+        )
         hangs = (slack & ~over) | (weights > 0) | ((not cabling.massless) & ~over)
         curves = np.where(hangs[..., None, None], hung, curves)
     lengths = np.linalg.norm(np.diff(curves, axis=-2), axis=-1).sum(-1)

@@ -172,6 +172,10 @@ def _unit(parameter: str, index: int, equilibrium: Equilibrium) -> tuple[str, fl
         return "%", 0.01 * float(robot.axial_stiffness[index])
     if parameter == "mass":
         return "%", 0.01 * robot.mass
+    if parameter == "linear_density":
+        return "%", 0.01 * float(robot.linear_density[index])
+    if parameter == "stiffening":
+        return "%", 0.01 * abs(float(robot.stiffening.flat[index]))
     if parameter == "external_wrench":
         return ("N", 1.0) if index < 3 else ("N mm", 1e-3)
     return "mm", 1e-3
@@ -188,6 +192,10 @@ def _name(parameter: str, index: int) -> str:
         return f"rest length {index + 1}"
     if parameter == "axial_stiffness":
         return f"EA of cable {index + 1}"
+    if parameter == "linear_density":
+        return f"mass per length of cable {index + 1}"
+    if parameter == "stiffening":
+        return f"a{index % 2 + 2} of cable {index // 2 + 1}"
     if parameter == "mass":
         return "mass"
     if parameter == "center_of_mass":

@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike
 from cdpr_sim.core.checks import MOST_LENGTH, Frozen, as_numbers, checked_array, frozen, in_range, refuse_far
 from cdpr_sim.core.errors import InvalidInput
 
-EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, BEHIND, PARTS, COLUMNS = 0, 3, 6, 7, 9, 10, 13, 14, 15
-"""Columns of ``Cabling.packed``: the first coordinate of the exit and of the anchor, axial stiffness of all parts of
+EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, BEHIND, PARTS, WEIGHT, WRAPPED = 0, 3, 6, 7, 9, 10, 13, 14, 15, 16
+COLUMNS = 17
+"""Columns of ``Robot.cable_table``: the first coordinate of the exit and of the anchor, axial stiffness of all parts of
 line, the coefficients of nonlinear elasticity, the pulley's radius and axis, the length ``Cabling.behind`` the exit,
-the number of parts of line; and the number of columns."""
+the number of parts of line, ``Robot.cable_weights`` and ``Robot.wrapped_lengths``; and the number of columns."""
 
 DOWN = (0.0, 0.0, -1.0)
 """Default axis of a pulley: the cable arrives downwards, along a mast."""
@@ -246,7 +247,7 @@ class Cabling(Frozen):
 
     @cached_property
     def packed(self) -> Float[np.ndarray, "cables columns"]:
-        """Cables as one table for compiled code, a row for all parts of line of a cable."""
+        """``Robot.cable_table`` of the cables without their weight, for what does not depend on it."""
         return frozen(
             np.column_stack(
                 [
@@ -258,20 +259,10 @@ class Cabling(Frozen):
                     self.pulley_axis,
                     self.behind,
                     self.reeving,
+                    np.zeros((len(self), 2)),
                 ]
             )
         )
-
-    def packed_with(
-        self, axial_stiffness: Float[np.ndarray, "*batch cables"]
-    ) -> Float[np.ndarray, "*batch cables columns"]:
-        """``packed`` with another axial stiffness, or with many."""
-        if axial_stiffness is self.axial_stiffness:
-            return self.packed
-        table = np.empty((*axial_stiffness.shape, COLUMNS))
-        table[...] = self.packed
-        table[..., STIFFNESS] = self.reeving * axial_stiffness
-        return table
 
     def same_as(self, other: Cabling) -> bool:
         """Whether both describe identical cables, to the last bit; force limits are not compared."""

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import DOWN, MOST_STRAIN, Cabling
+from cdpr_sim.core.cable import COLUMNS, DOWN, MOST_STRAIN, STIFFNESS, WEIGHT, WRAPPED, Cabling
 from cdpr_sim.core.checks import (
     checked_array,
     checked_label,
@@ -342,6 +342,28 @@ class Robot(HtmlRepr):
         carries.
         """
         return frozen(cable_path.wrapped_lengths(self.cabling, self.exits - self.home - self.anchors))
+
+    def cable_table(
+        self, axial_stiffness: Float[np.ndarray, "*batch cables"] | None = None
+    ) -> Float[np.ndarray, "*batch cables columns"]:
+        """Cables as one table for compiled code, a row for all parts of line of a cable; columns of ``core.cable``.
+
+        Args:
+            axial_stiffness: of the ropes [N], or of many; default: the robot's.
+        """
+        if axial_stiffness is None or axial_stiffness is self.axial_stiffness:
+            return self._cable_table
+        table = np.broadcast_to(self._cable_table, (*axial_stiffness.shape, COLUMNS)).copy()
+        table[..., STIFFNESS] = self.cabling.reeving * axial_stiffness
+        return table
+
+    @cached_property
+    def _cable_table(self) -> Float[np.ndarray, "cables columns"]:
+        if self.cabling.massless:
+            return self.cabling.packed
+        table = self.cabling.packed.copy()
+        table[:, WEIGHT], table[:, WRAPPED] = self.cable_weights, self.wrapped_lengths
+        return frozen(table)
 
     @cached_property
     def characteristic_length(self) -> float:

@@ -16,8 +16,8 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from cdpr_sim.core import available_memory, cable_law
-from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS
+from cdpr_sim.core import available_memory
+from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.cable_path import path, wheel_paths, wrapped_lengths
 from cdpr_sim.core.checks import Frozen, checked_array, refuse_unless, shown
 from cdpr_sim.core.equilibrium import Equilibrium
@@ -28,9 +28,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED, shortfall_gufunc
-from cdpr_sim.statics.newton import within_law
-from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
-from cdpr_sim.statics.sagging_kernel import sagging_gufunc
+from cdpr_sim.statics.newton import solve_table
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 BYTES_PER_CABLE = 120
@@ -210,13 +208,17 @@ class RobotBatch(Frozen):
         return np.concatenate(moved, axis=1).max(1)
 
     def tables(self, factors: Float[np.ndarray, " cases"]) -> Float[np.ndarray, "layouts some cables columns"]:
-        """Cable tables for compiled code (``Cabling.packed``); one for all cases if their stiffness is the same."""
+        """Cable tables for compiled code (``Robot.cable_table``); one for all cases if their stiffness is the same."""
         factors = factors[:1] if (factors == factors[0]).all() else factors
         table = np.empty((len(self), len(factors), self.robot.cables, COLUMNS))
         table[:] = self.robot.cabling.packed
         table[..., EXIT : EXIT + 3] = self.exits[:, None]
         table[..., ANCHOR : ANCHOR + 3] = self.anchors[:, None]
         table[..., STIFFNESS] = self.robot.reeving * (self.axial_stiffness[:, None] * factors[:, None])
+        if not self.robot.cabling.massless:
+            apart = self.exits - self.robot.home - self.anchors
+            table[..., WEIGHT] = self.cable_weights[:, None]
+            table[..., WRAPPED] = wrapped_lengths(self.robot.cabling, apart)[:, None]
         return table
 
     def rigid_lengths(self, cases: Cases) -> Float[np.ndarray, "layouts cases cables"]:
@@ -269,23 +271,15 @@ class LayoutEquilibria(EquilibriumBatch):
     def modes(self) -> tuple[Float[np.ndarray, "layouts cases free"], Float[np.ndarray, "layouts cases"]]:
         """Eigenvalues of the stiffness matrix [N/m], and the lowest natural frequency [Hz].
 
-        By the compiled function; for cables with mass, whose own inertia is neglected, layout by layout in NumPy.
+        The own inertia of cables with mass is neglected.
         """
         layouts, cases, robot = self.layouts, self.cases, self.robot
         with np.errstate(all="ignore"):
-            if not robot.cabling.massless:
-                found = [self._modes_of(row) for row in range(len(self))]
-                return np.array([one[0] for one in found]), np.array([one[1] for one in found])
-            return stiffness_gufunc(bent=robot.cabling.bent)(
+            return stiffness_gufunc(bent=robot.cabling.bent, sagging=not robot.cabling.massless)(
                 layouts.tables(cases.factors), self.problems.rest_lengths, robot.mass, robot.gravity,
                 layouts.center_of_mass[:, None], robot.inertia, np.array(robot.free),
                 layouts.characteristic_lengths[:, None], self.positions, self.rotations,
             )  # fmt: skip
-
-    def _modes_of(self, row: int) -> tuple[np.ndarray, np.ndarray]:
-        problems = self.cases.problems(self.layouts.robot_at(row), self.problems.rest_lengths[row])
-        matrix = forces.at(problems, self.positions[row], self.rotations[row]).stiffness_matrix
-        return forces.modes_from(problems, self.rotations[row], matrix)
 
     @property
     def frequencies(self) -> Float[np.ndarray, "layouts cases"]:
@@ -346,32 +340,15 @@ def _eigenvalues(equilibria: EquilibriumBatch) -> Float[np.ndarray, "layouts cas
 def _solve(layouts: RobotBatch, cases: Cases) -> tuple[np.ndarray, ...]:
     robot = layouts.robot
     table, rest_lengths = layouts.tables(cases.factors), layouts.rigid_lengths(cases)
-    stiffness = table[..., STIFFNESS] / robot.reeving  # of the ropes
     up = (layouts.exits[:, None, :, 2] - np.einsum("cj,lmj->lcm", cases.rotations[:, 2], layouts.anchors)).max(-1)
     falls = (cases.positions[:, 2] >= up) & (robot.weight > cases.wrench[:, 2])
     start = np.where(falls[..., None], np.nan, cases.positions)
-    free = np.zeros(6)
-    free[robot.free] = 1.0
-    platform = (
-        robot.weight, layouts.center_of_mass[:, None], cases.wrench, free, layouts.characteristic_lengths[:, None]
+    *found, status = solve_table(
+        robot, table, rest_lengths, robot.weight, cases.wrench, start, cases.rotations,
+        layouts.center_of_mass[:, None], layouts.characteristic_lengths[:, None],
     )  # fmt: skip
-    with np.errstate(all="ignore"):
-        found = equilibrium_gufunc(bent=robot.cabling.bent)(table, rest_lengths, *platform, start, cases.rotations)
-        positions, rotations, lengths, residuals, iterations, status = found
-        if robot.cabling.massless:
-            law = rest_lengths + robot.cabling.behind, stiffness, *robot.cabling.stiffening.T
-            tensions = cable_law.tension(lengths - rest_lengths, *law)
-        else:
-            weights = layouts.cable_weights[:, None]
-            wrapped = wrapped_lengths(robot.cabling, layouts.exits - robot.home - layouts.anchors)[:, None]
-            positions, rotations, lengths, pulls, residuals, more, status = sagging_gufunc()(
-                table, weights, wrapped, rest_lengths, *platform, positions, rotations
-            )
-            tensions = pulls / robot.reeving
-            iterations = iterations + more
-        status = within_law(robot.cabling, tensions, stiffness, status)
     status = np.where(falls, int(Status.FALLS), status)
-    return rest_lengths, positions, rotations, lengths, tensions, residuals, iterations, status, falls
+    return rest_lengths, *found, status, falls
 
 
 def feasible_share(

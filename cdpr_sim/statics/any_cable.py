@@ -32,9 +32,9 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import AXIS, BEHIND, RADIUS, STIFFENING, STIFFNESS, Cabling
+from cdpr_sim.core.cable import AXIS, BEHIND, RADIUS, STIFFENING, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.compiling import Kernel, inline, outlined
-from cdpr_sim.statics.catenary import Catenary, elastic_catenary, profile
+from cdpr_sim.statics.catenary import elastic_catenary
 
 MAX_STEPS = 100
 """Newton steps: three or four do, seven nearly always."""
@@ -54,16 +54,31 @@ NEARLY_SOLVED = 1e-11
 STRAIN_STEPS = 60
 """Newton steps to the strain of a given tension; a handful do."""
 
-LENGTH_STEPS, LENGTH_ROUNDING = 50, 1e-14
-"""Newton steps to the rest length of a given tension, and the relative step that ends them."""
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 
 _pulley_path = outlined(cable_path.pulley_path)
 inline(cable_law.stiffened)
 _energy = inline(cable_law.energy)
 _tangent = inline(cable_law.tangent)
+
+
+class Catenary(NamedTuple):
+    """State of a cable, or of many.
+
+    Attributes:
+        pull: force on the anchor, base frame, (..., 3) [N].
+        stiffness: −∂pull/∂anchor, symmetric, (..., 3, 3) [N/m].
+        energy: energy of stretch and of the cable's own weight, which is 0 at height 0, (...) [J].
+        exit_tension: tension at the exit, (...) [N].
+        anchor_tension: tension at the anchor, the platform's end, (...) [N].
+    """
+
+    pull: Float[np.ndarray, "*batch 3"]
+    stiffness: Float[np.ndarray, "*batch 3 3"]
+    energy: Float[np.ndarray, "*batch"]
+    exit_tension: Float[np.ndarray, "*batch"]
+    anchor_tension: Float[np.ndarray, "*batch"]
 
 
 class AnyCable(NamedTuple):
@@ -82,172 +97,34 @@ class AnyCable(NamedTuple):
     weight: float
 
 
-def any_cables(
-    table: ArrayLike, apart: ArrayLike, rest_lengths: ArrayLike, weights: ArrayLike, wrapped: ArrayLike
-) -> Catenary:
+def any_cables(table: ArrayLike, apart: ArrayLike, rest_lengths: ArrayLike) -> Catenary:
     """What cables do, of every kind; everything broadcasts.
 
     Args:
-        table: rows of ``Cabling.packed``, (..., columns).
+        table: rows of ``Robot.cable_table``, (..., columns).
         apart: from exits to anchors, base frame, (..., 3) [m].
         rest_lengths: from exits to anchors, (...) [m].
-        weights: per rest length, of all parts of line, (...) [N/m].
-        wrapped: the massless first part of each rest length, (...) [m].
 
     Returns:
         Pulls, stiffnesses, energies (with the exit at height 0) and tensions, of all parts of line together; nan where
         a cable has no path: in its wheel, or where its weight would lift it off.
     """
     with np.errstate(all="ignore"):
-        return Catenary(*any_cable_gufunc()(table, apart, rest_lengths, weights, wrapped))
+        return Catenary(*any_cable_gufunc()(table, apart, rest_lengths))
 
 
-def any_cable_slopes(
-    table: Float[np.ndarray, "*#batch columns"],
-    found: Catenary,
-    rest_lengths: Float[np.ndarray, "*#batch"],
-    weights: Float[np.ndarray, "*#batch"],
-    wrapped: Float[np.ndarray, "*#batch"],
-) -> Float[np.ndarray, "4 *batch 3"]:
-    """Derivatives of the pulls in ``found``, at fixed ends.
-
-    By rest length, by axial stiffness, by wheel radius and by the length behind the exit; both of all parts of line.
-
-    With t_B = t + w L up the tension vector at the anchor, the pull is −t_B, and t changes by −K ∂(∂Psi/∂t)/∂q at fixed
-    t. ``wrapped`` is held fixed. Other arguments as of ``any_cables``.
-    """
-    EA, law, r, e = (
-        table[..., STIFFNESS],
-        (table[..., STIFFENING], table[..., STIFFENING + 1]),
-        table[..., RADIUS],
-        AXIS,
-    )
-    axis, L = table[..., e : e + 3], rest_lengths - wrapped
-    massless = wrapped + table[..., BEHIND]
-    up = np.array([0.0, 0.0, 1.0])
-    t = -found.pull - (weights * L)[..., None] * up
-
-    def along(v):
-        """(unit vector, strain, slope of strain) under the tension vector v."""
-        T = np.linalg.norm(v, axis=-1)
-        strain = 1 / cable_law.rest_length_for(1.0, T, EA, *law) - 1
-        slope, _ = cable_law.tangent(strain, 1.0, EA, *law)
-        return v / np.where(T > 0, T, 1.0)[..., None], strain, T / (EA * slope)
-
-    u, strain, by_stiffness = along(t)
-    at_anchor, at_end, _ = along(-found.pull)
-    length = (1 + at_end)[..., None] * at_anchor
-    behind = strain[..., None] * u
-    stiffness = -(massless * by_stiffness)[..., None] * u
-    for node, part in zip(_NODES, _WEIGHTS, strict=True):
-        v, _, by_stiffness = along(t + (node * weights * L)[..., None] * up)
-        stiffness = stiffness - (part * L * by_stiffness)[..., None] * v
-    cosine = (u * axis).sum(-1)[..., None]
-    n = u - cosine * axis
-    sine = np.linalg.norm(n, axis=-1, keepdims=True)
-    radius = (1 - cosine) * n / np.where(sine > 0, sine, 1.0) + sine * axis - np.arctan2(sine, cosine) * u
-    by = np.stack(np.broadcast_arrays(length, stiffness, radius * (r > 0)[..., None], behind))
-    turned = np.einsum("...ab,q...b->q...a", found.stiffness, by)
-    turned[0] -= weights[..., None] * up
-    return turned
-
-
-def rest_lengths_under(
-    cabling: Cabling,
-    apart: Float[np.ndarray, "cables 3"],
-    tensions: Float[np.ndarray, " cables"],
-    weights: Float[np.ndarray, " cables"],
-    wrapped: Float[np.ndarray, " cables"],
-) -> Float[np.ndarray, " cables"]:
-    """Rest lengths with which cables have these tensions at their anchors [m]; nan below what their weight alone gives.
-
-    Tension falls as the rest length grows, and is convex: Newton's method from the massless length, which is too short.
-    Where a cable sags so much that tension rises with more length, there is no smaller one.
-
-    Args:
-        cabling: the cables.
-        apart: from exits to anchors, base frame, (cables, 3) [m].
-        tensions: of the ropes, (cables,) [N].
-        weights: per rest length, of all parts of line, (cables,) [N/m].
-        wrapped: the massless first part of each rest length, (cables,) [m].
-    """
-    rest = cable_law.rest_length_for(
-        cable_path.paths(cabling, -apart)[0], tensions, *cabling.law, behind=cabling.behind
-    )
-    rest = np.where(rest > 0, rest, np.nan)
-    pulls = cabling.reeving * tensions
-    done = np.zeros(len(rest), bool)
-    for _ in range(LENGTH_STEPS):
-        found = any_cables(cabling.packed, apart, rest, weights, wrapped)
-        by_length = any_cable_slopes(cabling.packed, found, rest, weights, wrapped)[0]
-        beyond = found.anchor_tension - pulls
-        with np.errstate(all="ignore"):
-            slope = (found.pull * by_length).sum(-1) / found.anchor_tension
-            step = np.where((beyond == 0) | (tensions == 0), 0.0, beyond / slope)
-            rest = np.where(slope < 0, rest - step, np.nan)
-            done = np.abs(step) <= LENGTH_ROUNDING * rest
-        if (done | np.isnan(rest)).all():
-            break
-    return np.where(done, rest, np.nan)
-
-
-def profiles(
-    cabling: Cabling,
-    exits: ArrayLike,
-    anchors: ArrayLike,
-    rest_lengths: ArrayLike,
-    axial_stiffness: Float[np.ndarray, "*#batch cables"],
-    weights: Float[np.ndarray, "*#batch cables"],
-    wrapped: ArrayLike,
-    points: int,
-) -> Float[np.ndarray, "*batch cables points 3"]:
-    """Where cables hang: points from exit to anchor, or from where a cable with mass leaves its wheel, to draw [m].
-
-    Arguments as of ``any_cables``, with the axial stiffness of the ropes. A massless cable has the shape to which its
-    weight's last trace would bring it, without its pulley. A nonlinear one is taken as linear there, as stiff as at its
-    mean tension.
-    """
-    exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
-    table = cabling.packed_with(axial_stiffness)
-    axial_stiffness = table[..., STIFFNESS]
-    if not (np.any(weights) and (cabling.bent or cabling.behind.any())):
-        return profile(exits, anchors, rest, axial_stiffness, weights, points)
-    found = any_cables(table, anchors - exits, rest, weights, wrapped)
-    with np.errstate(all="ignore"):
-        t = -found.pull
-        t[..., 2] -= weights * (rest - wrapped)
-        T, e, r = found.exit_tension, cabling.pulley_axis, cabling.pulley_radius
-        u = t / T[..., None]
-        cosine = (u * e).sum(-1)[..., None]
-        n = u - cosine * e
-        sine = np.linalg.norm(n, axis=-1, keepdims=True)
-        law = axial_stiffness, *cabling.stiffening.T
-        unstretched = cable_law.rest_length_for(1.0, T, *law)
-        on_wheel = r * np.arctan2(sine, cosine)[..., 0] * unstretched
-        # Rope from behind the exit that its stretch moves past the exit.
-        pulled_out = np.where(weights > 0, cabling.behind * (1 - unstretched), 0.0)
-        mean = np.fmax(0.5 * (T + found.anchor_tension), np.finfo(float).tiny * 1e10)
-        secant = mean / (1 / cable_law.rest_length_for(1.0, mean, *law) - 1)
-        over = cabling.pulleys & (weights > 0)
-        starts = np.where(over[..., None], exits + r[:, None] * ((1 - cosine) * n / sine + sine * e), exits)
-    rest = np.where(over, rest - on_wheel, rest) + pulled_out
-    stiffness = np.where(cabling.stiffening.any(-1) & np.isfinite(secant) & (secant > 0), secant, axial_stiffness)
-    return profile(starts, anchors, rest, stiffness, weights, points)
-
-
-def _one(table, apart, rest_length, weight, wrapped, pull, stiffness, energy, exit_tension, anchor_tension):
+def _one(table, apart, rest_length, pull, stiffness, energy, exit_tension, anchor_tension):
     """One element of the gufunc."""
-    cable = cable_of(table, rest_length, weight, wrapped)
     (
-        pull[0], pull[1], pull[2], xx, xy, yy, xz, yz, zz, energy[0], exit_tension[0], anchor_tension[0], _
-    ) = any_cable(apart[0], apart[1], apart[2], cable)  # fmt: skip
+        pull[0], pull[1], pull[2], xx, xy, yy, xz, yz, zz, energy[0], exit_tension[0], anchor_tension[0], _, _
+    ) = any_cable(apart[0], apart[1], apart[2], cable_of(table, rest_length))  # fmt: skip
     stiffness[0, 0], stiffness[1, 1], stiffness[2, 2] = xx, yy, zz
     stiffness[0, 1] = stiffness[1, 0] = xy
     stiffness[0, 2] = stiffness[2, 0] = xz
     stiffness[1, 2] = stiffness[2, 1] = yz
 
 
-_ANY = Kernel("cables of any kind", _one, "(k),(c),(),(),()->(c),(c,c),(),(),()")
+_ANY = Kernel("cables of any kind", _one, "(k),(c),()->(c),(c,c),(),(),()")
 
 
 def any_cable_gufunc() -> Kernel:
@@ -256,18 +133,12 @@ def any_cable_gufunc() -> Kernel:
 
 
 @inline
-def cable_of(row, rest_length, weight, wrapped):
-    """The cable of a row of ``Cabling.packed``."""
+def cable_of(row, rest_length):
+    """The cable of a row of ``Robot.cable_table``."""
     return AnyCable(
-        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], wrapped, row[BEHIND], rest_length, row[STIFFNESS],
-        row[STIFFENING], row[STIFFENING + 1], weight,
+        row[AXIS], row[AXIS + 1], row[AXIS + 2], row[RADIUS], row[WRAPPED], row[BEHIND], rest_length, row[STIFFNESS],
+        row[STIFFENING], row[STIFFENING + 1], row[WEIGHT],
     )  # fmt: skip
-
-
-@inline
-def clear_of_wheel(x, y, z, cable):
-    """Whether a cable to there stays on its wheel, up to where its weight would lift it."""
-    return _pulley_path(-x, -y, -z, cable.ex, cable.ey, cable.ez, cable.radius)[10] >= 0
 
 
 @outlined
@@ -275,7 +146,8 @@ def any_cable(x, y, z, cable):
     """A cable whose anchor lies at (x, y, z) from its exit.
 
     (pull on the anchor x, y, z; stiffness −∂pull/∂anchor xx, xy, yy, xz, yz, zz; energy, with the exit at height 0;
-    tension at the exit, at the anchor; length of the massless path). All is nan where the cable has no path.
+    tension at the exit, at the anchor; length of the massless path; how far it is from leaving its wheel, 0 without
+    one). All is nan where the cable has no path.
     """
     straight = cable.radius == 0.0 and cable.behind == 0.0 and cable.wrapped == 0.0
     if straight and cable.a2 == 0.0 and cable.a3 == 0.0:
@@ -283,7 +155,7 @@ def any_cable(x, y, z, cable):
         t, C, U, exit_tension, anchor_tension = _hanging(x, y, z, cable.rest_length, cable.EA, cable.weight)
         return (
             -t[0], -t[1], -(t[2] + 2 * half), C[0], C[1], C[2], C[3], C[4], C[5], U + half * z, exit_tension,
-            anchor_tension, np.sqrt(x * x + y * y + z * z),
+            anchor_tension, np.sqrt(x * x + y * y + z * z), 0.0,
         )  # fmt: skip
     if cable.weight == 0.0:
         return _massless(x, y, z, cable)
@@ -292,29 +164,29 @@ def any_cable(x, y, z, cable):
 
 @inline
 def _wheel_path(x, y, z, cable):
-    """(length, straight piece from wheel to anchor x, y, z, its length, across x, y, z, bend, wrap)."""
+    """(length, straight piece from wheel to anchor x, y, z, its length, across x, y, z, bend, wrap, clear)."""
     if cable.radius == 0.0:
         length = np.sqrt(x * x + y * y + z * z)
-        return length, x, y, z, length, 0.0, 0.0, 0.0, 0.0, 0.0
-    length, fx, fy, fz, free, bx, by, bz, bend, wrap, _ = _pulley_path(
+        return length, x, y, z, length, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    length, fx, fy, fz, free, bx, by, bz, bend, wrap, clear = _pulley_path(
         -x, -y, -z, cable.ex, cable.ey, cable.ez, cable.radius
     )
-    return length, -fx, -fy, -fz, free, bx, by, bz, bend, wrap
+    return length, -fx, -fy, -fz, free, bx, by, bz, bend, wrap, clear
 
 
 @outlined
 def _massless(x, y, z, cable):
     """A spring along the path, whose stretch the part behind the exit shares."""
-    length, fx, fy, fz, free, bx, by, bz, bend, _ = _wheel_path(x, y, z, cable)
+    length, fx, fy, fz, free, bx, by, bz, bend, _, clear = _wheel_path(x, y, z, cable)
     if not length > cable.rest_length:
         none = 0.0 if length <= cable.rest_length else np.nan
-        return none, none, none, none, none, none, none, none, none, none, none, none, length
+        return none, none, none, none, none, none, none, none, none, none, none, none, length, clear
     stretch, whole = length - cable.rest_length, cable.rest_length + cable.behind
     k, e = _tangent(stretch, whole, cable.EA, cable.a2, cable.a3)
     T, u = k * e, (fx / free, fy / free, fz / free)
     K = _rank_one(_around(T / free, k - T / free, u), T * bend, (bx, by, bz))
     energy = _energy(stretch, whole, cable.EA, cable.a2, cable.a3)
-    return -T * u[0], -T * u[1], -T * u[2], K[0], K[1], K[2], K[3], K[4], K[5], energy, T, T, length
+    return -T * u[0], -T * u[1], -T * u[2], K[0], K[1], K[2], K[3], K[4], K[5], energy, T, T, length, clear
 
 
 @outlined
@@ -323,7 +195,7 @@ def _with_mass(x, y, z, cable):
     radius, rest, EA, a2, a3 = cable.radius, cable.rest_length, cable.EA, cable.a2, cable.a3
     L = rest - cable.wrapped
     G, weight = cable.wrapped + cable.behind, cable.weight * L
-    length, fx, fy, fz, free, _, _, _, _, wrap = _wheel_path(x, y, z, cable)
+    length, fx, fy, fz, free, _, _, _, _, wrap, clear = _wheel_path(x, y, z, cable)
     eps = max((length - rest) / (rest + cable.behind), 0.0)
     # The line that touches the law where the cable would be without mass: tau = (eps - (mu - 1)) EAb/mu.
     mu, EAb, nonlinear = 1.0, EA, a2 != 0.0 or a3 != 0.0
@@ -370,7 +242,7 @@ def _with_mass(x, y, z, cable):
         last = moved
     if not solved:
         n = np.nan
-        return n, n, n, n, n, n, n, n, n, n, n, n, length
+        return n, n, n, n, n, n, n, n, n, n, n, n, length, n if radius > 0.0 else clear
     cx, cy, cz = _times(C, sx, sy, sz)  # the last step's own effect
     t = (t[0] - cx, t[1] - cy, t[2] - cz)
     _one_plus_product(C, H, M)
@@ -383,7 +255,7 @@ def _with_mass(x, y, z, cable):
     return (
         -t[0], -t[1], -(t[2] + weight), M[0, 3], 0.5 * (M[0, 4] + M[1, 3]), M[1, 4], 0.5 * (M[0, 5] + M[2, 3]),
         0.5 * (M[1, 5] + M[2, 4]), M[2, 5], energy, np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]),
-        np.sqrt(t[0] * t[0] + t[1] * t[1] + (t[2] + weight) * (t[2] + weight)), length,
+        np.sqrt(t[0] * t[0] + t[1] * t[1] + (t[2] + weight) * (t[2] + weight)), length, clear,
     )  # fmt: skip
 
 
@@ -427,8 +299,8 @@ def _guided(t, cable, G):
 @outlined
 def _add_missed(t, cable, L, mu, EAb, D, H, Psi):
     """Add what the free part of a nonlinear cable stretches more than its line, by Gauss's rule."""
-    for j in range(len(_NODES)):
-        m, v = L * _WEIGHTS[j], t[2] + cable.weight * L * _NODES[j]
+    for j in range(len(NODES)):
+        m, v = L * WEIGHTS[j], t[2] + cable.weight * L * NODES[j]
         T = np.sqrt(t[0] * t[0] + t[1] * t[1] + v * v)
         u = (t[0] / T, t[1] / T, v / T)
         eps, slope, energy = _strain(T, cable.EA, cable.a2, cable.a3)

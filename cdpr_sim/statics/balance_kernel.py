@@ -120,14 +120,8 @@ def _margin(unpack: Callable) -> Callable:
 
 
 _LAYOUT = "(m,n),(m),(m),(),(c),(k,d),(f),(),(c),(c,c)->()"
-_SHORTFALLS = [
-    Kernel("balance of forces", _shortfall(ck.unpack), _LAYOUT, ("free",)),
-    Kernel("balance of forces over pulleys", _shortfall(ck.unpack_bent), _LAYOUT, ("free",)),
-]
-_MARGINS = [
-    Kernel("margins of tensions", _margin(ck.unpack), _LAYOUT, ("free",)),
-    Kernel("margins of tensions over pulleys", _margin(ck.unpack_bent), _LAYOUT, ("free",)),
-]
+_SHORTFALLS = ck.kernels("balance of forces", _shortfall, _LAYOUT, ("free",))
+_MARGINS = ck.kernels("margins of tensions", _margin, _LAYOUT, ("free",))
 
 
 def shortfall_gufunc(*, bent: bool = False) -> Kernel:

@@ -1,20 +1,24 @@
 """Cables in compiled code: their state at a pose, and their parts of the energy, its slope and its curvature.
 
 Path and law are those of ``core.cable_path`` and ``core.cable_law``, compiled; the kernels have no other coding of
-them. There are two types of cables: *plain* ones, straight and linear, are compiled separately so that they are as fast
-as possible; *bent* ones run over pulleys or have nonlinear laws. Kernels are compiled once for each type.
+them. There are three types of cables: *plain* ones, straight and linear, are compiled separately so that they are as
+fast as possible; *bent* ones run over pulleys or have nonlinear laws; *sagging* ones are ``any_cable``, some with mass.
+Plain and bent cables are springs along their paths. Sagging ones are not: their state has pulls and stiffness matrices,
+and no springs, so that loops over springs are empty. Kernels are compiled once for each type.
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, EXIT, RADIUS, STIFFENING, STIFFNESS
-from cdpr_sim.core.compiling import by_type, inline, outlined
+from cdpr_sim.core.compiling import Kernel, by_type, inline, outlined
+from cdpr_sim.statics.any_cable import any_cable, cable_of
 
 _path = inline(cable_path.path)
 _pulley_path = outlined(cable_path.pulley_path)
@@ -87,9 +91,39 @@ class BentState(NamedTuple):
     e: np.ndarray
 
 
+class SaggingCables(NamedTuple):
+    """Data of cables of any kind. A, B, l0, k: as of plain ones; table: ``Robot.cable_table``."""
+
+    A: np.ndarray
+    B: np.ndarray
+    l0: np.ndarray
+    k: np.ndarray
+    table: np.ndarray
+
+
+class SaggingState(NamedTuple):
+    """State of sagging cables at a pose.
+
+    r: arms of the anchors in the base frame; pull: forces on the anchors; stiffness: xx, xy, yy, xz, yz, zz; l: lengths
+    of the massless paths; energy; tension: at the anchors; clear: nan over a pulley without a path; u, k, e: of no
+    springs.
+    """
+
+    r: np.ndarray
+    pull: np.ndarray
+    stiffness: np.ndarray
+    l: np.ndarray  # noqa: E741
+    energy: np.ndarray
+    tension: np.ndarray
+    clear: np.ndarray
+    u: np.ndarray
+    k: np.ndarray
+    e: np.ndarray
+
+
 @inline
 def unpack(table, rest_lengths):
-    """``Cabling.packed`` and rest lengths, as arrays that are fast to read in compiled code."""
+    """``Robot.cable_table`` and rest lengths, as arrays that are fast to read in compiled code."""
     m = len(rest_lengths)
     A, B, k = np.empty((m, 3)), np.empty((m, 3)), np.empty(m)
     for i in range(m):
@@ -115,6 +149,26 @@ def unpack_bent(table, rest_lengths):
     return BentCables(plain.A, plain.B, plain.l0, plain.k, EA, a2, a3, whole, radius, axis)
 
 
+@inline
+def unpack_sagging(table, rest_lengths):
+    """The same for sagging cables."""
+    plain = unpack(table, rest_lengths)
+    rows = np.empty(table.shape)
+    for i in range(len(rows)):
+        for a in range(rows.shape[1]):
+            rows[i, a] = table[i, a]
+    return SaggingCables(plain.A, plain.B, plain.l0, plain.k, rows)
+
+
+TYPES = {"": unpack, " for pulleys and nonlinear laws": unpack_bent, " for cables with mass": unpack_sagging}
+"""By what follows the name of a kernel that is compiled for a type of cables."""
+
+
+def kernels(what: str, element: Callable, layout: str, integers: tuple[str, ...]) -> list[Kernel]:
+    """A kernel for each type of cables, plain, bent and sagging; ``element`` makes its code for one ``unpack``."""
+    return [Kernel(what + name, element(unpacked), layout, integers) for name, unpacked in TYPES.items()]
+
+
 def _new_plain_state(cables):
     """An empty state of plain cables; the whole length is free, and the stiffness is constant."""
     m = len(cables.l0)
@@ -128,6 +182,15 @@ def _new_bent_state(cables):
     return BentState(
         np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m), np.empty((m, 3)), np.zeros(m), np.zeros(m),
         np.empty(m), np.empty(m),
+    )  # fmt: skip
+
+
+def _new_sagging_state(cables):
+    """An empty state of sagging cables."""
+    m = len(cables.l0)
+    return SaggingState(
+        np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 6)), np.empty(m), np.empty(m), np.empty(m), np.empty(m),
+        np.empty((0, 3)), np.empty(0), np.empty(0),
     )  # fmt: skip
 
 
@@ -167,6 +230,20 @@ def _measure_bent(cables, p, R, state):
         state.f[i] = free
 
 
+@outlined
+def _measure_sagging(cables, p, R, state):
+    """Fill in the cables' state with the platform at p, R."""
+    A, B, r, f, k = cables.A, cables.B, state.r, state.pull, state.stiffness
+    for i in range(len(cables.l0)):
+        for a in range(3):
+            r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
+        x, y, z = p[0] + r[i, 0] - A[i, 0], p[1] + r[i, 1] - A[i, 1], p[2] + r[i, 2] - A[i, 2]
+        (
+            f[i, 0], f[i, 1], f[i, 2], k[i, 0], k[i, 1], k[i, 2], k[i, 3], k[i, 4], k[i, 5], state.energy[i], _,
+            state.tension[i], state.l[i], state.clear[i],
+        ) = any_cable(x, y, z, cable_of(cables.table[i], cables.l0[i]))  # fmt: skip
+
+
 def _plain_energy(cables, state, V):
     for i in range(len(cables.l0)):
         if state.e[i] > 0:
@@ -182,6 +259,12 @@ def _bent_energy(cables, state, V):
     return V
 
 
+def _sagging_energy(cables, state, V):
+    for i in range(len(cables.l0)):
+        V += state.energy[i]
+    return V
+
+
 def _plain_on_wheels(state):
     return True
 
@@ -194,10 +277,38 @@ def _bent_on_wheels(state):
     return lost == 0
 
 
-new_state = by_type({Cables: _new_plain_state, BentCables: _new_bent_state})
-measure = by_type({Cables: _measure_plain, BentCables: _measure_bent})
-elastic_energy = by_type({Cables: _plain_energy, BentCables: _bent_energy})
-on_wheels = by_type({CableState: _plain_on_wheels, BentState: _bent_on_wheels})
+def _all_springs(cables):
+    return len(cables.l0)
+
+
+def _no_springs(cables):
+    return 0
+
+
+def _fill_plain_tensions(cables, state, table, tensions):
+    for i in range(len(tensions)):
+        stretch = 0.0 if state.e[i] <= 0 else state.e[i]  # lets nan through to the result
+        tensions[i] = table[i, STIFFNESS] * stretch / (cables.l0[i] + table[i, BEHIND])
+
+
+def _fill_bent_tensions(cables, state, table, tensions):
+    for i in range(len(tensions)):
+        tensions[i] = 0.0 if state.e[i] <= 0 else state.k[i] * state.e[i]
+
+
+def _fill_sagging_tensions(cables, state, table, tensions):
+    for i in range(len(tensions)):
+        tensions[i] = state.tension[i]
+
+
+new_state = by_type({Cables: _new_plain_state, BentCables: _new_bent_state, SaggingCables: _new_sagging_state})
+measure = by_type({Cables: _measure_plain, BentCables: _measure_bent, SaggingCables: _measure_sagging})
+elastic_energy = by_type({Cables: _plain_energy, BentCables: _bent_energy, SaggingCables: _sagging_energy})
+springs = by_type({Cables: _all_springs, BentCables: _all_springs, SaggingCables: _no_springs})
+fill_tensions = by_type(
+    {Cables: _fill_plain_tensions, BentCables: _fill_bent_tensions, SaggingCables: _fill_sagging_tensions}
+)
+on_wheels = by_type({CableState: _plain_on_wheels, BentState: _bent_on_wheels, SaggingState: _bent_on_wheels})
 
 
 @inline
@@ -205,7 +316,7 @@ def fill_jacobian(state, scale, J):
     """J = ∂l/∂x, (cables, 6): minus the columns of the wrench matrix (Eq. 4)."""
     r, u = state.r, state.u
     per_scale = 1 / scale
-    for i in range(len(state.l)):
+    for i in range(len(u)):
         J[i, 0], J[i, 1], J[i, 2] = -u[i, 0], -u[i, 1], -u[i, 2]
         x, y, z = r[i, 0] * per_scale, r[i, 1] * per_scale, r[i, 2] * per_scale
         J[i, 3] = z * u[i, 1] - y * u[i, 2]
@@ -253,7 +364,79 @@ def _add_bent_curvature(state, i, tau, J, scale, K):
         _add_bend(state.across[i, 0], state.across[i, 1], state.across[i, 2], x, y, z, tau * state.bend[i], K)
 
 
-add_curvature = by_type({CableState: _add_plain_curvature, BentState: _add_bent_curvature})
+def _add_no_curvature(state, i, tau, J, scale, K):
+    pass
+
+
+add_curvature = by_type(
+    {CableState: _add_plain_curvature, BentState: _add_bent_curvature, SaggingState: _add_no_curvature}
+)
+
+
+def _add_no_stiffness(state, scale, K):
+    pass
+
+
+@outlined
+def _add_sagging_stiffness(state, scale, K):
+    """Add the curvature of the cables' energy, Dᵀ k D + [0, (f·r) 1 − ½ (f rᵀ + r fᵀ)] with D = [1, −[r]×]."""
+    for i in range(len(state.l)):
+        x, y, z = state.r[i, 0] / scale, state.r[i, 1] / scale, state.r[i, 2] / scale
+        xx, xy, yy, xz, yz, zz = state.stiffness[i]
+        K[0, 0] += xx
+        K[1, 0] += xy
+        K[1, 1] += yy
+        K[2, 0] += xz
+        K[2, 1] += yz
+        K[2, 2] += zz
+        # Columns of k D for rotations: k (e × r), of the axes e in turn.
+        ax, ay, az = y * xz - z * xy, y * yz - z * yy, y * zz - z * yz
+        bx, by, bz = z * xx - x * xz, z * xy - x * yz, z * xz - x * zz
+        cx, cy, cz = x * xy - y * xx, x * yy - y * xy, x * yz - y * xz
+        K[3, 0] += ax
+        K[3, 1] += ay
+        K[3, 2] += az
+        K[4, 0] += bx
+        K[4, 1] += by
+        K[4, 2] += bz
+        K[5, 0] += cx
+        K[5, 1] += cy
+        K[5, 2] += cz
+        K[3, 3] += y * az - z * ay
+        K[4, 3] += z * ax - x * az
+        K[4, 4] += z * bx - x * bz
+        K[5, 3] += x * ay - y * ax
+        K[5, 4] += x * by - y * bx
+        K[5, 5] += x * cy - y * cx
+        _add_dipole(state.pull[i, 0] / scale, state.pull[i, 1] / scale, state.pull[i, 2] / scale, x, y, z, K)
+
+
+add_stiffness = by_type(
+    {CableState: _add_no_stiffness, BentState: _add_no_stiffness, SaggingState: _add_sagging_stiffness}
+)
+"""(state, scale, K): add the curvature of all cables that are no springs to the lower half of K."""
+
+
+def _subtract_no_pulls(state, scale, g):
+    pass
+
+
+def _subtract_sagging_pulls(state, scale, g):
+    for i in range(len(state.l)):
+        x, y, z = state.r[i, 0] / scale, state.r[i, 1] / scale, state.r[i, 2] / scale
+        fx, fy, fz = state.pull[i, 0], state.pull[i, 1], state.pull[i, 2]
+        g[0] -= fx
+        g[1] -= fy
+        g[2] -= fz
+        g[3] -= y * fz - z * fy
+        g[4] -= z * fx - x * fz
+        g[5] -= x * fy - y * fx
+
+
+subtract_pulls = by_type(
+    {CableState: _subtract_no_pulls, BentState: _subtract_no_pulls, SaggingState: _subtract_sagging_pulls}
+)
+"""(state, scale, g): subtract from a slope the pulls of all cables that are no springs."""
 
 
 @outlined
@@ -281,7 +464,7 @@ def add_springs(state, J, K):
     """Add Σ k Jᵀ J of the taut cables to the lower half of K."""
     for a in range(6):
         for b in range(a + 1):
-            for i in range(len(state.l)):
+            for i in range(len(state.e)):
                 if state.e[i] > 0:
                     K[a, b] += state.k[i] * J[i, a] * J[i, b]
 

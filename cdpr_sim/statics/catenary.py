@@ -17,21 +17,13 @@ that only pulls.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from jaxtyping import Float
-from numpy.typing import ArrayLike
 
-from cdpr_sim.core.compiling import Kernel, inline, outlined
+from cdpr_sim.core.compiling import inline, outlined
 
 MASSLESS = 1e-150
 """Largest kappa of a cable that is treated as a massless spring: its weight is far below the rounding of any
 tension."""
-
-TRACE = 1e-12
-"""Weight of a massless cable for the computation of its profile, as a fraction of EA/L0: a taut cable stays
-straight."""
 
 VERTICAL = 1e-150
 """x/L0 up to which a cable counts as vertical; squares of larger values do not underflow."""
@@ -48,103 +40,6 @@ MAX_ITERATIONS = 200
 SERIES = 0.5
 """Value of a below which sinh a − a and a cosh a − sinh a are summed as series of seven terms: the eighth is 1e-17 of
 them."""
-
-
-class Catenary(NamedTuple):
-    """State of a cable with mass, or of many.
-
-    Attributes:
-        pull: force on the anchor, base frame, (..., 3) [N].
-        stiffness: −∂pull/∂anchor, symmetric, (..., 3, 3) [N/m].
-        energy: energy of stretch and of the cable's own weight, which is 0 at height 0, (...) [J].
-        exit_tension: tension at the exit, (...) [N].
-        anchor_tension: tension at the anchor, the platform's end, (...) [N].
-    """
-
-    pull: Float[np.ndarray, "*batch 3"]
-    stiffness: Float[np.ndarray, "*batch 3 3"]
-    energy: Float[np.ndarray, "*batch"]
-    exit_tension: Float[np.ndarray, "*batch"]
-    anchor_tension: Float[np.ndarray, "*batch"]
-
-
-def catenary(
-    exits: ArrayLike, anchors: ArrayLike, rest_lengths: ArrayLike, axial_stiffness: ArrayLike, weights: ArrayLike
-) -> Catenary:
-    """States of cables between exits and anchors; all arguments broadcast.
-
-    Args:
-        exits: base frame, (..., 3) [m].
-        anchors: base frame, (..., 3) [m].
-        rest_lengths: unstretched lengths, (...) [m].
-        axial_stiffness: EA, (...) [N].
-        weights: weight per unstretched length, (...) [N/m]; 0 is a massless cable.
-    """
-    with np.errstate(all="ignore"):
-        return Catenary(*catenary_gufunc()(exits, anchors, rest_lengths, axial_stiffness, weights))
-
-
-def profile(
-    exits: ArrayLike,
-    anchors: ArrayLike,
-    rest_lengths: ArrayLike,
-    axial_stiffness: ArrayLike,
-    weights: ArrayLike,
-    points: int,
-) -> Float[np.ndarray, "*batch points 3"]:
-    """Profile of a cable: points from exit to anchor, equally spaced on the unstretched cable, (..., points, 3) [m].
-
-    Arguments as of ``catenary``. A massless cable has the profile that it has in the limit of small weight.
-    """
-    A, B = np.asarray(exits, float), np.asarray(anchors, float)
-    L0, EA, w = (np.asarray(v, float)[..., None] for v in (rest_lengths, axial_stiffness, weights))
-    w = np.where(w * L0 > 2 * MASSLESS * EA, w, TRACE * EA / L0)
-    pull = catenary(A, B, L0[..., 0], EA[..., 0], w[..., 0]).pull
-    sideways = np.hypot(pull[..., 0], pull[..., 1])[..., None]
-    end = -pull[..., 2:] - w * L0  # vertical component of the tension at the exit
-    s = np.linspace(0.0, 1.0, points) * L0
-    both = np.hypot(sideways, end) + np.hypot(sideways, end + w * s)  # sum of the tensions at the exit and at s
-    both[both == 0] = np.inf
-    t, H = w * s / both, np.where(sideways > 0, sideways, 1.0)
-    # The difference of two asinh, by an addition theorem that does not cancel where the cable is nearly straight.
-    turned = np.where(t < 0.5, 2 * np.arctanh(np.minimum(t, 0.5)), np.arcsinh((end + w * s) / H) - np.arcsinh(end / H))
-    run = sideways * s / EA + sideways * turned / w
-    rise = s * (2 * end + w * s) * (0.5 / EA + 1 / both)
-    across = -pull[..., None, :2] / H[..., None]
-    positions = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
-    positions[..., -1, :] = B
-    return positions
-
-
-def _one(exit_, anchor, rest_length, axial_stiffness, weight, pull, stiffness, energy, exit_tension, anchor_tension):
-    """One element of the gufunc."""
-    dx, dy, dz = anchor[0] - exit_[0], anchor[1] - exit_[1], anchor[2] - exit_[2]
-    x = np.sqrt(dx * dx + dy * dy)
-    V, Khh, Khv, Kvv, K, U, exit_tension[0], anchor_tension[0] = elastic_catenary(
-        x, dz, rest_length, axial_stiffness, weight
-    )
-    half = 0.5 * weight * rest_length
-    energy[0] = U + half * (exit_[2] + anchor[2])
-    pull[0], pull[1], pull[2] = -K * dx, -K * dy, -(V + half)
-    c, s = (dx / x, dy / x) if x > 0 else (1.0, 0.0)
-    stiffness[0, 0] = Khh * c * c + K * s * s
-    stiffness[1, 1] = Khh * s * s + K * c * c
-    stiffness[0, 1] = stiffness[1, 0] = (Khh - K) * c * s
-    stiffness[0, 2] = stiffness[2, 0] = Khv * c
-    stiffness[1, 2] = stiffness[2, 1] = Khv * s
-    stiffness[2, 2] = Kvv
-
-
-_CATENARY = Kernel("hanging cables", _one, "(c),(c),(),(),()->(c),(c,c),(),(),()")
-
-
-def catenary_gufunc() -> Kernel:
-    """The catenary as a NumPy generalised ufunc.
-
-    Arguments: exit (3), anchor (3), rest length, axial stiffness, weight per rest length.
-    Results: those of ``Catenary``.
-    """
-    return _CATENARY
 
 
 @outlined

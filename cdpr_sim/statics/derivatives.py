@@ -11,12 +11,21 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.core import cable_law
+from cdpr_sim.core import cable_law, cable_path
+from cdpr_sim.core.cable import AXIS, BEHIND, RADIUS, STIFFENING, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.statics.any_cable import any_cable_slopes
+from cdpr_sim.statics.any_cable import NODES, WEIGHTS, any_cables
 from cdpr_sim.statics.forces import State, cross_matrix
+from cdpr_sim.statics.profiles import TRACE
 
 Array = np.ndarray
+
+SAGS = 0.1
+"""Weight of a cable over its tension above which integrals along it are those of catenaries; below, Gauss's rule is
+exact to rounding, and they would cancel."""
+
+LENGTH_STEPS, LENGTH_ROUNDING = 50, 1e-14
+"""Newton steps to the rest length of a given tension, and the relative step that ends them."""
 
 PARAMETERS = ("rest_lengths", "axial_stiffness", "exits", "anchors", "mass", "center_of_mass", "external_wrench")
 """Parameters of an equilibrium, by the names of ``Robot`` and ``Problem``."""
@@ -27,11 +36,21 @@ PULLEY_PARAMETERS = ("pulley_radius",)
 DRIVE_LINE_PARAMETERS = ("winch_to_exit",)
 """Parameters of an equilibrium of a robot with rope between winches and exits."""
 
+MASS_PARAMETERS = ("linear_density",)
+"""Parameters of an equilibrium of a robot with cables with mass."""
+
+LAW_PARAMETERS = ("stiffening",)
+"""Parameters of an equilibrium of a robot with nonlinear cables: a2 and a3 of cable 1, of cable 2, and so on."""
+
 
 def parameters(robot: Robot) -> tuple[str, ...]:
     """Parameters on which an equilibrium of ``robot`` depends."""
-    further = PULLEY_PARAMETERS if robot.cabling.pulleys.any() else ()
-    return PARAMETERS + further + (DRIVE_LINE_PARAMETERS if robot.winch_to_exit.any() else ())
+    cabling = robot.cabling
+    further = {
+        PULLEY_PARAMETERS: cabling.pulleys.any(), DRIVE_LINE_PARAMETERS: robot.winch_to_exit.any(),
+        MASS_PARAMETERS: not cabling.massless, LAW_PARAMETERS: not cabling.linear,
+    }  # fmt: skip
+    return PARAMETERS + sum((names for names, present in further.items() if present), ())
 
 
 def wrench_slope(state: State) -> Float[Array, "*batch 6 6"]:
@@ -87,7 +106,10 @@ def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables paramet
     for name, by in pull_by_parameter(state).items():
         if name not in parameters(state.problem.robot):
             continue
-        along = (directions[:, None, :] @ by)[:, 0] / state.problem.robot.reeving[:, None]
+        along = (directions[:, None, :] @ by)[:, 0]
+        if name == "linear_density":  # which pulls in a slack massless cable as well
+            along = np.where((state.tensions > 0)[:, None], along, np.linalg.norm(by, axis=1))
+        along = along / state.problem.robot.reeving[:, None]
         found[name] = (np.eye(cables)[..., None] * along[:, None]).reshape(cables, -1)
     return found
 
@@ -105,39 +127,127 @@ def pull_by_parameter(state: State) -> dict[str, Float[Array, "cables 3 paramete
     The law is a function of the strain n (l − l0)/(n l0 + g), so that the changes dl0 of the rest length and dg of the
     rope between winch and exit act like the change −(1 + eps) dl0 − eps dg/n of the length.
     """
-    problem, robot, stiffness = state.problem, state.problem.robot, state.cable_stiffness
-    found, n = {"exits": stiffness, "anchors": -stiffness @ state.rotation}, robot.reeving
-    if state.hanging is not None:
-        by_length, by_stiffness, by_radius, by_behind = any_cable_slopes(
-            robot.cabling.packed_with(problem.axial_stiffness), state.hanging, problem.rest_lengths,
-            robot.cable_weights, robot.wrapped_lengths,
-        )  # fmt: skip
-    else:
-        rest, u, wraps = problem.rest_lengths, state.geometry.directions, state.geometry.wraps
-        stretch, whole = state.lengths - rest, rest + robot.cabling.behind
-        elastic = n * n * state.tangent_stiffness
-        per_stiffness = cable_law.per_axial_stiffness(stretch, whole, *robot.cabling.stiffening.T)
-        by_length = (-elastic * (state.lengths + robot.cabling.behind) / whole)[:, None] * u
-        by_behind = (-elastic * stretch / whole)[:, None] * u
-        by_stiffness = ((state.tensions > 0) * per_stiffness)[:, None] * u
-        # A larger wheel takes up more cable by its wrap, and reduces the distance to the anchor by as much.
-        by_radius = (elastic * (wraps - np.sin(wraps)))[:, None] * u
-        by_radius = by_radius + state.pull_sizes[:, None] * _turning_by_radius(state)
-    by_own = {
-        "rest_lengths": by_length, "axial_stiffness": n[:, None] * by_stiffness, "pulley_radius": by_radius,
-        "winch_to_exit": by_behind / n[:, None],
+    robot = state.problem.robot
+    found = {"exits": state.cable_stiffness, "anchors": -state.cable_stiffness @ state.rotation}
+    table, rest_lengths = robot.cable_table(state.problem.axial_stiffness), state.problem.rest_lengths
+    by = _pull_slopes(table, rest_lengths, state.pulls, state.cable_stiffness)
+    n, idle = robot.reeving[:, None, None], state.tensions == 0
+    if idle.any() and not robot.cabling.massless:  # by its weight's last trace
+        light = TRACE * table[:, STIFFNESS] / rest_lengths
+        table = np.concatenate([table[:, :WEIGHT], light[:, None], table[:, WEIGHT + 1 :]], axis=1)
+        apart = state.position + state.geometry.arms - robot.exits
+        by[idle, :, 4] = (any_cables(table, apart, rest_lengths).pull / light[:, None])[idle]
+    return found | {
+        "rest_lengths": by[..., :1], "axial_stiffness": n * by[..., 1:2], "pulley_radius": by[..., 2:3],
+        "winch_to_exit": by[..., 3:4] / n, "linear_density": n * robot.gravity * by[..., 4:5],
+        "stiffening": by[..., 5:],
     }  # fmt: skip
-    return found | {name: by[..., None] for name, by in by_own.items()}
 
 
-def _turning_by_radius(state: State) -> Float[Array, "cables 3"]:
-    """∂u/∂r of the directions in which cables pull [1/m], zero without a wheel.
+def _pull_slopes(
+    table: Float[np.ndarray, "*#batch columns"],
+    rest_lengths: Float[np.ndarray, "*#batch"],
+    pulls: Float[np.ndarray, "*batch 3"],
+    stiffness: Float[np.ndarray, "*batch 3 3"],
+) -> Float[np.ndarray, "*batch 3 7"]:
+    """Derivatives of cables' pulls at fixed ends, of all parts of line together; formulas in ``any_cable``.
 
-    With e the axis, u = −(sin(theta) n + cos(theta) e) and m = cos(theta) n − sin(theta) e: −m (1 − cos(theta))/s.
+    By rest length, axial stiffness, wheel radius, length behind the exit, weight per length, a2 and a3. With
+    t_B = t + w L up the tension vector at the anchor, the pull is −t_B, and t changes by −K ∂(∂Psi/∂t)/∂q at fixed t.
+    The wrapped length is held fixed.
+
+    Args:
+        table: rows of ``Robot.cable_table``.
+        rest_lengths: [m].
+        pulls: forces on the anchors [N].
+        stiffness: −∂pull/∂anchor [N/m].
     """
-    geometry, axes = state.geometry, state.problem.robot.cabling.pulley_axis
-    wraps = geometry.wraps[:, None]
-    n = np.cross(geometry.across, axes)
-    m = np.cos(wraps) * n - np.sin(wraps) * axes
-    turning = -m * (1 - np.cos(wraps)) / geometry.free_lengths[:, None]
-    return np.where(state.problem.robot.cabling.pulleys[:, None], turning, 0.0)
+    EA, a2, a3, r, w = (table[..., i] for i in (STIFFNESS, STIFFENING, STIFFENING + 1, RADIUS, WEIGHT))
+    axis, L, up = table[..., AXIS : AXIS + 3], rest_lengths - table[..., WRAPPED], np.array([0.0, 0.0, 1.0])
+
+    def along(v):
+        """(tension, unit vector, strain, slope of strain) under the tension vector v."""
+        T = np.linalg.norm(v, axis=-1)
+        strain = 1 / cable_law.rest_length_for(1.0, T, EA, a2, a3) - 1
+        slope, _ = cable_law.tangent(strain, 1.0, EA, a2, a3)
+        return T, v / np.where(T > 0, T, 1.0)[..., None], strain, 1 / slope
+
+    def by_law(T, u, strain, slope):
+        """Of the stretch along u by EA, a2 and a3."""
+        by = [T / EA, EA * strain**2, EA * strain**3]
+        return np.stack([(-slope * one)[..., None] * u for one in by], axis=-1)
+
+    t = -pulls - (w * L)[..., None] * up
+    T, u, strain, slope = along(t)
+    end, at_anchor, at_end, _ = along(-pulls)
+    law = (table[..., WRAPPED] + table[..., BEHIND])[..., None, None] * by_law(T, u, strain, slope)
+    # Where a cable sags, the line that touches the law at the exit, 1 + eps = mu + slope T, has a closed integral, and
+    # Gauss's rule sums what is left; a cable that does not is left to Gauss's rule.
+    sags = w * L > SAGS * T
+    mu = np.where(sags, 1 + strain - T * slope, 0.0)
+    line = np.where(sags, slope, 0.0)
+    by_weight = _turned_by_weight(t, T, np.where(sags, end, 1.0), L, np.where(sags, w, 1.0))
+    heavy = mu[..., None] * by_weight + (line * L * L / 2)[..., None] * up
+    for node, part in zip(NODES, WEIGHTS, strict=True):
+        there, v, e, k = along(t + (node * w * L)[..., None] * up)
+        law = law + (part * L)[..., None, None] * by_law(there, v, e, k)
+        across = ((1 + e - mu - there * line) / np.where(there > 0, there, 1.0))[..., None] * (up - v[..., 2:] * v)
+        heavy = heavy + (part * node * L * L)[..., None] * ((k - line)[..., None] * v[..., 2:] * v + across)
+    cosine = (u * axis).sum(-1)[..., None]
+    n = u - cosine * axis
+    sine = np.linalg.norm(n, axis=-1, keepdims=True)
+    radius = (1 - cosine) * n / np.where(sine > 0, sine, 1.0) + sine * axis - np.arctan2(sine, cosine) * u
+    by = [(1 + at_end)[..., None] * at_anchor, law[..., 0], radius * (r > 0)[..., None], strain[..., None] * u, heavy]
+    turned = stiffness @ np.stack([*np.broadcast_arrays(*by), law[..., 1], law[..., 2]], axis=-1)
+    turned[..., 2, 0] -= w
+    turned[..., 2, 4] -= L
+    return turned
+
+
+def _turned_by_weight(
+    t: Float[np.ndarray, "*batch 3"],
+    T: Float[np.ndarray, "*batch"],
+    end: Float[np.ndarray, "*batch"],
+    L: Float[np.ndarray, "*batch"],
+    w: Float[np.ndarray, "*batch"],
+) -> Float[np.ndarray, "*batch 3"]:
+    """d/dw of the span of an inextensible cable without its wheel, at the fixed tension vector t where it begins."""
+    H, top = np.hypot(t[..., 0], t[..., 1]), t[..., 2] + w * L
+    level = np.where(H > 0, H, 1.0)
+    turned = np.arcsinh(top / level) - np.arcsinh(t[..., 2] / level)
+    sideways = t[..., :2] * ((L / end - turned / w) / w)[..., None]
+    return np.concatenate([sideways, ((L * top / end - (end - T) / w) / w)[..., None]], axis=-1)
+
+
+def rest_lengths_under(
+    robot: Robot, apart: Float[np.ndarray, "cables 3"], tensions: Float[np.ndarray, " cables"]
+) -> Float[np.ndarray, " cables"]:
+    """Rest lengths with which cables have these tensions at their anchors [m]; nan below what their weight alone gives.
+
+    Tension falls as the rest length grows, and is convex: Newton's method from the massless length, which is too short.
+    Where a cable sags so much that tension rises with more length, there is no smaller one.
+
+    Args:
+        robot: of these cables.
+        apart: from exits to anchors, base frame, (cables, 3) [m].
+        tensions: of the ropes, (cables,) [N].
+    """
+    cabling, table = robot.cabling, robot.cable_table()
+    rest = cable_law.rest_length_for(
+        cable_path.paths(cabling, -apart)[0], tensions, *cabling.law, behind=cabling.behind
+    )
+    rest = np.where(rest > 0, rest, np.nan)
+    pulls = cabling.reeving * tensions
+    done = np.zeros(len(rest), bool)
+    for _ in range(LENGTH_STEPS):
+        found = any_cables(table, apart, rest)
+        by_length = _pull_slopes(table, rest, found.pull, found.stiffness)[..., 0]
+        beyond = found.anchor_tension - pulls
+        with np.errstate(all="ignore"):
+            slope = (found.pull * by_length).sum(-1) / found.anchor_tension
+            step = np.where((beyond == 0) | (tensions == 0), 0.0, beyond / slope)
+            rest = np.where(slope < 0, rest - step, np.nan)
+            done = np.abs(step) <= LENGTH_ROUNDING * rest
+        if (done | np.isnan(rest)).all():
+            break
+    return np.where(done, rest, np.nan)

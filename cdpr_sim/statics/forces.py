@@ -20,9 +20,7 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.status import NEUTRAL
-from cdpr_sim.statics.any_cable import any_cables
-from cdpr_sim.statics.catenary import Catenary
+from cdpr_sim.statics.any_cable import Catenary, any_cables
 
 Array = np.ndarray
 
@@ -141,7 +139,7 @@ class State:
         tau = self.pull_sizes[..., None]
         return np.where(tau > 0, self.pulls / np.where(tau > 0, tau, 1.0), self.geometry.directions)
 
-    @property
+    @cached_property
     def cable_stiffness(self) -> Float[Array, "*batch cables 3 3"]:
         """−∂(pull)/∂(anchor) of each cable, symmetric, (..., cables, 3, 3) [N/m]: n² k u uᵀ + n tau ∂²l/∂b²."""
         if self.hanging is not None:
@@ -159,9 +157,7 @@ class State:
     @cached_property
     def net_wrench(self) -> Float[Array, "*batch 6"]:
         """W tau + w_e, zero at equilibrium (Eq. 3) [N, N m]: minus the slope of the energy."""
-        if self.hanging is None:
-            return (self.wrench_matrix * self.tensions[..., None, :]).sum(-1) + self.load_wrench
-        return _wrenches(self.hanging.pull, self.geometry.arms).sum(-1) + self.load_wrench
+        return (self.wrench_matrix * self.tensions[..., None, :]).sum(-1) + self.load_wrench
 
     @property
     def residual(self) -> Float[Array, "*batch"] | float:
@@ -189,34 +185,18 @@ class State:
     def stiffness_matrix(self) -> Float[Array, "*batch 6 6"]:
         """The Hessian of the energy over (translation, left-applied rotation vector) [N/m, N, N m].
 
-        Over the taut cables, with l the length of all parts of line, K = Σ k ∂lᵀ ∂l + tau ∂²l, plus the weight's part;
-        ∂l is minus the column of the wrench matrix. For one part, with D = ∂b = [1, −[r]×] for the anchor's position b
-        and r = R b,
+        Of a cable with the pull f and the stiffness k (``cable_stiffness``) at the arm r, with D = [1, −[r]×]:
 
-            ∂²l = Dᵀ (∂²l/∂b²) D + [0, (u·r) 1 − ½ (u rᵀ + r uᵀ)],
+            Dᵀ k D + [0, (f·r) 1 − ½ (f rᵀ + r fᵀ)],
 
-        in which ∂²l/∂b² = (1 − u uᵀ)/s + bend b bᵀ (``Geometry.length_hessians``) and Dᵀ u = (u, r × u).
-        Exact unless a cable is exactly at its rest length, where the matrix is discontinuous.
+        plus the weight's part. Exact unless a massless cable is exactly at its rest length, where the matrix is
+        discontinuous.
         """
-        robot, geometry = self.problem.robot, self.geometry
-        arms, W = geometry.arms, geometry.wrench_matrix
-        if self.hanging is None:
-            pulling, n = self.pull_sizes, robot.reeving
-            across = pulling / geometry.free_lengths
-            matrix = (W * (self.tangent_stiffness - across / (n * n))[..., None, :]) @ np.swapaxes(W, -1, -2)
-            matrix[..., :3, :3] += across.sum(-1)[..., None, None] * np.eye(3)
-            lever = cross_matrix((across[..., None] * arms).sum(-2))
-            matrix[..., 3:, :3] += lever
-            matrix[..., :3, 3:] -= lever
-            pulls = pulling[..., None] * geometry.directions + across[..., None] * arms
-            if robot.cabling.pulleys.any():
-                wheels = _wrenches(geometry.across, arms)
-                matrix += (wheels * (pulling * geometry.bends)[..., None, :]) @ np.swapaxes(wheels, -1, -2)
-        else:
-            D = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -cross_matrix(arms)], axis=-1)
-            matrix = (np.swapaxes(D, -1, -2) @ self.hanging.stiffness @ D).sum(-3)
-            pulls = self.hanging.pull
-        matrix[..., 3:, 3:] += _turning(np.swapaxes(pulls, -1, -2) @ arms)
+        robot, arms = self.problem.robot, self.geometry.arms
+        D = np.concatenate([np.broadcast_to(np.eye(3), (*arms.shape, 3)), -cross_matrix(arms)], axis=-1)
+        flat = *arms.shape[:-2], 3 * robot.cables, 6  # one product of matrices for all cables
+        matrix = np.swapaxes(D.reshape(flat), -1, -2) @ (self.cable_stiffness @ D).reshape(flat)
+        matrix[..., 3:, 3:] += _turning(np.swapaxes(self.pulls, -1, -2) @ arms)
         arm = self.rotation @ robot.center_of_mass
         matrix[..., 3:, 3:] += _turning(_weight(self.problem, arm)[..., :, None] * arm[..., None, :])
         return matrix
@@ -245,8 +225,7 @@ def at(
     rest = problem.rest_lengths
     if not robot.cabling.massless:
         apart = np.asarray(position)[..., None, :] + cables.arms - robot.exits
-        table = robot.cabling.packed_with(problem.axial_stiffness)
-        hanging = any_cables(table, apart, rest, robot.cable_weights, robot.wrapped_lengths)
+        hanging = any_cables(robot.cable_table(problem.axial_stiffness), apart, rest)
         tau = hanging.anchor_tension / robot.reeving
         return State(problem, np.asarray(position), rotation, cables, tau, hanging)
     tau = cable_law.tension(cables.lengths - rest, *_law(problem))
@@ -285,29 +264,6 @@ def eigenvalues(robot: Robot, stiffness_matrix: Float[Array, "*batch 6 6"]) -> F
     """Ascending eigenvalues of a stiffness matrix on the free directions [N/m]; rotations in characteristic lengths."""
     matrix = stiffness_matrix / np.outer(robot.units, robot.units)
     return np.linalg.eigvalsh(matrix[..., robot.free, :][..., robot.free])
-
-
-def modes_from(
-    problem: Problem | Problems,
-    rotation: Float[Array, "*batch 3 3"],
-    stiffness_matrix: Float[Array, "*batch 6 6"],
-) -> tuple[Float[Array, "*batch free"], Float[Array, "*batch"]]:
-    """Eigenvalues of a stiffness matrix, as of ``eigenvalues``, and the platform's lowest natural frequency [Hz].
-
-    The frequency is 0 where a direction is unconstrained and nan at a saddle; both are nan where the matrix is.
-    """
-    robot = problem.robot
-    known = np.asarray(np.isfinite(stiffness_matrix).all((-1, -2)))
-    matrix = np.where(known[..., None, None], stiffness_matrix, np.eye(6))
-    inertia = mass_matrix(problem, np.where(known[..., None, None], rotation, np.eye(3)))
-    on_free, units = np.ix_(robot.free, robot.free), np.outer(robot.units, robot.units)
-    lower = np.linalg.cholesky((inertia / units)[..., *on_free])
-    half = np.linalg.solve(lower, (matrix / units)[..., *on_free])
-    squares = np.linalg.eigvalsh(np.linalg.solve(lower, np.swapaxes(half, -1, -2)))
-    lowest, neutral = squares[..., 0], NEUTRAL * np.abs(squares).max(-1)
-    frequency = np.where(lowest > neutral, np.sqrt(np.maximum(lowest, 0.0)) / (2 * np.pi), 0.0)
-    values = np.where(known[..., None], eigenvalues(robot, matrix), np.nan)
-    return values, np.where(known & (lowest >= -neutral), frequency, np.nan)
 
 
 def mass_matrix(problem: Problem | Problems, rotation: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 6 6"]:

@@ -9,7 +9,8 @@ from cdpr_sim.core import cable_law
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
-from cdpr_sim.statics.any_cable import any_cables, rest_lengths_under
+from cdpr_sim.statics.any_cable import any_cables
+from cdpr_sim.statics.derivatives import rest_lengths_under
 
 
 def cut(
@@ -31,9 +32,8 @@ def cut(
         rest, matrix = forces.rest_lengths_for(robot, cables.lengths, tensions), cables.wrench_matrix
     else:
         apart = position + cables.arms - robot.exits
-        given = robot.cable_weights, robot.wrapped_lengths
-        rest = rest_lengths_under(robot.cabling, apart, tensions, *given)
-        pulls = any_cables(robot.cabling.packed, apart, rest, *given).pull
+        rest = rest_lengths_under(robot, apart, tensions)
+        pulls = any_cables(robot.cable_table(), apart, rest).pull
         pulling = (tensions > 0)[:, None]  # of a massless cable without tension, the direction of its path
         directions = np.where(pulling, pulls / np.where(pulling, tensions[:, None], 1.0) / robot.reeving[:, None], 0.0)
         directions = np.where(pulling, directions, cables.directions)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law
-from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.cable import STIFFNESS
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
@@ -21,7 +21,6 @@ from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
-from cdpr_sim.statics.sagging_kernel import sagging_gufunc
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 FELT = 1e-2 * ACCEPTABLE
@@ -36,15 +35,10 @@ def solve(problem: Problem) -> Equilibrium:
         NotConverged: forces do not balance at the best point found; the exception carries that point.
     """
     robot = problem.robot
-    position, rotation, lengths, tensions, residual, iterations, ended = _solve(
-        robot,
-        robot.axial_stiffness,
-        problem.rest_lengths,
-        robot.weight,
-        problem.external_wrench,
-        problem.position,
+    position, rotation, lengths, tensions, residual, iterations, ended = solve_table(
+        robot, robot.cable_table(), problem.rest_lengths, robot.weight, problem.external_wrench, problem.position,
         problem.rotation_matrix,
-    )
+    )  # fmt: skip
     pose, status = Pose(position, rotation), Status(int(ended))
     result = Equilibrium(
         problem=problem,
@@ -122,9 +116,9 @@ def solve_many(
         mass=mass,
     )
     robot = problems.robot
-    found = _solve(
+    found = solve_table(
         robot,
-        problems.axial_stiffness,
+        robot.cable_table(problems.axial_stiffness),
         problems.rest_lengths,
         problems.mass * robot.gravity,
         problems.external_wrench,
@@ -167,14 +161,10 @@ def stiffness_of(equilibria: EquilibriumBatch) -> tuple[Float[np.ndarray, "*batc
     """
     problems, robot = equilibria.problems, equilibria.robot
     with np.errstate(all="ignore"):
-        if not robot.cabling.massless:
-            state = forces.at(problems, equilibria.positions, equilibria.rotations)
-            return forces.modes_from(problems, equilibria.rotations, state.stiffness_matrix)
-        return stiffness_gufunc(bent=robot.cabling.bent)(
-            robot.cabling.packed_with(problems.axial_stiffness), problems.rest_lengths, problems.mass, robot.gravity,
+        return stiffness_gufunc(bent=robot.cabling.bent, sagging=not robot.cabling.massless)(
+            robot.cable_table(problems.axial_stiffness), problems.rest_lengths, problems.mass, robot.gravity,
             robot.center_of_mass, robot.inertia, np.array(robot.free), robot.characteristic_length,
-            equilibria.positions,
-            equilibria.rotations,
+            equilibria.positions, equilibria.rotations,
         )  # fmt: skip
 
 
@@ -194,54 +184,40 @@ def solve_trajectory(trajectory: Trajectory) -> EquilibriumBatch:
     return solve_many(trajectory.problems)
 
 
-def _solve(
+def solve_table(
     robot: Robot,
-    axial_stiffness: Float[np.ndarray, "*#batch cables"],
+    table: Float[np.ndarray, "*#batch cables columns"],
     rest_lengths: Float[np.ndarray, "*#batch cables"],
     weight: float | Float[np.ndarray, "*#batch"],
     wrench: Float[np.ndarray, "*#batch 6"],
     positions: Float[np.ndarray, "*#batch 3"],
     rotations: Float[np.ndarray, "*#batch 3 3"],
+    center_of_mass: Float[np.ndarray, "*#batch 3"] | None = None,
+    characteristic_length: float | Float[np.ndarray, "*#batch"] | None = None,
 ) -> tuple[np.ndarray, ...]:
     """Positions, rotations, lengths, tensions, residuals, iterations and status by the compiled solvers.
 
-    Input that is not finite is reported by a status, not by a NumPy warning. Where cables have mass, the search starts
-    at the equilibrium with massless cables.
+    Input that is not finite is reported by a status, not by a NumPy warning, and so is a cable that is strained beyond
+    the range of its law where forces balance. Where cables have mass, the search starts at the equilibrium with
+    massless cables. ``table`` is of ``Robot.cable_table``; its numbers, the centre of mass and the characteristic
+    length may differ from the robot's.
     """
-    cabling = robot.cabling
-    table = cabling.packed_with(axial_stiffness)
-    platform = weight, robot.center_of_mass, wrench, _free(robot), robot.characteristic_length
+    cabling, free = robot.cabling, np.zeros(6)
+    free[robot.free] = 1.0
+    platform = (
+        weight, robot.center_of_mass if center_of_mass is None else center_of_mass, wrench, free,
+        robot.characteristic_length if characteristic_length is None else characteristic_length,
+    )  # fmt: skip
     with np.errstate(all="ignore"):
         found = equilibrium_gufunc(bent=cabling.bent)(table, rest_lengths, *platform, positions, rotations)
+        before = 0
         if not cabling.massless:
-            cables = table, robot.cable_weights, robot.wrapped_lengths, rest_lengths
-            started = [np.asarray(result) for result in sagging_gufunc()(*cables, *platform, found[0], found[1])]
-            *_, pulls, residuals, iterations, status = started
-            tensions = pulls / cabling.reeving
-            status = within_law(cabling, tensions, axial_stiffness, status)
-            return *started[:3], tensions, residuals, np.asarray(iterations + found[4]), status
-        at, turned, lengths, residuals, iterations, status = (np.asarray(result) for result in found)
-        whole = rest_lengths + cabling.behind
-        tensions = cable_law.tension(lengths - rest_lengths, whole, axial_stiffness, *cabling.stiffening.T)
-        status = within_law(cabling, tensions, axial_stiffness, status)
-        return at, turned, lengths, tensions, residuals, iterations, status
-
-
-def within_law(
-    cabling: Cabling,
-    tensions: Float[np.ndarray, "*batch cables"],
-    axial_stiffness: Float[np.ndarray, "*#batch cables"],
-    status: Int[np.ndarray, "*batch"],
-) -> Int[np.ndarray, "*batch"]:
-    """``status``, changed where forces balance but a cable is strained beyond the range of its law."""
-    if cabling.linear:
-        return status
-    beyond = (tensions > cable_law.largest_tension(axial_stiffness, *cabling.stiffening.T)).any(-1)
-    return np.where((status == Status.CONVERGED) & beyond, Status.OVERSTRAINED.value, status)
-
-
-def _free(robot: Robot) -> Float[np.ndarray, "6"]:
-    """1 for the free directions, 0 for the others."""
-    free = np.zeros(6)
-    free[robot.free] = 1.0
-    return free
+            before = found[5]
+            found = equilibrium_gufunc(sagging=True)(table, rest_lengths, *platform, found[0], found[1])
+        at, turned, lengths, pulls, residuals, iterations, status = (np.asarray(result) for result in found)
+        tensions = pulls / cabling.reeving
+        if not cabling.linear:
+            largest = cable_law.largest_tension(table[..., STIFFNESS], *cabling.stiffening.T)
+            beyond = (status == Status.CONVERGED) & (pulls > largest).any(-1)
+            status = np.where(beyond, Status.OVERSTRAINED.value, status)
+        return at, turned, lengths, tensions, residuals, np.asarray(iterations + before), status

@@ -19,6 +19,10 @@ valley, and a step along its tangent leaves the valley's floor. Four measures ma
 4. *Descent.* A step is accepted only if the true V falls; else λ grows (Levenberg-Marquardt). At a saddle the iteration
    continues along the direction of negative curvature. So it ends at a minimum: a stable equilibrium.
 
+Cables with mass are no springs (``cable_kernel.SaggingState``): their energy is smooth even where a cable sags. It
+belongs to the local model's slope and curvature, and the second-order correction is for the slope that the model
+missed. The start is an argument: the equilibrium with massless cables is near, and from there a few iterations suffice.
+
 Rotation steps are left-applied rotation vectors times the robot's characteristic length, so that all six
 coordinates are lengths.
 """
@@ -31,10 +35,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cdpr_sim.core.compiling import Kernel, inline, outlined
+from cdpr_sim.core.cable import WEIGHT
+from cdpr_sim.core.compiling import Kernel, by_type, inline, outlined
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableState
+from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableState, SaggingCables, SaggingState
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 
 MAX_ITERATIONS = 1000
@@ -60,6 +65,12 @@ two units are more than ``ACCEPTABLE`` of the load, no pose counts as balanced."
 ENERGY_ROUNDING = 4 * np.finfo(float).eps
 """Relative error of a computed energy: highly tensioned cables store more energy than the load ever changes."""
 
+LARGEST_RESIDUAL = 5e-7
+"""Unbalanced force that is tolerated for large loads on cables with mass [N]: ``FORCE_TOLERANCE`` of 250 N."""
+
+POLISHED = 0.01
+"""Fraction of the tolerated unbalanced force above which one more step is taken with cables with mass."""
+
 NEARLY_TAUT = 0.5
 """Fraction of the load: a cable counts as taut at the start if a spring that pulls and pushes would push by no more.
 With rigid lengths every cable starts exactly at its rest length, and rounding must not decide which of them count."""
@@ -77,7 +88,7 @@ _STALLED, _NOT_FINITE, _OFF_WHEEL = int(Status.STALLED), int(Status.NOT_FINITE),
 class _Case(NamedTuple):
     """Data of one problem. free: 1 where the platform moves; scale: length of rotations."""
 
-    cables: Cables | BentCables
+    cables: Cables | BentCables | SaggingCables
     weight: float
     com: np.ndarray
     wrench: np.ndarray
@@ -90,11 +101,11 @@ class _Point(NamedTuple):
 
     p: np.ndarray
     R: np.ndarray
-    c: CableState | BentState
+    c: CableState | BentState | SaggingState
 
 
 class _Model(NamedTuple):
-    """The local model at a point: lengths l + Jx, slope g of the load, curvature K; L: the last Cholesky factor."""
+    """The local model at a point: springs' lengths l + Jx, slope g and curvature K of all else; L: Cholesky factor."""
 
     J: np.ndarray
     g: np.ndarray
@@ -104,9 +115,10 @@ class _Model(NamedTuple):
 
 
 class _Scales(NamedTuple):
-    """Scale of forces; thresholds below which the shift, unbalanced forces and energies count as zero."""
+    """Scales of forces and positions; thresholds below which shift, unbalanced forces and energies count as zero."""
 
     load: float
+    size: float
     least_shift: float
     force: float
     energy: float
@@ -117,14 +129,14 @@ def _descent(unpack: Callable) -> Callable:
 
     def descend(
         table, rest_lengths, weight, center_of_mass, wrench, free, scale, start_position, start_rotation, position,
-        rotation, lengths, residual, iterations, status,
+        rotation, lengths, tensions, residual, iterations, status,
     ):  # fmt: skip
         """Newton iterations from a pose; there are few arrays, since creating one is slow."""
         m, cables = len(rest_lengths), unpack(table, rest_lengths)
         case = _Case(cables, weight, center_of_mass, wrench, free, scale)
-        here, trial = _new_point(case), _new_point(case)
-        model = _Model(np.empty((m, 6)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
-        x, taut, tau, predicted = np.empty(6), np.empty(m, np.bool_), np.empty(m), np.empty(m)
+        here, trial, springs = _new_point(case), _new_point(case), ck.springs(cables)
+        model = _Model(np.empty((springs, 6)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
+        x, taut, tau, predicted = np.empty(6), np.empty(springs, np.bool_), np.empty(springs), np.empty(max(m, 6))
 
         for a in range(3):
             here.p[a] = start_position[a]
@@ -160,35 +172,40 @@ def _descent(unpack: Callable) -> Callable:
                 decrease = -np.inf
                 if _model_minimum(here, model, shift, taut, x):
                     _shorten(x, longest, MAX_ROTATION * case.scale)
-                    decrease = _model_decrease(here, model, x, predicted)
+                    decrease = _model_decrease(here.c, model, x, predicted)
                 # A step that changes the energy by no more than its rounding is judged by the forces, in the next
                 # iteration.
-                rounding = abs(decrease) <= max(scales.energy, ENERGY_ROUNDING * abs(V))
+                rounding = abs(decrease) <= _energy_noise(here.c, scales, V)
                 if decrease > 0 or rounding:
                     for attempt in range(3):
                         V_trial = _measure_at(case, here, x, trial)
                         if rounding or V - V_trial >= 0.3 * decrease or attempt == 2:
                             break
-                        _retract(trial, model, predicted, x)
-                    if rounding or V - V_trial >= 0.05 * decrease:
+                        _retract(trial.c, case, trial, model, predicted, x)
+                    if V - V_trial >= 0.05 * decrease or (rounding and V_trial == V_trial):
                         accepted = True
                         break
                 shift = max(4 * shift, scales.least_shift)
-                for i in range(m):
+                for i in range(springs):
                     taut[i] = tau[i] > 0
             if not accepted:
                 iterations[0], status[0] = iteration, _STALLED
                 break
-            certified = shift == 0.0  # where forces balance next, the model of this step had a minimum...
+            # Where forces balance next, the model of this step had a minimum...
+            certified = shift == 0.0 and _has_springs(here.c)
             if V - V_trial > 0.5 * decrease:
                 shift = shift / 8 if shift > scales.least_shift / 64 else 0.0
-            for i in range(m):
+            for i in range(springs):
                 tau[i] = here.c.k[i] * max(predicted[i], 0.0)
             here, trial = trial, here
             V = _energy(case, here)
-            for i in range(m):
+            for i in range(springs):
                 certified &= taut[i] == (here.c.e[i] > 0)  # ...with the cables that are actually taut
                 taut[i] = predicted[i] > 0
+        if status[0] == _CONVERGED:
+            left = _polish(here.c, case, here, model, scales, unbalanced, x, trial)
+            iterations[0] += left < unbalanced
+            unbalanced = left
         if not ck.on_wheels(here.c):
             status[0] = _OFF_WHEEL
         residual[0] = unbalanced
@@ -198,24 +215,28 @@ def _descent(unpack: Callable) -> Callable:
                 rotation[a, b] = here.R[a, b]
         for i in range(m):
             lengths[i] = here.c.l[i]
+        ck.fill_tensions(cables, here.c, table, tensions)
 
     return descend
 
 
-_LAYOUT = "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(),(),()"
-_INTEGERS = "iterations", "status"
-_PLAIN = Kernel("static solver", _descent(ck.unpack), _LAYOUT, _INTEGERS)
-_BENT = Kernel("static solver for pulleys and nonlinear laws", _descent(ck.unpack_bent), _LAYOUT, _INTEGERS)
+_KERNELS = ck.kernels(
+    "static solver",
+    _descent,
+    "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(m),(),(),()",
+    ("iterations", "status"),
+)
 
 
-def equilibrium_gufunc(*, bent: bool = False) -> Kernel:
-    """The solver as a NumPy generalised ufunc; ``bent`` selects the one for cables over pulleys or with nonlinear laws.
+def equilibrium_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
+    """The solver as a NumPy generalised ufunc, for cables that may be bent or sagging (``cable_kernel``).
 
-    Arguments: ``Cabling.packed`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
+    Arguments: ``Robot.cable_table`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
     directions as 0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
-    Results: position (3), rotation matrix (3,3), lengths (m), residual, iterations, status.
+    Results: position (3), rotation matrix (3,3), lengths of the massless paths (m), tensions at the anchors of all
+    parts of line (m), residual, iterations, status.
     """
-    return _BENT if bent else _PLAIN
+    return _KERNELS[2 if sagging else bent]
 
 
 @inline
@@ -227,12 +248,59 @@ def _scales(case, start):
         for a in range(3):
             size = max(size, abs(A[i, a]))
     load = _load(case, stiffness)
+    most, hanging = _force_limits(case.cables)
     return _Scales(
         load,
+        size,
         max(load, 1e-9 * stiffest * case.scale) / ck.mean(l0),
-        min(FORCE_TOLERANCE * load + ROUNDING * stiffest * size, ACCEPTABLE * load - 0.25 * ROUNDING * stiffest * size),
+        min(
+            min(FORCE_TOLERANCE * load, most) + ROUNDING * (stiffest * size + hanging),
+            ACCEPTABLE * load - 0.25 * ROUNDING * stiffest * size,
+        ),
         1e-13 * load * case.scale,
     )
+
+
+def _true(c):
+    return True
+
+
+def _false(c):
+    return False
+
+
+_has_springs = by_type({CableState: _true, BentState: _true, SaggingState: _false})
+
+
+def _no_force_limits(cables):
+    return np.inf, 0.0
+
+
+def _sagging_force_limits(cables):
+    """The largest unbalanced force, and the cables' own weight."""
+    hanging = 0.0
+    for i in range(len(cables.l0)):
+        hanging += cables.table[i, WEIGHT] * cables.l0[i]
+    return LARGEST_RESIDUAL, hanging
+
+
+_force_limits = by_type({Cables: _no_force_limits, BentCables: _no_force_limits, SaggingCables: _sagging_force_limits})
+
+
+def _springs_energy_noise(c, scales, V):
+    return max(scales.energy, ENERGY_ROUNDING * abs(V))
+
+
+def _sagging_energy_noise(c, scales, V):
+    noise = 1e13 * scales.energy
+    for i in range(len(c.tension)):
+        noise += c.tension[i] * scales.size
+    return ROUNDING * noise
+
+
+_energy_noise = by_type(
+    {CableState: _springs_energy_noise, BentState: _springs_energy_noise, SaggingState: _sagging_energy_noise}
+)
 
 
 @inline
@@ -329,6 +397,7 @@ def _slopes(case, at, model):
     g[3] = (weight * (R[1, 0] * com[0] + R[1, 1] * com[1] + R[1, 2] * com[2]) - wrench[3]) / scale
     g[4] = (-weight * (R[0, 0] * com[0] + R[0, 1] * com[1] + R[0, 2] * com[2]) - wrench[4]) / scale
     g[5] = -wrench[5] / scale
+    ck.subtract_pulls(at.c, scale, g)
     residual = 0.0
     for a in range(6):
         if free[a] == 0.0:
@@ -356,6 +425,7 @@ def _curvature(case, at, tau, model):
     for i in range(len(tau)):
         if tau[i] > 0:
             ck.add_curvature(at.c, i, tau[i], J, scale, K)
+    ck.add_stiffness(at.c, scale, K)
     for a in range(6):
         if free[a] == 0.0:
             for b in range(6):
@@ -425,10 +495,9 @@ def _shorten(x, longest, largest):
             x[a] /= factor
 
 
-@inline
-def _model_decrease(at, model, x, predicted):
+def _springs_decrease(c, model, x, predicted):
     """Decrease of the unshifted model along x; fill in the stretches that it predicts."""
-    k, e = at.c.k, at.c.e
+    k, e = c.k, c.e
     J, g, K = model.J, model.g, model.K
     decrease = 0.0
     for a in range(6):
@@ -446,10 +515,26 @@ def _model_decrease(at, model, x, predicted):
     return decrease
 
 
-@inline
-def _retract(trial, model, predicted, x):
+def _sagging_decrease(c, model, x, predicted):
+    """The same; fill in the slope that the model predicts."""
+    decrease = 0.0
+    for a in range(6):
+        bent = 0.0
+        for b in range(6):
+            bent += model.K[max(a, b), min(a, b)] * x[b]
+        decrease -= (model.g[a] + 0.5 * bent) * x[a]
+        predicted[a] = model.g[a] + bent
+    return decrease
+
+
+_model_decrease = by_type(
+    {CableState: _springs_decrease, BentState: _springs_decrease, SaggingState: _sagging_decrease}
+)
+
+
+def _retract_springs(c, case, trial, model, predicted, x):
     """Correct x so that the taut cables get the stretch that the model predicts for them."""
-    k, e = trial.c.k, trial.c.e
+    k, e = c.k, c.e
     J, L, rhs = model.J, model.L, model.rhs
     for a in range(6):
         rhs[a] = 0.0
@@ -458,6 +543,47 @@ def _retract(trial, model, predicted, x):
     substitute(L, rhs, rhs)
     for a in range(6):
         x[a] += rhs[a]
+
+
+def _retract_sagging(c, case, trial, model, predicted, x):
+    """Correct x so that the slope becomes what the model predicts."""
+    rhs = model.rhs
+    _slopes(case, trial, _Model(model.J, rhs, model.K, model.L, rhs))
+    for a in range(6):
+        rhs[a] = predicted[a] - rhs[a]
+    substitute(model.L, rhs, rhs)
+    for a in range(6):
+        x[a] += rhs[a]
+
+
+_retract = by_type({CableState: _retract_springs, BentState: _retract_springs, SaggingState: _retract_sagging})
+
+
+def _leave_unpolished(c, case, here, model, scales, unbalanced, x, trial):
+    return unbalanced
+
+
+@outlined
+def _polish_sagging(c, case, here, model, scales, unbalanced, x, trial):
+    """One more Newton step from a minimum, where it balances the forces better; return what remains unbalanced."""
+    if unbalanced <= POLISHED * scales.force or not _is_minimum(here, model):
+        return unbalanced
+    for a in range(6):
+        x[a] = -model.g[a]
+    substitute(model.L, x, x)
+    V = _measure_at(case, here, x, trial)
+    left = _slopes(case, trial, model)
+    if not (V == V and left < unbalanced):  # nan where a cable has no path
+        return unbalanced
+    for a in range(3):
+        here.p[a] = trial.p[a]
+        for b in range(3):
+            here.R[a, b] = trial.R[a, b]
+    _measure(case, here)
+    return left
+
+
+_polish = by_type({CableState: _leave_unpolished, BentState: _leave_unpolished, SaggingState: _polish_sagging})
 
 
 @inline

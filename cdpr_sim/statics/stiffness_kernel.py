@@ -25,12 +25,14 @@ def _element(unpack: Callable) -> Callable:
         """Eigenvalues of the stiffness matrix, and the lowest frequency from it and the mass matrix."""
         cables = unpack(table, rest_lengths)
         K, M = np.zeros((6, 6)), np.zeros((6, 6))
-        state, J = ck.new_state(cables), np.empty((len(cables.l0), 6))
+        state = ck.new_state(cables)
+        J = np.empty((len(state.e), 6))
         ck.measure(cables, position, rotation, state)
         ck.fill_jacobian(state, scale, J)
         ck.add_springs(state, J, K)
         ck.add_weight_curvature(mass * gravity, center_of_mass, rotation, scale, K)
-        for i in range(len(cables.l0)):
+        ck.add_stiffness(state, scale, K)
+        for i in range(len(state.e)):
             if not state.e[i] <= 0:  # lets nan through to the result
                 ck.add_curvature(state, i, state.k[i] * state.e[i], J, scale, K)
         _inertia(mass, center_of_mass, inertia, rotation, M)
@@ -75,22 +77,20 @@ def _element(unpack: Callable) -> Callable:
     return modes
 
 
-_LAYOUT = "(m,k),(m),(),(),(c),(c,c),(f),(),(c),(c,c)->(f),()"
-_PLAIN = Kernel("stiffness and frequencies", _element(ck.unpack), _LAYOUT, ("free",))
-_BENT = Kernel(
-    "stiffness and frequencies with pulleys and nonlinear laws", _element(ck.unpack_bent), _LAYOUT, ("free",)
+_KERNELS = ck.kernels(
+    "stiffness and frequencies", _element, "(m,k),(m),(),(),(c),(c,c),(f),(),(c),(c,c)->(f),()", ("free",)
 )
 
 
-def stiffness_gufunc(*, bent: bool = False) -> Kernel:
+def stiffness_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
     """Stiffness and lowest natural frequency, as a NumPy generalised ufunc.
 
-    Arguments: ``Cabling.packed`` (m,k), rest lengths (m), mass, gravity, centre of mass (3), inertia (3,3), indices of
-    the free directions (f), characteristic length, position (3), rotation matrix (3,3).
+    Arguments: ``Robot.cable_table`` (m,k), rest lengths (m), mass, gravity, centre of mass (3), inertia (3,3), indices
+    of the free directions (f), characteristic length, position (3), rotation matrix (3,3).
     Results: eigenvalues of the stiffness matrix, ascending, rotations in characteristic lengths (f) [N/m]; the lowest
     natural frequency [Hz], 0 where a direction is unconstrained and nan at a saddle.
     """
-    return _BENT if bent else _PLAIN
+    return _KERNELS[2 if sagging else bent]
 
 
 @inline

@@ -1,0 +1,113 @@
+"""The catenary in NumPy, and the profiles of hanging cables, to draw and to measure clearances."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+from cdpr_sim.core import cable_law
+from cdpr_sim.core.cable import COLUMNS, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics.any_cable import Catenary, any_cables
+from cdpr_sim.statics.catenary import MASSLESS
+
+TRACE = 1e-12
+"""Weight of a massless cable for the computation of its profile, as a fraction of EA/L0: a taut cable stays
+straight."""
+
+
+def catenary(
+    exits: ArrayLike, anchors: ArrayLike, rest_lengths: ArrayLike, axial_stiffness: ArrayLike, weights: ArrayLike
+) -> Catenary:
+    """States of linear cables between points; all arguments broadcast.
+
+    Args:
+        exits: base frame, (..., 3) [m].
+        anchors: base frame, (..., 3) [m].
+        rest_lengths: unstretched lengths, (...) [m].
+        axial_stiffness: EA, (...) [N].
+        weights: weight per unstretched length, (...) [N/m]; 0 is a massless cable.
+    """
+    A, L0, EA, w = (np.asarray(v, float) for v in (exits, rest_lengths, axial_stiffness, weights))
+    table = np.zeros((*np.broadcast_shapes(EA.shape, w.shape), COLUMNS))
+    table[..., STIFFNESS], table[..., WEIGHT] = EA, w
+    found = any_cables(table, np.asarray(anchors, float) - A, L0)
+    return found._replace(energy=found.energy + w * L0 * A[..., 2])
+
+
+def profile(
+    exits: ArrayLike,
+    anchors: ArrayLike,
+    rest_lengths: ArrayLike,
+    axial_stiffness: ArrayLike,
+    weights: ArrayLike,
+    points: int,
+) -> Float[np.ndarray, "*batch points 3"]:
+    """Profile of a cable: points from exit to anchor, equally spaced on the unstretched cable, (..., points, 3) [m].
+
+    Arguments as of ``catenary``. A massless cable has the profile that it has in the limit of small weight.
+    """
+    A, B = np.asarray(exits, float), np.asarray(anchors, float)
+    L0, EA, w = (np.asarray(v, float)[..., None] for v in (rest_lengths, axial_stiffness, weights))
+    w = np.where(w * L0 > 2 * MASSLESS * EA, w, TRACE * EA / L0)
+    pull = catenary(A, B, L0[..., 0], EA[..., 0], w[..., 0]).pull
+    sideways = np.hypot(pull[..., 0], pull[..., 1])[..., None]
+    end = -pull[..., 2:] - w * L0  # vertical component of the tension at the exit
+    s = np.linspace(0.0, 1.0, points) * L0
+    both = np.hypot(sideways, end) + np.hypot(sideways, end + w * s)  # sum of the tensions at the exit and at s
+    both[both == 0] = np.inf
+    t, H = w * s / both, np.where(sideways > 0, sideways, 1.0)
+    # The difference of two asinh, by an addition theorem that does not cancel where the cable is nearly straight.
+    turned = np.where(t < 0.5, 2 * np.arctanh(np.minimum(t, 0.5)), np.arcsinh((end + w * s) / H) - np.arcsinh(end / H))
+    run = sideways * s / EA + sideways * turned / w
+    rise = s * (2 * end + w * s) * (0.5 / EA + 1 / both)
+    across = -pull[..., None, :2] / H[..., None]
+    positions = np.concatenate([across * run[..., None], rise[..., None]], axis=-1) + A[..., None, :]
+    positions[..., -1, :] = B
+    return positions
+
+
+def profiles(
+    robot: Robot,
+    exits: ArrayLike,
+    anchors: ArrayLike,
+    rest_lengths: ArrayLike,
+    axial_stiffness: Float[np.ndarray, "*#batch cables"],
+    weights: Float[np.ndarray, "*#batch cables"],
+    points: int,
+) -> Float[np.ndarray, "*batch cables points 3"]:
+    """Where cables hang: points from exit to anchor, or from where a cable with mass leaves its wheel, to draw [m].
+
+    With the axial stiffness of the ropes, and weights per rest length with all parts of line [N/m]. A massless cable
+    has the shape to which its weight's last trace would bring it, without its pulley. A nonlinear one is taken as
+    linear there, as stiff as at its mean tension.
+    """
+    exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
+    cabling, shape = robot.cabling, np.broadcast_shapes(axial_stiffness.shape, weights.shape)
+    table = np.array(robot.cable_table(np.broadcast_to(axial_stiffness, shape)))
+    table[..., WEIGHT] = weights
+    axial_stiffness, wrapped = table[..., STIFFNESS], table[..., WRAPPED]
+    if not (np.any(weights) and (cabling.bent or cabling.behind.any())):
+        return profile(exits, anchors, rest, axial_stiffness, weights, points)
+    found = any_cables(table, anchors - exits, rest)
+    with np.errstate(all="ignore"):
+        t = -found.pull
+        t[..., 2] -= weights * (rest - wrapped)
+        T, e, r = found.exit_tension, cabling.pulley_axis, cabling.pulley_radius
+        u = t / T[..., None]
+        cosine = (u * e).sum(-1)[..., None]
+        n = u - cosine * e
+        sine = np.linalg.norm(n, axis=-1, keepdims=True)
+        law = axial_stiffness, *cabling.stiffening.T
+        unstretched = cable_law.rest_length_for(1.0, T, *law)
+        on_wheel = r * np.arctan2(sine, cosine)[..., 0] * unstretched
+        # Rope from behind the exit that its stretch moves past the exit.
+        pulled_out = np.where(weights > 0, cabling.behind * (1 - unstretched), 0.0)
+        mean = np.fmax(0.5 * (T + found.anchor_tension), np.finfo(float).tiny * 1e10)
+        secant = mean / (1 / cable_law.rest_length_for(1.0, mean, *law) - 1)
+        over = cabling.pulleys & (weights > 0)
+        starts = np.where(over[..., None], exits + r[:, None] * ((1 - cosine) * n / sine + sine * e), exits)
+    rest = np.where(over, rest - on_wheel, rest) + pulled_out
+    stiffness = np.where(cabling.stiffening.any(-1) & np.isfinite(secant) & (secant > 0), secant, axial_stiffness)
+    return profile(starts, anchors, rest, stiffness, weights, points)
