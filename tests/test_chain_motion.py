@@ -103,3 +103,16 @@ def test_a_drive_past_a_wheel_is_refused():
     robot = cdpr.load_robot("cogiro").replace(linear_density=5e-4, pulley_radius=0.018, pulley_axis=UP)
     with pytest.raises(cdpr.InvalidInput, match=r"^rest_lengths: found \S+ m in cable \d, with mass and over a pulley"):
         cdpr.drive(robot, [(0.4, 0.25, 0.1), (0.2, 0.15, 0.35)], seconds=1.0)
+
+
+def test_released_on_sagging_cables_a_platform_stays_at_a_stable_equilibrium_and_leaves_a_saddle():
+    """The crane with every kind of cable; and a bar on two nonlinear cables with mass, upright and turned over."""
+    crane = cdpr.load_robot("cogiro-crane").replace(**EVERY)
+    assert cdpr.release(cdpr.solve(crane, LINE[0]), seconds=0.5).stays
+    bar = cdpr.load_robot("two-cable").replace(axial_stiffness=1000.0, linear_density=0.002, stiffening=LAW)
+    found = cdpr.find_equilibria(bar, bar.home, saddles=True, starts=100)
+    assert found.stable
+    assert found.unstable
+    for one in found:
+        went = cdpr.release(one, seconds=0.3 if one.stable else 5.0)
+        assert (went.stays, went.leaves) == (one.stable, not one.stable), went

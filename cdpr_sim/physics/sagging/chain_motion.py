@@ -5,8 +5,8 @@ Each time step is that of ``stepping``, with true springs. What differs from the
 - The masses of a chain slide along its material while a winch winds it. That neglects the momentum of the cable that is
   wound, a force of density times speed times winding speed at each end.
 - Wheels face their cables at once.
-- A spring acts with its force ``ahead`` of the step's beginning, which damps oscillations of the angular frequency
-  omega by the ratio (ahead - 1/2) omega step, and those of taut segments across the cable by up to omega step/2.
+- Springs act with their force a part ``ahead`` of the step later, which damps oscillations of the angular frequency
+  omega by the ratio ahead omega step/2, and those of taut segments across the cable by as much or more.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -55,7 +55,7 @@ class ChainMotion:
         model = simulation.model
         simulation.residual()
         model.opt.viscosity = viscosity
-        model.dof_armature[simulation.angular] = 0
+        model.dof_armature[: simulation.free] = 0
         model.dof_damping[: simulation.free] = damping
         self.stepping = Stepping(simulation, longest, ahead=ahead, cable_damping=cable_damping)
         self.stepping.stiffen()
