@@ -214,6 +214,11 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidT
     pulleys.toward_anchors(model, data, robot)
 
 
+def swing_damping(problem: Problem) -> float:
+    """Critical damping of the platform's slowest oscillation, per mass [1/s]."""
+    return _air(problem)[0] / problem.robot.mass
+
+
 def air_viscosity(problem: Problem) -> float:
     """Viscosity of the air of a model without winches [Pa s]."""
     drag, size = _air(problem)

@@ -30,7 +30,7 @@ from cdpr_sim.physics.drive import MOST_SECONDS
 from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.sagging import settle_chains
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
-from cdpr_sim.physics.sagging.chain_motion import ChainMotion
+from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
 from cdpr_sim.physics.settle import settle, weighs, without_weight
 
 NUDGE = 1e-6
@@ -45,9 +45,9 @@ stiffness; the deviation of an unstable one grows exponentially."""
 FINEST = 0.1
 """Time step of the undamped motion, in 1/omega of an upper bound of its fastest oscillation."""
 
-COARSEST, LEAST_AHEAD = 0.5, 0.5
-"""The same on cables with mass, whose steps are implicit, and the least part of a step ahead at which springs may act:
-the fastest oscillation is damped by an eighth of the critical damping at most, a slow one hardly."""
+COARSEST = 0.5
+"""The same on cables with mass, whose steps are implicit: the fastest oscillation is damped by an eighth of the
+critical damping at most, a slow one hardly."""
 
 WATCHED = 0.002
 """[s] Time between two evaluations of the deviation."""
