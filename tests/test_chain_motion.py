@@ -24,6 +24,9 @@ NEARLY = 1e-4
 LAGS = 0.02
 """Fraction by which tensions of that drive differ from those at rest: 0.007 measured."""
 
+HELD = 1e-3
+"""Fraction by which winches miss a tension while the platform moves."""
+
 EVERY = {**MIXED, "winch_to_exit": [6, 0, 3, 0, 2, 0, 0, 1], "reeving": [1, 2] * 4}
 LINE = [(1.0, 1.0, 2.0), (0.5, 0.6, 1.8)]
 
@@ -103,3 +106,54 @@ def test_a_drive_past_a_wheel_is_refused():
     robot = cdpr.load_robot("cogiro").replace(linear_density=5e-4, pulley_radius=0.018, pulley_axis=UP)
     with pytest.raises(cdpr.InvalidInput, match=r"^rest_lengths: found \S+ m in cable \d, with mass and over a pulley"):
         cdpr.drive(robot, [(0.4, 0.25, 0.1), (0.2, 0.15, 0.35)], seconds=1.0)
+
+
+def test_released_on_sagging_cables_a_platform_stays_at_a_stable_equilibrium_and_leaves_a_saddle():
+    """The crane with every kind of cable; and a bar on two nonlinear cables with mass, upright and turned over."""
+    crane = cdpr.load_robot("cogiro-crane").replace(**EVERY)
+    assert cdpr.release(cdpr.solve(crane, LINE[0]), seconds=0.5).stays
+    bar = cdpr.load_robot("two-cable").replace(axial_stiffness=1000.0, linear_density=0.002, stiffening=LAW)
+    found = cdpr.find_equilibria(bar, bar.home, saddles=True, starts=100)
+    assert found.stable
+    assert found.unstable
+    for one in found:
+        went = cdpr.release(one, seconds=0.3 if one.stable else 5.0)
+        assert (went.stays, went.leaves) == (one.stable, not one.stable), went
+
+
+class Tensions:
+    """Winches that start with the rigid lengths and then hold these tensions."""
+
+    def __init__(self, robot: cdpr.Robot, tensions: np.ndarray) -> None:
+        self.robot, self.tensions = robot, tensions
+
+    def start(self, reference: cdpr.Reference) -> np.ndarray:
+        return self.robot.rest_lengths(reference.pose(0.0))
+
+    def command(self, time: float, pose: object, measurement: cdpr.Measurement) -> cdpr.Command:
+        return cdpr.Command(self.start_lengths(pose), self.tensions, np.ones(self.robot.cables, bool))
+
+    def start_lengths(self, pose: object) -> np.ndarray:
+        return self.robot.rest_lengths(pose)  # type: ignore[arg-type]
+
+
+def test_a_tracked_platform_on_sagging_cables_stays_in_equilibrium_and_moves_with_its_winches():
+    """With every kind of cable, nonlinear ones too: at rest to rounding, and in motion near its equilibria."""
+    robot = cdpr.load_robot("cogiro-crane").replace(**EVERY)
+    still = cdpr.track(robot, LINE[:1], cdpr.RigidLengths(robot), seconds=0.2)
+    equilibrium = cdpr.solve(robot, LINE[0])
+    assert np.linalg.norm(still.positions - equilibrium.position, axis=1).max() < RESTS
+    np.testing.assert_allclose(still.tensions[-1], equilibrium.tensions, rtol=1e-7)
+    motion = cdpr.track(robot, [LINE[0], (0.95, 0.95, 2.0)], cdpr.RigidLengths(robot), seconds=1.0)
+    static = cdpr.solve_trajectory(motion)
+    assert np.linalg.norm(motion.positions - static.positions, axis=1).max() < 10 * NEARLY
+    assert np.linalg.norm(motion.positions[-1] - equilibrium.position) > 100 * NEARLY
+
+
+def test_winches_hold_the_tensions_of_sagging_ropes():
+    """At the platform's end, from tensions that were others; those of an equilibrium, in which the platform stays."""
+    robot = cdpr.load_robot("cogiro-crane").replace(**{**EVERY, "stiffening": [LAW, LAW] + [(0.0, 0.0)] * 6})
+    wanted = cdpr.compensate(robot, LINE[0]).tensions
+    motion = cdpr.track(robot, LINE[:1], Tensions(robot, wanted), seconds=0.3)
+    assert np.abs(motion.tensions[0] - wanted).max() > 1.0
+    np.testing.assert_allclose(motion.tensions[-1], wanted, rtol=HELD)

@@ -286,12 +286,6 @@ def test_heavy_cables_are_not_drawn_without_their_shape(real):
         Stage(trajectory, largest_tension=2.0, shapes=cdpr.cable_profiles(trajectory)[:1])
 
 
-def test_what_takes_no_account_of_weight_says_so(real):
-    """One sentence that names it, and the weight."""
-    with pytest.raises(cdpr.InvalidInput, match=r"found 0\.0005 kg/m.*releasing"):
-        cdpr.release(cdpr.solve(real["heavy"], POSE))
-
-
 @pytest.mark.parametrize("option", [["--drop"], ["--compensate"], ["--drive-seconds", "0.5"]])
 def test_a_video_drives_cables_with_mass(tmp_path, catalogue_text, option, monkeypatch):
     """Where the motion matters, or lengths are not the rigid ones; else the platform is settled state by state."""

@@ -520,12 +520,21 @@ def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass
     return body
 
 
+def strains(
+    cabling: Cabling, cables: Int[np.ndarray, " some"], pulls: Float[np.ndarray, " some"]
+) -> Float[np.ndarray, " some"]:
+    """Strains of these cables, of all parts of line together, under these pulls [N]."""
+    stiffness = cabling.reeving[cables] * cabling.axial_stiffness[cables]
+    square, cube = (stiffness * coefficient for coefficient in cabling.stiffening[cables].T)
+    return _stretched(pulls, stiffness, square, cube)[0]
+
+
 def _stretched(
-    pulls: Float[np.ndarray, "*batch chains segments"],
-    stiffness: Float[np.ndarray, "chains segments"],
-    square: Float[np.ndarray, "chains segments"],
-    cube: Float[np.ndarray, "chains segments"],
-) -> tuple[Float[np.ndarray, "*batch chains segments"], Float[np.ndarray, "*#batch chains segments"]]:
+    pulls: Float[np.ndarray, "*batch"],
+    stiffness: Float[np.ndarray, "*#batch"],
+    square: Float[np.ndarray, "*#batch"],
+    cube: Float[np.ndarray, "*#batch"],
+) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*#batch"]]:
     """Stretch [m] of springs with MuJoCo's polynomials under these pulls, and its slope [m/N], by Newton's method."""
     stretch, slope = pulls / stiffness, stiffness
     for _ in range(STRETCHINGS if square.any() or cube.any() else 0):

@@ -100,7 +100,7 @@ class Relaxation:
         self.swing = np.sqrt(np.where(self.strained, pull, self.load) / robot.mass / self.length)
         rounding = ROUNDING * stiffness.max(1)
         self.target = np.minimum(np.maximum(RESIDUAL * self.load, rounding), ACCEPTABLE * self.load)
-        self.own_inertia, self.inertia_added = _inertias(robot), False
+        self.own_inertia, self.inertia_added = inertias(robot), False
         self.inertia = np.tile(self.own_inertia, (len(self.load), 1))
         turning = self.inertia[:, simulations.angular]
         needed = robot.mass * simulations.length * self.length / SLUGGISH**2
@@ -247,7 +247,7 @@ def _parallel(a: Float[np.ndarray, "rows free"], b: Float[np.ndarray, "rows free
 
 
 @functools.lru_cache(maxsize=MOST_IDLE)
-def _inertias(robot: Robot) -> Float[np.ndarray, " free"]:
+def inertias(robot: Robot) -> Float[np.ndarray, " free"]:
     """Mass [kg] and moments of inertia about the platform's axes [kg m²], per free direction, for the damping."""
     offset = robot.center_of_mass
     about_origin = robot.inertia + robot.mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))

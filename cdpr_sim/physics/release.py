@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -22,11 +23,15 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance, moved
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import chains, pulleys
-from cdpr_sim.physics.batch import simulations_of
+from cdpr_sim.physics import pulleys, tendons
+from cdpr_sim.physics.batch import quiet, simulations_of
+from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.drive import MOST_SECONDS
 from cdpr_sim.physics.mjcf import place, to_mjcf
-from cdpr_sim.physics.settle import settle
+from cdpr_sim.physics.sagging import settle_chains
+from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
+from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
+from cdpr_sim.physics.settle import settle, weighs, without_weight
 
 NUDGE = 1e-6
 """[m] Displacement of a platform along its direction of least stiffness before the release. Less than most taut cables'
@@ -39,6 +44,13 @@ stiffness; the deviation of an unstable one grows exponentially."""
 
 FINEST = 0.1
 """Time step of the undamped motion, in 1/omega of an upper bound of its fastest oscillation."""
+
+COARSEST = 0.5
+"""The same on cables with mass, whose steps are implicit: the fastest oscillation is damped by an eighth of the
+critical damping at most, a slow one hardly."""
+
+WATCHED = 0.002
+"""[s] Time between two evaluations of the deviation."""
 
 RAMP = 20.0
 """[s] Time in which gravity grows to its full value: tens of times the period of DemoBot's slowest oscillation."""
@@ -79,7 +91,8 @@ class Release:
 def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     """Displace the platform by a micrometre along its direction of least stiffness, and release it undamped.
 
-    The simulation stops as soon as the platform ``leaves``.
+    The simulation stops as soon as the platform ``leaves``. Cables with mass follow the displacement and are then free;
+    time steps are implicit in their springs, which damps a platform that oscillates, while one that leaves still does.
 
     Args:
         equilibrium: of either method, stable or not.
@@ -89,7 +102,8 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
         The largest deviation [m], and with it whether the platform ``stays`` or ``leaves``.
 
     Raises:
-        InvalidInput: an equilibrium under an external wrench, or on cables with mass.
+        InvalidInput: an equilibrium under an external wrench; a cable with mass that is too short for its pulley.
+        NotSettled: cables with mass do not come to rest with the platform at the equilibrium.
     """
     refuse_unless(Equilibrium, equilibrium=equilibrium)
     problem = equilibrium.problem
@@ -97,7 +111,12 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity only")
     seconds, arm = _duration(seconds), robot.characteristic_length
-    chains.refuse_weight(robot, "releasing a platform")
+    if weighs(robot):
+        refuse_short(robot, problem.rest_lengths)
+        with quiet():
+            return _release_chains(equilibrium, seconds)
+    problem = without_weight(Problems.stack([problem]))[0]
+    robot = problem.robot
     with simulations_of(Problems.stack([dataclasses.replace(problem, pose=pose)])) as simulations:
         softest = simulations.read(simulations.qpos.copy()).softest[0]
     step = np.zeros(6)
@@ -106,16 +125,41 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, problem.rest_lengths))
     model.opt.viscosity = model.dof_damping[:] = 0
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    model.opt.timestep = FINEST / _fastest(model, equilibrium)
+    stiffer = 1 + np.abs(robot.cabling.stiffening) @ [2 * MOST_STRAIN, 3 * MOST_STRAIN**2]
+    model.opt.timestep = FINEST / _fastest(model.tendon_stiffness * stiffer, equilibrium)
     data = mujoco.MjData(model)
     place(model, data, robot, moved(pose, step))
     largest_deviation, watched = NUDGE, 0
-    chunk = max(int(0.002 / model.opt.timestep), 1)
+    chunk = max(int(WATCHED / model.opt.timestep), 1)
     while watched * model.opt.timestep < seconds and largest_deviation < LEAVES * NUDGE:
         mujoco.mj_step(model, data, nstep=chunk)
         watched += chunk
         largest_deviation = max(largest_deviation, distance(_pose(data), pose, arm))
     return Release(largest_deviation, NUDGE, watched * model.opt.timestep)
+
+
+def _release_chains(equilibrium: Equilibrium, seconds: float) -> Release:
+    problem, pose = equilibrium.problem, equilibrium.pose
+    robot = problem.robot
+    simulation = settle_chains.held_at(problem, pose)
+    simulation.residual()
+    derivatives = ChainDerivatives.of(simulation)
+    nudge = NUDGE * derivatives.stiffness()[1]
+    step = simulation.in_dofs(nudge)
+    step[simulation.slides] = derivatives.following(nudge)
+    mujoco.mj_integratePos(simulation.model, simulation.data.qpos, step, 1)
+    springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
+    longest = min(COARSEST / _fastest(springs, equilibrium), WATCHED)
+    motion = ChainMotion(simulation, longest, ahead=LEAST_AHEAD)
+    largest_deviation = NUDGE
+    for _ in range(int(np.ceil(seconds / WATCHED))):
+        if largest_deviation >= LEAVES * NUDGE:
+            break
+        motion.advance(WATCHED)
+        motion.look()
+        away = distance(simulation.pose, pose, robot.characteristic_length)
+        largest_deviation = max(largest_deviation, away)
+    return Release(largest_deviation, NUDGE, motion.time)
 
 
 def grow_gravity(
@@ -171,16 +215,18 @@ def _pose(data: mujoco.MjData) -> RigidTransform:
     return RigidTransform.from_components(body.xpos, Rotation.from_quat(body.xquat, scalar_first=True))
 
 
-def _fastest(model: mujoco.MjModel, equilibrium: Equilibrium) -> float:
+def _fastest(stiffness: Float[np.ndarray, " cables"], equilibrium: Equilibrium) -> float:
     """An upper bound of the highest angular frequency [rad/s]: all springs at the farthest anchor, least inertia.
 
-    Nonlinear springs have their stiffness at the largest strain; or the oscillation of a wheel about its axis, if that
-    is faster.
+    Or the oscillation of a wheel about its axis, if that is faster.
+
+    Args:
+        stiffness: of the cables [N/m]; of nonlinear ones, at the largest strain.
+        equilibrium: the equilibrium.
     """
     robot = equilibrium.problem.robot
     reach = np.linalg.norm(robot.anchors - robot.center_of_mass, axis=1).max()
-    stiffer = 1 + np.abs(robot.cabling.stiffening) @ [2 * MOST_STRAIN, 3 * MOST_STRAIN**2]
-    springs = float((model.tendon_stiffness * stiffer).sum())
+    springs = float(stiffness.sum())
     fastest = float(np.sqrt(springs * (1 / robot.mass + reach**2 / np.linalg.eigvalsh(robot.inertia)[0])))
     if robot.cabling.pulleys.any():
         fastest = max(fastest, pulleys.swivelling(robot, float(equilibrium.pulls.max())))

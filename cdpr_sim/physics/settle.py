@@ -321,10 +321,10 @@ def without_weight(problems: Problems) -> Problems:
     """The same problems with massless cables."""
     if problems.robot.cabling.massless:
         return problems
-    return dataclasses.replace(problems, robot=_weightless(problems.robot), singles=())
+    return dataclasses.replace(problems, robot=weightless(problems.robot), singles=())
 
 
 @functools.lru_cache(maxsize=16)
-def _weightless(robot: Robot) -> Robot:
+def weightless(robot: Robot) -> Robot:
     """The same robot with massless cables; cached, since its simulation is cached too."""
     return robot.replace(linear_density=0.0)

@@ -4,7 +4,9 @@ Time is divided into control periods. In each, the controller gets the newest sa
 and commands the winches for the end of the next period; meanwhile they move at constant speed, as interpolating drives
 do, and no faster than their maximum. A winch that controls a length is the model's actuator at that control. One that
 controls a tension is the same actuator with a constant force instead of a spring: an ideal motor with free speed. Its
-speed is limited too; at the limit its length is controlled, and its cable is a spring again.
+speed is limited too; at the limit its length is controlled, and its cable is a spring again. Robots whose cables have
+mass have no actuators: their winches let out lengths as ``sagging.chain_motion`` describes, and one that controls a
+tension lets out, at each step, the length that gives the cable's end this tension.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -26,15 +28,20 @@ from cdpr_sim.core.controller import Command, Controller, Reference, Sensors
 from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
-from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell, Trajectory
 from cdpr_sim.physics import tendons, winches
 from cdpr_sim.physics.batch import quiet
+from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, poses_through, problems_at
-from cdpr_sim.physics.mjcf import TIMESTEP, place, to_mjcf
+from cdpr_sim.physics.dynamic_relaxation import inertias
+from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_drag, to_mjcf
+from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
+from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
+from cdpr_sim.physics.sagging.settle_chains import at_rest
 from cdpr_sim.physics.sensing import Readings, Sensing, pose_of
-from cdpr_sim.physics.settle import settle
+from cdpr_sim.physics.settle import settle, weighs, weightless
 
 SPEED = 0.05
 """[m/s] Default of the mean speed along the waypoints."""
@@ -98,8 +105,8 @@ def track(
         reference, its rest lengths those that the winches had let out.
 
     Raises:
-        InvalidInput: an invalid argument; cables with mass or nonlinear elasticity; a pose that no rest lengths can
-            hold.
+        InvalidInput: an invalid argument; cables with nonlinear elasticity, all of them massless; a pose that no rest
+            lengths can hold.
         NotSettled: the platform does not come to rest on the controller's first lengths.
         PlatformFell: it fell during the motion; carries the trajectory so far.
         BadCommand: the controller failed, or gave a command that winches cannot carry out; carries the trajectory so
@@ -120,8 +127,8 @@ def track(
     with _blamed(robot, "when the controller starts"):
         lengths = Command.of(controller.start(reference), robot.cables).rest_lengths
     with quiet():
-        machine = _Machine(
-            robot,
+        machine = (_ChainMachine if weighs(robot) else _Machine)(
+            robot if weighs(robot) else weightless(robot),
             wanted[0],
             lengths,
             winch_speed=speed,
@@ -144,7 +151,7 @@ def _course(
     pause: float,
 ) -> Reference:
     path = Path(robot, poses_through(robot, waypoints))
-    if not robot.cabling.linear:
+    if not (robot.cabling.linear or weighs(robot)):
         raise InvalidInput("stiffening: found cables whose law is not linear, expected linear ones for tracking")
     if seconds is None:
         seconds = path.length / SPEED or PAUSE
@@ -384,3 +391,84 @@ class _Machine:
         gain[self._motors] = bias[self._motors] = 0.0
         bias[self._motors, 0] = (self.robot.reeving * command.tensions)[self._motors]
         return near
+
+
+class _ChainReadings(Readings):
+    """The readings of ``Readings`` on cables with mass, as of the last look."""
+
+    def __init__(self, motion: ChainMotion) -> None:
+        self._motion = motion
+        self.look()
+
+    def look(self) -> None:
+        self._motion.look()
+        self._seen = self._motion.simulation.seen()
+
+    def pose(self, data: mujoco.MjData) -> Float[np.ndarray, "7"]:
+        pose = self._seen[0]
+        return np.concatenate([pose.translation, pose.rotation.as_quat(scalar_first=True)])
+
+    def lengths(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
+        return self._seen[1]
+
+    def tensions(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
+        return self._seen[2]
+
+
+class _ChainMachine(_Machine):
+    """A robot on cables of which some have mass, like ``_Machine``, with springs in the place of actuators."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        pose: RigidTransform,
+        lengths: Float[np.ndarray, " cables"],
+        *,
+        winch_speed: float,
+        damping: float,
+        cable_damping: float,
+    ) -> None:
+        self.robot, self._speed = robot, winch_speed
+        written = Problem.of(robot, pose)
+        shortest, longest = winches.reach(robot)
+        self._reach = np.array([np.minimum(shortest, written.rest_lengths), np.maximum(longest, written.rest_lengths)])
+        first = Problem.of(robot, pose, self.checked(lengths).rest_lengths)
+        refuse_short(robot, first.rest_lengths)
+        simulation = at_rest(first, settle(first).pose)
+        inertia = inertias(robot)
+        simulation.residual()
+        stiffest = float(np.abs(ChainDerivatives.of(simulation).stiffness()[0]).max())
+        fastest = np.sqrt(stiffest / float((inertia / robot.units[robot.free] ** 2).min()))
+        calm = 2 * cable_damping or TIMESTEP  # steps that damp no more than the cables
+        self._longest = min(TIMESTEP, 2 * np.pi / fastest / STEPS, calm)
+        self._chains = ChainMotion(
+            simulation,
+            self._longest,
+            damping=damping * settling_drag(written) / robot.mass * inertia,
+            ahead=LEAST_AHEAD,
+            cable_damping=cable_damping,
+        )
+        self.data, self.platform = simulation.data, simulation.platform
+        self.let_out = self._chains.let_out
+        self.readings = self._looked = _ChainReadings(self._chains)
+
+    def look(self) -> None:
+        self._looked.look()
+
+    def follow(self, command: Command, seconds: float) -> Iterator[float]:
+        start, passed = self.let_out, 0.0
+        rates = ((command.rest_lengths - start) / seconds).clip(-self._speed, self._speed)
+        by_tension = command.by_tension
+
+        def let_out(now: float) -> Float[np.ndarray, " cables"]:
+            lengths, most = start + now * rates, self._speed * (now - passed)
+            if by_tension.any():
+                held = self._chains.lengths_under(command.tensions, now - passed)
+                held = held.clip(self.let_out - most, self.let_out + most).clip(*self._reach)
+                lengths = np.where(by_tension, held, lengths)
+            return lengths
+
+        while (left := seconds - passed) > ROUNDING * self._longest:
+            passed += self._chains.step(left / np.ceil(left / self._longest - ROUNDING), let_out, passed)
+            self.let_out = self._chains.let_out
+            yield passed

@@ -102,3 +102,7 @@ class ChainDerivatives(NamedTuple):
         )
         values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
         return values, vectors[:, 0]
+
+    def following(self, x: Float[np.ndarray, " free"]) -> Float[np.ndarray, "chains slides"]:
+        """Displacements of the slides with which the masses stay in balance where the platform moves by x [m]."""
+        return -(np.linalg.pinv(self.within) @ self.across) @ x

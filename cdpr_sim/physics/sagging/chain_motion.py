@@ -5,8 +5,8 @@ Each time step is that of ``stepping``, with true springs. What differs from the
 - The masses of a chain slide along its material while a winch winds it. That neglects the momentum of the cable that is
   wound, a force of density times speed times winding speed at each end.
 - Wheels face their cables at once.
-- A spring acts with its force ``ahead`` of the step's beginning, which damps oscillations of the angular frequency
-  omega by the ratio (ahead - 1/2) omega step, and those of taut segments across the cable by up to omega step/2.
+- Springs act with their force a part ``ahead`` of the step later, which damps oscillations of the angular frequency
+  omega by the ratio ahead omega step/2, and those of taut segments across the cable by as much or more.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -19,8 +19,12 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from cdpr_sim.physics.chains import strains
 from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 from cdpr_sim.physics.sagging.stepping import Stepping
+
+LEAST_AHEAD = 0.5
+"""Least part of a step after which springs may act: with less, stiff ones become unstable."""
 
 ROUNDING = 1e-9
 """Rounding of a number of steps."""
@@ -55,7 +59,7 @@ class ChainMotion:
         model = simulation.model
         simulation.residual()
         model.opt.viscosity = viscosity
-        model.dof_armature[simulation.angular] = 0
+        model.dof_armature[: simulation.free] = 0
         model.dof_damping[: simulation.free] = damping
         self.stepping = Stepping(simulation, longest, ahead=ahead, cable_damping=cable_damping)
         self.stepping.stiffen()
@@ -94,3 +98,28 @@ class ChainMotion:
         if (rest_lengths != simulation.rest_lengths).any():
             simulation.wind(rest_lengths)
             self.stepping.measure()
+
+    def lengths_under(self, tensions: Float[np.ndarray, " cables"], step: float) -> Float[np.ndarray, " cables"]:
+        """Rest lengths that give the ropes these tensions at their anchors after a step [m], once it is repeated.
+
+        Of a chain, the last segment gets the strain with which its pull and the weight at the anchor have that size;
+        all others follow it. As of MuJoCo's last call, with the lengths to which present velocities lead.
+        """
+        simulation, robot = self.simulation, self.simulation.robot
+        model, data, chains, cabling = simulation.model, simulation.data, simulation.chains, simulation.robot.cabling
+        lengths = data.ten_length + self.stepping.lag(step) * data.ten_velocity
+        pulls = robot.reeving * tensions
+        wanted = np.empty(robot.cables)
+        along = data.xpos[chains.nodes[:, 0]] - data.xpos[chains.ends]
+        rise = along[:, 2] / np.linalg.norm(along, axis=1)
+        hung = model.body_mass[chains.ends] * robot.gravity
+        needed = pulls[chains.cables]
+        needed = hung * rise + np.sqrt(np.maximum(needed**2 - hung**2 * (1 - rise**2), 0))
+        wrapped, last = robot.wrapped_lengths[chains.cables], simulation.division.lengths[:, -1]
+        ends = lengths[chains.segments[:, -1]]
+        wanted[chains.cables] = wrapped + ends / (last * (1 + strains(cabling, chains.cables, needed)))
+        alone = simulation.massless
+        strain, shared = strains(cabling, alone, pulls[alone]), (robot.winch_to_exit / robot.reeving)[alone]
+        spans = lengths[simulation.single] - simulation.entries[alone]
+        wanted[alone] = (spans - strain * shared) / (1 + strain)
+        return wanted

@@ -104,11 +104,24 @@ def at_rest(problem: Problem, start: RigidTransform) -> ChainSimulation:
         NotSettled: it does not come to rest.
     """
     robot = problem.robot
-    simulation = ChainSimulation(
-        robot, problem.rest_lengths, robot.axial_stiffness, problem.external_wrench, start
-    )  # fmt: skip
+    simulation = ChainSimulation(robot, problem.rest_lengths, robot.axial_stiffness, problem.external_wrench, start)
     if _relaxed(simulation, start, None).status is not Status.CONVERGED:
         raise NotSettled(f"{robot.name}: the platform on cables with mass did not come to rest in MuJoCo")
+    return simulation
+
+
+def held_at(problem: Problem, pose: RigidTransform) -> ChainSimulation:
+    """Simulation of a problem with the platform at ``pose``, whatever pulls it, and its chains at rest.
+
+    Raises:
+        NotSettled: the chains do not come to rest.
+    """
+    robot = problem.robot
+    simulation = ChainSimulation(robot, problem.rest_lengths, robot.axial_stiffness, problem.external_wrench, pose)
+    simulation.hold()
+    if _relaxed(simulation, pose, None).status is not Status.CONVERGED:
+        raise NotSettled(f"{robot.name}: the cables with mass did not come to rest in MuJoCo")
+    simulation.held = False
     return simulation
 
 
