@@ -137,7 +137,9 @@ def attack(proved: cdpr.CompleteEquilibria, problem: cdpr.Problem) -> float:
     boxes, tensions = np.empty((2 * STEPS + 3, 6, 2)), np.empty((2 * STEPS + 3, m, 2))
     found, left = np.empty((STEPS + 1, 6, 3)), np.empty((STEPS + 1, 6, 2))
     for chart, sign in enumerate(signs):
-        setup = complete._setup(kernel, problem, np.array(sign))
+        setup = complete._setup(
+            kernel, problem, np.array(sign), complete._laws(problem), complete._wheels(problem.robot)
+        )
         rows = list(setup.rows)
         for one in proved:
             centre = chart_coordinates(one, chart, np.array(sign))
