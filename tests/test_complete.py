@@ -137,7 +137,9 @@ def attack(proved: cdpr.CompleteEquilibria, problem: cdpr.Problem) -> float:
     boxes, tensions = np.empty((2 * STEPS + 3, 6, 2)), np.empty((2 * STEPS + 3, m, 2))
     found, left = np.empty((STEPS + 1, 6, 3)), np.empty((STEPS + 1, 6, 2))
     for chart, sign in enumerate(signs):
-        setup = complete._setup(kernel, problem, np.array(sign))
+        setup = complete._setup(
+            kernel, problem, np.array(sign), complete._laws(problem), complete._wheels(problem.robot)
+        )
         rows = list(setup.rows)
         for one in proved:
             centre = chart_coordinates(one, chart, np.array(sign))
@@ -350,8 +352,9 @@ def test_arc_tangents_and_paths_over_wheels_are_enclosed():
     random = np.random.default_rng(1)
     robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.1, pulley_axis=random.normal(size=3))
     problem = cdpr.Problem.of(robot, robot.home, np.ones(8))
+    axis = robot.cabling.pulley_axis[0]
     wheel = complete._wheels(robot)[0]
-    compared, narrow, half_turned = 0, 0, 0
+    compared, narrow, half_turned, beyond = 0, 0, 0, 0
     for _ in range(1500):
         x = 10 ** random.uniform(-9, 9)
         with arithmetic():
@@ -375,10 +378,12 @@ def test_arc_tangents_and_paths_over_wheels_are_enclosed():
                 assert not value > exact(o[column, 1])
             narrow += np.ptp(o[:4], axis=1).max() < 1e-6
             half_turned += bool(dot(path.d, cable.axis) < -0.9)
+            beyond += float(np.dot([middle(v) for v in path.d], np.cross(axis, np.cross(at, axis)))) < 0
         compared += 1
     assert compared > 300
     assert narrow > 50
     assert half_turned > 20
+    assert beyond > 20
 
 
 def test_the_compiler_contracts_no_product_and_sum():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -52,11 +53,17 @@ def installed() -> bool:
     return not extras.missing("proof")
 
 
+@cache
+def _types() -> tuple[Any, Any]:
+    """The classes of balls and their matrices; an import statement in ``exact`` would take longer than its work."""
+    from flint import arb, arb_mat
+
+    return arb, arb_mat
+
+
 def exact(value: float) -> Ball:
     """A double as a ball with radius 0."""
-    from flint import arb
-
-    return arb(float(value))
+    return _types()[0](float(value))
 
 
 def balls(values: Sequence[float] | np.ndarray) -> list[Ball]:
@@ -66,9 +73,7 @@ def balls(values: Sequence[float] | np.ndarray) -> list[Ball]:
 
 def matrix(rows: Sequence[Sequence[Ball]]) -> Matrix:
     """Rows of balls as a matrix."""
-    from flint import arb_mat
-
-    return arb_mat([list(row) for row in rows])
+    return _types()[1]([list(row) for row in rows])
 
 
 def dot(one: Sequence[Ball], other: Sequence[Ball]) -> Ball:

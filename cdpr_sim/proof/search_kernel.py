@@ -12,7 +12,8 @@ A cable over a wheel has l = r θ + s in the coordinates (a, h) of its anchor: h
 a = ρ − r >= 0 beyond the wheel's centre (``cables``). There s² = a² + h² − r², sin θ = (a s + h r)/(a² + h²), and cos θ
 = (h s − a r)/(a² + h²). The slopes of l are (sin θ, cos θ), and those of θ are (cos θ, −sin θ)/s. So over a rectangle
 with 0 < θ < π, which is where h >= 0 or a > r, the extremes of l and θ lie at its corners, except for the least l at
-h = r, where θ = π/2. θ comes from tan(θ/2), halved three times by tan(x/2) = tan x/(1 + √(1 + tan² x)), and a series:
+h = r, where θ = π/2. Where h < 0, θ lies between π/2 and 3 π/2, and the least l may lie at a = r, where θ = π. θ comes
+from tan(θ/2), or from tan(π − θ) where h < 0, halved three times by tan(x/2) = tan x/(1 + √(1 + tan² x)), and a series:
 no library's arc tangent is used. At an equilibrium every cable is clear of its wheel, a >= 0.
 
 Intervals are pairs (lower, upper). Directions point from the exit to the anchor, so that the balance is
@@ -263,7 +264,7 @@ def series(x):
 
 @outlined
 def corner(a, h, radius):
-    """(s, sin θ, cos θ, θ, l) as intervals at the point (a, h) of a wheel's plane, s > 0 and 0 < θ < π."""
+    """(s, sin θ, cos θ, θ, l) as intervals at a point of a wheel's plane; s > 0, a >= 0, and h < 0 or θ < π."""
     aa0, aa1 = square(a, a)
     hh0, hh1 = square(h, h)
     rr0, rr1 = square(radius, radius)
@@ -273,17 +274,26 @@ def corner(a, h, radius):
     q0, q1 = down(h * radius), up(h * radius)
     sin0, sin1 = add(p0, p1, q0, q1)
     sin0, sin1 = over(sin0, sin1, far0, far1)
-    sin0, sin1 = max(sin0, 0.0), min(sin1, 1.0)
+    sin0, sin1 = max(sin0, -1.0 if h < 0 else 0.0), min(sin1, 1.0)
     p0, p1 = scaled(s0, s1, h)
     q0, q1 = down(a * radius), up(a * radius)
     cos0, cos1 = subtract(p0, p1, q0, q1)
     cos0, cos1 = over(cos0, cos1, far0, far1)
     cos0, cos1 = max(cos0, -1.0), min(cos1, 1.0)
-    bottom0, bottom1 = max(down(1 + cos0), 0.0), up(1 + cos1)
-    half0 = max(down(sin0 / bottom1), 0.0)
-    half1 = up(sin1 / bottom0) if bottom0 > 0 else np.inf
-    t0, t1 = arctangent(min(half0, 1e9), min(half1, 1e9))
-    t0, t1 = 2 * t0, 2 * (t1 if half1 < 1e9 else HALF_PI[1])
+    if h >= 0:
+        half0 = max(down(sin0 / up(1 + cos1)), 0.0)
+        half1 = up(sin1 / down(1 + cos0)) if down(1 + cos0) > 0 else np.inf
+        t0, t1 = arctangent(min(half0, 1e9), min(half1, 1e9))
+        t0, t1 = 2 * t0, 2 * (t1 if half1 < 1e9 else HALF_PI[1])
+    elif cos1 < 0:  # π − atan(sin θ/−cos θ)
+        t0, t1 = over(sin0, sin1, -cos1, -cos0)
+        low, high = -HALF_PI[1], HALF_PI[1]
+        if t0 > -1e9 and t1 < 1e9:
+            low = arctangent(t0, t0)[0] if t0 >= 0 else -arctangent(-t0, -t0)[1]
+            high = arctangent(t1, t1)[1] if t1 >= 0 else -arctangent(-t1, -t1)[0]
+        t0, t1 = down(2 * HALF_PI[0] - high), up(2 * HALF_PI[1] - low)
+    else:
+        t0, t1 = HALF_PI[0], LARGEST_WRAP
     l0, l1 = scaled(t0, t1, radius)
     l0, l1 = add(l0, l1, s0, s1)
     return s0, s1, sin0, sin1, cos0, cos1, t0, t1, l0, l1
@@ -317,10 +327,22 @@ def over_wheel(o, wheel):
         return False
     o[BEYOND, 0], o[BEYOND, 1] = a0, a1
     near = down(down(a0 * a0) + square(h0, h1)[0])
-    if near > up(radius * radius) and (h0 >= 0 or a0 > radius):
+    regular = near > up(radius * radius) and (h0 >= 0 or h1 < 0 or a0 > radius)
+    if regular:
         s0, s1 = root_down(down(near - up(radius * radius))), up(np.sqrt(free))
         c00, c01 = corner(a0, h0, radius), corner(a0, h1, radius)
         c10, c11 = corner(a1, h0, radius), corner(a1, h1, radius)
+    else:
+        c00 = c01 = c10 = c11 = corner(radius, radius, radius)  # not used
+    if regular and h1 < 0:
+        steep, flat = (c01 if a0 < radius else c00), (c10 if a1 <= radius else c11)  # θ is largest, and least
+        sin0, sin1 = steep[2], flat[3]
+        cos0, cos1 = min(steep[4], flat[4]), max(steep[5], flat[5])
+        l0, l1 = (c11[8] if a1 < radius else c01[8]), max(c00[9], c10[9])
+        if a0 <= radius <= a1:
+            cos0, l0 = -1.0, down(down(2 * HALF_PI[0] * radius) - h1)
+        o[WRAP, 0], o[WRAP, 1] = flat[6], steep[7]
+    elif regular:
         steep, flat = (c10 if h0 >= radius else c00), (c01 if h1 >= radius else c11)  # θ is largest, and least
         cos0, cos1 = steep[4], flat[5]
         sin0, sin1 = min(steep[2], flat[2]), max(steep[3], flat[3])
