@@ -185,7 +185,18 @@ def test_check_notices_a_stale_file(tmp_path):
 
 def test_models_are_written_as_asked(tmp_path):
     """With pretension they rest where they were commanded; the README says what damps them."""
-    words = ["models", "ipanema-1", "--pretension", "200", "--mass", "20", "--damping", "0.02", "--winches"]
+    words = [
+        "models",
+        "ipanema-1",
+        "--pretension",
+        "200",
+        "--mass",
+        "20",
+        "--damping",
+        "0.02",
+        "--winches",
+        "--contact",
+    ]
     assert run(*words, "-o", str(tmp_path)).exit_code == 0
     folder, robot = tmp_path / "ipanema-1", cdpr.load_robot("ipanema-1").replace(mass=20)
     for file in ("robot.xml", "winch.xml", "winch_speed.xml"):
@@ -196,6 +207,7 @@ def test_models_are_written_as_asked(tmp_path):
         assert model.body("platform").mass == 20
         assert data.actuator_force.min() > 100
         assert model.actuator_biasprm[:, 2].max() < 0
+        assert model.geom("platform").contype == 1
         assert model.opt.viscosity == model.dof_damping[:6].max() == 0
     assert "Damping: each cable has a loss factor of 0.02" in (folder / "README.md").read_text()
     assert run("models", "ipanema-1", "--damping", "none", "-o", str(tmp_path / "none")).exit_code == 0

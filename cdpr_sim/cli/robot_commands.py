@@ -163,6 +163,9 @@ def models(
             "factor of the cables from 0 to 1.",
         ),
     ] = "settle",
+    contact: Annotated[
+        bool, typer.Option("--contact", help="Let the platform, a box, collide with other bodies and the floor.")
+    ] = False,
     check: Annotated[
         bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is out of date.")
     ] = False,
@@ -176,10 +179,11 @@ def models(
     with errors_as_sentences():
         for name in robot or cdpr.list_robots():
             problem = problem_of(name, pose, material, pretension, mass)
-            folder, files = output / problem.robot.name, model_files(problem, damping=_damping_of(damping))
+            options = dict(damping=_damping_of(damping), contact=contact)
+            folder, files = output / problem.robot.name, model_files(problem, **options)  # type: ignore[arg-type]
             sources.append("".join(text for file, text in files.items() if file.endswith(".xml")))
             if winches and (robot or problem.robot.cabling.massless):
-                files = model_files(problem, winches=True, damping=_damping_of(damping))
+                files = model_files(problem, winches=True, **options)  # type: ignore[arg-type]
             draw = functools.partial(still.draw, problem.robot, problem.pose)
             stale += _renewed(folder, files, folder / PICTURE, draw, sources[-1], check=check, force=force)
             if not check:
