@@ -296,3 +296,11 @@ def test_the_bar_counts_poses_and_the_estimate_is_of_all_robots_and_materials(mo
     sizes = {what: size for what, size, _ in told}
     assert sizes["grid: a check of 48 poses"] == 12 * checking.BYTES_PER_POSITION + 48 * checking.BYTES_PER_POSE
     assert counted[0] == sum(counted[1:]) == 48
+
+
+def test_a_tilted_and_loaded_platform_is_checked():
+    """The methods agree there too, at other poses than those of a level platform without load."""
+    bare = cdpr.check("cogiro", (2, 2, 1))
+    found = cdpr.check("cogiro", (2, 2, 1), orientation=(0.05, -0.03, 0.1), external_wrench=(0.5, 0, -1, 0, 0.01, 0))
+    assert found.agrees
+    assert not np.array_equal(found.dataset["settled_in_statics"], bare.dataset["settled_in_statics"])

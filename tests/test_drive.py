@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+import cdpr_sim as cdpr
 from cdpr_sim.analysis.compensation import compensate
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
@@ -206,3 +207,14 @@ def test_rest_lengths_of_another_shape_are_refused():
     robot = load_robot("two-cable")
     with pytest.raises(InvalidInput, match=r"rest_lengths: found an array of shape \(1, 2\)"):
         drive(robot, [[0.3, 0, 0.2], [0.4, 0, 0.2]], rest_lengths=[[1.0, 1.0]])
+
+
+def test_a_wrench_acts_during_a_drive():
+    """The platform follows the equilibria under it; without it, it is elsewhere."""
+    robot, wrench = cdpr.load_robot("cogiro"), (3.0, 0.0, -10.0, 0.0, 0.02, 0.0)
+    motion = cdpr.drive(robot, [(0.4, 0.25, 0.1), (0.38, 0.25, 0.1)], states=3, external_wrench=wrench)
+    static = cdpr.solve_trajectory(motion)
+    ends = [0, -1]
+    np.testing.assert_allclose(motion.poses.translation[ends], static.positions[ends], rtol=0, atol=1e-5)
+    without = cdpr.solve(robot, (0.4, 0.25, 0.1)).position
+    assert np.linalg.norm(motion.poses.translation[0] - without) > 1e-4

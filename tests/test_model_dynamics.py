@@ -224,3 +224,40 @@ def test_kinds_of_winches_are_named():
             model_of(COGIRO, winches=wrong)
     with pytest.raises(cdpr.InvalidInput, match="winch_speed: found 0 m/s"):
         model_of(COGIRO, winches="speed", winch_speed=0)
+
+
+@pytest.mark.parametrize("winches", [False, "ratio", "speed"])
+@pytest.mark.parametrize("name", ["cogiro", "planar-vertical"])
+def test_with_contact_a_platform_rests_on_a_table(name, winches):
+    """Its box lies on a table of another world, within a tenth of a millimetre; without contact it passes through."""
+    robot, top = cdpr.load_robot(name), 0.1
+    for contact in (True, False):
+        part = mujoco.MjSpec.from_string(cdpr.to_mjcf(robot, robot.home, winches=winches, contact=contact))
+        part.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.3, 0.3, 0.05], pos=[0.4, 0.25, top - 0.05])
+        model = part.compile()
+        data = mujoco.MjData(model)
+        below = robot.home * [1, 1, 0] + [0, 0, 0.05]
+        cdpr.reset(model, data, robot.home, rest_lengths=robot.rest_lengths(below))  # they would lay it into the table
+        mujoco.mj_step(model, data, round(3 / model.opt.timestep))
+        resting = top + robot.platform_size[2] / 2
+        assert not data.warning.number.any()
+        height = data.body("platform").xpos[2]
+        if contact:
+            assert height == pytest.approx(resting, abs=2e-4)
+            assert data.ncon >= 1
+        else:
+            assert height < top - 0.03
+            assert data.ncon == 0
+
+
+def test_with_contact_a_scene_has_a_floor():
+    """A platform whose cables are long lies on it; in the scene without contact it falls below."""
+    robot = COGIRO
+    lengths = 2 * robot.rest_lengths(robot.home)
+    for contact in (True, False):
+        files = {"robot.xml": cdpr.to_mjcf(robot, robot.home, lengths, contact=contact).encode()}
+        model = mujoco.MjModel.from_xml_string(cdpr.scene_mjcf(robot, contact=contact), files)
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, round(2 / model.opt.timestep))
+        above = data.body("platform").xpos[2] - model.geom("floor").pos[2]
+        assert (above == pytest.approx(robot.platform_size[2] / 2, abs=2e-4)) == contact

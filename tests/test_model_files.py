@@ -181,3 +181,34 @@ def test_check_notices_a_stale_file(tmp_path):
         assert run("models", "cogiro", "-o", str(tmp_path), "--check").exit_code == 1
         (tmp_path / "cogiro" / file).write_bytes(fresh)
         assert run("models", "cogiro", "-o", str(tmp_path), "--check").exit_code == 0
+
+
+def test_models_are_written_as_asked(tmp_path):
+    """With pretension they rest where they were commanded; the README says what damps them."""
+    words = [
+        "models",
+        "ipanema-1",
+        "--pretension",
+        "200",
+        "--mass",
+        "20",
+        "--damping",
+        "0.02",
+        "--winches",
+        "--contact",
+    ]
+    assert run(*words, "-o", str(tmp_path)).exit_code == 0
+    folder, robot = tmp_path / "ipanema-1", cdpr.load_robot("ipanema-1").replace(mass=20)
+    for file in ("robot.xml", "winch.xml", "winch_speed.xml"):
+        model = mujoco.MjModel.from_xml_path(str(folder / file))
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, 200)
+        np.testing.assert_allclose(data.body("platform").xpos, robot.home, rtol=0, atol=1e-9)
+        assert model.body("platform").mass == 20
+        assert data.actuator_force.min() > 100
+        assert model.actuator_biasprm[:, 2].max() < 0
+        assert model.geom("platform").contype == 1
+        assert model.opt.viscosity == model.dof_damping[:6].max() == 0
+    assert "Damping: each cable has a loss factor of 0.02" in (folder / "README.md").read_text()
+    assert run("models", "ipanema-1", "--damping", "none", "-o", str(tmp_path / "none")).exit_code == 0
+    assert "Damping: none." in (tmp_path / "none" / "ipanema-1" / "README.md").read_text()

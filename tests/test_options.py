@@ -34,6 +34,23 @@ def cables(problem: cdpr.Problem) -> str | None:
     return problem.robot.material
 
 
+def turned(problem: cdpr.Problem) -> list[float]:
+    """The commanded orientation, as the paper's angles [rad]."""
+    return pytest.approx(problem.pose.rotation.as_euler("xyz").tolist())
+
+
+def mass(problem: cdpr.Problem) -> float:
+    return problem.robot.mass
+
+
+def load(problem: cdpr.Problem) -> list[float]:
+    return problem.external_wrench.tolist()
+
+
+def masses(robots: list[cdpr.Robot]) -> list[float]:
+    return [robot.mass for robot in robots]
+
+
 def moves(found) -> list[tuple]:
     return [(one.what, one.within, one.along) for one in found]
 
@@ -42,6 +59,13 @@ REACHED = [
     # command and option, what is called, its arguments: by name or position, perhaps as a function sees them
     ("settle parallel --pose 0.3 0.2 0.1", "settle", {(0, place): AT}),
     ("settle parallel --material fishing-0.4mm", "settle", {(0, cables): SOFT}),
+    ("settle parallel --pose 0.3 0.2 0.1 0.01 -0.02 0.03", "settle",
+     {(0, place): AT, (0, turned): [0.01, -0.02, 0.03]}),
+    ("settle parallel --mass 0.7 --wrench 0,0,-1,0,0.01,0", "settle",
+     {(0, mass): 0.7, (0, load): [0, 0, -1, 0, 0.01, 0]}),
+    ("solve parallel --mass 0.7 --wrench 0,0,-1,0,0.01,0", "solve",
+     {(0, mass): 0.7, (0, load): [0, 0, -1, 0, 0.01, 0]}),
+    ("certify parallel --mass 0.7", "settle", {(0, mass): 0.7}),
     ("solve parallel --pose 0.3 0.2 0.1", "solve", {(0, place): AT}),
     ("solve parallel --material fishing-0.4mm", "solve", {(0, cables): SOFT}),
     ("solve parallel --method fsolve", "solve", {"method": "fsolve"}),
@@ -109,15 +133,25 @@ REACHED = [
      {(1, lambda grid: (grid["x"].tolist(), len(grid["y"]), len(grid["z"]))): ([0.3], 18, 21)}),
     ("map parallel --limits 1 2", "sweep", {"tension_limits": (1.0, 2.0)}),
     ("map parallel --wrench 1,2,3,4,5,6", "sweep", {"wrenches": [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]}),
+    ("map parallel --mass 0.7", "sweep", {(0, masses): [0.7]}),
+    ("map parallel --orientation 0.1 0 -0.2 --external-wrench 1,2,3,4,5,6", "sweep",
+     {"orientation": (0.1, 0.0, -0.2), "external_wrench": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]}),
     ("map parallel -o full/old.png --force", "sweep", {}),
     ("check parallel --grid 2 3 4", "check", {1: (2, 3, 4)}),
     ("check parallel --material fishing-0.4mm", "check", {2: [SOFT]}),
     ("check parallel --certify", "check", {"certify": True}),
+    ("check parallel --mass 0.7", "check", {(0, masses): [0.7]}),
+    ("check parallel --orientation 0.1 0 -0.2 --wrench 1,2,3,4,5,6", "check",
+     {"orientation": (0.1, 0.0, -0.2), "external_wrench": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]}),
     ("check parallel -o full/old.png --force", "check", {}),
     ("video parallel --path 0.3 0.4", "drive", {(1, lambda line: [x for x, _, _ in line]): [0.3, 0.4]}),
     ("video parallel --y 0.2 --z 0.1", "drive", {(1, lambda line: [at[1:] for at in line]): [(0.2, 0.1)] * 2}),
     ("video parallel --drop", "drive", {"from_rest": False, (1, len): 1}),
     ("video parallel --material fishing-0.4mm", "drive", {(0, lambda robot: robot.material): SOFT}),
+    ("video parallel --mass 0.7 --wrench 0,0,-1,0,0,0", "drive",
+     {(0, lambda robot: robot.mass): 0.7, "external_wrench": [0, 0, -1, 0, 0, 0]}),
+    ("video parallel --waypoint 0.3 0.2 0.1 --waypoint 0.4,0.2,0.1,0,0,0.1 --waypoint=0.3,0.3,0.1", "drive",
+     {1: [(0.3, 0.2, 0.1), (0.4, 0.2, 0.1, 0.0, 0.0, 0.1), (0.3, 0.3, 0.1)]}),
     ("video parallel --drive-seconds 3", "drive", {"seconds": 3.0}),
     ("video parallel --seconds 2 --fps 10", "drive", {"states": 20}),
     ("video parallel -o full/old.gif --force", "drive", {}),
@@ -166,7 +200,7 @@ def test_settings_of_a_film_reach_the_film(folder, monkeypatch):
     driven, filmed = [], {}
     monkeypatch.setattr(cdpr, "drive", lambda robot, *args, **options: driven.append((robot, options)) or robot)
     monkeypatch.setattr(cdpr, "solve_trajectory", lambda robot: cdpr.solve_many(robot, [robot.home]))
-    monkeypatch.setattr(cdpr, "compensate", lambda robot, at: (robot, at))
+    monkeypatch.setattr(cdpr, "compensate", lambda robot, at, **load: (robot, at))
     monkeypatch.setattr(
         "cdpr_sim.crosscheck.compensation_check.held",
         lambda asked: cdpr.solve(*asked, asked[0].rest_lengths(asked[1]) - 1e-3),

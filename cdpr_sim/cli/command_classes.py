@@ -24,13 +24,23 @@ class CommandGroup(TyperGroup):
 
 
 class CommandWithHelp(TyperCommand):
-    """Command that also accepts coordinates separated by commas: ``--pose 0.1,0.2,0.3`` or ``--pose=0.1,0.2,0.3``."""
+    """Command that also accepts coordinates separated by commas: ``--pose 0.1,0.2,0.3`` or ``--pose=0.1,0.2,0.3``.
+
+    An option of one text whose metavar names several numbers takes any number of them, separated by spaces or commas.
+    """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Split comma-separated values of options that take several numbers."""
+        """Split comma-separated values of options that take several numbers; join those of any number of them."""
         counts = {name: option.nargs for option in self.params for name in option.opts if option.nargs > 1}
+        lists = {name for one in self.params if one.nargs == 1 and " " in (one.metavar or "") for name in one.opts}
+        joined: list[str] = []
+        for word in args:
+            if len(joined) > 1 and joined[-2] in lists and _are_numbers(joined[-1]) and _are_numbers(word):
+                joined[-1] = f"{joined[-1].rstrip(', ')},{word}"
+            else:
+                joined.append(word)
         spread = []
-        for before, word in zip([None, *args], args, strict=False):
+        for before, word in zip([None, *joined], joined, strict=False):
             option, equals, value = word.partition("=")
             name, value = (option, value) if equals and option in counts else (before, word)
             parts = [part.strip() for part in value.split(",")]
@@ -43,3 +53,10 @@ class CommandWithHelp(TyperCommand):
         del limit
         first = (self.help or "").strip().partition("\n\n")[0].partition(". ")[0]
         return self.short_help or f"{' '.join(first.split()).rstrip('.')}."
+
+
+def _are_numbers(word: str) -> bool:
+    try:
+        return bool([float(part) for part in word.strip(", ").split(",")])
+    except ValueError:
+        return False

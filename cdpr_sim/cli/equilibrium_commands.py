@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import AsJson, MaterialName, Pose, Pretension, RobotName, problem_of, wrenches_of
+from cdpr_sim.cli.options import AsJson, Mass, MaterialName, Pose, Pretension, RobotName, Wrench, problem_of
 from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json, print_parts
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ def settle(
     pose: Pose = None,
     material: MaterialName = None,
     pretension: Pretension = None,
+    mass: Mass = None,
+    wrench: Wrench = None,
     certify: Annotated[
         bool | None,
         typer.Option(
@@ -46,7 +48,7 @@ def settle(
     from cdpr_sim.report import proof_tables
 
     with errors_as_sentences():
-        problem = problem_of(robot, pose, material, pretension)
+        problem = problem_of(robot, pose, material, pretension, mass, wrench)
         with busy("Solving for the static equilibrium"):
             newton, *seecr = (_outcome(problem, method) for method in METHODS)
         settled = cdpr.settle(problem, progress=True)
@@ -87,6 +89,8 @@ def solve(
     pose: Pose = None,
     material: MaterialName = None,
     pretension: Pretension = None,
+    mass: Mass = None,
+    wrench: Wrench = None,
     method: Annotated[str, typer.Option("--method", help="newton, fsolve or least_squares.")] = "newton",
     as_json: AsJson = False,
 ) -> None:
@@ -95,7 +99,7 @@ def solve(
     from cdpr_sim.report import crosscheck_tables as report
 
     with errors_as_sentences():
-        problem = problem_of(robot, pose, material, pretension)
+        problem = problem_of(robot, pose, material, pretension, mass, wrench)
         with busy("Solving"):
             result = cdpr.solve(problem, method=method)  # type: ignore[arg-type]
     if as_json:
@@ -109,12 +113,8 @@ def certify(
     pose: Pose = None,
     material: MaterialName = None,
     pretension: Pretension = None,
-    wrench: Annotated[
-        str | None,
-        typer.Option(
-            "--wrench", metavar="FX,FY,FZ,TX,TY,TZ", help="[N, N m] External wrench at the platform's origin."
-        ),
-    ] = None,
+    mass: Mass = None,
+    wrench: Wrench = None,
     as_json: AsJson = False,
 ) -> None:
     """Prove that the equilibrium exists, is locally unique and stable, and which cables are slack.
@@ -126,10 +126,7 @@ def certify(
     from cdpr_sim.report import proof_tables as report
 
     with errors_as_sentences():
-        problem = problem_of(robot, pose, material, pretension)
-        wrenches = wrenches_of(None if wrench is None else [wrench])
-        if wrenches:
-            problem = cdpr.Problem.of(problem.robot, problem.pose, problem.rest_lengths, wrenches[0])
+        problem = problem_of(robot, pose, material, pretension, mass, wrench)
         with busy("Settling, solving and proving"):
             proved = [cdpr.certify(method(problem)) for method in (cdpr.settle, cdpr.solve)]
     if as_json:

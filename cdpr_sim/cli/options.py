@@ -21,8 +21,24 @@ RobotNames = Annotated[
     ),
 ]
 Pose = Annotated[
-    tuple[float, float, float] | None,
-    typer.Option("--pose", metavar="X Y Z", help="Commanded position [m]; default: the middle of the workspace."),
+    str | None,
+    typer.Option(
+        "--pose",
+        metavar="X Y Z [ALPHA BETA GAMMA]",
+        help="Commanded position [m], and orientation Rz(gamma) Ry(beta) Rx(alpha) [rad]; default: level in the middle "
+        "of the workspace.",
+    ),
+]
+Orientation = Annotated[
+    tuple[float, float, float],
+    typer.Option("--orientation", metavar="ALPHA BETA GAMMA", help="Commanded orientation [rad]."),
+]
+Mass = Annotated[
+    float | None, typer.Option("--mass", help="[kg] Mass of the platform, with its load; default: the robot's.")
+]
+Wrench = Annotated[
+    str | None,
+    typer.Option("--wrench", metavar="FX,FY,FZ,TX,TY,TZ", help="[N, N m] External wrench at the platform's origin."),
 ]
 MaterialName = Annotated[
     str | None,
@@ -73,26 +89,64 @@ def wrenches_of(words: list[str] | None) -> list[list[float]] | None:
     return wrenches or None
 
 
-def robot_of(name: str, material: str | None) -> cdpr.Robot:
-    """Load the robot ``name``, with other cables if ``material`` is given; print its import notes on standard error.
+def wrench_of(word: str | None) -> list[float] | None:
+    """Parse a single external wrench.
 
     Raises:
-        CdprError: no such robot or material.
+        InvalidInput: not six numbers.
+    """
+    wrenches = wrenches_of(None if word is None else [word])
+    return None if wrenches is None else wrenches[0]
+
+
+def pose_of(word: str | None, option: str = "--pose") -> tuple[float, ...] | None:
+    """Parse a pose of three or six numbers.
+
+    Raises:
+        InvalidInput: another number of them.
+    """
+    if word is None:
+        return None
+    try:
+        numbers = tuple(float(part) for part in word.strip(", ").split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) not in {3, 6}:
+        raise cdpr.InvalidInput(
+            f"{option}: found {word!r}, expected three numbers X Y Z [m], or six, X Y Z ALPHA BETA GAMMA [m, rad]"
+        )
+    return numbers
+
+
+def robot_of(name: str, material: str | None, mass: float | None = None) -> cdpr.Robot:
+    """Load the robot ``name``, with other cables or another mass [kg] if given; its import notes are printed.
+
+    Raises:
+        CdprError: no such robot or material, or an invalid mass.
     """
     robot = cdpr.load_robot(name)
     for note in robot.notes:
         typer.echo(f"cdpr-sim: note: {note}", err=True)
-    return robot if material is None else robot.replace(material=material)
+    changes = {"material": material, "mass": mass}
+    changes = {field: value for field, value in changes.items() if value is not None}
+    return robot.replace(**changes) if changes else robot
 
 
 def problem_of(
-    name: str, pose: tuple[float, float, float] | None, material: str | None, pretension: float | None = None
+    name: str,
+    pose: str | None,
+    material: str | None,
+    pretension: float | None = None,
+    mass: float | None = None,
+    wrench: str | None = None,
 ) -> cdpr.Problem:
     """Problem of the robot ``name`` at ``pose``, with rigid lengths or with those for a pretension [N] at that pose.
 
     Raises:
-        CdprError: no such robot or material, an invalid pose, or a pretension that does not balance the platform.
+        CdprError: no such robot or material, an invalid mass, pose or wrench, or a pretension that does not balance the
+            platform.
     """
-    robot = robot_of(name, material)
-    pose = tuple(robot.home) if pose is None else pose
-    return cdpr.Problem.of(robot, pose, None if pretension is None else robot.rest_lengths(pose, pretension))
+    robot, load = robot_of(name, material, mass), wrench_of(wrench)
+    at = pose_of(pose) or tuple(robot.home)
+    lengths = None if pretension is None else robot.rest_lengths(at, pretension, external_wrench=load)
+    return cdpr.Problem.of(robot, at, lengths, load)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import itertools
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import robot_of
+from cdpr_sim.cli.options import Mass, Wrench, pose_of, robot_of, wrench_of
 from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_parts, progress_bars, tidy_when_terminated
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
 
 COMPENSATED_WAYPOINTS = 61
 """Waypoints of a video with compensated lengths; between them the corrections are interpolated linearly."""
@@ -62,6 +65,16 @@ def video(
     z: Annotated[
         float | None, typer.Option("--z", help="z of the path [m]; default: the middle of the workspace.")
     ] = None,
+    waypoint: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--waypoint",
+            metavar="X Y Z [ALPHA BETA GAMMA]",
+            help="Drive through this pose [m, rad], instead of along x; repeatable, at least twice.",
+        ),
+    ] = None,
+    mass: Mass = None,
+    wrench: Wrench = None,
     drop: Annotated[
         bool,
         typer.Option(
@@ -96,9 +109,7 @@ def video(
     output: Annotated[Path, typer.Option("-o", "--output", help="File: .mp4 or .gif.")] = Path("video.mp4"),
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
-    """Write a video of platforms that their winches drive along a line in MuJoCo, with the static solver's outline."""
-    import numpy as np
-
+    """Write a video of platforms that their winches drive along lines in MuJoCo, with the static solver's outline."""
     from cdpr_sim.core.files import check_place
     from cdpr_sim.crosscheck.compensation_check import held
     from cdpr_sim.drawing.video import film
@@ -109,23 +120,24 @@ def video(
         states = film.check_settings(seconds, fps, size, exaggerate, renderer)
         wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
         film.check_count(len(wanted))
-        machines = [robot_of(name, cables) for name, cables, _ in wanted]
+        machines = [robot_of(name, cables, mass) for name, cables, _ in wanted]
+        load, through = wrench_of(wrench), _through(waypoint, path, y, z)
         motions: list[Callable[[], cdpr.Trajectory]] = []
         for robot, (_, _, compensated) in zip(machines, wanted, strict=True):
             in_time, still = drive_seconds, False
             if not robot.cabling.massless and in_time is None and not drop:  # a quasi-static drive would take long
                 in_time, still = (seconds, False) if compensate else (None, True)
             if still:
-                ends = _line(robot, path, y, z)
-                settled = settled_along(robot, np.linspace(ends[0], ends[-1], states), seconds)
+                course = _evenly(robot, through or _line(robot, path, y, z), states)
+                settled = settled_along(robot, course, seconds, load)
                 motions.append(lambda settled=settled: settled)
                 continue
-            waypoints, lengths = _line(robot, path, y, z)[: 1 if drop else None], None
+            waypoints, lengths = (through or _line(robot, path, y, z))[: 1 if drop else None], None
             if compensated:
-                waypoints = np.linspace(waypoints[0], waypoints[-1], 1 if drop else COMPENSATED_WAYPOINTS)
+                waypoints = _evenly(robot, waypoints, 1 if drop else COMPENSATED_WAYPOINTS)
                 advance, lengths = bar(f"Compensating {robot.name}"), []
-                for waypoint in waypoints:
-                    lengths.append(held(cdpr.compensate(robot, waypoint)).rest_lengths)
+                for pose in waypoints:
+                    lengths.append(held(cdpr.compensate(robot, pose, external_wrench=load)).rest_lengths)
                     advance(len(lengths) / len(waypoints))
                 robot = robot.replace(name=f"{robot.name}, compensated")
             motions.append(
@@ -136,6 +148,7 @@ def video(
                     states=states,
                     from_rest=not drop,
                     rest_lengths=lengths,
+                    external_wrench=load,
                     progress=bar(f"MuJoCo drives {robot.name}"),
                 )
             )
@@ -182,6 +195,29 @@ def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
             over.set()
             threads.shutdown(cancel_futures=True)
             raise
+
+
+def _through(
+    waypoint: list[str] | None, path: tuple[float, float] | None, y: float | None, z: float | None
+) -> list[tuple[float, ...]]:
+    """Waypoints of ``--waypoint``; none without that option.
+
+    Raises:
+        InvalidInput: not poses, a single one, or the options of a line as well.
+    """
+    poses = [pose_of(word, "--waypoint") or () for word in waypoint or []]
+    if poses and not (path is None and y is None and z is None):
+        raise cdpr.InvalidInput("--waypoint: found waypoints and --path, --y or --z, expected one of them")
+    if len(poses) == 1:
+        raise cdpr.InvalidInput("--waypoint: found a single one, expected at least two")
+    return poses
+
+
+def _evenly(robot: cdpr.Robot, waypoints: Sequence[tuple[float, ...]], count: int) -> RigidTransform:
+    """Poses along straight lines through waypoints, at equal distances."""
+    from cdpr_sim.core.path import Path as Lines
+
+    return Lines(robot, [robot.pose(waypoint) for waypoint in waypoints]).evenly(count)
 
 
 def _line(

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import MaterialName, Pose, RobotName, robot_of
+from cdpr_sim.cli.options import MaterialName, Pose, RobotName, pose_of, robot_of
 from cdpr_sim.cli.terminal import busy, errors_as_sentences, tidy_when_terminated
 
 
@@ -34,7 +34,7 @@ def report(
         cdpr.write_report(
             output,
             robot_of(robot, material),
-            pose,
+            pose_of(pose),
             grid=grid,
             video=video,
             force=force,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import MaterialName, Pose, Pretension, RobotName, problem_of, robot_of
+from cdpr_sim.cli.options import Mass, MaterialName, Pose, Pretension, RobotName, problem_of, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences, print_parts
 
 if TYPE_CHECKING:
@@ -85,10 +85,7 @@ def show(
         typer.Argument(metavar="[ROBOT]...", help="One robot, or several in one figure; default: all."),
     ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="File: .png.")] = Path("robot.png"),
-    pose: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option("--pose", metavar="X Y Z", help="Position of the platform [m], for one robot."),
-    ] = None,
+    pose: Pose = None,
     material: MaterialName = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
 ) -> None:
@@ -149,6 +146,7 @@ def models(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for <robot>/.")] = Path("models"),
     pose: Pose = None,
     material: MaterialName = None,
+    mass: Mass = None,
     pretension: Pretension = None,
     winches: Annotated[
         bool,
@@ -165,6 +163,9 @@ def models(
             "factor of the cables from 0 to 1.",
         ),
     ] = "settle",
+    contact: Annotated[
+        bool, typer.Option("--contact", help="Let the platform, a box, collide with other bodies and the floor.")
+    ] = False,
     check: Annotated[
         bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is out of date.")
     ] = False,
@@ -177,11 +178,12 @@ def models(
     stale, sources = [], []
     with errors_as_sentences():
         for name in robot or cdpr.list_robots():
-            problem = problem_of(name, pose, material, pretension)
-            folder, files = output / problem.robot.name, model_files(problem, damping=_damping_of(damping))
+            problem = problem_of(name, pose, material, pretension, mass)
+            options = dict(damping=_damping_of(damping), contact=contact)
+            folder, files = output / problem.robot.name, model_files(problem, **options)  # type: ignore[arg-type]
             sources.append("".join(text for file, text in files.items() if file.endswith(".xml")))
             if winches and (robot or problem.robot.cabling.massless):
-                files = model_files(problem, winches=True, damping=_damping_of(damping))
+                files = model_files(problem, winches=True, **options)  # type: ignore[arg-type]
             draw = functools.partial(still.draw, problem.robot, problem.pose)
             stale += _renewed(folder, files, folder / PICTURE, draw, sources[-1], check=check, force=force)
             if not check:

@@ -8,11 +8,26 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import Grid, Limits, MaterialNames, RobotNames, Wrenches, wrenches_of
+from cdpr_sim.cli.options import (
+    Grid,
+    Limits,
+    Mass,
+    MaterialNames,
+    Orientation,
+    RobotNames,
+    Wrench,
+    Wrenches,
+    robot_of,
+    wrench_of,
+    wrenches_of,
+)
 from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences, print_parts
 
 if TYPE_CHECKING:
     import xarray as xr
+
+LEVEL = (0.0, 0.0, 0.0)
+"""Default orientation [rad]."""
 
 MOST_POINTS = 2000
 """Largest number of poses along the longer side of a map."""
@@ -51,6 +66,16 @@ def draw_map(
     points: Annotated[int, typer.Option("--points", help="Number of poses along the longer side.")] = 181,
     limits: Limits = None,
     wrench: Wrenches = None,
+    mass: Mass = None,
+    orientation: Orientation = LEVEL,
+    load: Annotated[
+        str | None,
+        typer.Option(
+            "--external-wrench",
+            metavar="FX,FY,FZ,TX,TY,TZ",
+            help="[N, N m] External wrench at the platform's origin, under which the equilibria are.",
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
     """Draw maps of tilt, deviation, slack cables and feasibility over a plane of the workspace."""
@@ -60,14 +85,20 @@ def draw_map(
 
     with errors_as_sentences():
         check_place(output, maps.SUFFIXES, force=force, field="output")
-        robots = [cdpr.load_robot(name) for name in robot]
+        robots = [robot_of(name, None, mass) for name in robot]
         if points > MOST_POINTS:
             raise cdpr.InvalidInput(
                 f"points: found {points}, expected at most {MOST_POINTS}, which exceeds the pixels of a map; for "
                 "more, use a .nc or .zarr store of `cdpr-sim sweep`"
             )
         section = grids.plane(plane, at, points, robots)
-        conditions = dict(tension_limits=limits, wrenches=wrenches_of(wrench), quantities=maps.QUANTITIES)
+        conditions = dict(
+            orientation=orientation,
+            external_wrench=wrench_of(load),
+            tension_limits=limits,
+            wrenches=wrenches_of(wrench),
+            quantities=maps.QUANTITIES,
+        )
         dataset = cdpr.sweep(robots, section, material or None, **conditions, progress=True)  # type: ignore[arg-type]
         names = [name for name in (*maps.ELASTIC, "wrench_feasible") if name in dataset]
         maps.write(maps.draw_elastic_map(dataset, names=names), output)
@@ -89,6 +120,9 @@ def check(
     certify: Annotated[
         bool, typer.Option("--certify", help="Prove the equilibria of both methods (extra proof), 0.03 s a pose.")
     ] = False,
+    mass: Mass = None,
+    orientation: Orientation = LEVEL,
+    wrench: Wrench = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
     """Settle every pose of a grid in MuJoCo and compare it with the solver. Exit status 1 on any disagreement."""
@@ -99,7 +133,15 @@ def check(
     with errors_as_sentences():
         if output is not None:
             check_place(output, maps.SUFFIXES, force=force, field="output")
-        result = cdpr.check(robot, grid, material or None, certify=certify, progress=True)
+        result = cdpr.check(
+            [robot_of(name, None, mass) for name in robot],
+            grid,
+            material or None,
+            orientation=orientation,
+            external_wrench=wrench_of(wrench),
+            certify=certify,
+            progress=True,
+        )
         if output is not None:
             maps.write(maps.draw_agreement_map(result.across()), output)
     print_parts(report.check_table(result), *report.check_lines(result))

@@ -48,7 +48,13 @@ class Path:
 
     def at(self, fractions: Float[np.ndarray, " steps"]) -> RigidTransform:
         """Commanded poses after these fractions of the time."""
-        along = self._along(fractions)
+        return self._poses(self._along(fractions))
+
+    def evenly(self, count: int) -> RigidTransform:
+        """Poses at equal distances along the path, both ends included."""
+        return self._poses(np.linspace(0, self.length, count))
+
+    def _poses(self, along: Float[np.ndarray, " steps"]) -> RigidTransform:
         if len(self.along) == 1:
             return RigidTransform.from_components(
                 np.repeat(self.positions, len(along), 0), Rotation.concatenate([self.rotations] * len(along))

@@ -12,17 +12,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
 from cdpr_sim.core import available_memory, extras
-from cdpr_sim.core.checks import FLAG, MOST_THREADS, one_of, refuse_unless, whole
+from cdpr_sim.core.checks import FLAG, MOST_THREADS, checked_array, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import angle_between, poses_of
-from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.problem import Problems, refuse_wrench_out_of_plane
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -114,6 +116,8 @@ def check(
     grid: GridLike | None = None,
     materials: Sequence[str] | Mapping[str, float] | None = None,
     *,
+    orientation: ArrayLike | Sequence[float] = (0.0, 0.0, 0.0),
+    external_wrench: ArrayLike | Sequence[float] | None = None,
     threads: int = 0,
     certify: bool = False,
     progress: bool = False,
@@ -124,6 +128,8 @@ def check(
         robots: one robot or several, as objects, catalogue names or .toml files.
         grid: counts (nx, ny, nz) over the workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m]; default: 10⁴.
         materials: names of the catalogue, or {name: EA [N]}; default: each robot's own.
+        orientation: commanded, (alpha, beta, gamma) [rad]; default: level.
+        external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity, (6,).
         threads: for MuJoCo; 0 for one per processor.
         certify: prove both methods' equilibria (extra ``proof``), in about 0.03 s a pose.
         progress: show a progress bar on standard error.
@@ -132,7 +138,7 @@ def check(
         Outcome and errors at every pose, and each pose at which the two methods do not agree.
 
     Raises:
-        InvalidInput: an invalid grid or invalid names.
+        InvalidInput: an invalid grid, orientation or wrench, or invalid names.
         UnknownName: no such robot or material.
         MissingExtra: a library of the extra ``sweep``, or of ``proof`` if ``certify``, is not installed.
     """
@@ -144,6 +150,11 @@ def check(
 
     whole("threads", threads, 0, MOST_THREADS)
     group = as_robots(robots)
+    rotation = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,))).as_matrix()
+    wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
+    for robot in group:
+        refuse_wrench_out_of_plane(robot, wrench)
+        robot.pose(np.r_[robot.home, orientation])
     axes = grids.as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)
@@ -164,9 +175,10 @@ def check(
                 variant = robot.replace(axial_stiffness=stiffness)
                 parts = []
                 for first in range(0, len(rows), ROWS):
-                    part, found = _check_rows(
-                        variant, rows[first : first + ROWS], label or cables_name(robot), threads, certify
-                    )
+                    there = rows[first : first + ROWS]
+                    turned = np.broadcast_to(rotation, (len(there), 3, 3))
+                    problems = Problems.of(variant, there, None, wrench, rotations=turned)
+                    part, found = _check_rows(problems, label or cables_name(robot), threads, certify)
                     parts.append(part)
                     disagreements += found
                     advance(len(rows[first : first + ROWS]))
@@ -209,10 +221,9 @@ COMPARED = [name for name in _MEANINGS if name not in ("outcome", "proved")]
 
 
 def _check_rows(
-    robot: Robot, positions: np.ndarray, material: str, threads: int, certify: bool
+    problems: Problems, material: str, threads: int, certify: bool
 ) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
-    """The columns of ``_MEANINGS`` at each position, and the disagreements."""
-    problems = Problems.of(robot, positions)
+    """The columns of ``_MEANINGS`` of each problem, and the disagreements."""
     solved, settled = solve_many(problems), settle_many(problems, threads=threads)
     values, agree = compare_many(solved, settled, threads=threads)
     refused = problems.refusals != Status.PENDING
@@ -222,8 +233,8 @@ def _check_rows(
         name, reasons = _outcome(solved, settled, int(row))
         outcome[row] = OUTCOMES.index(name)
         if outcome[row] not in AGREEING:
-            x, y, z = (float(value) for value in positions[row])
-            disagreements.append(Disagreement(robot.name, material, (x, y, z), name, reasons))
+            x, y, z = (float(value) for value in problems.positions[row])
+            disagreements.append(Disagreement(problems.robot.name, material, (x, y, z), name, reasons))
     if certify:
         values["proved"] = np.array(
             [

@@ -76,6 +76,7 @@ def drive(
     states: int = STATES,
     from_rest: bool = True,
     rest_lengths: ArrayLike | None = None,
+    external_wrench: ArrayLike | Sequence[float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Drive the platform along ``waypoints`` by its winches while MuJoCo simulates it.
@@ -93,14 +94,16 @@ def drive(
             released at the waypoint itself, with its cables just not taut, and drops.
         rest_lengths: rest lengths at each waypoint, (waypoints, cables) [m], compensated ones for instance; between two
             waypoints, their difference from the rigid lengths is interpolated linearly. Default: the rigid lengths.
+        external_wrench: constant force [N] and torque [N m] on the platform's origin, in the base frame, besides
+            gravity, (6,).
         progress: is called from time to time with the fraction done, 0 to 1.
 
     Returns:
         The motion, (states,): the platform's poses in MuJoCo with tensions [N], and the commands at those times.
 
     Raises:
-        InvalidInput: invalid waypoints, rest lengths, duration or number of states; a cable with mass that is too
-            short for its pulley.
+        InvalidInput: invalid waypoints, rest lengths, wrench, duration or number of states; a cable with mass that is
+            too short for its pulley.
         NotSettled: the platform does not come to rest at the first waypoint.
         PlatformFell: it fell during the drive; carries the trajectory so far.
     """
@@ -109,7 +112,7 @@ def drive(
     poses = poses_through(robot, waypoints)
     whole("states", states, 2, MOST_STATES)
     path = Path(robot, poses, rest_lengths)
-    first = Problem.of(robot, poses[0])
+    first = Problem.of(robot, poses[0], external_wrench=external_wrench)
     if seconds is None:
         seconds = PEAK * path.length / _slow_speed(first) or PAUSE
     seconds = positive("seconds", seconds, "s")
@@ -118,8 +121,8 @@ def drive(
     fractions = np.linspace(0, 1, states)
     commanded = path.at(fractions)
     problems_at(robot, commanded)  # refuses poses that no rest lengths can hold
-    problems = Problems.of(robot, commanded, path.winches(fractions))
-    start = settle(robot, poses[0], problems.rest_lengths[0]).pose if from_rest else poses[0]
+    problems = Problems.of(robot, commanded, path.winches(fractions), first.external_wrench)
+    start = settle(problems[0]).pose if from_rest else poses[0]
     with quiet():
         if weighs(robot):
             for lengths in problems.rest_lengths:
@@ -192,6 +195,7 @@ def _simulate(
     steps = max(1, round(seconds / intervals / model.opt.timestep))
     model.opt.timestep = seconds / intervals / steps
     platform = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "platform")
+    data.body("origin").xfrc_applied[:] = problems[0].external_wrench
     qpos = np.empty((len(problems), model.nq))
     for k, rest_lengths in enumerate(problems.rest_lengths):
         if k > 0:

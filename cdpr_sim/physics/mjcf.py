@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core.checks import checked_label, positive, refuse_unless
+from cdpr_sim.core.checks import FLAG, checked_label, positive, refuse_unless
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
@@ -46,6 +46,9 @@ TIMESTEP = 0.002
 """[s] Time step; the discrete integrator is implicit in the cables' springs, so that it need not shrink with their
 stiffness."""
 
+COLLIDING = {"contype": "1", "conaffinity": "1"}
+"""Attributes of a geom that collides with all others that do: MuJoCo's defaults."""
+
 CABLE_COLOR = (0.93, 0.45, 0.13, 1)
 PLATFORM_COLOR = (0.16, 0.38, 0.62, 1)
 EXIT_COLOR = (0.15, 0.16, 0.18, 1)
@@ -64,6 +67,7 @@ def to_mjcf(
     damping: Damping = "settle",
     winch_force: ArrayLike | None = None,
     winch_speed: float = SPEED,
+    contact: bool = False,
 ) -> str:
     """The robot with its platform at ``pose``, as MJCF text.
 
@@ -103,6 +107,8 @@ def to_mjcf(
             at least ten times the platform's weight. Nonlinear cables have no limit.
         winch_speed: largest rope speed of winches of kind ``"speed"`` [m/s]; a rope shorter than the longest in range
             runs slower.
+        contact: let the platform collide with other bodies: by the box that is drawn, of ``platform_size`` about its
+            origin. Cables, pulleys and exits collide with nothing.
 
     Returns:
         An MJCF document, which ``mujoco.MjModel.from_xml_string`` compiles; its numbers parse back exactly.
@@ -112,6 +118,7 @@ def to_mjcf(
             cables; a cable with mass that is too short for its pulley.
     """
     problem = Problem.of(robot, pose, rest_lengths)
+    refuse_unless(FLAG, contact=contact)
     kind, factor = kind_of(winches), loss_factor(damping)
     robot, settling = problem.robot, factor is None
     chains.refuse_short(robot, problem.rest_lengths)
@@ -134,7 +141,7 @@ def to_mjcf(
     tendons.add_exits(world, robot.cabling)
     paddles = magnitude(robot.platform_size)  # [m] at which the air calms it within a second, also with stiff cables
     brake = (drag, drag * paddles * paddles) if settling else (0.0, 0.0)
-    platform = _platform(robot, problem.pose, brake if kind else None)
+    platform = _platform(robot, problem.pose, brake if kind else None, contact)
     world.append(platform)
     nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
     chains.add_far(world, robot.cabling, problem.rest_lengths)
@@ -170,16 +177,18 @@ def to_mjcf(
     return _document(root)
 
 
-def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml") -> str:
+def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml", *, contact: bool = False) -> str:
     """A scene around the model in ``robot_file``: the robot's frame, a floor, light and two cameras, as MJCF text.
 
-    Nothing in it collides, has mass or pulls: it changes the picture, not the physics.
+    Nothing in it has mass or pulls, and without ``contact`` nothing collides: it changes the picture, not the physics.
 
     Args:
         robot: the robot; or the ``Problem`` for which ``robot_file`` is written, if that has no winches. MuJoCo draws
             no cable whose length equals its rest length, as at the start of a model; with a problem, the scene has
             tendons ``line_1``, ... without force, which are drawn there.
         robot_file: name of the file with the text of ``to_mjcf``.
+        contact: let the floor collide with bodies that collide, as the platform of ``to_mjcf(..., contact=True)``. The
+            frame collides with nothing.
 
     Returns:
         An MJCF document that includes ``robot_file`` from its own folder.
@@ -188,6 +197,7 @@ def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml") -> str:
         InvalidInput: not a robot, or not the name of a file.
     """
     refuse_unless(Robot | Problem, robot=robot)
+    refuse_unless(FLAG, contact=contact)
     checked_label("robot_file", robot_file)
     problem, robot = (robot, robot.robot) if isinstance(robot, Problem) else (None, robot)
     lower, upper = robot.frame
@@ -205,9 +215,8 @@ def scene_mjcf(robot: Robot | Problem, robot_file: str = "robot.xml") -> str:
     light = center + diagonal * np.array([-0.4, -0.8, 2.0])
     ET.SubElement(world, "light", pos=text(light), dir=text(center - light), diffuse="0.6 0.6 0.6", directional="true")
     floor = [*center[:2], lower[2] - 0.02 * diagonal]
-    ET.SubElement(
-        world, "geom", {"name": "floor", "class": "drawn", "type": "plane", "pos": text(floor), "size": "0 0 0.05"}
-    ).set("material", "floor")
+    plane = {"name": "floor", "class": "drawn", "type": "plane", "pos": text(floor), "size": "0 0 0.05"}
+    ET.SubElement(world, "geom", plane | {"material": "floor"} | (COLLIDING if contact else {}))
     for start, end in _edges(lower, upper):
         _rod(world, start, end, 0.006 * diagonal, FRAME_COLOR)
     for start in np.unique(robot.exits, axis=0):
@@ -307,7 +316,7 @@ def _defaults(robot: Robot) -> ET.Element:
     return defaults
 
 
-def _platform(robot: Robot, pose: RigidTransform, damping: tuple[float, float] | None) -> ET.Element:
+def _platform(robot: Robot, pose: RigidTransform, damping: tuple[float, float] | None, contact: bool) -> ET.Element:
     """The body, free to move in the air, or on joints with this damping [N s/m, N m s]."""
     body = ET.Element("body", name="platform", pos=text(pose.translation))
     along, turning = damping or (0.0, 0.0)
@@ -332,9 +341,11 @@ def _platform(robot: Robot, pose: RigidTransform, damping: tuple[float, float] |
         inertial.set("diaginertia", text(np.diag(inertia)))
     else:
         inertial.set("fullinertia", text(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
-    ET.SubElement(
-        body, "geom", {"name": "platform", "class": "drawn", "type": "box", "size": text(robot.platform_size / 2)}
-    ).set("rgba", text(PLATFORM_COLOR))
+    shape = ET.SubElement(body, "geom", {"name": "platform", "class": "drawn", "type": "box"})
+    shape.set("size", text(robot.platform_size / 2))
+    shape.set("rgba", text(PLATFORM_COLOR))
+    if contact:
+        shape.attrib.update(COLLIDING)
     tendons.add_anchors(body, robot.cabling)
     # MuJoCo's xfrc_applied acts at a body's centre of mass; a massless child has its own at the platform's origin.
     ET.SubElement(body, "body", name="origin")

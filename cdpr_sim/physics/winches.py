@@ -17,10 +17,10 @@ order in w/L. Its rope runs at the speed dw/dt (l0/L)². ``ctrlrange`` is such t
 ``winch_speed`` at any length in its range, and ``actrange`` is that range.
 
 No winch pulls more than ``largest_forces``, however it is controlled: beyond, its cable pulls with that force, as with
-a clutch that slips. Without this limit random controls end a simulation within some milliseconds: a control that jumps
-by its range changes a rest length of half a metre at once, the linear law answers with 1e5 times the platform's weight,
-and within one time step the platform turns by more than a radian (``steady_step``), so that its spin grows from step to
-step and carries it away.
+a clutch that slips. Without this limit random controls end a simulation within 0.1 s: a control that jumps by its range
+changes a rest length by half a metre at once, the linear law answers with 1e4 times the platform's weight, and within
+one time step the platform turns by more than a radian (``steady_step``), so that its spin grows from step to step. With
+integrators that treat springs explicitly, a cable that is suddenly short is too stiff for the time step, too.
 
 A rope with n parts of line and a length g between winch and exit has the strain (l - l0)/(l0 + c) with c = g/n
 (``shared``): the same formulas hold with l + c, l0 + c and L + c in the place of l, l0 and L. The actuator's force is

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.analysis.cable_profiles import cable_profiles
@@ -27,7 +28,7 @@ from cdpr_sim.crosscheck.compare import Agreement, compare
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.statics.newton import solve_many, solve_trajectory
-from cdpr_sim.studies.lines import equilibria_by_mujoco
+from cdpr_sim.studies.lines import all_solved
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -155,13 +156,18 @@ def summarize(
     return RobotSummary(robot, first, tuple(worst), most, checked, plane, modes, drove, static, shapes, tuple(missing))
 
 
-def settled_along(robot: Robot, waypoints: Float[np.ndarray, "states 3"], seconds: float) -> Trajectory:
+def settled_along(
+    robot: Robot,
+    waypoints: Float[np.ndarray, "states 3"] | RigidTransform,
+    seconds: float,
+    external_wrench: ArrayLike | Sequence[float] | None = None,
+) -> Trajectory:
     """Quasi-static motion: the platform settled at each waypoint; for robots whose cables have mass.
 
     Raises:
         NotSettled: MuJoCo did not settle at some waypoint.
     """
-    equilibria = equilibria_by_mujoco(robot, waypoints)
+    equilibria = all_solved(settle_many(robot, waypoints, external_wrench=external_wrench))
     return Trajectory.through(equilibria, np.linspace(0.0, seconds, len(waypoints)))
 
 
