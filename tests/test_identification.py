@@ -14,6 +14,9 @@ NOISE = 2e-5
 SLOPE = 1e-5
 """Relative error of central differences through the solver: 7e-7 measured at worst."""
 
+SAGGING = 1e-4
+"""As ``SLOPE``, of cables with mass over pulleys: 5e-5 measured at worst, of a tension by the wheels' radius."""
+
 SOLVED = 1e-7
 """Of the largest derivative by an unknown: two equilibria of sagging cables differ by 4e-11 rad, over steps of 1e-4."""
 
@@ -58,11 +61,11 @@ def robot() -> cdpr.Robot:
 
 
 @pytest.mark.parametrize(
-    ("left_out", "linear_density"),
-    [(("axial_stiffness", "angle_zeros"), 0.0), (("axial_stiffness_each", "yaw_zero"), 1e-3)],
+    ("left_out", "linear_density", "least"),
+    [(("axial_stiffness", "angle_zeros"), 0.0, SLOPE), (("axial_stiffness_each", "yaw_zero"), 1e-3, SAGGING)],
     ids=["straight", "sagging"],
 )
-def test_derivatives_of_the_residuals_are_exact(robot, left_out, linear_density):
+def test_derivatives_of_the_residuals_are_exact(robot, left_out, linear_density, least):
     """Every unknown, every kind of measurement, at poses away from the middle with a load, against central differences.
 
     Those that exclude each other take turns.
@@ -91,7 +94,7 @@ def test_derivatives_of_the_residuals_are_exact(robot, left_out, linear_density)
         for kind in range(4):  # frequencies are differenced themselves
             by = exact[:, measurements.kinds == kind, k]
             off = np.abs(differenced[:, measurements.kinds == kind] - by).max()
-            assert off <= SLOPE * np.abs(by).max() + SOLVED * np.abs(exact[:, :, k]).max(), (one.name, kind)
+            assert off <= least * np.abs(by).max() + SOLVED * np.abs(exact[:, :, k]).max(), (one.name, kind)
 
 
 def test_stiffness_is_found_from_poses_that_mujoco_made(robot):
