@@ -5,9 +5,9 @@ Nonlinear least squares (Levenberg 1944; SciPy's trust-region reflective) on
     r = (h(x(θ), θ) − y) / sigma
 
 where x(θ) is the equilibrium of statics, and h what the sensors show there (``identification_model``). Positive
-unknowns are fitted by their logarithm. Errors of rest lengths act on every other number of the row, and are propagated
-into its covariance. Standard errors are the square roots of the diagonal of (JᵀJ)⁻¹; directions of θ that the data do
-not see, by the singular values of J with unit columns, have infinite ones, and a sentence. Whether the data hold so
+unknowns are fitted by their logarithm. Rest lengths with errors are corrected, and their errors are propagated into the
+covariance of their row. Standard errors are the square roots of the diagonal of (JᵀJ)⁻¹; directions of θ that the data
+do not see, by the singular values of J with unit columns, have infinite ones, and a sentence. Whether the data hold so
 many unknowns is tested against fits of fewer (``identifiability``).
 """
 
@@ -22,7 +22,7 @@ from jaxtyping import Float, Int
 from scipy.stats import chi2, norm, t
 
 from cdpr_sim.analysis.identifiability import INVISIBLE, certainty, directions, leverages, too_many
-from cdpr_sim.analysis.identification_model import RANGE, UNKNOWNS, Model, unknowns_of
+from cdpr_sim.analysis.identification_model import RANGE, ROUGH, UNKNOWNS, Model, unknowns_of
 from cdpr_sim.analysis.measurements import KINDS, Measurements
 from cdpr_sim.core.checks import checked_array, listed, one_of, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotConverged
@@ -32,6 +32,9 @@ from cdpr_sim.core.robot import Robot
 
 REWEIGHTINGS = 20
 """Number of fits, each weighted by the scatters from the residuals of the last one; they converge in three or four."""
+
+CORRECTIONS = 3
+"""Number of fits with fewer unknowns, each at the rest lengths that the last one corrected."""
 
 LEAST_FREEDOM = 1e-6
 """Least number of degrees of freedom of a kind of measurement: with fewer, its scatter cannot be estimated
@@ -88,7 +91,8 @@ class Identification(HtmlRepr):
         values: value of each.
         standard_errors: standard error of each; ``inf`` where the data do not determine it.
         correlations: between them, (unknowns, unknowns); nan where undetermined.
-        residuals: what the sensors would show less what they did, (rows, numbers) as ``Measurements.values`` [m, rad,
+        residuals: what the sensors would show, at the corrected rest lengths if these have errors, less what they did,
+            (rows, numbers) as ``Measurements.values`` [m, rad,
             N, rad, Hz]; nan where not measured.
         spread: root mean square of residuals over their stated error; 1 if model and errors are right, and by
             construction where errors were judged.
@@ -288,21 +292,25 @@ def identify(
     scatters = _start_scatters(measurements, judged, scales)
     model = Model(robot, measurements, wanted, _errors(measurements, scatters))
     x = _scanned(model)
+    reweighted = bool(judged) or robust or measurements.rest_length_errors is not None
+    if judged and not robust and unstated[known].all() and (model.kinds == model.kinds[0]).all():
+        reweighted = measurements.rest_length_errors is not None  # a factor common to all numbers moves no fit
     for _ in range(REWEIGHTINGS):
         model.whiten(x)
-        x = model.fitted_from(x)
+        last, x = x, model.fitted_from(x, ROUGH)
         before, weights = scatters, model.weights
         if robust:
             model.weights = _huber(model.weighted(x) / weights)
         scatters = _scatters(before, judged, model, x, unstated[known], scales, floors, robust)
         model.errors = _errors(measurements, scatters)
-        settled = np.allclose(model.weights, weights, rtol=0, atol=1e-3) and measurements.rest_length_errors is None
-        if settled and (not judged or (not robust and (model.kinds == model.kinds[0]).all() and unstated[known].all())):
-            break  # a factor common to all numbers moves no fit
-        if np.allclose(scatters, before, rtol=1e-3, atol=0) and np.allclose(model.weights, weights, rtol=0, atol=1e-3):
+        settled = np.allclose(scatters, before, rtol=1e-3, atol=0) and np.allclose(model.weights, weights, atol=1e-3)
+        still = (
+            measurements.rest_length_errors is None or np.abs(model.weighted_slopes(x) @ (x - last)).max() < INVISIBLE
+        )
+        if not reweighted or (settled and still):
             break
     model.whiten(x)
-    x = _nearest_to_known(x, model)
+    x = _nearest_to_known(model.fitted_from(x), model)
     left, slope = model.weighted(x), model.weighted_slopes(x)
     errors, correlations, reasons = certainty(slope, [one.name for one in wanted], [one.size for one in wanted])
     if robust:  # the weights count fewer numbers, Huber's efficiency says how much less certain the fit is
@@ -451,9 +459,11 @@ def _predictions_of_fewer(model: Model, names: tuple[str, ...]) -> dict[tuple[st
             model.robot, model.measurements, unknowns_of(model.robot, model.measurements, some), model.errors
         )
         with suppress(NotConverged):
-            start = _scanned(smaller)
-            smaller.whiten(start)
-            found[some] = smaller.prediction(smaller.fitted_from(start))
+            best = _scanned(smaller)
+            for _ in range(1 if model.measurements.rest_length_errors is None else CORRECTIONS):
+                smaller.whiten(best)
+                best = smaller.fitted_from(best, ROUGH)
+            found[some] = smaller.prediction(best)
     return found
 
 

@@ -47,6 +47,12 @@ PERFECT = {
 STEP = 1e-4
 """Step of central differences, in units of a positive unknown's logarithm, or of ``_Unknown.scale``."""
 
+FINAL, ROUGH = 1e-12, 1e-7
+"""Relative tolerances of the sum of squares: of a result, and of a fit that only gives weights or is compared."""
+
+EVALUATIONS = 200
+"""Largest number of steps of a fit; those of the tests and of measured data take less than 30, beside a bound 100."""
+
 SHORTEST = 1e-9
 """[m] Least length of rope between winch and exit: tensions have a derivative by it where it is not 0."""
 
@@ -167,7 +173,8 @@ class Model:
     """The equilibria at measured poses as a function of the unknowns, and what the sensors show there.
 
     ``rest_lengths`` are the given ones, (rows, cables); ``errors`` are the standard errors of all numbers, (rows,
-    numbers); ``weights`` factors of their residuals, for robust fits. After ``solve``, ``now`` and ``rest`` are robot
+    numbers); ``weights`` factors of their residuals, for robust fits; ``corrections`` the likeliest errors of the rest
+    lengths, 0 where they are exact. After ``solve``, ``now`` and ``rest`` are robot
     and rest lengths with the unknowns, ``solved`` the equilibria.
     """
 
@@ -197,27 +204,36 @@ class Model:
         self._at: np.ndarray | None = None
         self._slopes: tuple[np.ndarray, np.ndarray] | None = None
         self._whitening: list[np.ndarray] | None = None
+        self.corrections: Float[np.ndarray, "rows cables"] = np.zeros(self.rest_lengths.shape)
+        self._effects: np.ndarray | float = 0.0
 
     # Fit
 
     def whiten(self, x: Float[np.ndarray, " unknowns"]) -> None:
-        """Take the errors of the rest lengths into account, as they act at ``x``: S S' of each row is added.
+        """Take the errors of the rest lengths into account, as they act at ``x``; without any, nothing.
 
-        S are the derivatives of the row's numbers by its rest lengths, times their errors. Without such errors, the
-        numbers are independent.
+        With S the derivatives of a row's numbers by its rest lengths, and r its residuals, the likeliest corrections d
+        of the lengths are −Σ S' C⁻¹ (r − S d) with C = σ² + S Σ S'. The model is evaluated at the corrected lengths,
+        and its residuals r − S d have the covariance C (Britt and Luecke, Technometrics 15, 1973).
         """
         lengths = self.measurements.rest_length_errors
         if lengths is None:
             return
-        by_length = self._slopes_by(
-            x, [Unknown(f"{i}", "m", "rest_lengths", (i,), 0.0) for i in range(self.robot.cables)]
-        )
-        found = []
+        cables = range(self.robot.cables)
+        by_length = self._slopes_by(x, [Unknown(f"{i}", "m", "rest_lengths", (i,), 0.0) for i in cables])
+        by_length = by_length * self._of.get("rest_length_gains", 1.0)
+        left, found = self.residuals(x), []
+        corrections, effects = np.zeros_like(self.corrections), np.zeros(left.shape)
         for row, known in enumerate(self.measurements.known):
-            spread = by_length[row, known] * lengths[row]
+            slope = by_length[row, known]
+            spread = slope * lengths[row]
             values, vectors = np.linalg.eigh(np.diag(self.errors[row, known] ** 2) + spread @ spread.T)
             found.append((vectors / np.sqrt(values)) @ vectors.T)
-        self._whitening = found
+            rest = left[row, known] - slope @ self.corrections[row]
+            corrections[row] = -(lengths[row, :, None] * spread.T) @ (found[-1] @ (found[-1] @ rest)).ravel()
+            effects[row, known] = slope @ corrections[row]
+        self._whitening, self.corrections, self._effects = found, corrections, effects
+        self._at = self._slopes = None
 
     def _white(self, numbers: np.ndarray) -> np.ndarray:
         """Numbers of all rows over their standard errors, as independent numbers, times the weights."""
@@ -236,14 +252,16 @@ class Model:
 
     def weighted(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " measured"]:
         """Residuals of what was measured, over their standard errors."""
-        return self._white(self.residuals(x))
+        return self._white(self.residuals(x) - self._effects)
 
     def weighted_slopes(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "measured unknowns"]:
         """Derivative of ``weighted``."""
         return self._white(self.slopes(x))
 
-    def fitted_from(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " unknowns"]:
-        """The least of the squares of ``weighted``, sought from ``x``.
+    def fitted_from(
+        self, x: Float[np.ndarray, " unknowns"], tolerance: float = FINAL
+    ) -> Float[np.ndarray, " unknowns"]:
+        """The least of the squares of ``weighted``, sought from ``x``; ``tolerance`` is that of the sum of squares.
 
         Raises:
             NotConverged: no equilibrium at some pose on the way.
@@ -259,9 +277,10 @@ class Model:
             jac=self.weighted_slopes,  # pyright: ignore[reportArgumentType]
             bounds=(lower, far),
             x_scale="jac",
-            xtol=1e-10,
-            ftol=1e-12,
-            gtol=1e-12,
+            xtol=1e2 * tolerance,
+            ftol=tolerance,
+            gtol=tolerance,
+            max_nfev=EVALUATIONS,
         ).x
 
     def prediction(self, x: Float[np.ndarray, " unknowns"]) -> float:
@@ -278,7 +297,8 @@ class Model:
             for name, value in self._of.items()
             if name not in PERFECT
         }
-        rest = self._of.get("rest_length_gains", 1.0) * self.rest_lengths + self._of.get("rest_lengths", 0.0)
+        given = self.rest_lengths + self.corrections
+        rest = self._of.get("rest_length_gains", 1.0) * given + self._of.get("rest_lengths", 0.0)
         return self.robot.replace(**new), rest
 
     def _values(self, x: Float[np.ndarray, " unknowns"]) -> None:
@@ -379,11 +399,11 @@ class Model:
         data, free, angles = self.measurements, self.now.free, self.solved.euler
         result = np.zeros((len(self.positions), data.values.shape[1], len(unknowns)))
         gains = self._of.get("force_gains", np.ones(self.now.cables))
-        names = {_parameter(one) for one in unknowns}
+        names, given = {_parameter(one) for one in unknowns}, self.rest_lengths + self.corrections
         for row, state in enumerate(self._states()):
             slope = derivatives.wrench_slope(state)[np.ix_(free, free)]
             by_parameter = derivatives.wrench_by_parameter(state, [*names])
-            by_parameter = _in_place_of_gains(by_parameter, unknowns, self.rest_lengths[row])
+            by_parameter = _in_place_of_gains(by_parameter, unknowns, given[row])
             if data.masses is not None and not np.isnan(data.masses[row]):
                 by_parameter["mass"] = np.zeros((6, 1))
             wrench = _sums(by_parameter, unknowns, 6)
@@ -394,7 +414,7 @@ class Model:
             at = 6
             if data.tensions is not None:
                 direct = derivatives.tension_by_parameter(state)
-                direct = _in_place_of_gains(direct, unknowns, self.rest_lengths[row])
+                direct = _in_place_of_gains(direct, unknowns, given[row])
                 by = _sums(direct, unknowns, self.now.cables) + derivatives.tension_by_pose(state) @ step
                 result[row, at : at + self.now.cables] = gains[:, None] * by
                 at += self.now.cables

@@ -26,8 +26,8 @@ START = 294e3
 """EA [N] of a new Dyneema rope of 3 mm (the material ``dyneema-3mm``): where fits of EA start."""
 
 SENSORS = ("rest_length_offsets", "force_gains", "force_offsets", "swivel_zeros", "center_of_mass")
-"""What every calibration corrects: the zeros of encoders, load cells and swivel sensors, the gains of load cells, and the
-centre of mass."""
+"""What every calibration corrects: the zeros of encoders, load cells and swivel sensors, the gains of load cells, and
+the centre of mass."""
 
 FURTHER = ("rest_length_gains", "angle_zeros")
 """What may be wrong beyond that: the winches' transmission ratios, which the authors corrected by up to 2.6 %, and how
@@ -54,9 +54,9 @@ SHOWN = {"rotation": (180 / np.pi, "°"), "tension": (1.0, "N"), "swivel": (180 
 """Factor and unit in which kinds of measurements are shown."""
 
 NATURAL = {"yaw": (1.45, 1.80), "roll": (1.61, 1.96), "pitch": (1.51, 2.06)}
-"""[Hz] Range of the highest peaks between 0.5 and 3 Hz of the periodograms of the platform's angles, over 0 to 15, 15 to
-30 and 30 to 49 s of OldLoggingFiles/FreeMotion02_exp.mat (Vicon, cables locked). Amplitudes are up to 30°, and energy
-goes from one mode to another."""
+"""[Hz] Range of the highest peaks between 0.5 and 3 Hz of the periodograms of the platform's angles, over 0 to 15, 15
+to 30 and 30 to 49 s of OldLoggingFiles/FreeMotion02_exp.mat (Vicon, cables locked). Amplitudes are up to 30°, and
+energy goes from one mode to another."""
 
 SWINGING = np.array([-0.144, 0.011, 0.566, -0.013, 0.051, 0.008])
 """Mean pose of its last 5 s [m, rad]."""
