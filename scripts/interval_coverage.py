@@ -4,7 +4,7 @@ import sys
 
 from studies.coverage import CASES, coverage, described
 
-FITS = 200  # per case
+FITS = 80  # per case
 LEAST, MOST = 0.93, 0.97
 
 
