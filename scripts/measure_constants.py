@@ -27,7 +27,7 @@ from rich.console import Console
 from rich.markup import escape
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis import clearance, compensation, equilibria, identifiability, identification, tensions
+from cdpr_sim.analysis import clearance, compensation, equilibria, identifiability, identification_model, tensions
 from cdpr_sim.analysis.measurements import COORDINATES
 from cdpr_sim.analysis.workspace import sweep
 from cdpr_sim.analysis.workspace.feasibility import shortfall
@@ -140,8 +140,8 @@ def unseen(*unknowns: str) -> float:
     poses = random_poses(robot, 12)
     solved = cdpr.solve_many(robot, poses)
     measured = cdpr.Measurements.of(poses, np.hstack([solved.positions, solved.euler]))
-    wanted = identification._wanted(robot, unknowns)
-    slope = identification._Model(robot, measured, wanted).slopes(np.zeros(len(wanted)))[measured.known]
+    wanted = identification_model.unknowns_of(robot, measured, unknowns)
+    slope = identification_model.Model(robot, measured, wanted).slopes(np.zeros(len(wanted)))[measured.known]
     singular = np.linalg.svd(slope / np.linalg.norm(slope, axis=0), compute_uv=False)
     return float(singular[-1] / singular[0])
 

@@ -70,7 +70,7 @@ def mutated(content: bytes, random: np.random.Generator) -> bytes:
     if kind == 3:
         return content[:at] + content[at : at + int(random.integers(1, 400))] * 2 + content[at:]
     if kind == 4:
-        return content.decode().encode(str(random.choice(["utf-16", "utf-32", "utf-16-be", "utf-7", "cp500"])))
+        return content.decode("latin-1").encode(str(random.choice(["utf-16", "utf-32", "utf-16-be", "utf-7", "cp500"])))
     if kind == 5:
         return (BOMB, OUTSIDE, ALIASES, MERGES, CYCLE)[random.integers(5)]
     if kind == 6:

@@ -100,7 +100,7 @@ def test_errors_of_positions_and_angles_are_judged_apart(catalogue, ratio):
     for _ in range(40):
         found = cdpr.identify(robot, noisy(robot, positions, noise, rng), unknowns)
         deviations.append((found.values - truth) / found.standard_errors)
-        judged.append(found.scatters)
+        judged.append([*found.scatters.values()])
     assert np.mean(judged, axis=0) == pytest.approx(noise, rel=0.15)
     assert np.std(deviations) == pytest.approx(1, abs=0.25)
     # Negative control: that an angle's error is a position's over the arm, as was assumed, is far off.

@@ -21,6 +21,7 @@ from cdpr_sim.robots.importing import FORMATS
 from cdpr_sim.robots.writing import as_toml
 
 FILES = Path(__file__).parent / "imported"
+MODELS = Path(__file__).parents[1] / "models"
 EXITS = np.array([[-1, -0.8, 2], [1, -0.8, 2], [1, 0.8, 2.1], [-1, 0.8, 2.1]])
 ANCHORS = np.array([[-0.1, -0.08, 0.05], [0.1, -0.08, 0.05], [0.1, 0.08, -0.05], [-0.1, 0.08, -0.05]])
 AXES = np.array([[0.0, 0, 1], [0, 0, -1], [1, 0, 0], [0, 1, 0]])
@@ -36,6 +37,8 @@ CRANES = {
     "crane_cdpyr.yaml": {"stretches", "wheels", "home"},
     "crane_bologna.json": {"wheels"},
     "crane_gazebo.yaml": {"home"},
+    "crane_mjcf.xml": {"stretches", "home"},
+    "crane_uacdpr.mat": {"wheels"},
 }
 """Per file, what its format can say beyond geometry, mass and inertia."""
 
@@ -78,6 +81,87 @@ def test_limits_of_force_come_along():
     assert cdpr.import_robot(FILES / "crane_bodies.xml").force_max.tolist() == [100, 110, 120, 130]
     gazebo = cdpr.import_robot(FILES / "crane_gazebo.yaml")
     assert (gazebo.force_min.tolist(), gazebo.force_max.tolist()) == ([1] * 4, [100] * 4)
+
+
+def test_a_hangprinter_has_reeving_and_line_to_its_spools():
+    """Millimetres become metres; the spring constant of the firmware times the length of line is EA."""
+    robot = cdpr.import_robot(FILES / "hangprinter.g")
+    assert robot.exits[[0, 4]].tolist() == [[0, -1.6, -0.11], [0, 0, 2.345]]
+    assert not robot.anchors.any()
+    assert robot.mass == 2.5
+    assert robot.reeving.tolist() == [2, 2, 2, 2, 4]
+    assert robot.winch_to_exit == pytest.approx(np.array([2.9, 3.1, 2.98, 2.89, 0]))
+    assert (robot.axial_stiffness == 30e3).all()
+    assert (robot.force_min.tolist(), robot.force_max.tolist()) == ([0, 0, 0, 0, 1], [100, 100, 100, 100, 120])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("K6", "K1", "M669 K: found '1', expected 6"),
+        ("N5", "N15", "M669 N: found 15, expected 1 to 9 anchors"),
+        ("I0:0:2345", "", "M669: missing the anchor I"),
+        ("W2.5", "", "M666: missing W, the mover's mass"),
+        ("U2:2:2:2:4", "U2:2:2", "M666 U: found 3 numbers, expected 5"),
+        ("U2:2:2:2:4", "U2:2:2:2:4.5", "expected whole numbers"),
+    ],
+)
+def test_what_is_wrong_with_a_hangprinter_is_one_sentence(old, new, said, tmp_path):
+    """Which command and letter."""
+    with pytest.raises(cdpr.RobotFileError, match=re.escape(said)):
+        cdpr.import_robot(changed(tmp_path, "hangprinter.g", (old, new)))
+
+
+POINT_TO_POINT = ("cogiro", "parallel", "planar-vertical", "two-cable", "nist-robocrane", "ipanema-3", "cogiro-crane")
+"""Of the catalogue: cables without mass, pulleys or a drive line, whose models have tendons from site to site."""
+
+
+@pytest.mark.parametrize("name", POINT_TO_POINT)
+def test_our_own_models_give_the_robot_back(name, catalogue):
+    """As MJCF: all that statics depends on, EA to twelve digits; statics of both are the same."""
+    robot, again = catalogue[name], cdpr.import_robot(MODELS / name / "robot.xml")
+    for field in ("exits", "anchors", "mass", "center_of_mass", "inertia", "mobility", "gravity", "name"):
+        np.testing.assert_array_equal(getattr(robot, field), getattr(again, field), err_msg=field)
+    assert again.axial_stiffness == pytest.approx(robot.axial_stiffness, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("irma4u", "expected two sites and no pulley"), ("fast-like", "expected a single rigid platform")],
+)
+def test_models_with_pulleys_or_chains_are_refused(name, said):
+    """A wheel or a chain of masses is no tendon from site to site."""
+    with pytest.raises(cdpr.RobotFileError, match=said):
+        cdpr.import_robot(MODELS / name / "robot.xml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("<freejoint />", "", "found none with a free joint"),
+        ("<freejoint />", '<joint type="ball" />', "found 1 joints, expected a free one"),
+        ('<site site="b" />', '<site site="A" />', "found both ends on one body"),
+        ('<site site="b" />', '<site site="z" />', "found no site 'z'"),
+        ('class="last"><site', 'class="lost"><site', "found the class 'lost'"),
+        ('mass="5"', "", "<inertial>: missing mass"),
+        ('springlength="0 1.25"', 'springlength="0 0"', "found a rest length of 0 m"),
+        ('quat="0 0 0 1"', 'euler="0 0 180"', "found euler, expected a quaternion"),
+        ("<worldbody>", '<option gravity="1 0 0" /><worldbody>', "expected one along -z"),
+        ("<worldbody>", '<include file="a.xml" /><worldbody>', "expected a model in a single file"),
+    ],
+)
+def test_what_is_wrong_with_mjcf_is_one_sentence(old, new, said, tmp_path):
+    """And what has no counterpart."""
+    with pytest.raises(cdpr.RobotFileError, match=re.escape(said)):
+        cdpr.import_robot(changed(tmp_path, "crane_mjcf.xml", (old, new)))
+
+
+def test_a_spring_that_pushes_is_noted(tmp_path):
+    """MuJoCo's tendons with one springlength do; without any, it is the length of the model as it stands."""
+    robot = cdpr.import_robot(changed(tmp_path, "crane_mjcf.xml", ('springlength="0 2"', "")))
+    length = np.linalg.norm(EXITS[0] - ANCHORS[0] - [0.1, 0.05, 1])
+    assert robot.axial_stiffness == pytest.approx([20e3 * length, STIFFNESS, STIFFNESS, STIFFNESS])
+    assert any("pushes as well" in note for note in robot.notes)
 
 
 def wirex_length(exit_, axis, radius, anchor):
@@ -493,7 +577,7 @@ def mutate_imports():
     return script
 
 
-@pytest.mark.parametrize("name", CRANES)
+@pytest.mark.parametrize("name", [*CRANES, "hangprinter.g"])
 def test_damaged_files_give_a_robot_or_a_sentence(name, tmp_path):
     """Some of what ``scripts/mutate_imports.py`` does by the thousand."""
     kinds = [kind for kind, _ in mutate_imports().answers(FILES / name, MUTATIONS, 1, tmp_path)]

@@ -81,7 +81,7 @@ def test_a_file_that_is_missing_empty_or_no_text_is_said(tmp_path):
     [
         ({"commanded": [[0, 0, 0]], "measured": [[0, 0]]}, "measured: found an array of shape"),
         ({"commanded": [[0, 0]], "measured": [[0] * 6]}, "commanded: found 2 columns"),
-        ({"commanded": [[0, 0, 0]], "measured": [[np.nan] * 6]}, "measured: found nan"),
+        ({"commanded": [[0, 0, 0]], "measured": [[np.nan] * 6]}, "found nothing measured"),
         ({"commanded": [[0, 0, 0]], "measured": [[0]], "coordinates": ["h"]}, "unknown coordinate 'h'"),
     ],
 )

@@ -15,12 +15,13 @@ import pytest
 import xarray as xr
 from rich.console import Console
 from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.stats import t
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.compensation import Compensation, CompensationOutcome
 from cdpr_sim.analysis.equilibria import Equilibria, LoadPath
-from cdpr_sim.analysis.identification import Identification
+from cdpr_sim.analysis.identification import Identification, Outlier
 from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
 from cdpr_sim.cli import app
@@ -390,26 +391,34 @@ def test_what_comes_nearest_is_listed_first():
 
 
 def identification(robot: cdpr.Robot | None = None) -> Identification:
+    robot = robot or cdpr.load_robot("cogiro")
     return Identification(
-        robot=robot or cdpr.load_robot("cogiro"),
+        robot=robot,
         names=("axial_stiffness", "rest_length_offset 3", "mass"), units=("N", "m", "kg"),
         values=np.array([1234.5, 0.0021, 0.4]), standard_errors=np.array([6.7, 0.00031, np.inf]),
-        correlations=np.eye(3), residuals=np.array([[3e-3, 4e-3, np.nan, np.radians(2), np.nan, np.nan]]), spread=1.5,
-        scatters=(5e-3, math.radians(6)), judged=("position", "rotation"), reasons=("mass is unknown",),
+        correlations=np.eye(3), residuals=np.array([[3e-3, 4e-3, np.nan, np.radians(2), np.nan, np.nan, 3.5]]),
+        spread=1.5, scatters={"position": 5e-3, "rotation": math.radians(6), "tension": 3.0},
+        judged=("position", "rotation"), reasons=("mass is unknown",),
         predictions={("axial_stiffness", "mass"): 3.4567, ("mass",): np.inf, ("axial_stiffness",): 1.2345},
+        freedom=1, deviance=10.0, outliers=(Outlier(1, "tension 1", -4.56),), kinds=np.array([0, 0, 0, 1, 1, 1, 2]),
+        given=robot, asked=("axial_stiffness", "mass"),
     )  # fmt: skip
 
 
 def test_identification_shows_lengths_in_millimetres_and_the_rest_in_its_unit():
-    """And what the data do not determine; residuals as root mean squares."""
+    """And what the data do not determine; residuals as root mean squares; intervals by Student's t or the logarithm."""
     shown = analysis_tables.identification_table(identification())
     table = [list(column.cells) for column in shown.columns]
+    wide = float(t.ppf(0.975, 1))
+    ratio = math.exp(wide * 6.7 / 1234.5)
     assert table == [
         ["axial stiffness", "rest length offset 3", "mass"], ["1234.5", "2.1", "0.4"], ["6.7", "0.31", "undetermined"],
+        [f"{1234.5 / ratio:.6g} to {1234.5 * ratio:.6g}", f"{2.1 - 0.31 * wide:.6g} to {2.1 + 0.31 * wide:.6g}", ""],
         ["N", "mm", "kg"],
     ]  # fmt: skip
     note = analysis_tables.identification_note(identification())
-    assert f"Residuals: {math.sqrt((9 + 16) / 2):.3g} mm and 2° (root mean square)." in note
+    assert f"Residuals: {math.sqrt((9 + 16) / 2):.3g} mm, 2° and 3.5 N (root mean square)." in note
+    assert "outlier: row 1: tension 1 is 4.6 standard errors off" in note
     assert "estimated from them: 5 mm and 6°" in note
     assert (
         "\nRows left out are predicted with an error of 3.46 standard errors, and of 1.23 with axial_stiffness alone.\n"
@@ -417,7 +426,13 @@ def test_identification_shows_lengths_in_millimetres_and_the_rest_in_its_unit():
     )
     assert repr(identification()).endswith("mass = 0.4 ± inf kg; mass is unknown>")
     told = as_json.identification(identification())
-    assert told["unknowns"]["rest_length_offset 3"] == {"value": 0.0021, "standard_error": 0.00031, "unit": "m"}
+    offset = told["unknowns"]["rest_length_offset 3"]
+    assert offset.pop("interval_95") == pytest.approx([0.0021 - 0.00031 * wide, 0.0021 + 0.00031 * wide])
+    assert offset == {"value": 0.0021, "standard_error": 0.00031, "unit": "m"}
+    assert told["unknowns"]["mass"]["interval_95"] == [0.0, None]
+    assert told["outliers"] == [{"row": 1, "name": "tension 1", "size": -4.56}]
+    assert told["aicc"] is None  # four numbers for five parameters
+    assert told["bic"] == pytest.approx(10 + 5 * math.log(4))
     assert told["unknowns"]["mass"]["standard_error"] is None
     assert told["predictions"][0] == {"unknowns": ["axial_stiffness", "mass"], "error": 3.4567}
     assert told["predictions"][1] == {"unknowns": ["mass"], "error": None}

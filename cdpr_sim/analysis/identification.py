@@ -1,13 +1,14 @@
-"""Identification: fit of the cables' stiffness, rest lengths, mass or centre of mass to measured poses.
+"""Identification: fit of stiffness, lengths, mass, geometry and sensors of a robot to measurements of its equilibria.
 
 Nonlinear least squares (Levenberg 1944; SciPy's trust-region reflective) on
 
-    r = (x(θ) − x_measured) / sigma
+    r = (h(x(θ), θ) − y) / sigma
 
-where x(θ) is the equilibrium of statics, with the exact derivatives of the implicit function theorem. Positive unknowns
-are fitted by their logarithm. Standard errors are the square roots of the diagonal of (JᵀJ)⁻¹; directions of θ that the
-data do not see, by the singular values of J with unit columns, have infinite ones, and a sentence. Whether the data
-hold so many unknowns is tested against fits of fewer (``identifiability``).
+where x(θ) is the equilibrium of statics, and h what the sensors show there (``identification_model``). Positive
+unknowns are fitted by their logarithm. Rest lengths with errors are corrected, and their errors are propagated into the
+covariance of their row. Standard errors are the square roots of the diagonal of (JᵀJ)⁻¹; directions of θ that the data
+do not see, by the singular values of J with unit columns, have infinite ones, and a sentence. Whether the data hold so
+many unknowns is tested against fits of fewer (``identifiability``).
 """
 
 from __future__ import annotations
@@ -17,41 +18,42 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
-from scipy.optimize import least_squares
-from scipy.stats import chi2
+from jaxtyping import Float, Int
+from scipy.stats import chi2, norm, t
 
-from cdpr_sim.analysis.identifiability import INVISIBLE, certainty, directions, leverages, prediction_error, too_many
-from cdpr_sim.analysis.measurements import Measurements
-from cdpr_sim.core.checks import listed, one_of, positive, refuse_unless
+from cdpr_sim.analysis.identifiability import INVISIBLE, certainty, directions, leverages, too_many
+from cdpr_sim.analysis.identification_model import RANGE, ROUGH, UNKNOWNS, Model, unknowns_of
+from cdpr_sim.analysis.measurements import KINDS, Measurements
+from cdpr_sim.core.checks import checked_array, listed, one_of, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
-from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.statics import derivatives, forces, newton
-
-UNKNOWNS = (
-    "axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "mass", "center_of_mass", "winch_to_exit",
-)  # fmt: skip
-"""Unknowns that can be fitted: one EA for all cables, one each, an offset of each rest length, mass, centre of mass,
-one length of rope between winch and exit for all cables."""
 
 REWEIGHTINGS = 20
 """Number of fits, each weighted by the scatters from the residuals of the last one; they converge in three or four."""
+
+CORRECTIONS = 3
+"""Number of fits with fewer unknowns, each at the rest lengths that the last one corrected."""
 
 LEAST_FREEDOM = 1e-6
 """Least number of degrees of freedom of a kind of measurement: with fewer, its scatter cannot be estimated
 separately."""
 
 EXACT = 1e-9
-"""[m, rad] Least estimate of a scatter: two solutions of one equilibrium differ by as much."""
+"""[m, rad] Least estimate of a scatter: two solutions of one equilibrium differ by as much. Of a tension, times the
+stiffness of a cable; of a frequency, times the frequency of a pendulum of the platform's size over that size."""
 
 SURPRISING = 1e-3
-"""Probability of residuals as large as found, below which the model does not explain the data."""
+"""Probability of residuals as large as found, below which the model does not explain the data. Also the probability
+that any of normally distributed numbers is named as an outlier."""
 
-RANGE = 1e4
-"""Positive unknowns are fitted within this factor of the robot's own."""
+TUNING = 1.345
+"""Huber's: residuals above this many standard errors count in proportion to their size, not to its square. Standard
+errors of normally distributed data become larger by 1/sqrt(0.95) (Huber 1964, doi:10.1214/aoms/1177703732)."""
+
+EFFICIENCY = 0.95
+"""Of Huber's estimate with that tuning, on normally distributed data."""
 
 SCAN = 10.0 ** np.arange(-2, 2.01, 0.25)
 """Factors of EA that are tried before the fit: far from the true one the platform may have another equilibrium."""
@@ -60,26 +62,53 @@ SAID = 3
 """Unknowns that ``repr`` names one by one."""
 
 
+@dataclass(frozen=True)
+class Outlier:
+    """A number that the fit to all others does not explain.
+
+    Attributes:
+        row: its row, from 1.
+        name: its column of ``Measurements.values``, such as "tension 2".
+        size: residual over its standard error, given the fit.
+    """
+
+    row: int
+    name: str
+    size: float
+
+    def __str__(self) -> str:
+        return f"row {self.row}: {self.name} is {abs(self.size):.1f} standard errors off"
+
+
 @dataclass(frozen=True, eq=False)
 class Identification(HtmlRepr):
     """Result of an identification.
 
     Attributes:
-        robot: the robot with the identified values (rest-length offsets are not part of a robot).
+        robot: the robot with the identified values (offsets and gains of rest lengths and sensors are not part of it).
         names: names of the unknowns, one by one: "axial_stiffness", "mass", "rest_length_offset 3".
         units: unit of each.
         values: value of each.
         standard_errors: standard error of each; ``inf`` where the data do not determine it.
         correlations: between them, (unknowns, unknowns); nan where undetermined.
-        residuals: residuals in coordinates (rows, 6) [m, rad]; nan where not measured.
+        residuals: what the sensors would show, at the corrected rest lengths if these have errors, less what they did,
+            (rows, numbers) as ``Measurements.values`` [m, rad,
+            N, rad, Hz]; nan where not measured.
         spread: root mean square of residuals over their stated error; 1 if model and errors are right, and by
             construction where errors were judged.
-        scatters: standard errors of a measured coordinate [m] and of an angle [rad], as stated or judged.
-        judged: which of them were judged from the residuals: "position", "rotation".
+        scatters: standard error of each kind of measurement that there is, as stated (root mean square) or judged:
+            "position" [m], "rotation" [rad], "tension" [N], "swivel" [rad], "frequency" [Hz].
+        judged: which of them were judged from the residuals.
         predictions: root mean square of what fits to all other rows miss of each row's numbers, over ``scatters``: of
             the unknowns that were asked for, first, and of fewer, by their names; nan of a single row, inf where one
             row alone determines an unknown.
         reasons: what the data cannot tell, and whether the model explains them, a sentence each.
+        freedom: count of measured numbers less that of unknowns which they determine.
+        deviance: −2 log of the likelihood of normally distributed errors, judged ones included.
+        outliers: numbers that the others do not explain, the worst first.
+        kinds: index into ``KINDS`` of each column of ``residuals``.
+        given: the robot as it was given.
+        asked: the unknowns that were asked for.
     """
 
     robot: Robot
@@ -88,12 +117,18 @@ class Identification(HtmlRepr):
     values: Float[np.ndarray, " unknowns"]
     standard_errors: Float[np.ndarray, " unknowns"]
     correlations: Float[np.ndarray, "unknowns unknowns"]
-    residuals: Float[np.ndarray, "rows 6"]
+    residuals: Float[np.ndarray, "rows numbers"]
     spread: float
-    scatters: tuple[float, float]
+    scatters: Mapping[str, float]
     judged: tuple[str, ...]
     predictions: Mapping[tuple[str, ...], float]
     reasons: tuple[str, ...]
+    freedom: int
+    deviance: float
+    outliers: tuple[Outlier, ...]
+    kinds: Int[np.ndarray, " numbers"]
+    given: Robot
+    asked: tuple[str, ...]
 
     def __getitem__(self, name: str) -> tuple[float, float]:
         """(value, standard error) of the unknown called ``name``.
@@ -103,6 +138,77 @@ class Identification(HtmlRepr):
         """
         index = self.names.index(one_of("unknown", name, self.names))
         return float(self.values[index]), float(self.standard_errors[index])
+
+    def intervals(self, coverage: float = 0.95) -> Float[np.ndarray, "unknowns 2"]:
+        """Intervals that hold the true values with this probability, if model and errors are right.
+
+        To first order in the errors: Student's t where errors were judged, with all degrees of freedom, otherwise the
+        normal distribution; in the logarithm of positive unknowns. ``scripts/interval_coverage.py`` measures how often
+        they do.
+
+        Args:
+            coverage: the probability, between 0 and 1.
+
+        Returns:
+            (unknowns, 2) lower and upper ends; −inf or 0 and inf where the data do not determine an unknown.
+
+        Raises:
+            InvalidInput: not a probability.
+        """
+        coverage = float(checked_array("coverage", coverage, ()))
+        if not 0 < coverage < 1:
+            raise InvalidInput(f"coverage: found {coverage:g}, expected a probability between 0 and 1")
+        upper = 0.5 + 0.5 * coverage
+        half = float(t.ppf(upper, max(self.freedom, 1)) if self.judged else norm.ppf(upper))
+        found = np.stack([self.values - half * self.standard_errors, self.values + half * self.standard_errors], axis=1)
+        positives = np.array([name.partition(" ")[0] in POSITIVE for name in self.names], dtype=bool)
+        with np.errstate(over="ignore"):
+            ratios = np.exp(half * self.standard_errors[positives] / self.values[positives])
+        found[positives] = np.stack([self.values[positives] / ratios, self.values[positives] * ratios], axis=1)
+        return found
+
+    @property
+    def aicc(self) -> float:
+        """Akaike's information criterion, corrected for few numbers: smaller is better, for fits to the same data.
+
+        Hurvich and Tsai 1989 (doi:10.1093/biomet/76.2.297); judged scatters count as unknowns. inf with too few
+        numbers.
+        """
+        count, k = self._counts
+        return self.deviance + 2 * k + 2 * k * (k + 1) / (count - k - 1) if count > k + 1 else np.inf
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's information criterion (1978, doi:10.1214/aos/1176344136); as ``aicc``."""
+        count, k = self._counts
+        return self.deviance + k * float(np.log(count))
+
+    @property
+    def _counts(self) -> tuple[int, int]:
+        """Measured numbers, and parameters with the judged scatters."""
+        count = int((~np.isnan(self.residuals)).sum())
+        return count, count - self.freedom + len(self.judged)
+
+    def predict(self, measurements: Measurements) -> Float[np.ndarray, "rows numbers"]:
+        """What the sensors would show in other rows less what they did, with all unknowns as identified.
+
+        Args:
+            measurements: with columns of the same kinds; offsets, gains and zeros count as of the same sensors.
+
+        Returns:
+            (rows, numbers) as ``residuals``; nan where not measured.
+
+        Raises:
+            InvalidInput: measurements of another robot.
+            NotConverged: no equilibrium at some row.
+        """
+        refuse_unless(Measurements, measurements=measurements)
+        measurements.check_robot(self.robot)
+        wanted = {one.name: one for one in unknowns_of(self.given, measurements, self.asked)}
+        kept = [wanted[name] for name in self.names if name in wanted]
+        values = [value for name, value in zip(self.names, self.values, strict=True) if name in wanted]
+        x = np.array([one.coordinate(value) for one, value in zip(kept, values, strict=True)])
+        return np.where(measurements.known, Model(self.given, measurements, kept).residuals(x), np.nan)
 
     def __repr__(self) -> str:
         told = [
@@ -115,20 +221,8 @@ class Identification(HtmlRepr):
         return f"<Identification of {self.robot.name!r}: {'; '.join(told[:SAID])}{more}{warned}>"
 
 
-@dataclass(frozen=True)
-class _Unknown:
-    """One number to fit: its derivative is the sum of those of ``columns`` of ``parameter``.
-
-    What its standard error is compared with is its ``size``, and that in words; inf where there is nothing.
-    """
-
-    name: str
-    unit: str
-    parameter: str
-    columns: tuple[int, ...]
-    start: float
-    logarithmic: bool
-    size: tuple[float, str] = (np.inf, "")
+POSITIVE = ("axial_stiffness", "mass", "pulley_radius")
+"""Unknowns that are fitted by their logarithms."""
 
 
 def identify(
@@ -138,15 +232,27 @@ def identify(
     *,
     position_error: float | None = None,
     rotation_error: float | None = None,
+    tension_error: float | None = None,
+    swivel_error: float | None = None,
+    frequency_error: float | None = None,
+    rest_length_error: float | None = None,
+    robust: bool = False,
 ) -> Identification:
-    """Fit ``unknowns`` to measured poses.
+    """Fit ``unknowns`` to what was measured in equilibrium.
+
+    Errors count where the measurements state none. A kind of measurement without any error is judged by its residuals.
 
     Args:
         robot: the known values, and the start of the fit.
         measurements: from ``read_measurements`` or ``Measurements.of``.
         unknowns: any of ``UNKNOWNS``.
-        position_error: standard error of a measured coordinate [m]; default: estimated from the residuals of positions.
-        rotation_error: standard error of a measured angle [rad]; default: estimated from the residuals of angles.
+        position_error: standard error of a measured coordinate [m].
+        rotation_error: standard error of a measured angle [rad].
+        tension_error: standard error of a measured tension [N].
+        swivel_error: standard error of a measured swivel angle [rad].
+        frequency_error: standard error of a measured natural frequency [Hz].
+        rest_length_error: standard error of a rest length [m]; default: rest lengths are exact.
+        robust: by Huber's weights, so that outliers count in proportion to their size, not to its square.
 
     Returns:
         Values of the unknowns with standard errors in the unit of each, the residuals, and a robot with the identified
@@ -154,46 +260,66 @@ def identify(
 
     Raises:
         InvalidInput: measurements of another robot or too few, errors that are not positive, or unknowns that exclude
-            each other.
+            each other, or that these measurements do not have.
         UnknownName: no such unknown.
         NotConverged: no equilibrium at some commanded pose for any stiffness near the best.
     """
     refuse_unless(Robot, robot=robot)
     refuse_unless(Measurements, measurements=measurements)
+    refuse_unless(bool, robust=robust)
     measurements.check_robot(robot)
     names = _names(unknowns)
-    wanted = _wanted(robot, names)
+    wanted = unknowns_of(robot, measurements, names)
+    given = (position_error, rotation_error, tension_error, swivel_error, frequency_error, rest_length_error)
+    kinds_and_lengths = zip((*KINDS, "rest_length"), given, ("m", "rad", "N", "rad", "Hz", "m"), strict=True)
+    stated = {
+        kind: positive(f"{kind}_error", error, unit) for kind, error, unit in kinds_and_lengths if error is not None
+    }
+    measured = {kind for i, kind in enumerate(KINDS) if (measurements.known & (measurements.kinds == i)).any()}
+    measurements = measurements.with_errors(
+        {kind: error for kind, error in stated.items() if kind in measured | {"rest_length"}}
+    )
     known = measurements.known
-    stated = [
-        None if position_error is None else positive("position_error", position_error, "m"),
-        None if rotation_error is None else positive("rotation_error", rotation_error, "rad"),
-    ]
-    kinds = np.broadcast_to(np.repeat([0, 1], 3), known.shape)[known]  # of each number: a position, or an angle
-    judged = [kind for kind in (0, 1) if stated[kind] is None and (kinds == kind).any()]
-    count, needed = len(kinds), len(wanted) + bool(judged)
+    unstated = np.isnan(measurements.errors) & known
+    judged = [i for i in range(len(KINDS)) if (unstated & (measurements.kinds == i)).any()]
+    count, needed = int(known.sum()), len(wanted) + bool(judged)
     if count < needed:
         raise InvalidInput(
             f"{measurements.source}: found {count} measured numbers, expected {needed} or more for {len(wanted)} "
             "unknowns" + (" and their scatter" if judged else "")
         )
-    arm = robot.characteristic_length
-    guess = stated[0] or (stated[1] or 1.0 / arm) * arm
-    model = _Model(robot, measurements, wanted, (stated[0] or guess, stated[1] or guess / arm))
+    scales, floors = _scales(robot)
+    scatters = _start_scatters(measurements, judged, scales)
+    model = Model(robot, measurements, wanted, _errors(measurements, scatters))
     x = _scanned(model)
+    reweighted = bool(judged) or robust or measurements.rest_length_errors is not None
+    if judged and not robust and unstated[known].all() and (model.kinds == model.kinds[0]).all():
+        reweighted = measurements.rest_length_errors is not None  # a factor common to all numbers moves no fit
     for _ in range(REWEIGHTINGS):
-        x = model.fitted_from(x)
-        before = model.scatters
-        model.scatters = _scatters(before, judged, kinds, model.weighted(x), model.weighted_slopes(x), arm)
-        if not judged or (kinds == kinds[0]).all():
-            break  # a factor common to all numbers moves no fit
-        if np.allclose(model.scatters, before, rtol=1e-3, atol=0):
+        model.whiten(x)
+        last, x = x, model.fitted_from(x, ROUGH)
+        before, weights = scatters, model.weights
+        if robust:
+            model.weights = _huber(model.weighted(x) / weights)
+        scatters = _scatters(before, judged, model, x, unstated[known], scales, floors, robust)
+        model.errors = _errors(measurements, scatters)
+        settled = np.allclose(scatters, before, rtol=1e-3, atol=0) and np.allclose(model.weights, weights, atol=1e-3)
+        still = (
+            measurements.rest_length_errors is None or np.abs(model.weighted_slopes(x) @ (x - last)).max() < INVISIBLE
+        )
+        if not reweighted or (settled and still):
             break
-    x = _nearest_to_known(x, model)
+    model.whiten(x)
+    x = _nearest_to_known(model.fitted_from(x), model)
     left, slope = model.weighted(x), model.weighted_slopes(x)
     errors, correlations, reasons = certainty(slope, [one.name for one in wanted], [one.size for one in wanted])
+    if robust:  # the weights count fewer numbers, Huber's efficiency says how much less certain the fit is
+        model.weights = np.ones(count)
+        plain = model.weighted_slopes(x)
+        errors = certainty(plain, [one.name for one in wanted], [one.size for one in wanted])[0] / np.sqrt(EFFICIENCY)
     predictions = {names: model.prediction(x)} | _predictions_of_fewer(model, names)
     reasons += too_many(predictions)
-    told = ~np.isin(kinds, judged)  # numbers whose error was stated, which the model must explain
+    told = ~np.isin(model.kinds, judged)  # numbers whose error was stated, which the model must explain
     size, freedom = float(np.sum(left[told] ** 2)), float((1 - leverages(slope))[told].sum())
     spread = np.sqrt(size / freedom) if freedom > LEAST_FREEDOM else 1.0
     if freedom > LEAST_FREEDOM and chi2.sf(size, freedom) < SURPRISING:
@@ -205,8 +331,10 @@ def identify(
         one.name for one, at in zip(wanted, x, strict=True) if one.logarithmic and abs(at) > 0.99 * np.log(RANGE)
     ]
     reasons += [f"{name} runs away: the data fit best at {RANGE:g} times or a {RANGE:g}th of it" for name in at_bound]
-    values = np.array([_value(one, at) for one, at in zip(wanted, x, strict=True)])
+    values = np.array([one.value(at) for one, at in zip(wanted, x, strict=True)])
     factors = np.array([value if one.logarithmic else 1.0 for one, value in zip(wanted, values, strict=True)])
+    whole = model.weighted(x)
+    determined = slope.shape[1] - len(directions(slope)[1])
     return Identification(
         robot=model.changed(x)[0],
         names=tuple(one.name for one in wanted),
@@ -216,43 +344,108 @@ def identify(
         correlations=correlations,
         residuals=np.where(known, model.residuals(x), np.nan),
         spread=float(spread),
-        scatters=(float(model.scatters[0]), float(model.scatters[1])),
-        judged=tuple(("position", "rotation")[kind] for kind in judged),
+        scatters=_scatters_by_kind(measurements, model.errors),
+        judged=tuple(KINDS[kind] for kind in judged),
         predictions=predictions,
         reasons=tuple(reasons),
+        freedom=count - determined,
+        deviance=float((whole**2).sum()) + model.log_determinant() + count * float(np.log(2 * np.pi)),
+        outliers=_outliers(measurements, whole, leverages(model.weighted_slopes(x))),
+        kinds=measurements.kinds,
+        given=robot,
+        asked=names,
     )
 
 
+def _scales(robot: Robot) -> tuple[Float[np.ndarray, " kinds"], Float[np.ndarray, " kinds"]]:
+    """Scatters that are of one size, as a metre of the platform's position; and the least of each that is estimated."""
+    arm, weight = robot.characteristic_length, max(robot.weight, 1.0)
+    stiffness = float(np.median(robot.axial_stiffness)) / arm
+    pendulum = float(np.sqrt(max(robot.gravity, 1.0) / arm)) / (2 * np.pi)
+    alike = np.array([1.0, 1 / arm, weight / arm, 1 / arm, pendulum / arm])
+    return alike, EXACT * np.array([1.0, 1.0, stiffness, 1.0, pendulum / arm])
+
+
+def _start_scatters(
+    measurements: Measurements, judged: list[int], scales: Float[np.ndarray, " kinds"]
+) -> Float[np.ndarray, " kinds"]:
+    """First scatters of the kinds that are judged, alike; as those that are stated, where some are."""
+    stated = [
+        float(np.nanmedian(errors[~np.isnan(errors)])) / scales[kind]
+        for kind in range(len(KINDS))
+        if kind not in judged and (errors := measurements.errors[:, measurements.kinds == kind]).size
+        and not np.isnan(errors).all()
+    ]  # fmt: skip
+    return (stated[0] if stated else 1.0) * scales
+
+
+def _errors(measurements: Measurements, scatters: Float[np.ndarray, " kinds"]) -> Float[np.ndarray, "rows numbers"]:
+    """Stated errors, and by kind where there is none."""
+    return np.where(np.isnan(measurements.errors), scatters[measurements.kinds], measurements.errors)
+
+
+def _scatters_by_kind(measurements: Measurements, errors: Float[np.ndarray, "rows numbers"]) -> dict[str, float]:
+    """Root mean squares of the errors of the measured numbers."""
+    of_kind = {kind: errors[measurements.known & (measurements.kinds == i)] for i, kind in enumerate(KINDS)}
+    return {kind: float(np.sqrt(np.mean(some**2))) for kind, some in of_kind.items() if some.size}
+
+
+def _huber(residuals: Float[np.ndarray, " numbers"]) -> Float[np.ndarray, " numbers"]:
+    """Factors of the residuals by Huber's weights, the squares of the factors."""
+    return np.sqrt(np.minimum(1.0, TUNING / np.maximum(np.abs(residuals), TUNING)))
+
+
+_WEIGHTED_SQUARES = float(1 - 2 * norm.sf(TUNING))
+"""Mean of the squares of normally distributed numbers with Huber's weights."""
+
+
 def _scatters(
-    scatters: Float[np.ndarray, "2"],
+    scatters: Float[np.ndarray, " kinds"],
     judged: list[int],
-    kinds: np.ndarray,
-    residuals: Float[np.ndarray, " numbers"],
-    slope: Float[np.ndarray, "numbers unknowns"],
-    arm: float,
-) -> Float[np.ndarray, "2"]:
-    """Scatters of positions and angles; those that are ``judged`` are estimated from their residuals, separately.
+    model: Model,
+    x: Float[np.ndarray, " unknowns"],
+    unstated: np.ndarray,
+    scales: Float[np.ndarray, " kinds"],
+    floors: Float[np.ndarray, " kinds"],
+    robust: bool,
+) -> Float[np.ndarray, " kinds"]:
+    """Scatters by kind; those that are ``judged`` are estimated from their residuals, separately.
 
     Each by the degrees of freedom of its kind: the count of its numbers, less their share in the fit (the trace of
-    their block of the hat matrix; Förstner 1979). Of kinds that were measured, none is below a thousandth of the other
-    by the ``arm``.
+    their block of the hat matrix; Förstner 1979). Of kinds that were measured, none is below a thousandth of another,
+    compared by ``scales``.
     """
-    leverage = leverages(slope)
-    together = np.isin(kinds, judged)
-    free = max(float((1 - leverage[together]).sum()), 0.0)
-    pooled = np.sqrt(float((residuals[together] ** 2).sum()) / free) if free > LEAST_FREEDOM else 1.0
+    if not judged:
+        return scatters
+    squares, leverage = model.weighted(x) ** 2, leverages(model.weighted_slopes(x))
+    if robust:
+        squares = squares / _WEIGHTED_SQUARES
+    free = max(float((1 - leverage[unstated]).sum()), 0.0)
+    pooled = np.sqrt(float(squares[unstated].sum()) / free) if free > LEAST_FREEDOM else 1.0
     found = scatters.copy()
     for kind in judged:
-        rows = kinds == kind
+        rows = (model.kinds == kind) & unstated
         free = float((1 - leverage[rows]).sum())
-        own = np.sqrt(float((residuals[rows] ** 2).sum()) / free) if free > LEAST_FREEDOM else pooled
-        found[kind] = max(found[kind] * own, EXACT)
-    alike = np.array([1.0, 1.0 / arm])  # scatters of one size: an angle's is a position's over the arm
-    least = 1e-3 * (found / alike)[np.unique(kinds)].max() * alike
-    return np.where(np.isin([0, 1], judged), np.maximum(found, least), scatters)
+        own = np.sqrt(float(squares[rows].sum()) / free) if free > LEAST_FREEDOM else pooled
+        found[kind] = max(found[kind] * own, floors[kind])
+    least = 1e-3 * (found / scales)[np.unique(model.kinds)].max() * scales
+    return np.where(np.isin(np.arange(len(KINDS)), judged), np.maximum(found, least), scatters)
 
 
-def _predictions_of_fewer(model: _Model, names: tuple[str, ...]) -> dict[tuple[str, ...], float]:
+def _outliers(
+    measurements: Measurements, white: Float[np.ndarray, " numbers"], leverage: Float[np.ndarray, " numbers"]
+) -> tuple[Outlier, ...]:
+    """Numbers whose studentised residuals are as large once in a thousand fits to normally distributed data."""
+    sizes = white / np.sqrt(np.maximum(1 - leverage, INVISIBLE))
+    rows, columns = np.nonzero(measurements.known)
+    found = [
+        Outlier(int(rows[i]) + 1, measurements.names[columns[i]], float(sizes[i]))
+        for i in np.flatnonzero(np.abs(sizes) > norm.isf(SURPRISING / 2 / len(sizes)))
+    ]
+    return tuple(sorted(found, key=lambda one: -abs(one.size)))
+
+
+def _predictions_of_fewer(model: Model, names: tuple[str, ...]) -> dict[tuple[str, ...], float]:
     """Prediction errors without one of the unknowns, each in turn, and with one EA in place of one for each cable.
 
     By the weights of the larger fit. Where a smaller one meets a pose without an equilibrium, it predicts nothing.
@@ -262,13 +455,19 @@ def _predictions_of_fewer(model: _Model, names: tuple[str, ...]) -> dict[tuple[s
         fewer.append(tuple(name.removesuffix("_each") for name in names))
     found = {}
     for some in fewer:
-        smaller = _Model(model.robot, model.measurements, _wanted(model.robot, some), model.scatters)
+        smaller = Model(
+            model.robot, model.measurements, unknowns_of(model.robot, model.measurements, some), model.errors
+        )
         with suppress(NotConverged):
-            found[some] = smaller.prediction(smaller.fitted_from(_scanned(smaller)))
+            best = _scanned(smaller)
+            for _ in range(1 if model.measurements.rest_length_errors is None else CORRECTIONS):
+                smaller.whiten(best)
+                best = smaller.fitted_from(best, ROUGH)
+            found[some] = smaller.prediction(best)
     return found
 
 
-def _nearest_to_known(x: Float[np.ndarray, " unknowns"], model: _Model) -> Float[np.ndarray, " unknowns"]:
+def _nearest_to_known(x: Float[np.ndarray, " unknowns"], model: Model) -> Float[np.ndarray, " unknowns"]:
     """``x`` without its part along what the data do not see: there, what is known of the robot stays."""
     slopes = model.weighted_slopes(x)
     seen, unseen, _ = directions(slopes)
@@ -291,174 +490,13 @@ def _names(unknowns: Sequence[str]) -> tuple[str, ...]:
         one_of("unknown", name, UNKNOWNS)
     if len(set(unknowns)) < len(unknowns):
         raise InvalidInput(f"unknowns: found {', '.join(unknowns)}, expected each once")
-    if {"axial_stiffness", "axial_stiffness_each"} <= set(unknowns):
-        raise InvalidInput("unknowns: found axial_stiffness and axial_stiffness_each, expected one of the two")
+    for one, other in (("axial_stiffness", "axial_stiffness_each"), ("angle_zeros", "yaw_zero")):
+        if {one, other} <= set(unknowns):
+            raise InvalidInput(f"unknowns: found {one} and {other}, expected one of the two")
     return tuple(unknowns)
 
 
-def _wanted(robot: Robot, names: Sequence[str]) -> list[_Unknown]:
-    cables, EA = range(robot.cables), robot.axial_stiffness
-    axes = (0, 2) if robot.mobility == "planar" else (0, 1, 2)
-    itself, platform = (1.0, "it"), (robot.characteristic_length, "the platform's size")
-    mean = float(np.exp(np.log(EA).mean()))
-    choices = {
-        "axial_stiffness": [_Unknown("axial_stiffness", "N", "axial_stiffness", tuple(cables), mean, True, itself)],
-        "axial_stiffness_each": [
-            _Unknown(f"axial_stiffness {i + 1}", "N", "axial_stiffness", (i,), float(EA[i]), True, itself)
-            for i in cables
-        ],
-        "rest_length_offsets": [
-            _Unknown(f"rest_length_offset {i + 1}", "m", "rest_lengths", (i,), 0.0, False) for i in cables
-        ],
-        "mass": [_Unknown("mass", "kg", "mass", (0,), robot.mass, True, itself)],
-        "center_of_mass": [
-            _Unknown(f"center_of_mass {'xyz'[i]}", "m", "center_of_mass", (i,), at, False, platform)
-            for i, at in enumerate(robot.center_of_mass.tolist())
-            if i in axes
-        ],
-        "winch_to_exit": [
-            _Unknown("winch_to_exit", "m", "winch_to_exit", tuple(cables), float(robot.winch_to_exit.mean()), False)
-        ],
-    }
-    return [one for name in names for one in choices[name]]
-
-
-def _value(unknown: _Unknown, x: float) -> float:
-    """Value from the fit's coordinate, 0 at the start: a logarithm, or a difference."""
-    return unknown.start * float(np.exp(x)) if unknown.logarithmic else unknown.start + float(x)
-
-
-class _Model:
-    """Equilibria at every row, and their derivatives, as functions of the fit's coordinates.
-
-    Attributes:
-        scatters: standard errors of a measured coordinate [m] and of an angle [rad].
-    """
-
-    def __init__(
-        self,
-        robot: Robot,
-        measurements: Measurements,
-        unknowns: list[_Unknown],
-        scatters: Sequence[float] | Float[np.ndarray, "2"] = (1.0, 1.0),
-    ) -> None:
-        self.robot, self.measurements, self.unknowns = robot, measurements, unknowns
-        self.scatters = np.array(scatters)
-        self.poses = poses = [robot.pose(row) for row in measurements.commanded]
-        self.positions = np.array([pose.translation for pose in poses])
-        self.rotations = np.array([pose.rotation.as_matrix() for pose in poses])
-        rigid = measurements.rest_lengths
-        self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in poses]) if rigid is None else rigid
-        self._at: np.ndarray | None = None
-
-    def weighted(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " numbers"]:
-        """What is left of each measured number, over its standard error."""
-        return (self.residuals(x) / np.repeat(self.scatters, 3))[self.measurements.known]
-
-    def weighted_slopes(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "numbers unknowns"]:
-        """Derivative of ``weighted``."""
-        return (self.slopes(x) / np.repeat(self.scatters, 3)[:, None])[self.measurements.known]
-
-    def fitted_from(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " unknowns"]:
-        """The least of the squares of ``weighted``, sought from ``x``.
-
-        Raises:
-            NotConverged: no equilibrium at some pose on the way.
-        """
-        if not self.unknowns:
-            return x
-        far = np.array([np.log(RANGE) if one.logarithmic else np.inf for one in self.unknowns])
-        behind = [one.parameter == "winch_to_exit" for one in self.unknowns]  # which is 0 or more
-        return least_squares(
-            self.weighted,
-            x,
-            jac=self.weighted_slopes,  # pyright: ignore[reportArgumentType]
-            bounds=(np.where(behind, [-one.start for one in self.unknowns], -far), far),
-            x_scale="jac",
-            xtol=1e-10,
-            ftol=1e-12,
-            gtol=1e-12,
-        ).x
-
-    def prediction(self, x: Float[np.ndarray, " unknowns"]) -> float:
-        """Root mean square error of rows that are left out, over their standard errors; see ``prediction_error``."""
-        rows = np.nonzero(self.measurements.known)[0]
-        return prediction_error(self.weighted_slopes(x), self.weighted(x), rows)
-
-    def changed(self, x: Float[np.ndarray, " unknowns"]) -> tuple[Robot, Float[np.ndarray, "rows cables"]]:
-        """The robot and its rest lengths with the unknowns at ``x``."""
-        stiffness = self.robot.axial_stiffness.copy()
-        center, mass, behind = self.robot.center_of_mass.copy(), self.robot.mass, 0.0
-        rest = self.rest_lengths.copy()
-        touched = set()
-        for one, coordinate in zip(self.unknowns, x, strict=True):
-            value, columns = _value(one, coordinate), list(one.columns)
-            touched.add(one.parameter)
-            if one.parameter == "axial_stiffness":
-                stiffness[columns] = value
-            elif one.parameter == "rest_lengths":
-                rest[:, columns] += value
-            elif one.parameter == "mass":
-                mass = value
-            elif one.parameter == "winch_to_exit":
-                behind = value
-            else:
-                center[columns] = value
-        new = {"axial_stiffness": stiffness, "mass": mass, "center_of_mass": center, "winch_to_exit": behind}
-        return self.robot.replace(**{name: value for name, value in new.items() if name in touched}), rest
-
-    def solve(self, x: Float[np.ndarray, " unknowns"]) -> None:
-        """Equilibria at ``x``, kept until the next call."""
-        if self._at is not None and np.array_equal(self._at, x):
-            return
-        self.now, self.rest = self.changed(x)
-        if not self.rest.min() > 0:
-            raise NotConverged("identify: the fit asked for rest lengths below 0")
-        solved = newton.solve_many(self.now, self.positions, self.rest, rotations=self.rotations)
-        if not solved.converged.all():
-            row = int(np.argmin(solved.converged))
-            raise NotConverged(
-                f"identify: no equilibrium found for row {row + 1} of {self.measurements.source} while fitting "
-                f"(residual {solved.residuals[row]:.1e} N)"
-            )
-        self.solved, self._at = solved, x.copy()
-
-    def residuals(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows 6"]:
-        """Six-vector of the equilibrium less the measured one; angles between −π and π."""
-        self.solve(x)
-        difference = np.hstack([self.solved.positions, self.solved.euler]) - self.measurements.measured
-        difference[:, 3:] = (difference[:, 3:] + np.pi) % (2 * np.pi) - np.pi
-        return difference
-
-    def slopes(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows 6 unknowns"]:
-        """Derivative of ``residuals``."""
-        self.solve(x)
-        free = self.now.free
-        result, no_wrench = np.zeros((len(self.positions), 6, len(self.unknowns))), np.zeros(6)
-        angles = self.solved.euler
-        for row, (position, rotation) in enumerate(zip(self.solved.positions, self.solved.rotations, strict=True)):
-            problem = Problem(self.now, self.poses[row], self.rest[row], no_wrench)
-            state = forces.at(problem, position, rotation)
-            slope = derivatives.wrench_slope(state)[np.ix_(free, free)]
-            by_parameter = derivatives.wrench_by_parameter(state, [one.parameter for one in self.unknowns])
-            wrench = np.zeros((6, len(self.unknowns)))
-            for column, one in enumerate(self.unknowns):
-                wrench[:, column] = by_parameter[one.parameter][:, list(one.columns)].sum(1)
-            # Where nothing holds the platform, the least of all derivatives: the data do not see that direction.
-            result[row, free] = -np.linalg.lstsq(slope, wrench[free], rcond=1e-12)[0]
-            result[row, 3:] = _angle_rates(angles[row]) @ result[row, 3:]
-        scale = [_value(one, at) if one.logarithmic else 1.0 for one, at in zip(self.unknowns, x, strict=True)]
-        return result * np.array(scale)
-
-
-def _angle_rates(angles: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """E⁻¹ with d(alpha, beta, gamma) = E⁻¹ omega, for a rotation vector omega in the base frame."""
-    _, beta, gamma = angles
-    s, c, sb, cb = np.sin(gamma), np.cos(gamma), np.sin(beta), np.cos(beta)
-    return np.linalg.inv(np.array([[c * cb, -s, 0.0], [s * cb, c, 0.0], [-sb, 0.0, 1.0]]))
-
-
-def _scanned(model: _Model) -> Float[np.ndarray, " unknowns"]:
+def _scanned(model: Model) -> Float[np.ndarray, " unknowns"]:
     """The best of several stiffnesses to start from, all else as known."""
     start = np.zeros(len(model.unknowns))
     stiff = np.array([one.parameter == "axial_stiffness" for one in model.unknowns], dtype=bool)

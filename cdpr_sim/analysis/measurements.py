@@ -1,9 +1,18 @@
-"""Measured poses: commanded and measured coordinates, from arrays or from CSV.
+"""Measurements of a robot in equilibrium: poses, tensions, swivel angles, natural frequencies; from arrays or from CSV.
 
-A CSV file names its columns and their units, ``commanded_x [mm]``, ``measured_beta [deg]``: commanded_x, _y, _z are
-needed, commanded_alpha, _beta, _gamma are 0 unless given, at least one measured_... is, rest_length_1, ... where the
-winches did not follow the rigid geometry, and robot, a name. An empty cell was not measured. Angles are the paper's
-R = Rz(gamma) Ry(beta) Rx(alpha).
+A CSV file names its columns and their units, ``commanded_x [mm]``, ``measured_beta [deg]``. The columns:
+
+- ``commanded_x``, ``_y``, ``_z`` are needed; ``commanded_alpha``, ``_beta``, ``_gamma`` are 0 unless given.
+- ``rest_length_1``, ...: what the winches paid out, where they did not follow the rigid geometry of the commanded pose.
+- ``mass``: of the platform with its load in this row; empty: the robot's.
+- ``force_x``, ..., ``torque_z``: a known external wrench in this row.
+- Measured, at least one of them: ``measured_x``, ..., ``measured_gamma``; ``tension_1``, ... by load cells;
+  ``swivel_1``, ... of the pulleys, as in ``core.cable_path.swivel_angles``; ``frequency_1``, ... of the platform's
+  natural modes, slowest first.
+- ``robot``, a name.
+
+Each measured column and each rest length may have a standard error, ``tension_1_error [N]``. An empty cell was not
+measured. Angles are the paper's R = Rz(gamma) Ry(beta) Rx(alpha).
 """
 
 from __future__ import annotations
@@ -11,41 +20,64 @@ from __future__ import annotations
 import csv
 import difflib
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from dataclasses import fields as dataclass_fields
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array, checked_path, listed, one_of, refuse_unless
+from cdpr_sim.core.checks import as_numbers, checked_array, checked_path, listed, one_of, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import read_text
 from cdpr_sim.core.robot import Robot
 
 COORDINATES = ("x", "y", "z", "alpha", "beta", "gamma")
 
+KINDS = ("position", "rotation", "tension", "swivel", "frequency")
+"""Kinds of measured numbers: coordinates [m], angles of the platform [rad], tensions [N], swivel angles [rad], natural
+frequencies [Hz]."""
+
+UNITS = ("m", "rad", "N", "rad", "Hz")
+"""Unit of each kind."""
+
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180, "°": np.pi / 180, "mrad": 1e-3}
+FORCES = {"N": 1.0, "kN": 1e3}
+TORQUES = {"N m": 1.0, "Nm": 1.0, "N mm": 1e-3}
+MASSES = {"kg": 1.0, "g": 1e-3}
+FREQUENCIES = {"Hz": 1.0, "rad/s": 1 / (2 * np.pi)}
+
+WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 
 LARGEST_FILE = 50_000_000
 """Largest size of a file [bytes]: half a million rows."""
 
 _HEADER = re.compile(r"^(?P<name>[a-z_0-9]+)\s*(\[(?P<unit>[^\]]+)\])?$")
-_REST_LENGTH = re.compile(r"^rest_length_(\d+)$")
+_NUMBERED = re.compile(r"^(?P<kind>rest_length|tension|swivel|frequency)_(?P<number>[1-9]\d{0,3})$")
 
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """Commanded and measured poses, row by row, as six-vectors [m, rad].
+    """Commanded and measured quantities of equilibria, row by row.
 
     Attributes:
-        commanded: (rows, 6).
-        measured: (rows, 6), nan where not measured.
+        commanded: (rows, 6) [m, rad].
+        measured: (rows, 6) poses [m, rad], nan where not measured.
         rest_lengths: (rows, cables) [m], or None where the winches followed the rigid geometry.
         robot: name of the robot, if given.
         source: origin of the data, for messages.
+        tensions: (rows, cables) of the ropes [N], nan where not measured; None: none was.
+        swivels: (rows, cables) swivel angles of the pulleys [rad], likewise.
+        frequencies: (rows, modes) natural frequencies [Hz], slowest first, likewise.
+        masses: (rows,) of the platform with its load [kg], nan: the robot's; None: the robot's in all rows.
+        wrenches: (rows, 6) known external wrenches [N, N m]; None: none acts.
+        stated_errors: standard errors of all ``values``, (rows, numbers), nan where not stated; None: none is.
+        rest_length_errors: (rows, cables) standard errors of the rest lengths [m]; None: they are exact.
     """
 
     commanded: Float[np.ndarray, "rows 6"]
@@ -53,60 +85,198 @@ class Measurements:
     rest_lengths: Float[np.ndarray, "rows cables"] | None = None
     robot: str | None = None
     source: str = "measurements"
+    tensions: Float[np.ndarray, "rows cables"] | None = None
+    swivels: Float[np.ndarray, "rows cables"] | None = None
+    frequencies: Float[np.ndarray, "rows modes"] | None = None
+    masses: Float[np.ndarray, " rows"] | None = None
+    wrenches: Float[np.ndarray, "rows 6"] | None = None
+    stated_errors: Float[np.ndarray, "rows numbers"] | None = None
+    rest_length_errors: Float[np.ndarray, "rows cables"] | None = None
 
     @classmethod
     def of(
         cls,
         commanded: ArrayLike,
-        measured: ArrayLike,
+        measured: ArrayLike | None = None,
         *,
         coordinates: Sequence[str] = COORDINATES,
         rest_lengths: ArrayLike | None = None,
+        tensions: ArrayLike | None = None,
+        swivels: ArrayLike | None = None,
+        frequencies: ArrayLike | None = None,
+        masses: ArrayLike | None = None,
+        wrenches: ArrayLike | None = None,
+        errors: Mapping[str, ArrayLike] | None = None,
         robot: str | None = None,
     ) -> Measurements:
-        """Measurements from arrays.
+        """Measurements from arrays; nan where a number was not measured.
 
         Args:
-            commanded: (rows, 3) [m] or (rows, 6) [m, rad].
+            commanded: (rows, 3) [m] or (rows, 6) [m, rad]; where the search for each equilibrium starts.
             measured: (rows, len(coordinates)) [m, rad].
             coordinates: which of x, y, z, alpha, beta, gamma the columns of ``measured`` are.
             rest_lengths: (rows, cables) [m]; default: the rigid ones at each commanded pose.
+            tensions: (rows, cables) [N].
+            swivels: (rows, cables) [rad], as in ``core.cable_path.swivel_angles``.
+            frequencies: (rows, modes) [Hz], slowest first.
+            masses: (rows,) of the platform with its load [kg]; default and nan: the robot's.
+            wrenches: (rows, 6) external wrenches [N, N m].
+            errors: standard errors, by "position", "rotation", "tension", "swivel", "frequency" or "rest_length": a
+                number, or an array that broadcasts to (rows, numbers of that kind).
             robot: name of the robot; checked when it is identified.
 
         Returns:
-            Measurements of (rows,) poses, checked; coordinates that were not measured are nan.
+            Measurements of (rows,) equilibria, checked; coordinates that were not measured are nan.
 
         Raises:
-            InvalidInput: shapes that do not fit, or numbers that are not finite.
-            UnknownName: no such coordinate.
+            InvalidInput: shapes that do not fit, numbers that are infinite, errors that are not positive, or nothing
+                measured.
+            UnknownName: no such coordinate or kind.
         """
         given = checked_array("commanded", commanded, (None, None))
         if given.shape[1] not in (3, 6):
             raise InvalidInput(f"commanded: found {given.shape[1]} columns, expected (x, y, z) or a six-vector")
-        whole = np.zeros((len(given), 6))
+        rows = len(given)
+        whole = np.zeros((rows, 6))
         whole[:, : given.shape[1]] = given
-        if len(given) == 0:
+        if rows == 0:
             raise InvalidInput("commanded: found no row, expected at least one")
         coordinates = listed("coordinates", coordinates, "a list of names")
         for name in coordinates:
             one_of("coordinate", name, COORDINATES)
         refuse_unless(str | None, robot=robot)
+        refuse_unless(Mapping | None, errors=errors)
         if not coordinates or len(set(coordinates)) < len(coordinates):
             raise InvalidInput(f"coordinates: found {', '.join(coordinates) or 'none'}, expected some, each once")
-        values = np.full((len(given), 6), np.nan)
-        values[:, [COORDINATES.index(name) for name in coordinates]] = checked_array(
-            "measured", measured, (len(given), len(coordinates))
+        poses = np.full((rows, 6), np.nan)
+        if measured is not None:
+            columns = [COORDINATES.index(name) for name in coordinates]
+            poses[:, columns] = _gappy("measured", measured, (rows, len(coordinates)))
+        lengths = None if rest_lengths is None else checked_array("rest_lengths", rest_lengths, (rows, None))
+        made = cls(
+            whole,
+            poses,
+            lengths,
+            robot,
+            tensions=None if tensions is None else _gappy("tensions", tensions, (rows, None)),
+            swivels=None if swivels is None else _gappy("swivels", swivels, (rows, None)),
+            frequencies=None if frequencies is None else _gappy("frequencies", frequencies, (rows, None)),
+            masses=None if masses is None else _gappy("masses", masses, (rows,)),
+            wrenches=None if wrenches is None else checked_array("wrenches", wrenches, (rows, 6)),
         )
-        lengths = None if rest_lengths is None else checked_array("rest_lengths", rest_lengths, (len(given), None))
-        return cls(whole, values, lengths, robot)
+        made._check()
+        return made.with_errors(errors or {})
+
+    def with_errors(self, errors: Mapping[str, ArrayLike]) -> Measurements:
+        """The same measurements with standard errors by kind, where none were stated.
+
+        Args:
+            errors: by "position", "rotation", "tension", "swivel", "frequency" or "rest_length": a number, or an array
+                that broadcasts to (rows, numbers of that kind).
+
+        Returns:
+            Measurements with ``stated_errors`` and ``rest_length_errors``.
+
+        Raises:
+            InvalidInput: errors that are not positive, or of a kind that was not measured.
+            UnknownName: no such kind.
+        """
+        stated, lengths = self.errors.copy(), self.rest_length_errors
+        for kind, given in errors.items():
+            one_of("error", kind, (*KINDS, "rest_length"))
+            if kind == "rest_length":
+                columns = np.arange(0 if self.rest_lengths is None else self.rest_lengths.shape[1])
+            else:
+                columns = np.flatnonzero(self.kinds == KINDS.index(kind))
+            wanted = (len(self), len(columns))
+            if not len(columns):
+                raise InvalidInput(f"{kind}_error: found one, but no {kind.replace('_', ' ')} was given")
+            found = as_numbers(f"{kind}_error", given)
+            with suppress(ValueError):
+                found = np.broadcast_to(found, wanted)
+            found = _gappy(f"{kind}_error", found, wanted)
+            if (found <= 0).any():
+                raise InvalidInput(f"{kind}_error: found {np.nanmin(found):g}, expected a positive number")
+            if kind == "rest_length":
+                lengths = found if lengths is None else np.where(np.isnan(lengths), found, lengths)
+            else:
+                stated[:, columns] = np.where(np.isnan(stated[:, columns]), found, stated[:, columns])
+        if lengths is not None:
+            lengths = np.nan_to_num(lengths)
+        return replace(self, stated_errors=stated, rest_length_errors=lengths)
+
+    def rows(self, chosen: Sequence[int] | Int[np.ndarray, " chosen"] | Bool[np.ndarray, " rows"]) -> Measurements:
+        """Some of the rows.
+
+        Args:
+            chosen: their indices, from 0, or a mask.
+
+        Returns:
+            Measurements of these rows, in this order.
+
+        Raises:
+            InvalidInput: no such row, or none chosen.
+        """
+        given = np.asarray(chosen)
+        if given.ndim != 1 or (given.dtype == bool and len(given) != len(self)) or given.dtype.kind not in "biu":
+            raise InvalidInput(f"chosen: found {chosen!r}, expected indices of rows, or a mask of {len(self)}")
+        index = np.flatnonzero(given) if given.dtype == bool else given
+        if not len(index) or index.min() < 0 or index.max() >= len(self):
+            raise InvalidInput(f"chosen: found {chosen!r}, expected some of the rows 0 to {len(self) - 1}")
+        arrays = {one.name: getattr(self, one.name) for one in dataclass_fields(self)}
+        return replace(self, **{name: one[index] for name, one in arrays.items() if isinstance(one, np.ndarray)})
+
+    @cached_property
+    def values(self) -> Float[np.ndarray, "rows numbers"]:
+        """All measured numbers, nan where not measured: six coordinates, tensions, swivel angles, frequencies."""
+        return np.hstack([self.measured, *(one for one in self._further if one is not None)])
+
+    @cached_property
+    def kinds(self) -> Int[np.ndarray, " numbers"]:
+        """Index into ``KINDS`` of each column of ``values``."""
+        counts = [3, 3, *(0 if one is None else one.shape[1] for one in self._further)]
+        return np.repeat(np.arange(len(KINDS)), counts)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Name of each column of ``values``: "x", ..., "gamma", "tension 1", ..."""
+        further = [
+            f"{kind} {i + 1}"
+            for kind, one in zip(KINDS[2:], self._further, strict=True)
+            if one is not None
+            for i in range(one.shape[1])
+        ]
+        return (*COORDINATES, *further)
 
     @property
-    def known(self) -> Bool[np.ndarray, "rows 6"]:
-        """Which coordinates were measured."""
-        return ~np.isnan(self.measured)
+    def _further(self) -> tuple[Float[np.ndarray, "rows numbers"] | None, ...]:
+        return self.tensions, self.swivels, self.frequencies
+
+    @property
+    def errors(self) -> Float[np.ndarray, "rows numbers"]:
+        """Standard errors of ``values``, nan where not stated."""
+        return np.full(self.values.shape, np.nan) if self.stated_errors is None else self.stated_errors
+
+    @property
+    def known(self) -> Bool[np.ndarray, "rows numbers"]:
+        """Which numbers were measured; the first six columns are the coordinates."""
+        return ~np.isnan(self.values)
 
     def __len__(self) -> int:
         return len(self.commanded)
+
+    def _check(self) -> None:
+        """Check what does not depend on the robot.
+
+        Raises:
+            InvalidInput: nothing measured, or numbers that are not positive where they must be.
+        """
+        if not self.known.any():
+            raise InvalidInput(f"{self.source}: found nothing measured, expected some number, such as a height")
+        for name in ("rest_lengths", "frequencies", "masses"):
+            found = getattr(self, name)
+            if found is not None and (found <= 0).any():
+                raise InvalidInput(f"{self.source}: {name}: found {np.nanmin(found):g}, expected positive numbers")
 
     def check_robot(self, robot: Robot) -> None:
         """Check that these can be measurements of ``robot``.
@@ -117,10 +287,29 @@ class Measurements:
         refuse_unless(Robot, robot=robot)
         if self.robot is not None and self.robot != robot.name:
             raise InvalidInput(f"{self.source}: found measurements of {self.robot!r}, expected of {robot.name!r}")
-        if self.rest_lengths is not None and self.rest_lengths.shape[1] != robot.cables:
+        named = ((self.rest_lengths, "rest lengths"), (self.tensions, "tensions"), (self.swivels, "swivel angles"))
+        for numbers, name in named:
+            if numbers is not None and numbers.shape[1] != robot.cables:
+                raise InvalidInput(
+                    f"{self.source}: found {numbers.shape[1]} {name}, expected {robot.cables}, one per cable of "
+                    f"{robot.name!r}"
+                )
+        if self.swivels is not None:
+            without = ~np.isnan(self.swivels).all(0) & ~robot.cabling.pulleys
+            if without.any():
+                raise InvalidInput(
+                    f"{self.source}: found the swivel angle of cable {int(np.argmax(without)) + 1}, which has no "
+                    f"pulley on {robot.name!r}"
+                )
+        if self.frequencies is not None and self.frequencies.shape[1] > len(robot.free):
             raise InvalidInput(
-                f"{self.source}: found {self.rest_lengths.shape[1]} rest lengths, expected {robot.cables}, one per "
-                f"cable of {robot.name!r}"
+                f"{self.source}: found {self.frequencies.shape[1]} natural frequencies, expected at most "
+                f"{len(robot.free)}, the degrees of freedom of {robot.name!r}"
+            )
+        if self.frequencies is not None and self.wrenches is not None and self.wrenches[:, 3:].any():
+            raise InvalidInput(
+                f"{self.source}: found natural frequencies under an external torque, expected none: such a torque is "
+                "not conservative"
             )
         if robot.mobility == "planar":
             out = [name for i, name in enumerate(COORDINATES) if i in (1, 3, 5) and self.known[:, i].any()]
@@ -131,9 +320,16 @@ class Measurements:
                 )
 
     def __repr__(self) -> str:
-        seen = [name for name, column in zip(COORDINATES, self.measured.T, strict=True) if not np.isnan(column).all()]
+        seen = [name for name, column in zip(self.names, self.values.T, strict=True) if not np.isnan(column).all()]
         of = f" of {self.robot!r}" if self.robot else ""
         return f"<Measurements{of}: {len(self.measured)} rows of {', '.join(seen)}>"
+
+
+def _gappy(name: str, given: ArrayLike, shape: tuple[int | None, ...]) -> np.ndarray:
+    """As ``checked_array``, with nan where nothing was measured."""
+    array = as_numbers(name, given)
+    checked_array(name, np.where(np.isnan(array), 0.0, array), shape)
+    return array
 
 
 def read_measurements(path: str | Path) -> Measurements:
@@ -174,42 +370,110 @@ def read_measurements(path: str | Path) -> Measurements:
     count = len(rows) - 1
     commanded = np.stack([values.get(f"commanded_{name}", np.zeros(count)) for name in COORDINATES], axis=1)
     measured = np.stack([values.get(f"measured_{name}", np.full(count, np.nan)) for name in COORDINATES], axis=1)
-    if np.isnan(measured).all():
-        raise InvalidInput(f"{path}: found nothing measured, expected a column such as 'measured_z [mm]'")
-    lengths = sorted((int(found[1]), name) for name in names if (found := _REST_LENGTH.match(name)))
-    if [number for number, _ in lengths] != list(range(1, len(lengths) + 1)):
-        raise InvalidInput(f"{path}: found rest lengths {[n for n, _ in lengths]}, expected 1 to the number of cables")
-    rest = np.stack([values[name] for _, name in lengths], axis=1) if lengths else None
+    numbered = {
+        kind: _numbered(path, kind, values, count) for kind in ("rest_length", "tension", "swivel", "frequency")
+    }
+    wrenches = np.stack([np.nan_to_num(values.get(name, np.zeros(count))) for name in WRENCH], axis=1)
     for name, column in [*values.items()]:
-        if not name.startswith("measured_") and np.isnan(column).any():
+        if name.startswith(("commanded_", "rest_length_")) and not name.endswith("_error") and np.isnan(column).any():
             line = lines[1 + int(np.argmax(np.isnan(column)))]
             raise InvalidInput(f"{path}: line {line}, column {name!r}: found nothing, expected a number")
+        if name.endswith("_error") and (column <= 0).any():
+            line = lines[1 + int(np.argmax(column <= 0))]
+            raise InvalidInput(
+                f"{path}: line {line}, column {name!r}: found {np.nanmin(column):g}, expected a positive number"
+            )
+        if name.endswith("_error") and name.removesuffix("_error") not in values:
+            raise InvalidInput(f"{path}: found column {name!r}, expected {name.removesuffix('_error')!r} as well")
     if len(robots) > 1:
         raise InvalidInput(f"{path}: found measurements of {', '.join(sorted(robots))}, expected of one robot")
-    return Measurements(commanded, measured, rest, next(iter(robots), None), str(path))
+    made = Measurements(
+        commanded,
+        measured,
+        numbered["rest_length"],
+        next(iter(robots), None),
+        str(path),
+        tensions=numbered["tension"],
+        swivels=numbered["swivel"],
+        frequencies=numbered["frequency"],
+        masses=values.get("mass"),
+        wrenches=wrenches if wrenches.any() else None,
+    )
+    made._check()
+    columns = [_column_of(name) for name in made.names]
+    if not any(name.endswith("_error") for name in values):
+        return made
+    unstated = np.full(count, np.nan)
+    stated = np.stack([values.get(f"{name}_error", unstated) for name in columns], axis=1)
+    lengths = None
+    if made.rest_lengths is not None:
+        known = [values.get(f"rest_length_{i + 1}_error", unstated) for i in range(made.rest_lengths.shape[1])]
+        lengths = np.nan_to_num(np.stack(known, axis=1))
+    return replace(
+        made, stated_errors=stated, rest_length_errors=None if lengths is None or not lengths.any() else lengths
+    )
+
+
+def _column_of(name: str) -> str:
+    """Column of a CSV file for one of ``Measurements.names``."""
+    return f"measured_{name}" if name in COORDINATES else name.replace(" ", "_")
+
+
+def _numbered(path: Path, kind: str, values: Mapping[str, np.ndarray], count: int) -> np.ndarray | None:
+    """Columns ``kind_1``, ``kind_2``, ..., or None where there are none; a tension may be missing between others."""
+    found = {
+        int(match["number"]): name for name in values if (match := _NUMBERED.match(name)) and match["kind"] == kind
+    }
+    if not found:
+        return None
+    if kind == "rest_length" and sorted(found) != list(range(1, len(found) + 1)):
+        raise InvalidInput(f"{path}: found rest lengths {sorted(found)}, expected 1 to the number of cables")
+    cables = max(
+        [
+            int(match["number"])
+            for name in values
+            if (match := _NUMBERED.match(name))
+            and match["kind"] in (("frequency",) if kind == "frequency" else ("rest_length", "tension", "swivel"))
+        ]
+    )
+    return np.stack([values[found[i]] if i in found else np.full(count, np.nan) for i in range(1, cables + 1)], axis=1)
 
 
 def _column(path: Path, cell: str) -> tuple[str, float]:
     """A column's name, and its unit in SI units."""
-    known = [f"{kind}_{name}" for kind in ("commanded", "measured") for name in COORDINATES] + [
-        "rest_length_1",
-        "robot",
-    ]
+    known = [f"{kind}_{name}" for kind in ("commanded", "measured") for name in COORDINATES]
+    known += ["rest_length_1", "tension_1", "swivel_1", "frequency_1", "mass", *WRENCH, "robot"]
     found = _HEADER.match(cell.strip())
     name = found["name"] if found else cell.strip()
-    if not found or (name not in known and not _REST_LENGTH.match(name)):
+    of = name.removesuffix("_error")
+    match = _NUMBERED.match(of)
+    if of != name and not (match or of.startswith("measured_")):
+        of = name  # an error of what is not measured
+    if not found or (of not in known and not match):
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise InvalidInput(f"{path}: unknown column {cell.strip()!r}: {hint}known: {', '.join(known)}")
     if name == "robot":
         return name, 1.0
-    units = ANGLES if name.endswith(("alpha", "beta", "gamma")) else LENGTHS
+    units = _units(match["kind"] if match else of)
     if found["unit"] is None or found["unit"].strip() not in units:
         unit = "no unit" if found["unit"] is None else f"unit {found['unit']!r}"
         raise InvalidInput(
             f"{path}: column {name!r}: found {unit}, expected one of {', '.join(units)}, as '{name} [..]'"
         )
     return name, units[found["unit"].strip()]
+
+
+def _units(kind: str) -> Mapping[str, float]:
+    """Units of a column, by their symbols."""
+    if kind.endswith(("alpha", "beta", "gamma", "swivel")):
+        return ANGLES
+    for start, units in {
+        "tension": FORCES, "force": FORCES, "torque": TORQUES, "mass": MASSES, "frequency": FREQUENCIES
+    }.items():  # fmt: skip
+        if kind.startswith(start):
+            return units
+    return LENGTHS
 
 
 def _values(

@@ -139,7 +139,7 @@ def identify(
     file: Annotated[Path, typer.Argument(metavar="MEASUREMENTS", help="CSV with named columns and units.")],
     unknown: Annotated[
         list[str] | None,
-        typer.Option("--unknown", help="axial_stiffness (default), axial_stiffness_each, mass, ...; repeatable."),
+        typer.Option("--unknown", help="axial_stiffness (default), mass, force_gains, ...; repeatable."),
     ] = None,
     material: MaterialName = None,
     position_error: Annotated[
@@ -148,14 +148,28 @@ def identify(
     rotation_error: Annotated[
         float | None, typer.Option("--rotation-error", help="Standard error of a measured angle [°].")
     ] = None,
+    tension_error: Annotated[
+        float | None, typer.Option("--tension-error", help="Standard error of a measured tension [N].")
+    ] = None,
+    swivel_error: Annotated[
+        float | None, typer.Option("--swivel-error", help="Standard error of a measured swivel angle [°].")
+    ] = None,
+    frequency_error: Annotated[
+        float | None, typer.Option("--frequency-error", help="Standard error of a measured natural frequency [Hz].")
+    ] = None,
+    rest_length_error: Annotated[
+        float | None, typer.Option("--rest-length-error", help="Standard error of a rest length [mm].")
+    ] = None,
+    robust: Annotated[bool, typer.Option("--robust", help="Count outliers less, by Huber's weights.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fit stiffness, rest lengths, mass or centre of mass to measured poses.
+    """Fit stiffness, lengths, mass, geometry or gains and zeros of sensors to measurements in equilibrium.
 
     Exit status 1 if the measurements do not determine all unknowns.
 
     Columns of the file: commanded_x [mm], commanded_y [mm], commanded_z [mm], measured_z [mm], measured_beta [deg], and
-    so on; rest_length_1 [mm], ...; robot.
+    so on; tension_1 [N], swivel_1 [deg], frequency_1 [Hz], ...; rest_length_1 [mm], ...; mass [kg], force_z [N], ...;
+    tension_1_error [N], ...; robot.
     """
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
@@ -170,6 +184,11 @@ def identify(
                 unknown or ["axial_stiffness"],
                 position_error=None if position_error is None else 1e-3 * position_error,
                 rotation_error=None if rotation_error is None else math.radians(rotation_error),
+                tension_error=tension_error,
+                swivel_error=None if swivel_error is None else math.radians(swivel_error),
+                frequency_error=frequency_error,
+                rest_length_error=None if rest_length_error is None else 1e-3 * rest_length_error,
+                robust=robust,
             )
     if as_json:
         print_json(json_of.identification(result))

@@ -112,8 +112,8 @@ def import_file(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="CASPR's XML, WireX's wcrfx, cdpyr's JSON or YAML, oKermorgant/cdpr's YAML, or the Bologna group's "
-            "JSON.",
+            help="CASPR's XML, WireX's wcrfx, cdpyr's JSON or YAML, oKermorgant/cdpr's YAML, the Bologna group's JSON, "
+            "MuJoCo's XML, Hangprinter's config.g, or UACDPR's .mat.",
         ),
     ],
     output: Annotated[
@@ -121,7 +121,9 @@ def import_file(
     ] = None,
     format: Annotated[
         str | None,
-        typer.Option("--format", help="caspr, wirex, cdpyr, gazebo, bologna; default: detected."),
+        typer.Option(
+            "--format", help="caspr, wirex, cdpyr, gazebo, bologna, mjcf, hangprinter, uacdpr; default: detected."
+        ),
     ] = None,
     cables: Annotated[str | None, typer.Option("--cables", help="Id of CASPR's cable set.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,

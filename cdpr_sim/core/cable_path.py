@@ -100,6 +100,27 @@ def wrapped_lengths(
     return np.nan_to_num(cabling.pulley_radius * paths(cabling, apart)[9])
 
 
+def swivel_angles(
+    cabling: Cabling, positions: Float[np.ndarray, "*#batch 3"], rotations: Float[np.ndarray, "*#batch 3 3"]
+) -> tuple[Float[np.ndarray, "*batch cables"], Float[np.ndarray, "*batch cables 3"]]:
+    """Swivel angles of the pulleys [rad], and their derivatives by the anchors' positions, base frame [rad/m].
+
+    The angle of the wheel's plane about ``pulley_axis``, right-handed, from the direction downwards; where the axis is
+    nearer to the vertical than 45°, from the direction of the base's x axis. Both are projected on the plane normal to
+    the axis. Without a pulley: nan.
+    """
+    axes = np.where(cabling.pulleys[:, None], cabling.pulley_axis, np.nan)
+    upright = np.abs(axes[:, 2:]) > np.sqrt(0.5)
+    reference = np.where(upright, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]))
+    reference = reference - (reference * axes).sum(1, keepdims=True) * axes
+    sideways = np.cross(axes, reference)
+    anchors = np.einsum("...ij,cj->...ci", rotations, cabling.anchors) + np.asarray(positions)[..., None, :]
+    apart = anchors - cabling.exits
+    radial = apart - (apart * axes).sum(-1, keepdims=True) * axes
+    angles = np.arctan2((radial * sideways).sum(-1), (radial * reference).sum(-1))
+    return angles, np.cross(axes, radial) / (radial**2).sum(-1, keepdims=True)
+
+
 def off_wheel(cabling: Cabling, position: Float[np.ndarray, "3"], rotation: Float[np.ndarray, "3 3"]) -> str:
     """Message about the first anchor whose cable has no path with the platform at this pose; "" if there is none."""
     apart = cabling.exits - position - cabling.anchors @ rotation.T

@@ -12,6 +12,7 @@ from cdpr_sim.analysis.compensation import Compensation
 from cdpr_sim.analysis.equilibria import Equilibria, unstable_directions
 from cdpr_sim.analysis.identifiability import best_of_fewer, described
 from cdpr_sim.analysis.identification import Identification
+from cdpr_sim.analysis.measurements import KINDS
 from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
 from cdpr_sim.core.describe import describe_cables
@@ -167,34 +168,41 @@ def equilibria_note(found: Equilibria) -> str:
     )
 
 
+_SHOWN = {
+    "position": (1e3, " mm"), "rotation": (180 / np.pi, "°"), "tension": (1.0, " N"), "swivel": (180 / np.pi, "°"),
+    "frequency": (1.0, " Hz"),
+}  # fmt: skip
+"""Factor and unit in which each kind of measured number is shown."""
+
+_UNITS = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "kg/m": (1e3, "g/m")}
+
+
 def identification_table(result: Identification) -> Table:
-    """Each unknown with its standard error, lengths in millimetres."""
+    """Each unknown with its standard error and interval, lengths in millimetres, angles in degrees."""
     title = f"{result.robot.name}: identified parameters"
-    table = new_table(title, "", "value", "standard error", dense=True)
+    table = new_table(title, "", "value", "standard error", "95 % interval", dense=True)
     table.add_column("", no_wrap=True)
-    for name, unit, value, error in zip(result.names, result.units, result.values, result.standard_errors, strict=True):
-        size, symbol = (1e3, "mm") if unit == "m" else (1.0, unit)
+    rows = zip(result.names, result.units, result.values, result.standard_errors, result.intervals(0.95), strict=True)
+    for name, unit, value, error, (lower, upper) in rows:
+        size, symbol = _UNITS.get(unit, (1.0, unit))
         accuracy = "undetermined" if np.isinf(error) else f"{size * error:.2g}"
-        table.add_row(escape(name.replace("_", " ")), f"{size * value:.6g}", accuracy, symbol)
+        interval = "" if np.isinf(error) else f"{size * lower:.6g} to {size * upper:.6g}"
+        table.add_row(escape(name.replace("_", " ")), f"{size * value:.6g}", accuracy, interval, symbol)
     return table
 
 
 def identification_note(result: Identification) -> str:
-    """Residuals of the fit, estimated measurement errors, and reasons why unknowns are undetermined."""
-    positions = result.residuals[:, :3][~np.isnan(result.residuals[:, :3])]
-    rotations = result.residuals[:, 3:][~np.isnan(result.residuals[:, 3:])]
-    parts = []
-    if positions.size:
-        parts.append(f"{1e3 * np.sqrt(np.mean(positions**2)):.3g} mm")
-    if rotations.size:
-        parts.append(f"{np.degrees(np.sqrt(np.mean(rotations**2))):.3g}°")
-    head = f"Residuals: {' and '.join(parts)} (root mean square)."
+    """Residuals of the fit, estimated measurement errors, outliers, and reasons why unknowns are undetermined."""
+    kinds = {kind: result.residuals[:, result.kinds == i] for i, kind in enumerate(KINDS)}
+    parts = [
+        f"{_SHOWN[kind][0] * np.sqrt(np.nanmean(some**2)):.3g}{_SHOWN[kind][1]}"
+        for kind, some in kinds.items()
+        if some.size and not np.isnan(some).all()
+    ]
+    head = f"Residuals: {_joined(parts)} (root mean square)."
     if result.judged:
-        errors = {
-            "position": f"{1e3 * result.scatters[0]:.3g} mm",
-            "rotation": f"{np.degrees(result.scatters[1]):.3g}°",
-        }
-        head += f" Measurement errors estimated from them: {' and '.join(errors[kind] for kind in result.judged)}."
+        errors = [f"{_SHOWN[kind][0] * result.scatters[kind]:.3g}{_SHOWN[kind][1]}" for kind in result.judged]
+        head += f" Measurement errors estimated from them: {_joined(errors)}."
     error = next(iter(result.predictions.values()))
     fewer, smallest = best_of_fewer(result.predictions)
     if np.isinf(error):
@@ -202,4 +210,10 @@ def identification_note(result: Identification) -> str:
     elif np.isfinite(error):
         head += f"\nRows left out are predicted with an error of {error:.2f} standard errors"
         head += f", and of {smallest:.2f} with {described(fewer)}." if np.isfinite(smallest) else "."
-    return "\n".join([head, *(f"[yellow]-[/] {escape(reason)}" for reason in result.reasons)])
+    head += f"\nAICc {result.aicc:.6g}, BIC {result.bic:.6g}: smaller is better, between fits to the same data."
+    outliers = [f"[yellow]-[/] outlier: {escape(str(one))}" for one in result.outliers]
+    return "\n".join([head, *(f"[yellow]-[/] {escape(reason)}" for reason in result.reasons), *outliers])
+
+
+def _joined(parts: list[str]) -> str:
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 2 else parts)

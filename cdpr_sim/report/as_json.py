@@ -151,13 +151,21 @@ def equilibria(
 
 def identification(result: Identification) -> dict[str, Any]:
     """Value and standard error of each unknown; an undetermined one has the standard error null."""
-    unknowns = zip(result.names, result.values.tolist(), _finite(result.standard_errors), result.units, strict=True)
+    unknowns = zip(
+        result.names, result.values.tolist(), _finite(result.standard_errors), result.intervals(0.95), result.units,
+        strict=True,
+    )  # fmt: skip
     return {
         **_robot(result.robot),
         "unknowns": {
-            name: {"value": value, "standard_error": error, "unit": unit} for name, value, error, unit in unknowns
+            name: {"value": value, "standard_error": error, "interval_95": _finite(interval), "unit": unit}
+            for name, value, error, interval, unit in unknowns
         },
         "spread": result.spread,
+        "measurement_errors": dict(result.scatters),
+        "aicc": _finite([result.aicc])[0],
+        "bic": result.bic,
+        "outliers": [fields(one, "row", "name", "size") for one in result.outliers],
         "predictions": [
             {"unknowns": list(names), "error": _finite([error])[0]} for names, error in result.predictions.items()
         ],

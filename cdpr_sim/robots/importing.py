@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 from cdpr_sim.core.checks import checked_path, one_of, refuse_unless
 from cdpr_sim.core.errors import CdprError, InvalidInput, RobotFileError
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.robots.importers import bologna, caspr, cdpyr, gazebo, wirex
+from cdpr_sim.robots.importers import bologna, caspr, cdpyr, gazebo, hangprinter, mjcf, uacdpr, wirex
 from cdpr_sim.robots.importers.documents import SYNTAXES, read_document
 from cdpr_sim.robots.importers.draft import Draft
 
@@ -31,6 +31,9 @@ FORMATS = {
         "cdpyr": cdpyr,
         "gazebo": gazebo,
         "bologna": bologna,  # after gazebo, whose files have a key "cable" as well
+        "mjcf": mjcf,
+        "hangprinter": hangprinter,
+        "uacdpr": uacdpr,
     }.items()
 }
 """Formats of other projects, by name."""
@@ -49,8 +52,10 @@ def import_robot(path: str | Path, format: str | None = None, cables: str | None
 
     Args:
         path: ``.wcrfx`` (WireX), ``*_bodies.xml`` or ``*_cables.xml``, side by side (CASPR), ``.json`` (cdpyr,
-            Bologna), ``.yaml`` or ``.yml`` (cdpyr, oKermorgant/cdpr).
-        format: "caspr", "wirex", "cdpyr", "bologna" or "gazebo"; default: recognised by the file's content.
+            Bologna), ``.yaml`` or ``.yml`` (cdpyr, oKermorgant/cdpr), ``.xml`` (MuJoCo, tendons from site to site),
+            ``.g`` (Hangprinter's ``config.g``), ``.mat`` (UACDPR).
+        format: "caspr", "wirex", "cdpyr", "bologna", "gazebo", "mjcf", "hangprinter" or "uacdpr"; default: recognised
+            by the file's content.
         cables: ``id`` of a set of cables in CASPR's file; default: the file's default.
 
     Returns:

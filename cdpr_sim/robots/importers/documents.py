@@ -1,9 +1,11 @@
-"""Files of other projects as plain data: XML, JSON and YAML, with one sentence for every error."""
+"""Files of other projects as plain data: XML, JSON, YAML, G-code and MATLAB's, with one sentence for every error."""
 
 from __future__ import annotations
 
+import io
 import json
 import re
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -85,7 +87,7 @@ def read_document(path: Path) -> Any:
         raise InvalidInput(f"{path}: is not YAML: {error.problem or error.context}{where}") from None
     except (ParseError, yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError) as error:
         # the last four: errors that the parsers raise for encodings, tags and dates that do not exist
-        kind = "YAML" if syntax is _yaml else "JSON" if syntax is _json else "XML"
+        kind = {_yaml: "YAML", _json: "JSON", _xml: "XML", _gcode: "G-code"}.get(syntax, "a MATLAB file")
         raise InvalidInput(f"{path}: is not {kind}: {shown(str(error))}") from None
 
 
@@ -108,12 +110,55 @@ def _yaml(content: bytes) -> Any:
     return yaml.load(content.decode("utf-8-sig"), _Loader)
 
 
+class GCode(dict[str, dict[str, str]]):
+    """Parameters of each command, ``M669``, by their letters; later ones replace earlier ones, as in a machine."""
+
+
+def _gcode(content: bytes) -> GCode:
+    found = GCode()
+    for line in content.decode("utf-8-sig").splitlines():
+        words = re.split(r"\(.*?\)|;.*", line)[0].split()
+        if words:
+            given = found.setdefault(words[0].upper(), {})
+            given.update({word[0].upper(): word[1:] for word in words[1:]})
+    return found
+
+
+def _matlab(content: bytes) -> dict[str, Any]:
+    """The structure ``s``, as plain data.
+
+    Raises:
+        ValueError: not such a file.
+    """
+    from scipy.io import loadmat
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            found = loadmat(io.BytesIO(content), variable_names=["s"], simplify_cells=True)
+        except (
+            Exception
+        ) as error:  # its reader raises what it meets: zlib.error, NotImplementedError, struct.error, ...
+            raise ValueError(str(error) or type(error).__name__) from None
+    return {name: _plain(value) for name, value in found.items() if not name.startswith("__")}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    return [_plain(one) for one in value] if isinstance(value, list) else value
+
+
 SYNTAXES: dict[str, Callable[[bytes], Any]] = {
     ".xml": _xml,
     ".wcrfx": _xml,
     ".json": _json,
     ".yaml": _yaml,
     ".yml": _yaml,
+    ".g": _gcode,
+    ".mat": _matlab,
 }
 """Parser of each suffix."""
 

@@ -46,6 +46,8 @@ class Draft:
     force_min: ArrayLike = 0.0
     force_max: ArrayLike = np.inf
     linear_density: ArrayLike = 0.0
+    reeving: ArrayLike = 1
+    winch_to_exit: ArrayLike = 0.0
     pulley_radius: ArrayLike = 0.0
     pulley_axis: ArrayLike = DOWN
     center_of_mass: ArrayLike = (0.0, 0.0, 0.0)
@@ -90,6 +92,8 @@ class Draft:
             axial_stiffness=self._stiffness(),
             mass=mass,
             linear_density=self._density(radius),
+            reeving=self.reeving,
+            winch_to_exit=self.winch_to_exit,
             pulley_radius=radius,
             pulley_axis=axes,
             force_min=self.force_min,

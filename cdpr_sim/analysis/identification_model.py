@@ -1,0 +1,495 @@
+"""What a robot's sensors show in equilibrium, as a function of unknowns, with its derivatives.
+
+An unknown is a number of the robot (EA, mass, an exit), of its winches (an offset of a rest length) or of its sensors
+(the gain of a load cell). With x(θ) the equilibrium, the derivatives of all but frequencies are exact, by the implicit
+function theorem; those of natural frequencies, and those by the linear density, are central differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.linalg import eigh
+from scipy.optimize import least_squares
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from cdpr_sim.analysis.identifiability import prediction_error
+from cdpr_sim.analysis.measurements import KINDS, Measurements
+from cdpr_sim.core.cable_path import swivel_angles
+from cdpr_sim.core.equilibrium import NotConverged
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics import derivatives, forces, newton
+
+UNKNOWNS = (
+    "axial_stiffness", "axial_stiffness_each", "rest_length_offsets", "rest_length_gains", "mass", "center_of_mass",
+    "exits", "anchors", "winch_to_exit", "pulley_radius", "linear_density", "force_gains", "force_offsets",
+    "angle_zeros", "yaw_zero", "swivel_zeros",
+)  # fmt: skip
+"""Unknowns that can be fitted: one EA for all cables, one each; rest lengths are gain times the given one plus offset;
+mass, centre of mass, exits, anchors; one length of rope between winch and exit, one pulley radius and one linear
+density for all cables; a load cell shows gain times tension plus offset; zeros of alpha, beta and gamma, of gamma
+alone, of the swivel angles."""
+
+DIFFERENCED = ("linear_density",)
+"""Parameters whose derivatives are differences."""
+
+PERFECT = {
+    "rest_lengths": 0.0, "rest_length_gains": 1.0, "force_gains": 1.0, "force_offsets": 0.0, "angle_zeros": 0.0,
+    "swivel_zeros": 0.0,
+}  # fmt: skip
+"""Parameters of winches and sensors, which are not part of a robot, as they are where nothing is wrong."""
+
+STEP = 1e-4
+"""Step of central differences, in units of a positive unknown's logarithm, or of ``_Unknown.scale``."""
+
+FINAL, ROUGH = 1e-12, 1e-7
+"""Relative tolerances of the sum of squares: of a result, and of a fit that only gives weights or is compared."""
+
+EVALUATIONS = 200
+"""Largest number of steps of a fit; those of the tests and of measured data take less than 30, beside a bound 100."""
+
+SHORTEST = 1e-9
+"""[m] Least length of rope between winch and exit: tensions have a derivative by it where it is not 0."""
+
+RANGE = 1e4
+"""Positive unknowns are fitted within this factor of the robot's own."""
+
+FREQUENCY = KINDS.index("frequency")
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number to fit: its derivative is the sum of those of ``columns`` of ``parameter``.
+
+    What its standard error is compared with is its ``size``, and that in words; inf where there is nothing. ``scale``
+    is a small change of it [its unit], for differences; ``least`` the least value it can have.
+    """
+
+    name: str
+    unit: str
+    parameter: str
+    columns: tuple[int, ...]
+    start: float
+    logarithmic: bool = False
+    size: tuple[float, str] = (np.inf, "")
+    scale: float = 1.0
+    least: float = -np.inf
+
+    def value(self, x: float) -> float:
+        """Value from the fit's coordinate, 0 at the start: a logarithm, or a difference."""
+        return self.start * float(np.exp(x)) if self.logarithmic else self.start + float(x)
+
+    def coordinate(self, value: float) -> float:
+        """The fit's coordinate of a value."""
+        return float(np.log(value / self.start)) if self.logarithmic else value - self.start
+
+
+def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) -> list[Unknown]:
+    """The numbers to fit, for names of ``UNKNOWNS``.
+
+    Raises:
+        InvalidInput: an unknown that this robot or these measurements do not have.
+    """
+    cables, EA = range(robot.cables), robot.axial_stiffness
+    axes = (0, 2) if robot.mobility == "planar" else (0, 1, 2)
+    itself, platform = (1.0, "it"), (robot.characteristic_length, "the platform's size")
+    mean = float(np.exp(np.log(EA).mean()))
+    wheels = np.flatnonzero(robot.cabling.pulleys)
+    seen = np.any(measurements.known, axis=0)
+
+    def cables_with(kind: str) -> list[int]:
+        return np.flatnonzero(seen[measurements.kinds == KINDS.index(kind)]).tolist()
+
+    def points(parameter: str) -> list[Unknown]:
+        return [
+            Unknown(f"{parameter[:-1]} {i + 1} {'xyz'[k]}", "m", parameter, (3 * i + k,),
+                    float(getattr(robot, parameter)[i, k]), size=platform, scale=1e-2)
+            for i in cables for k in axes
+        ]  # fmt: skip
+
+    def angle_zeros(wanted: Sequence[int]) -> list[Unknown]:
+        return [
+            Unknown(f"{('alpha', 'beta', 'yaw')[i]}_zero", "rad", "angle_zeros", (i,), 0.0)
+            for i in wanted if seen[3 + i]
+        ]  # fmt: skip
+
+    found: dict[str, list[Unknown]] = {
+        "axial_stiffness": [Unknown("axial_stiffness", "N", "axial_stiffness", tuple(cables), mean, True, itself)],
+        "axial_stiffness_each": [
+            Unknown(f"axial_stiffness {i + 1}", "N", "axial_stiffness", (i,), float(EA[i]), True, itself)
+            for i in cables
+        ],
+        "rest_length_offsets": [
+            Unknown(f"rest_length_offset {i + 1}", "m", "rest_lengths", (i,), 0.0, scale=1e-2) for i in cables
+        ],
+        "rest_length_gains": [
+            Unknown(f"rest_length_gain {i + 1}", "", "rest_length_gains", (i,), 1.0, size=itself, scale=1e-2)
+            for i in cables
+        ],
+        "mass": [Unknown("mass", "kg", "mass", (0,), robot.mass, True, itself)],
+        "center_of_mass": [
+            Unknown(f"center_of_mass {'xyz'[i]}", "m", "center_of_mass", (i,), at, size=platform, scale=1e-2)
+            for i, at in enumerate(robot.center_of_mass.tolist()) if i in axes
+        ],
+        "exits": points("exits"),
+        "anchors": points("anchors"),
+        "winch_to_exit": [
+            Unknown("winch_to_exit", "m", "winch_to_exit", tuple(cables),
+                    max(float(robot.winch_to_exit.mean()), SHORTEST), least=SHORTEST)
+        ],
+        "pulley_radius": [
+            Unknown("pulley_radius", "m", "pulley_radius", tuple(wheels.tolist()),
+                    float(robot.cabling.pulley_radius[wheels].mean()), True, itself)
+        ] if len(wheels) else [],
+        "linear_density": [
+            Unknown("linear_density", "kg/m", "linear_density", tuple(cables),
+                    float(robot.cabling.linear_density.mean()), scale=1e-2, least=0.0)
+        ],
+        "force_gains": [
+            Unknown(f"force_gain {i + 1}", "", "force_gains", (i,), 1.0, size=itself) for i in cables_with("tension")
+        ],
+        "force_offsets": [
+            Unknown(f"force_offset {i + 1}", "N", "force_offsets", (i,), 0.0) for i in cables_with("tension")
+        ],
+        "angle_zeros": angle_zeros((0, 1, 2)),
+        "yaw_zero": angle_zeros((2,)),
+        "swivel_zeros": [
+            Unknown(f"swivel_zero {i + 1}", "rad", "swivel_zeros", (i,), 0.0) for i in cables_with("swivel")
+        ],
+    }  # fmt: skip
+    for name in names:
+        if not found[name]:
+            lacking = "a robot with pulleys" if name == "pulley_radius" else "measurements of what it belongs to"
+            raise InvalidInput(f"unknowns: found {name}, expected {lacking}, and there is none")
+    return [one for name in names for one in found[name]]
+
+
+class Model:
+    """The equilibria at measured poses as a function of the unknowns, and what the sensors show there.
+
+    ``rest_lengths`` are the given ones, (rows, cables); ``errors`` are the standard errors of all numbers, (rows,
+    numbers); ``weights`` factors of their residuals, for robust fits; ``corrections`` the likeliest errors of the rest
+    lengths, 0 where they are exact. After ``solve``, ``now`` and ``rest`` are robot
+    and rest lengths with the unknowns, ``solved`` the equilibria.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        measurements: Measurements,
+        unknowns: Sequence[Unknown],
+        errors: Float[np.ndarray, "rows numbers"] | None = None,
+    ) -> None:
+        self.robot, self.measurements, self.unknowns = robot, measurements, list(unknowns)
+        self.positions = measurements.commanded[:, :3]
+        self.rotations = Rotation.from_euler("xyz", measurements.commanded[:, 3:]).as_matrix()
+        self.poses = [
+            RigidTransform.from_components(position, Rotation.from_matrix(rotation))
+            for position, rotation in zip(self.positions, self.rotations, strict=True)
+        ]
+        given = measurements.rest_lengths
+        self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in self.poses]) if given is None else given
+        known = measurements.known
+        self.errors = np.ones(known.shape) if errors is None else errors
+        self.weights = np.ones(int(known.sum()))
+        self.rows: Int[np.ndarray, " measured"] = np.nonzero(known)[0]
+        self.kinds: Int[np.ndarray, " measured"] = np.broadcast_to(measurements.kinds, known.shape)[known]
+        wrenches = measurements.wrenches
+        self.wrenches = np.zeros((len(known), 6)) if wrenches is None else wrenches
+        self._at: np.ndarray | None = None
+        self._slopes: tuple[np.ndarray, np.ndarray] | None = None
+        self._whitening: list[np.ndarray] | None = None
+        self.corrections: Float[np.ndarray, "rows cables"] = np.zeros(self.rest_lengths.shape)
+        self._effects: np.ndarray | float = 0.0
+
+    # Fit
+
+    def whiten(self, x: Float[np.ndarray, " unknowns"]) -> None:
+        """Take the errors of the rest lengths into account, as they act at ``x``; without any, nothing.
+
+        With S the derivatives of a row's numbers by its rest lengths, and r its residuals, the likeliest corrections d
+        of the lengths are −Σ S' C⁻¹ (r − S d) with C = σ² + S Σ S'. The model is evaluated at the corrected lengths,
+        and its residuals r − S d have the covariance C (Britt and Luecke, Technometrics 15, 1973).
+        """
+        lengths = self.measurements.rest_length_errors
+        if lengths is None:
+            return
+        cables = range(self.robot.cables)
+        by_length = self._slopes_by(x, [Unknown(f"{i}", "m", "rest_lengths", (i,), 0.0) for i in cables])
+        by_length = by_length * self._of.get("rest_length_gains", 1.0)
+        left, found = self.residuals(x), []
+        corrections, effects = np.zeros_like(self.corrections), np.zeros(left.shape)
+        for row, known in enumerate(self.measurements.known):
+            slope = by_length[row, known]
+            spread = slope * lengths[row]
+            values, vectors = np.linalg.eigh(np.diag(self.errors[row, known] ** 2) + spread @ spread.T)
+            found.append((vectors / np.sqrt(values)) @ vectors.T)
+            rest = left[row, known] - slope @ self.corrections[row]
+            corrections[row] = -(lengths[row, :, None] * spread.T) @ (found[-1] @ (found[-1] @ rest)).ravel()
+            effects[row, known] = slope @ corrections[row]
+        self._whitening, self.corrections, self._effects = found, corrections, effects
+        self._at = self._slopes = None
+
+    def _white(self, numbers: np.ndarray) -> np.ndarray:
+        """Numbers of all rows over their standard errors, as independent numbers, times the weights."""
+        known = self.measurements.known
+        if self._whitening is None:
+            white = numbers[known] / self.errors[known].reshape(-1, *[1] * (numbers.ndim - 2))
+        else:
+            white = np.concatenate([w @ own[k] for w, own, k in zip(self._whitening, numbers, known, strict=True)])
+        return white * self.weights.reshape(-1, *[1] * (numbers.ndim - 2))
+
+    def log_determinant(self) -> float:
+        """Of the covariance of all measured numbers, for a likelihood."""
+        if self._whitening is None:
+            return 2 * float(np.log(self.errors[self.measurements.known]).sum())
+        return -2 * float(sum(np.linalg.slogdet(one)[1] for one in self._whitening))
+
+    def weighted(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " measured"]:
+        """Residuals of what was measured, over their standard errors."""
+        return self._white(self.residuals(x) - self._effects)
+
+    def weighted_slopes(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "measured unknowns"]:
+        """Derivative of ``weighted``."""
+        return self._white(self.slopes(x))
+
+    def fitted_from(
+        self, x: Float[np.ndarray, " unknowns"], tolerance: float = FINAL
+    ) -> Float[np.ndarray, " unknowns"]:
+        """The least of the squares of ``weighted``, sought from ``x``; ``tolerance`` is that of the sum of squares.
+
+        Raises:
+            NotConverged: no equilibrium at some pose on the way.
+        """
+        if not self.unknowns:
+            return x
+        far = np.array([np.log(RANGE) if one.logarithmic else np.inf for one in self.unknowns])
+        least = np.array([-np.inf if one.logarithmic else one.least - one.start for one in self.unknowns])
+        lower = np.maximum(least, -far)
+        return least_squares(
+            self.weighted,
+            np.maximum(x, lower),
+            jac=self.weighted_slopes,  # pyright: ignore[reportArgumentType]
+            bounds=(lower, far),
+            x_scale="jac",
+            xtol=1e2 * tolerance,
+            ftol=tolerance,
+            gtol=tolerance,
+            max_nfev=EVALUATIONS,
+        ).x
+
+    def prediction(self, x: Float[np.ndarray, " unknowns"]) -> float:
+        """Root mean square error of rows that are left out, over their standard errors; see ``prediction_error``."""
+        return prediction_error(self.weighted_slopes(x), self.weighted(x), self.rows)
+
+    # Equilibria
+
+    def changed(self, x: Float[np.ndarray, " unknowns"]) -> tuple[Robot, Float[np.ndarray, "rows cables"]]:
+        """The robot and its rest lengths with the unknowns at ``x``."""
+        self._values(x)
+        new = {
+            name: value if name != "mass" else float(value[0])
+            for name, value in self._of.items()
+            if name not in PERFECT
+        }
+        given = self.rest_lengths + self.corrections
+        rest = self._of.get("rest_length_gains", 1.0) * given + self._of.get("rest_lengths", 0.0)
+        return self.robot.replace(**new), rest
+
+    def _values(self, x: Float[np.ndarray, " unknowns"]) -> None:
+        """Whole parameters with the unknowns at ``x``, by name."""
+        self._of: dict[str, np.ndarray] = {}
+        for one, coordinate in zip(self.unknowns, x, strict=True):
+            if one.parameter not in self._of:
+                if one.parameter in PERFECT:
+                    count = 3 if one.parameter == "angle_zeros" else self.robot.cables
+                    self._of[one.parameter] = np.full(count, PERFECT[one.parameter])
+                else:
+                    self._of[one.parameter] = np.array(getattr(self.robot, one.parameter), dtype=float, ndmin=1)
+            self._of[one.parameter].flat[list(one.columns)] = one.value(coordinate)
+
+    def solve(self, x: Float[np.ndarray, " unknowns"]) -> None:
+        """Equilibria at ``x``, kept until the next call.
+
+        Raises:
+            NotConverged: at some row there is none, or a rest length below 0.
+        """
+        if self._at is not None and np.array_equal(self._at, x):
+            return
+        self.now, self.rest = self.changed(x)
+        if not self.rest.min() > 0:
+            raise NotConverged("identify: the fit asked for rest lengths below 0")
+        given = self.measurements.masses
+        self.masses = None if given is None else np.where(np.isnan(given), self.now.mass, given)
+        solved = newton.solve_many(
+            self.now, self.positions, self.rest, rotations=self.rotations, external_wrench=self.wrenches,
+            mass=self.masses,
+        )  # fmt: skip
+        if not solved.converged.all():
+            row = int(np.argmin(solved.converged))
+            raise NotConverged(
+                f"identify: no equilibrium found for row {row + 1} of {self.measurements.source} while fitting "
+                f"(residual {solved.residuals[row]:.1e} N)"
+            )
+        self.solved, self._at = solved, x.copy()
+
+    def _states(self) -> list[forces.State]:
+        """States of all rows at the present equilibria."""
+        masses = np.full(len(self.positions), self.now.mass) if self.masses is None else self.masses
+        robots = {mass: self.now if mass == self.now.mass else self.now.replace(mass=mass) for mass in set(masses)}
+        return [
+            forces.at(Problem(robots[masses[row]], self.poses[row], self.rest[row], self.wrenches[row]), position, turn)
+            for row, (position, turn) in enumerate(zip(self.solved.positions, self.solved.rotations, strict=True))
+        ]
+
+    def shown(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows numbers"]:
+        """What the sensors show in the equilibria at ``x``; the columns of ``Measurements.values``."""
+        self.solve(x)
+        solved, data = self.solved, self.measurements
+        parts = [solved.positions, solved.euler + self._of.get("angle_zeros", 0.0)]
+        if data.tensions is not None:
+            parts.append(self._of.get("force_gains", 1.0) * solved.tensions + self._of.get("force_offsets", 0.0))
+        if data.swivels is not None:
+            angles, _ = swivel_angles(self.now.cabling, solved.positions, solved.rotations)
+            parts.append(angles + self._of.get("swivel_zeros", 0.0))
+        if data.frequencies is not None:
+            parts.append(np.array([_frequencies(state)[: data.frequencies.shape[1]] for state in self._states()]))
+        return np.hstack(parts)
+
+    def residuals(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows numbers"]:
+        """What the sensors would show less what they did, nan where not measured; angles between −π and π."""
+        difference = self.shown(x) - self.measurements.values
+        angles = np.isin(self.measurements.kinds, [KINDS.index("rotation"), KINDS.index("swivel")])
+        difference[:, angles] = (difference[:, angles] + np.pi) % (2 * np.pi) - np.pi
+        return difference
+
+    # Derivatives
+
+    def slopes(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows numbers unknowns"]:
+        """Derivative of ``residuals`` by the fit's coordinates; the last one is kept."""
+        if self._slopes is not None and np.array_equal(self._slopes[0], x):
+            return self._slopes[1]
+        found = self._slopes_by(x, self.unknowns)
+        frequencies = self.measurements.kinds == FREQUENCY
+        for k, one in enumerate(self.unknowns):
+            if one.parameter in DIFFERENCED:
+                found[:, :, k] = self._differences(x, k)
+            elif frequencies.any() and one.parameter not in SENSORS:
+                found[:, frequencies, k] = self._differences(x, k)[:, frequencies]
+        self._slopes = x.copy(), found
+        return found
+
+    def _differences(self, x: Float[np.ndarray, " unknowns"], k: int) -> Float[np.ndarray, "rows numbers"]:
+        """Central differences by unknown ``k``; from its least value, one-sided."""
+        one, step = self.unknowns[k], np.zeros(len(x))
+        step[k] = STEP * (1.0 if one.logarithmic else one.scale)
+        lower = x if one.value(x[k] - step[k]) < one.least else x - step
+        return (self.shown(x + step) - self.shown(lower)) / (step[k] + (x - lower)[k])
+
+    def _slopes_by(
+        self, x: Float[np.ndarray, " unknowns"], unknowns: Sequence[Unknown]
+    ) -> Float[np.ndarray, "rows numbers unknowns"]:
+        """Exact derivatives of what sensors show, by these unknowns; 0 for frequencies and differenced parameters."""
+        self.solve(x)
+        data, free, angles = self.measurements, self.now.free, self.solved.euler
+        result = np.zeros((len(self.positions), data.values.shape[1], len(unknowns)))
+        gains = self._of.get("force_gains", np.ones(self.now.cables))
+        names, given = {_parameter(one) for one in unknowns}, self.rest_lengths + self.corrections
+        for row, state in enumerate(self._states()):
+            slope = derivatives.wrench_slope(state)[np.ix_(free, free)]
+            by_parameter = derivatives.wrench_by_parameter(state, [*names])
+            by_parameter = _in_place_of_gains(by_parameter, unknowns, given[row])
+            if data.masses is not None and not np.isnan(data.masses[row]):
+                by_parameter["mass"] = np.zeros((6, 1))
+            wrench = _sums(by_parameter, unknowns, 6)
+            step = np.zeros((6, len(unknowns)))
+            # Where nothing holds the platform, the least of all derivatives: the data do not see that direction.
+            step[free] = -np.linalg.lstsq(slope, wrench[free], rcond=1e-12)[0]
+            result[row, :3], result[row, 3:6] = step[:3], _angle_rates(angles[row]) @ step[3:]
+            at = 6
+            if data.tensions is not None:
+                direct = derivatives.tension_by_parameter(state)
+                direct = _in_place_of_gains(direct, unknowns, given[row])
+                by = _sums(direct, unknowns, self.now.cables) + derivatives.tension_by_pose(state) @ step
+                result[row, at : at + self.now.cables] = gains[:, None] * by
+                at += self.now.cables
+            if data.swivels is not None:
+                arms = state.geometry.arms
+                _, turning = swivel_angles(self.now.cabling, state.position, state.rotation)
+                moved = step[:3] - np.einsum("cij,jk->cik", forces.cross_matrix(arms), step[3:])
+                own = _points(unknowns, self.now.cables, state.rotation)
+                by = np.einsum("ci,cik->ck", turning, moved + own)
+                result[row, at : at + self.now.cables] = np.where(self.now.cabling.pulleys[:, None], by, 0.0)
+        for k, one in enumerate(unknowns):
+            if one.parameter in SENSORS:
+                result[:, :, k] = self._sensor_slope(one)
+        scale = [one.value(at) if one.logarithmic else 1.0 for one, at in zip(unknowns, x, strict=True)] if (
+            unknowns is self.unknowns) else 1.0  # fmt: skip
+        return result * np.array(scale)
+
+    def _sensor_slope(self, one: Unknown) -> Float[np.ndarray, "rows numbers"]:
+        """Derivative of what sensors show by a number of a sensor."""
+        kind = KINDS.index(SENSORS[one.parameter])
+        found = np.zeros(self.measurements.values.shape)
+        columns = np.flatnonzero(self.measurements.kinds == kind)[list(one.columns)]
+        found[:, columns] = self.solved.tensions[:, list(one.columns)] if one.parameter == "force_gains" else 1.0
+        return found
+
+
+SENSORS = {
+    "force_gains": "tension", "force_offsets": "tension", "angle_zeros": "rotation", "swivel_zeros": "swivel"
+}  # fmt: skip
+"""Parameters of sensors, and what these measure."""
+
+
+def _parameter(one: Unknown) -> str:
+    return "rest_lengths" if one.parameter == "rest_length_gains" else one.parameter
+
+
+def _in_place_of_gains(
+    by_parameter: dict[str, np.ndarray], unknowns: Sequence[Unknown], rest: Float[np.ndarray, " cables"]
+) -> dict[str, np.ndarray]:
+    """With derivatives by the gains of rest lengths as well: those by the lengths, times the given lengths."""
+    if any(one.parameter == "rest_length_gains" for one in unknowns):
+        return by_parameter | {"rest_length_gains": by_parameter["rest_lengths"] * rest}
+    return by_parameter
+
+
+def _sums(by_parameter: dict[str, np.ndarray], unknowns: Sequence[Unknown], count: int) -> np.ndarray:
+    """Derivatives by each unknown, (count, unknowns): the sum of its columns; 0 where there are none."""
+    found = np.zeros((count, len(unknowns)))
+    for column, one in enumerate(unknowns):
+        if one.parameter in by_parameter:
+            found[:, column] = by_parameter[one.parameter][:, list(one.columns)].sum(1)
+    return found
+
+
+def _points(unknowns: Sequence[Unknown], cables: int, rotation: Float[np.ndarray, "3 3"]) -> np.ndarray:
+    """How far each unknown moves each anchor from its exit, base frame, with the platform at rest."""
+    found = np.zeros((cables, 3, len(unknowns)))
+    for column, one in enumerate(unknowns):
+        for index in one.columns if one.parameter in ("exits", "anchors") else ():
+            cable, axis = divmod(index, 3)
+            found[cable, :, column] += rotation[:, axis] if one.parameter == "anchors" else -np.eye(3)[axis]
+    return found
+
+
+def _frequencies(state: forces.State) -> Float[np.ndarray, " free"]:
+    """Natural frequencies [Hz], slowest first; 0 of directions that are neutral or unstable."""
+    assert isinstance(state.problem, Problem)
+    free = state.problem.robot.free
+    mass = forces.mass_matrix(state.problem, state.rotation)
+    squares = eigh(state.stiffness_matrix[np.ix_(free, free)], mass[np.ix_(free, free)], eigvals_only=True)
+    return np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
+
+
+def _angle_rates(angles: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """E⁻¹ with d(alpha, beta, gamma) = E⁻¹ omega, for a rotation vector omega in the base frame."""
+    _, beta, gamma = angles
+    s, c, sb, cb = np.sin(gamma), np.cos(gamma), np.sin(beta), np.cos(beta)
+    return np.linalg.inv(np.array([[c * cb, -s, 0.0], [s * cb, c, 0.0], [-sb, 0.0, 1.0]]))
