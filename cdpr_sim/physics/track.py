@@ -261,7 +261,7 @@ class _Machine:
         cable_damping: float,
     ) -> None:
         self.robot = robot
-        self.model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, winches=True))
+        self.model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, winches=True, winch_force=np.inf))
         self.data = mujoco.MjData(self.model)
         self.readings = Readings(self.model, robot)
         self.platform = self.model.body("platform").id
