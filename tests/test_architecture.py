@@ -18,7 +18,7 @@ BESIDE = Path(__file__).parents[1] / "scripts" / "studies"
 
 FOLDERS = (
     "core", "robots", "statics", "analysis", "jax", "design", "control", "physics", "proof", "crosscheck",
-    "drawing", "studies", "report", "cli",
+    "drawing", "learning", "studies", "report", "cli",
 )  # fmt: skip
 """In the order of the flow: each may import only from those before it, and from itself."""
 
@@ -33,6 +33,8 @@ WALLS = {
     "physics": {"core"},
     # a proof uses data alone: neither method's formulas
     "proof": {"core"},
+    # environments are MuJoCo's dynamics; statics says where they begin
+    "learning": {"core", "robots", "statics", "control", "physics", "drawing"},
     # drawing is given results, and the scene to draw them in
     "drawing": {"core", "physics.mjcf"},
 }

@@ -13,6 +13,7 @@ LIBRARIES = {
     "design": ("pymoo",),
     "proof": ("flint",),
     "jax": ("jax",),
+    "gym": ("gymnasium",),
 }
 """What is imported of each extra of ``pyproject.toml``; ``cluster`` is imported by its users alone."""
 
