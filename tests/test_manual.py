@@ -84,7 +84,7 @@ def unprinted(comment: str, printed: str) -> list[str]:
     return missing
 
 
-NEEDED = {"docs/how-to/gradients.md": "jax"}
+NEEDED = {"docs/how-to/gradients.md": "jax", "docs/how-to/warp.md": "mujoco_warp"}
 """Libraries of pages that only .ci/run has installed."""
 
 
