@@ -5,6 +5,8 @@ derivatives are those of ``sensitivity``, so that no step of the solver is diffe
 ``jit`` and ``vmap`` work; second derivatives do not.
 """
 
+# pyright: reportMissingImports=false
+# JAX is not among the packages for development.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -8,6 +8,7 @@ And the deviation of the worlds' rests from those of MuJoCo, for integrators and
 # pyright: reportAttributeAccessIssue=false, reportMissingImports=false
 import sys
 import time
+from functools import partial
 
 import mujoco
 import mujoco_warp as mjw
@@ -32,7 +33,8 @@ def stepping(worlds, data):
         return lambda: mjw.step(worlds, data)
     with wp.ScopedCapture() as capture:
         mjw.step(worlds, data)
-    return lambda: wp.capture_launch(capture.graph)
+    assert capture.graph is not None
+    return partial(wp.capture_launch, capture.graph)
 
 
 def rates(model: mujoco.MjModel) -> None:

@@ -7,6 +7,7 @@ The task is ``Track`` with randomised robots: EA by 20 %, the mass by 10 %, exit
 the same episodes; the controllers' model is the nominal robot.
 """
 
+# pyright: reportMissingImports=false
 import argparse
 import time
 
@@ -59,7 +60,7 @@ class Simulations(VecEnv):
         over = fallen | ended
         for row in np.flatnonzero(over):
             infos[row] = {"terminal_observation": observations[row], "TimeLimit.truncated": bool(~fallen[row])}
-            self.task.begin(row, self.randoms[row])
+            self.task.begin(int(row), self.randoms[row])
         return (self.task.observe() if over.any() else observations), rewards, over, infos
 
     def close(self):
@@ -153,7 +154,7 @@ def of_controller(environment, controller) -> list[tuple[np.ndarray, float, bool
 
 
 def main() -> None:
-    arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    arguments = argparse.ArgumentParser(description="Train a policy, and score it beside controllers.")
     arguments.add_argument("--minutes", type=float, default=20.0, help="of training; 0 for the controllers alone")
     arguments.add_argument("--cores", type=int, default=2)
     arguments.add_argument("--policy-only", action="store_true", help="without the controllers")

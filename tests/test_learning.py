@@ -165,6 +165,14 @@ def test_a_picture_shows_the_state():
     assert (pictures[0] != pictures[1]).any()
 
 
+def test_a_window_without_a_display_is_refused_in_a_sentence(monkeypatch):
+    """Before MuJoCo's viewer ends the process."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(cdpr.InvalidInput, match="display: found none"):
+        made("Reach-v0", render_mode="human").reset(seed=0)
+
+
 def test_random_actions_leave_it_finite():
     """Over the whole range, on a stiff robot; episodes end, observations stay finite."""
     environments = gymnasium.make_vec("cdpr_sim/Track-v0", num_envs=4, robot="cogiro", seconds=1.0)

@@ -80,7 +80,8 @@ class Task:
         rewards: weights of terms of the reward, by name; those not given keep their default (``REWARDS``).
         winch_speed: largest rate at which a rest length changes [m/s].
         winch_force: largest tension of the winches [N], as for ``to_mjcf``.
-        damping, cable_damping: as for ``track``.
+        damping: of the platform by the air, as for ``track``.
+        cable_damping: of each cable [s], as for ``track``.
         threads: number of threads; 0 is one per core.
 
     Raises:
