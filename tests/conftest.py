@@ -14,6 +14,7 @@ DOORS = {
     "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.robot_batch", "design.moves",
     "design.search",
     "drawing.video.film", "physics.damping", "physics.mjcf", "physics.reset", "physics.track", "physics.winches",
+    "jax",
 }  # fmt: skip
 """Where what users give is checked, with messages of its own."""
 

@@ -17,8 +17,8 @@ BESIDE = Path(__file__).parents[1] / "scripts" / "studies"
 """Studies that only scripts run: they use the package, which does not know them."""
 
 FOLDERS = (
-    "core", "robots", "statics", "analysis", "design", "control", "physics", "proof", "crosscheck",
-    "drawing", "studies", "report", "cli",
+    "core", "robots", "statics", "analysis", "jax", "design", "control", "physics", "proof", "crosscheck",
+    "drawing", "learning", "studies", "report", "cli",
 )  # fmt: skip
 """In the order of the flow: each may import only from those before it, and from itself."""
 
@@ -26,12 +26,15 @@ WALLS = {
     # the mathematics never imports MuJoCo
     "statics": {"core"},
     "analysis": {"core", "robots", "statics"},
+    "jax": {"core", "statics", "analysis"},
     "design": {"core", "robots", "statics", "analysis"},
     "control": {"core", "statics", "analysis"},
     # the physics side never uses our formulas
     "physics": {"core"},
     # a proof uses data alone: neither method's formulas
     "proof": {"core"},
+    # environments are MuJoCo's dynamics; statics says where they begin
+    "learning": {"core", "robots", "statics", "control", "physics", "drawing"},
     # drawing is given results, and the scene to draw them in
     "drawing": {"core", "physics.mjcf"},
 }
@@ -133,7 +136,7 @@ def test_walls_stand():
             assert {one for one in beyond if folder(one) not in allowed and one not in allowed} == set(), module
             assert not {(folder(module), one) for one in used} & BEYOND, module
     for module, names in ANYWHERE.items():
-        if folder(module) in {"core", "robots", "statics", "analysis", "design", "control", "proof"}:
+        if folder(module) in {"core", "robots", "statics", "analysis", "jax", "design", "control", "proof"}:
             assert "mujoco" not in libraries(names), module
 
 

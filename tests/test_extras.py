@@ -1,5 +1,6 @@
 """Optional extras: what a solve and a settle do without, and the sentence of what needs one."""
 
+import importlib
 import re
 import subprocess
 import sys
@@ -26,6 +27,13 @@ main()
 """
 """Python without the libraries ``names``."""
 
+
+def imported(module: str) -> None:
+    """Import a module anew."""
+    sys.modules.pop(module, None)
+    importlib.import_module(module)
+
+
 CALLS = {
     "sweep": [lambda robot, path: cdpr.sweep(robot, (2, 2, 2)), lambda robot, path: cdpr.check(robot, (2, 2, 2)),
               lambda robot, path: cdpr.open_sweep(path / "s.zarr")],
@@ -34,6 +42,8 @@ CALLS = {
     )],
     "design": [lambda robot, path: cdpr.find_front(robot, [(0.3, 0.25, 0.1)], within=0.1)],
     "proof": [lambda robot, path: cdpr.certify(cdpr.solve(robot, (0.3, 0.25, 0.1)))],
+    "gym": [lambda robot, path: imported("cdpr_sim.learning.environments")],
+    "jax": [lambda robot, path: imported("cdpr_sim.jax")],
 }  # fmt: skip
 """What needs each extra."""
 

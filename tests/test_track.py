@@ -13,7 +13,7 @@ from cdpr_sim import HeldTensions, PoseFeedback, RigidLengths
 from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import moved
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell
-from cdpr_sim.physics.track import _Machine
+from cdpr_sim.physics.track import Machine
 
 LINE = [[0.3, 0.25, 0.1], [0.36, 0.25, 0.1]]
 POSE = [0.3, 0.25, 0.1]
@@ -195,8 +195,8 @@ def test_overdamped_cables_pull_evenly(monkeypatch):
         return float(cdpr.track(robot, LINE, RigidLengths(robot), seconds=0.6, cable_damping=1.0).tensions.max())
 
     assert peak() < robot.weight
-    as_written = _Machine._damp
-    monkeypatch.setattr(_Machine, "_damp", lambda *given: (as_written(*given)[0], np.inf))
+    as_written = Machine._damp
+    monkeypatch.setattr(Machine, "_damp", lambda *given: (as_written(*given)[0], np.inf))
     assert peak() > 5 * robot.weight
 
 

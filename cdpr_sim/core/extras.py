@@ -12,6 +12,8 @@ LIBRARIES = {
     "video": ("mediapy", "imageio_ffmpeg"),
     "design": ("pymoo",),
     "proof": ("flint",),
+    "jax": ("jax",),
+    "gym": ("gymnasium",),
 }
 """What is imported of each extra of ``pyproject.toml``; ``cluster`` is imported by its users alone."""
 

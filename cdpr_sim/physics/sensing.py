@@ -33,6 +33,13 @@ class Readings:
         self._lengths = addresses(*(f"length_{i}" for i in cables))
         self._tensions = addresses(*(f"tension_{i}" for i in cables))
         self._entries, self._parts = pulleys.entries(robot.cabling), robot.reeving
+        self._every = np.concatenate([self._pose, self._lengths, self._tensions])
+        self._scale = np.concatenate([np.ones(7 + robot.cables), 1 / self._parts])
+        self._offset = np.concatenate([np.zeros(7), self._entries, np.zeros(robot.cables)])
+
+    def all(self, sensed: Float[np.ndarray, "*rows numbers"]) -> Float[np.ndarray, "*rows together"]:
+        """Pose, lengths and tensions, one after the other, from the ``sensordata`` of one simulation or of many."""
+        return sensed[..., self._every] * self._scale - self._offset
 
     def pose(self, data: mujoco.MjData) -> Float[np.ndarray, "7"]:
         """Pose of the platform: position [m], and quaternion w x y z."""

@@ -127,7 +127,7 @@ def track(
     with _blamed(robot, "when the controller starts"):
         lengths = Command.of(controller.start(reference), robot.cables).rest_lengths
     with quiet():
-        machine = (_ChainMachine if weighs(robot) else _Machine)(
+        machine = (_ChainMachine if weighs(robot) else Machine)(
             robot if weighs(robot) else weightless(robot),
             wanted[0],
             lengths,
@@ -189,7 +189,7 @@ def _blamed(robot: Robot, when: str) -> Iterator[None]:
 
 
 def _run(
-    machine: _Machine,
+    machine: Machine,
     controller: Controller,
     sensing: Sensing,
     times: Float[np.ndarray, " ticks"],
@@ -237,7 +237,7 @@ class _Motion:
         self._readings = readings
         self._seen: list[tuple[np.ndarray, ...]] = []
 
-    def see(self, machine: _Machine) -> None:
+    def see(self, machine: Machine) -> None:
         """Record the present state of the platform, its cables and its winches."""
         read, data = self._readings, machine.data
         self._seen.append((read.pose(data), read.lengths(data), read.tensions(data), machine.let_out.copy()))
@@ -250,10 +250,17 @@ class _Motion:
         return Trajectory.of(problems, times[rows], pose_of(poses), lengths, tensions)
 
 
-class _Machine:
+class Machine:
     """A robot in MuJoCo, in equilibrium on its first lengths, with winches of limited speed and range.
 
     Attributes:
+        robot: the robot.
+        model, data: in MuJoCo, with the platform and the cables damped.
+        readings: of the model's sensors.
+        platform: number of the platform's body.
+        fastest: angular frequency of the fastest oscillation [rad/s].
+        damping_time: of that oscillation [s].
+        reach: shortest and longest lengths that the winches can let out, (2, cables) [m].
         let_out: rest lengths that winches have let out, (cables,) [m].
     """
 
@@ -266,25 +273,26 @@ class _Machine:
         winch_speed: float,
         damping: float,
         cable_damping: float,
+        winch_force: ArrayLike | None = np.inf,
     ) -> None:
         self.robot = robot
-        self.model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, winches=True, winch_force=np.inf))
+        self.model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, winches=True, winch_force=winch_force))
         self.data = mujoco.MjData(self.model)
         self.readings = Readings(self.model, robot)
         self.platform = self.model.body("platform").id
         self._rigid, self._shared = robot.rest_lengths(pose), winches.shared(robot)
         self._written = self._rigid + self._shared
-        fastest, self._damping_time = self._damp(damping, cable_damping)
-        self._longest = min(TIMESTEP, 2 * np.pi / fastest / STEPS)
+        self.fastest, self.damping_time = self._damp(damping, cable_damping)
+        self._longest = min(TIMESTEP, 2 * np.pi / self.fastest / STEPS)
         self._speed = winch_speed
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
-        self._reach = (self._written[:, None] / (1 + self.model.actuator_ctrlrange)).T[::-1] - self._shared
+        self.reach = (self._written[:, None] / (1 + self.model.actuator_ctrlrange)).T[::-1] - self._shared
         self._springs = self.model.actuator_gainprm.copy(), self.model.actuator_biasprm.copy()
         self._motors = np.zeros(robot.cables, dtype=bool)
         self._acceleration = np.zeros(self.model.nv)
         self.let_out = self.checked(lengths).rest_lengths
         place(self.model, self.data, robot, settle(robot, pose, self.let_out).pose)
-        self.data.ctrl[:] = self._controls()
+        self.data.ctrl[:] = self.controls(self.let_out)
         self.look()
 
     def _damp(self, damping: float, cable_damping: float) -> tuple[float, float]:
@@ -316,7 +324,7 @@ class _Machine:
             InvalidInput: a command that no winch can carry out, or that is out of the range of these.
         """
         command = Command.of(answer, self.robot.cables)
-        lengths, (lowest, highest) = command.rest_lengths, self._reach
+        lengths, (lowest, highest) = command.rest_lengths, self.reach
         beyond = ~command.by_tension & ~((lengths >= (1 - ROUNDING) * lowest) & (lengths <= (1 + ROUNDING) * highest))
         if beyond.any():
             cable = int(np.argmax(beyond))
@@ -326,9 +334,15 @@ class _Machine:
             )
         return command
 
-    def _controls(self) -> Float[np.ndarray, " cables"]:
-        """Controls of the actuators for the present rest lengths (``winch_controls``)."""
-        return self._written / (self.let_out + self._shared) - 1
+    def controls(self, rest_lengths: Float[np.ndarray, "*rows cables"]) -> Float[np.ndarray, "*rows cables"]:
+        """Controls of the actuators that let out ``rest_lengths`` [m] (``winch_controls``)."""
+        return self._written / (rest_lengths + self._shared) - 1
+
+    def lengths_at(
+        self, strains: Float[np.ndarray, "*rows cables"], lengths: Float[np.ndarray, "*rows cables"]
+    ) -> Float[np.ndarray, "*rows cables"]:
+        """Rest lengths of cables with these ``strains`` that are ``lengths`` [m] long."""
+        return (lengths - strains * self._shared) / (1 + strains)
 
     def look(self) -> None:
         """Update MuJoCo's sensors, which otherwise have the values before the step."""
@@ -346,7 +360,7 @@ class _Machine:
         steps = max(1, int(np.ceil(seconds / self._longest - ROUNDING)))
         step = seconds / steps
         half, most = step / 2, self._speed * step
-        model.opt.timestep = max(half, step - self._damping_time)
+        model.opt.timestep = max(half, step - self.damping_time)
         advance = ((command.rest_lengths - self.let_out) / steps).clip(-most, most)
         if some or self._motors.any():
             self._held_tensions(command, most)
@@ -357,7 +371,7 @@ class _Machine:
             mujoco.mj_step1(model, data)
             ahead = self.let_out + advance
             self.let_out = np.where(by_tension, self._held_tensions(command, most), ahead) if some else ahead
-            data.ctrl[:] = self._controls()
+            data.ctrl[:] = self.controls(self.let_out)
             self._acceleration = self._accelerated()
             data.qvel += half * self._acceleration
             yield number * step
@@ -383,8 +397,8 @@ class _Machine:
         A winch that can reach the length of its tension becomes a constant force, the others are springs.
         """
         strains = command.tensions / self.robot.axial_stiffness
-        wanted = (self.readings.lengths(self.data) - strains * self._shared) / (1 + strains)
-        near = wanted.clip(self.let_out - most, self.let_out + most).clip(*self._reach)
+        wanted = self.lengths_at(strains, self.readings.lengths(self.data))
+        near = wanted.clip(self.let_out - most, self.let_out + most).clip(*self.reach)
         self._motors = command.by_tension & (near == wanted)
         gain, bias = self.model.actuator_gainprm, self.model.actuator_biasprm
         gain[:], bias[:] = self._springs

@@ -24,7 +24,7 @@ def open_viewer(problem: Problem) -> None:
     """
     scene = scene_mjcf(problem.robot, FILE)
     model = mujoco.MjModel.from_xml_string(scene, {FILE: to_mjcf(problem, winches=True).encode()})
-    _refuse_without_display()
+    refuse_without_display()
     from mujoco import viewer
 
     mujoco.set_mjcb_control(hang)
@@ -34,7 +34,7 @@ def open_viewer(problem: Problem) -> None:
         mujoco.set_mjcb_control(None)
 
 
-def _refuse_without_display() -> None:
+def refuse_without_display() -> None:
     """Check for a display before MuJoCo's viewer ends the process for lack of one."""
     import glfw
 

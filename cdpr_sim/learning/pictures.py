@@ -1,0 +1,90 @@
+"""Pictures of a task's simulations: as arrays by the package's offscreen renderer, or in MuJoCo's window."""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from jaxtyping import UInt8
+
+from cdpr_sim.core.checks import whole
+from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.trajectory import Trajectory
+from cdpr_sim.drawing.video.render import Renderer, open_renderer
+from cdpr_sim.drawing.video.scene import Stage
+from cdpr_sim.learning.tasks import Task
+from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
+from cdpr_sim.physics.sensing import pose_of
+from cdpr_sim.physics.viewer import FILE, refuse_without_display
+from cdpr_sim.physics.winches import hang
+
+DARK = 1.5
+"""Dark end of the scale of tensions, as a multiple of the platform's weight."""
+
+
+def state_of(task: Task, row: int) -> Trajectory:
+    """The present state of a simulation, as a motion of one state; its commanded pose is the target."""
+    simulations, rows = task.simulations, slice(row, row + 1)
+    position, quaternion = task.target(row)
+    wanted = pose_of(np.concatenate([position, quaternion])[None])
+    problems = Problems.of(task.robot, wanted, simulations.rest_lengths[rows].copy())
+    times = task.period * task.ticks[rows].astype(float)
+    return Trajectory.of(
+        problems, times, pose_of(simulations.poses[rows]), simulations.lengths[rows], simulations.tensions[rows]
+    )
+
+
+class Camera:
+    """Draws simulations as in videos of the package: platform, target, and cables coloured by tension."""
+
+    def __init__(self, task: Task, size: tuple[int, int]) -> None:
+        self._task, self._width, self._height = task, whole("size", size[0], 16, 4096), whole("size", size[1], 16, 4096)
+        self._renderer: Renderer | None = None
+
+    def show(self, row: int) -> UInt8[np.ndarray, "height width 3"]:
+        """A picture of one simulation."""
+        robot = self._task.robot
+        largest = DARK * robot.mass * max(robot.gravity, 1.0)
+        stage = Stage(state_of(self._task, row), largest_tension=largest)
+        stage.set(0)
+        if self._renderer is None:
+            self._renderer = open_renderer(stage.model, self._width, self._height)
+        return self._renderer.draw(stage.look(stage.whole(self._width / self._height)), self._width, self._height)
+
+    def close(self) -> None:
+        """Release the renderer."""
+        if self._renderer is not None:
+            self._renderer.close()
+
+
+class Window:
+    """MuJoCo's viewer of one simulation.
+
+    Raises:
+        InvalidInput: there is no display.
+    """
+
+    def __init__(self, task: Task) -> None:
+        refuse_without_display()
+        from mujoco import viewer
+
+        robot = task.robot
+        assets = {FILE: to_mjcf(robot, robot.home, winches=True).encode()}
+        self._task, self._model = task, mujoco.MjModel.from_xml_string(scene_mjcf(robot, FILE), assets)
+        self._data = mujoco.MjData(self._model)
+        self._viewer = viewer.launch_passive(self._model, self._data, show_left_ui=False, show_right_ui=False)
+
+    def show(self, row: int) -> None:
+        """Show the present state of one simulation."""
+        machine = self._task.simulations.machine
+        with self._viewer.lock():
+            self._data.qpos[:] = self._task.simulations.batch.bind("qpos")[row]
+            self._data.ctrl[:] = machine.controls(self._task.simulations.rest_lengths[row])
+            mujoco.mj_forward(self._model, self._data)
+            hang(self._model, self._data)
+        self._viewer.sync()
+
+    def close(self) -> None:
+        """Close the window."""
+        self._viewer.close()

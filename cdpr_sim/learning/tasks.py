@@ -1,0 +1,347 @@
+"""Tasks of the environments: what is wanted, observed and rewarded, for many simulations at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform
+
+from cdpr_sim.core.checks import checked_array, listed, one_of, positive, whole
+from cdpr_sim.core.controller import Command, Measurement, Reference
+from cdpr_sim.core.equilibrium import NotConverged
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.path import Path
+from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.learning.domain import Domain
+from cdpr_sim.learning.simulations import Simulations, rotation_vectors
+from cdpr_sim.physics.drive import FALLEN, poses_through
+from cdpr_sim.physics.sensing import pose_of
+from cdpr_sim.physics.track import CABLE_DAMPING, DAMPING
+from cdpr_sim.physics.winches import SPEED, largest_forces
+from cdpr_sim.robots.catalogue import load_robot
+from cdpr_sim.statics import newton
+
+REWARDS = {"position": 1.0, "rotation": 0.5, "effort": 0.1, "slack": 0.0, "fall": 10.0}
+"""Default weights of the terms of the reward (``Task.terms``)."""
+
+NEAR, LEVEL = 0.005, 0.01
+"""Errors of position, in mean rest lengths, and of rotation [rad], at which their terms are a half."""
+
+TRIES = 100
+"""Poses that are drawn at most until one is an equilibrium."""
+
+MOST_PERIODS = 1_000_000
+"""Largest number of control periods of an episode."""
+
+
+class Moment(NamedTuple):
+    """State of all simulations at the end of a control period, as rewards need it.
+
+    Attributes:
+        position_errors: distances of the platforms from the targets, (count,) [m].
+        rotation_errors: angles between their orientations, (count,) [rad].
+        actions: of this period, (count, cables).
+        tensions: (count, cables) [N].
+        fallen: (count,) platforms that have fallen, or whose simulation became unstable.
+    """
+
+    position_errors: Float[np.ndarray, " count"]
+    rotation_errors: Float[np.ndarray, " count"]
+    actions: Float[np.ndarray, "count cables"]
+    tensions: Float[np.ndarray, "count cables"]
+    fallen: Bool[np.ndarray, " count"]
+
+
+class Task:
+    """Move the platform along a reference motion by actions of the winches; the base of all tasks.
+
+    An **observation** is, for each simulation, in SI units and in the base frame: position (3) and rotation vector (3)
+    of the platform, its velocity (3) and angular velocity (3), tensions (cables), rest lengths (cables), and of the
+    target at the end of the coming period: position (3), rotation vector (3) and velocity (3).
+
+    An **action** is a number between -1 and 1 for each winch: the fraction of its largest speed, positive to let out
+    rope, or for a winch that controls its tension, from 0 to the largest tension.
+
+    Args:
+        robot: a name of the catalogue, a robot file, or a ``Robot``: the nominal robot. Its cables are massless and
+            linear.
+        count: number of simulations.
+        control: "speeds", "tensions", or the numbers, from 1, of the winches that control tensions while the others
+            control speeds.
+        rate: control periods per second [Hz].
+        seconds: duration of an episode [s].
+        domain: ranges of randomised parameters, a ``Domain`` or its arguments by name; default: the nominal robot.
+        rewards: weights of terms of the reward, by name; those not given keep their default (``REWARDS``).
+        winch_speed: largest rate at which a rest length changes [m/s].
+        winch_force: largest tension of the winches [N], as for ``to_mjcf``.
+        damping: of the platform by the air, as for ``track``.
+        cable_damping: of each cable [s], as for ``track``.
+        threads: number of threads; 0 is one per core.
+
+    Raises:
+        InvalidInput: an invalid argument.
+    """
+
+    defaults: ClassVar[dict[str, Any]] = {"seconds": 4.0}
+
+    def __init__(
+        self,
+        robot: str | Robot = "cogiro",
+        count: int = 1,
+        *,
+        control: str | Sequence[int] = "speeds",
+        rate: float = 100.0,
+        seconds: float | None = None,
+        domain: Domain | Mapping[str, float] | None = None,
+        rewards: Mapping[str, float] | None = None,
+        winch_speed: float = SPEED,
+        winch_force: ArrayLike | None = None,
+        damping: float = DAMPING,
+        cable_damping: float = CABLE_DAMPING,
+        threads: int = 1,
+    ) -> None:
+        self.robot = robot = robot if isinstance(robot, Robot) else load_robot(robot)
+        poses_through(robot, [robot.home], "learning")
+        self.count, period = whole("count", count, 1), 1 / positive("rate", rate, "Hz")
+        seconds = positive("seconds", self.defaults["seconds"] if seconds is None else seconds, "s")
+        self.periods = whole("seconds times rate", max(1, round(seconds / period)), 1, MOST_PERIODS)
+        self.period, self.seconds = period, self.periods * period
+        self.domain = domain if isinstance(domain, Domain) else Domain(**(domain or {}))
+        for name in rewards or {}:
+            one_of("term of the reward", name, REWARDS)
+        self.weights = REWARDS | {name: float(checked_array(name, of, ())) for name, of in (rewards or {}).items()}
+        self.winch_speed = positive("winch_speed", winch_speed, "m/s")
+        self.simulations = Simulations(
+            robot,
+            count,
+            period=period,
+            by_tension=self._by_tension(control),
+            largest=largest_forces(robot, winch_force),
+            winch_speed=self.winch_speed,
+            damping=damping,
+            cable_damping=cable_damping,
+            threads=threads,
+        )
+        rows, states = count, self.periods + 1
+        self.references: list[Reference | None] = [None] * rows
+        self.robots = [robot] * rows
+        self.frictions = np.zeros((rows, robot.cables))
+        self.ticks = np.zeros(rows, dtype=int)
+        # Of each period: where the platform is wanted (position, quaternion), and what is observed of the next period.
+        self._plan = np.zeros((rows, states, 16))
+        self._now = self._plan[:, 0]
+        self._each = np.arange(rows)
+        speeds = ~self.simulations.by_tension
+        self._speeds = speeds / max(1, speeds.sum())
+        self._near = NEAR * robot.rest_lengths(robot.home).mean()
+        self.size = 12 + 2 * robot.cables + 9
+
+    def _by_tension(self, control: str | Sequence[int]) -> Bool[np.ndarray, " cables"]:
+        if isinstance(control, str):
+            one_of("control", control, ("speeds", "tensions"))
+            return np.full(self.robot.cables, control == "tensions")
+        given = listed("control", control, "'speeds', 'tensions' or numbers of cables")
+        chosen = {whole("control", cable, 1, self.robot.cables) for cable in given}
+        return np.isin(np.arange(1, self.robot.cables + 1), list(chosen))
+
+    # What differs between tasks.
+
+    def draw(self, random: np.random.Generator) -> tuple[list[RigidTransform], RigidTransform]:
+        """Waypoints of the reference motion of an episode, and the pose at which the platform is commanded first.
+
+        Here three level poses in the robot's workspace, and the first of them.
+        """
+        poses = [self.random_pose(random) for _ in range(3)]
+        return poses, poses[0]
+
+    def terms(self, moment: Moment) -> dict[str, Float[np.ndarray, " count"]]:
+        """Terms of the reward of a period, before they are multiplied by their weights.
+
+        ``position`` and ``rotation`` are 1 without an error, and a half at 0.5 % of the mean rest length and at 0.01
+        rad. ``effort`` is minus the mean square of the actions: of speeds; ``slack`` is minus the share of slack
+        cables, where its weight is not zero; ``fall`` is -1 when the platform falls.
+        """
+        terms = {
+            "position": 1 / (1 + moment.position_errors / self._near),
+            "rotation": 1 / (1 + moment.rotation_errors / LEVEL),
+            "effort": -np.add.reduce(moment.actions * moment.actions * self._speeds, 1),
+            "fall": -1.0 * moment.fallen,
+        }
+        if self.weights["slack"]:
+            terms["slack"] = -(moment.tensions == 0).sum(1) / self.robot.cables
+        return terms
+
+    # What is the same.
+
+    def random_pose(self, random: np.random.Generator) -> RigidTransform:
+        """A level pose in the workspace."""
+        lower, upper = self.robot.workspace
+        return RigidTransform.from_translation(random.uniform(lower, upper))
+
+    def begin(
+        self,
+        row: int,
+        random: np.random.Generator,
+        waypoints: Sequence[PoseLike] | np.ndarray | None = None,
+        start: PoseLike | None = None,
+    ) -> None:
+        """Begin an episode in one simulation, in equilibrium on the rigid lengths at the start.
+
+        Args:
+            row: the simulation.
+            random: of all that is drawn.
+            waypoints: of the reference motion; default: drawn.
+            start: the pose commanded first; default: the first waypoint, or drawn with them.
+
+        Raises:
+            InvalidInput: invalid poses; no equilibrium there, or at none of many poses that were drawn.
+        """
+        robot, friction = self.domain.draw(self.robot, random)
+        for _ in range(TRIES):
+            if waypoints is None:
+                poses, first = self.draw(random)
+            else:
+                poses = poses_through(self.robot, waypoints, "learning")
+                first = poses[0]
+            first = first if start is None else self.robot.pose(start)
+            self.robots[row], self.frictions[row] = robot, friction
+            try:
+                self.restart(row, self.robot.rest_lengths(first), first)
+            except (NotConverged, InvalidInput):
+                if waypoints is not None:
+                    raise
+                continue
+            self._follow(row, Reference(Path(self.robot, poses), self.seconds))
+            return
+        raise InvalidInput(
+            f"workspace: found no equilibrium of {self.robot.name!r} at {TRIES} poses in it, expected some"
+        )
+
+    def restart(self, row: int, rest_lengths: ArrayLike, pose: PoseLike) -> None:
+        """Put the platform of one simulation at rest in the equilibrium on ``rest_lengths`` [m] near ``pose``.
+
+        Raises:
+            InvalidInput: lengths out of range.
+            NotConverged: there is no equilibrium.
+        """
+        machine, robot = self.simulations.machine, self.robots[row]
+        lengths = machine.checked(rest_lengths).rest_lengths
+        found = newton.solve(Problem.of(robot, pose, lengths))
+        self.simulations.begin(row, robot, self.frictions[row], found.pose, lengths)
+        self.ticks[row] = 0
+
+    def _follow(self, row: int, reference: Reference) -> None:
+        """Give a simulation its reference motion."""
+        self.references[row] = reference
+        times = self.period * np.arange(self.periods + 1)
+        poses = reference.poses(times)
+        positions, facing = poses.translation, poses.rotation.as_quat(canonical=True, scalar_first=True)
+        following = np.minimum(np.arange(self.periods + 1) + 1, self.periods)
+        velocities = (positions[following] - positions[following - 1]) / self.period
+        parts = positions, facing, positions[following], rotation_vectors(facing[following]), velocities
+        self._plan[row] = np.concatenate(parts, axis=1)
+        self._now = self._plan[self._each, self.ticks]
+
+    def observe(self) -> Float[np.ndarray, "count size"]:
+        """Observations of all simulations."""
+        simulations, cables = self.simulations, self.robot.cables
+        poses = simulations.poses
+        seen = np.empty((self.count, self.size))
+        seen[:, :3], seen[:, 3:6] = poses[:, :3], rotation_vectors(poses[:, 3:])
+        seen[:, 6:12] = simulations.twists()
+        seen[:, 12 : 12 + cables], seen[:, 12 + cables : -9] = simulations.tensions, simulations.rest_lengths
+        seen[:, -9:] = self._now[:, 7:]
+        return seen
+
+    def step(
+        self, actions: Float[np.ndarray, "count cables"]
+    ) -> tuple[
+        Float[np.ndarray, " count"], Bool[np.ndarray, " count"], Bool[np.ndarray, " count"], dict[str, np.ndarray]
+    ]:
+        """Simulate a control period.
+
+        Returns:
+            Rewards; whether the platform has fallen; whether the episode has reached its end; and the terms of the
+            rewards, with the errors of ``Moment``.
+
+        Raises:
+            InvalidInput: no episode has begun.
+        """
+        if None in self.references:
+            raise InvalidInput("step: found no episode, expected reset() before the first step")
+        actions = np.minimum(np.maximum(actions, -1.0), 1.0)
+        simulations = self.simulations
+        simulations.advance(actions)
+        self.ticks = np.minimum(self.ticks + 1, self.periods)
+        self._now = self._plan[self._each, self.ticks]
+        poses, facing = simulations.poses, self._now[:, 3:7]
+        away = poses[:, :3] - self._now[:, :3]
+        errors = np.sqrt(np.add.reduce(away * away, 1))
+        angles = 2 * np.arccos(np.minimum(np.abs(np.add.reduce(poses[:, 3:] * facing, 1)), 1.0))
+        # As ``track`` judges: far away, or turned over.
+        far = ~(errors <= FALLEN * np.add.reduce(simulations.rest_lengths, 1) / self.robot.cables)
+        fallen = simulations.failed | far | (simulations.rotations[:, 2, 2] < 0)
+        moment = Moment(errors, angles, actions, simulations.tensions, fallen)
+        terms = self.terms(moment)
+        rewards = np.zeros(self.count)
+        for name, term in terms.items():
+            rewards += self.weights.get(name, 1.0) * term
+        info = {"position_error": errors, "rotation_error": angles} | {
+            f"reward_{name}": of for name, of in terms.items()
+        }
+        return rewards, fallen, self.ticks >= self.periods, info
+
+    # For controllers and pictures.
+
+    def target(self, row: int) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "4"]]:
+        """Where the platform of one simulation is wanted now: position [m], and quaternion w x y z."""
+        return self._now[row, :3], self._now[row, 3:7]
+
+    def measurement(self, row: int) -> Measurement:
+        """What exact sensors without delay measure in one simulation."""
+        simulations = self.simulations
+        return Measurement(
+            float(self.ticks[row] * self.period),
+            pose_of(simulations.poses[row]),
+            simulations.tensions[row].copy(),
+            simulations.rest_lengths[row].copy(),
+        )
+
+    def action_of(self, row: int, answer: Command | ArrayLike) -> Float[np.ndarray, " cables"]:
+        """The action by which winches come nearest to a controller's command.
+
+        Raises:
+            InvalidInput: a command that these winches cannot carry out, or that controls the tensions of others.
+        """
+        simulations = self.simulations
+        command = simulations.machine.checked(answer)
+        if not np.array_equal(command.by_tension, simulations.by_tension):
+            found, ours = (np.flatnonzero(one) + 1 for one in (command.by_tension, simulations.by_tension))
+            raise InvalidInput(
+                f"control: found winches {ours.tolist()} that control tensions, and a command of the tensions of "
+                f"{found.tolist()}; expected control={found.tolist()}"
+            )
+        speeds = (command.rest_lengths - simulations.rest_lengths[row]) / (self.winch_speed * self.period)
+        tensions = 2 * command.tensions / simulations.largest - 1
+        return np.where(simulations.by_tension, tensions, speeds).clip(-1, 1)
+
+
+class Track(Task):
+    """Follow a reference motion: smoothly along straight lines, with zero velocity at both ends."""
+
+
+class Reach(Task):
+    """Reach a pose from another one, and stay there."""
+
+    defaults: ClassVar[dict[str, Any]] = {"seconds": 2.0}
+
+    def draw(self, random: np.random.Generator) -> tuple[list[RigidTransform], RigidTransform]:
+        """A level pose in the workspace to be reached, and another one to start from."""
+        start, target = self.random_pose(random), self.random_pose(random)
+        return [target], start
