@@ -429,8 +429,8 @@ class _ChainReadings(Readings):
         return self._seen[2]
 
 
-class _ChainMachine(_Machine):
-    """A robot on cables of which some have mass, like ``_Machine``, with springs in the place of actuators."""
+class _ChainMachine(Machine):
+    """A robot on cables of which some have mass, like ``Machine``, with springs in the place of actuators."""
 
     def __init__(
         self,
