@@ -81,6 +81,7 @@ from .physics.mjcf import to_mjcf as to_mjcf
 from .physics.release import Release as Release
 from .physics.release import grow_gravity as grow_gravity
 from .physics.release import release as release
+from .physics.reset import reset as reset
 from .physics.settle import settle as settle
 from .physics.settle import settle_many as settle_many
 from .physics.settle import settle_trajectory as settle_trajectory

@@ -13,7 +13,7 @@ DOORS = {
     "analysis.compensation", "analysis.workspace.feasibility", "analysis.workspace.grids", "analysis.workspace.hull",
     "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.robot_batch", "design.moves",
     "design.search",
-    "drawing.video.film", "physics.track",
+    "drawing.video.film", "physics.damping", "physics.mjcf", "physics.reset", "physics.track", "physics.winches",
 }  # fmt: skip
 """Where what users give is checked, with messages of its own."""
 

@@ -16,7 +16,8 @@ from cdpr_sim.core.pose import Pose
 from cdpr_sim.proof import complete
 from cdpr_sim.proof import search_kernel as kernel
 from cdpr_sim.proof.balance import Balance
-from cdpr_sim.proof.balls import arithmetic, middle
+from cdpr_sim.proof.balls import arithmetic, dot, exact, middle
+from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import Enclosure
 
 flint = pytest.importorskip("flint")
@@ -42,6 +43,17 @@ CASES = {
     "cables below": cdpr.Problem.of(planar("fastkit-planar"), (1.2, 0, 1.3)),
     "force": cdpr.Problem.of(planar("planar-vertical"), (0.3, 0, 0.2), external_wrench=(1.5, 0, -0.5, 0, 0, 0)),
     "law": cdpr.Problem.of(planar("planar-vertical", stiffening=(-0.5, 30), axial_stiffness=20.0), (0.3, 0, 0.2)),
+    "drive line": cdpr.Problem.of(
+        planar("planar-vertical", winch_to_exit=[0.3, 0.0, 1.0, 0.2], reeving=[1, 2, 3, 1], stiffening=(5, 30)),
+        (0.3, 0, 0.2),
+    ),
+    "pulleys": cdpr.Problem.of(planar("planar-vertical", pulley_radius=0.02), (0.3, 0, 0.2)),
+    "pulleys below": cdpr.Problem.of(
+        planar("fastkit-planar", pulley_radius=0.05, pulley_axis=(0, 0, 1)), (1.2, 0, 1.3)
+    ),
+    "tilted pulleys": cdpr.Problem.of(
+        planar("planar-vertical", pulley_radius=[0.02, 0.01, 0.0, 0.03], pulley_axis=(0.3, 0, -1)), (0.4, 0, 0.2)
+    ),
     "shifted mass": cdpr.Problem.of(planar("planar-horizontal", center_of_mass=(0.01, 0, -0.02)), (0.5, 0, 0.2)),
 }
 
@@ -78,14 +90,20 @@ def test_a_torque_leaves_the_list_complete():
 
 
 def test_random_planar_robots_are_proved_complete():
-    """Exits, anchors, stiffness and rest lengths at random: every rest from many starts is in the list."""
+    """Exits, anchors, stiffness and rest lengths at random, half of them with pulleys and drive lines.
+
+    Every equilibrium from many starts is in the list.
+    """
     random = np.random.default_rng(5)
-    for _ in range(4):
+    for trial in range(4):
         cables = int(random.integers(2, 5))
         exits, anchors = random.uniform(-1, 1, (cables, 3)), random.uniform(-0.2, 0.2, (cables, 3))
         exits[:, 2] += 2
         exits[:, 1] = anchors[:, 1] = 0
-        robot = cdpr.Robot(exits, anchors, 10 ** random.uniform(2, 5), 1.0, mobility="planar")
+        robot = cdpr.Robot(
+            exits, anchors, 10 ** random.uniform(2, 5), 1.0, mobility="planar", pulley_radius=trial % 2 * 0.05,
+            winch_to_exit=trial % 2 * random.uniform(0, 2, cables), reeving=1 + trial % 2 * np.arange(cables),
+        )  # fmt: skip
         problem = cdpr.Problem.of(robot, (0, 0, 0.5), random.uniform(0.8, 1.3) * robot.rest_lengths((0, 0, 0.5)))
         proved = cdpr.certify_all(problem)
         assert proved.complete
@@ -99,7 +117,7 @@ def chart_coordinates(one: cdpr.Certificate, chart: int, signs: np.ndarray) -> n
     return np.array([*one.equilibrium.position, *v]) if np.abs(v).max() <= 1 else None
 
 
-@pytest.mark.parametrize("case", ["vertical", "horizontal", "cables below", "force", "law", "shifted mass"])
+@pytest.mark.parametrize("case", [case for case in CASES if case != "two cables"])
 def test_no_test_excludes_a_box_that_holds_an_equilibrium(case, lists):
     """Boxes of random size thrown about proved equilibria survive, and the equilibrium stays in one of their parts.
 
@@ -126,7 +144,7 @@ def attack(proved: cdpr.CompleteEquilibria, problem: cdpr.Problem) -> float:
             if centre is None:
                 continue
             spare = max(float(np.ptp(one.position, axis=0).max()), 1e-15) * 10
-            pulls = one.equilibrium.tensions
+            pulls = one.equilibrium.pulls
             uncertain = 1e-9 * (1 + pulls.max())
 
             def holds(box: np.ndarray, rows=rows, centre=centre, spare=spare) -> bool:
@@ -153,11 +171,16 @@ def attack(proved: cdpr.CompleteEquilibria, problem: cdpr.Problem) -> float:
     return survived / thrown
 
 
-def test_a_spatial_box_with_an_equilibrium_survives():
-    """Eight cables, six coordinates, four charts, with a law: the same attack on equilibria that Newton found."""
-    problem = cdpr.Problem.of(
-        cdpr.load_robot("cogiro").replace(stiffening=(3, 20), axial_stiffness=100.0), (0.3, 0.2, 0.15)
-    )
+SPATIAL = {
+    "law": {"stiffening": (3, 20), "axial_stiffness": 100.0},
+    "pulleys": {"pulley_radius": 0.02, "pulley_axis": (0.2, -0.1, -1)},
+}
+
+
+@pytest.mark.parametrize("changes", SPATIAL.values(), ids=SPATIAL)
+def test_a_spatial_box_with_an_equilibrium_survives(changes):
+    """Eight cables, six coordinates, four charts: the same attack on equilibria that Newton found."""
+    problem = cdpr.Problem.of(cdpr.load_robot("cogiro").replace(**changes), (0.3, 0.2, 0.15))
     found = cdpr.find_equilibria(problem, starts=100)
     proved = [cdpr.certify(one) for one in found]
     listed = complete.CompleteEquilibria(problem, tuple(one for one in proved if one.proved), (), 0, 0, 0.0)
@@ -285,10 +308,10 @@ def test_a_planar_search_in_pieces_is_the_search_in_one(monkeypatch, lists):
 
 @pytest.mark.parametrize(
     ("changes", "words"),
-    [({"pulley_radius": 0.01}, "pulleys"), ({"linear_density": 0.01}, "kg/m"), ({"gravity": 0}, "no load")],
+    [({"linear_density": 0.01}, "kg/m"), ({"gravity": 0}, "no load")],
 )
 def test_what_is_not_taken_is_refused_in_a_sentence(changes, words):
-    """Pulleys, mass, and no load at all."""
+    """Mass, and no load at all."""
     robot = planar("planar-vertical", **changes)
     with pytest.raises(cdpr.InvalidInput, match=words):
         cdpr.certify_all(robot, [0.5] * 4)
@@ -317,6 +340,45 @@ def test_intervals_are_rounded_outwards():
         assert Fraction(low) <= min(Fraction(x) / Fraction(y) for x in (a, b) for y in (c, d))
         assert Fraction(high) >= max(Fraction(x) / Fraction(y) for x in (a, b) for y in (c, d))
         assert Fraction(kernel.root_down(d)) ** 2 <= Fraction(d)
+
+
+def test_arc_tangents_and_paths_over_wheels_are_enclosed():
+    """Boxes of every size about random anchors, on every side of a wheel: lengths and directions at points in them.
+
+    Beyond the wheel's centre only: there a cable has a path. Many boxes reach over the edge of the wheel.
+    """
+    random = np.random.default_rng(1)
+    robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.1, pulley_axis=random.normal(size=3))
+    problem = cdpr.Problem.of(robot, robot.home, np.ones(8))
+    wheel = complete._wheels(robot)[0]
+    compared, narrow, half_turned = 0, 0, 0
+    for _ in range(1500):
+        x = 10 ** random.uniform(-9, 9)
+        with arithmetic():
+            angle = flint.arb(x).atan()
+            low, high = kernel.arctangent(x, x)
+            assert flint.arb(low) <= angle <= flint.arb(high)
+            assert high - low < 1e-14
+        wide = 10 ** random.uniform(-9, 0) * random.uniform(0, 1, 3)
+        at = 0.1 * random.normal(size=3) * 10 ** random.uniform(0, 1)
+        o = np.zeros((kernel.COLUMNS, 2))
+        o[kernel.APART : kernel.APART + 3] = np.stack([at - random.uniform(0, 1, 3) * wide, at + wide], 1)
+        reached = kernel.over_wheel(o, wheel)
+        with arithmetic():
+            cable = Cable(problem, 0)
+            path = cable._over_wheel([exact(v) for v in at])
+            if not path.v.is_finite():
+                continue
+            assert reached
+            for value, column in [(path.v, kernel.LENGTH), *zip(path.d, range(1, 4), strict=True)]:
+                assert not value < exact(o[column, 0])
+                assert not value > exact(o[column, 1])
+            narrow += np.ptp(o[:4], axis=1).max() < 1e-6
+            half_turned += bool(dot(path.d, cable.axis) < -0.9)
+        compared += 1
+    assert compared > 300
+    assert narrow > 50
+    assert half_turned > 20
 
 
 def test_the_compiler_contracts_no_product_and_sum():

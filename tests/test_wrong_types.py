@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 import cdpr_sim as cdpr
@@ -134,7 +135,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
     asked, searched = dict(robot=robot, pose=pose), dict(within=0.01, generations=1, population=5)
     of_many, film = dict(robot=robot, positions=poses), dict(seconds=0.2, fps=10, size=(320, 240))
     moved, limits = dict(robot=robot, waypoints=poses, seconds=0.05), dict(tension_limits=(0, 10))
-    bar = cdpr.load_robot("two-cable")
+    bar, model = cdpr.load_robot("two-cable"), mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, pose))
     given: dict[str, Mapping[str, object]] = {
         "cable_profiles": dict(equilibria=equilibria),
         "check": dict(robots="two-cable", grid=(1, 1, 1)),
@@ -162,6 +163,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "validate_layout": {},
         "read_measurements": dict(path="nowhere.csv"),
         "release": dict(equilibrium=found, seconds=0.01),
+        "reset": dict(model=model, data=mujoco.MjData(model), pose=pose),
         "scene_mjcf": dict(robot=robot),
         "sensitivity": dict(equilibrium=found),
         "settle": asked,

@@ -147,14 +147,9 @@ def _outcome(problem: cdpr.Problem, method: str) -> Outcome:
 
 
 def _certificates(outcomes: Sequence[Outcome], wanted: bool | None) -> list[cdpr.Certificate]:
-    """Certificates of all equilibria; by default none where the extra is missing or ``certify`` refuses the robot."""
+    """Certificates of all equilibria; by default none where the extra is missing."""
     from cdpr_sim.proof.balls import installed
 
     if not (installed() if wanted is None else wanted):
         return []
-    try:
-        return [cdpr.certify(one) for one in outcomes if isinstance(one, cdpr.Equilibrium)]
-    except cdpr.InvalidInput:
-        if wanted:
-            raise
-        return []
+    return [cdpr.certify(one) for one in outcomes if isinstance(one, cdpr.Equilibrium)]

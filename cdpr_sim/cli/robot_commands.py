@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import MaterialName, Pose, RobotName, problem_of, robot_of
+from cdpr_sim.cli.options import MaterialName, Pose, Pretension, RobotName, problem_of, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences, print_parts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from cdpr_sim.physics.damping import Damping
 
 
 def robots() -> None:
@@ -147,9 +149,22 @@ def models(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for <robot>/.")] = Path("models"),
     pose: Pose = None,
     material: MaterialName = None,
+    pretension: Pretension = None,
     winches: Annotated[
-        bool, typer.Option("--winches", help="Add winch.xml and winch_scene.xml, with actuators that wind the cables.")
+        bool,
+        typer.Option(
+            "--winches",
+            help="Add winch.xml, winch_scene.xml and winch_speed.xml, with actuators that wind the cables.",
+        ),
     ] = False,
+    damping: Annotated[
+        str,
+        typer.Option(
+            "--damping",
+            help="What damps the platform: settle (an artificial drag that brings it to rest soon), none, or a loss "
+            "factor of the cables from 0 to 1.",
+        ),
+    ] = "settle",
     check: Annotated[
         bool, typer.Option("--check", help="Write nothing; exit status 1 if a file is out of date.")
     ] = False,
@@ -162,11 +177,11 @@ def models(
     stale, sources = [], []
     with errors_as_sentences():
         for name in robot or cdpr.list_robots():
-            problem = problem_of(name, pose, material)
-            folder, files = output / problem.robot.name, model_files(problem.robot, problem.pose)
-            sources.append("".join(files.values()))
+            problem = problem_of(name, pose, material, pretension)
+            folder, files = output / problem.robot.name, model_files(problem, damping=_damping_of(damping))
+            sources.append("".join(text for file, text in files.items() if file.endswith(".xml")))
             if winches and (robot or problem.robot.cabling.massless):
-                files = model_files(problem.robot, problem.pose, winches=True)
+                files = model_files(problem, winches=True, damping=_damping_of(damping))
             draw = functools.partial(still.draw, problem.robot, problem.pose)
             stale += _renewed(folder, files, folder / PICTURE, draw, sources[-1], check=check, force=force)
             if not check:
@@ -191,6 +206,22 @@ def view(robot: RobotName, pose: Pose = None, material: MaterialName = None) -> 
 
     with errors_as_sentences():
         open_viewer(problem_of(robot, pose, material))
+
+
+def _damping_of(word: str) -> Damping:
+    """``--damping`` as ``to_mjcf`` takes it.
+
+    Raises:
+        InvalidInput: neither a word that it knows nor a number.
+    """
+    from cdpr_sim.physics.damping import loss_factor
+
+    try:
+        damping = float(word)
+    except ValueError:
+        damping = word
+    loss_factor(damping)  # type: ignore[arg-type]
+    return damping  # type: ignore[return-value]
 
 
 def _renewed(

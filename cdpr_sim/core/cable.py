@@ -219,25 +219,6 @@ class Cabling(Frozen):
                 "is not taken into account here"
             )
 
-    def refuse_mixture(self, what: str) -> None:
-        """Refuse cables with mass that run over pulleys, or have nonlinear laws or a drive line.
-
-        Raises:
-            InvalidInput: a cable has mass and one of these.
-        """
-        driven = (self.winch_to_exit > 0) | (self.reeving > 1)
-        both = (self.linear_density > 0) & (self.pulleys | self.stiffening.any(-1) | driven)
-        if both.any():
-            cable = int(np.argmax(both))
-            other = "and a pulley" if self.pulleys[cable] else "and nonlinear elasticity"
-            if driven[cable]:
-                other = f"with winch_to_exit {self.winch_to_exit[cable]:g} m and reeving {self.reeving[cable]}"
-            raise InvalidInput(
-                f"{what}: found {self.linear_density[cable]:g} kg/m {other} in cable {cable + 1}, expected a "
-                "massless cable or mass alone: both together are not taken into account here (cdpr_sim.solve and "
-                "cdpr_sim.settle do)"
-            )
-
     def refuse_drive_line(self, what: str) -> None:
         """Refuse rope between winch and exit, and reeving, where they are not taken into account.
 

@@ -132,8 +132,7 @@ def check(
         Outcome and errors at every pose, and each pose at which the two methods do not agree.
 
     Raises:
-        InvalidInput: an invalid grid or invalid names; with ``certify``, a cable with mass that runs over a pulley or
-            is nonlinear.
+        InvalidInput: an invalid grid or invalid names.
         UnknownName: no such robot or material.
         MissingExtra: a library of the extra ``sweep``, or of ``proof`` if ``certify``, is not installed.
     """
@@ -145,8 +144,6 @@ def check(
 
     whole("threads", threads, 0, MOST_THREADS)
     group = as_robots(robots)
-    for robot in group if certify else ():  # refused here, before statics solves the whole grid
-        robot.cabling.refuse_mixture("check with certify")
     axes = grids.as_grid(grid, group)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)

@@ -482,21 +482,21 @@ class Chains:
             segments = reach * along
             off = spans + leaving - segments.sum(-2)
             swivelling = radii * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
-            sideways = np.cross(axes, outwards)
-            return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give, swivelling, sideways
+            return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give, swivelling, outwards
 
         # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
         # segment: it is least there where the others leave no more than that length to span.
         folded = (laid(-np.moveaxis(hanging, 1, 0))[2] <= rest[..., 0].T).any(0)
         found, here = np.zeros(len(pulls), dtype=bool), laid(pulls)
         for _ in range(LAYINGS):
-            _, off, apart, along, turning, give, swivelling, sideways = here
+            _, off, apart, along, turning, give, swivelling, outwards = here
             found = apart <= CLOSED * rest.sum(1)[:, 0]
             if (found | folded).all():
                 break
             slope = turning.sum(1)[..., None] * np.eye(3) + np.einsum(
                 "ns,nsi,nsj->nij", give - turning[..., 0], along, along
             )
+            sideways = np.cross(axes, outwards)
             slope += swivelling[..., None] * sideways[:, :, None] * sideways[:, None]
             if not (np.linalg.det(slope) > 0).all():  # a chain whose first segment would not reach beyond its wheel
                 break

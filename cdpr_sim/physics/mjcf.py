@@ -14,13 +14,33 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core.checks import FLAG, checked_label, refuse_unless
+from cdpr_sim.core.checks import checked_label, positive, refuse_unless
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import chains, pulleys, tendons
+from cdpr_sim.physics.damping import (
+    STEPS,
+    Damping,
+    fastest,
+    loss_factor,
+    refuse_undamped,
+    relaxation_times,
+    rounded_down,
+)
 from cdpr_sim.physics.number_format import magnitude, text
-from cdpr_sim.physics.winches import LEAST_SPARE, add_drums, add_winches
+from cdpr_sim.physics.winches import (
+    DAMPING,
+    LEAST_SPARE,
+    SPEED,
+    Kind,
+    add_damped_cables,
+    add_drums,
+    add_winches,
+    kind_of,
+    largest_forces,
+    steady_step,
+)
 
 TIMESTEP = 0.002
 """[s] Time step; the discrete integrator is implicit in the cables' springs, so that it need not shrink with their
@@ -40,7 +60,10 @@ def to_mjcf(
     pose: PoseLike | None = None,
     rest_lengths: ArrayLike | None = None,
     *,
-    winches: bool = False,
+    winches: bool | Kind = False,
+    damping: Damping = "settle",
+    winch_force: ArrayLike | None = None,
+    winch_speed: float = SPEED,
 ) -> str:
     """The robot with its platform at ``pose``, as MJCF text.
 
@@ -50,8 +73,11 @@ def to_mjcf(
     ``qpos``; a cable over a pulley has a body ``pulley_1`` and, in space, its joint ``swivel_1``. A cable with mass is
     a chain of tendons ``cable_1_1``, ... with masses ``node_1_1``, ... between them; ``length_1`` is its chord.
 
-    The air is viscous enough to damp the platform's slowest oscillation without overshoot: that changes how it comes to
-    rest, but not its equilibrium.
+    With the default ``damping`` the air is so viscous that the platform's slowest oscillation does not overshoot: no
+    real platform has that damping, it makes the model come to rest soon, and does not change the equilibrium. A free
+    platform of ``cogiro`` falls with 1.05 m/s after 0.5 s, instead of 4.91 in vacuum. To learn or test motions, choose
+    another: ``"none"``, or the loss factor of the cables (``physics.damping``); then the integrator is one without
+    numerical damping, with a shorter time step.
 
     With ``winches`` the model is driven: the actuator ``winch_1`` lets out L/(1 + u) of cable 1 at the control u, with
     L the written rest length (``winch_controls`` converts lengths into controls). It starts at 0, and MuJoCo
@@ -59,63 +85,88 @@ def to_mjcf(
     ``position`` [m] and ``orientation`` (quaternion w x y z) of the platform in the frame of the site ``base``. The air
     has no effect; it is replaced by damping on the platform's joints, in space ``x``, ``y``, ``z`` and the ball joint
     ``rotation``, whose zero is the written orientation. So nothing is lost when the model is attached to another one,
-    and any body can be its parent.
+    and any body can be its parent. No winch of linear cables pulls more than its largest force, so that any controls
+    leave the simulation finite; the time step is shorter where this force could turn the platform by a radian within
+    it.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
         pose: the commanded pose, where the model starts.
         rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``.
-        winches: let ``ctrl`` drive the winches.
+        winches: let ``ctrl`` drive the winches. ``"ratio"``, as True: the control is u, which the rest length follows
+            at once, however fast. ``"speed"``: it is a speed [m/s], whose integral w, the activation, lets out
+            L/(1 + w/L): w is the length wound in, up to second order in w/L, and the rope runs at (l0/L)² of the
+            control.
+        damping: what damps the platform: ``"settle"``, ``"none"``, or a loss factor of linear cables from 0 to 1.
+        winch_force: largest tension of the winches' ropes [N], one number or one per cable; infinite for no limit.
+            Default: the smaller of ``force_max`` and ``breaking_load``, or 1.5 % of EA where neither is known, and then
+            at least ten times the platform's weight. Nonlinear cables have no limit.
+        winch_speed: largest rope speed of winches of kind ``"speed"`` [m/s]; a rope shorter than the longest in range
+            runs slower.
 
     Returns:
         An MJCF document, which ``mujoco.MjModel.from_xml_string`` compiles; its numbers parse back exactly.
 
     Raises:
-        InvalidInput: an invalid pose or length; winches on cables with mass; a cable with mass that is too short for
-            its pulley.
+        InvalidInput: an invalid argument; winches or another damping on cables with mass; a loss factor of nonlinear
+            cables; a cable with mass that is too short for its pulley.
     """
     problem = Problem.of(robot, pose, rest_lengths)
-    refuse_unless(FLAG, winches=winches)
-    robot = problem.robot
+    kind, factor = kind_of(winches), loss_factor(damping)
+    robot, settling = problem.robot, factor is None
     chains.refuse_short(robot, problem.rest_lengths)
-    if winches:
+    if kind:
         chains.refuse_weight(robot, "a winch in MuJoCo")
+    if factor is not None:
+        refuse_undamped(robot, factor)
+    forces, speed = largest_forces(robot, winch_force), positive("winch_speed", winch_speed, "m/s")
     drag, _ = _air(problem)
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
-    option = ET.SubElement(root, "option", timestep=text(TIMESTEP))
-    option.set("integrator", "discrete" if robot.cabling.massless else "implicitfast")
+    step = min(TIMESTEP, rounded_down(steady_step(robot, forces))) if kind and np.isfinite(forces).all() else TIMESTEP
+    option = ET.SubElement(root, "option", timestep=text(step))
+    option.set("integrator", "discrete" if robot.cabling.massless and settling else "implicitfast")
     option.set("gravity", text([0, 0, -robot.gravity]))
-    if not winches:
+    if settling and not kind:
         option.set("viscosity", text(air_viscosity(problem)))
     root.append(_defaults(robot))
     world = ET.SubElement(root, "worldbody")
     tendons.add_exits(world, robot.cabling)
     paddles = magnitude(robot.platform_size)  # [m] at which the air calms it within a second, also with stiff cables
-    platform = _platform(robot, problem.pose, (drag, drag * paddles * paddles) if winches else None)
+    brake = (drag, drag * paddles * paddles) if settling else (0.0, 0.0)
+    platform = _platform(robot, problem.pose, brake if kind else None)
     world.append(platform)
     nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
     chains.add_far(world, robot.cabling, problem.rest_lengths)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
     springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
-    if winches:
+    if kind:
         add_drums(world, robot, springs)
-    tendons.add_tendons(root, robot, problem.rest_lengths, TIMESTEP, wound=winches)
+    tendons.add_tendons(root, robot, problem.rest_lengths, TIMESTEP, wound=bool(kind or factor))
     chains.add_segments(root, robot, problem.rest_lengths, TIMESTEP)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
-    if winches:
-        add_winches(root, world, robot, problem.rest_lengths, springs)
+    times = np.full(robot.cables, DAMPING) if factor is None else relaxation_times(robot, springs, factor)
+    if kind:
+        add_winches(
+            root, world, robot, problem.rest_lengths, springs, kind=kind, forces=forces, speed=speed, damping=times
+        )
+    elif factor:
+        add_damped_cables(root, robot, springs, times)
     keyframes = ET.SubElement(root, "keyframe")
     swivels = pulleys.facing(robot, problem.pose)[1] if robot.mobility == "spatial" else []
     at = coordinates(robot, problem.pose)
-    if winches and robot.mobility == "spatial":
+    if kind and robot.mobility == "spatial":
         at = since_written(at, at[3:])
-    drums = np.zeros(int(robot.cabling.stiffening.any(1).sum()) if winches else 0)
+    drums = np.zeros(int(robot.cabling.stiffening.any(1).sum()) if kind else 0)
     start = np.concatenate([at, nodes, swivels, drums])
     ET.SubElement(keyframes, "key", name="commanded", qpos=text(start))
+    if not settling:
+        model = mujoco.MjModel.from_xml_string(_document(root))
+        period = 2 * np.pi / fastest(model, robot, springs)
+        option.set("timestep", text(min(step, rounded_down(period / STEPS))))
     return _document(root)
 
 
@@ -214,9 +265,9 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidT
     pulleys.toward_anchors(model, data, robot)
 
 
-def swing_damping(problem: Problem) -> float:
-    """Critical damping of the platform's slowest oscillation, per mass [1/s]."""
-    return _air(problem)[0] / problem.robot.mass
+def settling_drag(problem: Problem) -> float:
+    """Drag [N s/m] of the platform in a model with the damping ``"settle"``."""
+    return _air(problem)[0]
 
 
 def air_viscosity(problem: Problem) -> float:

@@ -202,8 +202,8 @@ class Swivels:
         return self._turns(positions, matrices, sites[..., self.anchors, :])
 
     def _turns(self, positions: np.ndarray, matrices: np.ndarray, seen: np.ndarray) -> Float[np.ndarray, "*rows n"]:
-        x, y, _ = self._seen(positions, matrices, seen)
-        return np.arctan2(y, x)
+        seen = self._seen(positions, matrices, seen)
+        return np.arctan2(seen[..., 1], seen[..., 0])
 
     def face(self, model: mujoco.MjModel, data: mujoco.MjData, *, anchors: bool = False) -> None:
         """Turn each wheel of a single simulation towards its site, or its anchor; ``mj_kinematics`` has to follow."""
@@ -222,14 +222,14 @@ class Swivels:
         points: Int[np.ndarray, "*rows pulleys"],
     ) -> Bool[np.ndarray, "*rows pulleys"]:
         """Whether each cable is off its wheel: its tendon misses the wheel, or its anchor is below the wheel."""
-        x, y, _ = self._seen(positions, matrices, sites[..., self.anchors, :])
-        return (points < POINTS) | (np.hypot(x, y) < self.radii)
+        seen = self._seen(positions, matrices, sites[..., self.anchors, :])
+        return (points < POINTS) | (np.hypot(seen[..., 0], seen[..., 1]) < self.radii)
 
-    def _seen(self, positions: np.ndarray, matrices: np.ndarray, seen: np.ndarray) -> Float[np.ndarray, "3 *rows n"]:
+    def _seen(self, positions: np.ndarray, matrices: np.ndarray, seen: np.ndarray) -> Float[np.ndarray, "*rows n 3"]:
         """Points, one per wheel, in the frames of the wheels [m]: outwards, sideways, along the axis."""
         away = seen - positions[..., self.bodies, :]
         axes = matrices[..., self.bodies, :].reshape(*away.shape, 3)
-        return np.moveaxis((away[..., None, :] @ axes)[..., 0, :], -1, 0)
+        return (away[..., None, :] @ axes)[..., 0, :]
 
 
 def toward_anchors(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> None:

@@ -67,6 +67,9 @@ def add_tendons(
         if cabling.linear_density[i - 1] > 0:  # ``chains.add_segments``
             continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
+        if cabling.reeving[i - 1] > 1 or cabling.winch_to_exit[i - 1] > 0:  # what ``reset`` cannot read elsewhere
+            parts = float(cabling.reeving[i - 1])
+            cable.set("user", text([parts, float(cabling.winch_to_exit[i - 1]) / parts]))
         nonlinear = cabling.stiffening[i - 1].any()
         if nonlinear or not wound:
             cable.set("stiffness", text([stiffness, *further[i - 1]] if nonlinear else stiffness))

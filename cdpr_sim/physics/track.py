@@ -36,7 +36,7 @@ from cdpr_sim.physics.batch import quiet
 from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, poses_through, problems_at
 from cdpr_sim.physics.dynamic_relaxation import inertias
-from cdpr_sim.physics.mjcf import TIMESTEP, place, swing_damping, to_mjcf
+from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_drag, to_mjcf
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
 from cdpr_sim.physics.sagging.settle_chains import at_rest
@@ -268,7 +268,7 @@ class _Machine:
         cable_damping: float,
     ) -> None:
         self.robot = robot
-        self.model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, winches=True))
+        self.model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, winches=True, winch_force=np.inf))
         self.data = mujoco.MjData(self.model)
         self.readings = Readings(self.model, robot)
         self.platform = self.model.body("platform").id
@@ -444,7 +444,7 @@ class _ChainMachine(_Machine):
         self._chains = ChainMotion(
             simulation,
             self._longest,
-            damping=damping * swing_damping(written) * inertia,
+            damping=damping * settling_drag(written) / robot.mass * inertia,
             ahead=LEAST_AHEAD,
             cable_damping=cable_damping,
         )

@@ -1,5 +1,8 @@
 """Winches in MuJoCo: actuators that wind the cables of a model by ``ctrl``.
 
+They are of two kinds. ``ratio``: the control is L/l0 - 1, and the rest length follows it at once, however fast.
+``speed``: the control is a speed, which MuJoCo integrates into the activation w (``dyntype`` integrator).
+
 The actuator ``winch_1`` replaces the spring of cable 1's tendon. With L the rest length at control 0 and u the
 control, the rest length is l0 = L/(1 + u): a positive control winds in. The tension
 
@@ -8,6 +11,16 @@ control, the rest length is l0 = L/(1 + u): a positive control winds in. The ten
 is bilinear in l and u, like MuJoCo's affine gain and bias. ``forcerange`` begins at 0, so that no cable
 pushes; ``gear`` -1 makes tension a positive force. The stiffness is EA/l0, as required: a shorter cable is a
 stiffer one. The tendon of a cable over a pulley is longer by its straight entry; the constants account for that.
+
+A winch of kind ``speed`` has u = w/L, so that l0 = L/(1 + w/L): w [m] is the length that is wound in, up to second
+order in w/L. Its rope runs at the speed dw/dt (l0/L)². ``ctrlrange`` is such that no rope runs faster than
+``winch_speed`` at any length in its range, and ``actrange`` is that range.
+
+No winch pulls more than ``largest_forces``, however it is controlled: beyond, its cable pulls with that force, as with
+a clutch that slips. Without this limit random controls end a simulation within some milliseconds: a control that jumps
+by its range changes a rest length of half a metre at once, the linear law answers with 1e5 times the platform's weight,
+and within one time step the platform turns by more than a radian (``steady_step``), so that its spin grows from step to
+step and carries it away.
 
 A rope with n parts of line and a length g between winch and exit has the strain (l - l0)/(l0 + c) with c = g/n
 (``shared``): the same formulas hold with l + c, l0 + c and L + c in the place of l, l0 and L. The actuator's force is
@@ -19,7 +32,7 @@ which the cable is drawn in behind the exit. The tension is then the law's at th
 the required l/l0 - 1 for q = l (L/l0 - 1), likewise with c. That depends on l; ``winch_controls`` uses its value at
 the equilibrium. In
 motions about that equilibrium the cable is as stiff as one of length L, and its tension sensor includes the drum's
-inertia.
+inertia. Its force has no limit; a winch of kind ``speed`` winds in q itself at ``winch_speed``.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -27,22 +40,39 @@ inertia.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from typing import Literal, TypeAlias, get_args
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.checks import FLAG, as_numbers
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import pulleys
 from cdpr_sim.physics.number_format import text
+
+Kind: TypeAlias = Literal["ratio", "speed"]
+"""What the controls of winches are: L/l0 - 1, or a speed."""
+
+SPEED = 1.0
+"""[m/s] Default of the largest rope speed of winches of kind ``speed``: that of ``track``."""
+
+STRENGTH = 0.015
+"""Largest force as a fraction of EA, where neither ``force_max`` nor a breaking load is known. The fibre and steel
+ropes of the catalogue break at 0.0156 to 0.0177 of their EA."""
+
+LEAST_CAPACITY = 10.0
+"""Least of that largest force, as a multiple of the platform's weight, so that cables of rubber carry platforms."""
 
 DAMPING = 1e-4
 """[s] A cable's resistance to stretching, as a multiple of its stiffness: large enough to damp oscillations, and too
 small to reduce the time steps of integrators that treat it explicitly."""
 
 NO_LIMIT = 1e12
-"""Strain of an actuator's largest force: beyond any motion. MuJoCo has no range that is open at one end only; a lower
-limit would keep an unstable motion bounded, so that MuJoCo would not report it."""
+"""Strain of an actuator's largest force where it has no limit: beyond any motion. MuJoCo has no range that is open at
+one end only."""
 
 SPARE = 0.2
 """Range of winches beyond the lengths of a level platform in its workspace, as a fraction: for a tilted platform, and
@@ -74,6 +104,53 @@ def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray,
     furthest = np.linalg.norm(np.maximum(np.abs(ends - lower), np.abs(ends - upper)), axis=1)
     longest = (1 + SPARE) * (furthest + 2 * np.pi * robot.cabling.pulley_radius)
     return np.maximum((1 - SPARE) * nearest, SHORTEST * longest), longest
+
+
+def kind_of(winches: bool | Kind) -> Kind | None:
+    """What ``winches`` of ``to_mjcf`` asks for: None without winches.
+
+    Raises:
+        InvalidInput: neither a flag nor a kind.
+    """
+    if isinstance(winches, FLAG):
+        return "ratio" if winches else None
+    if isinstance(winches, str) and winches in get_args(Kind):
+        return winches
+    raise InvalidInput(f"winches: found {winches!r}, expected True, False, 'ratio' or 'speed'")
+
+
+def largest_forces(robot: Robot, winch_force: ArrayLike | None = None) -> Float[np.ndarray, " cables"]:
+    """Largest tension of each winch's rope [N]: ``winch_force``, or the smaller of ``force_max`` and ``breaking_load``.
+
+    Where neither is finite, ``STRENGTH`` EA, and at least ``LEAST_CAPACITY`` of the platform's weight.
+
+    Raises:
+        InvalidInput: not one positive number or one per cable.
+    """
+    if winch_force is not None:
+        forces = as_numbers("winch_force", winch_force, "one number or one per cable")
+        if forces.shape not in {(), (robot.cables,)} or not (forces > 0).all():
+            raise InvalidInput(
+                f"winch_force: found {winch_force!r}, expected one positive number or one for each of the "
+                f"{robot.cables} cables [N]"
+            )
+        return np.broadcast_to(forces, (robot.cables,)).copy()
+    forces = np.minimum(robot.force_max, robot.cabling.breaking_load)
+    load = robot.mass * (robot.gravity or STANDARD_GRAVITY)
+    return np.where(np.isfinite(forces), forces, np.maximum(STRENGTH * robot.axial_stiffness, LEAST_CAPACITY * load))
+
+
+def steady_step(robot: Robot, forces: Float[np.ndarray, " cables"]) -> float:
+    """Time step [s] within which a cable with its largest force turns a platform at rest by at most a radian.
+
+    MuJoCo's integrators treat gyroscopic torques explicitly: with the step 1.5 times as long, random controls make
+    ``segesta`` spin faster and faster.
+    """
+    arms = robot.anchors - robot.center_of_mass
+    moments = np.empty(3)
+    mujoco.mju_eig3(moments, np.empty(9), np.empty(4), robot.inertia.ravel())
+    torques = robot.reeving * forces * np.sqrt((arms * arms).sum(1))
+    return float(np.sqrt(moments.min() / max(torques.max(), np.finfo(float).tiny)))
 
 
 def shared(robot: Robot) -> Float[np.ndarray, " cables"]:
@@ -111,40 +188,84 @@ def add_winches(
     robot: Robot,
     rest_lengths: Float[np.ndarray, " cables"],
     springs: Float[np.ndarray, " cables"],
+    *,
+    kind: Kind,
+    forces: Float[np.ndarray, " cables"],
+    speed: float,
+    damping: Float[np.ndarray, " cables"],
 ) -> None:
-    """The actuators ``winch_1``, ..., which let out ``rest_lengths`` [m] at a control of 0; and the sensors.
+    """The actuators ``winch_1``, ..., which let out ``rest_lengths`` [m] at the start; and the sensors.
 
-    ``springs`` are the stiffnesses of tendons of these rest lengths, from ``tendons.springs`` [N/m].
+    Args:
+        root: the model.
+        world: its world body.
+        robot: the robot.
+        rest_lengths: rest lengths at a control, or an activation, of 0 [m].
+        springs: stiffnesses of tendons of these rest lengths, from ``tendons.springs`` [N/m].
+        kind: what the controls are.
+        forces: largest tensions of the ropes, (cables,) [N]; may be infinite.
+        speed: largest rope speed of the kind ``speed`` [m/s].
+        damping: resistance of cables to stretching, as a multiple of their stiffness, (cables,) [s].
     """
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
     bounds = np.array([np.minimum(reach(robot)[0], rest_lengths), np.maximum(reach(robot)[1], rest_lengths)])
-    stiffnesses, extra = robot.reeving * robot.axial_stiffness, shared(robot)
-    for cable, (stiffness, slope) in enumerate(zip(stiffnesses, springs, strict=True)):
+    extra = shared(robot)
+    for cable, slope in enumerate(springs):
         i, length = cable + 1, rest_lengths[cable] + extra[cable]
         shortest, longest = bounds[:, cable] + extra[cable]
-        winch = ET.SubElement(actuators, "general", name=f"winch_{i}")
         if robot.cabling.stiffening[cable].any():
+            winch = ET.SubElement(actuators, "general", name=f"winch_{i}")
             winch.set("joint", f"drum_{i}")
             winch.set("gainprm", text(SERVO * slope))
             winch.set("biastype", "affine")
             winch.set("biasprm", text([0, -SERVO * slope, 0]))
-            winch.set("ctrlrange", text([length - longest, length - shortest]))
+            ends, fastest = [length - longest, length - shortest], speed
         else:
-            entry = pulleys.entries(robot.cabling)[cable] - extra[cable]
-            winch.set("tendon", f"cable_{i}")
-            winch.set("gear", "-1")
-            winch.set("gaintype", "affine")
-            winch.set("gainprm", text([-slope * entry, -slope, 0]))
-            winch.set("biastype", "affine")
-            winch.set("biasprm", text([-stiffness - slope * entry, -slope, -DAMPING * slope]))
-            winch.set("forcerange", text([0, NO_LIMIT * stiffness]))
-            winch.set("ctrlrange", text([length / longest - 1, length / shortest - 1]))
+            unit = 1.0 if kind == "ratio" else length  # of the input: u, or w = u L
+            winch = _add_cable(actuators, f"winch_{i}", cable, robot, slope, damping[cable], 1 / unit, forces[cable])
+            ends = [unit * (length / longest - 1), unit * (length / shortest - 1)]
+            fastest = speed * (length / longest) ** 2
+        if kind == "ratio":
+            winch.set("ctrlrange", text(ends))
+        else:
+            winch.set("dyntype", "integrator")
+            winch.set("actrange", text(ends))
+            winch.set("ctrlrange", text([-fastest, fastest]))
         ET.SubElement(sensors, "actuatorfrc", name=f"tension_{i}", actuator=f"winch_{i}")
     ET.SubElement(world, "site", name="base", group="4")
-    for kind, name in (("framepos", "position"), ("framequat", "orientation")):
-        sensor = ET.SubElement(sensors, kind, name=name, objtype="xbody", objname="platform")
+    for what, name in (("framepos", "position"), ("framequat", "orientation")):
+        sensor = ET.SubElement(sensors, what, name=name, objtype="xbody", objname="platform")
         sensor.set("reftype", "site")
         sensor.set("refname", "base")
+
+
+def add_damped_cables(
+    root: ET.Element, robot: Robot, springs: Float[np.ndarray, " cables"], damping: Float[np.ndarray, " cables"]
+) -> None:
+    """Actuators ``damped_1``, ... without control, each the spring and the damper of a cable of constant rest length.
+
+    The ``damping`` of a tendon does not know its dead band, so that a slack cable would push. The force of an actuator
+    is clamped as a whole, so that it never pushes.
+    """
+    actuators = ET.SubElement(root, "actuator")
+    for cable, slope in enumerate(springs):
+        _add_cable(actuators, f"damped_{cable + 1}", cable, robot, slope, damping[cable], 0.0, np.inf)
+
+
+def _add_cable(
+    actuators: ET.Element, name: str, cable: int, robot: Robot, slope: float, damping: float, gain: float, force: float
+) -> ET.Element:
+    """The actuator that is a linear cable: n EA (l (1 + gain u)/L - 1) + damping, and between 0 and n ``force``."""
+    stiffness = robot.reeving[cable] * robot.axial_stiffness[cable]
+    entry = (pulleys.entries(robot.cabling) - shared(robot))[cable]
+    actuator = ET.SubElement(actuators, "general", name=name, tendon=f"cable_{cable + 1}", gear="-1")
+    actuator.set("gaintype", "affine")
+    actuator.set("gainprm", text(gain * np.array([-slope * entry, -slope, 0])))
+    actuator.set("biastype", "affine")
+    actuator.set("biasprm", text([-stiffness - slope * entry, -slope, -damping * slope]))
+    most = robot.reeving[cable] * force if np.isfinite(force) else NO_LIMIT * stiffness
+    actuator.set("forcerange", text([0, most]))
+    return actuator
 
 
 def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -163,7 +284,8 @@ def hang(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if model.actuator_trntype[winch] == mujoco.mjtTrn.mjTRN_JOINT:
             silent = model.tendon_lengthspring[cable, 1]
         else:  # where the law begins to pull
-            control = np.clip(data.ctrl[winch], *model.actuator_ctrlrange[winch])
+            state = model.actuator_actadr[winch]
+            control = data.act[state] if state >= 0 else np.clip(data.ctrl[winch], *model.actuator_ctrlrange[winch])
             gain, bias = model.actuator_gainprm[winch], model.actuator_biasprm[winch]
             silent = (gain[0] * control + bias[0]) / (gain[1] * control + bias[1])
         spare = silent - data.ten_length[cable]

@@ -7,7 +7,7 @@ velocities ω_k of δ_k, the balance along the coordinate k is
 
     −Σ Fᵢ·∂bᵢ/∂x_k + m g ∂c_z/∂x_k − f·∂p/∂x_k − t·ω_k = 0,
 
-without t the slope of the energy. Each cable with mass adds an unknown with its own equation (``cables``).
+without t the slope of the energy. Each cable with mass adds three unknowns with their own equations (``cables``).
 """
 
 from __future__ import annotations
@@ -69,16 +69,18 @@ class Balance:
         tangents = tangents / (2 * robot.characteristic_length)  # a rotation by 1 rad is one characteristic length
         self.quaternion, self.tangents = balls(w), [balls(row) for row in tangents]
         self.free = len(self.axes) + len(self.tangents)
-        self.unknowns = self.free + len(self.with_mass)
+        self.unknowns = self.free + 3 * len(self.with_mass)
         self.weight = exact(robot.mass) * exact(robot.gravity)
         self.center_of_mass = balls(robot.center_of_mass)
         self.force, self.torque = balls(problem.external_wrench[:3]), balls(problem.external_wrench[3:])
         self.twisted = bool(problem.external_wrench[3:].any())
         turn = about.rotation_matrix
         starts = [
-            self.cables[index].unknown_near(about.position + turn @ robot.anchors[index]) for index in self.with_mass
+            part
+            for index in self.with_mass
+            for part in self.cables[index].tension_near(about.position + turn @ robot.anchors[index])
         ]
-        self.start = balls([*about.position[self.axes], *[0.0] * len(self.tangents), *starts])
+        self.start = [*balls([*about.position[self.axes], *[0.0] * len(self.tangents)]), *starts]
 
     def position(self, x: Sequence[Ball]) -> list[Ball]:
         """p, (3,) [m]."""
@@ -123,27 +125,29 @@ class Balance:
                 slope[translations + k][translations + m] -= dot(self.torque, spin_slopes[k][m])
         for index, cable in enumerate(self.cables):
             anchor = [p[i] + dot(R[i], cable.anchor) for i in range(3)]
-            unknown = n + self.with_mass.index(index) if cable.has_mass else None
-            pull = cable.pull(anchor, None if unknown is None else x[unknown], taken_as.get(index))
+            first = n + 3 * self.with_mass.index(index) if cable.has_mass else None
+            pull = cable.pull(anchor, None if first is None else x[first : first + 3], taken_as.get(index))
             pulls.append(pull)
-            if pull.taut is False and unknown is None:
+            if pull.taut is False and first is None:
                 continue
             for i in range(3):
                 total[i] += pull.force[i]
                 moment[i] = [entry + pull.force[i] * part for entry, part in zip(moment[i], cable.anchor, strict=True)]
             columns = [[one if i == axis else zero for i in range(3)] for axis in self.axes]
             columns += [[dot(R_k[k][i], cable.anchor) for i in range(3)] for k in turns]
+            if first is not None:
+                for i in range(3):
+                    forces[first + i] = pull.gap[i]
+                    slope[first + i][first : first + 3] = pull.compliance[i]
+                    for k in range(n):
+                        slope[k][first + i] = columns[k][i]
+                        slope[first + i][k] = -columns[k][i]
+                continue
             D = matrix(columns)  # a row for each coordinate
             stiffness = (D * matrix(pull.slope) * D.transpose()).tolist()
             for k in range(n):
                 for m in range(n):
                     slope[k][m] -= stiffness[k][m]
-            if unknown is not None:
-                forces[unknown] = pull.gap
-                slope[unknown][unknown] = pull.gap_by_unknown
-                for k in range(n):
-                    slope[k][unknown] = -dot(columns[k], pull.by_unknown)
-                    slope[unknown][k] = dot(columns[k], pull.gap_slope or [])
         for unknown, axis in enumerate(self.axes):
             forces[unknown] -= total[axis]
         moments = _flat(moment)

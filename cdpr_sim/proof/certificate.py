@@ -159,7 +159,7 @@ def certify(equilibrium: Equilibrium) -> Certificate:
         What is proved, and reasons for what is not. A pose that is no equilibrium raises no error.
 
     Raises:
-        InvalidInput: not an ``Equilibrium``; a cable with mass that runs over a pulley, stiffens or has a drive line.
+        InvalidInput: not an ``Equilibrium``.
         MissingExtra: python-flint is not installed.
 
     Source: Krawczyk 1969, doi:10.1007/BF02234767; Neumaier 1990; F. Johansson, Arb, doi:10.1109/TC.2017.2690633.
@@ -167,7 +167,6 @@ def certify(equilibrium: Equilibrium) -> Certificate:
     if not isinstance(equilibrium, Equilibrium):
         raise InvalidInput(f"equilibrium: found {equilibrium!r}, expected an Equilibrium")
     problem = equilibrium.problem
-    problem.robot.cabling.refuse_mixture("certify")
     with arithmetic(BITS):
         balance = Balance(problem, Pose(equilibrium.position, equilibrium.rotation_matrix))
         arm = problem.robot.characteristic_length
@@ -247,13 +246,15 @@ def _krawczyk(balance: Balance, centre: list[Ball], point: At, inverse: Matrix, 
 
 
 def _box(balance: Balance, centre: list[Ball], point: At, radius: float) -> list[Ball]:
-    """Box about the centre: of width ``radius`` in the pose, and of the resulting width in the catenaries' unknowns."""
+    """Box about the centre: of width ``radius`` in the pose, and of the resulting width in the tensions."""
     from flint import arb
 
     radii = [radius] * balance.free
-    for unknown in range(balance.free, balance.unknowns):
-        row = point.slope[unknown]
-        radii.append(4 * radius * sum(abs(middle(v)) for v in row[: balance.free]) / abs(middle(row[unknown])))
+    slope, n = middles(point.slope), balance.free
+    for first in range(n, balance.unknowns, 3):
+        rows = slice(first, first + 3)
+        widths = 4 * radius * np.abs(np.linalg.solve(slope[rows, rows], slope[rows, :n])).sum(1)
+        radii += np.maximum(widths, 0.1 * widths.max()).tolist()  # a planar robot's cables do not move across its plane
     return [x + arb(0, r) for x, r in zip(centre, radii, strict=True)]
 
 
@@ -355,13 +356,15 @@ def index_over(balance: Balance, found: Enclosure) -> int | None:
     if found.monotone:
         return 0
     n, slope = balance.free, [list(row) for row in found.state.slope]
-    for unknown in range(n, balance.unknowns):
+    for unknown in reversed(range(n, balance.unknowns)):
         pivot = slope[unknown][unknown]
         if not (pivot > 0 or pivot < 0):
             return None
-        for k in range(n):
-            for m in range(n):
-                slope[k][m] -= slope[k][unknown] * slope[unknown][m] / pivot
+        others = [k for k in range(unknown) if k < n or k >= unknown - (unknown - n) % 3]
+        for k in others:
+            factor = slope[k][unknown] / pivot
+            for m in others:
+                slope[k][m] -= factor * slope[unknown][m]
     kinks = [i for i, pull in enumerate(found.state.pulls) if pull.taut is None]
     if kinks and not balance.with_mass and len(kinks) <= MOST_KINKS:
         choices = itertools.product((True, False), repeat=len(kinks))
@@ -375,10 +378,7 @@ def index_over(balance: Balance, found: Enclosure) -> int | None:
 
 def midpoint_of(problem: Problem, balance: Balance, found: Enclosure) -> Equilibrium:
     """The midpoints of an enclosure as an equilibrium, whose source is "proof"."""
-    state, n, slope = found.state, balance.free, middles(found.state.slope)
-    stiffness = slope[:n, :n]
-    if balance.with_mass:  # the unknowns of cables with mass follow the pose
-        stiffness = stiffness - slope[:n, n:] @ np.linalg.solve(slope[n:, n:], slope[n:, :n])
+    state, n, stiffness = found.state, balance.free, _condensed(balance, found.state)
     tensions = np.array([middle(pull.tension) for pull in state.pulls])
     slack = np.array([pull.taut is False and not balance.cables[i].has_mass for i, pull in enumerate(state.pulls)])
     return Equilibrium(
@@ -391,6 +391,14 @@ def midpoint_of(problem: Problem, balance: Balance, found: Enclosure) -> Equilib
         iterations=0,
         source="proof",
     )
+
+
+def _condensed(balance: Balance, state: At) -> np.ndarray:
+    """The stiffness matrix in doubles, (free, free): tensions of cables with mass follow the pose."""
+    n, slope = balance.free, middles(state.slope)
+    if not balance.with_mass:
+        return slope
+    return slope[:n, :n] - slope[:n, n:] @ np.linalg.solve(slope[n:, n:], slope[n:, :n])
 
 
 def certificate_of(equilibrium: Equilibrium, balance: Balance, found: Enclosure) -> Certificate:
@@ -464,8 +472,7 @@ def _norm(parts: Sequence[Ball]) -> Ball:
 
 def _why(balance: Balance, point: At, arm: float) -> str:
     """Reason why no box was found: a neutral direction, a kink, or a pose from which Newton's steps do not converge."""
-    slope = middles([row[: balance.free] for row in point.slope[: balance.free]])
-    values = np.abs(np.linalg.eigvals(slope))
+    values = np.abs(np.linalg.eigvals(_condensed(balance, point)))
     nearest = int(np.argmin([abs(middle(pull.stretch)) for pull in point.pulls]))
     gap = abs(middle(point.pulls[nearest].stretch))
     if values.min() <= 1e-12 * values.max():

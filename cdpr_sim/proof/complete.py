@@ -36,7 +36,7 @@ from cdpr_sim.core.progress import bar
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.proof import certificate
 from cdpr_sim.proof.balance import Balance
-from cdpr_sim.proof.balls import BITS, Ball, arithmetic, dot, exact, load, matrix
+from cdpr_sim.proof.balls import BITS, Ball, arithmetic, balls, dot, exact, load, lower, matrix, middle, upper
 from cdpr_sim.proof.certificate import Certificate, Enclosure
 
 CHARTS = {
@@ -165,9 +165,8 @@ class CompleteEquilibria(HtmlRepr):
 
 
 def quickly_complete(problem: Problem) -> bool:
-    """Whether completeness is proved in a fraction of a second: a planar robot, massless cables and no pulleys."""
-    robot = problem.robot
-    return robot.mobility == "planar" and robot.cabling.massless and not robot.cabling.pulleys.any()
+    """Whether completeness is proved in a fraction of a second: a planar robot with massless cables, and a load."""
+    return problem.robot.mobility == "planar" and problem.robot.cabling.massless and _pull(problem) > 0
 
 
 def certify_all(
@@ -182,6 +181,7 @@ def certify_all(
 ) -> CompleteEquilibria:
     """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
 
+    With pulleys these are the equilibria at which each anchor lies further from its pulley's axis than the radius.
     Planar robots take tens of milliseconds. Spatial ones with four cables take minutes to hours, and with more
     cables as long as the time limit: boxes not examined by then are counted as pending, and a store continues the
     search.
@@ -199,7 +199,7 @@ def certify_all(
         The equilibria with their certificates, and whether they are proved to be all.
 
     Raises:
-        InvalidInput: an invalid argument; cables with mass or over pulleys; a load of zero.
+        InvalidInput: an invalid argument; cables with mass; a load of zero.
         StoreError: a store of another problem, or one that cannot be written.
         MissingExtra: python-flint is not installed.
 
@@ -218,14 +218,7 @@ def certify_all(
     elif rest_lengths is not None or external_wrench is not None:
         raise InvalidInput("rest_lengths: found some beside a Problem, expected them only in the Problem")
     problem = robot
-    cabling = problem.robot.cabling
-    cabling.refuse_weight("certify_all")
-    cabling.refuse_drive_line("certify_all")
-    if cabling.pulleys.any():
-        raise InvalidInput(
-            "certify_all: found cables over pulleys, expected cables that start at points: the interval functions of a "
-            "wheel's arc are not implemented; certify accepts pulleys"
-        )
+    problem.robot.cabling.refuse_weight("certify_all")
     if not _pull(problem) > 0:
         raise InvalidInput("certify_all: found no load, expected weight or force: slack cables hold any pose then")
     search = _Search(problem, path)
@@ -372,7 +365,8 @@ def _key(problem: Problem) -> str:
     """A key that is different for every problem."""
     state, robot = hashlib.sha256(), problem.robot
     parts = (
-        robot.exits, robot.anchors, robot.axial_stiffness, robot.cabling.stiffening, robot.center_of_mass,
+        robot.exits, robot.anchors, robot.axial_stiffness, robot.cabling.stiffening, robot.cabling.pulley_radius,
+        robot.cabling.pulley_axis, robot.cabling.winch_to_exit, robot.cabling.reeving, robot.center_of_mass,
         np.array([robot.mass, robot.gravity]), problem.rest_lengths, problem.external_wrench,
     )  # fmt: skip
     for part in parts:
@@ -382,12 +376,12 @@ def _key(problem: Problem) -> str:
 
 def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"]):
     robot = problem.robot
-    law = np.stack([problem.rest_lengths, robot.axial_stiffness, *robot.cabling.stiffening.T, *_slopes(robot)], 1)
     size, weight = _size(problem), robot.mass * robot.gravity
     return kernel.Setup(
         exits=np.array(robot.exits),
         anchors=robot.anchors * signs,
-        law=law,
+        law=_laws(problem),
+        wheels=_wheels(robot),
         center_of_mass=robot.center_of_mass * signs,
         weight=np.array([np.nextafter(weight, -np.inf), np.nextafter(weight, np.inf)]),
         wrench=problem.external_wrench.copy(),
@@ -397,6 +391,33 @@ def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"]):
         near=NEAR * size,
         least=LEAST * size,
     )
+
+
+def _laws(problem: Problem) -> Float[np.ndarray, "cables law"]:
+    """Each cable's row of ``Setup.law``."""
+    cabling, slopes = problem.robot.cabling, np.stack(_slopes(problem.robot), 1)
+    rows = []
+    with arithmetic(BITS):
+        for i, rest in enumerate(problem.rest_lengths):
+            parts = int(cabling.reeving[i])
+            EA = parts * exact(cabling.axial_stiffness[i])
+            stretches = exact(rest) + exact(cabling.winch_to_exit[i]) / parts
+            ends = lower(EA), upper(EA), *cabling.stiffening[i], *slopes[i], lower(stretches), upper(stretches)
+            rows.append([rest, *ends])
+    return np.array(rows)
+
+
+def _wheels(robot: Robot) -> Float[np.ndarray, "cables wheel 2"]:
+    """Each cable's rows of ``Setup.wheels``, with axes that are normalised exactly."""
+    rows = []
+    with arithmetic(BITS):
+        for cable in range(robot.cables):
+            given = balls(robot.cabling.pulley_axis[cable])
+            axis = [part / dot(given, given).sqrt() for part in given]
+            aside = [(1 if a == b else 0) - axis[a] * axis[b] for a in range(3) for b in range(3)]
+            values = [exact(robot.cabling.pulley_radius[cable]), *axis, *aside]
+            rows.append([[lower(value), upper(value)] for value in values])
+    return np.array(rows)
 
 
 def _slopes(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
@@ -428,7 +449,9 @@ def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
     robot = problem.robot
     force = problem.external_wrench[:3] - np.array([0, 0, robot.weight])
     down = force / np.linalg.norm(force)
-    reach = SPARE * float(np.linalg.norm(robot.anchors, axis=1).max()) + 1e-9
+    # A cable pulls towards the point where it leaves its wheel, within a diameter of its exit.
+    wheel = 2 * float(robot.cabling.pulley_radius.max())
+    reach = SPARE * (float(np.linalg.norm(robot.anchors, axis=1).max()) + wheel) + 1e-9
     if robot.mobility == "planar":
         across = np.array([[down[2], 0.0, -down[0]]])
         frame = np.stack([down, across[0]])
@@ -441,8 +464,9 @@ def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
     slopes, _ = _slopes(robot)
     drops = []
     for cable, rest in enumerate(problem.rest_lengths):
-        stiffness, drop = robot.axial_stiffness[cable] * slopes[cable], float(rest)
-        while not stiffness * (drop / rest - 1) * drop / math.hypot(drop, wide) > SPARE * _pull(problem):
+        stiffness, drop = robot.reeving[cable] * robot.axial_stiffness[cable] * slopes[cable], float(rest)
+        stretches = rest + robot.cabling.behind[cable]
+        while not stiffness * (drop - rest) / stretches * drop / math.hypot(drop, wide) > SPARE * _pull(problem):
             drop *= 1.01
         drops.append(at[cable, 0] + reach + drop)
     upper[0] = max(min(drops), at[:, 0].max() + reach)
@@ -507,11 +531,15 @@ def _member(problem: Problem, chart: int, box: Float[np.ndarray, "6 3"]) -> _Mem
 
 
 def _near(problem: Problem, chart: int, at: Float[np.ndarray, "6"], box: np.ndarray | None) -> _Member | None:
-    signs = np.array(CHARTS[problem.robot.mobility][chart])
-    turn = Rotation.from_quat([*at[3:], 1.0]).as_matrix() * signs
-    balance = Balance(problem, Pose(at[:3].copy(), turn))
+    balance = _balance(problem, chart, at)
     found, _ = certificate.enclose(balance, problem.robot.characteristic_length)
     return None if found is None else _Member(balance, found, chart, box)
+
+
+def _balance(problem: Problem, chart: int, at: Float[np.ndarray, "6"]) -> Balance:
+    """The equations about a pose of a chart."""
+    signs = np.array(CHARTS[problem.robot.mobility][chart])
+    return Balance(problem, Pose(at[:3].copy(), Rotation.from_quat([*at[3:], 1.0]).as_matrix() * signs))
 
 
 def _quaternion(balance: Balance, x: Sequence[Ball]) -> list[Ball]:
@@ -622,10 +650,9 @@ def _in_balance(balance: Balance, position: Sequence[Ball], q: Sequence[Ball]) -
 
 
 def _at_kink(problem: Problem, chart: int, at: Float[np.ndarray, "6"]) -> bool:
-    signs = np.array(CHARTS[problem.robot.mobility][chart])
-    turn = Rotation.from_quat([*at[3:], 1.0]).as_matrix() * signs
-    lengths = np.linalg.norm(at[:3] + problem.robot.anchors @ turn.T - problem.robot.exits, axis=1)
-    return bool((np.abs(lengths - problem.rest_lengths) < 1e-6 * problem.robot.characteristic_length).any())
+    balance = _balance(problem, chart, at)
+    stretches = [abs(middle(pull.stretch)) for pull in balance.at(balance.start).pulls]
+    return min(stretches) < 1e-6 * problem.robot.characteristic_length
 
 
 def _undecided(reason: str, boxes: Sequence[np.ndarray], chart: int) -> Undecided:

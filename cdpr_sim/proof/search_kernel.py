@@ -8,6 +8,13 @@ Each result is rounded outwards by more than half a unit in the last place, and 
 used, which IEEE 754 rounds correctly: no rounding mode is set, and no library's sine is used. If a compiler
 contracts a product and a sum into one operation, that operation is rounded once, and the bounds still hold.
 
+A cable over a wheel has l = r θ + s in the coordinates (a, h) of its anchor: h along the axis e from the exit, and
+a = ρ − r >= 0 beyond the wheel's centre (``cables``). There s² = a² + h² − r², sin θ = (a s + h r)/(a² + h²), and cos θ
+= (h s − a r)/(a² + h²). The slopes of l are (sin θ, cos θ), and those of θ are (cos θ, −sin θ)/s. So over a rectangle
+with 0 < θ < π, which is where h >= 0 or a > r, the extremes of l and θ lie at its corners, except for the least l at
+h = r, where θ = π/2. θ comes from tan(θ/2), halved three times by tan(x/2) = tan x/(1 + √(1 + tan² x)), and a series:
+no library's arc tangent is used. At an equilibrium every cable is clear of its wheel, a >= 0.
+
 Intervals are pairs (lower, upper). Directions point from the exit to the anchor, so that the balance is
 Σ τᵢ (nᵢ, uᵢ × nᵢ) + g = 0 with u the arm from the platform's origin and g minus the load.
 """
@@ -27,8 +34,34 @@ SHARE, TINY = 2.3e-16, 1e-300
 """Half a unit in the last place is at most 1.2e-16 of a number; a whole one, 2.3e-16; and an absolute bound below any
 length."""
 
-LENGTH, DIRECTION, MOMENT, ARM, APART, COLUMNS = 0, 1, 4, 7, 10, 13
-"""Columns of a cable's geometry: its length, n, u × n, u, and anchor minus exit."""
+LENGTH, DIRECTION, MOMENT, ARM, APART, FREE, WRAP, BEYOND, ACROSS, BEND, COLUMNS = (
+    0,
+    1,
+    4,
+    7,
+    10,
+    13,
+    14,
+    15,
+    16,
+    19,
+    20,
+)
+"""Columns of a cable's geometry: its length, n, u × n, u, and anchor minus exit; the length s that is free, and of a
+cable over a wheel θ, a, the unit vector across the wheel's plane, and sin θ/ρ − 1/s, by which it bends more there."""
+
+REST, EA_LOW, EA_HIGH, A2, A3, SLOPE_LOW, SLOPE_HIGH, WHOLE_LOW, WHOLE_HIGH, LAW = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+"""Columns of a cable's law: rest length, bounds of EA of all parts of line, a2, a3, bounds of the slope
+over EA/l0, and of the length that stretches, with what lies behind the exit."""
+
+RADIUS, AXIS, ASIDE, WHEEL = 0, 1, 4, 13
+"""Rows of a cable's wheel: its radius (0 without one), e, and 1 − e eᵀ."""
+
+HALF_PI, LARGEST_WRAP = (1.5707963267948963, 1.570796326794897), 4.7124
+"""π/2, and 3 π/2, which θ does not exceed."""
+
+ARCTANGENT_TERMS = 14
+"""Terms of the series of the arc tangent of x <= tan(π/16): all that is left out is below x²⁸, 3e-20."""
 
 SPLIT = 0.4837
 """Fraction at which a box is divided: equilibria often have symmetric coordinates, at which a box should not end."""
@@ -58,7 +91,8 @@ class Setup(NamedTuple):
     Attributes:
         exits: (cables, 3) [m].
         anchors: in the chart's platform frame, (cables, 3) [m].
-        law: rest length [m], EA [N], a2, a3, and bounds of the law's slope over EA/l0, (cables, 6).
+        law: (cables, LAW).
+        wheels: intervals of each cable's wheel, (cables, WHEEL, 2).
         center_of_mass: in the chart's platform frame, (3,) [m].
         weight: an interval [N], (2,).
         wrench: external force and torque [N, N m], (6,).
@@ -71,7 +105,8 @@ class Setup(NamedTuple):
 
     exits: Float[np.ndarray, "cables 3"]
     anchors: Float[np.ndarray, "cables 3"]
-    law: Float[np.ndarray, "cables 6"]
+    law: Float[np.ndarray, "cables law"]
+    wheels: Float[np.ndarray, "cables wheel 2"]
     center_of_mass: Float[np.ndarray, "3"]
     weight: Float[np.ndarray, "2"]
     wrench: Float[np.ndarray, "6"]
@@ -203,8 +238,127 @@ def cross(a, b, r):
 
 
 @outlined
+def arctangent(low, high):
+    """atan over [low, high], low >= 0, below 1e100."""
+    for _ in range(3):  # x/(1 + √(1 + x²)) increases
+        bottom, top = up(1 + up(np.sqrt(up(1 + up(low * low))))), down(1 + root_down(down(1 + down(high * high))))
+        low, high = max(down(low / bottom), 0.0), min(up(high / top), 1.0)
+    return max(down(8 * series(low)[0]), 0.0), up(8 * series(high)[1])
+
+
+@outlined
+def series(x):
+    """Bounds of atan x for 0 <= x <= tan(π/16)."""
+    low, high = square(x, x)
+    s0, s1 = 0.0, 0.0
+    for k in range(ARCTANGENT_TERMS, 0, -1):  # s_k = 1/(2k + 1) − x² s_(k+1), with 0 < s < 1
+        a, b = multiply(low, high, s0, s1)
+        if k == ARCTANGENT_TERMS:
+            a, b = 0.0, high
+        s0, s1 = subtract(down(1 / (2 * k + 1)), up(1 / (2 * k + 1)), a, b)
+    a, b = multiply(low, high, s0, s1)
+    a, b = subtract(1.0, 1.0, a, b)
+    return scaled(a, b, x)
+
+
+@outlined
+def corner(a, h, radius):
+    """(s, sin θ, cos θ, θ, l) as intervals at the point (a, h) of a wheel's plane, s > 0 and 0 < θ < π."""
+    aa0, aa1 = square(a, a)
+    hh0, hh1 = square(h, h)
+    rr0, rr1 = square(radius, radius)
+    far0, far1 = add(aa0, aa1, hh0, hh1)
+    s0, s1 = root_down(down(far0 - rr1)), up(np.sqrt(max(up(far1 - rr0), 0.0)))
+    p0, p1 = scaled(s0, s1, a)
+    q0, q1 = down(h * radius), up(h * radius)
+    sin0, sin1 = add(p0, p1, q0, q1)
+    sin0, sin1 = over(sin0, sin1, far0, far1)
+    sin0, sin1 = max(sin0, 0.0), min(sin1, 1.0)
+    p0, p1 = scaled(s0, s1, h)
+    q0, q1 = down(a * radius), up(a * radius)
+    cos0, cos1 = subtract(p0, p1, q0, q1)
+    cos0, cos1 = over(cos0, cos1, far0, far1)
+    cos0, cos1 = max(cos0, -1.0), min(cos1, 1.0)
+    bottom0, bottom1 = max(down(1 + cos0), 0.0), up(1 + cos1)
+    half0 = max(down(sin0 / bottom1), 0.0)
+    half1 = up(sin1 / bottom0) if bottom0 > 0 else np.inf
+    t0, t1 = arctangent(min(half0, 1e9), min(half1, 1e9))
+    t0, t1 = 2 * t0, 2 * (t1 if half1 < 1e9 else HALF_PI[1])
+    l0, l1 = scaled(t0, t1, radius)
+    l0, l1 = add(l0, l1, s0, s1)
+    return s0, s1, sin0, sin1, cos0, cos1, t0, t1, l0, l1
+
+
+@outlined
+def over_wheel(o, wheel):
+    """Fill in a cable's geometry over its wheel from ``APART``. False: nowhere in the box it is clear of its wheel."""
+    radius, d, n = wheel[RADIUS, 0], o[APART : APART + 3], np.empty((3, 2))
+    h0, h1, squares, aside = 0.0, 0.0, np.empty((3, 2)), np.empty((3, 2))
+    straight = 0.0
+    for r in range(3):
+        a, b = multiply(d[r, 0], d[r, 1], wheel[AXIS + r, 0], wheel[AXIS + r, 1])
+        h0, h1 = add(h0, h1, a, b)
+        aside[r, 0] = aside[r, 1] = 0.0
+        for c in range(3):
+            e = ASIDE + 3 * r + c
+            a, b = multiply(d[c, 0], d[c, 1], wheel[e, 0], wheel[e, 1])
+            aside[r, 0], aside[r, 1] = add(aside[r, 0], aside[r, 1], a, b)
+        squares[r, 0], squares[r, 1] = square(aside[r, 0], aside[r, 1])
+        straight = max(down(straight + square(d[r, 0], d[r, 1])[0]), 0.0)
+    rho0 = root_down(down(down(squares[0, 0] + squares[1, 0]) + squares[2, 0]))
+    rho1 = up(np.sqrt(up(up(squares[0, 1] + squares[1, 1]) + squares[2, 1])))
+    a0, a1 = max(down(rho0 - radius), 0.0), up(rho1 - radius)
+    if a1 < 0:
+        return False
+    most = max(abs(h0), abs(h1))
+    far = up(up(a1 * a1) + up(most * most))
+    free = up(far - down(radius * radius))
+    if free < 0:
+        return False
+    o[BEYOND, 0], o[BEYOND, 1] = a0, a1
+    near = down(down(a0 * a0) + square(h0, h1)[0])
+    if near > up(radius * radius) and (h0 >= 0 or a0 > radius):
+        s0, s1 = root_down(down(near - up(radius * radius))), up(np.sqrt(free))
+        c00, c01 = corner(a0, h0, radius), corner(a0, h1, radius)
+        c10, c11 = corner(a1, h0, radius), corner(a1, h1, radius)
+        steep, flat = (c10 if h0 >= radius else c00), (c01 if h1 >= radius else c11)  # θ is largest, and least
+        cos0, cos1 = steep[4], flat[5]
+        sin0, sin1 = min(steep[2], flat[2]), max(steep[3], flat[3])
+        if h0 < radius < h1:
+            sin1 = 1.0
+            l0 = down(a0 + down(HALF_PI[0] * radius))
+        else:
+            l0 = c00[8] if h0 >= radius else c01[8]
+        l1 = max(c10[9], c11[9])
+        o[WRAP, 0], o[WRAP, 1] = flat[6], steep[7]
+    else:
+        s0, s1, sin0, sin1, cos0, cos1 = 0.0, up(np.sqrt(free)), -1.0, 1.0, -1.0, 1.0
+        l0, l1 = root_down(straight), up(s1 + up(LARGEST_WRAP * radius))
+        o[WRAP, 0], o[WRAP, 1] = 0.0, LARGEST_WRAP
+    o[LENGTH, 0], o[LENGTH, 1], o[FREE, 0], o[FREE, 1] = l0, l1, s0, s1
+    for r in range(3):
+        s, t = (r + 1) % 3, (r + 2) % 3
+        low, high = max(down(squares[s, 0] + squares[t, 0]), 0.0), up(squares[s, 1] + squares[t, 1])
+        n[r, 0], n[r, 1] = unit_down(aside[r, 0], low, high), -unit_down(-aside[r, 1], low, high)
+    for r in range(3):
+        a, b = multiply(n[r, 0], n[r, 1], sin0, sin1)
+        c, e = multiply(wheel[AXIS + r, 0], wheel[AXIS + r, 1], cos0, cos1)
+        a, b = add(a, b, c, e)
+        o[DIRECTION + r, 0], o[DIRECTION + r, 1] = max(a, -1.0), min(b, 1.0)
+        o[ACROSS + r, 0], o[ACROSS + r, 1] = cross(wheel[AXIS : AXIS + 3], n, r)
+    o[BEND, 0], o[BEND, 1] = -np.inf, np.inf
+    if s0 > 0 and rho0 > 0:
+        a, b = over(sin0, sin1, rho0, rho1)
+        o[BEND, 0], o[BEND, 1] = subtract(a, b, down(1 / s1), up(1 / s0))
+    return True
+
+
+@outlined
 def geometry(q, setup, o, spin):
-    """Fill o (cables + 1, COLUMNS, 2): each cable's geometry over a box; in the last row, the arm of the weight."""
+    """Fill o (cables + 1, COLUMNS, 2): each cable's geometry over a box; in the last row, the arm of the weight.
+
+    False if a cable is nowhere in the box clear of its wheel.
+    """
     m, planar = setup.exits.shape[0], len(setup.rows) == 3  # then R has zeros beside its middle
     R, Rm, middle = np.empty((3, 3, 2)), np.empty((3, 3, 2)), np.empty((6, 2))
     turn(q, R, spin)
@@ -240,47 +394,53 @@ def geometry(q, setup, o, spin):
         for r in range(3):
             u[r, 0], u[r, 1] = max(u[r, 0], centred[r, 0]), min(u[r, 1], centred[r, 1])
         if i == m:
-            return
+            return True
         for r in range(3):
             a, b_ = add(q[r, 0], q[r, 1], u[r, 0], u[r, 1])
             apart[r, 0], apart[r, 1] = subtract(a, b_, setup.exits[i, r], setup.exits[i, r])
             o[i, APART + r, 0], o[i, APART + r, 1] = apart[r, 0], apart[r, 1]
             squares[r, 0], squares[r, 1] = square(apart[r, 0], apart[r, 1])
-        low = down(down(squares[0, 0] + squares[1, 0]) + squares[2, 0])
-        high = up(up(squares[0, 1] + squares[1, 1]) + squares[2, 1])
-        o[i, LENGTH, 0], o[i, LENGTH, 1] = root_down(low), up(np.sqrt(high))
         n = o[i, DIRECTION : DIRECTION + 3]
-        for r in range(3):
-            s, t = (r + 1) % 3, (r + 2) % 3
-            low, high = max(down(squares[s, 0] + squares[t, 0]), 0.0), up(squares[s, 1] + squares[t, 1])
-            n[r, 0], n[r, 1] = unit_down(apart[r, 0], low, high), -unit_down(-apart[r, 1], low, high)
+        if setup.wheels[i, RADIUS, 0] > 0:
+            if not over_wheel(o[i], setup.wheels[i]):
+                return False
+        else:
+            low = down(down(squares[0, 0] + squares[1, 0]) + squares[2, 0])
+            high = up(up(squares[0, 1] + squares[1, 1]) + squares[2, 1])
+            o[i, LENGTH, 0], o[i, LENGTH, 1] = root_down(low), up(np.sqrt(high))
+            o[i, FREE, 0], o[i, FREE, 1] = o[i, LENGTH, 0], o[i, LENGTH, 1]
+            for r in range(3):
+                s, t = (r + 1) % 3, (r + 2) % 3
+                low, high = max(down(squares[s, 0] + squares[t, 0]), 0.0), up(squares[s, 1] + squares[t, 1])
+                n[r, 0], n[r, 1] = unit_down(apart[r, 0], low, high), -unit_down(-apart[r, 1], low, high)
         for r in range(3):
             if not planar or r == 1:
                 o[i, MOMENT + r, 0], o[i, MOMENT + r, 1] = cross(u, n, r)
+    return True
 
 
 @outlined
 def slope(law, strain_low, strain_high):
     """The law's slope over EA/l0: 1 + 2 a2 ε + 3 a3 ε², constant beyond MOST_STRAIN."""
-    if law[2] == 0.0 and law[3] == 0.0:
+    if law[A2] == 0.0 and law[A3] == 0.0:
         return 1.0, 1.0
     a, b = min(max(strain_low, 0.0), MOST_STRAIN), min(max(strain_high, 0.0), MOST_STRAIN)
-    c, d = multiply(a, b, down(3 * law[3]), up(3 * law[3]))
-    c, d = add(c, d, 2 * law[2], 2 * law[2])
+    c, d = multiply(a, b, down(3 * law[A3]), up(3 * law[A3]))
+    c, d = add(c, d, 2 * law[A2], 2 * law[A2])
     c, d = multiply(a, b, c, d)
     c, d = add(c, d, 1.0, 1.0)
-    return max(c, law[4]), min(d, law[5])
+    return max(c, law[SLOPE_LOW]), min(d, law[SLOPE_HIGH])
 
 
 @outlined
 def strained(law, strain_low, strain_high):
     """τ/EA at a strain in an interval, which should be narrow."""
-    if law[2] == 0.0 and law[3] == 0.0:
+    if law[A2] == 0.0 and law[A3] == 0.0:
         return max(strain_low, 0.0), max(strain_high, 0.0)
     a, b = max(strain_low, 0.0), max(strain_high, 0.0)
     c, d = min(a, MOST_STRAIN), min(b, MOST_STRAIN)
-    p, q = scaled(c, d, law[3])
-    p, q = add(p, q, law[2], law[2])
+    p, q = scaled(c, d, law[A3])
+    p, q = add(p, q, law[A2], law[A2])
     p, q = multiply(c, d, p, q)
     p, q = add(p, q, 1.0, 1.0)
     p, q = multiply(c, d, p, q)
@@ -294,8 +454,8 @@ def strained(law, strain_low, strain_high):
 
 @outlined
 def strain(law, length):
-    """l/l0 − 1."""
-    return down(down(length / law[0]) - 1), up(up(length / law[0]) - 1)
+    """The stretch l − l0 over the length that stretches."""
+    return over(down(length - law[REST]), up(length - law[REST]), law[WHOLE_LOW], law[WHOLE_HIGH])
 
 
 @outlined
@@ -305,7 +465,7 @@ def tension(law, low, high):
     c, d = strain(law, high)
     p = strained(law, a, b)[0]
     q = strained(law, c, d)[1]
-    return max(down(law[1] * p), 0.0), max(up(law[1] * q), 0.0)
+    return max(down(law[EA_LOW] * p), 0.0), max(up(law[EA_HIGH] * q), 0.0)
 
 
 @outlined
@@ -406,7 +566,8 @@ def normalised(y):
 def contract(q, T, setup, o, spin):
     """Contract a box q (6, 2) and tensions T by lengths, balances and virtual works. False: no equilibrium in it."""
     m, rows = T.shape[0], setup.rows
-    geometry(q, setup, o, spin)
+    if not geometry(q, setup, o, spin):
+        return False
     for i in range(m):
         a, b = tension(setup.law[i], o[i, LENGTH, 0], o[i, LENGTH, 1])
         T[i, 0], T[i, 1] = max(T[i, 0], a), min(T[i, 1], b)
@@ -432,11 +593,21 @@ def contract(q, T, setup, o, spin):
     elif unbalanced(T, o, g, rows, y) and not virtual_work(T, o, g, rows, y, W):
         return False
     for i in range(m):  # from tensions to lengths, from lengths to positions
-        rest, stiffness = setup.law[i, 0], setup.law[i, 1]
-        high = up(rest * up(1 + up(up(T[i, 1] / stiffness) / setup.law[i, 4])))
+        law = setup.law[i]
+        high = up(law[REST] + up(law[WHOLE_HIGH] * up(up(T[i, 1] / law[EA_LOW]) / law[SLOPE_LOW])))
         low = 0.0
         if T[i, 0] > 0:
-            low = down(rest * down(1 + down(down(T[i, 0] / stiffness) / setup.law[i, 5])))
+            low = down(law[REST] + down(law[WHOLE_LOW] * down(down(T[i, 0] / law[EA_HIGH]) / law[SLOPE_HIGH])))
+        radius = setup.wheels[i, RADIUS, 0]
+        if radius > 0:  # the straight distance d from the exit has d² = s² + 2 r² + 2 r a
+            a, b = scaled(o[i, WRAP, 0], o[i, WRAP, 1], radius)
+            low, high = max(down(low - b), 0.0), up(high - a)
+            if high < 0:
+                return False
+            a, b = add(
+                down(radius * radius), up(radius * radius), down(radius * o[i, BEYOND, 0]), up(radius * o[i, BEYOND, 1])
+            )
+            low, high = root_down(down(down(low * low) + 2 * a)), up(np.sqrt(up(up(high * high) + 2 * b)))
         d = o[i, APART : APART + 3]
         for r in range(3):
             s, t = (r + 1) % 3, (r + 2) % 3
@@ -514,7 +685,7 @@ def derivatives(T, setup, o, spin, acting, count, J):
     for k in range(count):
         i = acting[k]
         t0, t1 = T[i, 0], T[i, 1]
-        s0, s1 = over(t0, t1, o[i, LENGTH, 0], o[i, LENGTH, 1])
+        s0, s1 = over(t0, t1, o[i, FREE, 0], o[i, FREE, 1])
         n_, u = o[i, DIRECTION : DIRECTION + 3], o[i, ARM : ARM + 3]
         for r in range(3):  # E = ([n]×, n·u − u nᵀ), and (1 − n nᵀ) seen by the arm is Eᵀ E
             s, t = (r + 1) % 3, (r + 2) % 3
@@ -541,17 +712,33 @@ def derivatives(T, setup, o, spin, acting, count, J):
                 if r > 2 and x > 2:  # the pull keeps its direction and its arm turns: u nᵀ − n·u
                     a, b = multiply(t0, t1, -E[r - 3, x, 1], -E[r - 3, x, 0])
                     K[r, x, 0], K[r, x, 1] = add(K[r, x, 0], K[r, x, 1], a, b)
+        if setup.wheels[i, RADIUS, 0] > 0 and n > 3:  # a planar robot's wheel does not swivel
+            s0, s1 = multiply(t0, t1, o[i, BEND, 0], o[i, BEND, 1])
+            side = np.empty((6, 2))
+            for r in range(3):
+                side[r, 0], side[r, 1] = o[i, ACROSS + r, 0], o[i, ACROSS + r, 1]
+            for r in range(3):
+                side[3 + r, 0], side[3 + r, 1] = cross(u, side, r)
+            for r in range(6):
+                for x in range(6):
+                    if r == x:
+                        a, b = square(side[r, 0], side[r, 1])
+                    else:
+                        a, b = multiply(side[r, 0], side[r, 1], side[x, 0], side[x, 1])
+                    a, b = multiply(a, b, s0, s1)
+                    K[r, x, 0], K[r, x, 1] = add(K[r, x, 0], K[r, x, 1], a, b)
         law = setup.law[i]
         a, b = strain(law, o[i, LENGTH, 0])[0], strain(law, o[i, LENGTH, 1])[1]
         low, high = slope(law, a, b)
-        if o[i, LENGTH, 0] < law[0]:
+        if o[i, LENGTH, 0] < law[REST]:
             low = 0.0
         for r in range(n):
             w0_, w1_ = o[i, DIRECTION + rows[r], 0], o[i, DIRECTION + rows[r], 1]
             J[r, n + k, 0], J[r, n + k, 1] = w0_, w1_
             K_low, K_high = multiply(low, high, w0_, w1_)
             J[n + k, r, 0], J[n + k, r, 1] = K_low, K_high
-        J[n + k, n + k, 0], J[n + k, n + k, 1] = -up(law[0] / law[1]), -down(law[0] / law[1])
+        J[n + k, n + k, 0] = -up(law[WHOLE_HIGH] / law[EA_LOW])
+        J[n + k, n + k, 1] = -down(law[WHOLE_LOW] / law[EA_HIGH])
     turned = np.empty((6, 2))
     for r in range(n + count):  # from rotation vectors to v: by its angular velocities
         for x in range(3):
@@ -583,10 +770,13 @@ def krawczyk(q, T, setup, o, spin, at):
     """
     m, rows, n = T.shape[0], setup.rows, len(setup.rows)
     acting, count = np.empty(m, np.int64), 0
-    geometry(q, setup, o, spin)
+    if not geometry(q, setup, o, spin):
+        return EMPTY
     for i in range(m):
-        if o[i, LENGTH, 1] > setup.law[i, 0]:
-            if not o[i, LENGTH, 0] > 0:
+        if setup.wheels[i, RADIUS, 0] > 0 and not (o[i, FREE, 0] > 0 and o[i, BEYOND, 0] > 0):
+            return CONTRACTED
+        if o[i, LENGTH, 1] > setup.law[i, REST]:
+            if not o[i, FREE, 0] > 0:
                 return CONTRACTED
             acting[count] = i
             count += 1
@@ -612,7 +802,8 @@ def krawczyk(q, T, setup, o, spin, at):
         middle[r] = 0.5 * (Y[r, 0] + Y[r, 1])
     for r in range(n):
         thin[rows[r], 0] = thin[rows[r], 1] = middle[r]
-    geometry(thin, setup, o, spin)
+    if not geometry(thin, setup, o, spin):
+        return CONTRACTED
     load(setup, o, g)
     for r in range(n):
         G[r, 0], G[r, 1] = g[rows[r], 0], g[rows[r], 1]
@@ -624,8 +815,8 @@ def krawczyk(q, T, setup, o, spin, at):
             G[r, 0], G[r, 1] = add(G[r, 0], G[r, 1], a, b)
         low = strained(law, strain(law, o[i, LENGTH, 0])[0], strain(law, o[i, LENGTH, 0])[1])[0]
         high = strained(law, strain(law, o[i, LENGTH, 1])[0], strain(law, o[i, LENGTH, 1])[1])[1]
-        a, b = scaled(low, high, law[0])
-        low, high = multiply(down(law[0] / law[1]), up(law[0] / law[1]), tau, tau)
+        a, b = multiply(low, high, law[WHOLE_LOW], law[WHOLE_HIGH])
+        low, high = multiply(down(law[WHOLE_LOW] / law[EA_HIGH]), up(law[WHOLE_HIGH] / law[EA_LOW]), tau, tau)
         G[n + k, 0], G[n + k, 1] = subtract(a, b, low, high)
     inside, image = True, np.empty((N, 2))
     for r in range(N):
@@ -668,7 +859,8 @@ def steps_to_equilibrium(start, setup, o, spin):
     for _ in range(40):
         for r in range(6):
             thin[r, 0] = thin[r, 1] = y[r]
-        geometry(thin, setup, o, spin)
+        if not geometry(thin, setup, o, spin):
+            return y, False
         load(setup, o, g)
         count = 0
         F = np.zeros(n)
@@ -677,7 +869,7 @@ def steps_to_equilibrium(start, setup, o, spin):
         for i in range(m):
             tau = tension(setup.law[i], o[i, LENGTH, 0], o[i, LENGTH, 0])[1]
             T[i, 0] = T[i, 1] = tau
-            if o[i, LENGTH, 0] > setup.law[i, 0]:
+            if o[i, LENGTH, 0] > setup.law[i, REST]:
                 acting[count] = i
                 count += 1
                 for r in range(n):
@@ -728,7 +920,8 @@ def blown_up(q, setup, o, spin, box):
         if not within(q, box, rows):
             return False
         tried = box.copy()
-        geometry(tried, setup, o, spin)
+        if not geometry(tried, setup, o, spin):
+            return False
         for i in range(m):
             T[i, 0], T[i, 1] = tension(setup.law[i], o[i, LENGTH, 0], o[i, LENGTH, 1])
         if krawczyk(tried, T, setup, o, spin, at) == UNIQUE:
@@ -851,20 +1044,20 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
 
 
 def _search(
-    exits, anchors, law, center_of_mass, weight, wrench, rows, scales, newton, near, least, boxes, tensions, top,
-    found, nf, left, nl, most, counts,
+    exits, anchors, law, wheels, center_of_mass, weight, wrench, rows, scales, newton, near, least, boxes, tensions,
+    top, found, nf, left, nl, most, counts,
 ):  # fmt: skip
     """``search`` with the fields of ``Setup`` one by one: a signature in Numba's notation has no named tuples."""
-    setup = Setup(exits, anchors, law, center_of_mass, weight, wrench, rows, scales, newton, near, least)
+    setup = Setup(exits, anchors, law, wheels, center_of_mass, weight, wrench, rows, scales, newton, near, least)
     return search(setup, boxes, tensions, top, found, nf, left, nl, most, counts)
 
 
 SEARCH = compiling.Compiled(
     "search for all equilibria",
     _search,
-    "UniTuple(int64, 3)(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], "
-    "int64[::1], float64[::1], float64, float64, float64, float64[:, :, ::1], float64[:, :, ::1], int64, "
-    "float64[:, :, ::1], int64, float64[:, :, ::1], int64, int64, int64[::1])",
+    "UniTuple(int64, 3)(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], float64[::1], "
+    "float64[::1], float64[::1], int64[::1], float64[::1], float64, float64, float64, float64[:, :, ::1], "
+    "float64[:, :, ::1], int64, float64[:, :, ::1], int64, float64[:, :, ::1], int64, int64, int64[::1])",
     error_model="numpy",
     nogil=True,
 )

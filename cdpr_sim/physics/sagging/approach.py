@@ -15,6 +15,10 @@ from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 SHORTER, VAIN = 20, 5
 """Largest number of halvings of a step; and number of failed steps in turn after which the approach stops."""
 
+QUICK = 0.1
+"""A step that leaves less than this fraction of the residual: the next one takes the same derivatives again, which cost
+as much as twenty steps."""
+
 TRUSTED, CLOSER, TURN = 0.1, 0.5, 0.2
 """Largest unbalanced force after a step, as a fraction of the load or of the force before; and largest rotation in a
 step [rad]."""
@@ -37,11 +41,15 @@ def approach(simulation: ChainSimulation, target: float, most: int) -> tuple[boo
     """
     data, angular = simulation.data, simulation.angular
     before, turn, last = (data.qpos.copy(), data.qvel.copy()), TURN, np.zeros_like(data.qvel[angular])
-    tried, vain = 0, 0
+    tried, vain, derivatives, earlier = 0, 0, None, np.inf
+    loose = np.empty(0)
     while (residual := simulation.residual()) > target and tried < most and vain < VAIN:
-        step = _implicit_step(simulation)
-        if step is None:
-            break
+        if derivatives is None or residual > QUICK * earlier:
+            derivatives = ChainDerivatives.of(simulation, quick=True)
+            if not derivatives.known:
+                break
+            loose = np.linalg.pinv(derivatives.within)
+        step, earlier = _implicit_step(simulation, derivatives, loose), residual
         back = step[angular] @ last < 0
         turn, last = turn / 2 if back else turn, step[angular]
         step = step / max(1.0, float(np.abs(last).max()) / turn)
@@ -67,17 +75,15 @@ def _stepped(simulation: ChainSimulation, step: Float[np.ndarray, " dofs"], resi
     return False, SHORTER
 
 
-def _implicit_step(simulation: ChainSimulation) -> Float[np.ndarray, " dofs"] | None:
-    """Step to where forces would balance if they changed linearly; None if their derivatives are unknown.
+def _implicit_step(
+    simulation: ChainSimulation, derivatives: ChainDerivatives, loose: Float[np.ndarray, "chains slides slides"]
+) -> Float[np.ndarray, " dofs"]:
+    """Step to where forces would balance if they changed linearly; ``loose`` is the inverse of ``within``.
 
     Along directions of negative stiffness the step has the opposite sign, which leads away from a saddle.
     """
-    derivatives = ChainDerivatives.of(simulation)
-    if not derivatives.known:
-        return None
-    direct, across, within = derivatives
+    direct, across, _ = derivatives
     platform, slides = simulation.forces()
-    loose = np.linalg.pinv(within)
     alone, follow = np.einsum("nij,nj->ni", loose, slides), loose @ across
     x = np.zeros(simulation.free)
     if not simulation.held:

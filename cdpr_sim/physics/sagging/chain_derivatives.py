@@ -16,6 +16,10 @@ DIFFERENCE = 1e-7
 """Displacement for differencing forces, as a fraction of the mean cable length: smaller than in ``batch``, since
 a chain's segments are short and hardly stretched."""
 
+SMALL = 0.01
+"""Fraction of the least stretch of a segment. A larger displacement changes that segment's tension, and with it its
+transverse stiffness, too much for differences to one side."""
+
 
 class ChainDerivatives(NamedTuple):
     """Decrease of forces by displacement [N/m].
@@ -31,8 +35,13 @@ class ChainDerivatives(NamedTuple):
     within: Float[np.ndarray, "chains slides slides"]
 
     @classmethod
-    def of(cls, simulation: ChainSimulation) -> ChainDerivatives:
-        """Central differences as in ``batch``, with all chains displaced together."""
+    def of(cls, simulation: ChainSimulation, *, quick: bool = False) -> ChainDerivatives:
+        """Central differences as in ``batch``, with all chains displaced together.
+
+        Args:
+            simulation: at zero velocity, with its wheels turned, and with the forces of its coordinates.
+            quick: displace to one side only, where all segments are so taut that this suffices for a step.
+        """
         model, data, slides, free = simulation.model, simulation.data, simulation.slides, simulation.free
         band, springs, polynomials = (
             model.tendon_lengthspring.copy(), model.tendon_stiffness.copy(), model.tendon_stiffnesspoly.copy()
@@ -43,15 +52,21 @@ class ChainDerivatives(NamedTuple):
         rest = data.qpos.copy()
         step = DIFFERENCE * float(simulation.rest_lengths.mean())
 
+        stretches = (data.ten_length - band[:, 1])[simulation.chains.segments]
+        central = not quick or bool(step > SMALL * stretches.min())
+        here = simulation.forces()
+
+        def displaced(move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            data.qpos[:] = rest
+            mujoco.mj_integratePos(model, data.qpos, move, 1)
+            simulation.turn_wheels()
+            mujoco.mj_forward(model, data)
+            return simulation.forces()
+
         def change(move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            found = []
-            for sign in (-1, 1):
-                data.qpos[:] = rest
-                mujoco.mj_integratePos(model, data.qpos, sign * move, 1)
-                simulation.turn_wheels()
-                mujoco.mj_forward(model, data)
-                found.append(simulation.forces())
-            return tuple((a - b) / (2 * step) for a, b in zip(*found, strict=True))  # type: ignore[return-value]
+            before, after = displaced(-move) if central else here, displaced(move)
+            apart = 2 * step if central else step
+            return (before[0] - after[0]) / apart, (before[1] - after[1]) / apart
 
         direct = np.empty((free, free))
         across = np.empty((*slides.shape, free))

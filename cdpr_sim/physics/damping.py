@@ -1,0 +1,111 @@
+"""What damps the platform of a model, by the argument ``damping`` of ``to_mjcf``.
+
+``"settle"`` damps the platform itself, so that it comes to rest soon: the drag critically damps its slowest
+oscillation, that of a pendulum as long as the cables. No real platform has it: one that is cut loose falls slowly.
+
+A *loss factor* damps each cable, which resists stretching by c = eta k/omega [N s/m], with k its stiffness and
+omega = sqrt(k/m) the frequency at which the platform's mass m oscillates on this cable alone. There the amplitude
+decreases by the factor exp(pi eta) in a period. The damper is viscous: at other frequencies, its loss factor is
+proportional to the frequency. ``"none"`` is a loss factor of 0.
+
+MuJoCo's integrator ``discrete`` damps oscillations by itself: by pi omega h in a period with the time step h, which is
+ten times a loss factor of 2 % at 16 Hz and 2 ms. So models that do not settle have the integrator ``implicitfast``,
+which does not, and a shorter time step.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.linalg import eigh
+
+from cdpr_sim.core.checks import as_numbers
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.robot import Robot
+
+Damping: TypeAlias = float | Literal["settle", "none"]
+"""What damps the platform: the argument of ``to_mjcf``."""
+
+STEPS = 20
+"""Least number of time steps per period of the platform's fastest oscillation where nothing else damps it. The log
+decrement of a plumb cable is then the stated one within 2 %."""
+
+
+def loss_factor(damping: Damping) -> float | None:
+    """The loss factor that ``damping`` states; None for ``"settle"``.
+
+    Raises:
+        InvalidInput: none of the values.
+    """
+    if isinstance(damping, str):
+        if damping in {"settle", "none"}:
+            return None if damping == "settle" else 0.0
+    else:
+        number = as_numbers("damping", damping, "'settle', 'none' or a loss factor from 0 to 1")
+        if number.shape == () and 0 <= number <= 1:
+            return float(number)
+    raise InvalidInput(f"damping: found {damping!r}, expected 'settle', 'none' or a loss factor from 0 to 1")
+
+
+def refuse_undamped(robot: Robot, factor: float) -> None:
+    """Refuse a loss factor for cables that have no such model.
+
+    Raises:
+        InvalidInput: cables with mass, whose chains MuJoCo has to damp; a nonlinear cable and a loss factor above 0.
+    """
+    robot.cabling.refuse_weight("damping other than 'settle'")
+    if factor and not robot.cabling.linear:
+        cable = int(np.argmax(robot.cabling.stiffening.any(1))) + 1
+        raise InvalidInput(
+            f"damping: found a loss factor of {factor:g} and cable {cable} with nonlinear elasticity, expected linear "
+            "cables, or 'settle' or 'none'"
+        )
+
+
+def relaxation_times(
+    robot: Robot, springs: Float[np.ndarray, " cables"], factor: float
+) -> Float[np.ndarray, " cables"]:
+    """c/k of cables of these stiffnesses [N/m] with this loss factor, (cables,) [s]."""
+    return factor * np.sqrt(robot.mass / springs)
+
+
+def fastest(model: mujoco.MjModel, robot: Robot, springs: Float[np.ndarray, " cables"]) -> float:
+    """Angular frequency of the platform's fastest oscillation where the model is written, with all cables taut [rad/s].
+
+    By the tendons' velocities and the mass matrix in MuJoCo.
+    """
+    data, free = mujoco.MjData(model), np.arange(len(robot.free))
+    cables = np.array([model.tendon(f"cable_{i + 1}").id for i in range(robot.cables)])
+    stretch, mass = stretching(model, data, free, cables), np.zeros((len(free), model.nv))
+    for coordinate, unit in enumerate(np.eye(len(free), model.nv)):
+        mujoco.mj_mulM(model, data, mass[coordinate], unit)
+    return float(np.sqrt(eigh(stretch * springs @ stretch.T, mass[:, free], eigvals_only=True)[-1]))
+
+
+def stretching(
+    model: mujoco.MjModel, data: mujoco.MjData, dofs: Int[np.ndarray, " dofs"], cables: Int[np.ndarray, " cables"]
+) -> Float[np.ndarray, "dofs cables"]:
+    """Rates at which the tendons ``cables`` lengthen at unit velocities; ``data`` is at zero velocity before and after.
+
+    It is up to date, as after ``mj_forward``.
+    """
+    rates = np.zeros((len(dofs), len(cables)))
+    data.qvel[:] = 0
+    for row, dof in enumerate(dofs):
+        data.qvel[dof] = 1
+        mujoco.mj_forward(model, data)
+        rates[row] = data.ten_velocity[cables]
+        data.qvel[dof] = 0
+    mujoco.mj_forward(model, data)
+    return rates
+
+
+def rounded_down(step: float) -> float:
+    """The largest of 1, 2, 5, 10, ... microseconds that is not longer than ``step`` [s]."""
+    steps = [digit * 10.0**power for power in range(-6, 0) for digit in (1, 2, 5)]
+    return float(f"{max([one for one in steps if one <= step], default=steps[0]):g}")

@@ -1,0 +1,334 @@
+"""Reset of a model of ``to_mjcf`` to a pose: platform, swivels, rest lengths, controls and keyframe, in one call."""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from cdpr_sim.core.checks import checked_array, refuse_unless
+from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.pose import Pose, PoseLike
+from cdpr_sim.core.robot import IN_PLANE
+from cdpr_sim.physics.damping import stretching
+from cdpr_sim.physics.pulleys import ENTRY, Swivels
+from cdpr_sim.physics.winches import LEAST_SPARE
+
+BALANCED = 1e-9
+"""Largest residual of tensions that balance the load, as a fraction of the largest load or pull."""
+
+
+def reset(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    pose: PoseLike,
+    *,
+    rest_lengths: ArrayLike | None = None,
+    pretension: float | None = None,
+    prefix: str = "",
+) -> None:
+    """Reset ``data``, with the platform at rest at ``pose`` and its cables commanded there.
+
+    The model is one of ``to_mjcf``, compiled from text or from a file, alone or in a scene. All else in ``data`` gets
+    its initial value, as by ``mj_resetData``. Wheels face their anchors; winches get the controls, or activations, of
+    the rest lengths, and drums their places. In a model without winches, springs get the rest lengths: this changes
+    ``model``. The keyframe ``commanded`` becomes this state. ``mj_forward`` has been called at the end.
+
+    Args:
+        model: the model.
+        data: its state.
+        pose: pose of the platform in the base frame: (x, y, z) [m], a six-vector [m, rad], or a ``RigidTransform``. Of
+            a free joint, in the world.
+        rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``, so that the
+            platform sags from there.
+        pretension: instead, tension [N] of linear cables: their tensions balance the weight at ``pose``, which is then
+            an equilibrium, and are as near to this value as possible.
+        prefix: of the names, in a model that was attached to another one.
+
+    Raises:
+        InvalidInput: not such a model; cables with mass; an invalid pose, or rest lengths out of the winches' range;
+            pretension of nonlinear cables, or none near it that balances the weight. ``model`` and ``data`` are then
+            unchanged.
+    """
+    refuse_unless(mujoco.MjModel, model=model)
+    refuse_unless(mujoco.MjData, data=data)
+    refuse_unless(str, prefix=prefix)
+    parts, at = _Parts.of(model, prefix), Pose.of(pose)
+    if rest_lengths is not None and pretension is not None:
+        raise InvalidInput("pretension: found one besides rest_lengths, expected one of them")
+    written = model.body_quat.copy()
+    state = mujoco.MjData(model)
+    try:
+        _place(model, state, parts, at)
+        mujoco.mj_forward(model, state)
+        spans = parts.spans(state)
+        shared, ropes = parts.shared, spans + parts.shared
+        if rest_lengths is not None:
+            asked = checked_array("rest_lengths", rest_lengths, (len(parts.cables),))
+            if not (asked > 0).all():
+                raise InvalidInput(f"rest_lengths: found {asked.min():g} m, expected more than 0")
+            ropes = asked + shared
+        elif pretension is not None:
+            ropes = ropes / (1 + _strains(model, state, parts, float(checked_array("pretension", pretension, ()))))
+        inputs = parts.inputs(model, spans + shared, ropes)
+    except InvalidInput:
+        model.body_quat[:] = written
+        raise
+    qpos = state.qpos.copy()
+    mujoco.mj_resetData(model, data)
+    data.qpos[:] = qpos
+    if parts.wound:
+        drums = parts.drums >= 0
+        data.qpos[model.jnt_qposadr[parts.drums[drums]]] = inputs[drums]
+        states = model.actuator_actadr[parts.winches]
+        data.ctrl[parts.winches[states < 0]] = inputs[states < 0]
+        data.act[states[states >= 0]] = inputs[states >= 0]
+    else:
+        parts.let_out(model, ropes)
+    mujoco.mj_forward(model, data)
+    key = _id(model, mujoco.mjtObj.mjOBJ_KEY, f"{prefix}commanded")
+    if key >= 0:
+        mujoco.mj_setKeyframe(model, data, key)
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Indices of the parts of a robot in a model, and constants of its cables.
+
+    Attributes:
+        platform: body of the platform.
+        joints: its joints.
+        base: site of the base, or -1.
+        anchors: sites of the anchors.
+        cables: tendons.
+        lines: tendons that are drawn in their place, or -1.
+        winches: actuators, or -1 for cables without: all or none.
+        dampers: actuators of damped cables, or -1.
+        drums: joints of drums, or -1.
+        swivels: the wheels.
+        offsets: differences between the lengths of tendons, with drums at 0, and cables [m].
+        shared: lengths of rope behind the exit, for each part of line [m].
+        parts_of_line: numbers of parts.
+        written: (L + c), the written rest lengths with those [m].
+        stiffnesses: n EA [N].
+    """
+
+    platform: int
+    joints: list[int]
+    base: int
+    anchors: Int[np.ndarray, " cables"]
+    cables: Int[np.ndarray, " cables"]
+    lines: Int[np.ndarray, " cables"]
+    winches: Int[np.ndarray, " cables"]
+    dampers: Int[np.ndarray, " cables"]
+    drums: Int[np.ndarray, " cables"]
+    swivels: Swivels
+    offsets: Float[np.ndarray, " cables"]
+    shared: Float[np.ndarray, " cables"]
+    parts_of_line: Float[np.ndarray, " cables"]
+    written: Float[np.ndarray, " cables"]
+    stiffnesses: Float[np.ndarray, " cables"]
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, prefix: str) -> _Parts:
+        """The parts, by name.
+
+        Raises:
+            InvalidInput: not a model of ``to_mjcf``, or one with chains.
+        """
+        kinds = mujoco.mjtObj
+        platform = _id(model, kinds.mjOBJ_BODY, f"{prefix}platform")
+        exits = _numbered(model, kinds.mjOBJ_SITE, f"{prefix}exit_")
+        if platform < 0 or not len(exits):
+            raise InvalidInput(
+                f"model: found no body '{prefix}platform' with cables, expected a model of to_mjcf and the prefix of "
+                "its names"
+            )
+        names = range(1, len(exits) + 1)
+
+        def ids(kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " cables"]:
+            return np.array([_id(model, kind, f"{prefix}{name}_{i}") for i in names])
+
+        cables, winches = ids(kinds.mjOBJ_TENDON, "cable"), ids(kinds.mjOBJ_ACTUATOR, "winch")
+        if (cables < 0).any():
+            raise InvalidInput(
+                f"model: found no tendon '{prefix}cable_{np.argmax(cables < 0) + 1}', expected massless cables: those "
+                "with mass are chains, whose profile reset does not compute"
+            )
+        dampers, drums = ids(kinds.mjOBJ_ACTUATOR, "damped"), ids(kinds.mjOBJ_JOINT, "drum")
+        grooves, anchors = ids(kinds.mjOBJ_GEOM, "groove"), ids(kinds.mjOBJ_SITE, "anchor")
+        wheels = np.flatnonzero(grooves >= 0)
+        swivelling = ids(kinds.mjOBJ_JOINT, "swivel")[wheels]
+        swivelling = swivelling[swivelling >= 0]
+        swivels = Swivels(
+            cables=wheels,
+            bodies=ids(kinds.mjOBJ_BODY, "pulley")[wheels],
+            anchors=anchors[wheels],
+            faced=anchors[wheels],
+            coordinates=model.jnt_qposadr[swivelling],
+            dofs=model.jnt_dofadr[swivelling],
+            radii=model.geom_size[grooves[wheels], 0],
+        )
+        offsets = np.zeros(len(exits))
+        offsets[wheels] = ENTRY * swivels.radii
+        coiled = np.flatnonzero(drums >= 0)
+        coils = model.body_pos[model.jnt_bodyid[drums[coiled]]] - model.site_pos[exits[coiled]]
+        offsets[coiled] = np.linalg.norm(coils, axis=1)
+        user = model.tendon_user[cables, :2] if model.nuser_tendon >= 2 else np.zeros((len(exits), 2))
+        parts_of_line, shared = np.maximum(user[:, 0], 1), user[:, 1]
+        acting = np.where(winches >= 0, winches, dampers)
+        linear = (acting >= 0) & (drums < 0)
+        bias = model.actuator_biasprm[acting] if model.nu else np.zeros((len(exits), 2))
+        springs = np.where(linear, -bias[:, 1], model.tendon_stiffness[cables])
+        begin = -bias[:, 0] / springs - (offsets - shared)
+        written = np.where(linear, begin, model.tendon_lengthspring[cables, 1] - offsets + shared)
+        return cls(
+            platform=platform,
+            joints=[int(model.body_jntadr[platform]) + i for i in range(int(model.body_jntnum[platform]))],
+            base=_id(model, kinds.mjOBJ_SITE, f"{prefix}base"),
+            anchors=anchors,
+            cables=cables,
+            lines=np.maximum(ids(kinds.mjOBJ_TENDON, "line"), ids(kinds.mjOBJ_TENDON, "rope")),
+            winches=winches,
+            dampers=dampers,
+            drums=drums,
+            swivels=swivels,
+            offsets=offsets,
+            shared=shared,
+            parts_of_line=parts_of_line,
+            written=written,
+            stiffnesses=springs * written,
+        )
+
+    @property
+    def wound(self) -> bool:
+        """Whether the model has winches."""
+        return bool((self.winches >= 0).all())
+
+    def spans(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
+        """Lengths of the cables from exit to anchor, with all drums at 0 [m]."""
+        return data.ten_length[self.cables] - self.offsets
+
+    def inputs(
+        self, model: mujoco.MjModel, lengths: Float[np.ndarray, " cables"], ropes: Float[np.ndarray, " cables"]
+    ) -> Float[np.ndarray, " cables"]:
+        """Controls or activations at which the winches let out l0, as ``ropes`` = l0 + c, at ``lengths`` = l + c [m].
+
+        Raises:
+            InvalidInput: a length out of their range.
+        """
+        if not self.wound:
+            return np.zeros(len(ropes))
+        by_speed = model.actuator_dyntype[self.winches] == mujoco.mjtDyn.mjDYN_INTEGRATOR
+        units = np.where(self.drums >= 0, lengths, np.where(by_speed, self.written, 1.0))
+        inputs = units * (self.written / ropes - 1)
+        ranges = np.where(
+            by_speed[:, None], model.actuator_actrange[self.winches], model.actuator_ctrlrange[self.winches]
+        )
+        slack = BALANCED * np.abs(ranges).max(1)
+        beyond = (inputs < ranges[:, 0] - slack) | (inputs > ranges[:, 1] + slack)
+        if beyond.any():
+            cable = int(np.argmax(beyond))
+            longest, shortest = self.written[cable] / (1 + ranges[cable] / units[cable]) - self.shared[cable]
+            raise InvalidInput(
+                f"rest_lengths: found {ropes[cable] - self.shared[cable]:.4g} m for cable {cable + 1}, expected "
+                f"{shortest:.4g} to {longest:.4g} m, which its winch can let out"
+            )
+        return inputs
+
+    def let_out(self, model: mujoco.MjModel, ropes: Float[np.ndarray, " cables"]) -> None:
+        """Give a model without winches these rest lengths, as l0 + c [m]."""
+        ratio, damped = self.written / ropes, self.dampers >= 0
+        cables, dampers = self.cables[~damped], self.dampers[damped]
+        lengths = ropes - self.shared
+        model.tendon_lengthspring[cables, 1] = (lengths + self.offsets)[~damped]
+        model.tendon_stiffness[cables] *= ratio[~damped]
+        model.tendon_stiffnesspoly[cables] *= ratio[~damped, None] ** np.array([2, 3])
+        slopes = (self.stiffnesses / ropes)[damped]
+        model.actuator_biasprm[dampers, 0] = -(self.stiffnesses[damped] + slopes * (self.offsets - self.shared)[damped])
+        model.actuator_biasprm[dampers, 1] = -slopes
+        model.actuator_biasprm[dampers, 2] *= np.sqrt(ratio[damped])  # the same loss factor
+        drawn = self.lines >= 0
+        model.tendon_lengthspring[self.lines[drawn], 1] = (1 + LEAST_SPARE) * lengths[drawn]
+
+
+def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
+    return mujoco.mj_name2id(model, kind.value, name)
+
+
+def _numbered(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " found"]:
+    """Ids of all elements ``name`` 1, 2, ..."""
+    found: list[int] = []
+    while (number := _id(model, kind, f"{name}{len(found) + 1}")) >= 0:
+        found.append(number)
+    return np.array(found, dtype=int)
+
+
+def _place(model: mujoco.MjModel, data: mujoco.MjData, parts: _Parts, at: Pose) -> None:
+    """Put the platform at a pose, its wheels facing the anchors.
+
+    Raises:
+        InvalidInput: out of a planar robot's plane, or an anchor off its wheel.
+    """
+    adr, kinds = model.jnt_qposadr[parts.joints], model.jnt_type[parts.joints]
+    position, rotation = at.position, Rotation.from_matrix(at.rotation_matrix)
+    if len(kinds) == 1:
+        data.qpos[adr[0] : adr[0] + 7] = [*position, *rotation.as_quat(scalar_first=True)]
+    elif kinds[-1] == mujoco.mjtJoint.mjJNT_BALL:
+        data.qpos[adr[:3]] = position
+        base = model.site_quat[parts.base] if parts.base >= 0 else [1, 0, 0, 0]
+        frame, body = (Rotation.from_quat(quat, scalar_first=True) for quat in (base, model.body_quat[parts.platform]))
+        data.qpos[adr[3] : adr[3] + 4] = (body.inv() * frame * rotation).as_quat(scalar_first=True)
+    else:
+        if abs(position[1]) > IN_PLANE or np.abs(at.rotation_matrix[1, [0, 2]]).max() > IN_PLANE:
+            found = f"y = {position[1]:g} m" if abs(position[1]) > IN_PLANE else "a rotation about x or z"
+            raise InvalidInput(
+                f"pose: found {found}, but the robot is planar: expected y = 0 and a rotation about y only"
+            )
+        data.qpos[adr] = position[0], position[2], np.arctan2(-at.rotation_matrix[2, 0], at.rotation_matrix[0, 0])
+    if len(parts.swivels):
+        parts.swivels.face(model, data)
+        mujoco.mj_forward(model, data)
+        points = data.ten_wrapnum[parts.cables[parts.swivels.cables]]
+        off = parts.swivels.off_wheel(data.xpos, data.xmat, data.site_xpos, points)
+        if off.any():
+            raise InvalidInput(
+                f"pose: found one at which cable {parts.swivels.cables[np.argmax(off)] + 1} is off its pulley, "
+                "expected its anchor beyond the wheel"
+            )
+
+
+def _strains(
+    model: mujoco.MjModel, data: mujoco.MjData, parts: _Parts, pretension: float
+) -> Float[np.ndarray, " cables"]:
+    """Strains of linear cables whose tensions balance the weight, p - W⁺ (W p + w), by MuJoCo's Jacobian and load.
+
+    Raises:
+        InvalidInput: nonlinear cables, a negative pretension, or none near it that balances.
+    """
+    if pretension < 0:
+        raise InvalidInput(f"pretension: found {pretension:g} N, expected 0 or more")
+    if model.tendon_stiffnesspoly[parts.cables].any():
+        raise InvalidInput("pretension: found nonlinear cables, expected linear ones; rest_lengths are for any")
+    first = int(model.body_dofadr[parts.platform])
+    dofs = np.arange(first, first + int(model.body_dofnum[parts.platform]))
+    matrix = -stretching(model, data, dofs, parts.cables) * parts.parts_of_line
+    load = -data.qfrc_bias[dofs].copy()
+    turning = slice(3, 6) if len(dofs) == 6 else slice(2, 3)
+    arm = np.linalg.norm(model.site_pos[parts.anchors], axis=1).max()
+    matrix[turning], load[turning] = matrix[turning] / arm, load[turning] / arm
+    wanted = np.full(len(parts.cables), pretension)
+    tensions = wanted - np.linalg.pinv(matrix) @ (matrix @ wanted + load)
+    scale = max(float(np.abs(load).max()), float(np.abs(tensions).max()))
+    if np.abs(matrix @ tensions + load).max() > BALANCED * scale or tensions.min() < -BALANCED * scale:
+        raise InvalidInput(
+            f"pretension: found no tensions near {pretension:g} N that balance the weight at the pose, expected a "
+            "value and a pose for which all cables pull"
+        )
+    return np.maximum(tensions, 0) * parts.parts_of_line / parts.stiffnesses

@@ -1,0 +1,226 @@
+"""Models in motion: their damping is the stated one, and winches with limits keep random controls finite."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import cdpr_sim as cdpr
+
+COGIRO = cdpr.load_robot("cogiro")
+PLUMB = cdpr.Robot(
+    name="plumb",
+    exits=[(0, 0, 1)],
+    anchors=[(0, 0, 0)],
+    axial_stiffness=1e4,
+    mass=1.0,
+    platform_size=(0.1, 0.1, 0.1),
+    workspace=[(-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)],
+)
+"""One cable, on which the platform oscillates at 100 rad/s."""
+
+SAME_DECREMENT = 0.02
+"""Relative: a step is a twentieth of a period, and the largest amplitude is read off the steps. Measured 0.013."""
+
+FREE_FALL = 0.005
+"""[m/s] One time step of 0.2 ms at 9.81 m/s², and rounding."""
+
+MASSLESS = [name for name in cdpr.list_robots() if cdpr.load_robot(name).cabling.massless]
+
+
+def model_of(robot: cdpr.Robot, **options) -> mujoco.MjModel:
+    """Written in the middle of its workspace."""
+    return mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, robot.home, **options))
+
+
+def decrement(model: mujoco.MjModel, periods: int = 20) -> float:
+    """Logarithmic decrement of the plumb platform's oscillation, released where its cable begins to be taut."""
+    data, step = mujoco.MjData(model), model.opt.timestep
+    deepest, period = PLUMB.weight / 1e4, 2 * np.pi / 100
+    heights = []
+    while data.time < periods * period:
+        mujoco.mj_step(model, data)
+        heights.append(data.body("platform").xpos[2] + deepest)
+    one = int(period / step) + 1
+    sizes = np.abs([heights[:one], heights[-one:]]).max(1)
+    return float(np.log(sizes[0] / sizes[1]) / ((len(heights) - one) * step / period))
+
+
+@pytest.mark.parametrize("winches", [False, "ratio", "speed"])
+@pytest.mark.parametrize("factor", [0.02, 0.1])
+def test_a_plumb_cable_has_the_stated_loss_factor(factor, winches):
+    """Its logarithmic decrement is pi times the loss factor, and zero without damping."""
+    found = decrement(model_of(PLUMB, damping=factor, winches=winches))
+    assert found == pytest.approx(np.pi * factor, rel=SAME_DECREMENT)
+    assert abs(decrement(model_of(PLUMB, damping="none", winches=winches))) < 1e-4
+
+
+def test_the_settling_integrator_would_hide_the_loss_factor():
+    """Negative control: at 2 ms ``discrete`` damps the plumb platform ten times as much as 2 % of loss do."""
+    model = model_of(PLUMB, damping="none")
+    model.opt.timestep, model.opt.integrator = 0.002, mujoco.mjtIntegrator.mjINT_DISCRETE
+    assert decrement(model) > 8 * np.pi * 0.02
+
+
+@pytest.mark.parametrize("winches", [False, "ratio", "speed"])
+def test_a_platform_cut_loose_falls_as_in_vacuum_unless_it_settles(winches):
+    """After half a second ``cogiro`` falls with 4.905 m/s, also with damped cables, but with 1.05 if it settles."""
+    for damping, speed in (("none", 4.905), (0.02, 4.905), ("settle", 1.0545)):
+        model = model_of(COGIRO, damping=damping, winches=winches)
+        model.tendon_stiffness[:] = 0
+        model.actuator_gainprm[:], model.actuator_biasprm[:] = 0, 0
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, round(0.5 / model.opt.timestep))
+        velocity = np.zeros(6)
+        kind = mujoco.mjtObj.mjOBJ_BODY.value
+        mujoco.mj_objectVelocity(model, data, kind, model.body("platform").id, velocity, 0)
+        assert velocity[5] == pytest.approx(-speed, abs=FREE_FALL)
+
+
+@pytest.mark.parametrize("winches", [False, "ratio", "speed"])
+def test_a_slack_cable_never_pushes_with_a_loss_factor(winches):
+    """However fast it slackens; the control is a damper that is no part of the clamped force, as a tendon's is."""
+    model = model_of(COGIRO, damping=0.2, winches=winches)
+    data = mujoco.MjData(model)
+    for height, speed in ((0.02, 20.0), (-0.02, 20.0), (0.02, 0.0)):
+        cdpr.reset(model, data, COGIRO.home, rest_lengths=COGIRO.rest_lengths(COGIRO.home + np.array([0, 0, -0.03])))
+        data.qpos[2] += height
+        data.qvel[2] = speed
+        mujoco.mj_forward(model, data)
+        assert data.actuator_force.min() >= 0
+        assert (data.actuator_force == 0).all()  # all are slack
+    model.tendon_damping[:] = 1.0
+    data.qvel[2] = 20.0
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_passive[2] < -1  # such a damper brakes the platform by slack cables
+
+
+@pytest.mark.parametrize("winches", [False, "ratio", "speed"])
+def test_the_equilibrium_does_not_depend_on_damping(winches):
+    """With a loss factor of 1 the platform comes to rest where ``solve`` says."""
+    robot = cdpr.load_robot("parallel")
+    model = model_of(robot, damping=1.0, winches=winches)
+    data = mujoco.MjData(model)
+    cdpr.reset(model, data, robot.home)
+    model.dof_damping[:] += 2.0  # as an air that calms what cables do not
+    mujoco.mj_step(model, data, round(8 / model.opt.timestep))
+    assert np.abs(data.body("platform").xpos - cdpr.solve(robot, robot.home).position).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("damping", "robot", "words"),
+    [
+        ("some", COGIRO, "damping: found 'some', expected 'settle', 'none' or a loss factor from 0 to 1"),
+        (2.0, COGIRO, "damping: found 2.0, expected"),
+        (np.nan, COGIRO, "damping: found nan, expected"),
+        (True, COGIRO, "damping: found True, expected"),
+        ("none", COGIRO.replace(linear_density=1e-3), "damping other than 'settle'"),
+        (0.02, COGIRO.replace(stiffening=(50, 100)), "damping: found a loss factor of 0.02 and cable 1 with nonlinear"),
+    ],
+)
+def test_an_impossible_damping_is_refused(damping, robot, words):
+    """In a sentence that names what was found."""
+    with pytest.raises(cdpr.InvalidInput, match=words):
+        cdpr.to_mjcf(robot, robot.home, damping=damping)
+
+
+def random_run(robot: cdpr.Robot, winches: str, seconds: float, **options) -> tuple[bool, float]:
+    """Whether MuJoCo never warned, and the largest force: with new controls each step, or speeds each 0.2 s."""
+    model, random = model_of(robot, winches=winches, **options), np.random.default_rng(0)
+    data, low, high = mujoco.MjData(model), *model.actuator_ctrlrange.T
+    held = 1 if winches == "ratio" else round(0.2 / model.opt.timestep)
+    largest = 0.0
+    for step in range(round(seconds / model.opt.timestep)):
+        if step % held == 0:
+            data.ctrl = random.uniform(low, high)
+        mujoco.mj_step(model, data)
+        largest = max(largest, float(data.actuator_force.max()))
+        if data.warning.number.any():
+            return False, largest
+    return bool(np.isfinite(data.qpos).all()), largest
+
+
+@pytest.mark.parametrize("winches", ["ratio", "speed"])
+@pytest.mark.parametrize("name", MASSLESS)
+def test_random_controls_stay_finite(name, winches):
+    """Over the whole range of controls, for two seconds, on the whole catalogue; 60 s are run by a script."""
+    robot = cdpr.load_robot(name)
+    finite, largest = random_run(robot, winches, 2.0)
+    assert finite
+    limit = np.minimum(robot.force_max, robot.cabling.breaking_load).max()
+    known = limit if np.isfinite(limit) else max(0.015 * robot.axial_stiffness.max(), 10 * robot.weight)
+    assert largest <= (1 + 1e-12) * known
+
+
+def test_without_limits_random_controls_blow_up():
+    """Negative control: unlimited winches end within 0.2 s, at more than a meganewton on 0.4 kg."""
+    finite, largest = random_run(COGIRO, "ratio", 0.2, winch_force=np.inf)
+    assert not finite
+    assert largest > 1e6
+
+
+def test_a_step_in_which_platforms_turn_too_far_is_not_steady():
+    """Negative control: ``segesta`` with steps of 2 ms, twice its own, spins away at the same forces."""
+    robot = cdpr.load_robot("segesta")
+    model = model_of(robot, winches=True)
+    assert model.opt.timestep == 0.001
+    model.opt.timestep, random = 0.002, np.random.default_rng(0)
+    data = mujoco.MjData(model)
+    for _ in range(1000):
+        data.ctrl = random.uniform(*model.actuator_ctrlrange.T)
+        mujoco.mj_step(model, data)
+    assert data.warning.number.any()
+
+
+def test_a_winch_at_its_limit_slips():
+    """Its cable pulls with ``winch_force``, not more, and by the law below; one number or one per cable."""
+    limits = np.linspace(5, 40, 8)
+    model, free = (model_of(COGIRO, winches=True, winch_force=force) for force in (limits, np.inf))
+    data, other = mujoco.MjData(model), mujoco.MjData(free)
+    for control in (0.001, 0.003, 0.1):
+        data.ctrl[:] = other.ctrl[:] = control
+        mujoco.mj_forward(model, data)
+        mujoco.mj_forward(free, other)
+        np.testing.assert_array_equal(data.actuator_force, np.minimum(other.actuator_force, limits))
+    for wrong in (0.0, -3.0, np.nan, [1.0, 2.0], "strong"):
+        with pytest.raises(cdpr.InvalidInput, match="winch_force: found"):
+            model_of(COGIRO, winches=True, winch_force=wrong)
+
+
+@pytest.mark.parametrize("robot", [COGIRO, COGIRO.replace(winch_to_exit=0.8, reeving=2)], ids=["direct", "drive line"])
+def test_winches_by_speed_follow_the_law_and_their_limits(robot):
+    """No rope runs faster than ``winch_speed`` over the whole range, the longest one so fast; l0 = L/(1 + w/L)."""
+    model = model_of(robot, winches="speed", winch_speed=0.7)
+    data, shared = mujoco.MjData(model), robot.winch_to_exit / robot.reeving
+    written = robot.rest_lengths(robot.home) + shared
+    low, high = model.actuator_actrange.T
+    lengths = written / (1 + np.linspace(low, high, 200) / written)
+    speeds = model.actuator_ctrlrange[:, 1] * (lengths / written) ** 2  # |d l0/dt| at the largest dw/dt
+    assert speeds.max(0) == pytest.approx(0.7, rel=1e-9)
+    data.ctrl[:] = 1e3  # clamped
+    before = data.act.copy()
+    mujoco.mj_step(model, data, 10)
+    np.testing.assert_allclose(data.act - before, 10 * model.opt.timestep * model.actuator_ctrlrange[:, 1], rtol=1e-9)
+    cdpr.reset(model, data, robot.home, rest_lengths=0.995 * robot.rest_lengths(robot.home))
+    tension = robot.axial_stiffness * 0.005 * (written - shared) / (0.995 * (written - shared) + shared)
+    np.testing.assert_allclose(data.actuator_force, robot.reeving * tension, rtol=1e-9)
+
+
+def test_drums_of_nonlinear_cables_are_wound_at_their_speed():
+    """A drum draws in its cable by the integral of the control."""
+    robot = COGIRO.replace(stiffening=(50, 100))
+    model = model_of(robot, winches="speed", winch_speed=0.5)
+    data = mujoco.MjData(model)
+    data.ctrl[:] = -9
+    mujoco.mj_step(model, data, 100)
+    np.testing.assert_allclose(data.act, -0.5 * data.time, rtol=1e-9)
+    drums = [data.joint(f"drum_{i}").qpos[0] for i in range(1, 9)]
+    np.testing.assert_allclose(drums, data.act, rtol=0, atol=0.5 * 0.02)  # the servo lags by its time constant, twice
+
+
+def test_kinds_of_winches_are_named():
+    """Anything else is refused."""
+    for wrong in ("length", 1, None):
+        with pytest.raises(cdpr.InvalidInput, match="winches: found"):
+            model_of(COGIRO, winches=wrong)
+    with pytest.raises(cdpr.InvalidInput, match="winch_speed: found 0 m/s"):
+        model_of(COGIRO, winches="speed", winch_speed=0)
