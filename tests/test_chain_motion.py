@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 from test_any_cable_physics import LAW, LIGHT, MIXED, UP
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.controller import Reference
+from cdpr_sim.core.path import Path
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.physics.mjcf import air_viscosity
 from cdpr_sim.physics.sagging.chain_motion import ChainMotion
@@ -157,3 +160,15 @@ def test_winches_hold_the_tensions_of_sagging_ropes():
     motion = cdpr.track(robot, LINE[:1], Tensions(robot, wanted), seconds=0.3)
     assert np.abs(motion.tensions[0] - wanted).max() > 1.0
     np.testing.assert_allclose(motion.tensions[-1], wanted, rtol=HELD)
+
+
+def test_a_trace_of_mass_does_not_change_which_cables_are_held_by_tension():
+    """The choice is by the stiffness of the others, which sagging cables have as well."""
+    chosen, at_pose = [], cdpr.Measurement(0.0, RigidTransform.identity(), np.zeros(8), np.zeros(8))
+    for density in (0.0, 1e-6):
+        robot = cdpr.load_robot("cogiro").replace(linear_density=density)
+        controller = cdpr.LengthsAndTensions(robot)
+        controller.start(Reference(Path(robot, [robot.pose((0.3, 0.2, 0.15))]), 1.0, 0.0))
+        command = controller.command(0.0, robot.pose((0.3, 0.2, 0.15)), at_pose)
+        chosen.append(np.flatnonzero(command.by_tension).tolist())
+    assert chosen == [[4, 5]] * 2

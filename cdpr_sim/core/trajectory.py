@@ -60,7 +60,7 @@ class Trajectory(EquilibriumBatch):
 
     @classmethod
     def through(cls, equilibria: EquilibriumBatch, times: Float[np.ndarray, " steps"]) -> Trajectory:
-        """A motion so slow that each state, (steps,), is one of ``equilibria``; for robots that ``drive`` refuses.
+        """A motion so slow that each state, (steps,), is one of ``equilibria``: without ``drive``.
 
         Returns:
             A motion of (steps,) states, each in equilibrium.

@@ -98,7 +98,7 @@ def refuse_weight(robot: Robot, doing: str) -> None:
     if not robot.cabling.massless:
         raise InvalidInput(
             f"linear_density: found {robot.cabling.linear_density.max():g} kg/m, expected massless cables: "
-            f"{doing} does not take account of their mass"
+            f"{doing} does not take account of their mass (cdpr_sim.drive and cdpr_sim.track do)"
         )
 
 

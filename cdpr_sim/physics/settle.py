@@ -327,4 +327,4 @@ def without_weight(problems: Problems) -> Problems:
 @functools.lru_cache(maxsize=16)
 def weightless(robot: Robot) -> Robot:
     """The same robot with massless cables; cached, since its simulation is cached too."""
-    return robot.replace(linear_density=0.0)
+    return robot if robot.cabling.massless else robot.replace(linear_density=0.0)

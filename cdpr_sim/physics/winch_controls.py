@@ -11,6 +11,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.chains import refuse_weight
 from cdpr_sim.physics.settle import settle
 from cdpr_sim.physics.tendons import springs
 from cdpr_sim.physics.winches import SERVO, reach, shared
@@ -30,10 +31,11 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
         equilibrium in MuJoCo from ``pose``.
 
     Raises:
-        InvalidInput: invalid lengths, or lengths out of the winches' range.
+        InvalidInput: invalid lengths, or lengths out of the winches' range; cables with mass.
         NotSettled: cables are nonlinear, and the platform does not come to rest on them.
     """
     problem = Problem.of(robot, pose)
+    refuse_weight(robot, "a winch in MuJoCo")
     wanted = checked_array("rest_lengths", rest_lengths, None)
     if wanted.shape[-1:] != (robot.cables,):
         raise InvalidInput(f"rest_lengths: found an array of shape {wanted.shape}, expected (..., {robot.cables})")
