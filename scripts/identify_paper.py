@@ -1,4 +1,4 @@
-"""Compute the axial stiffness, or the rope behind the exits, for the paper's 15 mm, and what follows for its two lines."""
+"""Compute the axial stiffness, or the rope behind the exits, for the paper's 15 mm, and the consequences."""
 
 import numpy as np
 

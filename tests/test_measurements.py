@@ -92,7 +92,8 @@ def test_arrays_that_do_not_fit_are_said(arguments, message):
 
 
 SENSORS = """commanded_x [m],commanded_y [m],commanded_z [m],rest_length_1 [m],rest_length_2 [m],\
-rest_length_1_error [mm],tension_2 [kN],tension_2_error [N],swivel_1 [deg],frequency_1 [Hz],mass [g],force_z [N],torque_y [N mm]
+rest_length_1_error [mm],tension_2 [kN],tension_2_error [N],swivel_1 [deg],frequency_1 [Hz],mass [g],\
+force_z [N],torque_y [N mm]
 0.4,0,0.2,0.5,0.6,1,0.03,2,90,2.5,400,-1,20
 0.4,0,0.3,0.4,0.5,,,,,,,,
 """

@@ -37,7 +37,8 @@ ASKED = (
     "Check.across", "Clearances.free", "Reference.acceleration", "Reference.fractions", "Reference.pose",
     "Reference.poses",
     "Equilibria.nearest", "Front.thinned", "Identification.__getitem__", "Identification.intervals",
-    "Identification.predict", "Measurements.check_robot", "Measurements.rows", "Measurements.with_errors", "Problem.same_as",
+    "Identification.predict", "Measurements.check_robot", "Measurements.rows", "Measurements.with_errors",
+    "Problem.same_as",
     "Robot.placed", "Robot.pose", "Robot.replace", "Robot.rest_lengths", "Rope.of", "Sensitivity.tilt",
 )  # fmt: skip
 """Methods of results. Not among them: indices, which raise Python's and NumPy's own errors, as loops need; and methods
