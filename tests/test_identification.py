@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -133,7 +135,7 @@ def test_standard_errors_are_as_large_as_the_errors(robot):
     products, together, spreads = np.zeros((9, 9)), 0.0, 0.0
     for fit in range(FITS):
         measurements = cdpr.Measurements.of(positions, noisy(true, poses, rng))
-        errors = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
+        errors: dict[str, Any] = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
         found = cdpr.identify(robot, measurements, asked, **errors)
         assert found.reasons == ()
         off = (found.values - truth) / found.standard_errors
@@ -332,7 +334,7 @@ def test_one_stiffness_predicts_better_than_eight_that_the_data_do_not_hold(robo
 def test_rows_left_out_are_missed_by_as_much_as_said(robot, asked):
     """By fits without each in turn, which the prediction does without."""
     poses = noisy(robot, exact_poses(robot, commanded(6)), np.random.default_rng(4))
-    errors = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
+    errors: dict[str, Any] = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
     found = cdpr.identify(robot, cdpr.Measurements.of(commanded(6), poses), asked, **errors)
     missed = []
     for row in range(6):
@@ -401,7 +403,7 @@ def test_sensors_are_calibrated_from_mujocos_tensions(catalogue):
         swivels=swivels + zeros,
     )
     asked = ("axial_stiffness", "force_gains", "force_offsets", "swivel_zeros")
-    errors = dict(tension_error=1.0, swivel_error=1e-3, rotation_error=1e-3)
+    errors: dict[str, Any] = dict(tension_error=1.0, swivel_error=1e-3, rotation_error=1e-3)
     found = cdpr.identify(catalogue["irma4u"], measurements, asked, **errors)
     assert found.values == pytest.approx(np.array([15e3, *gains, *offsets, *zeros]), rel=1e-4, abs=1e-5)
     # The same unknowns predict other rows of the same sensors; without them, tensions are wrong by newtons.
@@ -441,7 +443,7 @@ def test_outliers_are_named_and_count_less(robot):
     poses = noisy(true, exact_poses(true, commanded()), np.random.default_rng(5))
     poses[4, 2] += 30 * NOISE
     data = cdpr.Measurements.of(commanded(), poses)
-    errors = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
+    errors: dict[str, Any] = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
     plain, robust = (cdpr.identify(robot, data, robust=one, **errors) for one in (False, True))
     assert [(one.row, one.name) for one in robust.outliers] == [(5, "z")]
     assert abs(robust.values[0] - 800) < 3 * robust.standard_errors[0] < abs(plain.values[0] - 800)
