@@ -1,4 +1,4 @@
-"""Compute the axial stiffness for the paper's 15 mm at the ends of its line, and the consequences for its two lines."""
+"""Compute the axial stiffness, or the rope behind the exits, for the paper's 15 mm, and the consequences."""
 
 import numpy as np
 
@@ -9,6 +9,7 @@ ENDS = (0.17, 0.63)  # m, of the paper's line along x
 Y = 0.25  # m
 HEIGHTS = (0.1, 0.2)  # m, the paper's z1 and z2
 DEVIATION = -0.015  # m along z, "about 15 mm" (Sec. IV, Fig. 12a)
+ASSUMED = {"vectran": 10e3, "fishing line": 1e3}  # N
 RATIO = 10  # the fishing line is "approximately 10 times" softer
 
 
@@ -38,6 +39,12 @@ def main() -> None:
         print("    fishing ", deviations(stiffness / RATIO, height))
         print("  with rigid cables")
         print("            ", deviations(1e7, height))
+        for name, assumed in ASSUMED.items():
+            found = cdpr.identify(robot.replace(axial_stiffness=assumed), measurements, "winch_to_exit")
+            behind, _ = found["winch_to_exit"]
+            crossed = cdpr.load_robot("cogiro").replace(axial_stiffness=assumed, winch_to_exit=behind)
+            middle = 1e3 * cdpr.solve(crossed, (0.4, Y, height)).deviation[2]
+            print(f"  or {behind:.1f} m of {name} between winch and exit; then {middle:.1f} mm on cogiro in the middle")
 
 
 if __name__ == "__main__":

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -7,6 +9,7 @@ from cdpr_sim.analysis.identifiability import WORSE
 from cdpr_sim.analysis.identification_model import UNKNOWNS, Model, unknowns_of
 from cdpr_sim.report.analysis_tables import identification_note
 from cdpr_sim.statics import newton
+from studies.coverage import coverage
 
 NOISE = 2e-5
 """[m] of a measured coordinate; DemoBot's tracker states 6.5e-5."""
@@ -132,7 +135,7 @@ def test_standard_errors_are_as_large_as_the_errors(robot):
     products, together, spreads = np.zeros((9, 9)), 0.0, 0.0
     for fit in range(FITS):
         measurements = cdpr.Measurements.of(positions, noisy(true, poses, rng))
-        errors = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
+        errors: dict[str, Any] = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
         found = cdpr.identify(robot, measurements, asked, **errors)
         assert found.reasons == ()
         off = (found.values - truth) / found.standard_errors
@@ -331,7 +334,7 @@ def test_one_stiffness_predicts_better_than_eight_that_the_data_do_not_hold(robo
 def test_rows_left_out_are_missed_by_as_much_as_said(robot, asked):
     """By fits without each in turn, which the prediction does without."""
     poses = noisy(robot, exact_poses(robot, commanded(6)), np.random.default_rng(4))
-    errors = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
+    errors: dict[str, Any] = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
     found = cdpr.identify(robot, cdpr.Measurements.of(commanded(6), poses), asked, **errors)
     missed = []
     for row in range(6):
@@ -379,3 +382,107 @@ def test_stiffness_and_offsets_of_cables_with_every_property_are_found(robot):
         believed.replace(linear_density=0.0), measurements, unknowns=["axial_stiffness", "rest_length_offsets"]
     )
     assert abs(massless.robot.axial_stiffness[0] / true.axial_stiffness[0] - 1) > 0.01
+
+
+def test_sensors_are_calibrated_from_mujocos_tensions(catalogue):
+    """Gains and offsets of load cells, EA and swivel zeros, of cables over pulleys that MuJoCo settled."""
+    true = catalogue["irma4u"].replace(axial_stiffness=15e3)
+    poses = np.random.default_rng(1).uniform([-0.3, -0.3, 0.7], [0.3, 0.3, 1.1], (6, 3))
+    settled = cdpr.settle_many(true, poses)
+    rotations = settled.poses.rotation.as_matrix()
+    anchors = np.einsum("nij,cj->nci", rotations, true.anchors) + settled.poses.translation[:, None]
+    apart = anchors - true.exits
+    across = np.cross(true.cabling.pulley_axis, [0.0, 0.0, -1.0])
+    swivels = np.arctan2((apart * across).sum(-1), -apart[..., 2])
+    gains, offsets, zeros = np.array([1.1, 0.9, 1.0, 1.2]), np.array([5, -3, 0, 2]), np.array([0.01, 0, -0.02, 0])
+    measurements = cdpr.Measurements.of(
+        poses,
+        settled.poses.rotation.as_euler("xyz")[:, :2],
+        coordinates=("alpha", "beta"),
+        tensions=gains * settled.tensions + offsets,
+        swivels=swivels + zeros,
+    )
+    asked = ("axial_stiffness", "force_gains", "force_offsets", "swivel_zeros")
+    errors: dict[str, Any] = dict(tension_error=1.0, swivel_error=1e-3, rotation_error=1e-3)
+    found = cdpr.identify(catalogue["irma4u"], measurements, asked, **errors)
+    assert found.values == pytest.approx(np.array([15e3, *gains, *offsets, *zeros]), rel=1e-4, abs=1e-5)
+    # The same unknowns predict other rows of the same sensors; without them, tensions are wrong by newtons.
+    assert np.nanmax(np.abs(found.predict(measurements.rows([0, 3])))) < 1e-3
+    alone = cdpr.identify(catalogue["irma4u"], measurements, **errors)
+    assert np.nanmax(np.abs(alone.predict(measurements))) > 1
+
+
+def test_a_known_load_tells_stiffness_and_mass_apart(robot):
+    """Which nothing else does: half of the rows carry a mass that was weighed, or a force that was measured."""
+    true = robot.replace(axial_stiffness=800.0, mass=0.45)
+    poses = commanded(8)
+    masses = np.where(np.arange(8) % 2, 0.6, np.nan)
+    wrenches = np.zeros((8, 6))
+    wrenches[:2, 2] = -1.0
+    solved = cdpr.solve_many(true, poses, external_wrench=wrenches, mass=np.where(np.isnan(masses), 0.45, masses))
+    data = cdpr.Measurements.of(poses, solved.positions, coordinates="xyz", masses=masses, wrenches=wrenches)
+    found = cdpr.identify(robot, data, ("axial_stiffness", "mass"), position_error=NOISE)
+    assert found.values == pytest.approx(np.array([800.0, 0.45]), rel=FITTED)
+    assert found.reasons == ()
+
+
+def test_natural_frequencies_alone_give_the_stiffness(robot):
+    """Of a platform whose mass is known; and rows may have any subset of them."""
+    true = robot.replace(axial_stiffness=730.0)
+    poses = commanded(3)
+    frequencies = np.array([cdpr.natural_modes(true, pose).frequencies for pose in poses])
+    frequencies[0, 2:] = np.nan
+    data = cdpr.Measurements.of(poses, frequencies=frequencies)
+    found = cdpr.identify(robot, data, frequency_error=1e-3)
+    assert found["axial_stiffness"][0] == pytest.approx(730.0, rel=FITTED)
+
+
+def test_outliers_are_named_and_count_less(robot):
+    """One coordinate of 72 that is off by 30 standard errors: it is named, and Huber's fit is near the true EA."""
+    true = robot.replace(axial_stiffness=800.0)
+    poses = noisy(true, exact_poses(true, commanded()), np.random.default_rng(5))
+    poses[4, 2] += 30 * NOISE
+    data = cdpr.Measurements.of(commanded(), poses)
+    errors: dict[str, Any] = dict(position_error=NOISE, rotation_error=NOISE / robot.characteristic_length)
+    plain, robust = (cdpr.identify(robot, data, robust=one, **errors) for one in (False, True))
+    assert [(one.row, one.name) for one in robust.outliers] == [(5, "z")]
+    assert abs(robust.values[0] - 800) < 3 * robust.standard_errors[0] < abs(plain.values[0] - 800)
+    assert "outlier: row 5: z is" in identification_note(robust)
+    # On data without any, both are the same but for the noise, and no number is named.
+    clean = cdpr.Measurements.of(commanded(), poses - 30 * NOISE * np.outer(np.arange(12) == 4, np.arange(6) == 2))
+    plain, robust = (cdpr.identify(robot, clean, robust=one) for one in (False, True))
+    assert robust.outliers == plain.outliers == ()
+    assert abs(robust.values[0] - plain.values[0]) < plain.standard_errors[0]
+    assert robust.scatters["position"] == pytest.approx(plain.scatters["position"], rel=0.3)
+
+
+def test_information_criteria_prefer_the_true_model(robot):
+    """Offsets that are there lower both criteria by far; those that are none raise them."""
+    true, rng = robot.replace(axial_stiffness=800.0), np.random.default_rng(6)
+    for offsets in (1e-4 * rng.normal(size=8), np.zeros(8)):
+        data = cdpr.Measurements.of(commanded(), noisy(true, exact_poses(true, commanded(), offsets), rng))
+        fewer, more = (
+            cdpr.identify(robot, data, some) for some in ("axial_stiffness", ("axial_stiffness", "rest_length_offsets"))
+        )
+        assert (more.aicc < fewer.aicc - 10) == (more.bic < fewer.bic - 10) == offsets.any()
+
+
+def test_unknowns_that_are_not_there_are_refused(robot):
+    """A gain without a load cell, a radius without a pulley."""
+    data = cdpr.Measurements.of(commanded(2), exact_poses(robot, commanded(2)))
+    for name in ("force_gains", "pulley_radius", "swivel_zeros"):
+        with pytest.raises(cdpr.InvalidInput, match=f"unknowns: found {name}, expected"):
+            cdpr.identify(robot, data, name)
+    with pytest.raises(cdpr.InvalidInput, match="found angle_zeros and yaw_zero, expected one of the two"):
+        cdpr.identify(robot, data, ["angle_zeros", "yaw_zero"])
+
+
+HELD = 0.85
+"""Share of the true values that so few 95 % intervals hold at least: 0.93 to 0.97 of many."""
+
+
+@pytest.mark.parametrize(("case", "fits"), [("judged", 8), ("lengths", 6)])
+def test_intervals_hold_what_they_say(case, fits):
+    """Of a few simulated measurements; ``scripts/interval_coverage.py`` has many. Narrower ones hold fewer."""
+    assert coverage(case, fits, seed=1).mean() >= HELD
+    assert coverage(case, fits, seed=1, coverage=0.3).mean() < 0.6

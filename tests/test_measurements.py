@@ -89,3 +89,64 @@ def test_arrays_that_do_not_fit_are_said(arguments, message):
     """The field, what was found and what is expected."""
     with pytest.raises(cdpr.CdprError, match=message):
         cdpr.Measurements.of(**arguments)
+
+
+SENSORS = """commanded_x [m],commanded_y [m],commanded_z [m],rest_length_1 [m],rest_length_2 [m],\
+rest_length_1_error [mm],tension_2 [kN],tension_2_error [N],swivel_1 [deg],frequency_1 [Hz],mass [g],\
+force_z [N],torque_y [N mm]
+0.4,0,0.2,0.5,0.6,1,0.03,2,90,2.5,400,-1,20
+0.4,0,0.3,0.4,0.5,,,,,,,,
+"""
+
+
+def test_all_that_robots_measure_is_read_with_its_errors(tmp_path):
+    """Tensions, swivel angles, frequencies, loads: in SI units, nan where not measured; an absent load is none."""
+    found = cdpr.read_measurements(written(tmp_path, SENSORS))
+    assert found.names[6:] == ("tension 1", "tension 2", "swivel 1", "swivel 2", "frequency 1")
+    assert found.values[0, 6:] == pytest.approx(np.array([np.nan, 30, np.pi / 2, np.nan, 2.5]), nan_ok=True)
+    assert found.known.sum(1).tolist() == [3, 0]
+    assert found.errors[0, 7] == 2
+    assert np.isnan(found.errors).sum() == found.errors.size - 1
+    assert found.rest_length_errors is not None
+    assert found.rest_length_errors.tolist() == [[1e-3, 0], [0, 0]]
+    assert found.masses == pytest.approx(np.array([0.4, np.nan]), nan_ok=True)
+    assert found.wrenches is not None
+    assert found.wrenches.tolist() == [[0, 0, -1, 0, 0.02, 0], [0] * 6]
+    # Errors by kind count where none is stated.
+    later = found.with_errors({"tension": 5.0, "swivel": 0.1, "rest_length": 3e-3})
+    assert later.errors[0, 6:] == pytest.approx(np.array([5, 2, 0.1, 0.1, np.nan]), nan_ok=True)
+    assert later.rows([0]).values.tolist()[0][7] == 30
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("tension_2_error [N]", "tension_3_error [N]", "found column 'tension_3_error', expected 'tension_3' as well"),
+        (",0.03,2,", ",0.03,0,", "line 2, column 'tension_2_error': found 0, expected a positive number"),
+        (",2.5,400", ",-2.5,400", "frequencies: found -2.5, expected positive numbers"),
+        ("mass [g]", "mass [m]", "column 'mass': found unit 'm', expected one of kg, g"),
+        ("force_z [N]", "force_w [N]", "unknown column 'force_w \\[N\\]': did you mean 'force_"),
+        ("0.03,2,90,2.5", ",,,", "found nothing measured"),
+    ],
+)
+def test_what_is_wrong_with_sensors_is_said(tmp_path, old, new, message):
+    """One sentence each."""
+    assert old in SENSORS
+    with pytest.raises(cdpr.InvalidInput, match=message) as caught:
+        cdpr.read_measurements(written(tmp_path, SENSORS.replace(old, new, 1)))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "robot", "message"),
+    [
+        ({"tensions": [[1.0] * 4]}, "cogiro", "found 4 tensions, expected 8, one per cable"),
+        ({"swivels": [[1.0] * 8]}, "cogiro", "found the swivel angle of cable 1, which has no pulley"),
+        ({"frequencies": [[1.0] * 7]}, "cogiro", "found 7 natural frequencies, expected at most 6"),
+        ({"frequencies": [[1.0]], "wrenches": [[0, 0, 0, 0, 1.0, 0]]}, "cogiro", "under an external torque"),
+    ],
+)
+def test_what_a_robot_cannot_have_measured_is_said(arguments, robot, message):
+    """The kind, and what the robot has."""
+    with pytest.raises(cdpr.InvalidInput, match=message):
+        cdpr.Measurements.of([[0.4, 0.25, 0.2]], **arguments).check_robot(cdpr.load_robot(robot))

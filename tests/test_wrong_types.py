@@ -37,7 +37,9 @@ MADE = ("Command.of", "Measurements.of", "Problem.of", "Problems.of", "Problems.
 ASKED = (
     "Check.across", "Clearances.free", "Reference.acceleration", "Reference.fractions", "Reference.pose",
     "Reference.poses",
-    "Equilibria.nearest", "Front.thinned", "Identification.__getitem__", "Measurements.check_robot", "Problem.same_as",
+    "Equilibria.nearest", "Front.thinned", "Identification.__getitem__", "Identification.intervals",
+    "Identification.predict", "Measurements.check_robot", "Measurements.rows", "Measurements.with_errors",
+    "Problem.same_as",
     "Robot.placed", "Robot.pose", "Robot.replace", "Robot.rest_lengths", "Rope.of", "Sensitivity.tilt",
 )  # fmt: skip
 """Methods of results. Not among them: indices, which raise Python's and NumPy's own errors, as loops need; and methods
@@ -206,7 +208,11 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "Equilibria.nearest": (cdpr.find_equilibria(robot, pose, starts=1), dict(pose=pose)),
         "Front.thinned": (cdpr.find_front(robot, poses, within=0.01, generations=1, population=5), dict(most=2)),
         "Identification.__getitem__": (cdpr.identify(robot, measurements), dict(name="axial_stiffness")),
+        "Identification.intervals": (cdpr.identify(robot, measurements), dict(coverage=0.9)),
+        "Identification.predict": (cdpr.identify(robot, measurements), dict(measurements=measurements)),
         "Measurements.check_robot": (measurements, dict(robot=robot)),
+        "Measurements.rows": (measurements, dict(chosen=[0])),
+        "Measurements.with_errors": (measurements, dict(errors={"position": 1e-3})),
         "Problem.same_as": (problem, dict(other=problem)),
         "Robot.placed": (robot, dict(pose=pose)),
         "Robot.pose": (robot, dict(pose=pose)),

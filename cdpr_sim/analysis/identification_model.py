@@ -392,7 +392,7 @@ class Model:
         return (self.shown(x + step) - self.shown(lower)) / (step[k] + (x - lower)[k])
 
     def _slopes_by(
-        self, x: Float[np.ndarray, " unknowns"], unknowns: Sequence[Unknown]
+        self, x: Float[np.ndarray, " fitted"], unknowns: Sequence[Unknown]
     ) -> Float[np.ndarray, "rows numbers unknowns"]:
         """Exact derivatives of what sensors show, by these unknowns; 0 for frequencies and differenced parameters."""
         self.solve(x)

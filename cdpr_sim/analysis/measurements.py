@@ -31,7 +31,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import as_numbers, checked_array, checked_path, listed, one_of, refuse_unless
+from cdpr_sim.core.checks import as_numbers, checked_array, checked_path, listed, one_of, refuse_unless, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import read_text
 from cdpr_sim.core.robot import Robot
@@ -181,6 +181,7 @@ class Measurements:
             InvalidInput: errors that are not positive, or of a kind that was not measured.
             UnknownName: no such kind.
         """
+        refuse_unless(Mapping, errors=errors)
         stated, lengths = self.errors.copy(), self.rest_length_errors
         for kind, given in errors.items():
             one_of("error", kind, (*KINDS, "rest_length"))
@@ -217,12 +218,16 @@ class Measurements:
         Raises:
             InvalidInput: no such row, or none chosen.
         """
-        given = np.asarray(chosen)
+        listed("chosen", chosen, "a list of rows")
+        try:
+            given = np.array(chosen)
+        except (TypeError, ValueError):
+            given = np.zeros(0)  # refused below
         if given.ndim != 1 or (given.dtype == bool and len(given) != len(self)) or given.dtype.kind not in "biu":
-            raise InvalidInput(f"chosen: found {chosen!r}, expected indices of rows, or a mask of {len(self)}")
+            raise InvalidInput(f"chosen: found {shown(chosen)}, expected indices of rows, or a mask of {len(self)}")
         index = np.flatnonzero(given) if given.dtype == bool else given
         if not len(index) or index.min() < 0 or index.max() >= len(self):
-            raise InvalidInput(f"chosen: found {chosen!r}, expected some of the rows 0 to {len(self) - 1}")
+            raise InvalidInput(f"chosen: found {shown(chosen)}, expected some of the rows 0 to {len(self) - 1}")
         arrays = {one.name: getattr(self, one.name) for one in dataclass_fields(self)}
         return replace(self, **{name: one[index] for name, one in arrays.items() if isinstance(one, np.ndarray)})
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -44,7 +45,7 @@ def coverage(
     held = []
     for _ in range(fits):
         measurements = simulated(true, rows, rng, LENGTH_ERROR if case == "lengths" else 0.0)
-        errors = {} if case == "judged" else {f"{kind}_error": error for kind, error in ERRORS.items()}
+        errors: dict[str, Any] = {} if case == "judged" else {f"{kind}_error": error for kind, error in ERRORS.items()}
         if case == "lengths":
             errors["rest_length_error"] = LENGTH_ERROR
         found = cdpr.identify(robot.replace(axial_stiffness=20e3), measurements, UNKNOWNS, **errors)
