@@ -44,7 +44,7 @@ _HEADINGS = {
 def sweep_table(dataset: xr.Dataset) -> Table:
     """A row for each robot and material: tilt, deviation, share of poses with slack cables, share of feasible poses."""
     solved = dataset["status"] == Status.CONVERGED
-    poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
+    poses = int(np.prod([size for name, size in dataset["outcome"].sizes.items() if name not in {"robot", "material"}]))
     table = new_table(
         f"Static equilibria from {poses:,} commanded poses",
         "robot", "cables", "solved\n%", "median\ntilt °", "worst\ntilt °", "median\ndev. mm", "worst\ndev. mm",
@@ -80,7 +80,7 @@ def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
 def check_table(check: Check) -> Table:
     """A row for each robot and material: numbers of poses by outcome, and the largest differences."""
     dataset = check.dataset
-    poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
+    poses = int(np.prod([size for name, size in dataset["outcome"].sizes.items() if name not in {"robot", "material"}]))
     present = set(np.unique(dataset["outcome"]).tolist())
     always = {"agree", "disagree", "unsettled"}
     outcomes = [name for code, name in enumerate(OUTCOMES) if name in always or code in present]
