@@ -44,7 +44,7 @@ _HEADINGS = {
 def sweep_table(dataset: xr.Dataset) -> Table:
     """A row for each robot and material: tilt, deviation, share of poses with slack cables, share of feasible poses."""
     solved = dataset["status"] == Status.CONVERGED
-    poses = int(np.prod([size for name, size in dataset["outcome"].sizes.items() if name not in {"robot", "material"}]))
+    poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
     table = new_table(
         f"Static equilibria from {poses:,} commanded poses",
         "robot", "cables", "solved\n%", "median\ntilt °", "worst\ntilt °", "median\ndev. mm", "worst\ndev. mm",
