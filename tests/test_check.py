@@ -304,3 +304,18 @@ def test_a_tilted_and_loaded_platform_is_checked():
     found = cdpr.check("cogiro", (2, 2, 1), orientation=(0.05, -0.03, 0.1), external_wrench=(0.5, 0, -1, 0, 0.01, 0))
     assert found.agrees
     assert not np.array_equal(found.dataset["settled_in_statics"], bare.dataset["settled_in_statics"])
+
+
+def test_single_poses_are_checked_instead_of_a_grid():
+    """With the outcomes of a grid at the same poses, and without a plane to draw."""
+    grid = cdpr.check("cogiro", {"x": [0.3, 0.4], "y": [0.25], "z": [0.1]})
+    poses = cdpr.check("cogiro", poses=[(0.3, 0.25, 0.1), (0.4, 0.25, 0.1)])
+    assert poses.dataset["outcome"].dims == ("robot", "pose")
+    np.testing.assert_array_equal(
+        poses.dataset["position_error"].values.ravel(), grid.dataset["position_error"].values.ravel()
+    )
+    with pytest.raises(cdpr.InvalidInput, match="axis: found a check of single poses"):
+        poses.across()
+    with pytest.raises(cdpr.InvalidInput, match="poses: found none"):
+        cdpr.check("cogiro", poses=[])
+    assert "2 poses" in repr(poses)

@@ -54,6 +54,9 @@ def test_settle_exits_1_where_the_methods_disagree(monkeypatch):
     assert "the two methods disagree" in result.stdout
 
 
+PATH = ["--waypoint", "0.3", "0.2", "0.1", "--waypoint", "0.4", "0.2", "0.1"]
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -70,6 +73,12 @@ def test_settle_exits_1_where_the_methods_disagree(monkeypatch):
         (["settle", "parallel", "--wrench", "1,2"], "--wrench: found '1,2', expected six numbers"),
         (["check", "two-cable", "--orientation", "0.1", "0", "0"], "'two-cable' is planar"),
         (["check", "two-cable", "--wrench", "0,1,0,0,0,0"], "external_wrench: found"),
+        (["settle", "parallel", "--waypoint", "0.3,0.2,0.1"], "--waypoint: found a single one, expected at least two"),
+        (["settle", "parallel", "--waypoint=0,0", "--waypoint=1,1"], "--waypoint: found '0,0', expected three numbers"),
+        (["settle", "parallel", *PATH, "--pose", "0.3,0.2,0.1"], "--waypoint: found waypoints and --pose or --certify"),
+        (["settle", "parallel", *PATH, "--path-points", "0"], "--path-points: found 0, expected from 1 to 100000"),
+        (["check", "parallel", *PATH, "--grid", "1", "1", "1"], "poses: found them besides a grid or an orientation"),
+        (["check", "parallel", *PATH, "-o", "none.png"], "--output: found one for a path, expected a grid"),
         (["video", "parallel", "--waypoint", "0.3", "0.2", "0.1"], "--waypoint: found a single one, expected at least"),
         (
             ["video", "parallel", "--waypoint", "0.3,0.2,0.1", "--waypoint", "0,0,0", "--y", "1"],
@@ -170,3 +179,21 @@ def test_table_marks_a_point_that_is_no_equilibrium():
         cdpr.solve(robot, problem.pose, method="least_squares")
     table = report.settle_table(problem, [stalled.value])
     assert list(table.columns[-1].cells)[-1] == "[red]none[/]"
+
+
+def test_settle_and_check_follow_a_path():
+    """A row for each pose, also turned ones and by JSON; and a check of them, which a wrong solver fails."""
+    path = ["--waypoint", "0.35,0.25,0.1", "--waypoint", "0.35,0.25,0.15,0,0,0.1", "--waypoint", "0.45,0.25,0.15"]
+    result = run("settle", "cogiro", *path, "--path-points", "4", "--wrench", "0,0,-1,0,0,0")
+    assert result.exit_code == 0, result.output
+    assert "The methods agree at 4 of 4 poses." in result.stdout
+    found = json.loads(run("settle", "cogiro", *path, "--path-points", "4", "--json").stdout)
+    assert found["agrees"] == [True] * 4
+    assert np.shape(found["mujoco"]["tensions"]) == (4, 8)
+    np.testing.assert_allclose(found["mujoco"]["positions"], found["newton"]["positions"], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found["positions"][0], [0.35, 0.25, 0.1])
+    single = cdpr.solve(cdpr.load_robot("cogiro"), (0.35, 0.25, 0.1))
+    np.testing.assert_allclose(found["newton"]["positions"][0], single.position, rtol=0, atol=1e-12)
+    result = run("check", "cogiro", *path, "--path-points", "5")
+    assert result.exit_code == 0, result.output
+    assert "No disagreement at 5 poses" in result.stdout

@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from rich.markup import escape
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import AsJson, Mass, MaterialName, Pose, Pretension, RobotName, Wrench, problem_of
+from cdpr_sim.cli.options import (
+    AsJson,
+    Mass,
+    MaterialName,
+    PathPoints,
+    Pose,
+    Pretension,
+    RobotName,
+    Waypoints,
+    Wrench,
+    along,
+    problem_of,
+    robot_of,
+    waypoints_of,
+    wrench_of,
+)
 from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json, print_parts
 
 if TYPE_CHECKING:
@@ -34,11 +49,14 @@ def settle(
             "default one row shows the proved errors if the extra proof is installed.",
         ),
     ] = None,
+    waypoint: Waypoints = None,
+    path_points: PathPoints = 11,
     as_json: AsJson = False,
 ) -> None:
     """Settle the platform in MuJoCo, solve with Newton and SEECR, and compare MuJoCo with Newton.
 
-    With the extra proof, each equilibrium found is proved, with a bound of its error.
+    With the extra proof, each equilibrium found is proved, with a bound of its error. With waypoints, MuJoCo and Newton
+    are compared at each pose of a path.
 
     Exit status: 0 if they agree, 1 if they do not, 2 for invalid input or if no equilibrium is found.
     """
@@ -47,6 +65,8 @@ def settle(
     from cdpr_sim.report import crosscheck_tables as report
     from cdpr_sim.report import proof_tables
 
+    if waypoint:
+        _settle_along(robot, waypoint, path_points, pose, material, pretension, mass, wrench, certify, as_json)
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension, mass, wrench)
         with busy("Solving for the static equilibrium"):
@@ -134,6 +154,43 @@ def certify(
     else:
         print_parts(report.certificate_table(proved), *report.reasons(proved))
     raise typer.Exit(0 if all(one.proved for one in proved) else DISAGREE)
+
+
+def _settle_along(
+    name: str,
+    waypoint: list[str],
+    points: int,
+    pose: str | None,
+    material: str | None,
+    pretension: float | None,
+    mass: float | None,
+    wrench: str | None,
+    certify: bool | None,
+    as_json: bool,
+) -> NoReturn:
+    """``settle`` at each pose of a path."""
+    from cdpr_sim.crosscheck.check import compare_many
+    from cdpr_sim.report import as_json as json_of
+    from cdpr_sim.report import crosscheck_tables as report
+
+    with errors_as_sentences():
+        if pose is not None or certify:
+            raise cdpr.InvalidInput("--waypoint: found waypoints and --pose or --certify, expected one of them")
+        robot, load = robot_of(name, material, mass), wrench_of(wrench)
+        poses = along(robot, waypoints_of(waypoint), points)
+        lengths = None
+        if pretension is not None:
+            lengths = [robot.rest_lengths(one, pretension, external_wrench=load) for one in poses]
+        problems = cdpr.Problems.of(robot, poses, lengths, load)
+        with busy("Solving and settling"):
+            solved, settled = cdpr.solve_many(problems), cdpr.settle_many(problems)
+            errors, agree = compare_many(solved, settled)
+    if as_json:
+        print_json(json_of.path(solved, settled, agree))
+    else:
+        verdict = f"The methods agree at {int(agree.sum())} of {len(agree)} poses."
+        print_parts(report.path_table(settled, errors, agree), verdict)
+    raise typer.Exit(0 if agree.all() else DISAGREE)
 
 
 def _outcome(problem: cdpr.Problem, method: str) -> Outcome:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import cdpr_sim as cdpr
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
 
 RobotName = Annotated[
     str,
@@ -33,6 +37,20 @@ Orientation = Annotated[
     tuple[float, float, float],
     typer.Option("--orientation", metavar="ALPHA BETA GAMMA", help="Commanded orientation [rad]."),
 ]
+Waypoints = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--waypoint",
+        metavar="X Y Z [ALPHA BETA GAMMA]",
+        help="Pose on a path of straight lines [m, rad]; repeatable, at least twice.",
+    ),
+]
+PathPoints = Annotated[
+    int, typer.Option("--path-points", help="Number of poses along the path of --waypoint, at equal distances.")
+]
+MOST_PATH_POINTS = 100_000
+"""Largest number of poses along a path."""
+
 Mass = Annotated[
     float | None, typer.Option("--mass", help="[kg] Mass of the platform, with its load; default: the robot's.")
 ]
@@ -116,6 +134,31 @@ def pose_of(word: str | None, option: str = "--pose") -> tuple[float, ...] | Non
             f"{option}: found {word!r}, expected three numbers X Y Z [m], or six, X Y Z ALPHA BETA GAMMA [m, rad]"
         )
     return numbers
+
+
+def waypoints_of(words: list[str] | None) -> list[tuple[float, ...]]:
+    """Parse ``--waypoint``; none without that option.
+
+    Raises:
+        InvalidInput: not poses, or a single one.
+    """
+    poses = [pose_of(word, "--waypoint") or () for word in words or []]
+    if len(poses) == 1:
+        raise cdpr.InvalidInput("--waypoint: found a single one, expected at least two")
+    return poses
+
+
+def along(robot: cdpr.Robot, waypoints: Sequence[tuple[float, ...]], count: int) -> RigidTransform:
+    """Poses along straight lines through waypoints, at equal distances.
+
+    Raises:
+        InvalidInput: invalid waypoints, or a number of poses that is not from 1 to ``MOST_PATH_POINTS``.
+    """
+    from cdpr_sim.core.path import Path
+
+    if not 1 <= count <= MOST_PATH_POINTS:
+        raise cdpr.InvalidInput(f"--path-points: found {count}, expected from 1 to {MOST_PATH_POINTS}")
+    return Path(robot, [robot.pose(waypoint) for waypoint in waypoints]).evenly(count)
 
 
 def robot_of(name: str, material: str | None, mass: float | None = None) -> cdpr.Robot:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import itertools
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import Mass, Wrench, pose_of, robot_of, wrench_of
+from cdpr_sim.cli.options import Mass, Waypoints, Wrench, along, robot_of, waypoints_of, wrench_of
 from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_parts, progress_bars, tidy_when_terminated
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import RigidTransform
 
 COMPENSATED_WAYPOINTS = 61
 """Waypoints of a video with compensated lengths; between them the corrections are interpolated linearly."""
@@ -65,14 +62,7 @@ def video(
     z: Annotated[
         float | None, typer.Option("--z", help="z of the path [m]; default: the middle of the workspace.")
     ] = None,
-    waypoint: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--waypoint",
-            metavar="X Y Z [ALPHA BETA GAMMA]",
-            help="Drive through this pose [m, rad], instead of along x; repeatable, at least twice.",
-        ),
-    ] = None,
+    waypoint: Waypoints = None,
     mass: Mass = None,
     wrench: Wrench = None,
     drop: Annotated[
@@ -128,13 +118,12 @@ def video(
             if not robot.cabling.massless and in_time is None and not drop:  # a quasi-static drive would take long
                 in_time, still = (seconds, False) if compensate else (None, True)
             if still:
-                course = _evenly(robot, through or _line(robot, path, y, z), states)
-                settled = settled_along(robot, course, seconds, load)
+                settled = settled_along(robot, along(robot, through or _line(robot, path, y, z), states), seconds, load)
                 motions.append(lambda settled=settled: settled)
                 continue
             waypoints, lengths = (through or _line(robot, path, y, z))[: 1 if drop else None], None
             if compensated:
-                waypoints = _evenly(robot, waypoints, 1 if drop else COMPENSATED_WAYPOINTS)
+                waypoints = along(robot, waypoints, 1 if drop else COMPENSATED_WAYPOINTS)
                 advance, lengths = bar(f"Compensating {robot.name}"), []
                 for pose in waypoints:
                     lengths.append(held(cdpr.compensate(robot, pose, external_wrench=load)).rest_lengths)
@@ -205,19 +194,10 @@ def _through(
     Raises:
         InvalidInput: not poses, a single one, or the options of a line as well.
     """
-    poses = [pose_of(word, "--waypoint") or () for word in waypoint or []]
+    poses = waypoints_of(waypoint)
     if poses and not (path is None and y is None and z is None):
         raise cdpr.InvalidInput("--waypoint: found waypoints and --path, --y or --z, expected one of them")
-    if len(poses) == 1:
-        raise cdpr.InvalidInput("--waypoint: found a single one, expected at least two")
     return poses
-
-
-def _evenly(robot: cdpr.Robot, waypoints: Sequence[tuple[float, ...]], count: int) -> RigidTransform:
-    """Poses along straight lines through waypoints, at equal distances."""
-    from cdpr_sim.core.path import Path as Lines
-
-    return Lines(robot, [robot.pose(waypoint) for waypoint in waypoints]).evenly(count)
 
 
 def _line(

@@ -14,10 +14,14 @@ from cdpr_sim.cli.options import (
     Mass,
     MaterialNames,
     Orientation,
+    PathPoints,
     RobotNames,
+    Waypoints,
     Wrench,
     Wrenches,
+    along,
     robot_of,
+    waypoints_of,
     wrench_of,
     wrenches_of,
 )
@@ -123,9 +127,11 @@ def check(
     mass: Mass = None,
     orientation: Orientation = LEVEL,
     wrench: Wrench = None,
+    waypoint: Waypoints = None,
+    path_points: PathPoints = 50,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
-    """Settle every pose of a grid in MuJoCo and compare it with the solver. Exit status 1 on any disagreement."""
+    """Settle every pose of a grid or a path in MuJoCo and compare it with the solver. Exit status 1 on disagreement."""
     from cdpr_sim.core.files import check_place
     from cdpr_sim.drawing import maps
     from cdpr_sim.report import workspace_tables as report
@@ -133,10 +139,14 @@ def check(
     with errors_as_sentences():
         if output is not None:
             check_place(output, maps.SUFFIXES, force=force, field="output")
+        robots, through = [robot_of(name, None, mass) for name in robot], waypoints_of(waypoint)
+        if through and output is not None:
+            raise cdpr.InvalidInput("--output: found one for a path, expected a grid: a map shows a plane of it")
         result = cdpr.check(
-            [robot_of(name, None, mass) for name in robot],
+            robots,
             grid,
             material or None,
+            poses=along(robots[0], through, path_points) if through else None,
             orientation=orientation,
             external_wrench=wrench_of(wrench),
             certify=certify,

@@ -6,6 +6,7 @@ The criteria are those of ``compare``, applied to thousands of rows at once; row
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -13,17 +14,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
 from cdpr_sim.core import available_memory, extras
-from cdpr_sim.core.checks import FLAG, MOST_THREADS, checked_array, one_of, refuse_unless, whole
+from cdpr_sim.core.checks import FLAG, MOST_THREADS, checked_array, listed, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
+from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
-from cdpr_sim.core.pose import angle_between, poses_of
+from cdpr_sim.core.pose import PoseLike, angle_between, poses_of
 from cdpr_sim.core.problem import Problems, refuse_wrench_out_of_plane
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.robot import Robot
@@ -76,7 +78,8 @@ class Check(HtmlRepr):
     """The two methods over a whole workspace.
 
     Attributes:
-        dataset: over (robot, material, x, y, z), or (robot, x, y, z) with each robot's own cables: the ``outcome`` as
+        dataset: over (robot, material, x, y, z), or (robot, x, y, z) with each robot's own cables; of single poses,
+            ``pose`` instead of x, y and z: the ``outcome`` as
             a CF flag, the errors and the cross residuals of ``Agreement``; with ``certify``, whether both equilibria
             are ``proved``.
         disagreements: every pose at which the methods do not agree.
@@ -97,6 +100,8 @@ class Check(HtmlRepr):
             The dataset without ``axis``.
         """
         one_of("axis", axis, grids.AXES)
+        if "pose" in self.dataset.dims:
+            raise InvalidInput("axis: found a check of single poses, expected one of a grid")
         agree = self.dataset["outcome"] == OUTCOMES.index("agree")
         worst = self.dataset[COMPARED].where(agree).assign(outcome=self.dataset["outcome"]).max(axis, keep_attrs=True)
         middle = self.dataset[axis].mean(keep_attrs=True)
@@ -116,6 +121,7 @@ def check(
     grid: GridLike | None = None,
     materials: Sequence[str] | Mapping[str, float] | None = None,
     *,
+    poses: RigidTransform | Sequence[PoseLike] | np.ndarray | None = None,
     orientation: ArrayLike | Sequence[float] = (0.0, 0.0, 0.0),
     external_wrench: ArrayLike | Sequence[float] | None = None,
     threads: int = 0,
@@ -128,7 +134,8 @@ def check(
         robots: one robot or several, as objects, catalogue names or .toml files.
         grid: counts (nx, ny, nz) over the workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m]; default: 10⁴.
         materials: names of the catalogue, or {name: EA [N]}; default: each robot's own.
-        orientation: commanded, (alpha, beta, gamma) [rad]; default: level.
+        poses: commanded poses, instead of a grid: (rows, 3), (rows, 6), a stack of transforms or a list of poses.
+        orientation: on a grid, commanded, (alpha, beta, gamma) [rad]; default: level.
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity, (6,).
         threads: for MuJoCo; 0 for one per processor.
         certify: prove both methods' equilibria (extra ``proof``), in about 0.03 s a pose.
@@ -138,7 +145,7 @@ def check(
         Outcome and errors at every pose, and each pose at which the two methods do not agree.
 
     Raises:
-        InvalidInput: an invalid grid, orientation or wrench, or invalid names.
+        InvalidInput: an invalid grid, pose or wrench, or invalid names.
         UnknownName: no such robot or material.
         MissingExtra: a library of the extra ``sweep``, or of ``proof`` if ``certify``, is not installed.
     """
@@ -150,23 +157,38 @@ def check(
 
     whole("threads", threads, 0, MOST_THREADS)
     group = as_robots(robots)
-    rotation = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,))).as_matrix()
+    turn = checked_array("orientation", orientation, (3,))
     wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
     for robot in group:
         refuse_wrench_out_of_plane(robot, wrench)
-        robot.pose(np.r_[robot.home, orientation])
-    axes = grids.as_grid(grid, group)
+        robot.pose(np.r_[robot.home, turn])
+    stack = None
+    if poses is None:
+        axes = grids.as_grid(grid, group)
+        size = math.prod(len(values) for values in axes.values())
+    else:
+        if grid is not None or turn.any():
+            raise InvalidInput("poses: found them besides a grid or an orientation, expected one of them")
+        listed_poses = listed("poses", poses, "a list of poses")
+        if not listed_poses:
+            raise InvalidInput("poses: found none, expected at least one")
+        stack = RigidTransform.concatenate([group[0].pose(pose) for pose in listed_poses])
+        axes, size = {"pose": np.arange(len(stack))}, len(stack)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)
-    poses = float(np.prod([len(values) for values in axes.values()]))
     available_memory.refuse_beyond(
-        f"grid: a check of {len(group) * len(labels) * poses:,.0f} poses",
-        poses * (BYTES_PER_POSITION + BYTES_PER_POSE * len(group) * len(labels)),
+        f"grid: a check of {len(group) * len(labels) * size:,.0f} poses",
+        size * (BYTES_PER_POSITION + BYTES_PER_POSE * len(group) * len(labels)),
         "fewer poses",
     )
-    positions = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
-    shape = positions.shape[:-1]
-    rows = positions.reshape(-1, 3)
+    shape = tuple(len(values) for values in axes.values())
+    if stack is None:
+        rows = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, 3)
+        matrices = np.broadcast_to(Rotation.from_euler("xyz", turn).as_matrix(), (len(rows), 3, 3))
+        places = {name: (name, values) for name, values in axes.items()}
+    else:
+        rows, matrices = stack.translation, stack.rotation.as_matrix()
+        places = {name: ("pose", column) for name, column in zip(grids.AXES, rows.T, strict=True)}
     columns: list[dict[str, np.ndarray]] = []
     disagreements: list[Disagreement] = []
     with bar("check", len(group) * len(labels) * len(rows), show=progress) as advance:
@@ -175,13 +197,12 @@ def check(
                 variant = robot.replace(axial_stiffness=stiffness)
                 parts = []
                 for first in range(0, len(rows), ROWS):
-                    there = rows[first : first + ROWS]
-                    turned = np.broadcast_to(rotation, (len(there), 3, 3))
-                    problems = Problems.of(variant, there, None, wrench, rotations=turned)
-                    part, found = _check_rows(problems, label or cables_name(robot), threads, certify)
-                    parts.append(part)
+                    part = slice(first, first + ROWS)
+                    problems = Problems.of(variant, rows[part], None, wrench, rotations=matrices[part])
+                    values, found = _check_rows(problems, label or cables_name(robot), threads, certify)
+                    parts.append(values)
                     disagreements += found
-                    advance(len(rows[first : first + ROWS]))
+                    advance(len(problems))
                 columns.append({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
     if materials is None:
         sizes, names = {"robot": len(group)}, ("robot", [cables_name(robot) for robot in group])
@@ -195,9 +216,9 @@ def check(
         coords={
             "robot": [robot.name for robot in group],
             "material": names,
-            **{name: (name, values, {"units": "m", "long_name": f"commanded {name}"}) for name, values in axes.items()},
+            **{name: (*place, {"units": "m", "long_name": f"commanded {name}"}) for name, place in places.items()},
             "frame": (("robot", "corner", "axis"), [robot.frame for robot in group], {"units": "m"}),
-            "axis": list(axes),
+            "axis": list(grids.AXES),
         },
         attrs={"title": "MuJoCo and statics over the workspace of cable-driven parallel robots"},
     )

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from cdpr_sim.analysis.identification import Identification
     from cdpr_sim.analysis.modes import Modes
     from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
+    from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
     from cdpr_sim.core.problem import Problem
     from cdpr_sim.core.robot import Robot
     from cdpr_sim.crosscheck.compare import Agreement
@@ -47,6 +48,16 @@ def outcome(result: Outcome) -> dict[str, Any]:
     return (
         status | fields(point, *_NUMBERS) | {"stability": point.stability.name.lower(), "iterations": point.iterations}
     )
+
+
+def path(solved: EquilibriumBatch, settled: EquilibriumBatch, agree: np.ndarray) -> dict[str, Any]:
+    """Both methods at each commanded pose of a path, as lists; null where a method found no equilibrium."""
+    columns = ("positions", "tilt", "tensions", "lengths", "residuals")
+    methods = {
+        name: {column: _finite(getattr(batch, column)) for column in columns} | {"slack": batch.slack.tolist()}
+        for name, batch in (("newton", solved), ("mujoco", settled))
+    }
+    return methods | fields(settled.problems, "positions", "rest_lengths") | {"agrees": agree.tolist()}
 
 
 def solution(equilibrium: Equilibrium) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from rich.markup import escape
@@ -11,6 +11,7 @@ from rich.table import Table
 from cdpr_sim.analysis.modes import neutral_directions
 from cdpr_sim.core.describe import describe_cables, describe_twist
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.pose import euler, tilt
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.crosscheck.compare import Agreement
@@ -39,6 +40,36 @@ def best_point(outcome: Outcome) -> Equilibrium | None:
 def heading(point: Equilibrium | None) -> str:
     """Column heading of a result, by its source."""
     return "" if point is None else HEADINGS.get(point.source, point.source)
+
+
+def path_table(settled: EquilibriumBatch, errors: Mapping[str, np.ndarray], agree: np.ndarray) -> Table:
+    """A row for each pose of a path: MuJoCo's equilibrium, its distance from the static one, and whether they agree."""
+    robot = settled.robot
+    title = f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg, MuJoCo along a path"
+    headings = (
+        "x [mm]",
+        "y [mm]",
+        "z [mm]",
+        "deviation [mm]",
+        "tilt [°]",
+        "slack",
+        "largest [N]",
+        "Newton off by [mm]",
+    )
+    table = new_table(title, "commanded\n[m]", *headings, "agree", dense=True)
+    for row, commanded in enumerate(settled.problems.positions):
+        deviation = 1e3 * np.linalg.norm(settled.positions[row] - commanded)
+        table.add_row(
+            ", ".join(f"{value:.4g}" for value in commanded),
+            *(f"{1e3 * value:.3f}" for value in settled.positions[row]),
+            f"{deviation:.3f}",
+            f"{np.degrees(settled.tilt[row]):.3f}",
+            str(int(settled.slack[row].sum())),
+            f"{settled.tensions[row].max():.4f}",
+            f"{1e3 * errors['position_error'][row]:.1e}",
+            "yes" if agree[row] else "[red]no[/]",
+        )
+    return table
 
 
 def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:

@@ -80,7 +80,7 @@ def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
 def check_table(check: Check) -> Table:
     """A row for each robot and material: numbers of poses by outcome, and the largest differences."""
     dataset = check.dataset
-    poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
+    poses = int(np.prod([size for name, size in dataset["outcome"].sizes.items() if name not in {"robot", "material"}]))
     present = set(np.unique(dataset["outcome"]).tolist())
     always = {"agree", "disagree", "unsettled"}
     outcomes = [name for code, name in enumerate(OUTCOMES) if name in always or code in present]
