@@ -29,9 +29,10 @@ main()
 
 
 def imported(module: str) -> None:
-    """Import a module anew."""
-    sys.modules.pop(module, None)
-    importlib.import_module(module)
+    """Import a module anew, and leave the one that there was."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delitem(sys.modules, module, raising=False)
+        importlib.import_module(module)
 
 
 CALLS = {
