@@ -183,7 +183,7 @@ def certify_all(
     """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
 
     With pulleys these are the equilibria at which each anchor lies further from its pulley's axis than the radius.
-    Planar robots take tens of milliseconds. Spatial ones with four cables take minutes to hours, and with more
+    Planar robots take tens of milliseconds. Spatial ones with four cables take half an hour or more, and with more
     cables as long as the time limit: boxes not examined by then are counted as pending, and a store continues the
     search.
 
