@@ -183,7 +183,7 @@ def certify_all(
     """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
 
     With pulleys these are the equilibria at which each anchor lies further from its pulley's axis than the radius.
-    Planar robots take tens of milliseconds. Spatial ones with four cables take minutes to hours, and with more
+    Planar robots take tens of milliseconds. Spatial ones with four cables take half an hour or more, and with more
     cables as long as the time limit: boxes not examined by then are counted as pending, and a store continues the
     search.
 
@@ -536,8 +536,11 @@ def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...],
 
 def _member(problem: Problem, chart: int, box: Float[np.ndarray, "6 3"]) -> _Member | None:
     """The one equilibrium of a box (6, 3), its lower and upper bounds and a point nearby, proved to lie in the box."""
-    member = _near(problem, chart, box[:, 2], box)
-    return member if member is not None and _in_box(member, chart, box) else None
+    for start in (box[:, 2], box[:, :2].mean(1), box[:, 0], box[:, 1]):  # at a kink the first may lie far off
+        member = _near(problem, chart, start, box)
+        if member is not None and _in_box(member, chart, box):
+            return member
+    return None
 
 
 def _near(problem: Problem, chart: int, at: Float[np.ndarray, "6"], box: np.ndarray | None) -> _Member | None:
