@@ -54,7 +54,7 @@ def main() -> None:
     for EA in (RIGID, told["axial_stiffness"][0]):
         print(f"  EA {EA:9.3g} N: " + ", ".join(f"{one:.2f}" for one in swinging_frequencies(EA)))
     OUTPUT.parent.mkdir(exist_ok=True)
-    with matplotlib.rc_context(style.RC):
+    with matplotlib.rc_context(style.RC):  # type: ignore[arg-type]
         draw_measured_robot([found[name] for name in MODELS if name not in LEFT_OUT]).savefig(OUTPUT, dpi=DPI)
     print(OUTPUT.name)
 

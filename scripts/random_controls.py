@@ -6,6 +6,8 @@ warned, the largest force and the largest velocity; exit status 1 if it warned o
 Run: python scripts/random_controls.py [SECONDS]
 """
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
 import sys
 
 import mujoco

@@ -107,7 +107,7 @@ class Task:
         threads: int = 1,
     ) -> None:
         self.robot = robot = robot if isinstance(robot, Robot) else load_robot(robot)
-        poses_through(robot, [robot.home], "learning")
+        robot.cabling.refuse_weight("cdpr_sim.learning")
         self.count, period = whole("count", count, 1), 1 / positive("rate", rate, "Hz")
         seconds = positive("seconds", self.defaults["seconds"] if seconds is None else seconds, "s")
         self.periods = whole("seconds times rate", max(1, round(seconds / period)), 1, MOST_PERIODS)
@@ -207,7 +207,7 @@ class Task:
             if waypoints is None:
                 poses, first = self.draw(random)
             else:
-                poses = poses_through(self.robot, waypoints, "learning")
+                poses = poses_through(self.robot, waypoints)
                 first = poses[0]
             first = first if start is None else self.robot.pose(start)
             self.robots[row], self.frictions[row] = robot, friction

@@ -328,8 +328,8 @@ def over_wheel(o, wheel):
     o[BEYOND, 0], o[BEYOND, 1] = a0, a1
     near = down(down(a0 * a0) + square(h0, h1)[0])
     regular = near > up(radius * radius) and (h0 >= 0 or h1 < 0 or a0 > radius)
+    s0, s1 = root_down(down(near - up(radius * radius))), up(np.sqrt(free))
     if regular:
-        s0, s1 = root_down(down(near - up(radius * radius))), up(np.sqrt(free))
         c00, c01 = corner(a0, h0, radius), corner(a0, h1, radius)
         c10, c11 = corner(a1, h0, radius), corner(a1, h1, radius)
     else:
@@ -354,7 +354,7 @@ def over_wheel(o, wheel):
         l1 = max(c10[9], c11[9])
         o[WRAP, 0], o[WRAP, 1] = flat[6], steep[7]
     else:
-        s0, s1, sin0, sin1, cos0, cos1 = 0.0, up(np.sqrt(free)), -1.0, 1.0, -1.0, 1.0
+        s0, sin0, sin1, cos0, cos1 = 0.0, -1.0, 1.0, -1.0, 1.0
         l0, l1 = root_down(straight), up(s1 + up(LARGEST_WRAP * radius))
         o[WRAP, 0], o[WRAP, 1] = 0.0, LARGEST_WRAP
     o[LENGTH, 0], o[LENGTH, 1], o[FREE, 0], o[FREE, 1] = l0, l1, s0, s1

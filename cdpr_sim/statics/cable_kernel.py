@@ -155,7 +155,7 @@ def unpack_sagging(table, rest_lengths):
     plain = unpack(table, rest_lengths)
     rows = np.empty(table.shape)
     for i in range(len(rows)):
-        for a in range(rows.shape[1]):
+        for a in range(len(rows[i])):
             rows[i, a] = table[i, a]
     return SaggingCables(plain.A, plain.B, plain.l0, plain.k, rows)
 
