@@ -40,6 +40,9 @@ CHAIN = 1e-4
 """Relative error of the pull of chains of 10 and 20 masses, extrapolated: it falls by 15 with each doubling, to 2e-7
 with 40 and 80."""
 
+PROPORTIONAL = 0.02
+"""Relative deviation from proportionality of the change by a small property and by a tenth of it."""
+
 LAWS = {"linear": (0.0, 0.0), "nonlinear": (100.0, 2e4)}
 WHEELS = {"point": 0.0, "wheel": 0.1}
 BEHIND_EXITS = (0.0, 6.0)
@@ -387,3 +390,28 @@ def test_a_cable_that_comes_half_round_its_wheel_is_said_to_leave_it(seed) -> No
     robot, position, rest, wrench = random_robot(seed)
     found = cdpr.solve_many(robot, position[None], rest, external_wrench=wrench)
     assert Status(int(found.status[0])) is Status.OFF_WHEEL
+
+
+@pytest.mark.parametrize("name", ["radius", "weight", "behind", "law"])
+def test_every_property_vanishes_smoothly_beside_the_others(name) -> None:
+    """Where a radius, a weight, a length behind the exit or a coefficient tends to 0, the pull changes in proportion.
+
+    From exactly 0, where other code may be taken; the other three properties are there, cables taut and slack.
+    """
+    cables = every_kind()
+    given = {"radius": 0.1, "law": LAWS["nonlinear"], "weight": 0.6, "behind": 6.0}
+    small = {"radius": 1e-6, "law": 1e-3, "weight": 1e-7, "behind": 1e-3}[name]
+
+    def pull(size):
+        value = (size, 0.0) if name == "law" else size
+        one = given | {name: value}
+        found = Cables(cables.span, 1.0, one["radius"], cables.axis, 1e5, one["law"], one["weight"], one["behind"])
+        found.rest = cables.rest
+        return found.at().pull
+
+    none = pull(0.0)
+    large, tenth = pull(small) - none, pull(small / 10) - none
+    scale = np.abs(large).max(1)
+    assert np.isfinite(large).all()
+    assert (scale > 0).any()
+    assert (np.abs(large - 10 * tenth).max(1) <= PROPORTIONAL * scale + 1e-11 * np.abs(none).max(1) + 1e-9).all()
