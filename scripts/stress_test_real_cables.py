@@ -23,10 +23,11 @@ from scipy.spatial.transform import Rotation
 import cdpr_sim as cdpr
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+import test_any_cable
 from sample_problems import random_robot
-from test_heavy_kernel import Case, certify, random_case
+from test_sagging_kernel import Case, certify, random_case
 
-SOLVES, SETTLES = 10_000, 300
+SOLVES, MIXES, SETTLES = 10_000, 10_000, 300
 STARTS, EVALUATIONS = 60, 300
 NO_REST = 1e-3  # of the load: the smallest unbalanced load where no equilibrium exists
 
@@ -93,13 +94,40 @@ def settles(robots: int) -> list[str]:
     return wrong
 
 
+def mixes(first: int, last: int) -> list[str]:
+    """Check robots that mix all properties of cables, by the equations of ``test_any_cable``."""
+    wrong, statuses, refused = [], Counter(), 0
+    for seed in range(first, last):
+        try:
+            robot, position, rest, wrench = test_any_cable.random_robot(seed)
+        except cdpr.InvalidInput:  # an anchor that lies in a wheel
+            refused += 1
+            continue
+        found = cdpr.solve_many(robot, position[None], rest, external_wrench=wrench)
+        status = cdpr.Status(int(found.status[0]))
+        statuses[status] += 1
+        if status is not cdpr.Status.CONVERGED:
+            print(f"  mixed robot {seed}: {status.sentence}", flush=True)
+        elif not robot.cabling.massless:
+            try:
+                test_any_cable.certify(found[0])
+                statuses["certified"] += 1
+            except AssertionError as error:
+                wrong.append(f"mixed robot {seed}: {str(error).strip() or 'not certified'}")
+    print(f"robots {first} to {last - 1} that mix all properties ({refused} refused: an anchor in a wheel):")
+    for status, count in statuses.items():
+        print(f"  {count:,}: {status.sentence if isinstance(status, cdpr.Status) else status}")
+    return wrong
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--solves", type=int, default=SOLVES)
     parser.add_argument("--settles", type=int, default=SETTLES)
+    parser.add_argument("--mixes", type=int, nargs=2, default=(0, MIXES), metavar=("FIRST", "LAST"))
     options = parser.parse_args()
     warnings.simplefilter("ignore", cdpr.ImplausibleRobot)
-    wrong = solves(options.solves) + settles(options.settles)
+    wrong = solves(options.solves) + mixes(*options.mixes) + settles(options.settles)
     print(*wrong, sep="\n")
     sys.exit(1 if wrong else 0)
 

@@ -51,6 +51,9 @@ SOLVED = 1e-15
 NEARLY_SOLVED = 1e-11
 """Where steps of this fraction do not get shorter any more, rounding keeps them so."""
 
+HALF_ROUND = -1 + 1e-8
+"""Cosine of the angle on its wheel from which a cable with mass counts as off it: half round, it has no path."""
+
 STRAIN_STEPS = 60
 """Newton steps to the strain of a given tension; a handful do."""
 
@@ -250,6 +253,10 @@ def _with_mass(x, y, z, cable):
     M[0, 4], M[1, 4], M[2, 4] = C[1], C[2], C[4]
     M[0, 5], M[1, 5], M[2, 5] = C[3], C[4], C[5]
     _eliminate(M, 6)
+    if t[0] * cable.ex + t[1] * cable.ey + t[2] * cable.ez <= HALF_ROUND * np.sqrt(
+        t[0] * t[0] + t[1] * t[1] + t[2] * t[2]
+    ):
+        clear = np.nan if radius > 0.0 else clear
     # t·(B − A) − Psi; of the free part, t·span − Psi = U − w L/2 (its rise)
     energy = t[0] * D[0] + t[1] * D[1] + t[2] * D[2] - Psi + U - 0.5 * weight * (z - D[2]) + weight * z
     return (

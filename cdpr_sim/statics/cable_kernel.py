@@ -153,7 +153,7 @@ def unpack_bent(table, rest_lengths):
 def unpack_sagging(table, rest_lengths):
     """The same for sagging cables."""
     plain = unpack(table, rest_lengths)
-    rows = np.empty(table.shape)
+    rows = np.empty((len(rest_lengths), table.shape[1]))
     for i in range(len(rows)):
         for a in range(len(rows[i])):
             rows[i, a] = table[i, a]

@@ -248,11 +248,11 @@ def _scales(case, start):
         for a in range(3):
             size = max(size, abs(A[i, a]))
     load = _load(case, stiffness)
-    most, hanging = _force_limits(case.cables)
+    most, hanging, softer = _tolerances(case.cables)
     return _Scales(
         load,
         size,
-        max(load, 1e-9 * stiffest * case.scale) / ck.mean(l0),
+        softer * max(load, 1e-9 * stiffest * case.scale) / ck.mean(l0),
         min(
             min(FORCE_TOLERANCE * load, most) + ROUNDING * (stiffest * size + hanging),
             ACCEPTABLE * load - 0.25 * ROUNDING * stiffest * size,
@@ -272,19 +272,22 @@ def _false(c):
 _has_springs = by_type({CableState: _true, BentState: _true, SaggingState: _false})
 
 
-def _no_force_limits(cables):
-    return np.inf, 0.0
+def _spring_tolerances(cables):
+    return np.inf, 0.0, 1.0
 
 
-def _sagging_force_limits(cables):
-    """The largest unbalanced force, and the cables' own weight."""
+def _sagging_tolerances(cables):
+    """Largest unbalanced force, the cables' own weight, and the least shift as a fraction of that of springs.
+
+    Slack cables hold the platform by little more than their weight.
+    """
     hanging = 0.0
     for i in range(len(cables.l0)):
         hanging += cables.table[i, WEIGHT] * cables.l0[i]
-    return LARGEST_RESIDUAL, hanging
+    return LARGEST_RESIDUAL, hanging, 1e-6
 
 
-_force_limits = by_type({Cables: _no_force_limits, BentCables: _no_force_limits, SaggingCables: _sagging_force_limits})
+_tolerances = by_type({Cables: _spring_tolerances, BentCables: _spring_tolerances, SaggingCables: _sagging_tolerances})
 
 
 def _springs_energy_noise(c, scales, V):
