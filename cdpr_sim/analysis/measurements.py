@@ -228,8 +228,8 @@ class Measurements:
         index = np.flatnonzero(given) if given.dtype == bool else given
         if not len(index) or index.min() < 0 or index.max() >= len(self):
             raise InvalidInput(f"chosen: found {shown(chosen)}, expected some of the rows 0 to {len(self) - 1}")
-        arrays = {one.name: getattr(self, one.name) for one in dataclass_fields(self)}
-        return replace(self, **{name: one[index] for name, one in arrays.items() if isinstance(one, np.ndarray)})
+        fields = ((one.name, getattr(self, one.name)) for one in dataclass_fields(self))
+        return replace(self, **{name: np.take(one, index, 0) for name, one in fields if isinstance(one, np.ndarray)})
 
     @cached_property
     def values(self) -> Float[np.ndarray, "rows numbers"]:
