@@ -319,23 +319,13 @@ def test_wirex_elasticity_is_a_modulus_or_a_compliance(tmp_path):
     assert robot.axial_stiffness == pytest.approx(STIFFNESS)
 
 
-def test_density_comes_along_where_no_wheel_is(tmp_path):
-    """kg/m in WireX; kg/m³ or kg/m in cdpyr; and left out, with a note, over wheels."""
+def test_density_comes_along_over_wheels_too(tmp_path):
+    """kg/m in WireX; kg/m³ or kg/m in cdpyr; the written robot has it as well."""
     heavy = cdpr.import_robot(changed(tmp_path, "crane.wcrfx", ('weight="0"', 'weight="0.064"')))
-    assert heavy.cabling.massless
-    assert any("0.064 kg/m, was left out" in note for note in heavy.notes)
-    points = [('radius="0.03"', 'radius="0"')] * 4
-    assert (
-        cdpr.import_robot(
-            changed(tmp_path, "crane.wcrfx", ('weight="0"', 'weight="0.064"'), *points)
-        ).cabling.linear_density.tolist()
-        == [0.064] * 4
-    )
-    points = [('"radius": 0.03', '"radius": 0.0')] * 4
+    assert heavy.cabling.pulleys.all()
+    assert heavy.cabling.linear_density.tolist() == [0.064] * 4
     for given, expected in (("970", 970 * 2e-5), ("0.0017", 0.0017), ("Infinity", 0)):
-        robot = cdpr.import_robot(
-            changed(tmp_path, "crane_cdpyr.json", ('"density": Infinity', f'"density": {given}'), *points)
-        )
+        robot = cdpr.import_robot(changed(tmp_path, "crane_cdpyr.json", ('"density": Infinity', f'"density": {given}')))
         assert robot.cabling.linear_density == pytest.approx(expected, rel=WRITTEN)
 
 

@@ -91,7 +91,7 @@ class Draft:
             anchors=anchors,
             axial_stiffness=self._stiffness(),
             mass=mass,
-            linear_density=self._density(radius),
+            linear_density=self.linear_density,
             reeving=self.reeving,
             winch_to_exit=self.winch_to_exit,
             pulley_radius=radius,
@@ -158,16 +158,6 @@ class Draft:
             self.notes.append("Its pulleys were left out: their cables arrive from outside the plane.")
         axes[across] = DOWN
         return np.where(across, 0.0, radius)
-
-    def _density(self, radius: np.ndarray) -> ArrayLike:
-        density = np.broadcast_to(checked_array("linear_density", self.linear_density, None), radius.shape)
-        both = (density > 0) & (radius > 0)
-        if both.any():
-            self.notes.append(
-                f"The weight of its cables, {density.max():g} kg/m, was left out where they run over pulleys: it is "
-                "taken into account for cables without."
-            )
-        return np.where(both, 0.0, density)
 
     def _inertia(self, turn: np.ndarray) -> ArrayLike | None:
         """Inertia rotated with the robot; None, for a uniform box, if the file's is physically impossible."""
