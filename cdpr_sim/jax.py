@@ -68,6 +68,8 @@ def solve(
     center_of_mass: ArrayLike | jax.Array | None = None,
     pulley_radius: ArrayLike | jax.Array | None = None,
     winch_to_exit: ArrayLike | jax.Array | None = None,
+    linear_density: ArrayLike | jax.Array | None = None,
+    stiffening: ArrayLike | jax.Array | None = None,
 ) -> Solution:
     """Static equilibria as a differentiable function of JAX.
 
@@ -90,6 +92,8 @@ def solve(
         center_of_mass: (..., 3) [m].
         pulley_radius: (..., cables) [m]; of robots with pulleys.
         winch_to_exit: (..., cables) [m]; of robots with rope between winches and exits.
+        linear_density: (..., cables) [kg/m]; of robots whose cables have mass.
+        stiffening: (..., cables, 2), a2 and a3; of robots with nonlinear cables.
 
     Returns:
         Positions [m], rotation matrices and tensions [N].
@@ -108,7 +112,8 @@ def solve(
     given = {
         "rest_lengths": rest_lengths, "external_wrench": external_wrench, "axial_stiffness": axial_stiffness,
         "mass": mass, "exits": exits, "anchors": anchors, "center_of_mass": center_of_mass,
-        "pulley_radius": pulley_radius, "winch_to_exit": winch_to_exit,
+        "pulley_radius": pulley_radius, "winch_to_exit": winch_to_exit, "linear_density": linear_density,
+        "stiffening": stiffening,
     }  # fmt: skip
     values = {name: jnp.asarray(value, dtype=float) for name, value in given.items() if value is not None}
     if "axial_stiffness" in values and values["axial_stiffness"].ndim == 0:
@@ -143,6 +148,7 @@ def _shapes(robot: Robot) -> dict[str, tuple[int, ...]]:
     every = {
         "rest_lengths": (m,), "external_wrench": (6,), "axial_stiffness": (m,), "mass": (), "exits": (m, 3),
         "anchors": (m, 3), "center_of_mass": (3,), "pulley_radius": (m,), "winch_to_exit": (m,),
+        "linear_density": (m,), "stiffening": (m, 2),
     }  # fmt: skip
     return {name: every[name] for name in derivatives.parameters(robot)}
 

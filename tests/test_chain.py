@@ -54,7 +54,7 @@ def test_energy_pull_and_stiffness_are_slopes_of_each_other(anchor: tuple[float,
 @pytest.mark.parametrize("anchor", PLACES)
 def test_its_error_falls_by_four_when_its_equal_pieces_are_doubled(anchor: tuple[float, float, float]) -> None:
     """Against the catenary; twelve of Gauss and Legendre's pieces are better still where it does not bend sharply."""
-    pull = catenary(np.zeros(3), anchor, 1.0, EA, WEIGHT).pull
+    pull = catenary(np.zeros(3), np.array(anchor), 1.0, EA, WEIGHT).pull
     errors = [np.linalg.norm(_chain(np.array(anchor), uniform(n)).pull - pull) for n in (64, 128, 256)]
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.15)
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.05)

@@ -56,6 +56,7 @@ def directions(problem: cdpr.Problem) -> dict[str, np.ndarray]:
     random = np.random.default_rng(1)
     robot, found = problem.robot, {}
     sizes = {"axial_stiffness": robot.axial_stiffness.mean(), "mass": robot.mass, "external_wrench": robot.weight}
+    sizes["stiffening"] = 5.0  # as its values
     for name, value in nominal(problem).items():
         step = random.standard_normal(value.shape) * sizes.get(name, 0.05)
         if robot.mobility == "planar" and name in ("exits", "anchors", "center_of_mass"):

@@ -350,6 +350,9 @@ class Robot(HtmlRepr):
 
         Args:
             axial_stiffness: of the ropes [N], or of many; default: the robot's.
+
+        Returns:
+            (..., cables, columns).
         """
         if axial_stiffness is None or axial_stiffness is self.axial_stiffness:
             return self._cable_table

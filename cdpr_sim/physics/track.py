@@ -445,7 +445,7 @@ class _ChainMachine(Machine):
         self.robot, self._speed = robot, winch_speed
         written = Problem.of(robot, pose)
         shortest, longest = winches.reach(robot)
-        self._reach = np.array([np.minimum(shortest, written.rest_lengths), np.maximum(longest, written.rest_lengths)])
+        self.reach = np.array([np.minimum(shortest, written.rest_lengths), np.maximum(longest, written.rest_lengths)])
         first = Problem.of(robot, pose, self.checked(lengths).rest_lengths)
         refuse_short(robot, first.rest_lengths)
         simulation = at_rest(first, settle(first).pose)
@@ -478,7 +478,7 @@ class _ChainMachine(Machine):
             lengths, most = start + now * rates, self._speed * (now - passed)
             if by_tension.any():
                 held = self._chains.lengths_under(command.tensions, now - passed)
-                held = held.clip(self.let_out - most, self.let_out + most).clip(*self._reach)
+                held = held.clip(self.let_out - most, self.let_out + most).clip(*self.reach)
                 lengths = np.where(by_tension, held, lengths)
             return lengths
 

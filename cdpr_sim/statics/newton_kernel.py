@@ -248,14 +248,14 @@ def _scales(case, start):
         for a in range(3):
             size = max(size, abs(A[i, a]))
     load = _load(case, stiffness)
-    most, hanging, softer = _tolerances(case.cables)
+    most, hanging, softer, margin = _tolerances(case.cables)
     return _Scales(
         load,
         size,
         softer * max(load, 1e-9 * stiffest * case.scale) / ck.mean(l0),
         min(
             min(FORCE_TOLERANCE * load, most) + ROUNDING * (stiffest * size + hanging),
-            ACCEPTABLE * load - 0.25 * ROUNDING * stiffest * size,
+            ACCEPTABLE * load - margin * ROUNDING * stiffest * size,
         ),
         1e-13 * load * case.scale,
     )
@@ -273,18 +273,19 @@ _has_springs = by_type({CableState: _true, BentState: _true, SaggingState: _fals
 
 
 def _spring_tolerances(cables):
-    return np.inf, 0.0, 1.0
+    return np.inf, 0.0, 1.0, 0.25
 
 
 def _sagging_tolerances(cables):
-    """Largest unbalanced force, the cables' own weight, and the least shift as a fraction of that of springs.
+    """Largest unbalanced force, the cables' own weight, the least shift as a fraction of that of springs, and a margin.
 
-    Slack cables hold the platform by little more than their weight.
+    Slack cables hold the platform by little more than their weight. The margin is the rounding of forces that are
+    computed anew from the pose, which of springs is that of their lengths.
     """
     hanging = 0.0
     for i in range(len(cables.l0)):
         hanging += cables.table[i, WEIGHT] * cables.l0[i]
-    return LARGEST_RESIDUAL, hanging, 1e-6
+    return LARGEST_RESIDUAL, hanging, 1e-6, 0.0
 
 
 _tolerances = by_type({Cables: _spring_tolerances, BentCables: _spring_tolerances, SaggingCables: _sagging_tolerances})

@@ -76,12 +76,12 @@ def _relaxed(
     frames: Frames | None,
     say: Callable[[str], None] = lambda words: None,
 ) -> ChainRelaxation:
-    """Settle by ``approach`` from the start, else in long steps, else in shorter ones; then divide chains at bends.
+    """Settle in long steps, else by ``approach`` from the start, else in shorter steps; then divide chains at bends.
 
-    If the motion is wanted, it begins with the long steps.
+    Over wheels ``approach`` comes first, unless the motion is wanted: time steps take ten times as long there.
     """
     relaxation = ChainRelaxation(simulation, frames, say)
-    at_once = frames is None
+    at_once = frames is None and bool(simulation.chains.over.any())
     if at_once:
         if relaxation.approach_from_afar():
             return relaxation.divide_at_bends()
