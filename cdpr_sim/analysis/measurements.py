@@ -225,11 +225,11 @@ class Measurements:
             given = np.zeros(0)  # refused below
         if given.ndim != 1 or (given.dtype == bool and len(given) != len(self)) or given.dtype.kind not in "biu":
             raise InvalidInput(f"chosen: found {shown(chosen)}, expected indices of rows, or a mask of {len(self)}")
-        index = np.flatnonzero(given) if given.dtype == bool else given
+        index = np.asarray(np.flatnonzero(given) if given.dtype == bool else given, dtype=int)
         if not len(index) or index.min() < 0 or index.max() >= len(self):
             raise InvalidInput(f"chosen: found {shown(chosen)}, expected some of the rows 0 to {len(self) - 1}")
         fields = ((one.name, getattr(self, one.name)) for one in dataclass_fields(self))
-        return replace(self, **{name: np.take(one, index, 0) for name, one in fields if isinstance(one, np.ndarray)})
+        return replace(self, **{name: one[index] for name, one in fields if isinstance(one, np.ndarray)})
 
     @cached_property
     def values(self) -> Float[np.ndarray, "rows numbers"]:
