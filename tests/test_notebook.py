@@ -1,5 +1,6 @@
 """Results say what they are: in a line in the terminal, and in a notebook as tables whose numbers are their own."""
 
+import contextlib
 import copy
 import dataclasses
 import importlib
@@ -186,7 +187,8 @@ def all_errors() -> set[type[Exception]]:
     """Every exception and warning of the package, public or not, but for those that others derive from privately."""
     for module in pkgutil.walk_packages(cdpr.__path__, "cdpr_sim."):
         if not module.name.endswith("__main__"):
-            importlib.import_module(module.name)
+            with contextlib.suppress(MissingExtra):  # cdpr_sim.jax without JAX
+                importlib.import_module(module.name)
     found, waiting = set(), [cdpr.CdprError, cdpr.ImplausibleRobot]
     while waiting:
         one = waiting.pop()
