@@ -42,9 +42,6 @@ KINDS = ("position", "rotation", "tension", "swivel", "frequency")
 """Kinds of measured numbers: coordinates [m], angles of the platform [rad], tensions [N], swivel angles [rad], natural
 frequencies [Hz]."""
 
-UNITS = ("m", "rad", "N", "rad", "Hz")
-"""Unit of each kind."""
-
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180, "°": np.pi / 180, "mrad": 1e-3}
 FORCES = {"N": 1.0, "kN": 1e3}

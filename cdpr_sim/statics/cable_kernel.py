@@ -485,15 +485,6 @@ def _add_dipole(fx, fy, fz, x, y, z, K):
 
 
 @inline
-def copied(vector):
-    """A contiguous copy of a vector."""
-    copy = np.empty(len(vector))
-    for i in range(len(vector)):
-        copy[i] = vector[i]
-    return copy
-
-
-@inline
 def mean(vector):
     """Mean of a vector's entries."""
     total = 0.0
