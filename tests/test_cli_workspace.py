@@ -10,6 +10,8 @@ from cdpr_sim.drawing import maps
 
 runner = CliRunner()
 
+PATH = ["--waypoint", "0.3,0.25,0.2", "--waypoint", "0.5,0.25,0.2"]
+
 
 def run(*words: str):
     return runner.invoke(app, list(words), env={"COLUMNS": "80"})
@@ -25,6 +27,18 @@ def test_map_writes_a_picture_and_says_the_worst(tmp_path):
     rows = [line.split() for line in result.stdout.splitlines() if line.strip().startswith(("parallel", "cogiro"))]
     assert [row[:2] for row in rows] == [[r, m] for r in ("parallel", "cogiro") for m in materials[1::2]]
     assert all("…" not in cell for row in rows for cell in row)
+
+
+def test_map_along_waypoints_draws_each_quantity_of_each_robot(tmp_path):
+    """A picture, and the table of the poses along the path."""
+    path = tmp_path / "path.svg"
+    stops = ["--waypoint", "0.3,0.25,0.2", "--waypoint", "0.5,0.25,0.2,0,0.05,0", "--waypoint", "0.4,0.25,0.3"]
+    result = run("map", "parallel", "cogiro", *stops, "--path-points", "9", "-o", str(path))
+    assert result.exit_code == 0
+    assert "9 commanded poses" in result.stdout
+    drawn = path.read_text()
+    for name in ("tilt", "distance", "slack_count", "feasible"):
+        assert drawn.count(f'<g id="{name}">') == 2
 
 
 def test_check_prints_zero_disagreements_and_exits_0(tmp_path, monkeypatch):
@@ -75,6 +89,9 @@ def test_sweep_keeps_its_result(tmp_path):
         (["map", "parallel", "-o", "new.jpg"], "ends in .png"),
         (["map", "parallel", "two-cable", "-o", "new.png"], "different workspaces"),
         (["map", "parallel", "--limits", "3", "1", "-o", "new.png"], "tau_min <= tau_max"),
+        (["map", "parallel", "--waypoint", "0.3,0.25,0.2", "-o", "new.png"], "--waypoint: found a single one"),
+        (["map", "cogiro", *PATH, "--at", "0.2", "-o", "new.png"], "--waypoint: found waypoints and --plane or --at"),
+        (["map", "cogiro", *PATH, "--orientation", "0", "0", "0.1", "-o", "new.png"], "poses: found them besides"),
         (["check", "parallel", "--grid", "0", "1", "1"], "grid: found (0, 1, 1)"),
         (["check", "parallel", "parallel"], "found 2 called 'parallel'"),
         (["sweep", "parallel", "--material", "nylon"], "unknown material 'nylon'"),

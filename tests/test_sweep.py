@@ -291,3 +291,22 @@ def test_tasks_are_neither_too_large_nor_too_few():
         assert np.prod(list(blocks.values())) <= sweeping.CHUNK, counts
         tasks = np.prod([-(-len(axes[name]) // blocks[name]) for name in axes])
         assert tasks >= min(4, np.prod(counts) // sweeping.LEAST_CHUNK), counts
+
+
+def test_sweep_over_poses_is_the_one_of_a_grid_at_each():
+    """Each with its own orientation, for several robots and materials."""
+    poses, materials = [(0.3, 0.25, 0.1), (0.4, 0.25, 0.1, 0.05, -0.03, 0.1)], ["vectran-0.7mm", "fishing-0.4mm"]
+    robots, loads = ["parallel", "cogiro"], {"external_wrench": (0, 0, -1, 0, 0, 0), "wrenches": [(1, 0, 0, 0, 0, 0)]}
+    along = cdpr.sweep(robots, materials=materials, poses=poses, **loads)
+    assert dict(along["tilt"].sizes) == {"robot": 2, "material": 2, "pose": 2}
+    for row, pose in enumerate(poses):
+        grid = dict(zip("xyz", np.array(pose[:3])[:, None], strict=True))
+        turn = {"orientation": pose[3:] or (0, 0, 0)}
+        single = cdpr.sweep(robots, grid, materials, **turn, **loads).isel(x=0, y=0, z=0)
+        for name in single.data_vars:
+            np.testing.assert_array_equal(along[name].isel(pose=row), single[name], err_msg=str(name))
+    assert along["z"].isel(pose=1) == 0.1
+    with pytest.raises(cdpr.InvalidInput, match="poses: found them with a store"):
+        cdpr.sweep("cogiro", poses=poses, store="new.nc")
+    with pytest.raises(cdpr.InvalidInput, match="poses: found them besides a grid"):
+        cdpr.sweep("cogiro", (2, 2, 2), poses=poses)

@@ -161,6 +161,15 @@ def along(robot: cdpr.Robot, waypoints: Sequence[tuple[float, ...]], count: int)
     return Path(robot, [robot.pose(waypoint) for waypoint in waypoints]).evenly(count)
 
 
+def stops(robot: cdpr.Robot, waypoints: Sequence[tuple[float, ...]]) -> list[tuple[float, str]]:
+    """The fraction of the path at which each waypoint lies, and its position as text; for ``along``'s waypoints."""
+    from cdpr_sim.core.path import Path
+
+    path = Path(robot, [robot.pose(waypoint) for waypoint in waypoints])
+    names = [", ".join(f"{number:g}" for number in position) for position in path.positions]
+    return [(float(at / (path.length or 1.0)), name) for at, name in zip(path.along, names, strict=True)]
+
+
 def robot_of(name: str, material: str | None, mass: float | None = None) -> cdpr.Robot:
     """Load the robot ``name``, with other cables or another mass [kg] if given; its import notes are printed.
 

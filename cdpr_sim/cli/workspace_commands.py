@@ -21,6 +21,7 @@ from cdpr_sim.cli.options import (
     Wrenches,
     along,
     robot_of,
+    stops,
     waypoints_of,
     wrench_of,
     wrenches_of,
@@ -72,6 +73,8 @@ def draw_map(
     wrench: Wrenches = None,
     mass: Mass = None,
     orientation: Orientation = LEVEL,
+    waypoint: Waypoints = None,
+    path_points: PathPoints = 181,
     load: Annotated[
         str | None,
         typer.Option(
@@ -82,10 +85,10 @@ def draw_map(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
-    """Draw maps of tilt, deviation, slack cables and feasibility over a plane of the workspace."""
+    """Draw tilt, deviation, slack cables and feasibility over a plane of the workspace, or along a path."""
     from cdpr_sim.analysis.workspace import grids
     from cdpr_sim.core.files import check_place
-    from cdpr_sim.drawing import maps
+    from cdpr_sim.drawing import maps, path_maps
 
     with errors_as_sentences():
         check_place(output, maps.SUFFIXES, force=force, field="output")
@@ -95,8 +98,13 @@ def draw_map(
                 f"points: found {points}, expected at most {MOST_POINTS}, which exceeds the pixels of a map; for "
                 "more, use a .nc or .zarr store of `cdpr-sim sweep`"
             )
-        section = grids.plane(plane, at, points, robots)
+        through = waypoints_of(waypoint)
+        if through and (plane != "xz" or at is not None):
+            raise cdpr.InvalidInput("--waypoint: found waypoints and --plane or --at, expected one of them")
+        poses = along(robots[0], through, path_points) if through else None
+        section = grids.plane(plane, at, points, robots) if poses is None else None
         conditions = dict(
+            poses=poses,
             orientation=orientation,
             external_wrench=wrench_of(load),
             tension_limits=limits,
@@ -105,7 +113,11 @@ def draw_map(
         )
         dataset = cdpr.sweep(robots, section, material or None, **conditions, progress=True)  # type: ignore[arg-type]
         names = [name for name in (*maps.ELASTIC, "wrench_feasible") if name in dataset]
-        maps.write(maps.draw_elastic_map(dataset, names=names), output)
+        if through:
+            figure = path_maps.draw_path_map(dataset, stops(robots[0], through))
+        else:
+            figure = maps.draw_elastic_map(dataset, names=names)
+        maps.write(figure, output)
         _print(dataset)
     typer.echo(output)
 

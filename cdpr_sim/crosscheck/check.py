@@ -20,7 +20,7 @@ from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
 from cdpr_sim.core import available_memory, extras
-from cdpr_sim.core.checks import FLAG, MOST_THREADS, checked_array, listed, one_of, refuse_unless, whole
+from cdpr_sim.core.checks import FLAG, MOST_THREADS, checked_array, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
@@ -167,12 +167,7 @@ def check(
         axes = grids.as_grid(grid, group)
         size = math.prod(len(values) for values in axes.values())
     else:
-        if grid is not None or turn.any():
-            raise InvalidInput("poses: found them besides a grid or an orientation, expected one of them")
-        listed_poses = listed("poses", poses, "a list of poses")
-        if not listed_poses:
-            raise InvalidInput("poses: found none, expected at least one")
-        stack = RigidTransform.concatenate([group[0].pose(pose) for pose in listed_poses])
+        stack = grids.as_poses(poses, group[0], grid, turn)
         axes, size = {"pose": np.arange(len(stack))}, len(stack)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)

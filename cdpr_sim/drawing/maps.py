@@ -149,7 +149,7 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
             raise InvalidInput(f"map: found no variable {name!r} in the dataset, expected one that has it")
     normal, horizontal, vertical = _plane(dataset)
     flat = dataset.isel({normal: 0}).transpose(..., vertical, horizontal, "axis")
-    columns = _columns(flat)
+    columns = variants_of(flat)
     (left, right), (low, high) = (_ends(flat[name].values) for name in (horizontal, vertical))
     layout = _Layout(len(rows), len(columns), _panel_size((high - low) / (right - left)))
     figure = Figure(figsize=layout.size, facecolor=style.MAP_BACKGROUND)
@@ -165,8 +165,8 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
             last = layout.lowest(r) or (layout.blocks == 1 and not below)
             _furnish(ax, (horizontal, vertical), last, c == 0)
             axes.append(ax)
-        panels = [_panel(flat[name], columns[c][1]) for c in shown[name]]
-        margins = [_panel(flat[_border(flat)], columns[c][1]) if _border(flat) else None for c in shown[name]]
+        panels = [panel_of(flat[name], columns[c][1]) for c in shown[name]]
+        margins = [panel_of(flat[_border(flat)], columns[c][1]) if _border(flat) else None for c in shown[name]]
         bar = figure.add_axes(layout.box(r, len(columns)), label="bar")
         title = draw(_Row(figure, axes, bar, panels, margins))
         if name != "feasible":
@@ -185,7 +185,7 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
     if _border(flat) and set(rows) != {"feasible"}:
         border = "Dashed: border of the static feasible workspace."
         if _border(flat) == "capacity_margin" and any(
-            _thin(_panel(flat["capacity_margin"], one)) for _, one in columns
+            _thin(panel_of(flat["capacity_margin"], one)) for _, one in columns
         ):
             border = "Green: static feasible workspace, which for an under-actuated robot is a line."
     _say_where(figure, layout, dataset, (normal, horizontal, vertical), border)
@@ -207,7 +207,8 @@ def _differs(values: xr.DataArray, columns: Sequence[tuple[tuple[str, str], dict
     return "material" in values.dims or robots.index(robots[column]) == column
 
 
-def _panel(values: xr.DataArray, choice: dict[str, str]) -> xr.DataArray:
+def panel_of(values: xr.DataArray, choice: dict[str, str]) -> xr.DataArray:
+    """The values of one robot and material of ``variants_of``."""
     return values.sel({k: v for k, v in choice.items() if k in values.dims})
 
 
@@ -264,7 +265,7 @@ def _plane(dataset: xr.Dataset) -> tuple[str, str, str]:
     return across[0], horizontal, vertical
 
 
-def _columns(flat: xr.Dataset) -> list[tuple[tuple[str, str], dict[str, str]]]:
+def variants_of(flat: xr.Dataset) -> list[tuple[tuple[str, str], dict[str, str]]]:
     """Per column, the names of its robot and material, and its selection."""
     result = []
     for robot in np.atleast_1d(flat["robot"].values):

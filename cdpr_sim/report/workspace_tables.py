@@ -44,7 +44,7 @@ _HEADINGS = {
 def sweep_table(dataset: xr.Dataset) -> Table:
     """A row for each robot and material: tilt, deviation, share of poses with slack cables, share of feasible poses."""
     solved = dataset["status"] == Status.CONVERGED
-    poses = int(np.prod([dataset.sizes[name] for name in "xyz"]))
+    poses = int(np.prod([size for name, size in dataset["status"].sizes.items() if name not in {"robot", "material"}]))
     table = new_table(
         f"Static equilibria from {poses:,} commanded poses",
         "robot", "cables", "solved\n%", "median\ntilt °", "worst\ntilt °", "median\ndev. mm", "worst\ndev. mm",
@@ -66,7 +66,7 @@ def sweep_table(dataset: xr.Dataset) -> Table:
 def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
     """Size of the feasible workspace with rigid cables, by robot; or why it is left out."""
     feasible = {name: how for name, how in _FEASIBLE.items() if name in dataset}
-    unit = ("", "m", "m²", "m³")[sum(dataset.sizes[name] > 1 for name in AXES)]
+    unit = ("", "m", "m²", "m³")[sum(dataset.sizes.get(name, 1) > 1 for name in AXES)]
     if not feasible:
         yield "The static feasible workspace is left out, since it does not account for the mass of cables."
     elif unit:

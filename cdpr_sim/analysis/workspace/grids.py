@@ -7,10 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import available_memory
-from cdpr_sim.core.checks import checked_array, shown
+from cdpr_sim.core.checks import checked_array, listed, shown
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.robot import Robot
 
 if TYPE_CHECKING:
@@ -69,6 +72,22 @@ def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndar
         if robot.mobility == "planar" and axes["y"].any():
             raise InvalidInput(f"grid: found y = {axes['y'][-1]:g} m, but {robot.name!r} is planar: expected y = 0")
     return axes
+
+
+def as_poses(
+    poses: RigidTransform | Sequence[PoseLike] | np.ndarray, robot: Robot, grid: GridLike | None, turn: ArrayLike
+) -> RigidTransform:
+    """A stack of the poses that are given instead of a grid.
+
+    Raises:
+        InvalidInput: invalid poses or none, or a grid or an orientation besides them.
+    """
+    if grid is not None or np.any(turn):
+        raise InvalidInput("poses: found them besides a grid or an orientation, expected one of them")
+    found = listed("poses", poses, "a list of poses")
+    if not found:
+        raise InvalidInput("poses: found none, expected at least one")
+    return RigidTransform.concatenate([robot.pose(pose) for pose in found])
 
 
 def plane(name: str, at: float | None, points: int, robots: Sequence[Robot]) -> dict[str, np.ndarray]:

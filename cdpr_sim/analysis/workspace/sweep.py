@@ -16,17 +16,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.analysis.workspace import store as stores
-from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid
+from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid, as_poses
 from cdpr_sim.core import available_memory, extras
 from cdpr_sim.core.checks import FLAG, checked_array, checked_label, listed, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits, checked_wrenches
 from cdpr_sim.core.materials import load_material
+from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.robots.catalogue import load_robot
@@ -120,6 +121,7 @@ def sweep(
     grid: GridLike | None = None,
     materials: Sequence[str] | Mapping[str, float] | None = None,
     *,
+    poses: RigidTransform | Sequence[PoseLike] | np.ndarray | None = None,
     orientation: ArrayLike = (0.0, 0.0, 0.0),
     external_wrench: ArrayLike | None = None,
     tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
@@ -136,26 +138,29 @@ def sweep(
         robots: one robot or several, as objects, catalogue names or .toml files; several give a dimension ``robot``.
         grid: counts (nx, ny, nz) over the workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m]; default: 10⁴.
         materials: names of the catalogue, or {name: EA [N]}; they give a dimension ``material``. Default: each robot's.
-        orientation: commanded, (alpha, beta, gamma) [rad]; default: level.
+        poses: commanded poses, instead of a grid, all of them in memory: (rows, 3), (rows, 6), a stack of transforms or
+            a list of poses; they give a dimension ``pose`` instead of x, y and z.
+        orientation: on a grid, commanded, (alpha, beta, gamma) [rad]; default: level.
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity, (6,).
         tension_limits: smallest and largest tension [N] for the feasible workspaces, one number or one per cable each;
             default: each robot's ``force_min`` and ``force_max``.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
         quantities: names of ``QUANTITIES`` and "feasible", which are the default; or "capacity_margin", which is zero
             on the border of the feasible workspace, between the poses of the grid. The status is always included.
-        chunk: largest number of poses per Dask task; None: one call of NumPy, on one core, without Dask.
+        chunk: largest number of poses of a grid per Dask task; None: one call of NumPy, on one core, without Dask.
         compute: False for a Dataset of Dask arrays that are not computed yet, for other tools and clusters.
         store: a new .nc file, or a .zarr folder, in which an interrupted sweep is resumed; the result is then read from
             there, slab by slab as it is used.
         progress: show a progress bar on standard error.
 
     Returns:
-        Variables over (robot, material, x, y, z), with units in their attributes. Coordinates describe the input:
-        ``robot`` and ``material`` by name, those of ``ROBOT``, and ``wrenches``; attributes the orientation and the
-        external wrench. ``feasible`` is whether rigid cables could hold the platform at the commanded pose itself.
+        Variables over (robot, material, x, y, z), or (robot, material, pose), with units in their attributes.
+        Coordinates describe the input: ``robot`` and ``material`` by name, those of ``ROBOT``, and ``wrenches``;
+        attributes the orientation on a grid and the external wrench. ``feasible`` is whether rigid cables could hold
+        the platform at the commanded pose itself.
 
     Raises:
-        InvalidInput: an invalid grid, name, limit or store.
+        InvalidInput: an invalid grid, pose, name, limit or store, or a store for poses.
         UnknownName: no such robot, material or quantity.
         StoreError: the store cannot be written; its content is kept.
     """
@@ -163,7 +168,10 @@ def sweep(
     refuse_unless(FLAG, compute=compute, progress=progress)
     many = not isinstance(robots, (str, Robot))
     group = as_robots(robots)
-    axes = as_grid(grid, group)
+    stack = None if poses is None else as_poses(poses, group[0], grid, orientation)
+    if stack is not None and (store is not None or not compute):
+        raise InvalidInput("poses: found them with a store or without compute, expected a grid for those")
+    axes = as_grid(grid, group) if stack is None else {"pose": np.arange(len(stack))}
     stiffnesses = axial_stiffnesses(group, materials)
     names = _checked_quantities(quantities)
     most = max(group, key=lambda robot: robot.cables)
@@ -172,7 +180,8 @@ def sweep(
             f"quantities: slack_set has bits for {MOST_BITS} cables at most, and {most.name!r} has {most.cables}; "
             "expected quantities without it"
         )
-    rotation = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,))).as_matrix()
+    turn = Rotation.from_euler("xyz", checked_array("orientation", orientation, (3,)))
+    rotation = (turn if stack is None else stack.rotation).as_matrix()
     wrench = np.zeros(6) if external_wrench is None else checked_array("external_wrench", external_wrench, (6,))
     limits = [checked_limits(robot, tension_limits) for robot in group]
     for robot in group:
@@ -185,14 +194,15 @@ def sweep(
     if store is not None:
         chunk = chunk or CHUNK
         store = stores.checked_path(store)
+    chunk = chunk if stack is None else None
     blocks = None if chunk is None else _blocks(axes, 1 if materials is None else len(materials), chunk)
-    points = _coordinates(axes, blocks)
+    points = _coordinates(axes, blocks) if stack is None else _along(stack)
 
     held = dict(rotation=rotation, tension_limits=tension_limits)
     if compute or store is not None:
         variants = len(group) * (1 if materials is None else len(materials))
-        poses = variants * math.prod(len(values) for values in axes.values())
-        _refuse_what_cannot_fit(poses, most.cables, names, store)
+        count = variants * math.prod(len(values) for values in axes.values())
+        _refuse_what_cannot_fit(count, most.cables, names, store)
     parts = []
     for robot in group:
         stiffness = _labelled(stiffnesses[robot.name], materials)
@@ -205,6 +215,8 @@ def sweep(
             part["wrench_feasible"] = _feasible(robot, points, wrenches=np.atleast_2d(wrenches) + wrench, **held)
         parts.append(_with_robot(part, robot, stiffness))
     result = _side_by_side(parts) if many else parts[0]
+    if stack is not None:
+        result = result.assign_coords({name: point.variable for name, point in zip(AXES, points, strict=True)})
     lower, upper = zip(*limits, strict=True)
     if wrenches is not None:
         result = result.assign_coords(wrenches=(("wrench", "component"), np.atleast_2d(wrenches).astype(float)))
@@ -326,6 +338,14 @@ def _coordinates(axes: Mapping[str, np.ndarray], blocks: Mapping[str, int] | Non
         point = xr.DataArray(values, dims=(name,), coords={name: coordinate}, name=f"commanded_{name}")
         points.append(point if blocks is None else point.chunk({name: blocks[name]}))
     return points
+
+
+def _along(stack: RigidTransform) -> list[xr.DataArray]:
+    """Positions of poses, over them."""
+    import xarray as xr
+
+    units = {"units": "m", "long_name": "commanded position"}
+    return [xr.DataArray(column, dims=("pose",), attrs=units) for column in stack.translation.T]
 
 
 def _equilibria(
