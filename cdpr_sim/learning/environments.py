@@ -122,7 +122,7 @@ class Environment(gymnasium.Env):
 
 def _finite(actions: Any) -> np.ndarray:
     found = np.asarray(actions, dtype=float)
-    if not np.isfinite(found).all():
+    if not np.logical_and.reduce(np.isfinite(found), axis=None):
         raise InvalidInput("action: found a number that is not finite, expected numbers from -1 to 1")
     return found
 

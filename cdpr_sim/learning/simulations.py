@@ -63,7 +63,7 @@ class Simulations:
         batch: MuJoCo's simulations.
         rest_lengths: that winches have let out, (count, cables) [m].
         poses: positions [m], and quaternions w x y z, (count, 7).
-        rotations: rotation matrices, (count, 3, 3).
+        rotations: rotation matrices, (count, 3, 3); a view of MuJoCo's.
         lengths: of the cables, (count, cables) [m].
         tensions: of the ropes, (count, cables) [N].
         failed: (count,) simulations that became unstable.
@@ -93,7 +93,7 @@ class Simulations:
             winch_force=largest,
         )
         self.robot, self.period, self.by_tension, self.largest = robot, period, by_tension, largest
-        self._most = winch_speed * period
+        self._most, (self._shortest, self._longest) = winch_speed * period, machine.reach
         self._some = bool(by_tension.any())
         model = machine.model
         longest = min(model.opt.timestep, 2 * np.pi / machine.fastest / STEPS, DECAY * machine.damping_time)
@@ -105,15 +105,16 @@ class Simulations:
         # A step is made with the length at its middle; the last one is that at the end of the period.
         self._steps, self._at = steps, np.append((np.arange(steps) + 0.5) / steps, 1.0)[:, None]
         self.batch = Batch(model, count, threads)
-        self._qpos, self._qvel, self._time = (self.batch.bind(name) for name in ("qpos", "qvel", "time"))
-        self._ctrl = self.batch.bind("ctrl")
-        self._sensed, self._turned = self.batch.bind("sensordata"), self.batch.bind("xmat")
+        self._qpos, self._qvel, self._ctrl = (self.batch.bind(name) for name in ("qpos", "qvel", "ctrl"))
+        self._time, self._sensed = self.batch.bind("time").reshape(count), self.batch.bind("sensordata")
+        self.rotations = self.batch.bind("xmat")[:, machine.platform].reshape(count, 3, 3)
+        self._upwards = self.rotations[:, 2, 2]
         self._fields = {name: self.batch.expand(name) for name in FIELDS}
         self.batch.forward()
         self._read()
         self._scratch, self._data = self.batch.get_model(0), mujoco.MjData(model)
         self._mean = robot.rest_lengths(home).mean()
-        self._least_time = np.full((count, 1), -0.5 * period)
+        self._least_time = np.full(count, -0.5 * period)
         self.rest_lengths = np.tile(machine.let_out, (count, 1))
         self._stiffness = np.tile(robot.axial_stiffness, (count, 1))
         self.failed = np.zeros(count, dtype=bool)
@@ -175,14 +176,12 @@ class Simulations:
         A winch that controls its length lets out rope at this fraction of its largest speed, at most to the ends of its
         range; one that controls its tension goes from 0 at -1 to the largest at 1.
         """
-        machine, by_tension = self.machine, self.by_tension
-        shortest, longest = machine.reach
-        ahead = np.minimum(np.maximum(self.rest_lengths + self._most * actions, shortest), longest)
-        rest_lengths = self.rest_lengths[:, None]
-        controls = machine.controls(rest_lengths + self._at * (ahead[:, None] - rest_lengths))
+        machine, by_tension, rest_lengths = self.machine, self.by_tension, self.rest_lengths
+        ahead = np.minimum(np.maximum(rest_lengths + self._most * actions, self._shortest), self._longest)
+        controls = machine.controls(rest_lengths[:, None] + self._at * (ahead - rest_lengths)[:, None])
         if self._some:
             controls = np.where(by_tension, (0.5 * (1 + actions) * self.largest)[:, None], controls)
-        self.batch.rollout(self._steps, control=controls[:, :-1], control_spec=mujoco.mjtState.mjSTATE_CTRL)
+        self.batch.rollout(self._steps, controls[:, :-1], record=())
         self._ctrl[:] = controls[:, -1]
         self.batch.forward()
         self._read()
@@ -192,11 +191,15 @@ class Simulations:
             self.rest_lengths = np.where(by_tension, held, ahead)
         self._least_time += self.period
         # MuJoCo resets a simulation that becomes unstable, its time included.
-        self.failed |= (self._time.reshape(-1, 1) < self._least_time)[:, 0]
+        self.failed |= self._time < self._least_time
+
+    @property
+    def overturned(self) -> Bool[np.ndarray, " count"]:
+        """Platforms whose upper side points downwards."""
+        return self._upwards < 0
 
     def _read(self) -> None:
         together, cables = self.machine.readings.all(self._sensed), self.robot.cables
-        self.rotations = self._turned[:, self.machine.platform].reshape(-1, 3, 3)
         self.poses, self.lengths = together[:, :7], together[:, 7 : 7 + cables]
         self.tensions = together[:, 7 + cables :]
 

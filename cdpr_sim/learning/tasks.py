@@ -135,10 +135,11 @@ class Task:
         self.ticks = np.zeros(rows, dtype=int)
         # Of each period: where the platform is wanted (position, quaternion), and what is observed of the next period.
         self._plan = np.zeros((rows, states, 16))
-        self._now = self._plan[:, 0]
-        self._each = np.arange(rows)
+        self._every, self._first = self._plan.reshape(-1, 16), states * np.arange(rows)
+        self._look()
         speeds = ~self.simulations.by_tension
-        self._speeds = speeds / max(1, speeds.sum())
+        self._effort = speeds / -max(1, speeds.sum())
+        self._far = FALLEN / robot.cables
         self._near = NEAR * robot.rest_lengths(robot.home).mean()
         self.size = 12 + 2 * robot.cables + 9
 
@@ -168,9 +169,9 @@ class Task:
         cables, where its weight is not zero; ``fall`` is -1 when the platform falls.
         """
         terms = {
-            "position": 1 / (1 + moment.position_errors / self._near),
-            "rotation": 1 / (1 + moment.rotation_errors / LEVEL),
-            "effort": -np.add.reduce(moment.actions * moment.actions * self._speeds, 1),
+            "position": self._near / (self._near + moment.position_errors),
+            "rotation": LEVEL / (LEVEL + moment.rotation_errors),
+            "effort": np.add.reduce(moment.actions * moment.actions * self._effort, 1),
             "fall": -1.0 * moment.fallen,
         }
         if self.weights["slack"]:
@@ -246,18 +247,18 @@ class Task:
         velocities = (positions[following] - positions[following - 1]) / self.period
         parts = positions, facing, positions[following], rotation_vectors(facing[following]), velocities
         self._plan[row] = np.concatenate(parts, axis=1)
-        self._now = self._plan[self._each, self.ticks]
+        self._look()
+
+    def _look(self) -> None:
+        """Find in the plans what is wanted now."""
+        self._now = self._every.take(self._first + self.ticks, axis=0)
 
     def observe(self) -> Float[np.ndarray, "count size"]:
         """Observations of all simulations."""
-        simulations, cables = self.simulations, self.robot.cables
-        poses = simulations.poses
-        seen = np.empty((self.count, self.size))
-        seen[:, :3], seen[:, 3:6] = poses[:, :3], rotation_vectors(poses[:, 3:])
-        seen[:, 6:12] = simulations.twists()
-        seen[:, 12 : 12 + cables], seen[:, 12 + cables : -9] = simulations.tensions, simulations.rest_lengths
-        seen[:, -9:] = self._now[:, 7:]
-        return seen
+        simulations, poses = self.simulations, self.simulations.poses
+        pose = poses[:, :3], rotation_vectors(poses[:, 3:])
+        cables = simulations.tensions, simulations.rest_lengths
+        return np.concatenate([*pose, simulations.twists(), *cables, self._now[:, 7:]], axis=1)
 
     def step(
         self, actions: Float[np.ndarray, "count cables"]
@@ -279,19 +280,17 @@ class Task:
         simulations = self.simulations
         simulations.advance(actions)
         self.ticks = np.minimum(self.ticks + 1, self.periods)
-        self._now = self._plan[self._each, self.ticks]
-        poses, facing = simulations.poses, self._now[:, 3:7]
-        away = poses[:, :3] - self._now[:, :3]
+        self._look()
+        poses, now = simulations.poses, self._now
+        away = poses[:, :3] - now[:, :3]
         errors = np.sqrt(np.add.reduce(away * away, 1))
-        angles = 2 * np.arccos(np.minimum(np.abs(np.add.reduce(poses[:, 3:] * facing, 1)), 1.0))
+        angles = 2 * np.arccos(np.minimum(np.abs(np.add.reduce(poses[:, 3:] * now[:, 3:7], 1)), 1.0))
         # As ``track`` judges: far away, or turned over.
-        far = ~(errors <= FALLEN * np.add.reduce(simulations.rest_lengths, 1) / self.robot.cables)
-        fallen = simulations.failed | far | (simulations.rotations[:, 2, 2] < 0)
+        near = errors <= self._far * np.add.reduce(simulations.rest_lengths, 1)
+        fallen = simulations.failed | ~near | simulations.overturned
         moment = Moment(errors, angles, actions, simulations.tensions, fallen)
         terms = self.terms(moment)
-        rewards = np.zeros(self.count)
-        for name, term in terms.items():
-            rewards += self.weights.get(name, 1.0) * term
+        rewards = sum((self.weights.get(name, 1.0) * term for name, term in terms.items()), np.zeros(self.count))
         info = {"position_error": errors, "rotation_error": angles} | {
             f"reward_{name}": of for name, of in terms.items()
         }

@@ -39,7 +39,7 @@ class Readings:
 
     def all(self, sensed: Float[np.ndarray, "*rows numbers"]) -> Float[np.ndarray, "*rows together"]:
         """Pose, lengths and tensions, one after the other, from the ``sensordata`` of one simulation or of many."""
-        return sensed[..., self._every] * self._scale - self._offset
+        return sensed.take(self._every, axis=-1) * self._scale - self._offset
 
     def pose(self, data: mujoco.MjData) -> Float[np.ndarray, "7"]:
         """Pose of the platform: position [m], and quaternion w x y z."""
