@@ -45,7 +45,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import pulleys, tendons
+from cdpr_sim.physics import pulleys, tendons, winches
 from cdpr_sim.physics.number_format import LEAST_INERTIA, magnitude, text
 
 SEGMENTS = 6
@@ -85,21 +85,11 @@ of its law that they assume, as a fraction of its slope at rest."""
 FAR = 1e4
 """Distance of a brake's other end, in rest lengths: at that distance, directions do not change."""
 
+PROPORTIONAL = (0.9999, 0.9999, 0.001, 0.5, 2)
+"""``solimp`` of the constraints that keep segments proportional: they give way by 1e-4 of what the default does."""
+
 SHALLOWEST = 0.1
 """Smallest chord, in rest lengths, in the formula for a chain's first profile."""
-
-
-def refuse_weight(robot: Robot, doing: str) -> None:
-    """Refuse cables with mass where mass is not taken into account.
-
-    Raises:
-        InvalidInput: a robot whose cables have mass.
-    """
-    if not robot.cabling.massless:
-        raise InvalidInput(
-            f"linear_density: found {robot.cabling.linear_density.max():g} kg/m, expected massless cables: "
-            f"{doing} does not take account of their mass (cdpr_sim.drive and cdpr_sim.track do)"
-        )
 
 
 def too_short(robot: Robot, rest_lengths: Float[np.ndarray, "*batch cables"]) -> Bool[np.ndarray, "*batch cables"]:
@@ -246,7 +236,11 @@ def extents(
 
 
 def add_chains(
-    platform: ET.Element, robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"], step: float
+    platform: ET.Element,
+    robot: Robot,
+    pose: RigidTransform,
+    rest_lengths: Float[np.ndarray, " cables"],
+    step: float | None,
 ) -> list[float]:
     """The masses ``node_1_4``, ..., ``node_1_1`` of each cable with mass, from the anchor; returns their coordinates.
 
@@ -255,7 +249,7 @@ def add_chains(
         robot: the robot.
         pose: pose at which the platform is written.
         rest_lengths: (cables,) [m].
-        step: the time step [s] that determines the damping.
+        step: the time step [s] that determines the damping; None for none.
 
     Raises:
         InvalidInput: a cable with too small a mass.
@@ -276,12 +270,12 @@ def add_chains(
         parent, place = platform, cabling.anchors[cable]
         for k, along in zip(range(SEGMENTS - 1, 0, -1), extent, strict=True):
             parent = _point(parent, f"node_{i}_{k}", place + along, masses[k - 1])
-            damping = plucked(step, robot.weight, lengths[k])
             for axis, name in enumerate("xyz"):
                 slide = ET.SubElement(parent, "joint", name=f"{name}_{i}_{k}", type="slide")
                 slide.set("axis", text(np.eye(3)[axis]))
                 slide.set("ref", text(along[axis]))
-                slide.set("damping", text(damping))
+                if step is not None:
+                    slide.set("damping", text(plucked(step, robot.weight, lengths[k])))
             ET.SubElement(parent, "site", {"name": f"node_{i}_{k}", "class": "guide"})
             place = np.zeros(3)
     return list(coordinates.ravel())
@@ -295,17 +289,57 @@ def add_far(world: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray,
             far.set("pos", text(cabling.exits[cable] + FAR * rest_lengths[cable] * np.eye(3)[axis]))
 
 
-def add_segments(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float) -> None:
+def unwound(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
+    """Unstretched lengths of the parts of cables with mass that the winches of a model do not wind, (cables,) [m].
+
+    It is the first segment where it is ``felt_at_exit``: what lies on the wheel and the rope behind stretch with it,
+    however long the rest of the cable is. Otherwise 0.
+    """
+    cables = np.flatnonzero(robot.cabling.linear_density)
+    felt, lengths = felt_at_exit(robot.cabling, cables), np.zeros(robot.cables)
+    lengths[cables] = np.where(felt, cut(robot, cables, rest_lengths, straight(felt))[0][:, 0], 0.0)
+    return lengths
+
+
+def plucking(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> float:
+    """An upper bound of the angular frequency of chains across their cables, each under the platform's weight [rad/s].
+
+    Of the largest row sum of their stiffness over masses; the least of all numbers without chains.
+    """
+    cables = np.flatnonzero(robot.cabling.linear_density)
+    lengths, masses = cut(robot, cables, rest_lengths, straight(felt_at_exit(robot.cabling, cables)))
+    lengths[:, 0] -= robot.wrapped_lengths[cables]
+    across = 2 * robot.weight * (1 / lengths[:, :-1] + 1 / lengths[:, 1:]) / masses[:, :-1]
+    return float(np.sqrt(across.max(initial=np.finfo(float).tiny)))
+
+
+def wound_springs(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
+    """Stiffness [N/m] of the tendon ``cable_1`` of each cable in a model with winches."""
+    ropes = robot.reeving * (rest_lengths + winches.shared(robot, unwound(robot, rest_lengths)))
+    return tendons.spring(robot.axial_stiffness, ropes, robot.reeving)
+
+
+def add_segments(
+    root: ET.Element,
+    robot: Robot,
+    rest_lengths: Float[np.ndarray, " cables"],
+    step: float,
+    *,
+    wound: bool = False,
+    braked: bool = True,
+) -> None:
     """The tendons ``cable_1_1``, ..., from exit to anchor, of each cable with mass, its brakes, and ``chord_1``.
 
     Their damping is for the time step ``step`` [s] of a model that is only stepped. It also damps slack segments, which
-    slows them down and does not change the equilibrium.
+    slows them down and does not change the equilibrium. Where cables are ``wound``, only ``unwound`` segments are
+    springs: ``add_wound`` adds the others.
     """
     cabling, parent = robot.cabling, root.find("tendon")
     cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(robot.cabling)
     assert parent is not None
     divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))[0]
     springs = segment_springs(cabling, cables, cabling.axial_stiffness[cables], divided)
+    fixed = unwound(robot, rest_lengths) > 0
     for cable, lengths, stiffnesses, further in zip(cables, divided, *springs, strict=True):
         i, over, law = int(cable) + 1, bool(cabling.pulleys[cable]), bool(cabling.stiffening[cable].any())
         sites = [f"entry_{i}" if over else f"exit_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS)), f"anchor_{i}"]
@@ -313,16 +347,89 @@ def add_segments(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray,
         uppers[0] += entries[cable]
         for k in range(1, SEGMENTS + 1):
             segment = ET.SubElement(parent, "spatial", {"name": f"cable_{i}_{k}", "class": "cable"})
-            segment.set("stiffness", text([stiffnesses[k - 1], *further[k - 1]] if law else stiffnesses[k - 1]))
             segment.set("springlength", text([0, uppers[k - 1]]))
-            segment.set("damping", text(step * stiffnesses[k - 1]))
+            if not wound or (k == 1 and fixed[cable]):
+                segment.set("stiffness", text([stiffnesses[k - 1], *further[k - 1]] if law else stiffnesses[k - 1]))
+                segment.set("damping", text(step * stiffnesses[k - 1]))
             _run(segment, i, sites[k - 1 : k + 1], over and k == 1)
-        free = lengths[0] - robot.wrapped_lengths[cable]
-        for axis in "xyz":
-            brake = ET.SubElement(parent, "spatial", name=f"brake_{i}_{axis}", group="4")
-            brake.set("damping", text(plucked(step, robot.weight, free)))
-            _run(brake, i, [f"far_{i}_{axis}", sites[1]])
+        if braked:
+            free = lengths[0] - robot.wrapped_lengths[cable]
+            for axis in "xyz":
+                brake = ET.SubElement(parent, "spatial", name=f"brake_{i}_{axis}", group="4")
+                brake.set("damping", text(plucked(step, robot.weight, free)))
+                _run(brake, i, [f"far_{i}_{axis}", sites[1]])
         _run(ET.SubElement(parent, "spatial", name=f"chord_{i}", group="4"), i, [sites[0], sites[-1]], over)
+
+
+def add_wound(
+    root: ET.Element, robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"], *, driven: bool
+) -> None:
+    """The tendons ``cable_1``, ... of cables with mass through all segments that winches wind, and constraints.
+
+    Args:
+        root: the model.
+        robot: the robot.
+        pose: pose at which the platform is written.
+        rest_lengths: (cables,) [m].
+        driven: whether actuators replace the springs of linear cables, and nonlinear ones begin at drums.
+    """
+    cabling, parent = robot.cabling, root.find("tendon")
+    assert parent is not None
+    cables, fixed = np.flatnonzero(cabling.linear_density), unwound(robot, rest_lengths)
+    ropes = cabling.reeving * (rest_lengths - fixed)
+    further = tendons.polynomial(cabling.axial_stiffness, cabling.stiffening, ropes, cabling.reeving)
+    stiffnesses, behind = wound_springs(robot, rest_lengths), winches.behind(robot)
+    for cable in cables:
+        i, nonlinear = cable + 1, cabling.stiffening[cable].any()
+        tendon = ET.SubElement(parent, "spatial", {"name": f"cable_{i}", "class": "cable", "group": "4"})
+        drum = driven and nonlinear
+        if cabling.reeving[cable] > 1 or fixed[cable]:  # what ``reset`` cannot read elsewhere
+            tendon.set("user", text([float(cabling.reeving[cable]), -fixed[cable]]))
+        if nonlinear or not driven:
+            tendon.set("stiffness", text([stiffnesses[cable], *further[cable]] if nonlinear else stiffnesses[cable]))
+            tendon.set("springlength", text([0, rest_lengths[cable] - fixed[cable] + drum * behind[cable]]))
+        if drum:
+            ET.SubElement(tendon, "site", site=f"drum_{i}")
+        if drum or not fixed[cable]:
+            ET.SubElement(tendon, "site", site=f"exit_{i}")
+        if drum and fixed[cable]:
+            ET.SubElement(tendon, "pulley", divisor="1")
+        for k in range(1, SEGMENTS):
+            ET.SubElement(tendon, "site", site=f"node_{i}_{k}")
+        ET.SubElement(tendon, "site", site=f"anchor_{i}")
+    _add_proportions(root, robot, pose, rest_lengths)
+
+
+def _add_proportions(
+    root: ET.Element, robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"]
+) -> None:
+    """Constraints that keep the lengths of wound segments proportional, whatever length the winch has let out.
+
+    A chain whose segments all stretch alike deviates from one of springs by the difference of their strains.
+    """
+    cabling = robot.cabling
+    cables = np.flatnonzero(cabling.linear_density)
+    parent = ET.SubElement(root, "equality")
+    divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))[0]
+    written = extents(robot, pose, rest_lengths)[:, ::-1]  # of the second segment and on
+    first = pose.rotation.inv().apply(pose.apply(robot.anchors[cables]) - robot.exits[cables]) + written.sum(1)
+    fixed = unwound(robot, rest_lengths)[cables] > 0
+    for cable, lengths, start, others, skipped in zip(cables, divided, first, written, fixed, strict=True):
+        spans = [magnitude(start), *(magnitude(other) for other in others)]
+        longest = 1 + int(np.argmax(lengths[1:]))
+        for k in range(int(skipped), SEGMENTS):
+            if k != longest:
+                ratio = lengths[k] / lengths[longest]
+                pair = {"tendon1": f"cable_{cable + 1}_{k + 1}", "tendon2": f"cable_{cable + 1}_{longest + 1}"}
+                ET.SubElement(
+                    parent,
+                    "tendon",
+                    pair
+                    | {
+                        "polycoef": text([ratio * spans[longest] - spans[k], ratio, 0, 0, 0]),
+                        "solimp": text(PROPORTIONAL),
+                    },
+                )
 
 
 def _run(tendon: ET.Element, i: int, sites: list[str], over_wheel: bool = False) -> None:

@@ -46,6 +46,9 @@ TIMESTEP = 0.002
 """[s] Time step; the discrete integrator is implicit in the cables' springs, so that it need not shrink with their
 stiffness."""
 
+RESOLVED = 0.5
+"""Time step of an undamped model, in 1/omega of the fastest oscillation of its chains across the cables."""
+
 COLLIDING = {"contype": "1", "conaffinity": "1"}
 """Attributes of a geom that collides with all others that do: MuJoCo's defaults."""
 
@@ -114,18 +117,16 @@ def to_mjcf(
         An MJCF document, which ``mujoco.MjModel.from_xml_string`` compiles; its numbers parse back exactly.
 
     Raises:
-        InvalidInput: an invalid argument; winches or another damping on cables with mass; a loss factor of nonlinear
-            cables; a cable with mass that is too short for its pulley.
+        InvalidInput: an invalid argument; a loss factor of nonlinear cables; a cable with mass that is too short for
+            its pulley.
     """
     problem = Problem.of(robot, pose, rest_lengths)
     refuse_unless(FLAG, contact=contact)
     kind, factor = kind_of(winches), loss_factor(damping)
     robot, settling = problem.robot, factor is None
     chains.refuse_short(robot, problem.rest_lengths)
-    if kind:
-        chains.refuse_weight(robot, "a winch in MuJoCo")
-    if factor is not None:
-        refuse_undamped(robot, factor)
+    refuse_undamped(robot, factor)
+    wound = bool(kind) or not settling
     forces, speed = largest_forces(robot, winch_force), positive("winch_speed", winch_speed, "m/s")
     drag, _ = _air(problem)
     root = ET.Element("mujoco", model=robot.name)
@@ -143,23 +144,30 @@ def to_mjcf(
     brake = (drag, drag * paddles * paddles) if settling else (0.0, 0.0)
     platform = _platform(robot, problem.pose, brake if kind else None, contact)
     world.append(platform)
-    nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
-    chains.add_far(world, robot.cabling, problem.rest_lengths)
+    nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP if settling else None)
+    if settling:
+        chains.add_far(world, robot.cabling, problem.rest_lengths)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
-    springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
+    springs, unwound = chains.wound_springs(robot, problem.rest_lengths), chains.unwound(robot, problem.rest_lengths)
     if kind:
         add_drums(world, robot, springs)
-    tendons.add_tendons(root, robot, problem.rest_lengths, TIMESTEP, wound=bool(kind or factor))
-    chains.add_segments(root, robot, problem.rest_lengths, TIMESTEP)
+    driven = bool(kind or factor)
+    resisting = TIMESTEP if settling and not (driven or robot.cabling.massless) else None
+    tendons.add_tendons(root, robot, problem.rest_lengths, resisting, wound=driven)
+    chains.add_segments(root, robot, problem.rest_lengths, TIMESTEP, wound=wound, braked=settling)
+    if wound and not robot.cabling.massless:
+        chains.add_wound(root, robot, problem.pose, problem.rest_lengths, driven=driven)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
-    times = np.full(robot.cables, DAMPING) if factor is None else relaxation_times(robot, springs, factor)
+    if factor is None:  # the integrator of models with chains does not know springs
+        times = np.full(robot.cables, DAMPING if robot.cabling.massless else step)
+    else:
+        times = relaxation_times(robot, springs, factor)
     if kind:
-        add_winches(
-            root, world, robot, problem.rest_lengths, springs, kind=kind, forces=forces, speed=speed, damping=times
-        )
+        limits = {"kind": kind, "forces": forces, "speed": speed}
+        add_winches(root, world, robot, problem.rest_lengths, springs, unwound=unwound, damping=times, **limits)
     elif factor:
         add_damped_cables(root, robot, springs, times)
     keyframes = ET.SubElement(root, "keyframe")
@@ -173,7 +181,8 @@ def to_mjcf(
     if not settling:
         model = mujoco.MjModel.from_xml_string(_document(root))
         period = 2 * np.pi / fastest(model, robot, springs)
-        option.set("timestep", text(min(step, rounded_down(period / STEPS))))
+        swings = chains.plucking(robot, problem.rest_lengths)
+        option.set("timestep", text(min(step, rounded_down(min(period / STEPS, RESOLVED / swings)))))
     return _document(root)
 
 

@@ -52,10 +52,11 @@ def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
 
 
 def add_tendons(
-    root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float, *, wound: bool = False
+    root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float | None, *, wound: bool = False
 ) -> None:
-    """The tendons ``cable_1``, ... of massless cables, with ``rest_lengths`` [m], for this time step.
+    """The tendons ``cable_1``, ... of massless cables, with ``rest_lengths`` [m].
 
+    They are damped for the time step ``step`` [s] of an integrator that does not know springs, if it is given.
     Where cables are ``wound``, the actuators of their winches replace their springs, except for nonlinear cables, which
     begin at a drum; and ``rope_1``, ... are drawn in their place (``winches.hang``).
     """
@@ -64,7 +65,7 @@ def add_tendons(
     further = polynomials(cabling, cabling.axial_stiffness, rest_lengths)
     lengths = rest_lengths + (winches.behind(robot) if wound else pulleys.entries(cabling))
     for i, (stiffness, length) in enumerate(zip(stiffnesses, lengths, strict=True), start=1):
-        if cabling.linear_density[i - 1] > 0:  # ``chains.add_segments``
+        if cabling.linear_density[i - 1] > 0:  # ``chains``
             continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
         if cabling.reeving[i - 1] > 1 or cabling.winch_to_exit[i - 1] > 0:  # what ``reset`` cannot read elsewhere
@@ -74,8 +75,8 @@ def add_tendons(
         if nonlinear or not wound:
             cable.set("stiffness", text([stiffness, *further[i - 1]] if nonlinear else stiffness))
             cable.set("springlength", text([0, length]))
-        if not cabling.massless:
-            cable.set("damping", text(step * stiffness))  # this integrator does not know springs
+        if step is not None:
+            cable.set("damping", text(step * stiffness))
         if nonlinear and wound:
             ET.SubElement(cable, "site", site=f"drum_{i}")
         elif cabling.pulleys[i - 1]:

@@ -11,10 +11,8 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.chains import refuse_weight
+from cdpr_sim.physics import chains, winches
 from cdpr_sim.physics.settle import settle
-from cdpr_sim.physics.tendons import springs
-from cdpr_sim.physics.winches import SERVO, reach, shared
 
 
 def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Float[np.ndarray, "*rows cables"]:
@@ -35,12 +33,11 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
         NotSettled: cables are nonlinear, and the platform does not come to rest on them.
     """
     problem = Problem.of(robot, pose)
-    refuse_weight(robot, "a winch in MuJoCo")
     wanted = checked_array("rest_lengths", rest_lengths, None)
     if wanted.shape[-1:] != (robot.cables,):
         raise InvalidInput(f"rest_lengths: found an array of shape {wanted.shape}, expected (..., {robot.cables})")
-    lowest, highest = reach(robot)
-    lowest, highest = np.minimum(lowest, problem.rest_lengths), np.maximum(highest, problem.rest_lengths)
+    unwound = chains.unwound(robot, problem.rest_lengths)
+    lowest, highest = winches.bounds(robot, problem.rest_lengths, unwound)
     wrong = ~((wanted >= lowest) & (wanted <= highest))
     if wrong.any():
         *_, cable = place = tuple(np.argwhere(wrong)[0])
@@ -48,13 +45,20 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
             f"rest_lengths: found {wanted[place]:g} m for cable {cable + 1}, expected {lowest[cable]:.4g} to "
             f"{highest[cable]:.4g} m, which its winch can let out"
         )
-    extra = shared(robot)
+    extra = winches.shared(robot, unwound)
     controls = (problem.rest_lengths + extra) / (wanted + extra) - 1
     nonlinear = robot.cabling.stiffening.any(1)
     if nonlinear.any():
-        servos = SERVO * springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
+        servos = winches.SERVO * chains.wound_springs(robot, problem.rest_lengths)
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
-            drawn_in = (rest.lengths + extra) * controls[row] + rest.pulls / servos  # plus the servos' displacement
+            lengths, pulls = rest.lengths + extra, rest.pulls.copy()
+            for cable in np.flatnonzero(nonlinear & (robot.cabling.linear_density > 0)):
+                # Along a hanging cable, the tension grows by the weight below: its mean is that at half the height.
+                rise = robot.exits[cable, 2] - rest.pose.apply(robot.anchors[cable])[2]
+                pulls[cable] += robot.cable_weights[cable] * rise / 2
+                strain = chains.strains(robot.cabling, np.array([cable]), pulls[[cable]])[0]
+                lengths[cable] = (wanted[row][cable] + extra[cable]) * (1 + strain)
+            drawn_in = lengths * controls[row] + pulls / servos  # plus the servos' displacement
             controls[row][nonlinear] = drawn_in[nonlinear]
     return controls

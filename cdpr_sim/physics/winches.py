@@ -153,9 +153,21 @@ def steady_step(robot: Robot, forces: Float[np.ndarray, " cables"]) -> float:
     return float(np.sqrt(moments.min() / max(torques.max(), np.finfo(float).tiny)))
 
 
-def shared(robot: Robot) -> Float[np.ndarray, " cables"]:
-    """Length of rope between winch and exit, for each part of line [m]: it stretches with the cable."""
-    return robot.winch_to_exit / robot.reeving
+def shared(robot: Robot, unwound: Float[np.ndarray, " cables"] | float = 0.0) -> Float[np.ndarray, " cables"]:
+    """c [m]: the length of rope between winch and exit for each part of line, which stretches with the cable.
+
+    Of cables with mass it is minus the ``unwound`` length, with which the rope behind stretches (``chains``).
+    """
+    return np.where(robot.cabling.linear_density > 0, -np.asarray(unwound), robot.winch_to_exit / robot.reeving)
+
+
+def bounds(
+    robot: Robot, rest_lengths: Float[np.ndarray, " cables"], unwound: Float[np.ndarray, " cables"]
+) -> Float[np.ndarray, "2 cables"]:
+    """Shortest and longest rest length [m] of the winches of a model that is written with ``rest_lengths``."""
+    shortest, longest = reach(robot)
+    shortest = np.maximum(shortest, unwound + SHORTEST * rest_lengths * (unwound > 0))
+    return np.array([np.minimum(shortest, rest_lengths), np.maximum(longest, rest_lengths)])
 
 
 def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
@@ -167,7 +179,7 @@ def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
 def add_drums(world: ET.Element, robot: Robot, springs: Float[np.ndarray, " cables"]) -> None:
     """The bodies ``drum_1``, ... of nonlinear cables, on slides along which the cables arrive; the last joints.
 
-    ``springs`` are the stiffnesses of the cables' tendons, from ``tendons.springs`` [N/m].
+    ``springs`` are the stiffnesses of the cables' tendons [N/m].
     """
     for cable in np.flatnonzero(robot.cabling.stiffening.any(1)):
         i, axis = cable + 1, robot.cabling.pulley_axis[cable]
@@ -189,6 +201,7 @@ def add_winches(
     rest_lengths: Float[np.ndarray, " cables"],
     springs: Float[np.ndarray, " cables"],
     *,
+    unwound: Float[np.ndarray, " cables"],
     kind: Kind,
     forces: Float[np.ndarray, " cables"],
     speed: float,
@@ -201,18 +214,19 @@ def add_winches(
         world: its world body.
         robot: the robot.
         rest_lengths: rest lengths at a control, or an activation, of 0 [m].
-        springs: stiffnesses of tendons of these rest lengths, from ``tendons.springs`` [N/m].
+        springs: stiffnesses of tendons of these rest lengths [N/m].
+        unwound: parts of cables with mass that are not wound, (cables,) [m].
         kind: what the controls are.
         forces: largest tensions of the ropes, (cables,) [N]; may be infinite.
         speed: largest rope speed of the kind ``speed`` [m/s].
         damping: resistance of cables to stretching, as a multiple of their stiffness, (cables,) [s].
     """
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
-    bounds = np.array([np.minimum(reach(robot)[0], rest_lengths), np.maximum(reach(robot)[1], rest_lengths)])
-    extra = shared(robot)
+    extra = shared(robot, unwound)
+    offsets, ranges = _offsets(robot), bounds(robot, rest_lengths, unwound)
     for cable, slope in enumerate(springs):
         i, length = cable + 1, rest_lengths[cable] + extra[cable]
-        shortest, longest = bounds[:, cable] + extra[cable]
+        shortest, longest = ranges[:, cable] + extra[cable]
         if robot.cabling.stiffening[cable].any():
             winch = ET.SubElement(actuators, "general", name=f"winch_{i}")
             winch.set("joint", f"drum_{i}")
@@ -222,7 +236,8 @@ def add_winches(
             ends, fastest = [length - longest, length - shortest], speed
         else:
             unit = 1.0 if kind == "ratio" else length  # of the input: u, or w = u L
-            winch = _add_cable(actuators, f"winch_{i}", cable, robot, slope, damping[cable], 1 / unit, forces[cable])
+            law = slope, offsets[cable], damping[cable]
+            winch = _add_cable(actuators, f"winch_{i}", cable, robot, *law, 1 / unit, forces[cable])
             ends = [unit * (length / longest - 1), unit * (length / shortest - 1)]
             fastest = speed * (length / longest) ** 2
         if kind == "ratio":
@@ -248,21 +263,33 @@ def add_damped_cables(
     is clamped as a whole, so that it never pushes.
     """
     actuators = ET.SubElement(root, "actuator")
-    for cable, slope in enumerate(springs):
-        _add_cable(actuators, f"damped_{cable + 1}", cable, robot, slope, damping[cable], 0.0, np.inf)
+    for cable, law in enumerate(zip(springs, _offsets(robot), damping, strict=True)):
+        _add_cable(actuators, f"damped_{cable + 1}", cable, robot, *law, 0.0, np.inf)
+
+
+def _offsets(robot: Robot) -> Float[np.ndarray, " cables"]:
+    """Difference between the length of each tendon and the length l + c that its actuator stretches [m]."""
+    return np.where(robot.cabling.linear_density > 0, 0.0, pulleys.entries(robot.cabling) - shared(robot))
 
 
 def _add_cable(
-    actuators: ET.Element, name: str, cable: int, robot: Robot, slope: float, damping: float, gain: float, force: float
+    actuators: ET.Element,
+    name: str,
+    cable: int,
+    robot: Robot,
+    slope: float,
+    offset: float,
+    damping: float,
+    gain: float,
+    force: float,
 ) -> ET.Element:
     """The actuator that is a linear cable: n EA (l (1 + gain u)/L - 1) + damping, and between 0 and n ``force``."""
     stiffness = robot.reeving[cable] * robot.axial_stiffness[cable]
-    entry = (pulleys.entries(robot.cabling) - shared(robot))[cable]
     actuator = ET.SubElement(actuators, "general", name=name, tendon=f"cable_{cable + 1}", gear="-1")
     actuator.set("gaintype", "affine")
-    actuator.set("gainprm", text(gain * np.array([-slope * entry, -slope, 0])))
+    actuator.set("gainprm", text(gain * np.array([-slope * offset, -slope, 0])))
     actuator.set("biastype", "affine")
-    actuator.set("biasprm", text([-stiffness - slope * entry, -slope, -damping * slope]))
+    actuator.set("biasprm", text([-stiffness - slope * offset, -slope, -damping * slope]))
     most = robot.reeving[cable] * force if np.isfinite(force) else NO_LIMIT * stiffness
     actuator.set("forcerange", text([0, most]))
     return actuator
