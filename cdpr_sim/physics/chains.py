@@ -240,7 +240,7 @@ def add_chains(
     robot: Robot,
     pose: RigidTransform,
     rest_lengths: Float[np.ndarray, " cables"],
-    step: float | None,
+    damping: Float[np.ndarray, " cables"] | None,
 ) -> list[float]:
     """The masses ``node_1_4``, ..., ``node_1_1`` of each cable with mass, from the anchor; returns their coordinates.
 
@@ -249,7 +249,7 @@ def add_chains(
         robot: the robot.
         pose: pose at which the platform is written.
         rest_lengths: (cables,) [m].
-        step: the time step [s] that determines the damping; None for none.
+        damping: ``plucked`` of a cable of unit length, (cables,) [N s]; None for none.
 
     Raises:
         InvalidInput: a cable with too small a mass.
@@ -274,8 +274,8 @@ def add_chains(
                 slide = ET.SubElement(parent, "joint", name=f"{name}_{i}_{k}", type="slide")
                 slide.set("axis", text(np.eye(3)[axis]))
                 slide.set("ref", text(along[axis]))
-                if step is not None:
-                    slide.set("damping", text(plucked(step, robot.weight, lengths[k])))
+                if damping is not None:
+                    slide.set("damping", text(damping[cable] / lengths[k]))
             ET.SubElement(parent, "site", {"name": f"node_{i}_{k}", "class": "guide"})
             place = np.zeros(3)
     return list(coordinates.ravel())
@@ -301,16 +301,29 @@ def unwound(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> Float[n
     return lengths
 
 
-def plucking(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> float:
-    """An upper bound of the angular frequency of chains across their cables, each under the platform's weight [rad/s].
+def swinging(
+    robot: Robot, rest_lengths: Float[np.ndarray, " cables"], pulls: Float[np.ndarray, " cables"]
+) -> tuple[float, Float[np.ndarray, " cables"]]:
+    """How fast chains of wound cables oscillate under these ``pulls`` [N], and what damps their fastest springs.
 
-    Of the largest row sum of their stiffness over masses; the least of all numbers without chains.
+    Returns:
+        An upper bound of the angular frequency, of the largest row sum of stiffness over masses across the cables, and
+        of ``unwound`` segments along them [rad/s]; 0 without chains. And c/k of those segments that a time step cannot
+        resolve, as they have little rope behind them, (cables,) [s]: the ratio that damps the masses behind, where all
+        move alike, by half of the critical damping. A platform feels it in proportion to that segment's compliance.
     """
-    cables = np.flatnonzero(robot.cabling.linear_density)
-    lengths, masses = cut(robot, cables, rest_lengths, straight(felt_at_exit(robot.cabling, cables)))
+    cabling, times = robot.cabling, np.zeros(robot.cables)
+    cables = np.flatnonzero(cabling.linear_density)
+    lengths, masses = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))
+    first = lengths[:, 0].copy()
     lengths[:, 0] -= robot.wrapped_lengths[cables]
-    across = 2 * robot.weight * (1 / lengths[:, :-1] + 1 / lengths[:, 1:]) / masses[:, :-1]
-    return float(np.sqrt(across.max(initial=np.finfo(float).tiny)))
+    across = 2 * pulls[cables, None] * (1 / lengths[:, :-1] + 1 / lengths[:, 1:]) / masses[:, :-1]
+    ropes = cabling.reeving[cables] * first + cabling.winch_to_exit[cables]
+    springs = tendons.spring(cabling.axial_stiffness[cables], ropes, cabling.reeving[cables])
+    along = np.where(unwound(robot, rest_lengths)[cables] > 0, springs / (masses.sum(1) / 3), 0.0)
+    stiff = cabling.winch_to_exit[cables] < cabling.reeving[cables] * first
+    times[cables] = np.where(stiff & (along > 0), 1 / np.sqrt(np.maximum(along, np.finfo(float).tiny)), 0.0)
+    return float(np.sqrt(max(across.max(initial=0.0), along[~stiff].max(initial=0.0)))), times
 
 
 def wound_springs(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
@@ -325,14 +338,15 @@ def add_segments(
     rest_lengths: Float[np.ndarray, " cables"],
     step: float,
     *,
-    wound: bool = False,
-    braked: bool = True,
+    damping: Float[np.ndarray, " cables"] | None,
+    wound: Float[np.ndarray, " cables"] | None = None,
 ) -> None:
     """The tendons ``cable_1_1``, ..., from exit to anchor, of each cable with mass, its brakes, and ``chord_1``.
 
     Their damping is for the time step ``step`` [s] of a model that is only stepped. It also damps slack segments, which
-    slows them down and does not change the equilibrium. Where cables are ``wound``, only ``unwound`` segments are
-    springs: ``add_wound`` adds the others.
+    slows them down and does not change the equilibrium. Brakes have the ``damping`` of ``add_chains``. Where cables are
+    ``wound``, only ``unwound`` segments are springs, with this damping as a multiple of their stiffness (cables,) [s]:
+    ``add_wound`` adds the others.
     """
     cabling, parent = robot.cabling, root.find("tendon")
     cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(robot.cabling)
@@ -348,15 +362,16 @@ def add_segments(
         for k in range(1, SEGMENTS + 1):
             segment = ET.SubElement(parent, "spatial", {"name": f"cable_{i}_{k}", "class": "cable"})
             segment.set("springlength", text([0, uppers[k - 1]]))
-            if not wound or (k == 1 and fixed[cable]):
+            times = step if wound is None else wound[cable]
+            if wound is None or (k == 1 and fixed[cable]):
                 segment.set("stiffness", text([stiffnesses[k - 1], *further[k - 1]] if law else stiffnesses[k - 1]))
-                segment.set("damping", text(step * stiffnesses[k - 1]))
+                segment.set("damping", text(times * stiffnesses[k - 1]))
             _run(segment, i, sites[k - 1 : k + 1], over and k == 1)
-        if braked:
+        if damping is not None:
             free = lengths[0] - robot.wrapped_lengths[cable]
             for axis in "xyz":
                 brake = ET.SubElement(parent, "spatial", name=f"brake_{i}_{axis}", group="4")
-                brake.set("damping", text(plucked(step, robot.weight, free)))
+                brake.set("damping", text(damping[cable] / free))
                 _run(brake, i, [f"far_{i}_{axis}", sites[1]])
         _run(ET.SubElement(parent, "spatial", name=f"chord_{i}", group="4"), i, [sites[0], sites[-1]], over)
 

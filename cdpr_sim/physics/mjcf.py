@@ -126,7 +126,6 @@ def to_mjcf(
     robot, settling = problem.robot, factor is None
     chains.refuse_short(robot, problem.rest_lengths)
     refuse_undamped(robot, factor)
-    wound = bool(kind) or not settling
     forces, speed = largest_forces(robot, winch_force), positive("winch_speed", winch_speed, "m/s")
     drag, _ = _air(problem)
     root = ET.Element("mujoco", model=robot.name)
@@ -144,7 +143,11 @@ def to_mjcf(
     brake = (drag, drag * paddles * paddles) if settling else (0.0, 0.0)
     platform = _platform(robot, problem.pose, brake if kind else None, contact)
     world.append(platform)
-    nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP if settling else None)
+    pulls = np.full(robot.cables, robot.weight)  # against which chains are damped, or resolved
+    if kind:
+        pulls = np.where(np.isfinite(forces), robot.reeving * forces, pulls)
+    calmed = chains.plucked(step, pulls, 1.0) if settling else None
+    nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, calmed)
     if settling:
         chains.add_far(world, robot.cabling, problem.rest_lengths)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
@@ -152,19 +155,22 @@ def to_mjcf(
     if kind:
         add_drums(world, robot, springs)
     driven = bool(kind or factor)
-    resisting = TIMESTEP if settling and not (driven or robot.cabling.massless) else None
-    tendons.add_tendons(root, robot, problem.rest_lengths, resisting, wound=driven)
-    chains.add_segments(root, robot, problem.rest_lengths, TIMESTEP, wound=wound, braked=settling)
+    damped = settling and not (driven or robot.cabling.massless)
+    tendons.add_tendons(root, robot, problem.rest_lengths, TIMESTEP if damped else None, wound=driven)
+    if factor is None:  # the integrator of models with chains does not know springs
+        times = np.full(robot.cables, DAMPING if robot.cabling.massless else step)
+    else:
+        times = relaxation_times(robot, springs, factor)
+    wound = bool(kind) or not settling
+    swings, stiff = chains.swinging(robot, problem.rest_lengths, pulls)
+    resisting = (times if settling else np.maximum(times, stiff)) if wound else None
+    chains.add_segments(root, robot, problem.rest_lengths, step, damping=calmed, wound=resisting)
     if wound and not robot.cabling.massless:
         chains.add_wound(root, robot, problem.pose, problem.rest_lengths, driven=driven)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
-    if factor is None:  # the integrator of models with chains does not know springs
-        times = np.full(robot.cables, DAMPING if robot.cabling.massless else step)
-    else:
-        times = relaxation_times(robot, springs, factor)
     if kind:
         limits = {"kind": kind, "forces": forces, "speed": speed}
         add_winches(root, world, robot, problem.rest_lengths, springs, unwound=unwound, damping=times, **limits)
@@ -181,8 +187,8 @@ def to_mjcf(
     if not settling:
         model = mujoco.MjModel.from_xml_string(_document(root))
         period = 2 * np.pi / fastest(model, robot, springs)
-        swings = chains.plucking(robot, problem.rest_lengths)
-        option.set("timestep", text(min(step, rounded_down(min(period / STEPS, RESOLVED / swings)))))
+        longest = min(period / STEPS, RESOLVED / swings if swings else np.inf)
+        option.set("timestep", text(min(step, rounded_down(longest))))
     return _document(root)
 
 

@@ -52,7 +52,12 @@ def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
 
 
 def add_tendons(
-    root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float | None, *, wound: bool = False
+    root: ET.Element,
+    robot: Robot,
+    rest_lengths: Float[np.ndarray, " cables"],
+    step: float | None,
+    *,
+    wound: bool = False,
 ) -> None:
     """The tendons ``cable_1``, ... of massless cables, with ``rest_lengths`` [m].
 
