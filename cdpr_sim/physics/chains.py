@@ -45,7 +45,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import pulleys, tendons, winches
+from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.number_format import LEAST_INERTIA, magnitude, text
 
 SEGMENTS = 6
@@ -86,7 +86,7 @@ FAR = 1e4
 """Distance of a brake's other end, in rest lengths: at that distance, directions do not change."""
 
 PROPORTIONAL = (0.9999, 0.9999, 0.001, 0.5, 2)
-"""``solimp`` of the constraints that keep segments proportional: they give way by 1e-4 of what the default does."""
+"""``solimp`` of the constraints that keep segments proportional: they give way by 1e-3 of what they do by default."""
 
 SHALLOWEST = 0.1
 """Smallest chord, in rest lengths, in the formula for a chain's first profile."""
@@ -249,7 +249,7 @@ def add_chains(
         robot: the robot.
         pose: pose at which the platform is written.
         rest_lengths: (cables,) [m].
-        damping: ``plucked`` of a cable of unit length, (cables,) [N s]; None for none.
+        damping: ``plucked`` of segments of unit length, (cables,) [N s]; None for none.
 
     Raises:
         InvalidInput: a cable with too small a mass.
@@ -289,71 +289,29 @@ def add_far(world: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray,
             far.set("pos", text(cabling.exits[cable] + FAR * rest_lengths[cable] * np.eye(3)[axis]))
 
 
-def unwound(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
-    """Unstretched lengths of the parts of cables with mass that the winches of a model do not wind, (cables,) [m].
-
-    It is the first segment where it is ``felt_at_exit``: what lies on the wheel and the rope behind stretch with it,
-    however long the rest of the cable is. Otherwise 0.
-    """
-    cables = np.flatnonzero(robot.cabling.linear_density)
-    felt, lengths = felt_at_exit(robot.cabling, cables), np.zeros(robot.cables)
-    lengths[cables] = np.where(felt, cut(robot, cables, rest_lengths, straight(felt))[0][:, 0], 0.0)
-    return lengths
-
-
-def swinging(
-    robot: Robot, rest_lengths: Float[np.ndarray, " cables"], pulls: Float[np.ndarray, " cables"]
-) -> tuple[float, Float[np.ndarray, " cables"]]:
-    """How fast chains of wound cables oscillate under these ``pulls`` [N], and what damps their fastest springs.
-
-    Returns:
-        An upper bound of the angular frequency, of the largest row sum of stiffness over masses across the cables, and
-        of ``unwound`` segments along them [rad/s]; 0 without chains. And c/k of those segments that a time step cannot
-        resolve, as they have little rope behind them, (cables,) [s]: the ratio that damps the masses behind, where all
-        move alike, by half of the critical damping. A platform feels it in proportion to that segment's compliance.
-    """
-    cabling, times = robot.cabling, np.zeros(robot.cables)
-    cables = np.flatnonzero(cabling.linear_density)
-    lengths, masses = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))
-    first = lengths[:, 0].copy()
-    lengths[:, 0] -= robot.wrapped_lengths[cables]
-    across = 2 * pulls[cables, None] * (1 / lengths[:, :-1] + 1 / lengths[:, 1:]) / masses[:, :-1]
-    ropes = cabling.reeving[cables] * first + cabling.winch_to_exit[cables]
-    springs = tendons.spring(cabling.axial_stiffness[cables], ropes, cabling.reeving[cables])
-    along = np.where(unwound(robot, rest_lengths)[cables] > 0, springs / (masses.sum(1) / 3), 0.0)
-    stiff = cabling.winch_to_exit[cables] < cabling.reeving[cables] * first
-    times[cables] = np.where(stiff & (along > 0), 1 / np.sqrt(np.maximum(along, np.finfo(float).tiny)), 0.0)
-    return float(np.sqrt(max(across.max(initial=0.0), along[~stiff].max(initial=0.0)))), times
-
-
-def wound_springs(robot: Robot, rest_lengths: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
-    """Stiffness [N/m] of the tendon ``cable_1`` of each cable in a model with winches."""
-    ropes = robot.reeving * (rest_lengths + winches.shared(robot, unwound(robot, rest_lengths)))
-    return tendons.spring(robot.axial_stiffness, ropes, robot.reeving)
-
-
 def add_segments(
     root: ET.Element,
     robot: Robot,
     rest_lengths: Float[np.ndarray, " cables"],
-    step: float,
-    *,
+    step: float | None,
     damping: Float[np.ndarray, " cables"] | None,
-    wound: Float[np.ndarray, " cables"] | None = None,
 ) -> None:
     """The tendons ``cable_1_1``, ..., from exit to anchor, of each cable with mass, its brakes, and ``chord_1``.
 
-    Their damping is for the time step ``step`` [s] of a model that is only stepped. It also damps slack segments, which
-    slows them down and does not change the equilibrium. Brakes have the ``damping`` of ``add_chains``. Where cables are
-    ``wound``, only ``unwound`` segments are springs, with this damping as a multiple of their stiffness (cables,) [s]:
-    ``add_wound`` adds the others.
+    Args:
+        root: the model.
+        robot: the robot.
+        rest_lengths: (cables,) [m].
+        step: the time step [s] of a model that is only stepped, for which springs are damped. That also damps slack
+            segments, which slows them down and does not change the equilibrium. None where the tendon ``cable_1`` is
+            the spring of the whole cable (``add_proportions``).
+        damping: of brakes, as for ``add_chains``.
     """
     cabling, parent = robot.cabling, root.find("tendon")
     cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(robot.cabling)
     assert parent is not None
     divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))[0]
     springs = segment_springs(cabling, cables, cabling.axial_stiffness[cables], divided)
-    fixed = unwound(robot, rest_lengths) > 0
     for cable, lengths, stiffnesses, further in zip(cables, divided, *springs, strict=True):
         i, over, law = int(cable) + 1, bool(cabling.pulleys[cable]), bool(cabling.stiffening[cable].any())
         sites = [f"entry_{i}" if over else f"exit_{i}", *(f"node_{i}_{k}" for k in range(1, SEGMENTS)), f"anchor_{i}"]
@@ -362,10 +320,9 @@ def add_segments(
         for k in range(1, SEGMENTS + 1):
             segment = ET.SubElement(parent, "spatial", {"name": f"cable_{i}_{k}", "class": "cable"})
             segment.set("springlength", text([0, uppers[k - 1]]))
-            times = step if wound is None else wound[cable]
-            if wound is None or (k == 1 and fixed[cable]):
+            if step is not None:
                 segment.set("stiffness", text([stiffnesses[k - 1], *further[k - 1]] if law else stiffnesses[k - 1]))
-                segment.set("damping", text(times * stiffnesses[k - 1]))
+                segment.set("damping", text(step * stiffnesses[k - 1]))
             _run(segment, i, sites[k - 1 : k + 1], over and k == 1)
         if damping is not None:
             free = lengths[0] - robot.wrapped_lengths[cable]
@@ -376,75 +333,71 @@ def add_segments(
         _run(ET.SubElement(parent, "spatial", name=f"chord_{i}", group="4"), i, [sites[0], sites[-1]], over)
 
 
-def add_wound(
-    root: ET.Element, robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"], *, driven: bool
+def add_nodes(tendon: ET.Element, i: int) -> None:
+    """Sites in the tendon ``cable_1`` of a whole cable with mass, between exit and anchor."""
+    for k in range(1, SEGMENTS):
+        ET.SubElement(tendon, "site", site=f"node_{i}_{k}")
+
+
+def add_proportions(
+    root: ET.Element, model: mujoco.MjModel, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]
 ) -> None:
-    """The tendons ``cable_1``, ... of cables with mass through all segments that winches wind, and constraints.
+    """Constraints that keep the segments of a chain proportional, whatever length its winch lets out.
+
+    The spring or actuator of the tendon ``cable_1`` pulls all segments alike, and the constraints add what the weights
+    between them need: the mean tension is then that of the cable's mean strain. A chain of springs differs from it by
+    the places of its masses, in proportion to the differences of the segments' strains.
 
     Args:
-        root: the model.
+        root: the model, with segments.
+        model: the same, compiled: constraints in MuJoCo are relative to its lengths.
         robot: the robot.
-        pose: pose at which the platform is written.
         rest_lengths: (cables,) [m].
-        driven: whether actuators replace the springs of linear cables, and nonlinear ones begin at drums.
-    """
-    cabling, parent = robot.cabling, root.find("tendon")
-    assert parent is not None
-    cables, fixed = np.flatnonzero(cabling.linear_density), unwound(robot, rest_lengths)
-    ropes = cabling.reeving * (rest_lengths - fixed)
-    further = tendons.polynomial(cabling.axial_stiffness, cabling.stiffening, ropes, cabling.reeving)
-    stiffnesses, behind = wound_springs(robot, rest_lengths), winches.behind(robot)
-    for cable in cables:
-        i, nonlinear = cable + 1, cabling.stiffening[cable].any()
-        tendon = ET.SubElement(parent, "spatial", {"name": f"cable_{i}", "class": "cable", "group": "4"})
-        drum = driven and nonlinear
-        if cabling.reeving[cable] > 1 or fixed[cable]:  # what ``reset`` cannot read elsewhere
-            tendon.set("user", text([float(cabling.reeving[cable]), -fixed[cable]]))
-        if nonlinear or not driven:
-            tendon.set("stiffness", text([stiffnesses[cable], *further[cable]] if nonlinear else stiffnesses[cable]))
-            tendon.set("springlength", text([0, rest_lengths[cable] - fixed[cable] + drum * behind[cable]]))
-        if drum:
-            ET.SubElement(tendon, "site", site=f"drum_{i}")
-        if drum or not fixed[cable]:
-            ET.SubElement(tendon, "site", site=f"exit_{i}")
-        if drum and fixed[cable]:
-            ET.SubElement(tendon, "pulley", divisor="1")
-        for k in range(1, SEGMENTS):
-            ET.SubElement(tendon, "site", site=f"node_{i}_{k}")
-        ET.SubElement(tendon, "site", site=f"anchor_{i}")
-    _add_proportions(root, robot, pose, rest_lengths)
-
-
-def _add_proportions(
-    root: ET.Element, robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"]
-) -> None:
-    """Constraints that keep the lengths of wound segments proportional, whatever length the winch has let out.
-
-    A chain whose segments all stretch alike deviates from one of springs by the difference of their strains.
     """
     cabling = robot.cabling
     cables = np.flatnonzero(cabling.linear_density)
-    parent = ET.SubElement(root, "equality")
     divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))[0]
-    written = extents(robot, pose, rest_lengths)[:, ::-1]  # of the second segment and on
-    first = pose.rotation.inv().apply(pose.apply(robot.anchors[cables]) - robot.exits[cables]) + written.sum(1)
-    fixed = unwound(robot, rest_lengths)[cables] > 0
-    for cable, lengths, start, others, skipped in zip(cables, divided, first, written, fixed, strict=True):
-        spans = [magnitude(start), *(magnitude(other) for other in others)]
-        longest = 1 + int(np.argmax(lengths[1:]))
-        for k in range(int(skipped), SEGMENTS):
+    behind = pulleys.entries(cabling) + robot.wrapped_lengths
+    parent = ET.SubElement(root, "equality")
+    for cable, lengths in zip(cables, divided, strict=True):
+        names = [f"cable_{cable + 1}_{k}" for k in range(1, SEGMENTS + 1)]
+        written = np.array([model.tendon_length0[model.tendon(name).id] for name in names])
+        constant = np.append(behind[cable], np.zeros(SEGMENTS - 1))
+        lengths[0] -= robot.wrapped_lengths[cable]
+        longest = int(np.argmax(lengths))
+        ratios = lengths / lengths[longest]
+        # Rounded: the last digits of lengths differ between versions of MuJoCo.
+        begins = np.round(constant + ratios * written[longest] - written, 12)
+        for k, name in enumerate(names):
             if k != longest:
-                ratio = lengths[k] / lengths[longest]
-                pair = {"tendon1": f"cable_{cable + 1}_{k + 1}", "tendon2": f"cable_{cable + 1}_{longest + 1}"}
-                ET.SubElement(
-                    parent,
-                    "tendon",
-                    pair
-                    | {
-                        "polycoef": text([ratio * spans[longest] - spans[k], ratio, 0, 0, 0]),
-                        "solimp": text(PROPORTIONAL),
-                    },
-                )
+                pair = ET.SubElement(parent, "tendon", tendon1=name, tendon2=names[longest])
+                pair.set("polycoef", text([begins[k], ratios[k], 0, 0, 0]))
+                pair.set("solimp", text(PROPORTIONAL))
+
+
+def uneven(
+    robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"]
+) -> Float[np.ndarray, " cables"]:
+    """How much further cables with mass stretch than under their mean tension, at ``pose``, (cables,) [m].
+
+    What lies on the wheel and behind the exit has the tension at the exit. That is above the mean by the weight of a
+    cable half as long as the exit is above the anchor; by more in cables that sag.
+    """
+    rise = robot.exits[:, 2] - pose.apply(robot.anchors)[:, 2]
+    more = robot.cable_weights * rise / 2 / (robot.reeving * robot.axial_stiffness)
+    return (robot.wrapped_lengths + robot.cabling.behind) * more
+
+
+def swinging(robot: Robot, rest_lengths: Float[np.ndarray, " cables"], pulls: Float[np.ndarray, " cables"]) -> float:
+    """An upper bound of the angular frequency of chains across their cables under these ``pulls`` [N], [rad/s].
+
+    Of the largest row sum of stiffness over masses; 0 without chains.
+    """
+    cables = np.flatnonzero(robot.cabling.linear_density)
+    lengths, masses = cut(robot, cables, rest_lengths, straight(felt_at_exit(robot.cabling, cables)))
+    lengths[:, 0] -= robot.wrapped_lengths[cables]
+    across = 2 * pulls[cables, None] * (1 / lengths[:, :-1] + 1 / lengths[:, 1:]) / masses[:, :-1]
+    return float(np.sqrt(across.max(initial=0.0)))
 
 
 def _run(tendon: ET.Element, i: int, sites: list[str], over_wheel: bool = False) -> None:

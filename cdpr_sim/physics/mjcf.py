@@ -151,31 +151,29 @@ def to_mjcf(
     if settling:
         chains.add_far(world, robot.cabling, problem.rest_lengths)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
-    springs, unwound = chains.wound_springs(robot, problem.rest_lengths), chains.unwound(robot, problem.rest_lengths)
+    springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
     if kind:
         add_drums(world, robot, springs)
-    driven = bool(kind or factor)
-    damped = settling and not (driven or robot.cabling.massless)
-    tendons.add_tendons(root, robot, problem.rest_lengths, TIMESTEP if damped else None, wound=driven)
-    if factor is None:  # the integrator of models with chains does not know springs
-        times = np.full(robot.cables, DAMPING if robot.cabling.massless else step)
+    driven, masses = bool(kind or factor), not robot.cabling.massless
+    whole = masses and bool(kind or not settling)  # the cable's spring is that of one tendon, and not of segments
+    resisting = step if masses and not whole else None  # this integrator does not know springs
+    uneven = chains.uneven(robot, problem.pose, problem.rest_lengths)
+    if factor is None:
+        times = np.full(robot.cables, step if masses else DAMPING)
     else:
         times = relaxation_times(robot, springs, factor)
-    wound = bool(kind) or not settling
-    swings, stiff = chains.swinging(robot, problem.rest_lengths, pulls)
-    resisting = (times if settling else np.maximum(times, stiff)) if wound else None
-    chains.add_segments(root, robot, problem.rest_lengths, step, damping=calmed, wound=resisting)
-    if wound and not robot.cabling.massless:
-        chains.add_wound(root, robot, problem.pose, problem.rest_lengths, driven=driven)
+    nodes_of = chains.add_nodes if whole else None
+    tendons.add_tendons(root, robot, problem.rest_lengths, resisting, wound=driven, whole=nodes_of, uneven=uneven)
+    chains.add_segments(root, robot, problem.rest_lengths, resisting, calmed)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
     if kind:
         limits = {"kind": kind, "forces": forces, "speed": speed}
-        add_winches(root, world, robot, problem.rest_lengths, springs, unwound=unwound, damping=times, **limits)
+        add_winches(root, world, robot, problem.rest_lengths, springs, uneven=uneven, damping=times, **limits)
     elif factor:
-        add_damped_cables(root, robot, springs, times)
+        add_damped_cables(root, robot, springs, uneven, times)
     keyframes = ET.SubElement(root, "keyframe")
     swivels = pulleys.facing(robot, problem.pose)[1] if robot.mobility == "spatial" else []
     at = coordinates(robot, problem.pose)
@@ -184,9 +182,13 @@ def to_mjcf(
     drums = np.zeros(int(robot.cabling.stiffening.any(1).sum()) if kind else 0)
     start = np.concatenate([at, nodes, swivels, drums])
     ET.SubElement(keyframes, "key", name="commanded", qpos=text(start))
-    if not settling:
+    if whole or not settling:
         model = mujoco.MjModel.from_xml_string(_document(root))
+    if whole:
+        chains.add_proportions(root, model, robot, problem.rest_lengths)
+    if not settling:
         period = 2 * np.pi / fastest(model, robot, springs)
+        swings = chains.swinging(robot, problem.rest_lengths, pulls)
         longest = min(period / STEPS, RESOLVED / swings if swings else np.inf)
         option.set("timestep", text(min(step, rounded_down(longest))))
     return _document(root)

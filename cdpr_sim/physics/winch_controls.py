@@ -11,8 +11,10 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics import chains, winches
+from cdpr_sim.physics import chains
 from cdpr_sim.physics.settle import settle
+from cdpr_sim.physics.tendons import springs
+from cdpr_sim.physics.winches import SERVO, reach, shared
 
 
 def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Float[np.ndarray, "*rows cables"]:
@@ -36,8 +38,8 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
     wanted = checked_array("rest_lengths", rest_lengths, None)
     if wanted.shape[-1:] != (robot.cables,):
         raise InvalidInput(f"rest_lengths: found an array of shape {wanted.shape}, expected (..., {robot.cables})")
-    unwound = chains.unwound(robot, problem.rest_lengths)
-    lowest, highest = winches.bounds(robot, problem.rest_lengths, unwound)
+    lowest, highest = reach(robot)
+    lowest, highest = np.minimum(lowest, problem.rest_lengths), np.maximum(highest, problem.rest_lengths)
     wrong = ~((wanted >= lowest) & (wanted <= highest))
     if wrong.any():
         *_, cable = place = tuple(np.argwhere(wrong)[0])
@@ -45,20 +47,21 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
             f"rest_lengths: found {wanted[place]:g} m for cable {cable + 1}, expected {lowest[cable]:.4g} to "
             f"{highest[cable]:.4g} m, which its winch can let out"
         )
-    extra = winches.shared(robot, unwound)
+    extra = shared(robot)
     controls = (problem.rest_lengths + extra) / (wanted + extra) - 1
     nonlinear = robot.cabling.stiffening.any(1)
     if nonlinear.any():
-        servos = winches.SERVO * chains.wound_springs(robot, problem.rest_lengths)
+        servos = SERVO * springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
-            lengths, pulls = rest.lengths + extra, rest.pulls.copy()
+            lengths = rest.lengths + extra
             for cable in np.flatnonzero(nonlinear & (robot.cabling.linear_density > 0)):
-                # Along a hanging cable, the tension grows by the weight below: its mean is that at half the height.
+                # Of a cable with mass, ``lengths`` has the chord. Its tension grows along it by the weight below: the
+                # mean is that at half the height.
                 rise = robot.exits[cable, 2] - rest.pose.apply(robot.anchors[cable])[2]
-                pulls[cable] += robot.cable_weights[cable] * rise / 2
-                strain = chains.strains(robot.cabling, np.array([cable]), pulls[[cable]])[0]
+                pull = rest.pulls[[cable]] + robot.cable_weights[cable] * rise / 2
+                strain = chains.strains(robot.cabling, np.array([cable]), pull)[0]
                 lengths[cable] = (wanted[row][cable] + extra[cable]) * (1 + strain)
-            drawn_in = lengths * controls[row] + pulls / servos  # plus the servos' displacement
+            drawn_in = lengths * controls[row] + rest.pulls / servos  # plus the servos' displacement
             controls[row][nonlinear] = drawn_in[nonlinear]
     return controls

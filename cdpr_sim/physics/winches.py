@@ -153,21 +153,9 @@ def steady_step(robot: Robot, forces: Float[np.ndarray, " cables"]) -> float:
     return float(np.sqrt(moments.min() / max(torques.max(), np.finfo(float).tiny)))
 
 
-def shared(robot: Robot, unwound: Float[np.ndarray, " cables"] | float = 0.0) -> Float[np.ndarray, " cables"]:
-    """c [m]: the length of rope between winch and exit for each part of line, which stretches with the cable.
-
-    Of cables with mass it is minus the ``unwound`` length, with which the rope behind stretches (``chains``).
-    """
-    return np.where(robot.cabling.linear_density > 0, -np.asarray(unwound), robot.winch_to_exit / robot.reeving)
-
-
-def bounds(
-    robot: Robot, rest_lengths: Float[np.ndarray, " cables"], unwound: Float[np.ndarray, " cables"]
-) -> Float[np.ndarray, "2 cables"]:
-    """Shortest and longest rest length [m] of the winches of a model that is written with ``rest_lengths``."""
-    shortest, longest = reach(robot)
-    shortest = np.maximum(shortest, unwound + SHORTEST * rest_lengths * (unwound > 0))
-    return np.array([np.minimum(shortest, rest_lengths), np.maximum(longest, rest_lengths)])
+def shared(robot: Robot) -> Float[np.ndarray, " cables"]:
+    """Length of rope between winch and exit, for each part of line [m]: it stretches with the cable."""
+    return robot.winch_to_exit / robot.reeving
 
 
 def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
@@ -179,7 +167,7 @@ def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
 def add_drums(world: ET.Element, robot: Robot, springs: Float[np.ndarray, " cables"]) -> None:
     """The bodies ``drum_1``, ... of nonlinear cables, on slides along which the cables arrive; the last joints.
 
-    ``springs`` are the stiffnesses of the cables' tendons [N/m].
+    ``springs`` are the stiffnesses of the cables' tendons, from ``tendons.springs`` [N/m].
     """
     for cable in np.flatnonzero(robot.cabling.stiffening.any(1)):
         i, axis = cable + 1, robot.cabling.pulley_axis[cable]
@@ -201,7 +189,7 @@ def add_winches(
     rest_lengths: Float[np.ndarray, " cables"],
     springs: Float[np.ndarray, " cables"],
     *,
-    unwound: Float[np.ndarray, " cables"],
+    uneven: Float[np.ndarray, " cables"],
     kind: Kind,
     forces: Float[np.ndarray, " cables"],
     speed: float,
@@ -214,19 +202,19 @@ def add_winches(
         world: its world body.
         robot: the robot.
         rest_lengths: rest lengths at a control, or an activation, of 0 [m].
-        springs: stiffnesses of tendons of these rest lengths [N/m].
-        unwound: parts of cables with mass that are not wound, (cables,) [m].
+        springs: stiffnesses of tendons of these rest lengths, from ``tendons.springs`` [N/m].
+        uneven: by how much cables stretch further than under their mean tension, (cables,) [m].
         kind: what the controls are.
         forces: largest tensions of the ropes, (cables,) [N]; may be infinite.
         speed: largest rope speed of the kind ``speed`` [m/s].
         damping: resistance of cables to stretching, as a multiple of their stiffness, (cables,) [s].
     """
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
-    extra = shared(robot, unwound)
-    offsets, ranges = _offsets(robot), bounds(robot, rest_lengths, unwound)
+    bounds = np.array([np.minimum(reach(robot)[0], rest_lengths), np.maximum(reach(robot)[1], rest_lengths)])
+    extra, offsets = shared(robot), _offsets(robot, uneven)
     for cable, slope in enumerate(springs):
         i, length = cable + 1, rest_lengths[cable] + extra[cable]
-        shortest, longest = ranges[:, cable] + extra[cable]
+        shortest, longest = bounds[:, cable] + extra[cable]
         if robot.cabling.stiffening[cable].any():
             winch = ET.SubElement(actuators, "general", name=f"winch_{i}")
             winch.set("joint", f"drum_{i}")
@@ -255,7 +243,11 @@ def add_winches(
 
 
 def add_damped_cables(
-    root: ET.Element, robot: Robot, springs: Float[np.ndarray, " cables"], damping: Float[np.ndarray, " cables"]
+    root: ET.Element,
+    robot: Robot,
+    springs: Float[np.ndarray, " cables"],
+    uneven: Float[np.ndarray, " cables"],
+    damping: Float[np.ndarray, " cables"],
 ) -> None:
     """Actuators ``damped_1``, ... without control, each the spring and the damper of a cable of constant rest length.
 
@@ -263,13 +255,13 @@ def add_damped_cables(
     is clamped as a whole, so that it never pushes.
     """
     actuators = ET.SubElement(root, "actuator")
-    for cable, law in enumerate(zip(springs, _offsets(robot), damping, strict=True)):
+    for cable, law in enumerate(zip(springs, _offsets(robot, uneven), damping, strict=True)):
         _add_cable(actuators, f"damped_{cable + 1}", cable, robot, *law, 0.0, np.inf)
 
 
-def _offsets(robot: Robot) -> Float[np.ndarray, " cables"]:
+def _offsets(robot: Robot, uneven: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
     """Difference between the length of each tendon and the length l + c that its actuator stretches [m]."""
-    return np.where(robot.cabling.linear_density > 0, 0.0, pulleys.entries(robot.cabling) - shared(robot))
+    return pulleys.entries(robot.cabling) - shared(robot) + uneven
 
 
 def _add_cable(
