@@ -536,57 +536,81 @@ class Chains:
             spans: vectors from anchors to exits [m].
         """
         masses = np.concatenate([model.body_mass[self.ends, None], model.body_mass[self.nodes]], axis=1)
-        hanging = -masses.cumsum(1)[..., None] * model.opt.gravity
-        rest = self.rest_lengths(model)[:, ::-1, None]
-        axes, radii = self.axes, self.radii[:, None]
-        inwards = self.segments[:, ::-1]
-        law = model.tendon_stiffness[inwards], *np.moveaxis(model.tendon_stiffnesspoly[inwards], -1, 0)
+        law = model.tendon_stiffness[self.segments], *np.moveaxis(model.tendon_stiffnesspoly[self.segments], -1, 0)
+        weights = masses[:, ::-1, None] * model.opt.gravity
+        return hang(weights, self.rest_lengths(model), law, self.radii, self.axes, pulls, spans)
 
-        def laid(pulls: np.ndarray) -> tuple[np.ndarray, ...]:
-            each = pulls[..., None, :] + hanging
-            size = np.maximum(np.linalg.norm(each, axis=-1, keepdims=True), LEAST_PULL)
-            along = each / size
-            stretch, give = _stretched(size[..., 0], *law)
-            reach = rest + stretch[..., None]
-            ahead = -(along[..., -1, :] * axes).sum(-1, keepdims=True)
-            outwards = -along[..., -1, :] - ahead * axes
-            aside = np.linalg.norm(outwards, axis=-1, keepdims=True)
-            outwards = outwards / np.maximum(aside, FLAT)
-            reach[..., -1, :] -= radii * np.arctan2(aside, ahead)
-            leaving = radii * ((1 - ahead) * outwards + aside * axes)  # from the exit
-            segments = reach * along
-            off = spans + leaving - segments.sum(-2)
-            swivelling = radii * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
-            return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give, swivelling, outwards
 
-        # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
-        # segment: it is least there where the others leave no more than that length to span.
-        folded = (laid(-np.moveaxis(hanging, 1, 0))[2] <= rest[..., 0].T).any(0)
-        found, here = np.zeros(len(pulls), dtype=bool), laid(pulls)
-        for _ in range(LAYINGS):
-            _, off, apart, along, turning, give, swivelling, outwards = here
-            found = apart <= CLOSED * rest.sum(1)[:, 0]
-            if (found | folded).all():
+def hang(
+    weights: Float[np.ndarray, "chains points 3"],
+    rest_lengths: Float[np.ndarray, "chains segments"],
+    law: tuple[Float[np.ndarray, "chains segments"], ...],
+    radii: Float[np.ndarray, " chains"],
+    axes: Float[np.ndarray, "chains 3"],
+    pulls: Float[np.ndarray, "chains 3"],
+    spans: Float[np.ndarray, "chains 3"],
+) -> tuple[Float[np.ndarray, "chains nodes 3"], Bool[np.ndarray, " chains"]]:
+    """``Chains.hung`` of any chains, with numbers from exit to anchor.
+
+    Args:
+        weights: of the masses between segments, and of that at the anchor [N].
+        rest_lengths: of the segments [m], the first with what lies on the wheel.
+        law: MuJoCo's stiffness and polynomial of each segment.
+        radii: of the wheels, 0 without [m].
+        axes: of the wheels.
+        pulls: approximate pulls on the anchors [N].
+        spans: vectors from anchors to exits [m].
+    """
+    hanging = -weights[:, ::-1].cumsum(1)
+    rest = rest_lengths[:, ::-1, None]
+    radii = radii[:, None]
+    law = tuple(number[:, ::-1] for number in law)
+
+    def laid(pulls: np.ndarray) -> tuple[np.ndarray, ...]:
+        each = pulls[..., None, :] + hanging
+        size = np.maximum(np.linalg.norm(each, axis=-1, keepdims=True), LEAST_PULL)
+        along = each / size
+        stretch, give = _stretched(size[..., 0], *law)
+        reach = rest + stretch[..., None]
+        ahead = -(along[..., -1, :] * axes).sum(-1, keepdims=True)
+        outwards = -along[..., -1, :] - ahead * axes
+        aside = np.linalg.norm(outwards, axis=-1, keepdims=True)
+        outwards = outwards / np.maximum(aside, FLAT)
+        reach[..., -1, :] -= radii * np.arctan2(aside, ahead)
+        leaving = radii * ((1 - ahead) * outwards + aside * axes)  # from the exit
+        segments = reach * along
+        off = spans + leaving - segments.sum(-2)
+        swivelling = radii * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
+        return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give, swivelling, outwards
+
+    # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
+    # segment: it is least there where the others leave no more than that length to span.
+    folded = (laid(-np.moveaxis(hanging, 1, 0))[2] <= rest[..., 0].T).any(0)
+    found, here = np.zeros(len(pulls), dtype=bool), laid(pulls)
+    for _ in range(LAYINGS):
+        _, off, apart, along, turning, give, swivelling, outwards = here
+        found = apart <= CLOSED * rest.sum(1)[:, 0]
+        if (found | folded).all():
+            break
+        slope = turning.sum(1)[..., None] * np.eye(3) + np.einsum(
+            "ns,nsi,nsj->nij", give - turning[..., 0], along, along
+        )
+        sideways = np.cross(axes, outwards)
+        slope += swivelling[..., None] * sideways[:, :, None] * sideways[:, None]
+        if not (np.linalg.det(slope) > 0).all():  # a chain whose first segment would not reach beyond its wheel
+            break
+        step = np.linalg.solve(slope, off[..., None])[..., 0]
+        for _ in range(SHORTER):
+            here = laid(pulls + step)
+            worse = here[2] > apart
+            if not (worse & ~folded).any():
                 break
-            slope = turning.sum(1)[..., None] * np.eye(3) + np.einsum(
-                "ns,nsi,nsj->nij", give - turning[..., 0], along, along
-            )
-            sideways = np.cross(axes, outwards)
-            slope += swivelling[..., None] * sideways[:, :, None] * sideways[:, None]
-            if not (np.linalg.det(slope) > 0).all():  # a chain whose first segment would not reach beyond its wheel
-                break
-            step = np.linalg.solve(slope, off[..., None])[..., 0]
-            for _ in range(SHORTER):
-                here = laid(pulls + step)
-                worse = here[2] > apart
-                if not (worse & ~folded).any():
-                    break
-                step[worse] *= 0.5
-            else:
-                here = laid(pulls + step)
-            pulls = pulls + step
-        segments = here[0]
-        return segments[:, :-1], found
+            step[worse] *= 0.5
+        else:
+            here = laid(pulls + step)
+        pulls = pulls + step
+    segments = here[0]
+    return segments[:, :-1], found
 
 
 def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass: float) -> ET.Element:

@@ -59,7 +59,7 @@ def add_tendons(
     *,
     wound: bool = False,
     whole: Callable[[ET.Element, int], None] | None = None,
-    uneven: Float[np.ndarray, " cables"] | float = 0.0,
+    uneven: Float[np.ndarray, " cables"],
 ) -> None:
     """The tendons ``cable_1``, ... with ``rest_lengths`` [m].
 
@@ -82,9 +82,12 @@ def add_tendons(
         if heavy and whole is None:
             continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
-        if cabling.reeving[i - 1] > 1 or cabling.winch_to_exit[i - 1] > 0:  # what ``reset`` cannot read elsewhere
+        if (
+            cabling.reeving[i - 1] > 1 or cabling.winch_to_exit[i - 1] > 0 or heavy
+        ):  # ``reset`` cannot read it elsewhere
             parts = float(cabling.reeving[i - 1])
-            cable.set("user", text([parts, float(cabling.winch_to_exit[i - 1]) / parts]))
+            further_on = [uneven[i - 1]] if heavy else []
+            cable.set("user", text([parts, float(cabling.winch_to_exit[i - 1]) / parts, *further_on]))
         nonlinear = cabling.stiffening[i - 1].any()
         if nonlinear or not wound:
             cable.set("stiffness", text([stiffness, *further[i - 1]] if nonlinear else stiffness))
