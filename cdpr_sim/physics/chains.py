@@ -319,9 +319,10 @@ def add_segments(
         uppers[0] += entries[cable]
         for k in range(1, SEGMENTS + 1):
             segment = ET.SubElement(parent, "spatial", {"name": f"cable_{i}_{k}", "class": "cable"})
-            segment.set("springlength", text([0, uppers[k - 1]]))
             if step is not None:
                 segment.set("stiffness", text([stiffnesses[k - 1], *further[k - 1]] if law else stiffnesses[k - 1]))
+            segment.set("springlength", text([0, uppers[k - 1]]))
+            if step is not None:
                 segment.set("damping", text(step * stiffnesses[k - 1]))
             _run(segment, i, sites[k - 1 : k + 1], over and k == 1)
         if damping is not None:

@@ -145,7 +145,7 @@ def _winch_guide(robot: Robot) -> str:
         meaning = "L/l0 - 1, or for a nonlinear cable the length that its drum draws in [m]"
     if not robot.cabling.direct:
         meaning += "; with a rope g from winch to exit and n parts of line, g/n is added to L and l0"
-    sagging = "" if robot.cabling.massless else SAGGING
+    sagging = "" if robot.cabling.massless else f"\n{SAGGING.rstrip()}"
     return f"""## winch.xml: the same robot, driven by its winches
 
 ```python
@@ -173,8 +173,8 @@ print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # 
 - Time steps, for platforms of about 0.4 kg: `integrator="discrete"` up to 10 ms, 2 ms from an EA of 100 kN on; Euler
   and implicitfast up to 5, 1, 0.5 ms at 1, 10, 100 kN. They scale with the square root of mass over stiffness; with
   longer ones a platform may keep oscillating. MJX has no `discrete`: set Euler or implicitfast before `mjx.put_model`,
-  and read `data.actuator_force`, as it skips sensors of forces without constraints.
-{sagging}- View: `cdpr-sim view {robot.name}`, or `python -m mujoco.viewer --mjcf=winch_scene.xml`, which draws slack cables as
+  and read `data.actuator_force`, as it skips sensors of forces without constraints.{sagging}
+- View: `cdpr-sim view {robot.name}`, or `python -m mujoco.viewer --mjcf=winch_scene.xml`, which draws slack cables as
   straight lines.
 
 """

@@ -21,6 +21,9 @@ from cdpr_sim.physics.damping import stretching
 from cdpr_sim.physics.pulleys import ENTRY, Swivels
 from cdpr_sim.physics.winches import LEAST_SPARE
 
+LEAST_GRAVITY = 1e-100
+"""[m/s²] Gravity that has a direction."""
+
 BALANCED = 1e-9
 """Largest residual of tensions that balance the load, as a fraction of the largest load or pull."""
 
@@ -82,8 +85,10 @@ def reset(
             ropes = ropes / (1 + _strains(model, state, parts, float(checked_array("pretension", pretension, ()))))
         weights = np.zeros((model.nbody, 3))
         if len(parts.hung.cables):
-            lengths[parts.hung.cables] = parts.hung.lay(model, state, parts, ropes, weights)
+            lengths[parts.hung.cables], further = parts.hung.lay(model, state, parts, ropes, weights)
             parts.swivels.face(model, state)
+            # Their tendons have the difference from the mean tension that the written pose implies.
+            ropes[parts.hung.cables] += further - parts.uneven[parts.hung.cables]
         inputs = parts.inputs(model, lengths + shared, ropes)
     except InvalidInput:
         model.body_quat[:] = written
@@ -323,10 +328,13 @@ class _Hung:
         parts: _Parts,
         ropes: Float[np.ndarray, " cables"],
         weights: Float[np.ndarray, "bodies 3"],
-    ) -> Float[np.ndarray, " chains"]:
-        """Place the masses as the cables hang with l0, as ``ropes`` = l0 + c [m]; returns their stretched lengths [m].
+    ) -> tuple[Float[np.ndarray, " chains"], Float[np.ndarray, " chains"]]:
+        """Place the masses as the cables hang with l0, as ``ropes`` = l0 + c [m].
 
         Sets the ``weights`` [N] by which masses weigh more than in the model.
+
+        Returns:
+            Stretched lengths [m], and ``chains.uneven`` here [m].
         """
         cables, shared = self.cables, parts.shared[self.cables]
         lengths = model.tendon_lengthspring[self.segments, 1].copy()
@@ -372,7 +380,10 @@ class _Hung:
                 slides = model.jnt_qposadr[model.body_jntadr[body] + axis]
                 data.qpos[slides] = (found[:, k] @ rotation)[:, axis]
         mujoco.mj_forward(model, data)
-        return data.ten_length[self.segments].sum(1) - ENTRY * self.radii
+        per_length = size / (beyond * scale)
+        rise = -spans @ model.opt.gravity / max(float(np.linalg.norm(model.opt.gravity)), LEAST_GRAVITY)
+        further = (wrapped + shared) * per_length * rise / 2 / stiffness
+        return data.ten_length[self.segments].sum(1) - ENTRY * self.radii, further
 
 
 def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
