@@ -20,6 +20,10 @@ reach beyond the wheel (``too_short``).
 
 A nonlinear law is that of ``tendons``, for each segment.
 
+In a model with winches, or without the damping that lets it settle, one tendon ``cable_1`` through all masses is the
+spring of the whole cable, or what its winch pulls: as ``winches`` says, with one control for each cable. Constraints
+keep the segments' lengths in proportion (``add_proportions``). The masses are those of the written lengths.
+
 The masses are branches of the platform: each moves on three slide joints relative to its neighbour on the side of the
 anchor, so that a coordinate is a segment's own extent, in the platform's frame, and only the first segment is attached
 to the world. MuJoCo's implicit integrator takes account of damping, but not of the transverse stiffness of a taut

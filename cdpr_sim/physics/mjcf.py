@@ -94,7 +94,8 @@ def to_mjcf(
     ``rotation``, whose zero is the written orientation. So nothing is lost when the model is attached to another one,
     and any body can be its parent. No winch of linear cables pulls more than its largest force, so that any controls
     leave the simulation finite; the time step is shorter where this force could turn the platform by a radian within
-    it.
+    it. One control winds all segments of a cable with mass, whose masses keep the weights of the written lengths
+    (``reset`` corrects them); its ``tension_1`` is the mean along the cable.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.

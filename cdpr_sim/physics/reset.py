@@ -351,8 +351,7 @@ class _Hung:
             )
         rest = fractions * (beyond * scale)[:, None]
         rest[:, 0] += wrapped
-        stretching = rest.copy()
-        stretching[:, 0] += shared
+        stretching = fractions * ropes[cables, None]  # in proportion, also for what lies on the wheel and behind
         ratio = parts.written[cables, None] / stretching
         further = np.moveaxis(model.tendon_stiffnesspoly[parts.cables[cables]], -1, 0)[..., None]
         law = (parts.stiffnesses[cables, None] / stretching, further[0] * ratio**2, further[1] * ratio**3)
