@@ -171,8 +171,18 @@ def to_mjcf(
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
     if kind:
-        limits = {"kind": kind, "forces": forces, "speed": speed}
-        add_winches(root, world, robot, problem.rest_lengths, springs, uneven=uneven, damping=times, **limits)
+        add_winches(
+            root,
+            world,
+            robot,
+            problem.rest_lengths,
+            springs,
+            uneven=uneven,
+            kind=kind,
+            forces=forces,
+            speed=speed,
+            damping=times,
+        )
     elif factor:
         add_damped_cables(root, robot, springs, uneven, times)
     keyframes = ET.SubElement(root, "keyframe")
@@ -183,12 +193,10 @@ def to_mjcf(
     drums = np.zeros(int(robot.cabling.stiffening.any(1).sum()) if kind else 0)
     start = np.concatenate([at, nodes, swivels, drums])
     ET.SubElement(keyframes, "key", name="commanded", qpos=text(start))
-    if whole or not settling:
-        model = mujoco.MjModel.from_xml_string(_document(root))
     if whole:
-        chains.add_proportions(root, model, robot, problem.rest_lengths)
+        chains.add_proportions(root, _compiled(root), robot, problem.rest_lengths)
     if not settling:
-        period = 2 * np.pi / fastest(model, robot, springs)
+        period = 2 * np.pi / fastest(_compiled(root), robot, springs)
         swings = chains.swinging(robot, problem.rest_lengths, pulls)
         longest = min(period / STEPS, RESOLVED / swings if swings else np.inf)
         option.set("timestep", text(min(step, rounded_down(longest))))
@@ -420,6 +428,10 @@ def _camera(world: ET.Element, name: str, target: np.ndarray, direction: np.ndar
     right /= magnitude(right)
     axes = text(np.round([*right, *np.cross(backwards, right)], 6))
     ET.SubElement(world, "camera", name=name, pos=text(np.round(target + distance * backwards, 6)), xyaxes=axes)
+
+
+def _compiled(root: ET.Element) -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(_document(root))
 
 
 def _document(root: ET.Element) -> str:
