@@ -113,7 +113,6 @@ def test_the_equilibrium_does_not_depend_on_damping(winches):
         (2.0, COGIRO, "damping: found 2.0, expected"),
         (np.nan, COGIRO, "damping: found nan, expected"),
         (True, COGIRO, "damping: found True, expected"),
-        ("none", COGIRO.replace(linear_density=1e-3), "damping other than 'settle'"),
         (0.02, COGIRO.replace(stiffening=(50, 100)), "damping: found a loss factor of 0.02 and cable 1 with nonlinear"),
     ],
 )

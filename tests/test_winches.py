@@ -308,15 +308,6 @@ def test_lengths_that_no_winch_can_let_out_are_refused(lengths, message):
         cdpr.winch_controls(robot, robot.home, lengths)
 
 
-def test_cables_that_have_no_such_model_are_refused():
-    """Weight would change with the length let out."""
-    heavy = ROBOTS["cogiro"].replace(linear_density=0.01)
-    with pytest.raises(cdpr.InvalidInput, match=r"linear_density: found 0\.01 kg/m"):
-        to_mjcf(heavy, heavy.home, winches=True)
-    with pytest.raises(cdpr.InvalidInput, match=r"linear_density: found 0\.01 kg/m.*drive and cdpr_sim.track do"):
-        cdpr.winch_controls(heavy, heavy.home, heavy.rest_lengths(heavy.home))
-
-
 def test_view_without_a_display_says_so(monkeypatch):
     """One sentence, and the exit status of input that cannot be right."""
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):

@@ -184,7 +184,7 @@ def models(
             options = dict(damping=_damping_of(damping), contact=contact)
             folder, files = output / problem.robot.name, model_files(problem, **options)  # type: ignore[arg-type]
             sources.append("".join(text for file, text in files.items() if file.endswith(".xml")))
-            if winches and (robot or problem.robot.cabling.massless):
+            if winches:
                 files = model_files(problem, winches=True, **options)  # type: ignore[arg-type]
             draw = functools.partial(still.draw, problem.robot, problem.pose)
             stale += _renewed(folder, files, folder / PICTURE, draw, sources[-1], check=check, force=force)

@@ -20,6 +20,10 @@ reach beyond the wheel (``too_short``).
 
 A nonlinear law is that of ``tendons``, for each segment.
 
+In a model with winches, or without the damping that lets it settle, one tendon ``cable_1`` through all masses is the
+spring of the whole cable, or what its winch pulls: as ``winches`` says, with one control for each cable. Constraints
+keep the segments' lengths in proportion (``add_proportions``). The masses are those of the written lengths.
+
 The masses are branches of the platform: each moves on three slide joints relative to its neighbour on the side of the
 anchor, so that a coordinate is a segment's own extent, in the platform's frame, and only the first segment is attached
 to the world. MuJoCo's implicit integrator takes account of damping, but not of the transverse stiffness of a taut
@@ -85,21 +89,11 @@ of its law that they assume, as a fraction of its slope at rest."""
 FAR = 1e4
 """Distance of a brake's other end, in rest lengths: at that distance, directions do not change."""
 
+PROPORTIONAL = (0.9999, 0.9999, 0.001, 0.5, 2)
+"""``solimp`` of the constraints that keep segments proportional: they give way by 1e-3 of what they do by default."""
+
 SHALLOWEST = 0.1
 """Smallest chord, in rest lengths, in the formula for a chain's first profile."""
-
-
-def refuse_weight(robot: Robot, doing: str) -> None:
-    """Refuse cables with mass where mass is not taken into account.
-
-    Raises:
-        InvalidInput: a robot whose cables have mass.
-    """
-    if not robot.cabling.massless:
-        raise InvalidInput(
-            f"linear_density: found {robot.cabling.linear_density.max():g} kg/m, expected massless cables: "
-            f"{doing} does not take account of their mass (cdpr_sim.drive and cdpr_sim.track do)"
-        )
 
 
 def too_short(robot: Robot, rest_lengths: Float[np.ndarray, "*batch cables"]) -> Bool[np.ndarray, "*batch cables"]:
@@ -246,7 +240,11 @@ def extents(
 
 
 def add_chains(
-    platform: ET.Element, robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"], step: float
+    platform: ET.Element,
+    robot: Robot,
+    pose: RigidTransform,
+    rest_lengths: Float[np.ndarray, " cables"],
+    damping: Float[np.ndarray, " cables"] | None,
 ) -> list[float]:
     """The masses ``node_1_4``, ..., ``node_1_1`` of each cable with mass, from the anchor; returns their coordinates.
 
@@ -255,7 +253,7 @@ def add_chains(
         robot: the robot.
         pose: pose at which the platform is written.
         rest_lengths: (cables,) [m].
-        step: the time step [s] that determines the damping.
+        damping: ``plucked`` of segments of unit length, (cables,) [N s]; None for none.
 
     Raises:
         InvalidInput: a cable with too small a mass.
@@ -276,12 +274,12 @@ def add_chains(
         parent, place = platform, cabling.anchors[cable]
         for k, along in zip(range(SEGMENTS - 1, 0, -1), extent, strict=True):
             parent = _point(parent, f"node_{i}_{k}", place + along, masses[k - 1])
-            damping = plucked(step, robot.weight, lengths[k])
             for axis, name in enumerate("xyz"):
                 slide = ET.SubElement(parent, "joint", name=f"{name}_{i}_{k}", type="slide")
                 slide.set("axis", text(np.eye(3)[axis]))
                 slide.set("ref", text(along[axis]))
-                slide.set("damping", text(damping))
+                if damping is not None:
+                    slide.set("damping", text(damping[cable] / lengths[k]))
             ET.SubElement(parent, "site", {"name": f"node_{i}_{k}", "class": "guide"})
             place = np.zeros(3)
     return list(coordinates.ravel())
@@ -295,11 +293,23 @@ def add_far(world: ET.Element, cabling: Cabling, rest_lengths: Float[np.ndarray,
             far.set("pos", text(cabling.exits[cable] + FAR * rest_lengths[cable] * np.eye(3)[axis]))
 
 
-def add_segments(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float) -> None:
+def add_segments(
+    root: ET.Element,
+    robot: Robot,
+    rest_lengths: Float[np.ndarray, " cables"],
+    step: float | None,
+    damping: Float[np.ndarray, " cables"] | None,
+) -> None:
     """The tendons ``cable_1_1``, ..., from exit to anchor, of each cable with mass, its brakes, and ``chord_1``.
 
-    Their damping is for the time step ``step`` [s] of a model that is only stepped. It also damps slack segments, which
-    slows them down and does not change the equilibrium.
+    Args:
+        root: the model.
+        robot: the robot.
+        rest_lengths: (cables,) [m].
+        step: the time step [s] of a model that is only stepped, for which springs are damped. That also damps slack
+            segments, which slows them down and does not change the equilibrium. None where the tendon ``cable_1`` is
+            the spring of the whole cable (``add_proportions``).
+        damping: of brakes, as for ``add_chains``.
     """
     cabling, parent = robot.cabling, root.find("tendon")
     cables, entries = np.flatnonzero(cabling.linear_density), pulleys.entries(robot.cabling)
@@ -313,16 +323,86 @@ def add_segments(root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray,
         uppers[0] += entries[cable]
         for k in range(1, SEGMENTS + 1):
             segment = ET.SubElement(parent, "spatial", {"name": f"cable_{i}_{k}", "class": "cable"})
-            segment.set("stiffness", text([stiffnesses[k - 1], *further[k - 1]] if law else stiffnesses[k - 1]))
+            if step is not None:
+                segment.set("stiffness", text([stiffnesses[k - 1], *further[k - 1]] if law else stiffnesses[k - 1]))
             segment.set("springlength", text([0, uppers[k - 1]]))
-            segment.set("damping", text(step * stiffnesses[k - 1]))
+            if step is not None:
+                segment.set("damping", text(step * stiffnesses[k - 1]))
             _run(segment, i, sites[k - 1 : k + 1], over and k == 1)
-        free = lengths[0] - robot.wrapped_lengths[cable]
-        for axis in "xyz":
-            brake = ET.SubElement(parent, "spatial", name=f"brake_{i}_{axis}", group="4")
-            brake.set("damping", text(plucked(step, robot.weight, free)))
-            _run(brake, i, [f"far_{i}_{axis}", sites[1]])
+        if damping is not None:
+            free = lengths[0] - robot.wrapped_lengths[cable]
+            for axis in "xyz":
+                brake = ET.SubElement(parent, "spatial", name=f"brake_{i}_{axis}", group="4")
+                brake.set("damping", text(damping[cable] / free))
+                _run(brake, i, [f"far_{i}_{axis}", sites[1]])
         _run(ET.SubElement(parent, "spatial", name=f"chord_{i}", group="4"), i, [sites[0], sites[-1]], over)
+
+
+def add_nodes(tendon: ET.Element, i: int) -> None:
+    """Sites in the tendon ``cable_1`` of a whole cable with mass, between exit and anchor."""
+    for k in range(1, SEGMENTS):
+        ET.SubElement(tendon, "site", site=f"node_{i}_{k}")
+
+
+def add_proportions(
+    root: ET.Element, model: mujoco.MjModel, robot: Robot, rest_lengths: Float[np.ndarray, " cables"]
+) -> None:
+    """Constraints that keep the segments of a chain proportional, whatever length its winch lets out.
+
+    The spring or actuator of the tendon ``cable_1`` pulls all segments alike, and the constraints add what the weights
+    between them need: the mean tension is then that of the cable's mean strain. A chain of springs differs from it by
+    the places of its masses, in proportion to the differences of the segments' strains.
+
+    Args:
+        root: the model, with segments.
+        model: the same, compiled: constraints in MuJoCo are relative to its lengths.
+        robot: the robot.
+        rest_lengths: (cables,) [m].
+    """
+    cabling = robot.cabling
+    cables = np.flatnonzero(cabling.linear_density)
+    divided = cut(robot, cables, rest_lengths, straight(felt_at_exit(cabling, cables)))[0]
+    behind = pulleys.entries(cabling) + robot.wrapped_lengths
+    parent = ET.SubElement(root, "equality")
+    for cable, lengths in zip(cables, divided, strict=True):
+        names = [f"cable_{cable + 1}_{k}" for k in range(1, SEGMENTS + 1)]
+        written = np.array([model.tendon_length0[model.tendon(name).id] for name in names])
+        constant = np.append(behind[cable], np.zeros(SEGMENTS - 1))
+        lengths[0] -= robot.wrapped_lengths[cable]
+        longest = int(np.argmax(lengths))
+        ratios = lengths / lengths[longest]
+        # Rounded: the last digits of lengths differ between versions of MuJoCo.
+        begins = np.round(constant + ratios * written[longest] - written, 12)
+        for k, name in enumerate(names):
+            if k != longest:
+                pair = ET.SubElement(parent, "tendon", tendon1=name, tendon2=names[longest])
+                pair.set("polycoef", text([begins[k], ratios[k], 0, 0, 0]))
+                pair.set("solimp", text(PROPORTIONAL))
+
+
+def uneven(
+    robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"]
+) -> Float[np.ndarray, " cables"]:
+    """How much further cables with mass stretch than under their mean tension, at ``pose``, (cables,) [m].
+
+    What lies on the wheel and behind the exit has the tension at the exit. That is above the mean by the weight of a
+    cable half as long as the exit is above the anchor; by more in cables that sag.
+    """
+    rise = robot.exits[:, 2] - pose.apply(robot.anchors)[:, 2]
+    more = robot.cable_weights * rise / 2 / (robot.reeving * robot.axial_stiffness)
+    return (robot.wrapped_lengths + robot.cabling.behind) * more
+
+
+def swinging(robot: Robot, rest_lengths: Float[np.ndarray, " cables"], pulls: Float[np.ndarray, " cables"]) -> float:
+    """An upper bound of the angular frequency of chains across their cables under these ``pulls`` [N], [rad/s].
+
+    Of the largest row sum of stiffness over masses; 0 without chains.
+    """
+    cables = np.flatnonzero(robot.cabling.linear_density)
+    lengths, masses = cut(robot, cables, rest_lengths, straight(felt_at_exit(robot.cabling, cables)))
+    lengths[:, 0] -= robot.wrapped_lengths[cables]
+    across = 2 * pulls[cables, None] * (1 / lengths[:, :-1] + 1 / lengths[:, 1:]) / masses[:, :-1]
+    return float(np.sqrt(across.max(initial=0.0)))
 
 
 def _run(tendon: ET.Element, i: int, sites: list[str], over_wheel: bool = False) -> None:
@@ -461,57 +541,81 @@ class Chains:
             spans: vectors from anchors to exits [m].
         """
         masses = np.concatenate([model.body_mass[self.ends, None], model.body_mass[self.nodes]], axis=1)
-        hanging = -masses.cumsum(1)[..., None] * model.opt.gravity
-        rest = self.rest_lengths(model)[:, ::-1, None]
-        axes, radii = self.axes, self.radii[:, None]
-        inwards = self.segments[:, ::-1]
-        law = model.tendon_stiffness[inwards], *np.moveaxis(model.tendon_stiffnesspoly[inwards], -1, 0)
+        law = model.tendon_stiffness[self.segments], *np.moveaxis(model.tendon_stiffnesspoly[self.segments], -1, 0)
+        weights = masses[:, ::-1, None] * model.opt.gravity
+        return hang(weights, self.rest_lengths(model), law, self.radii, self.axes, pulls, spans)
 
-        def laid(pulls: np.ndarray) -> tuple[np.ndarray, ...]:
-            each = pulls[..., None, :] + hanging
-            size = np.maximum(np.linalg.norm(each, axis=-1, keepdims=True), LEAST_PULL)
-            along = each / size
-            stretch, give = _stretched(size[..., 0], *law)
-            reach = rest + stretch[..., None]
-            ahead = -(along[..., -1, :] * axes).sum(-1, keepdims=True)
-            outwards = -along[..., -1, :] - ahead * axes
-            aside = np.linalg.norm(outwards, axis=-1, keepdims=True)
-            outwards = outwards / np.maximum(aside, FLAT)
-            reach[..., -1, :] -= radii * np.arctan2(aside, ahead)
-            leaving = radii * ((1 - ahead) * outwards + aside * axes)  # from the exit
-            segments = reach * along
-            off = spans + leaving - segments.sum(-2)
-            swivelling = radii * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
-            return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give, swivelling, outwards
 
-        # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
-        # segment: it is least there where the others leave no more than that length to span.
-        folded = (laid(-np.moveaxis(hanging, 1, 0))[2] <= rest[..., 0].T).any(0)
-        found, here = np.zeros(len(pulls), dtype=bool), laid(pulls)
-        for _ in range(LAYINGS):
-            _, off, apart, along, turning, give, swivelling, outwards = here
-            found = apart <= CLOSED * rest.sum(1)[:, 0]
-            if (found | folded).all():
+def hang(
+    weights: Float[np.ndarray, "chains points 3"],
+    rest_lengths: Float[np.ndarray, "chains segments"],
+    law: tuple[Float[np.ndarray, "chains segments"], ...],
+    radii: Float[np.ndarray, " chains"],
+    axes: Float[np.ndarray, "chains 3"],
+    pulls: Float[np.ndarray, "chains 3"],
+    spans: Float[np.ndarray, "chains 3"],
+) -> tuple[Float[np.ndarray, "chains nodes 3"], Bool[np.ndarray, " chains"]]:
+    """``Chains.hung`` of any chains, with numbers from exit to anchor.
+
+    Args:
+        weights: of the masses between segments, and of that at the anchor [N].
+        rest_lengths: of the segments [m], the first with what lies on the wheel.
+        law: MuJoCo's stiffness and polynomial of each segment.
+        radii: of the wheels, 0 without [m].
+        axes: of the wheels.
+        pulls: approximate pulls on the anchors [N].
+        spans: vectors from anchors to exits [m].
+    """
+    hanging = -weights[:, ::-1].cumsum(1)
+    rest = rest_lengths[:, ::-1, None]
+    radii = radii[:, None]
+    law = tuple(number[:, ::-1] for number in law)
+
+    def laid(pulls: np.ndarray) -> tuple[np.ndarray, ...]:
+        each = pulls[..., None, :] + hanging
+        size = np.maximum(np.linalg.norm(each, axis=-1, keepdims=True), LEAST_PULL)
+        along = each / size
+        stretch, give = _stretched(size[..., 0], *law)
+        reach = rest + stretch[..., None]
+        ahead = -(along[..., -1, :] * axes).sum(-1, keepdims=True)
+        outwards = -along[..., -1, :] - ahead * axes
+        aside = np.linalg.norm(outwards, axis=-1, keepdims=True)
+        outwards = outwards / np.maximum(aside, FLAT)
+        reach[..., -1, :] -= radii * np.arctan2(aside, ahead)
+        leaving = radii * ((1 - ahead) * outwards + aside * axes)  # from the exit
+        segments = reach * along
+        off = spans + leaving - segments.sum(-2)
+        swivelling = radii * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
+        return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give, swivelling, outwards
+
+    # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
+    # segment: it is least there where the others leave no more than that length to span.
+    folded = (laid(-np.moveaxis(hanging, 1, 0))[2] <= rest[..., 0].T).any(0)
+    found, here = np.zeros(len(pulls), dtype=bool), laid(pulls)
+    for _ in range(LAYINGS):
+        _, off, apart, along, turning, give, swivelling, outwards = here
+        found = apart <= CLOSED * rest.sum(1)[:, 0]
+        if (found | folded).all():
+            break
+        slope = turning.sum(1)[..., None] * np.eye(3) + np.einsum(
+            "ns,nsi,nsj->nij", give - turning[..., 0], along, along
+        )
+        sideways = np.cross(axes, outwards)
+        slope += swivelling[..., None] * sideways[:, :, None] * sideways[:, None]
+        if not (np.linalg.det(slope) > 0).all():  # a chain whose first segment would not reach beyond its wheel
+            break
+        step = np.linalg.solve(slope, off[..., None])[..., 0]
+        for _ in range(SHORTER):
+            here = laid(pulls + step)
+            worse = here[2] > apart
+            if not (worse & ~folded).any():
                 break
-            slope = turning.sum(1)[..., None] * np.eye(3) + np.einsum(
-                "ns,nsi,nsj->nij", give - turning[..., 0], along, along
-            )
-            sideways = np.cross(axes, outwards)
-            slope += swivelling[..., None] * sideways[:, :, None] * sideways[:, None]
-            if not (np.linalg.det(slope) > 0).all():  # a chain whose first segment would not reach beyond its wheel
-                break
-            step = np.linalg.solve(slope, off[..., None])[..., 0]
-            for _ in range(SHORTER):
-                here = laid(pulls + step)
-                worse = here[2] > apart
-                if not (worse & ~folded).any():
-                    break
-                step[worse] *= 0.5
-            else:
-                here = laid(pulls + step)
-            pulls = pulls + step
-        segments = here[0]
-        return segments[:, :-1], found
+            step[worse] *= 0.5
+        else:
+            here = laid(pulls + step)
+        pulls = pulls + step
+    segments = here[0]
+    return segments[:, :-1], found
 
 
 def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass: float) -> ET.Element:

@@ -52,13 +52,12 @@ def loss_factor(damping: Damping) -> float | None:
     raise InvalidInput(f"damping: found {damping!r}, expected 'settle', 'none' or a loss factor from 0 to 1")
 
 
-def refuse_undamped(robot: Robot, factor: float) -> None:
-    """Refuse a loss factor for cables that have no such model.
+def refuse_undamped(robot: Robot, factor: float | None) -> None:
+    """Refuse a loss factor above 0 of nonlinear cables: no actuator in MuJoCo is a nonlinear spring with a damper.
 
     Raises:
-        InvalidInput: cables with mass, whose chains MuJoCo has to damp; a nonlinear cable and a loss factor above 0.
+        InvalidInput: a nonlinear cable and a loss factor above 0.
     """
-    robot.cabling.refuse_weight("damping other than 'settle'")
     if factor and not robot.cabling.linear:
         cable = int(np.argmax(robot.cabling.stiffening.any(1))) + 1
         raise InvalidInput(
@@ -77,10 +76,11 @@ def relaxation_times(
 def fastest(model: mujoco.MjModel, robot: Robot, springs: Float[np.ndarray, " cables"]) -> float:
     """Angular frequency of the platform's fastest oscillation where the model is written, with all cables taut [rad/s].
 
-    By the tendons' velocities and the mass matrix in MuJoCo.
+    By the tendons' velocities and the mass matrix in MuJoCo. Cables with mass are as stiff as along their chords.
     """
     data, free = mujoco.MjData(model), np.arange(len(robot.free))
-    cables = np.array([model.tendon(f"cable_{i + 1}").id for i in range(robot.cables)])
+    names = np.where(robot.cabling.linear_density > 0, "chord", "cable")
+    cables = np.array([model.tendon(f"{name}_{i + 1}").id for i, name in enumerate(names)])
     stretch, mass = stretching(model, data, free, cables), np.zeros((len(free), model.nv))
     for coordinate, unit in enumerate(np.eye(len(free), model.nv)):
         mujoco.mj_mulM(model, data, mass[coordinate], unit)

@@ -46,6 +46,9 @@ TIMESTEP = 0.002
 """[s] Time step; the discrete integrator is implicit in the cables' springs, so that it need not shrink with their
 stiffness."""
 
+RESOLVED = 0.5
+"""Time step of an undamped model, in 1/omega of the fastest oscillation of its chains across the cables."""
+
 COLLIDING = {"contype": "1", "conaffinity": "1"}
 """Attributes of a geom that collides with all others that do: MuJoCo's defaults."""
 
@@ -91,7 +94,8 @@ def to_mjcf(
     ``rotation``, whose zero is the written orientation. So nothing is lost when the model is attached to another one,
     and any body can be its parent. No winch of linear cables pulls more than its largest force, so that any controls
     leave the simulation finite; the time step is shorter where this force could turn the platform by a radian within
-    it.
+    it. One control winds all segments of a cable with mass, whose masses keep the weights of the written lengths
+    (``reset`` corrects them); its ``tension_1`` is the mean along the cable.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
@@ -114,18 +118,15 @@ def to_mjcf(
         An MJCF document, which ``mujoco.MjModel.from_xml_string`` compiles; its numbers parse back exactly.
 
     Raises:
-        InvalidInput: an invalid argument; winches or another damping on cables with mass; a loss factor of nonlinear
-            cables; a cable with mass that is too short for its pulley.
+        InvalidInput: an invalid argument; a loss factor of nonlinear cables; a cable with mass that is too short for
+            its pulley.
     """
     problem = Problem.of(robot, pose, rest_lengths)
     refuse_unless(FLAG, contact=contact)
     kind, factor = kind_of(winches), loss_factor(damping)
     robot, settling = problem.robot, factor is None
     chains.refuse_short(robot, problem.rest_lengths)
-    if kind:
-        chains.refuse_weight(robot, "a winch in MuJoCo")
-    if factor is not None:
-        refuse_undamped(robot, factor)
+    refuse_undamped(robot, factor)
     forces, speed = largest_forces(robot, winch_force), positive("winch_speed", winch_speed, "m/s")
     drag, _ = _air(problem)
     root = ET.Element("mujoco", model=robot.name)
@@ -143,25 +144,47 @@ def to_mjcf(
     brake = (drag, drag * paddles * paddles) if settling else (0.0, 0.0)
     platform = _platform(robot, problem.pose, brake if kind else None, contact)
     world.append(platform)
-    nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, TIMESTEP)
-    chains.add_far(world, robot.cabling, problem.rest_lengths)
+    pulls = np.full(robot.cables, robot.weight)  # against which chains are damped, or resolved
+    if kind:
+        pulls = np.where(np.isfinite(forces), robot.reeving * forces, pulls)
+    calmed = chains.plucked(step, pulls, 1.0) if settling else None
+    nodes = chains.add_chains(platform, robot, problem.pose, problem.rest_lengths, calmed)
+    if settling:
+        chains.add_far(world, robot.cabling, problem.rest_lengths)
     pulleys.add_pulleys(world, robot, problem.pose, PULLEY_COLOR)
     springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
     if kind:
         add_drums(world, robot, springs)
-    tendons.add_tendons(root, robot, problem.rest_lengths, TIMESTEP, wound=bool(kind or factor))
-    chains.add_segments(root, robot, problem.rest_lengths, TIMESTEP)
+    driven, masses = bool(kind or factor), not robot.cabling.massless
+    whole = masses and bool(kind or not settling)  # the cable's spring is that of one tendon, and not of segments
+    resisting = step if masses and not whole else None  # this integrator does not know springs
+    uneven = chains.uneven(robot, problem.pose, problem.rest_lengths)
+    if factor is None:
+        times = np.full(robot.cables, step if masses else DAMPING)
+    else:
+        times = relaxation_times(robot, springs, factor)
+    nodes_of = chains.add_nodes if whole else None
+    tendons.add_tendons(root, robot, problem.rest_lengths, resisting, wound=driven, whole=nodes_of, uneven=uneven)
+    chains.add_segments(root, robot, problem.rest_lengths, resisting, calmed)
     sensors = ET.SubElement(root, "sensor")
     for i in range(1, robot.cables + 1):
         tendon = "chord" if robot.cabling.linear_density[i - 1] > 0 else "cable"
         ET.SubElement(sensors, "tendonpos", name=f"length_{i}", tendon=f"{tendon}_{i}")
-    times = np.full(robot.cables, DAMPING) if factor is None else relaxation_times(robot, springs, factor)
     if kind:
         add_winches(
-            root, world, robot, problem.rest_lengths, springs, kind=kind, forces=forces, speed=speed, damping=times
+            root,
+            world,
+            robot,
+            problem.rest_lengths,
+            springs,
+            uneven=uneven,
+            kind=kind,
+            forces=forces,
+            speed=speed,
+            damping=times,
         )
     elif factor:
-        add_damped_cables(root, robot, springs, times)
+        add_damped_cables(root, robot, springs, uneven, times)
     keyframes = ET.SubElement(root, "keyframe")
     swivels = pulleys.facing(robot, problem.pose)[1] if robot.mobility == "spatial" else []
     at = coordinates(robot, problem.pose)
@@ -170,10 +193,13 @@ def to_mjcf(
     drums = np.zeros(int(robot.cabling.stiffening.any(1).sum()) if kind else 0)
     start = np.concatenate([at, nodes, swivels, drums])
     ET.SubElement(keyframes, "key", name="commanded", qpos=text(start))
+    if whole:
+        chains.add_proportions(root, _compiled(root), robot, problem.rest_lengths)
     if not settling:
-        model = mujoco.MjModel.from_xml_string(_document(root))
-        period = 2 * np.pi / fastest(model, robot, springs)
-        option.set("timestep", text(min(step, rounded_down(period / STEPS))))
+        period = 2 * np.pi / fastest(_compiled(root), robot, springs)
+        swings = chains.swinging(robot, problem.rest_lengths, pulls)
+        longest = min(period / STEPS, RESOLVED / swings if swings else np.inf)
+        option.set("timestep", text(min(step, rounded_down(longest))))
     return _document(root)
 
 
@@ -402,6 +428,10 @@ def _camera(world: ET.Element, name: str, target: np.ndarray, direction: np.ndar
     right /= magnitude(right)
     axes = text(np.round([*right, *np.cross(backwards, right)], 6))
     ET.SubElement(world, "camera", name=name, pos=text(np.round(target + distance * backwards, 6)), xyaxes=axes)
+
+
+def _compiled(root: ET.Element) -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(_document(root))
 
 
 def _document(root: ET.Element) -> str:

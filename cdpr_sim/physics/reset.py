@@ -16,9 +16,13 @@ from cdpr_sim.core.checks import checked_array, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.robot import IN_PLANE
+from cdpr_sim.physics.chains import SEGMENTS, hang, shape, straight
 from cdpr_sim.physics.damping import stretching
 from cdpr_sim.physics.pulleys import ENTRY, Swivels
 from cdpr_sim.physics.winches import LEAST_SPARE
+
+LEAST_GRAVITY = 1e-100
+"""[m/s²] Gravity that has a direction."""
 
 BALANCED = 1e-9
 """Largest residual of tensions that balance the load, as a fraction of the largest load or pull."""
@@ -38,7 +42,9 @@ def reset(
     The model is one of ``to_mjcf``, compiled from text or from a file, alone or in a scene. All else in ``data`` gets
     its initial value, as by ``mj_resetData``. Wheels face their anchors; winches get the controls, or activations, of
     the rest lengths, and drums their places. In a model without winches, springs get the rest lengths: this changes
-    ``model``. The keyframe ``commanded`` becomes this state. ``mj_forward`` has been called at the end.
+    ``model``. Cables with mass hang between exit and anchor, and ``data.xfrc_applied`` corrects the weights of their
+    masses ``node_1_1``, ... and ``end_1`` for the length let out: with it, the model is in equilibrium where cables of
+    these lengths are. The keyframe ``commanded`` becomes this state. ``mj_forward`` has been called at the end.
 
     Args:
         model: the model.
@@ -52,9 +58,9 @@ def reset(
         prefix: of the names, in a model that was attached to another one.
 
     Raises:
-        InvalidInput: not such a model; cables with mass; an invalid pose, or rest lengths out of the winches' range;
-            pretension of nonlinear cables, or none near it that balances the weight. ``model`` and ``data`` are then
-            unchanged.
+        InvalidInput: not such a model; cables with mass in a model without winches that settles; an invalid pose, or
+            rest lengths out of the winches' range; pretension of nonlinear cables or of ones with mass, or none near it
+            that balances the weight. ``model`` and ``data`` are then unchanged.
     """
     refuse_unless(mujoco.MjModel, model=model)
     refuse_unless(mujoco.MjData, data=data)
@@ -68,6 +74,7 @@ def reset(
         _place(model, state, parts, at)
         mujoco.mj_forward(model, state)
         spans = parts.spans(state)
+        lengths = spans.copy()
         shared, ropes = parts.shared, spans + parts.shared
         if rest_lengths is not None:
             asked = checked_array("rest_lengths", rest_lengths, (len(parts.cables),))
@@ -76,13 +83,20 @@ def reset(
             ropes = asked + shared
         elif pretension is not None:
             ropes = ropes / (1 + _strains(model, state, parts, float(checked_array("pretension", pretension, ()))))
-        inputs = parts.inputs(model, spans + shared, ropes)
+        weights = np.zeros((model.nbody, 3))
+        if len(parts.hung.cables):
+            lengths[parts.hung.cables], further = parts.hung.lay(model, state, parts, ropes, weights)
+            parts.swivels.face(model, state)
+            # Their tendons have the difference from the mean tension that the written pose implies.
+            ropes[parts.hung.cables] += further - parts.uneven[parts.hung.cables]
+        inputs = parts.inputs(model, lengths + shared, ropes)
     except InvalidInput:
         model.body_quat[:] = written
         raise
     qpos = state.qpos.copy()
     mujoco.mj_resetData(model, data)
     data.qpos[:] = qpos
+    data.xfrc_applied[:, :3] = weights
     if parts.wound:
         drums = parts.drums >= 0
         data.qpos[model.jnt_qposadr[parts.drums[drums]]] = inputs[drums]
@@ -114,6 +128,9 @@ class _Parts:
         swivels: the wheels.
         offsets: differences between the lengths of tendons, with drums at 0, and cables [m].
         shared: lengths of rope behind the exit, for each part of line [m].
+        uneven: how much further cables with mass stretch than under their mean tension [m].
+        direct: tendons from exit to anchor: the cables, or the chords of those with mass.
+        hung: the cables with mass.
         parts_of_line: numbers of parts.
         written: (L + c), the written rest lengths with those [m].
         stiffnesses: n EA [N].
@@ -131,6 +148,9 @@ class _Parts:
     swivels: Swivels
     offsets: Float[np.ndarray, " cables"]
     shared: Float[np.ndarray, " cables"]
+    uneven: Float[np.ndarray, " cables"]
+    direct: Int[np.ndarray, " cables"]
+    hung: _Hung
     parts_of_line: Float[np.ndarray, " cables"]
     written: Float[np.ndarray, " cables"]
     stiffnesses: Float[np.ndarray, " cables"]
@@ -140,7 +160,7 @@ class _Parts:
         """The parts, by name.
 
         Raises:
-            InvalidInput: not a model of ``to_mjcf``, or one with chains.
+            InvalidInput: not a model of ``to_mjcf``, or one with chains of springs.
         """
         kinds = mujoco.mjtObj
         platform = _id(model, kinds.mjOBJ_BODY, f"{prefix}platform")
@@ -153,24 +173,26 @@ class _Parts:
         names = range(1, len(exits) + 1)
 
         def ids(kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " cables"]:
-            return np.array([_id(model, kind, f"{prefix}{name}_{i}") for i in names])
+            whole = name if "{}" in name else f"{name}_{{}}"
+            return np.array([_id(model, kind, prefix + whole.format(i)) for i in names])
 
         cables, winches = ids(kinds.mjOBJ_TENDON, "cable"), ids(kinds.mjOBJ_ACTUATOR, "winch")
         if (cables < 0).any():
             raise InvalidInput(
-                f"model: found no tendon '{prefix}cable_{np.argmax(cables < 0) + 1}', expected massless cables: those "
-                "with mass are chains, whose profile reset does not compute"
+                f"model: found no tendon '{prefix}cable_{np.argmax(cables < 0) + 1}', expected massless cables, or "
+                "those with mass in a model with winches or with a damping other than 'settle'"
             )
         dampers, drums = ids(kinds.mjOBJ_ACTUATOR, "damped"), ids(kinds.mjOBJ_JOINT, "drum")
         grooves, anchors = ids(kinds.mjOBJ_GEOM, "groove"), ids(kinds.mjOBJ_SITE, "anchor")
         wheels = np.flatnonzero(grooves >= 0)
         swivelling = ids(kinds.mjOBJ_JOINT, "swivel")[wheels]
         swivelling = swivelling[swivelling >= 0]
+        chords, first = ids(kinds.mjOBJ_TENDON, "chord"), ids(kinds.mjOBJ_SITE, "node_{}_1")
         swivels = Swivels(
             cables=wheels,
             bodies=ids(kinds.mjOBJ_BODY, "pulley")[wheels],
             anchors=anchors[wheels],
-            faced=anchors[wheels],
+            faced=np.where(first >= 0, first, anchors)[wheels],
             coordinates=model.jnt_qposadr[swivelling],
             dofs=model.jnt_dofadr[swivelling],
             radii=model.geom_size[grooves[wheels], 0],
@@ -180,14 +202,27 @@ class _Parts:
         coiled = np.flatnonzero(drums >= 0)
         coils = model.body_pos[model.jnt_bodyid[drums[coiled]]] - model.site_pos[exits[coiled]]
         offsets[coiled] = np.linalg.norm(coils, axis=1)
-        user = model.tendon_user[cables, :2] if model.nuser_tendon >= 2 else np.zeros((len(exits), 2))
-        parts_of_line, shared = np.maximum(user[:, 0], 1), user[:, 1]
+        user = np.zeros((len(exits), 3))
+        user[:, : min(3, model.nuser_tendon)] = model.tendon_user[cables, :3]
+        parts_of_line, shared, uneven = np.maximum(user[:, 0], 1), user[:, 1], user[:, 2]
         acting = np.where(winches >= 0, winches, dampers)
         linear = (acting >= 0) & (drums < 0)
         bias = model.actuator_biasprm[acting] if model.nu else np.zeros((len(exits), 2))
         springs = np.where(linear, -bias[:, 1], model.tendon_stiffness[cables])
-        begin = -bias[:, 0] / springs - (offsets - shared)
-        written = np.where(linear, begin, model.tendon_lengthspring[cables, 1] - offsets + shared)
+        begin = np.where(linear, -bias[:, 0] / springs, model.tendon_lengthspring[cables, 1])
+        written = begin - (offsets - shared + uneven)
+        radii = np.zeros(len(exits))
+        radii[wheels] = swivels.radii
+        heavy = np.flatnonzero(first >= 0)
+        hung = _Hung(
+            cables=heavy,
+            nodes=np.array([ids(kinds.mjOBJ_BODY, f"node_{{}}_{k}")[heavy] for k in range(1, SEGMENTS)]).T,
+            ends=ids(kinds.mjOBJ_BODY, "end")[heavy],
+            segments=np.array([ids(kinds.mjOBJ_TENDON, f"cable_{{}}_{k}")[heavy] for k in range(1, SEGMENTS + 1)]).T,
+            exits=exits[heavy],
+            pulleys=ids(kinds.mjOBJ_BODY, "pulley")[heavy],
+            radii=radii[heavy],
+        )
         return cls(
             platform=platform,
             joints=[int(model.body_jntadr[platform]) + i for i in range(int(model.body_jntnum[platform]))],
@@ -201,6 +236,9 @@ class _Parts:
             swivels=swivels,
             offsets=offsets,
             shared=shared,
+            uneven=uneven,
+            direct=np.where(chords >= 0, chords, cables),
+            hung=hung,
             parts_of_line=parts_of_line,
             written=written,
             stiffnesses=springs * written,
@@ -213,7 +251,9 @@ class _Parts:
 
     def spans(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
         """Lengths of the cables from exit to anchor, with all drums at 0 [m]."""
-        return data.ten_length[self.cables] - self.offsets
+        coils = np.zeros_like(self.offsets)
+        coils[self.hung.cables] = self.offsets[self.hung.cables] - ENTRY * self.hung.radii  # no chord begins at a drum
+        return data.ten_length[self.direct] - (self.offsets - coils)
 
     def inputs(
         self, model: mujoco.MjModel, lengths: Float[np.ndarray, " cables"], ropes: Float[np.ndarray, " cables"]
@@ -247,15 +287,102 @@ class _Parts:
         ratio, damped = self.written / ropes, self.dampers >= 0
         cables, dampers = self.cables[~damped], self.dampers[damped]
         lengths = ropes - self.shared
-        model.tendon_lengthspring[cables, 1] = (lengths + self.offsets)[~damped]
+        model.tendon_lengthspring[cables, 1] = (lengths + self.offsets + self.uneven)[~damped]
         model.tendon_stiffness[cables] *= ratio[~damped]
         model.tendon_stiffnesspoly[cables] *= ratio[~damped, None] ** np.array([2, 3])
         slopes = (self.stiffnesses / ropes)[damped]
-        model.actuator_biasprm[dampers, 0] = -(self.stiffnesses[damped] + slopes * (self.offsets - self.shared)[damped])
+        offsets = (self.offsets - self.shared + self.uneven)[damped]
+        model.actuator_biasprm[dampers, 0] = -(self.stiffnesses[damped] + slopes * offsets)
         model.actuator_biasprm[dampers, 1] = -slopes
         model.actuator_biasprm[dampers, 2] *= np.sqrt(ratio[damped])  # the same loss factor
         drawn = self.lines >= 0
         model.tendon_lengthspring[self.lines[drawn], 1] = (1 + LEAST_SPARE) * lengths[drawn]
+
+
+@dataclass(frozen=True)
+class _Hung:
+    """Indices of the parts of cables with mass.
+
+    Attributes:
+        cables: indices of the cables.
+        nodes: bodies of their masses, from exit to anchor.
+        ends: bodies of the masses at the anchors.
+        segments: tendons from exit to anchor.
+        exits: sites.
+        pulleys: bodies of the wheels, or -1.
+        radii: of the wheels, 0 without [m].
+    """
+
+    cables: Int[np.ndarray, " chains"]
+    nodes: Int[np.ndarray, "chains nodes"]
+    ends: Int[np.ndarray, " chains"]
+    segments: Int[np.ndarray, "chains segments"]
+    exits: Int[np.ndarray, " chains"]
+    pulleys: Int[np.ndarray, " chains"]
+    radii: Float[np.ndarray, " chains"]
+
+    def lay(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        parts: _Parts,
+        ropes: Float[np.ndarray, " cables"],
+        weights: Float[np.ndarray, "bodies 3"],
+    ) -> tuple[Float[np.ndarray, " chains"], Float[np.ndarray, " chains"]]:
+        """Place the masses as the cables hang with l0, as ``ropes`` = l0 + c [m].
+
+        Sets the ``weights`` [N] by which masses weigh more than in the model.
+
+        Returns:
+            Stretched lengths [m], and ``chains.uneven`` here [m].
+        """
+        cables, shared = self.cables, parts.shared[self.cables]
+        lengths = model.tendon_lengthspring[self.segments, 1].copy()
+        lengths[:, 0] -= ENTRY * self.radii
+        fractions = straight((shared > 0) | (self.radii > 0)).lengths
+        beyond = lengths[:, 1:].sum(1) / (1 - fractions[:, 0])
+        wrapped = lengths[:, 0] - fractions[:, 0] * beyond
+        scale = (ropes[cables] - shared - wrapped) / beyond
+        if not (scale > 0).all():
+            cable = int(np.argmin(scale))
+            raise InvalidInput(
+                f"rest_lengths: found {(ropes - parts.shared)[cables][cable]:.4g} m for cable {cables[cable] + 1}, "
+                f"expected more than {wrapped[cable]:.4g} m, which lie on its wheel"
+            )
+        rest = fractions * (beyond * scale)[:, None]
+        rest[:, 0] += wrapped
+        stretching = fractions * ropes[cables, None]  # in proportion, also for what lies on the wheel and behind
+        ratio = parts.written[cables, None] / stretching
+        further = np.moveaxis(model.tendon_stiffnesspoly[parts.cables[cables]], -1, 0)[..., None]
+        law = (parts.stiffnesses[cables, None] / stretching, further[0] * ratio**2, further[1] * ratio**3)
+        bodies = np.concatenate([self.nodes, self.ends[:, None]], axis=1)
+        written = model.body_mass[bodies][..., None] * model.opt.gravity
+        added = written * (scale - 1)[:, None, None]
+        weights[bodies] = added
+        anchors, rotation = data.xpos[self.ends], data.xmat[parts.platform].reshape(3, 3)
+        spans = data.site_xpos[self.exits] - anchors
+        axes = data.xmat[self.pulleys].reshape(-1, 3, 3)[:, :, 2]
+        chords = np.linalg.norm(spans, axis=1)
+        whole = (written + added).sum(1)
+        size = np.linalg.norm(whole, axis=1)
+        strain = np.maximum(data.ten_length[parts.direct[cables]] - ENTRY * self.radii - rest.sum(1), 0) / rest.sum(1)
+        stiffness = parts.stiffnesses[cables]
+        pulls = np.maximum(stiffness * strain, np.cbrt(size**2 * stiffness / 24))
+        guess = pulls[:, None] * spans / chords[:, None] + whole / 2
+        found, reached = hang(written + added, rest, law, self.radii, axes, guess, spans)
+        for row in np.flatnonzero(~reached):  # folded: near where it hangs
+            found[row] = shape(anchors[row], data.site_xpos[self.exits[row]], rest[row].sum(), fractions[row, ::-1])[
+                :-1
+            ]
+        for k, body in enumerate(self.nodes[:, ::-1].T):
+            for axis in range(3):
+                slides = model.jnt_qposadr[model.body_jntadr[body] + axis]
+                data.qpos[slides] = (found[:, k] @ rotation)[:, axis]
+        mujoco.mj_forward(model, data)
+        per_length = size / (beyond * scale)
+        rise = -spans @ model.opt.gravity / max(float(np.linalg.norm(model.opt.gravity)), LEAST_GRAVITY)
+        further = (wrapped + shared) * per_length * rise / 2 / stiffness
+        return data.ten_length[self.segments].sum(1) - ENTRY * self.radii, further
 
 
 def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
@@ -293,9 +420,9 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, parts: _Parts, at: Pose) 
             )
         data.qpos[adr] = position[0], position[2], np.arctan2(-at.rotation_matrix[2, 0], at.rotation_matrix[0, 0])
     if len(parts.swivels):
-        parts.swivels.face(model, data)
+        parts.swivels.face(model, data, anchors=True)
         mujoco.mj_forward(model, data)
-        points = data.ten_wrapnum[parts.cables[parts.swivels.cables]]
+        points = data.ten_wrapnum[parts.direct[parts.swivels.cables]]
         off = parts.swivels.off_wheel(data.xpos, data.xmat, data.site_xpos, points)
         if off.any():
             raise InvalidInput(
@@ -314,6 +441,8 @@ def _strains(
     """
     if pretension < 0:
         raise InvalidInput(f"pretension: found {pretension:g} N, expected 0 or more")
+    if len(parts.hung.cables):
+        raise InvalidInput("pretension: found cables with mass, expected massless ones; rest_lengths are for any")
     if model.tendon_stiffnesspoly[parts.cables].any():
         raise InvalidInput("pretension: found nonlinear cables, expected linear ones; rest_lengths are for any")
     first = int(model.body_dofadr[parts.platform])

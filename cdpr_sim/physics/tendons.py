@@ -23,7 +23,7 @@ This is the law's second coding: the mathematics has its own in ``core.cable_law
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import mujoco
 import numpy as np
@@ -52,30 +52,50 @@ def add_anchors(platform: ET.Element, cabling: Cabling) -> None:
 
 
 def add_tendons(
-    root: ET.Element, robot: Robot, rest_lengths: Float[np.ndarray, " cables"], step: float, *, wound: bool = False
+    root: ET.Element,
+    robot: Robot,
+    rest_lengths: Float[np.ndarray, " cables"],
+    step: float | None,
+    *,
+    wound: bool = False,
+    whole: Callable[[ET.Element, int], None] | None = None,
+    uneven: Float[np.ndarray, " cables"],
 ) -> None:
-    """The tendons ``cable_1``, ... of massless cables, with ``rest_lengths`` [m], for this time step.
+    """The tendons ``cable_1``, ... with ``rest_lengths`` [m].
 
-    Where cables are ``wound``, the actuators of their winches replace their springs, except for nonlinear cables, which
-    begin at a drum; and ``rope_1``, ... are drawn in their place (``winches.hang``).
+    Args:
+        root: the model.
+        robot: the robot.
+        rest_lengths: (cables,) [m].
+        step: the time step [s] of an integrator that does not know springs, for which they are damped; None without.
+        wound: whether the actuators of winches replace springs, except those of nonlinear cables, which begin at a
+            drum; ``rope_1``, ... are then drawn in their place (``winches.hang``).
+        whole: adds the masses to the tendon of a cable that has mass; None where ``chains`` make all its tendons.
+        uneven: by how much cables stretch further than under their mean tension [m].
     """
     tendons, cabling = ET.SubElement(root, "tendon"), robot.cabling
     stiffnesses = springs(cabling, cabling.axial_stiffness, rest_lengths)
     further = polynomials(cabling, cabling.axial_stiffness, rest_lengths)
-    lengths = rest_lengths + (winches.behind(robot) if wound else pulleys.entries(cabling))
+    lengths = rest_lengths + uneven + (winches.behind(robot) if wound else pulleys.entries(cabling))
     for i, (stiffness, length) in enumerate(zip(stiffnesses, lengths, strict=True), start=1):
-        if cabling.linear_density[i - 1] > 0:  # ``chains.add_segments``
+        heavy = cabling.linear_density[i - 1] > 0
+        if heavy and whole is None:
             continue
         cable = ET.SubElement(tendons, "spatial", {"name": f"cable_{i}", "class": "cable"})
-        if cabling.reeving[i - 1] > 1 or cabling.winch_to_exit[i - 1] > 0:  # what ``reset`` cannot read elsewhere
+        if (
+            cabling.reeving[i - 1] > 1 or cabling.winch_to_exit[i - 1] > 0 or heavy
+        ):  # ``reset`` cannot read it elsewhere
             parts = float(cabling.reeving[i - 1])
-            cable.set("user", text([parts, float(cabling.winch_to_exit[i - 1]) / parts]))
+            further_on = [uneven[i - 1]] if heavy else []
+            cable.set("user", text([parts, float(cabling.winch_to_exit[i - 1]) / parts, *further_on]))
         nonlinear = cabling.stiffening[i - 1].any()
         if nonlinear or not wound:
             cable.set("stiffness", text([stiffness, *further[i - 1]] if nonlinear else stiffness))
             cable.set("springlength", text([0, length]))
-        if not cabling.massless:
-            cable.set("damping", text(step * stiffness))  # this integrator does not know springs
+        if step is not None:
+            cable.set("damping", text(step * stiffness))
+        if heavy:
+            cable.set("group", str(winches.HIDDEN))  # its segments are drawn
         if nonlinear and wound:
             ET.SubElement(cable, "site", site=f"drum_{i}")
         elif cabling.pulleys[i - 1]:
@@ -84,8 +104,10 @@ def add_tendons(
             pulleys.add_way(cable, i)
         else:
             ET.SubElement(cable, "site", site=f"exit_{i}")
+        if heavy and whole is not None:
+            whole(cable, i)
         ET.SubElement(cable, "site", site=f"anchor_{i}")
-        if wound and not cabling.pulleys[i - 1]:
+        if wound and not (cabling.pulleys[i - 1] or heavy):
             add_twin(tendons, f"rope_{i}", i, rest_lengths[i - 1], group=str(winches.HIDDEN))
 
 

@@ -20,7 +20,7 @@ def open_viewer(problem: Problem) -> None:
     """Open the viewer, and return when it is closed.
 
     Raises:
-        InvalidInput: there is no display; or a robot whose cables no winch can wind in MuJoCo.
+        InvalidInput: there is no display.
     """
     scene = scene_mjcf(problem.robot, FILE)
     model = mujoco.MjModel.from_xml_string(scene, {FILE: to_mjcf(problem, winches=True).encode()})

@@ -11,7 +11,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.chains import refuse_weight
+from cdpr_sim.physics import chains
 from cdpr_sim.physics.settle import settle
 from cdpr_sim.physics.tendons import springs
 from cdpr_sim.physics.winches import SERVO, reach, shared
@@ -35,7 +35,6 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
         NotSettled: cables are nonlinear, and the platform does not come to rest on them.
     """
     problem = Problem.of(robot, pose)
-    refuse_weight(robot, "a winch in MuJoCo")
     wanted = checked_array("rest_lengths", rest_lengths, None)
     if wanted.shape[-1:] != (robot.cables,):
         raise InvalidInput(f"rest_lengths: found an array of shape {wanted.shape}, expected (..., {robot.cables})")
@@ -55,6 +54,14 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
         servos = SERVO * springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
-            drawn_in = (rest.lengths + extra) * controls[row] + rest.pulls / servos  # plus the servos' displacement
+            lengths = rest.lengths + extra
+            for cable in np.flatnonzero(nonlinear & (robot.cabling.linear_density > 0)):
+                # Of a cable with mass, ``lengths`` has the chord. Its tension grows along it by the weight below: the
+                # mean is that at half the height.
+                rise = robot.exits[cable, 2] - rest.pose.apply(robot.anchors[cable])[2]
+                pull = rest.pulls[[cable]] + robot.cable_weights[cable] * rise / 2
+                strain = chains.strains(robot.cabling, np.array([cable]), pull)[0]
+                lengths[cable] = (wanted[row][cable] + extra[cable]) * (1 + strain)
+            drawn_in = lengths * controls[row] + rest.pulls / servos  # plus the servos' displacement
             controls[row][nonlinear] = drawn_in[nonlinear]
     return controls

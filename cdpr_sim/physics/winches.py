@@ -189,6 +189,7 @@ def add_winches(
     rest_lengths: Float[np.ndarray, " cables"],
     springs: Float[np.ndarray, " cables"],
     *,
+    uneven: Float[np.ndarray, " cables"],
     kind: Kind,
     forces: Float[np.ndarray, " cables"],
     speed: float,
@@ -202,6 +203,7 @@ def add_winches(
         robot: the robot.
         rest_lengths: rest lengths at a control, or an activation, of 0 [m].
         springs: stiffnesses of tendons of these rest lengths, from ``tendons.springs`` [N/m].
+        uneven: by how much cables stretch further than under their mean tension, (cables,) [m].
         kind: what the controls are.
         forces: largest tensions of the ropes, (cables,) [N]; may be infinite.
         speed: largest rope speed of the kind ``speed`` [m/s].
@@ -209,7 +211,7 @@ def add_winches(
     """
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
     bounds = np.array([np.minimum(reach(robot)[0], rest_lengths), np.maximum(reach(robot)[1], rest_lengths)])
-    extra = shared(robot)
+    extra, offsets = shared(robot), _offsets(robot, uneven)
     for cable, slope in enumerate(springs):
         i, length = cable + 1, rest_lengths[cable] + extra[cable]
         shortest, longest = bounds[:, cable] + extra[cable]
@@ -222,7 +224,8 @@ def add_winches(
             ends, fastest = [length - longest, length - shortest], speed
         else:
             unit = 1.0 if kind == "ratio" else length  # of the input: u, or w = u L
-            winch = _add_cable(actuators, f"winch_{i}", cable, robot, slope, damping[cable], 1 / unit, forces[cable])
+            law = slope, offsets[cable], damping[cable]
+            winch = _add_cable(actuators, f"winch_{i}", cable, robot, *law, 1 / unit, forces[cable])
             ends = [unit * (length / longest - 1), unit * (length / shortest - 1)]
             fastest = speed * (length / longest) ** 2
         if kind == "ratio":
@@ -240,7 +243,11 @@ def add_winches(
 
 
 def add_damped_cables(
-    root: ET.Element, robot: Robot, springs: Float[np.ndarray, " cables"], damping: Float[np.ndarray, " cables"]
+    root: ET.Element,
+    robot: Robot,
+    springs: Float[np.ndarray, " cables"],
+    uneven: Float[np.ndarray, " cables"],
+    damping: Float[np.ndarray, " cables"],
 ) -> None:
     """Actuators ``damped_1``, ... without control, each the spring and the damper of a cable of constant rest length.
 
@@ -248,21 +255,33 @@ def add_damped_cables(
     is clamped as a whole, so that it never pushes.
     """
     actuators = ET.SubElement(root, "actuator")
-    for cable, slope in enumerate(springs):
-        _add_cable(actuators, f"damped_{cable + 1}", cable, robot, slope, damping[cable], 0.0, np.inf)
+    for cable, law in enumerate(zip(springs, _offsets(robot, uneven), damping, strict=True)):
+        _add_cable(actuators, f"damped_{cable + 1}", cable, robot, *law, 0.0, np.inf)
+
+
+def _offsets(robot: Robot, uneven: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
+    """Difference between the length of each tendon and the length l + c that its actuator stretches [m]."""
+    return pulleys.entries(robot.cabling) - shared(robot) + uneven
 
 
 def _add_cable(
-    actuators: ET.Element, name: str, cable: int, robot: Robot, slope: float, damping: float, gain: float, force: float
+    actuators: ET.Element,
+    name: str,
+    cable: int,
+    robot: Robot,
+    slope: float,
+    offset: float,
+    damping: float,
+    gain: float,
+    force: float,
 ) -> ET.Element:
     """The actuator that is a linear cable: n EA (l (1 + gain u)/L - 1) + damping, and between 0 and n ``force``."""
     stiffness = robot.reeving[cable] * robot.axial_stiffness[cable]
-    entry = (pulleys.entries(robot.cabling) - shared(robot))[cable]
     actuator = ET.SubElement(actuators, "general", name=name, tendon=f"cable_{cable + 1}", gear="-1")
     actuator.set("gaintype", "affine")
-    actuator.set("gainprm", text(gain * np.array([-slope * entry, -slope, 0])))
+    actuator.set("gainprm", text(gain * np.array([-slope * offset, -slope, 0])))
     actuator.set("biastype", "affine")
-    actuator.set("biasprm", text([-stiffness - slope * entry, -slope, -damping * slope]))
+    actuator.set("biasprm", text([-stiffness - slope * offset, -slope, -damping * slope]))
     most = robot.reeving[cable] * force if np.isfinite(force) else NO_LIMIT * stiffness
     actuator.set("forcerange", text([0, most]))
     return actuator
