@@ -1,12 +1,12 @@
 """Mutation testing: insert faults drawn at random, one at a time, and count how many the tests detect.
 
-    python scripts/mutate.py [FOLDER ...] [--count COUNT] [--seed SEED] [--jobs JOBS] [--markdown]
+    python scripts/mutate.py [FOLDER ...] [--tests FILE ...] [--count COUNT] [--seed SEED] [--jobs JOBS] [--markdown]
 
 Faults are of five kinds, as many of each: an operator or a number is changed, two arguments are exchanged or one is
 left out, two returned fields are exchanged, or a default is changed. They are drawn from all files of the folders of
-cdpr_sim (by default all folders), and any test may detect them.
+cdpr_sim (by default all folders), and any test may detect them, or any test of the given files.
 
-First the whole test suite runs once, and the functions that each test executes are recorded; the record is used again
+First these tests run once, and the functions that each test executes are recorded; the record is used again
 as long as no file changes. Then the tests are collected once, and for each fault the process is forked, the changed
 function gets its new code, and the tests that execute it run, the fastest first, until one fails. Code that runs during
 imports and code that Numba compiles is tested in a process that imports everything again.
@@ -212,12 +212,16 @@ def pytest_configure(config: Any) -> None:
     place = os.environ.get(RECORD)
     if place is None:
         return
-    seen: set[str] = set()
+    seen: dict[int, CodeType] = {}  # by id, since hashing code takes long
     folder = f"{config.rootpath}/cdpr_sim/"
 
     def note(frame: Any, event: str, _: Any) -> None:
-        if event == "call" and frame.f_code.co_filename.startswith(folder):
-            seen.add(f"{frame.f_code.co_filename.removeprefix(folder)}:{frame.f_code.co_qualname}")
+        if event == "call":
+            seen[id(frame.f_code)] = frame.f_code
+
+    def names() -> list[str]:
+        own = [code for code in [*seen.values()] if code.co_filename.startswith(folder)]
+        return sorted({f"{code.co_filename.removeprefix(folder)}:{code.co_qualname}" for code in own})
 
     threading.setprofile(note)  # applies to all threads that start from now on
 
@@ -230,7 +234,7 @@ def pytest_configure(config: Any) -> None:
         finally:
             sys.setprofile(None)
             with open(f"{place}-{os.getpid()}", "a", encoding="utf-8") as file:
-                file.write(json.dumps([who, time.monotonic() - begin, sorted(seen)]) + "\n")
+                file.write(json.dumps([who, time.monotonic() - begin, names()]) + "\n")
 
     class Watch:
         @pytest.hookimpl(wrapper=True)
@@ -259,9 +263,10 @@ class Record(NamedTuple):
         )
 
 
-def recorded(tree: Path, digest: str, jobs: int) -> Record:
-    """Run all tests once, or read the record of the last run of the same sources."""
-    place = tree.with_name(f"{tree.name}-executed-{digest}")
+def recorded(tree: Path, digest: str, tests: list[str], jobs: int) -> Record:
+    """Run the tests once, or read the record of the last run of the same tests and sources."""
+    some = hashlib.sha256(" ".join([digest, *sorted(tests)]).encode()).hexdigest()[:12]
+    place = tree.with_name(f"{tree.name}-executed-{some}")
     if not place.exists():
         part = tree / "executed"
         for old in tree.glob("executed-*"):
@@ -269,7 +274,7 @@ def recorded(tree: Path, digest: str, jobs: int) -> Record:
         command = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "-p", "no:cacheprovider", "-p", "mutate"]
         paths = os.pathsep.join([str(tree), str(tree / "scripts")])
         done = subprocess.run(
-            command, cwd=tree, env={**os.environ, RECORD: str(part), "PYTHONPATH": paths}, check=False
+            [*command, *tests], cwd=tree, env={**os.environ, RECORD: str(part), "PYTHONPATH": paths}, check=False
         )
         if done.returncode:
             raise RuntimeError("tests fail without a fault")
@@ -404,7 +409,8 @@ def outcomes(tree: Path, faults: list[Fault], record: Record) -> Iterator[tuple[
     """Return whether each fault survives."""
     context = multiprocessing.get_context("forkserver")
     answers = context.SimpleQueue()
-    process = context.Process(target=run_tests, args=(tree, [], (faults, record, answers)))
+    files = sorted({one.partition("::")[0] for one in record.seconds})
+    process = context.Process(target=run_tests, args=(tree, files, (faults, record, answers)))
     process.start()
     again = []
     for fault in faults:
@@ -466,6 +472,7 @@ def main() -> int:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     folders = sorted(path.name for path in (ROOT / "cdpr_sim").iterdir() if (path / "__init__.py").exists())
     asked.add_argument("folders", nargs="*", choices=[*folders, []], metavar="FOLDER", help=", ".join(folders))
+    asked.add_argument("--tests", nargs="+", default=[], metavar="FILE", help="files of tests, by default all")
     asked.add_argument("--count", type=int, default=100, help="number of faults, 100 by default")
     asked.add_argument("--seed", type=int, default=0)
     asked.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that record the tests")
@@ -473,7 +480,7 @@ def main() -> int:
     options = asked.parse_args()
     faults = sample(options.folders, options.count, options.seed)
     tree, digest = copied_tree()
-    record = recorded(tree, digest, options.jobs)
+    record = recorded(tree, digest, options.tests, options.jobs)
     multiprocessing.get_context("forkserver").set_forkserver_preload(PRELOADED)
     counts: defaultdict[str, Counter] = defaultdict(Counter)
     survivors, begin = [], time.monotonic()
