@@ -244,7 +244,7 @@ def test_near_a_fold_both_equilibria_are_listed_and_proved():
         proved = cdpr.certify_all(problem)
         assert proved.complete
         assert sorted(one.index for one in proved) == [0, 0, 1, 1]
-        assert proved.missing_from(cdpr.find_equilibria(problem, saddles=True, starts=300)) == ()
+        assert proved.missing_from(cdpr.find_equilibria(problem, saddles=True)) == ()
 
 
 def test_a_family_is_reported_and_not_called_complete():
