@@ -1,23 +1,29 @@
-"""Mutation testing: insert faults one at a time, and print a table of how many the tests detect.
+"""Mutation testing: insert faults drawn at random, one at a time, and count how many the tests detect.
 
-    python scripts/mutate.py [FOLDER ...] [--markdown] [--sample COUNT [--seed SEED]]
+    python scripts/mutate.py [FOLDER ...] [--tests FILE ...] [--count COUNT] [--seed SEED] [--jobs JOBS] [--markdown]
 
-mutations.toml lists the faults and the tests that should detect them. With ``--sample``, that number of faults is drawn
-at random from the same files, and any test may detect them. A fault takes seconds; the script is not part of the tests.
-Exit status 1 if a fault survives without an explanation.
+Faults are of five kinds, as many of each: an operator or a number is changed, two arguments are exchanged or one is
+left out, two returned fields are exchanged, or a default is changed. They are drawn from all files of the folders of
+cdpr_sim (by default all folders), and any test may detect them, or any test of the given files.
 
-The tests of a folder are collected once. For each fault the process is forked, the changed functions get their new
-code, and the tests that execute them run, the fastest first, until one fails. Code that runs during imports and code
-that Numba compiles is tested in a process that imports everything again.
+First these tests run once, and the functions that each test executes are recorded; the record is used again
+as long as no file changes. Then the tests are collected once, and for each fault the process is forked, the changed
+function gets its new code, and the tests that execute it run, the fastest first, until one fails. Code that runs during
+imports and code that Numba compiles is tested in a process that imports everything again.
+
+The script is not part of the tests: a fault takes seconds, the record as long as the test suite takes, twice.
 """
 
 import argparse
 import ast
+import copy
 import datetime
 import functools
 import gc
 import hashlib
 import importlib
+import itertools
+import json
 import multiprocessing
 import os
 import random
@@ -28,10 +34,9 @@ import sys
 import tempfile
 import threading
 import time
-import tomllib
 import traceback
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import CodeType, FunctionType
@@ -41,7 +46,9 @@ from rich.console import Console
 from rich.table import Table
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = tomllib.loads(Path(__file__).with_name("mutations.toml").read_text(encoding="utf-8"))
+RECORD = "CDPR_SIM_EXECUTED"
+"""Names the file that pytest writes the executed functions of each test to, if this module is its plugin."""
+
 PRELOADED = ["numba", "mujoco", "scipy.optimize", "scipy.spatial.transform", "matplotlib.figure", "xarray"]
 PRELOADED += ["dask.array", "pydantic", "typer", "PIL.ImageDraw", "__main__"]
 """Modules that take long to import, except plugins of pytest."""
@@ -49,106 +56,172 @@ PRELOADED += ["dask.array", "pydantic", "typer", "PIL.ImageDraw", "__main__"]
 PATIENCE = 5
 """A test that takes this many times longer than without the fault, and more than half a minute, has detected it."""
 
+LONGEST = 900
+"""Seconds for the tests of one fault in a new process; the fastest tests run first."""
+
 OTHER = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult, ast.Lt: ast.GtE,
     ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq, ast.And: ast.Or,
-    ast.Or: ast.And, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
+    ast.Or: ast.And, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.Is: ast.IsNot, ast.IsNot: ast.Is,
+    ast.In: ast.NotIn, ast.NotIn: ast.In, ast.USub: ast.UAdd,
 }  # fmt: skip
-"""Replacements of operators for random faults."""
+"""Replacements of operators."""
 
 
 class Fault(NamedTuple):
-    """A change of a file, at the only occurrence or at ``place``; ``reason``: why it cannot change any result."""
+    """A change of the code of a file of cdpr_sim at one place."""
 
+    kind: str
     file: str
+    place: int
     right: str
     wrong: str
-    reason: str = ""
-    place: int | None = None
 
     def texts(self, tree: Path) -> tuple[Path, str, str]:
         """The text of the file without and with the fault."""
         path = tree / "cdpr_sim" / self.file
         text = path.read_text(encoding="utf-8")
-        if self.place is None and text.count(self.right) != 1:
-            raise RuntimeError(f"{self.file}: found {text.count(self.right)} times, expected once: {self.right}")
-        start = text.index(self.right) if self.place is None else self.place
-        return path, text, text[:start] + self.wrong + text[start + len(self.right) :]
+        return path, text, text[: self.place] + self.wrong + text[self.place + len(self.right) :]
 
     def __str__(self) -> str:
-        right, wrong = (" ".join(code.split()) for code in (self.right, self.wrong))
-        if self.place is None:
-            return f"{self.file}: `{right}` put as `{wrong}`"
         line = self.texts(ROOT)[1][: self.place].count("\n") + 1
-        return f"{self.file}, line {line}: `{right}` put as `{wrong}`"
+        right, wrong = (" ".join(code.split()) for code in (self.right, self.wrong))
+        return f"{self.kind}: {self.file}, line {line}: `{right}` put as `{wrong}`"
 
 
-# In a separate process, which has imported the slow modules already
+# The faults of a file
 
 
-class Loop:
-    """A plugin of pytest: run the tests without a fault, and then with one fault after another, each in a fork."""
-
-    def __init__(self, tree: Path, faults: list[Fault], answers: Any, interpreted: bool) -> None:
-        self.tree, self.faults, self.answers, self.interpreted = tree, faults, answers, interpreted
-
-    def pytest_runtestloop(self, session: Any) -> bool:
-        """Send to the parent process whether each fault survives; None if this process cannot decide it."""
-        items, place = session.items, self.tree / "passed"
-        place.unlink(missing_ok=True)
-        alive = self._fork(session, items, lambda: _record(session, f"{self.tree}/cdpr_sim/", place))
-        self.answers.put(alive)
-        lines = [line.split("\t") for line in place.read_text(encoding="utf-8").splitlines()] if alive else []
-        took: defaultdict[str, float] = defaultdict(float)
-        for who, seconds, *_ in lines:
-            took[who] += float(seconds)
-        for fault in self.faults if alive else []:
-            changed = _changed(*fault.texts(self.tree), self.interpreted)
-            if changed is None:
-                self.answers.put(None)
-                continue
-            names = {f"{path}:{old.co_qualname}" for path, old, _ in changed}
-            by = {who for who, _, *passed in lines if names & set(passed)}
-            some = [item for item in items if {item.nodeid, item.nodeid.partition("::")[0]} & by]
-            some.sort(key=lambda item: took[item.nodeid])
-            files = {item.nodeid.partition("::")[0] for item in some}
-            seconds = 30 + int(PATIENCE * sum(took[who] for who in files.union(item.nodeid for item in some)))
-            self.answers.put(not some or self._fork(session, some, functools.partial(_patch, changed), seconds))
-        self.answers.put(self._fork(session, items[:1], lambda: None))
-        return True
-
-    def _fork(self, session: Any, items: list, prepare: Any, seconds: int = 0) -> bool:
-        pid = os.fork()
-        if pid:
-            status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-            if status == 2:
-                raise RuntimeError("a fork failed, and no test")
-            return status == 0
-        from _pytest.main import pytest_runtestloop
-
-        status = 2
-        try:
-            signal.alarm(seconds)
-            session.items = items
-            prepare()
-            with suppress(session.Failed, session.Interrupted):  # detected by the first test that fails
-                pytest_runtestloop(session)
-            status = int(session.testsfailed > 0)
-        except BaseException:
-            traceback.print_exc()
-        finally:
-            os._exit(status)
+def _operators(node: ast.AST) -> Iterator[ast.AST]:
+    if isinstance(node, ast.BinOp | ast.BoolOp | ast.UnaryOp) and type(node.op) in OTHER:
+        other = copy.deepcopy(node)
+        other.op = OTHER[type(node.op)]()
+        yield other
+    elif isinstance(node, ast.Compare) and type(node.ops[0]) in OTHER:
+        compared = copy.deepcopy(node)
+        compared.ops[0] = OTHER[type(node.ops[0])]()
+        yield compared
 
 
-def _record(session: Any, folder: str, place: Path) -> None:
+def _changed_constant(value: object) -> Any:
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int):
+        return value + 1
+    return 2 * value + 1e-3 if isinstance(value, float) else None
+
+
+def _constants(node: ast.AST) -> Iterator[ast.AST]:
+    if isinstance(node, ast.Constant) and (value := _changed_constant(node.value)) is not None:
+        yield ast.Constant(value)
+
+
+def _exchanged(node: ast.AST, elements: Callable[[Any], list[ast.expr]]) -> Iterator[ast.AST]:
+    """Each pair of neighbours among the elements of a node exchanged, where they differ."""
+    for k in range(len(elements(node)) - 1):
+        other = copy.deepcopy(node)
+        some = elements(other)
+        a, b = some[k], some[k + 1]
+        if not any(isinstance(one, ast.Starred) for one in (a, b)) and ast.dump(a) != ast.dump(b):
+            some[k : k + 2] = [b, a]
+            yield other
+
+
+def _arguments(node: ast.AST) -> Iterator[ast.AST]:
+    if not isinstance(node, ast.Call):
+        return
+    yield from _exchanged(node, lambda call: call.args)
+    for k, keyword in enumerate(node.keywords):
+        if keyword.arg is not None:
+            other = copy.deepcopy(node)
+            del other.keywords[k]
+            yield other
+
+
+def _fields(node: ast.AST) -> Iterator[ast.AST]:
+    """Neighbours exchanged in a returned tuple, or the values of two keywords of a returned call."""
+    if not isinstance(node, ast.Return):
+        return
+    if isinstance(node.value, ast.Tuple):
+        yield from _exchanged(node, lambda one: one.value.elts)
+    if isinstance(node.value, ast.Call):
+        yield from _exchanged(node, lambda one: one.value.args)
+        for k in range(len(node.value.keywords) - 1):
+            other = copy.deepcopy(node)
+            assert isinstance(other.value, ast.Call)
+            a, b = other.value.keywords[k : k + 2]
+            if a.arg and b.arg and ast.dump(a.value) != ast.dump(b.value):
+                a.value, b.value = b.value, a.value
+                yield other
+
+
+def drawn(file: str) -> list[Fault]:
+    """All faults of a file that a draw can choose, except in types."""
+    text = (ROOT / "cdpr_sim" / file).read_bytes()
+    starts = [0, *itertools.accumulate(len(line) for line in text.splitlines(keepends=True))]
+    nodes = list(ast.walk(ast.parse(text)))
+    no_code: set[int] = set()
+    defaults: set[int] = set()
+    for node in nodes:
+        types = [getattr(node, name, None) for name in ("annotation", "returns")]
+        types += [node] if isinstance(node, ast.JoinedStr) else []  # Python 3.11 misplaces what is in it
+        no_code.update(id(one) for some in types if some is not None for one in ast.walk(some))
+        if isinstance(node, ast.arguments):
+            defaults.update(id(one) for one in [*node.defaults, *node.kw_defaults])
+        if isinstance(node, ast.ClassDef):
+            defaults.update(id(one.value) for one in node.body if isinstance(one, ast.AnnAssign))
+    found = []
+    for node in nodes:
+        if id(node) in no_code or not isinstance(node, ast.expr | ast.Return):
+            continue
+        begin, end = (
+            starts[line - 1] + column
+            for line, column in ((node.lineno, node.col_offset), (node.end_lineno or 0, node.end_col_offset or 0))
+        )
+        right, place = text[begin:end].decode(), len(text[:begin].decode())
+        number = "default" if id(node) in defaults else "number"
+        for kind, changes in (
+            ("operator", _operators), (number, _constants), ("argument", _arguments), ("field", _fields),
+        ):  # fmt: skip
+            for other in changes(node):
+                code = ast.unparse(other)
+                found.append(Fault(kind, file, place, right, code if kind == "field" else f"({code})"))
+    return found
+
+
+def sample(folders: list[str], count: int, seed: int) -> list[Fault]:
+    """Faults drawn from the files of the folders, as many of each kind."""
+    files = [path.relative_to(ROOT / "cdpr_sim") for path in sorted((ROOT / "cdpr_sim").rglob("*.py"))]
+    by_kind: defaultdict[str, list[Fault]] = defaultdict(list)
+    for file in files:
+        if not folders or file.parts[0] in folders:
+            for fault in drawn(file.as_posix()):
+                by_kind[fault.kind].append(fault)
+    draw = random.Random(seed)
+    piles = [draw.sample(some, len(some)) for _, some in sorted(by_kind.items())]
+    return [pile[k] for k in range(max(map(len, piles), default=0)) for pile in piles if k < len(pile)][:count]
+
+
+# In pytest's process: which functions each test executes
+
+
+def pytest_configure(config: Any) -> None:
     """Record the functions that each test executes; its setup may be shared with other tests of its file."""
     import pytest
 
-    seen: set[str] = set()
+    place = os.environ.get(RECORD)
+    if place is None:
+        return
+    seen: dict[int, CodeType] = {}  # by id, since hashing code takes long
+    folder = f"{config.rootpath}/cdpr_sim/"
 
     def note(frame: Any, event: str, _: Any) -> None:
-        if event == "call" and frame.f_code.co_filename.startswith(folder):
-            seen.add(f"{frame.f_code.co_filename}:{frame.f_code.co_qualname}")
+        if event == "call":
+            seen[id(frame.f_code)] = frame.f_code
+
+    def names() -> list[str]:
+        own = [code for code in [*seen.values()] if code.co_filename.startswith(folder)]
+        return sorted({f"{code.co_filename.removeprefix(folder)}:{code.co_qualname}" for code in own})
 
     threading.setprofile(note)  # applies to all threads that start from now on
 
@@ -160,8 +233,8 @@ def _record(session: Any, folder: str, place: Path) -> None:
             return (yield)
         finally:
             sys.setprofile(None)
-            with open(place, "a", encoding="utf-8") as file:
-                file.write("\t".join([who, f"{time.monotonic() - begin:.3f}", *seen]) + "\n")
+            with open(f"{place}-{os.getpid()}", "a", encoding="utf-8") as file:
+                file.write(json.dumps([who, time.monotonic() - begin, names()]) + "\n")
 
     class Watch:
         @pytest.hookimpl(wrapper=True)
@@ -172,7 +245,98 @@ def _record(session: Any, folder: str, place: Path) -> None:
         def pytest_runtest_call(self, item: Any) -> Iterator[Any]:
             return (yield from watch(item.nodeid))
 
-    session.config.pluginmanager.register(Watch())
+    config.pluginmanager.register(Watch())
+
+
+class Record(NamedTuple):
+    """``seconds`` of each test and of each file's setup; ``tests`` of each function, and of each file of cdpr_sim."""
+
+    seconds: dict[str, float]
+    tests: dict[str, set[str]]
+
+    def of(self, names: set[str]) -> list[str]:
+        """The tests that execute a function or file, the fastest first."""
+        by = set().union(*(self.tests.get(name, set()) for name in names))
+        return sorted(
+            (one for one in self.seconds if "::" in one and {one, one.partition("::")[0]} & by),
+            key=self.seconds.__getitem__,
+        )
+
+
+def recorded(tree: Path, digest: str, tests: list[str], jobs: int) -> Record:
+    """Run the tests once, or read the record of the last run of the same tests and sources."""
+    some = hashlib.sha256(" ".join([digest, *sorted(tests)]).encode()).hexdigest()[:12]
+    place = tree.with_name(f"{tree.name}-executed-{some}")
+    if not place.exists():
+        part = tree / "executed"
+        for old in tree.glob("executed-*"):
+            old.unlink()
+        command = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "-p", "no:cacheprovider", "-p", "mutate"]
+        paths = os.pathsep.join([str(tree), str(tree / "scripts")])
+        done = subprocess.run(
+            [*command, *tests], cwd=tree, env={**os.environ, RECORD: str(part), "PYTHONPATH": paths}, check=False
+        )
+        if done.returncode:
+            raise RuntimeError("tests fail without a fault")
+        place.write_text("".join(one.read_text(encoding="utf-8") for one in sorted(tree.glob("executed-*"))))
+    seconds: defaultdict[str, float] = defaultdict(float)
+    tests: defaultdict[str, set[str]] = defaultdict(set)
+    for line in place.read_text(encoding="utf-8").splitlines():
+        who, took, functions = json.loads(line)
+        seconds[who] += took
+        for one in functions:
+            tests[one].add(who)
+            tests[one.partition(":")[0]].add(who)
+    return Record(dict(seconds), dict(tests))
+
+
+# In a process that has collected the tests: one fork for each fault
+
+
+class Loop:
+    """A plugin of pytest: run the tests of one fault after another, each in a fork."""
+
+    def __init__(self, tree: Path, faults: list[Fault], record: Record, answers: Any) -> None:
+        self.tree, self.faults, self.record, self.answers = tree, faults, record, answers
+
+    def pytest_runtestloop(self, session: Any) -> bool:
+        """Send to the parent process whether each fault survives; None if this process cannot decide it."""
+        items = {item.nodeid: item for item in session.items}
+        for fault in self.faults:
+            changed = _changed(*fault.texts(self.tree))
+            if changed is None:
+                self.answers.put(None)
+                continue
+            some = self.record.of({f"{fault.file}:{old.co_qualname}" for _, old, _ in changed})
+            files = {one.partition("::")[0] for one in some}
+            seconds = 30 + int(PATIENCE * sum(self.record.seconds.get(one, 0.0) for one in files.union(some)))
+            chosen = [items[one] for one in some if one in items]
+            self.answers.put(not chosen or _forked(session, chosen, functools.partial(_patch, changed), seconds))
+        return True
+
+
+def _forked(session: Any, items: list, prepare: Callable[[], None], seconds: int) -> bool:
+    """Whether the tests pass in a fork of this process."""
+    pid = os.fork()
+    if pid:
+        status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+        if status == 2:
+            raise RuntimeError("a fork failed, and no test")
+        return status == 0
+    from _pytest.main import pytest_runtestloop
+
+    status = 2
+    try:
+        signal.alarm(seconds)
+        session.items = items
+        prepare()
+        with suppress(session.Failed, session.Interrupted):  # detected by the first test that fails
+            pytest_runtestloop(session)
+        status = int(session.testsfailed > 0)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(status)
 
 
 def _functions(code: CodeType) -> Iterator[CodeType]:
@@ -189,13 +353,18 @@ def _rest(code: CodeType) -> tuple:
     return code.co_code, [_rest(one) if isinstance(one, CodeType) else one for one in there]
 
 
-def _changed(path: Path, right: str, wrong: str, interpreted: bool) -> list[tuple[str, CodeType, CodeType]] | None:
+def _compiled() -> set[str]:
+    from cdpr_sim.core import code_cache
+
+    return set(code_cache.SOURCES)
+
+
+def _changed(path: Path, right: str, wrong: str) -> list[tuple[str, CodeType, CodeType]] | None:
     """Functions that differ in the second text; None if code outside of functions or compiled code differs."""
     before, after = (compile(text, path, "exec") for text in (right, wrong))
     functions = [list(_functions(code)) for code in (before, after)]
     names = [[one.co_qualname for one in some] for some in functions]
-    kernel = path.stem.endswith(("_kernel", "catenary"))
-    if _rest(before) != _rest(after) or names[0] != names[1] or (kernel and not interpreted):
+    if _rest(before) != _rest(after) or names[0] != names[1] or path.as_posix().split("/cdpr_sim/")[-1] in _compiled():
         return None
     return [
         (str(path), a, b) for a, b in zip(*functions, strict=True) if a != b.replace(co_firstlineno=a.co_firstlineno)
@@ -219,182 +388,132 @@ def _patch(changed: list[tuple[str, CodeType, CodeType]]) -> None:
         raise RuntimeError(f"nothing runs the code of {changed[0][0]} that was changed")
 
 
-def run_tests(tree: Path, tests: list[str], interpreted: bool, faults: list[Fault], answers: Any) -> None:
-    """Run pytest and exit with its status; with faults, put the results into the queue."""
+def run_tests(tree: Path, tests: list[str], loop: tuple | None) -> None:
+    """Run pytest and exit with its status; with a loop's arguments, put its results into the queue."""
     import pytest
 
     os.chdir(tree)
     sys.path[:0] = [str(tree)]
     os.environ["PYTHONPATH"] = str(tree)
-    with open(tree / "output", "w") as file:
+    with open(tree / f"output-{os.getpid()}", "w") as file:
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
-    if interpreted:
-        from cdpr_sim.core import compiling
-
-        compiling.FEW = sys.maxsize  # kernels stay interpreted for any number of poses
-    loop = [Loop(tree, faults, answers, interpreted)] if faults else []
-    os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=loop)))
+    plugins = [] if loop is None else [Loop(tree, *loop)]
+    os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests], plugins=plugins)))
 
 
 # In the process that counts the faults
 
 
-def outcomes(tree: Path, groups: list[tuple[dict, list[Fault]]]) -> Iterator[tuple[Fault, bool]]:
+def outcomes(tree: Path, faults: list[Fault], record: Record) -> Iterator[tuple[Fault, bool]]:
     """Return whether each fault survives."""
     context = multiprocessing.get_context("forkserver")
-    answers, interpreted = context.SimpleQueue(), groups[0][0].get("interpreted", False)
-    tests = list(dict.fromkeys(test for group, _ in groups for test in group["tests"]))
-    faults = [(group, fault) for group, some in groups for fault in some]
-    asked = [fault for _, fault in faults]
-    process = context.Process(target=run_tests, args=(tree, tests, interpreted, asked, answers))
-    begin = time.monotonic()
+    answers = context.SimpleQueue()
+    files = sorted({one.partition("::")[0] for one in record.seconds})
+    process = context.Process(target=run_tests, args=(tree, files, (faults, record, answers)))
     process.start()
-    if not _answer(process, answers, tree):
-        raise RuntimeError(f"tests fail without a fault:\n{(tree / 'output').read_text()[-2000:]}")
-    seconds = 30 + PATIENCE * (time.monotonic() - begin)
     again = []
-    for group, fault in faults:
-        alive = _answer(process, answers, tree)
+    for fault in faults:
+        while answers.empty():
+            if not process.is_alive() and answers.empty():
+                raise RuntimeError(f"pytest ended too early:\n{(tree / f'output-{process.pid}').read_text()[-2000:]}")
+            time.sleep(0.05)
+        alive = answers.get()
         if alive is None:
-            again.append((group, fault))
+            again.append(fault)
         else:
             yield fault, alive
-    if not _answer(process, answers, tree):
-        raise RuntimeError("a test that passed before fails after all of them, without a fault")
     process.join()
-    for group, fault in again:
-        yield fault, survives(tree, fault, group["tests"], interpreted, seconds)
+    for fault in again:
+        yield fault, survives(tree, fault, record)
 
 
-def _answer(process: Any, answers: Any, tree: Path) -> bool | None:
-    while answers.empty():
-        if not process.is_alive() and answers.empty():
-            raise RuntimeError(f"pytest ended too early:\n{(tree / 'output').read_text()[-2000:]}")
-        time.sleep(0.05)
-    return answers.get()
-
-
-def survives(tree: Path, fault: Fault, tests: list[str], interpreted: bool, seconds: float) -> bool:
+def survives(tree: Path, fault: Fault, record: Record) -> bool:
     """Return whether the tests pass in a process that imports the fault; the file is restored afterwards."""
+    tests = record.of({fault.file}) or sorted({one.partition("::")[0] for one in record.seconds})
     path, right, wrong = fault.texts(tree)
     times = path.stat()
     compile(wrong, path, "exec")  # any test would detect a syntax error
+    listed = tree / "tests-of-a-fault"
+    listed.write_text("\n".join(tests))
     path.write_text(wrong, encoding="utf-8")
-    process = multiprocessing.get_context("forkserver").Process(
-        target=run_tests, args=(tree, tests, interpreted, [], None)
-    )
+    process = multiprocessing.get_context("forkserver").Process(target=run_tests, args=(tree, [f"@{listed}"], None))
     try:
         process.start()
-        process.join(seconds)
+        process.join(LONGEST)
         if process.exitcode is None:
             process.kill()
             process.join()
+            print(f"not decided within {LONGEST} s, counted as survived: {fault}", file=sys.stderr, flush=True)
+            return True
         return process.exitcode == 0
     finally:
         path.write_text(right, encoding="utf-8")
         os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # its cached bytecode is valid again
 
 
-def drawn(file: str) -> list[Fault]:
-    """Faults of all operators and numbers of a file, except in types."""
-    text, found = (ROOT / "cdpr_sim" / file).read_text(encoding="utf-8"), []
-    nodes, lines = list(ast.walk(ast.parse(text))), text.splitlines(keepends=True)
-    types = [getattr(node, name, None) for node in nodes for name in ("annotation", "returns")]
-    no_code = {id(node) for one in types if one is not None for node in ast.walk(one)}
-    for node in nodes:
-        if id(node) in no_code:
-            continue
-        right = ast.get_source_segment(text, node) or ""
-        if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in OTHER:
-            node.op = OTHER[type(node.op)]()
-        elif isinstance(node, ast.Compare) and type(node.ops[0]) in OTHER:
-            node.ops[0] = OTHER[type(node.ops[0])]()
-        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            number: Any = node.value
-            node.value = number + 1 if isinstance(number, int) else 2 * number + 1e-3
-        else:
-            continue
-        column = len(lines[node.lineno - 1].encode()[: node.col_offset].decode())
-        place = sum(map(len, lines[: node.lineno - 1])) + column
-        found.append(Fault(file, right, f"({ast.unparse(node)})", place=place))
-    return found
-
-
-def faults_of(groups: list[dict], count: int, seed: int) -> list[tuple[dict, list[Fault]]]:
-    """The faults of a folder, listed or ``count`` random ones, with the group of tests that should detect them."""
-    if not count:
-        return [(group, [Fault(group["file"], *words) for words in group["faults"]]) for group in groups]
-    groups = [group | {"tests": ["tests"]} for group in groups]
-    all_of_them = [(group, fault) for group in groups for fault in drawn(group["file"])]
-    chosen = random.Random(seed).sample(all_of_them, min(count, len(all_of_them)))
-    return [(group, [fault for own, fault in chosen if own is group]) for group in groups]
-
-
-def count_folder(tree: Path, folder: str, count: int, seed: int, equivalent: list[Fault]) -> Counter:
-    """Test the faults of a folder and count the outcomes; print survivors, or add them to the equivalent faults."""
-    counts: Counter = Counter()
-    everything = faults_of(FOLDERS[folder], count, seed)
-    for interpreted in (False, True):
-        groups = [pair for pair in everything if pair[1] and pair[0].get("interpreted", False) == interpreted]
-        begin = time.monotonic()
-        for fault, alive in outcomes(tree, groups) if groups else []:
-            counts[("equivalent" if fault.reason else "survived") if alive else "killed"] += 1
-            if alive and fault.reason:
-                equivalent.append(fault)
-            elif fault.reason:
-                print(f"detected, although listed as equivalent: {fault}", flush=True)
-            elif alive:
-                print(f"survived: {fault}", flush=True)
-            if counts.total() == 1 or counts.total() % 20 == 0:
-                print(f"{folder}: {counts.total()}, {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
-    return counts
-
-
-def copied_tree() -> Path:
-    """Copy the repository, always to the same place, so that compiled code can be used again."""
-    tree = (
-        Path(tempfile.gettempdir()).resolve() / f"cdpr_sim-mutate-{hashlib.sha256(str(ROOT).encode()).hexdigest()[:8]}"
-    )
+def copied_tree() -> tuple[Path, str]:
+    """Copy the repository, always to the same place, so that compiled code can be used again; and a digest of it."""
+    name = hashlib.sha256(str(ROOT).encode()).hexdigest()[:8]
+    tree = Path(tempfile.gettempdir()).resolve() / f"cdpr_sim-mutate-{name}"
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    for name in listed.splitlines():
-        (tree / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ROOT / name, tree / name)
-    return tree
+    digest = hashlib.sha256()
+    shutil.rmtree(tree / "tests", ignore_errors=True)
+    for file in listed.splitlines():
+        if (ROOT / file).exists():
+            (tree / file).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / file, tree / file)
+            if file.endswith(".py"):
+                digest.update((ROOT / file).read_bytes())
+    return tree, digest.hexdigest()[:12]
 
 
 def main() -> int:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("folders", nargs="*", choices=[*FOLDERS, []], metavar="FOLDER", help=", ".join(FOLDERS))
-    asked.add_argument("--markdown", action="store_true", help="print the table for docs/mutations.md")
-    asked.add_argument("--sample", type=int, default=0, metavar="COUNT", help="number of random faults per folder")
+    folders = sorted(path.name for path in (ROOT / "cdpr_sim").iterdir() if (path / "__init__.py").exists())
+    asked.add_argument("folders", nargs="*", choices=[*folders, []], metavar="FOLDER", help=", ".join(folders))
+    asked.add_argument("--tests", nargs="+", default=[], metavar="FILE", help="files of tests, by default all")
+    asked.add_argument("--count", type=int, default=100, help="number of faults, 100 by default")
     asked.add_argument("--seed", type=int, default=0)
+    asked.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes that record the tests")
+    asked.add_argument("--markdown", action="store_true", help="print the table for docs/mutations.md")
     options = asked.parse_args()
+    faults = sample(options.folders, options.count, options.seed)
+    tree, digest = copied_tree()
+    record = recorded(tree, digest, options.tests, options.jobs)
     multiprocessing.get_context("forkserver").set_forkserver_preload(PRELOADED)
-    counts: dict[str, Counter] = {}
-    equivalent: list[Fault] = []
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True)
-    tree = copied_tree()
-    for name in options.folders or FOLDERS:
-        counts[name] = count_folder(tree, name, options.sample, options.seed, equivalent)
-    counts["all"] = sum(counts.values(), Counter())
-    rows: list[tuple[str, ...]] = [("folder", "faults", "killed", "equivalent", "survived", "% killed")]
-    for name, count in counts.items():
-        numbers = count.total(), count["killed"], count["equivalent"], count["survived"]
-        rate = 100 * count["killed"] / max(count["killed"] + count["survived"], 1)
-        rows.append((name, *map(str, numbers), f"{rate:.0f}"))
+    counts: defaultdict[str, Counter] = defaultdict(Counter)
+    survivors, begin = [], time.monotonic()
+    for number, (fault, alive) in enumerate(outcomes(tree, faults, record), 1):
+        for key in (fault.kind, "all"):
+            counts[key]["survived" if alive else "detected"] += 1
+        if alive:
+            survivors.append(fault)
+            print(f"survived: {fault}", flush=True)
+        if number % 10 == 0:
+            print(f"{number} of {len(faults)}, {time.monotonic() - begin:.0f} s", file=sys.stderr, flush=True)
+    rows: list[tuple[str, ...]] = [("kind", "faults", "detected", "survived", "% detected")]
+    for name in [*sorted(counts.keys() - {"all"}), "all"]:
+        count = counts[name]
+        rate = 100 * count["detected"] / max(count.total(), 1)
+        rows.append((name, str(count.total()), str(count["detected"]), str(count["survived"]), f"{rate:.0f}"))
     if options.markdown:
-        print(f"{datetime.date.today()}, commit {commit.stdout.strip()}:\n")
-        for row in (rows[0], ("---", *["---:"] * 5), *rows[1:]):
+        commit = subprocess.run(
+            ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
+        ).stdout
+        print(f"{datetime.date.today()}, commit {commit.strip()}, --seed {options.seed}:\n")
+        for row in (rows[0], ("---", *["---:"] * 4), *rows[1:]):
             print(f"| {' | '.join(row)} |")
-        for fault in equivalent:
-            print(f"- {fault}: {fault.reason}.")
+        print("\n| survived | judged |\n|---|---|")
+        for fault in survivors:
+            words = str(fault).replace("|", "\\|")
+            print(f"| {words} | |")
     else:
         table = Table(*rows[0])
         for row in rows[1:]:
             table.add_row(*row)
         Console().print(table)
-    return int(counts["all"]["survived"] > 0)
+    return 0
 
 
 if __name__ == "__main__":

@@ -4,8 +4,9 @@ import importlib.util
 from pathlib import Path
 
 import hypothesis
+import jaxtyping
 import pytest
-from jaxtyping import install_import_hook
+import typechecker
 
 DOORS = {
     "core.cable", "core.checks", "core.controller", "core.limits", "core.pose", "core.problem", "core.robot",
@@ -49,12 +50,18 @@ def checked_modules() -> list[str]:
     return [f"cdpr_sim.{module}" for module in sorted(modules - left_out) if not module.endswith("__init__")]
 
 
-install_import_hook(checked_modules(), "typechecker.check")
+vars(jaxtyping)["jaxtyped"] = typechecker.first_calls_checked  # the name that the hook decorates with
+jaxtyping.install_import_hook(checked_modules(), "typechecker.check")
 
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True, max_examples=100)
 hypothesis.settings.load_profile("default")
 
 import cdpr_sim as cdpr  # noqa: E402  (after the hook)
+
+
+def pytest_runtest_setup() -> None:
+    """Each test checks its own calls."""
+    typechecker.calls.clear()
 
 
 @pytest.fixture(scope="session")

@@ -15,8 +15,9 @@ from cdpr_sim.statics.any_cable import any_cables
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
 from cdpr_sim.statics.profiles import catenary
 
-ROBOTS = 300
-"""Random ones; 10,000 were tried when this was written, without drive lines."""
+ROBOTS = 100
+"""Random ones; 10,000 were tried when this was written, without drive lines, and ``scripts/stress_test_real_cables.py``
+tries as many as one likes."""
 
 MOST_UNSOLVED = 1
 """Of them: robots of which a cable leaves its wheel, or comes to the end of one, half round it; the status says so."""

@@ -8,9 +8,13 @@ from collections.abc import Iterable
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+import jaxtyping
+import numpy as np
 import pytest
+import typechecker
 
 import cdpr_sim as cdpr
+from cdpr_sim.physics import dynamic_relaxation
 
 PACKAGE = Path(cdpr.__file__).parent
 BESIDE = Path(__file__).parents[1] / "scripts" / "studies"
@@ -168,6 +172,16 @@ def test_a_command_waits_for_no_library_that_it_does_not_use(words, without, nee
     loaded = set(done.stderr.split())
     assert not loaded & without
     assert needed <= loaded
+
+
+def test_annotated_shapes_are_checked_at_the_first_calls_of_a_test():
+    """Arrays of another shape are found, however many right ones were given before in other tests; then it is quick."""
+    right, wrong = np.zeros((4, 3)), np.zeros((4, 3, 1))
+    for _ in range(typechecker.CHECKED - 1):
+        dynamic_relaxation._parallel(right, right)
+    with pytest.raises(jaxtyping.TypeCheckError, match="_parallel"):
+        dynamic_relaxation._parallel(wrong, wrong)
+    assert dynamic_relaxation._parallel(wrong, wrong).shape == (4, 3)
 
 
 def test_every_public_name_resolves():

@@ -37,7 +37,7 @@ def results() -> dict:
     """Small results for every picture, by its name."""
     forms = two_cable_studies.closed_forms(static_rows=33, settled_rows=5)
     widths = {
-        name: studies.across_the_width(cdpr.load_robot(name), static_rows=301, settled_rows=7)
+        name: studies.across_the_width(cdpr.load_robot(name), static_rows=151, settled_rows=7)
         for name in ("planar-vertical", "planar-horizontal", "cogiro", "parallel")
     }
     return {
@@ -46,7 +46,7 @@ def results() -> dict:
         "two-cable-closed-form": forms,
         "layouts": studies.homes(),
         "tilt-condition": balance.moment_balances(),
-        "paper-line": studies.paper_lines(static_rows=301, settled_rows=5),
+        "paper-line": studies.paper_lines(static_rows=151, settled_rows=4),
         "convergence": solver_studies.convergence(axial_stiffness=[1e2, 1e4], poses=3),
         "agreement": solver_studies.differences(["parallel", "two-cable"], poses=6),
         "real-cables": real_cables_studies.real_cables(poses=2),

@@ -56,7 +56,7 @@ def one_sentence(result, words: str) -> None:
 # ------------------------------------------------------------------------------------------------------ EXIT STATUSES
 
 
-@pytest.mark.parametrize("words", [["robots"], ["--help"], ["solve", "cogiro", "--json"]])
+@pytest.mark.parametrize("words", [["--help"], ["solve", "cogiro", "--json"]])
 def test_a_full_output_is_one_sentence_and_a_status_of_its_own(words):
     """1 would mean that the methods disagree."""
     with open("/dev/full", "w") as full:
@@ -76,7 +76,7 @@ def test_a_pipe_that_nobody_reads_is_no_error_message():
     assert (result.returncode, result.stderr) == (terminal.OUTSIDE, "")
 
 
-@pytest.mark.parametrize("words", [["robots"], ["settle", "cogiro"], ["figures", "--list"], ["sensitivity", "cogiro"]])
+@pytest.mark.parametrize("words", [["settle", "cogiro"], ["figures", "--list"]])
 def test_letters_that_cannot_be_shown_are_question_marks(words):
     """Forced ASCII: the same tables, in plain lines."""
     result = process(*words, env=ENVIRONMENT | {"PYTHONIOENCODING": "ascii"})
@@ -139,7 +139,6 @@ def test_interrupt_is_130_wherever_it_comes(monkeypatch):
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups to send an interrupt to")
 def test_an_interrupt_is_130_even_where_a_shell_runs_the_tests_in_the_background():
     """``&`` has children ignore SIGINT: the test restores it, and cleans up whatever happens."""
-    run("solve", "cogiro")  # compiles
     running = subprocess.Popen(
         [*COMMAND, "equilibria", "cogiro", "--starts", "300000"],
         env=ENVIRONMENT,
@@ -150,7 +149,7 @@ def test_an_interrupt_is_130_even_where_a_shell_runs_the_tests_in_the_background
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     try:
-        time.sleep(8)
+        time.sleep(4)  # imports and the first starts; they all take a minute
         assert running.poll() is None
         os.killpg(running.pid, signal.SIGINT)
         _, error = running.communicate(timeout=60)

@@ -128,6 +128,22 @@ def test_the_worst_poses_are_the_worst(robot, found, read):
     assert float(tilt) == pytest.approx(np.degrees(again.tilt), abs=1e-2)
 
 
+def test_every_row_of_the_worst_poses_says_its_own_numbers(found):
+    """Poses and cables counted from 1; MuJoCo's numbers on the left, Newton's on the right, in mm and degrees."""
+    rows = zip(*(list(column.cells) for column in html_page._worst_table(found).columns), strict=True)
+    for number, (row, view) in enumerate(zip(rows, found.worst, strict=True), start=1):
+        both = view.settled, view.solved
+        off = [1000 * (one.position - one.problem.position) for one in both]
+        slack = [[str(cable + 1) for cable in range(8) if one.tensions[cable] == 0] for one in both]
+        assert row[0] == str(number)
+        assert [float(one) for one in row[1].split(", ")] == pytest.approx(1000 * both[0].problem.position, abs=0.06)
+        assert [float(one) for one in row[2:4]] == pytest.approx(np.linalg.norm(off, axis=1), abs=6e-4)
+        assert [float(one) for one in row[4:6]] == pytest.approx([np.degrees(one.tilt) for one in both], abs=6e-4)
+        assert [*row[6:8]] == [", ".join(one) or "none" for one in slack]
+        assert float(row[8]) == pytest.approx(np.linalg.norm(off[0] - off[1]), rel=0.06, abs=1e-12)
+    assert any(view.settled.slack.any() for view in found.worst)
+
+
 def test_what_is_worst_is_the_same_in_the_summary_and_on_the_maps(monkeypatch):
     """On crossed cables the worst pose lies beside the middle: the maps go through it, and say so."""
     monkeypatch.setattr(robot_summary, "POINTS", 13)

@@ -36,7 +36,7 @@ GRID = 60
 """Random poses per catalogue robot and stiffness: enough to meet every number of slack cables."""
 
 
-SEEDS = 100
+SEEDS = 40
 """Random robots: of 3 to 10 cables and four orders of magnitude in stiffness, some are always odd."""
 
 

@@ -331,6 +331,7 @@ def test_a_map_of_distances_is_in_millimetres_and_red_where_they_are_too_small()
     for image, of in ((distances, [[4, 12.5], [12, np.nan], [6, 20]]), (near, [[1, np.nan]] + 2 * [[np.nan] * 2])):
         assert (image.origin, image.get_extent()) == ("lower", [0, 2, 0, 3])
         np.testing.assert_allclose(np.ma.filled(image.get_array(), np.nan), of)
+    assert distances.get_clim() == (0, 20)  # colours begin at no distance at all
     assert same_color(near.cmap(0.5), style.VERMILLION)
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["below 5 mm"]

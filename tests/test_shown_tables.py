@@ -3,6 +3,7 @@
 The results are made up, all of their numbers different, so that no two could be swapped unnoticed.
 """
 
+import dataclasses
 import inspect
 import io
 import json
@@ -26,6 +27,8 @@ from cdpr_sim.analysis.modes import Modes
 from cdpr_sim.analysis.sensitivity import Effect, Sensitivity
 from cdpr_sim.cli import app
 from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
+from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES, Check
 from cdpr_sim.crosscheck.compare import Agreement, Verdict
@@ -34,7 +37,7 @@ from cdpr_sim.crosscheck.layout_validation import LayoutValidation, ValidatedRob
 from cdpr_sim.design.layout_result import Change, LayoutResult
 from cdpr_sim.design.objectives import OBJECTIVES
 from cdpr_sim.physics.release import Release
-from cdpr_sim.report import analysis_tables, as_json, crosscheck_tables, design_tables, workspace_tables
+from cdpr_sim.report import analysis_tables, as_json, crosscheck_tables, design_tables, robot_tables, workspace_tables
 from studies.checked_lines import line_table
 
 COMMANDED = (0.4, 0.25, 0.2)
@@ -341,10 +344,77 @@ def test_what_moved_in_a_layout_is_told_in_its_unit():
         Change("linear density of cable 2", 2.0, 1.0),
     )
     layout = Mock(spec=LayoutResult, given=cdpr.load_robot("cogiro"), changes=moved)
-    assert list(columns(design_tables.changes_table(layout)).values()) == [
-        ["exit 3 z", "EA of cable 2", "linear density of cable 2"], ["250.00 mm", "1000 N", "2 kg/m"],
-        ["237.50 mm", "1250 N", "1 kg/m"], ["-12.50 mm", "+25 %", "-50 %"],
-    ]  # fmt: skip
+    assert columns(design_tables.changes_table(layout)) == {
+        "": ["exit 3 z", "EA of cable 2", "linear density of cable 2"],
+        "before": ["250.00 mm", "1000 N", "2 kg/m"],
+        "after": ["237.50 mm", "1250 N", "1 kg/m"],
+        "change": ["-12.50 mm", "+25 %", "-50 %"],
+    }
+
+
+def states(rows: int) -> cdpr.Trajectory:
+    """Of ``cogiro``, all numbers different; cables are slack in two of them."""
+    random, robot = np.random.default_rng(21), cdpr.load_robot("cogiro")
+    commanded = random.uniform([0.2, 0.15, 0.1], [0.6, 0.35, 0.25], (rows, 3))
+    problems = Problems.of(robot, commanded)
+    tensions = random.uniform(0.5, 2.0, (rows, 8))
+    tensions[1, 2] = tensions[3, 4:7] = 0.0
+    turns = Rotation.from_rotvec(random.uniform(-0.2, 0.2, (rows, 3)))
+    poses = RigidTransform.from_components(commanded + random.uniform(-0.02, 0.02, (rows, 3)), turns)
+    lengths = problems.rest_lengths * np.where(tensions > 0, 1.001, 0.98)
+    return cdpr.Trajectory.of(problems, 2.5 + 0.25 * np.arange(rows), poses, lengths, tensions)
+
+
+def quantities(batch: EquilibriumBatch) -> dict[str, np.ndarray]:
+    """What tables sum up, row by row, from positions and rotations."""
+    off = batch.positions - batch.problems.positions
+    return {
+        "deviation [mm]": 1000 * np.sqrt((off**2).sum(1)),
+        "deviation -z [mm]": -1000 * off[:, 2],
+        "tilt [°]": np.degrees(np.arccos(batch.rotations[:, 2, 2])),
+        "largest tension [N]": batch.tensions.max(1),
+        "slack cables": (batch.tensions == 0).sum(1),
+    }
+
+
+def test_a_motion_is_summed_up_with_the_time_of_the_worst():
+    """Each quantity at the start, at the end, at its worst, and when that was since the start."""
+    motion = states(6)
+    taut = np.where(motion.tensions > 0, motion.tensions, np.inf).min(1)
+    expected = {
+        name: [*values[[0, -1]], values.max(), 0.25 * values.argmax()] for name, values in quantities(motion).items()
+    }
+    expected["smallest tension of a taut cable [N]"] = [*taut[[0, -1]], taut.min(), 0.25 * taut.argmin()]
+    shown = columns(robot_tables.trajectory_table(motion))
+    headings, rows = [*shown], zip(*shown.values(), strict=True)
+    assert headings == ["", "at the start", "at the end", "worst", "after [s]"]
+    told = {row[0].replace("\\", ""): [float(cell) for cell in row[1:]] for row in rows}
+    assert told.keys() == expected.keys()
+    for name, values in expected.items():
+        assert told[name] == pytest.approx(values, abs=6e-4), name
+    assert len({tuple(values) for values in expected.values()}) == len(expected)
+
+
+def test_a_batch_is_summed_up_by_median_and_worst():
+    """Of what is in equilibrium; what is not is counted by its reason."""
+    motion = states(6)
+    status = np.array([0, 0, 0, 0, Status.STALLED, 0])
+    batch = EquilibriumBatch(**{
+        field.name: getattr(motion, field.name) for field in dataclasses.fields(EquilibriumBatch)
+    } | {"status": status, "residuals": 1e-9 * np.arange(1.0, 7.0), "source": "newton"})  # fmt: skip
+    done = status == 0
+    expected = {name: (np.median(values[done]), values[done].max()) for name, values in quantities(batch).items()}
+    shown = columns(robot_tables.batch_table(batch))
+    assert [*shown] == ["", "median", "worst"]
+    told = {row[0].replace("\\", ""): row[1:] for row in zip(*shown.values(), strict=True)}
+    assert told.pop("equilibria") == ("", "5 of 6")
+    assert told.pop(f"none: {Status.STALLED.sentence}") == ("", "1")
+    assert told.pop("unbalanced [N]") == ("3.0e-09", "6.0e-09")
+    assert told.pop("slack cables") == ("0", "3 of 8")
+    del expected["slack cables"]
+    assert told.keys() == expected.keys()
+    for name, values in expected.items():
+        assert [float(cell) for cell in told[name]] == pytest.approx(values, abs=6e-4), name
 
 
 def test_a_layouts_json_says_each_number_of_its_own_method():

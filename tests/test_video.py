@@ -451,13 +451,17 @@ def test_an_encoder_that_fills_the_disk_is_no_mistake_of_the_users(tmp_path, par
     assert not list(tmp_path.iterdir())
 
 
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory) -> None:
+    """All that a video of a drive needs is compiled, so that it is drawing that is interrupted."""
+    words = ["video", "cogiro", "--drive-seconds", "1", "--seconds", "0.1", "--size", "320", "240"]
+    assert CliRunner().invoke(app, [*words, "-o", str(tmp_path_factory.mktemp("compiled") / "v.mp4")]).exit_code == 0
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups to send an interrupt to")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-def test_an_interrupted_command_leaves_nothing(tmp_path, tmp_path_factory, name):
+def test_an_interrupted_command_leaves_nothing(compiled, tmp_path, name):
     """Ctrl-C in a terminal reaches Python and ffmpeg alike: no file, no temporary one, no traceback, status 128 + 2."""
-    compiled = ["video", "cogiro", "--drive-seconds", "1", "--seconds", "0.1", "--size", "320", "240"]
-    whole = CliRunner().invoke(app, [*compiled, "-o", str(tmp_path_factory.mktemp("compiled") / "v.mp4")])
-    assert whole.exit_code == 0  # all is compiled now, so that it is drawing that is interrupted
     words = ["video", "cogiro", "--drive-seconds", "1", "--seconds", "300", "--size", "320", "240", "-o", "v.mp4"]
     command = [sys.executable, "-c", "from cdpr_sim.cli import main; main()", *words]
     environment = os.environ | {"PYTHONPATH": str(Path(cdpr.__file__).parents[1])}

@@ -1,5 +1,37 @@
 """The run-time check of annotations: an int will do for a float, as everywhere in Python."""
 
+import functools
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+import jaxtyping
 from beartype import BeartypeConf, beartype
 
 check = beartype(conf=BeartypeConf(is_pep484_tower=True))
+
+CHECKED = 30
+"""Calls of each function that are checked in each test: a search makes thousands of the same shapes, and checking
+them all took a third of the time of the tests that search."""
+
+calls: dict[Callable, int] = {}
+"""Calls of each function since the test began."""
+
+_jaxtyped: Any = jaxtyping.jaxtyped
+
+
+def first_calls_checked(decorated: Any = None, **options: Any) -> Any:
+    """``jaxtyping.jaxtyped``, of the first calls of each function in each test."""
+    if decorated is None:
+        return functools.partial(first_calls_checked, **options)
+    checked = _jaxtyped(decorated, **options)
+    if not isinstance(decorated, FunctionType):
+        return checked
+
+    @functools.wraps(decorated)
+    def first_checked(*args: Any, **kwargs: Any) -> Any:
+        __tracebackhide__ = True
+        calls[decorated] = number = calls.get(decorated, 0) + 1
+        return (checked if number <= CHECKED else decorated)(*args, **kwargs)
+
+    return first_checked

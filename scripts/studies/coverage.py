@@ -28,31 +28,29 @@ CASES = ("stated", "judged", "lengths")
 """Errors are stated, judged from the residuals, or stated with those of the rest lengths."""
 
 
-def coverage(
-    case: str, fits: int, rows: int = 8, seed: int = 0, coverage: float = 0.95
-) -> Bool[np.ndarray, "fits unknowns"]:
-    """Whether each interval holds the true value.
+def fitted(case: str, fits: int, rows: int = 8, seed: int = 0) -> list[cdpr.Identification]:
+    """Fits to simulated measurements.
 
     Args:
         case: one of ``CASES``.
         fits: count of simulated sets of measurements.
         rows: poses in each.
         seed: of poses and noise.
-        coverage: of the intervals.
     """
     robot, rng = cdpr.load_robot("irma4u"), np.random.default_rng(seed)
     true = robot.replace(axial_stiffness=TRUE_EA)
-    held = []
-    for _ in range(fits):
-        measurements = simulated(true, rows, rng, LENGTH_ERROR if case == "lengths" else 0.0)
-        errors: dict[str, Any] = {} if case == "judged" else {f"{kind}_error": error for kind, error in ERRORS.items()}
-        if case == "lengths":
-            errors["rest_length_error"] = LENGTH_ERROR
-        found = cdpr.identify(robot.replace(axial_stiffness=20e3), measurements, UNKNOWNS, **errors)
-        lower, upper = found.intervals(coverage).T
-        truth = np.array([TRUE_EA, *OFFSETS])
-        held.append((lower < truth) & (truth < upper))
-    return np.array(held)
+    errors: dict[str, Any] = {} if case == "judged" else {f"{kind}_error": error for kind, error in ERRORS.items()}
+    if case == "lengths":
+        errors["rest_length_error"] = LENGTH_ERROR
+    believed, length_error = robot.replace(axial_stiffness=20e3), LENGTH_ERROR if case == "lengths" else 0.0
+    return [cdpr.identify(believed, simulated(true, rows, rng, length_error), UNKNOWNS, **errors) for _ in range(fits)]
+
+
+def held(found: Sequence[cdpr.Identification], coverage: float = 0.95) -> Bool[np.ndarray, "fits unknowns"]:
+    """Whether each interval holds the true value."""
+    intervals = np.array([one.intervals(coverage) for one in found])
+    truth = np.array([TRUE_EA, *OFFSETS])
+    return (intervals[..., 0] < truth) & (truth < intervals[..., 1])
 
 
 def simulated(robot: cdpr.Robot, rows: int, rng: np.random.Generator, length_error: float = 0.0) -> cdpr.Measurements:
