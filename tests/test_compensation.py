@@ -9,10 +9,12 @@ from scipy.spatial.transform import Rotation
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.compensation import TAUT
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
-from cdpr_sim.core.pose import distance
+from cdpr_sim.core.pose import distance, moved
 from cdpr_sim.report import as_json
 from cdpr_sim.report.analysis_tables import compensation_table, compensation_verdict
-from cdpr_sim.statics import two_cable_closed_form
+from cdpr_sim.statics import forces, two_cable_closed_form
+from cdpr_sim.statics.derivatives import wrench_under_tensions
+from cdpr_sim.statics.given_tensions import cut
 
 MICROMETRE = 1e-6
 
@@ -26,14 +28,11 @@ load over stiffnesses of 100 N/m would allow 4e-11."""
 OF_CABLES = {
     "massless": ({}, 0.999),
     "with mass": ({"linear_density": 1e-4}, 0.99),
-    "of every kind": (
-        {
-            "linear_density": [1e-4, 0.0] * 2, "pulley_radius": [0.01, 0.01, 0.0, 0.0], "pulley_axis": (0, 0, 1),
-            "stiffening": [(100.0, 2e4)] * 3 + [(0.0, 0.0)], "winch_to_exit": 0.3, "reeving": 2,
-        }, 0.99,
-    ),
-}  # fmt: skip
+}
 """Cables, and the distance, per distance of the nearest pose, within which no pose is feasible."""
+
+SLOPE = 1e-7
+"""Relative error of differences with steps of 10 micrometres."""
 
 SOFT = 1e-7
 """[m] Likewise where the platform hangs on softly held directions, at the edge of what is reachable."""
@@ -147,6 +146,29 @@ def test_no_pose_nearer_than_the_nearest_is_feasible(catalogue, kind):
     if changes:
         light = cdpr.compensate(robot.replace(linear_density=0.0), (0.2, 0, 0.1), tensions=limits)
         assert errors(cdpr.settle(robot, light.pose, light.rest_lengths), light.pose)[0] > MICROMETRE
+
+
+def test_forces_under_given_tensions_have_exact_derivatives(catalogue):
+    """By the pose and by the tensions, where rest lengths follow: cables of every kind side by side, and massless."""
+    every = catalogue["cogiro"].replace(
+        linear_density=[5e-4, 0.0] * 4, pulley_radius=[0.01, 0.01, 0.0, 0.0] * 2, winch_to_exit=0.3, reeving=2,
+        stiffening=[(100.0, 2e4)] * 6 + [(0.0, 0.0)] * 2,
+    )  # fmt: skip
+    tensions, start = np.linspace(2.0, 5.0, 8), every.pose((0.3, 0.22, 0.15, 0.1, 0.2, -0.1))
+    for robot in (every, every.replace(linear_density=0.0)):
+
+        def at(step, change, robot=robot):
+            pose = moved(start, step)
+            position, rotation = pose.translation, pose.rotation.as_matrix()
+            rest, W = cut(robot, position, rotation, tensions + change)
+            state = forces.at(cdpr.Problem.of(robot, pose, rest), position, rotation)
+            return W @ (tensions + change) + state.load_wrench, state
+
+        by_pose, by_tension = wrench_under_tensions(at(np.zeros(6), np.zeros(8))[1])
+        h = 1e-5
+        for by, unit in ((by_pose, lambda x: (x, np.zeros(8))), (by_tension, lambda x: (np.zeros(6), x))):
+            measured = [(at(*unit(h * x))[0] - at(*unit(-h * x))[0]) / (2 * h) for x in np.eye(by.shape[1])]
+            np.testing.assert_allclose(np.array(measured).T, by, rtol=0, atol=SLOPE * np.abs(by).max())
 
 
 def test_two_cables_reach_the_nearest_pose_of_the_closed_form(catalogue):
