@@ -30,6 +30,10 @@ LAGS = 0.02
 HELD = 1e-3
 """Fraction by which winches miss a tension while the platform moves."""
 
+ALIKE = 0.2
+"""Fraction of a platform's largest deviation from its equilibria by which two integrators may differ: 0.09 measured, in
+proportion to the time step."""
+
 EVERY = {**MIXED, "winch_to_exit": [6, 0, 3, 0, 2, 0, 0, 1], "reeving": [1, 2] * 4}
 LINE = [(1.0, 1.0, 2.0), (0.5, 0.6, 1.8)]
 
@@ -160,6 +164,30 @@ def test_winches_hold_the_tensions_of_sagging_ropes():
     motion = cdpr.track(robot, LINE[:1], Tensions(robot, wanted), seconds=0.3)
     assert np.abs(motion.tensions[0] - wanted).max() > 1.0
     np.testing.assert_allclose(motion.tensions[-1], wanted, rtol=HELD)
+
+
+@pytest.mark.parametrize("changes", [{}, {"pulley_radius": 0.01, "winch_to_exit": 0.5, "reeving": 2}])
+def test_nonlinear_massless_cables_are_tracked(changes):
+    """At rest where solve says, with the tensions that winches hold; with a vanishing law, as linear cables move."""
+    linear = cdpr.load_robot("cogiro").replace(material="fishing-0.4mm", **changes)
+    robot, line = linear.replace(stiffening=LAW), [(0.3, 0.2, 0.15), (0.35, 0.2, 0.15)]
+    still = cdpr.track(robot, line[:1], cdpr.RigidLengths(robot), seconds=0.2)
+    equilibrium = cdpr.solve(robot, line[0])
+    assert np.linalg.norm(still.positions - equilibrium.position, axis=1).max() < RESTS
+    np.testing.assert_allclose(still.tensions[-1], equilibrium.tensions, rtol=1e-7, atol=1e-8)
+    some = linear.replace(stiffening=[LAW, LAW] + [(0.0, 0.0)] * 6)
+    wanted = cdpr.compensate(some, line[0]).tensions
+    held = cdpr.track(some, line[:1], Tensions(some, wanted), seconds=0.3)
+    assert np.abs(held.tensions[0] - wanted).max() > 10 * HELD
+    np.testing.assert_allclose(held.tensions[-1], wanted, rtol=HELD)
+    # Two integrators, and damping of lengths in the one and of strains in the other, which is 0 here.
+    limit = linear.replace(stiffening=(1e-9, 0.0))
+    motions = [
+        cdpr.track(one, line, cdpr.RigidLengths(linear), seconds=0.5, cable_damping=0.0) for one in (linear, limit)
+    ]
+    apart = np.linalg.norm(motions[0].positions - motions[1].positions, axis=1).max()
+    swing = np.linalg.norm(motions[0].positions - cdpr.solve_trajectory(motions[0]).positions, axis=1).max()
+    assert apart < ALIKE * swing
 
 
 def test_a_trace_of_mass_does_not_change_which_cables_are_held_by_tension():

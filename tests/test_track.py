@@ -277,7 +277,6 @@ def test_a_platform_that_falls_is_said_to_fall():
         ({"sensors": 100}, "sensors: found 100, expected Sensors"),
         ({"controller": 7}, "controller: found 7, expected an object with a method 'start'"),
         ({"controller": RigidLengths}, r"controller: found the class RigidLengths, expected .* RigidLengths\(robot\)"),
-        ({"robot": demobot(stiffening=(50, 0))}, "stiffening: found cables whose law is not linear"),
         ({"waypoints": []}, "waypoints: found none"),
         ({"waypoints": [[0.4, 0.25, 0.9]]}, "falls since cables cannot push"),
         (

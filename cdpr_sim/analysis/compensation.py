@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.analysis.tensions import Demand, balances, leftover, on_the_balance, smallest, stiffest
+from cdpr_sim.analysis.tensions import Demand, balances, leftover, nearest, on_the_balance, smallest, stiffest
 from cdpr_sim.analysis.workspace.feasibility import BALANCED
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.checks import Frozen, checked_array, frozen, one_of
@@ -57,8 +57,9 @@ LEAST_ARM = 1e-3
 least rotation for a position, and moves the position by its square times centimetres: at most 8e-9 m
 (``scripts/measure_constants.py``)."""
 
-MASS_STEPS = 30
-"""Choices of tensions of cables with mass, each with the directions of the last; they come nearer tenfold or more."""
+MASS_STEPS, MISSES = 30, 2
+"""Choices of tensions of cables with mass, each with the directions of the last; they come nearer tenfold or more. How
+many of them may find no tensions within limits before none are said to hold the pose."""
 
 MOST_STRAIN, MOST_LOADS, WORKING = 0.05, 3.0, 1 / 5
 """Default upper limit of tension: a strain of 5 %, where ropes break, and at most a fifth of the breaking
@@ -173,7 +174,7 @@ def compensate(
     Raises:
         InvalidInput: an invalid argument; limits that no tension satisfies.
         UnknownName: no such preference.
-        NotConverged: no pose was found that tensions within limits hold; of cables with mass, the commanded pose.
+        NotConverged: no pose was found that tensions within limits hold.
     """
     one_of("preference", prefer, get_args(Prefer))
     asked = Problem.of(robot, pose, external_wrench=external_wrench)
@@ -197,10 +198,13 @@ def compensate(
     demand = demand_at(rigid, commanded, lower, upper)
     floor = HELD * rigid.force_scale / robot.characteristic_length
     idle = len(robot.free) - demand.held.shape[1]
-    chosen = smallest(demand, floor) if prefer == "smallest" else stiffest(demand, floor)
+    chosen, missed = (smallest if prefer == "smallest" else stiffest)(demand, floor), 0
     for _ in range(1 if robot.cabling.massless else MASS_STEPS):
         if chosen is None:
-            break
+            missed += 1
+            if missed > MISSES or robot.cabling.massless:
+                break
+            chosen = nearest(demand)  # with their directions, tensions within limits may balance the load
         shortened = _cut(rigid, commanded, chosen)
         found = forces.equilibrium_at(shortened, commanded, iterations=0, source="compensation")
         if robot.cabling.massless or found.residual <= BALANCED * demand.scale:
@@ -211,11 +215,6 @@ def compensate(
         demand = replace(demand, wrench_matrix=_directed(shortened, commanded))
         # The stiffest are only brought to the balance again: a choice of its own each time would not settle.
         chosen = smallest(demand, floor) if prefer == "smallest" else on_the_balance(demand, chosen)
-    if not robot.cabling.massless:
-        raise NotConverged(
-            f"compensate: found no tensions from {lower.min():.3g} to {upper.max():.3g} N with which the cables, whose "
-            "mass is taken into account, hold the commanded pose; a nearest pose is only found for massless cables"
-        )
     reasons = _reasons(demand, rigid)
     found = _nearest(rigid, limits, floor, idle, arm)
     try:
@@ -340,8 +339,8 @@ def _nearest(
                 not_held.append((start, away(found)))
             elif away(found) < away(best):
                 best = found
-        for start, nearest in not_held:
-            if nearest < away(best):  # else a constraint of stability would only increase the distance
+        for start, least in not_held:
+            if least < away(best):  # else a constraint of stability would only increase the distance
                 found = _descend(problem, start, limits, floor, idle, arm)
                 if found is not None and _holds(found, idle) and away(found) < away(best):
                     best = found
@@ -441,49 +440,49 @@ def _descend(
         turn = Rotation.from_rotvec(step[3:]).as_matrix()
         return origin + step[:3], turn @ level
 
-    def cut(unknowns: Float[np.ndarray, " unknowns"]) -> forces.State:
+    def shortened(unknowns: Float[np.ndarray, " unknowns"]) -> forces.State:
         position, rotation = posed(unknowns)
-        lengths = forces.geometry(robot, position, rotation).lengths
-        rest = forces.rest_lengths_for(robot, lengths, np.maximum(unknowns[count:], 0) * scale)
+        rest, _ = cut(robot, position, rotation, np.maximum(unknowns[count:], 0) * scale)
         return forces.at(Problem(robot, problem.pose, rest, problem.external_wrench), position, rotation)
 
     def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " free"]:
         position, rotation = posed(unknowns)
-        W = forces.geometry(robot, position, rotation).wrench_matrix
+        if robot.cabling.massless:
+            W = forces.geometry(robot, position, rotation).wrench_matrix
+        else:
+            _, W = cut(robot, position, rotation, np.maximum(unknowns[count:], 0) * scale)
         net = W @ unknowns[count:] * scale + forces.load_wrench(problem, rotation)
         return (net / units)[free] / scale
 
     def slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "free unknowns"]:
-        state = cut(unknowns)
-        geometric = derivatives.wrench_slope_at_fixed_tensions(state)
+        geometric, by_tension = derivatives.wrench_under_tensions(shortened(unknowns))
         geometric[:, 3:] = geometric[:, 3:] @ _left_jacobian(stepped(unknowns)[3:])
         by_step = (geometric * reach / units / units[:, None])[np.ix_(free, free)] / scale
-        by_tension = (state.wrench_matrix / units[:, None])[free]
-        return np.hstack([by_step, by_tension])
+        return np.hstack([by_step, (by_tension / units[:, None])[free]])
 
     def held(unknowns: Float[np.ndarray, " unknowns"]) -> float:
-        return float(cut(unknowns).eigenvalues[idle] * reach / scale)
+        return float(shortened(unknowns).eigenvalues[idle] * reach / scale)
 
     constraints = [{"type": "eq", "fun": balance, "jac": slope}]
     if floor is not None:
         constraints.append({"type": "ineq", "fun": lambda unknowns: held(unknowns) - floor * reach / scale})
     weights = np.zeros(count + robot.cables)
     weights[:count] = np.repeat([1.0, max(arm / reach, LEAST_ARM) ** 2], 3)[free]
-    found = minimize(
-        lambda unknowns: float(0.5 * weights @ unknowns**2),
-        np.concatenate([(begin * units / reach)[free], tensions / scale]),
-        jac=lambda unknowns: weights * unknowns,
-        bounds=[(None, None)] * count + [*zip(*(limits / scale), strict=True)],
-        constraints=constraints,
-        method="SLSQP",
-        options={"maxiter": 300, "ftol": 1e-14},
-    )
-    if not np.isfinite(found.x).all() or np.abs(balance(found.x)).max() > 1e-6:
-        return None
-    pose = moved(problem.pose, stepped(found.x))
     try:
-        equilibrium = newton.solve(Problem.of(robot, pose, cut(found.x).problem.rest_lengths, problem.external_wrench))
-    except (NotConverged, InvalidInput):  # or a cable of zero length
+        found = minimize(
+            lambda unknowns: float(0.5 * weights @ unknowns**2),
+            np.concatenate([(begin * units / reach)[free], tensions / scale]),
+            jac=lambda unknowns: weights * unknowns,
+            bounds=[(None, None)] * count + [*zip(*(limits / scale), strict=True)],
+            constraints=constraints,
+            method="SLSQP",
+            options={"maxiter": 300, "ftol": 1e-14},
+        )
+        if not np.isfinite(found.x).all() or np.abs(balance(found.x)).max() > 1e-6:
+            return None
+        pose, rest = moved(problem.pose, stepped(found.x)), shortened(found.x).problem.rest_lengths
+        equilibrium = newton.solve(Problem.of(robot, pose, rest, problem.external_wrench))
+    except (NotConverged, InvalidInput):  # a cable of zero length, or one too heavy for its tension
         return None
     return equilibrium if distance(pose, equilibrium.pose, reach) <= _EQUAL else None
 

@@ -461,29 +461,30 @@ class Chains:
         """The indices, by name."""
         cables, inwards = np.flatnonzero(cabling.linear_density), range(SEGMENTS - 1, 0, -1)
 
-        def ids(kind: mujoco.mjtObj, names: list[str]) -> Int[np.ndarray, "..."]:
+        def ids(kind: mujoco.mjtObj, each: int, names: list[str]) -> Int[np.ndarray, "chains each"]:
             found = np.array([mujoco.mj_name2id(model, kind.value, name) for name in names], dtype=int)
             if (found < 0).any():
                 missing = names[int(np.argmin(found))]
                 raise InvalidInput(
                     f"model: found no {missing!r}, expected the names that to_mjcf gives cables with mass"
                 )
-            return found.reshape(len(cables), -1)
+            return found.reshape(len(cables), each)
 
         bodies, tendons, joints = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_TENDON, mujoco.mjtObj.mjOBJ_JOINT
         numbers = cables + 1
-        slides = ids(joints, [f"{axis}_{i}_{k}" for i in numbers for k in inwards for axis in "xyz"])
+        slides = ids(joints, 3 * len(inwards), [f"{axis}_{i}_{k}" for i in numbers for k in inwards for axis in "xyz"])
         slides = slides.reshape(len(cables), SEGMENTS - 1, 3)
-        nodes, over = ids(bodies, [f"node_{i}_{k}" for i in numbers for k in inwards]), cabling.pulleys[cables]
+        nodes = ids(bodies, len(inwards), [f"node_{i}_{k}" for i in numbers for k in inwards])
+        over = cabling.pulleys[cables]
         grooves = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"groove_{i}") for i in numbers[over]]
         return cls(
             cables=cables,
             entries=pulleys.entries(cabling)[cables],
-            segments=ids(tendons, [f"cable_{i}_{k}" for i in numbers for k in range(1, SEGMENTS + 1)]),
-            brakes=ids(tendons, [f"brake_{i}_{axis}" for i in numbers for axis in "xyz"]),
-            chords=ids(tendons, [f"chord_{i}" for i in numbers])[:, 0],
+            segments=ids(tendons, SEGMENTS, [f"cable_{i}_{k}" for i in numbers for k in range(1, SEGMENTS + 1)]),
+            brakes=ids(tendons, 3, [f"brake_{i}_{axis}" for i in numbers for axis in "xyz"]),
+            chords=ids(tendons, 1, [f"chord_{i}" for i in numbers])[:, 0],
             nodes=nodes,
-            ends=ids(bodies, [f"end_{i}" for i in numbers])[:, 0],
+            ends=ids(bodies, 1, [f"end_{i}" for i in numbers])[:, 0],
             coordinates=model.jnt_qposadr[slides],
             dofs=model.jnt_dofadr[slides],
             over=over,

@@ -5,8 +5,8 @@ and commands the winches for the end of the next period; meanwhile they move at 
 do, and no faster than their maximum. A winch that controls a length is the model's actuator at that control. One that
 controls a tension is the same actuator with a constant force instead of a spring: an ideal motor with free speed. Its
 speed is limited too; at the limit its length is controlled, and its cable is a spring again. Robots whose cables have
-mass have no actuators: their winches let out lengths as ``sagging.chain_motion`` describes, and one that controls a
-tension lets out, at each step, the length that gives the cable's end this tension.
+mass or are nonlinear have no actuators: their winches let out lengths as ``sagging.chain_motion`` describes, and one
+that controls a tension lets out, at each step, the length that gives the cable's end this tension.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -39,6 +39,7 @@ from cdpr_sim.physics.dynamic_relaxation import inertias
 from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_drag, to_mjcf
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
+from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 from cdpr_sim.physics.sagging.settle_chains import at_rest
 from cdpr_sim.physics.sensing import Readings, Sensing, pose_of
 from cdpr_sim.physics.settle import settle, weighs, weightless
@@ -105,8 +106,7 @@ def track(
         reference, its rest lengths those that the winches had let out.
 
     Raises:
-        InvalidInput: an invalid argument; cables with nonlinear elasticity, all of them massless; a pose that no rest
-            lengths can hold.
+        InvalidInput: an invalid argument; a pose that no rest lengths can hold.
         NotSettled: the platform does not come to rest on the controller's first lengths.
         PlatformFell: it fell during the motion; carries the trajectory so far.
         BadCommand: the controller failed, or gave a command that winches cannot carry out; carries the trajectory so
@@ -127,7 +127,7 @@ def track(
     with _blamed(robot, "when the controller starts"):
         lengths = Command.of(controller.start(reference), robot.cables).rest_lengths
     with quiet():
-        machine = (_ChainMachine if weighs(robot) else Machine)(
+        machine = (_ChainMachine if weighs(robot) or not robot.cabling.linear else Machine)(
             robot if weighs(robot) else weightless(robot),
             wanted[0],
             lengths,
@@ -151,8 +151,6 @@ def _course(
     pause: float,
 ) -> Reference:
     path = Path(robot, poses_through(robot, waypoints))
-    if not (robot.cabling.linear or weighs(robot)):
-        raise InvalidInput("stiffening: found cables whose law is not linear, expected linear ones for tracking")
     if seconds is None:
         seconds = path.length / SPEED or PAUSE
     seconds = positive("seconds", seconds, "s")
@@ -430,7 +428,7 @@ class _ChainReadings(Readings):
 
 
 class _ChainMachine(Machine):
-    """A robot on cables of which some have mass, like ``Machine``, with springs in the place of actuators."""
+    """A robot on cables of which some have mass or are nonlinear, like ``Machine``, with springs for actuators."""
 
     def __init__(
         self,
@@ -448,7 +446,12 @@ class _ChainMachine(Machine):
         self.reach = np.array([np.minimum(shortest, written.rest_lengths), np.maximum(longest, written.rest_lengths)])
         first = Problem.of(robot, pose, self.checked(lengths).rest_lengths)
         refuse_short(robot, first.rest_lengths)
-        simulation = at_rest(first, settle(first).pose)
+        start = settle(first).pose
+        if weighs(robot):
+            simulation = at_rest(first, start)
+        else:
+            stiffness, wrench = robot.axial_stiffness, first.external_wrench
+            simulation = ChainSimulation(robot, first.rest_lengths, stiffness, wrench, start)
         inertia = inertias(robot)
         simulation.residual()
         stiffest = float(np.abs(ChainDerivatives.of(simulation).stiffness()[0]).max())

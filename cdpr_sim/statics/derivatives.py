@@ -66,10 +66,19 @@ def wrench_slope(state: State) -> Float[Array, "*batch 6 6"]:
     return slope
 
 
-def wrench_slope_at_fixed_tensions(state: State) -> Float[Array, "*batch 6 6"]:
-    """As ``wrench_slope``, for cables whose tensions do not change with their lengths: the geometric part."""
-    W = state.wrench_matrix
-    return wrench_slope(state) + np.einsum("...ic,...c,...jc->...ij", W, state.tangent_stiffness, W)
+def wrench_under_tensions(state: State) -> tuple[Float[Array, "6 6"], Float[Array, "6 cables"]]:
+    """∂(net wrench)/∂(pose step), and ∂(net wrench)/∂(tensions), where rest lengths follow the tensions.
+
+    ``state`` is of a single pose. A cable with mass turns as its tension at the anchor changes.
+    """
+    robot, W = state.problem.robot, state.wrench_matrix
+    if state.hanging is None:
+        return wrench_slope(state) + (W * state.tangent_stiffness) @ W.T, W
+    taut, by_length = state.tensions > 0, pull_by_parameter(state)["rest_lengths"][..., 0]
+    along = (state.pull_directions * by_length).sum(-1) / robot.reeving
+    pulls = by_length / np.where(taut, along, 1.0)[:, None]
+    by_tension = np.where(taut, np.hstack([pulls, np.cross(state.geometry.arms, pulls)]).T, W)
+    return wrench_slope(state) - (by_tension * taut) @ tension_by_pose(state), by_tension
 
 
 def wrench_by_parameter(state: State, names: Sequence[str] = ()) -> dict[str, Float[Array, "6 parameters"]]:
@@ -179,7 +188,7 @@ def _pull_slopes(
 
     t = -pulls - (w * L)[..., None] * up
     T, u, strain, slope = along(t)
-    end, at_anchor, at_end, _ = along(-pulls)
+    end = np.linalg.norm(pulls, axis=-1)
     law = (table[..., WRAPPED] + table[..., BEHIND])[..., None, None] * by_law(T, u, strain, slope)
     # Where a cable sags, the line that touches the law at the exit, 1 + eps = mu + slope T, has a closed integral, and
     # Gauss's rule sums what is left; a cable that does not is left to Gauss's rule.
@@ -197,11 +206,24 @@ def _pull_slopes(
     n = u - cosine * axis
     sine = np.linalg.norm(n, axis=-1, keepdims=True)
     radius = (1 - cosine) * n / np.where(sine > 0, sine, 1.0) + sine * axis - np.arctan2(sine, cosine) * u
-    by = [(1 + at_end)[..., None] * at_anchor, law[..., 0], radius * (r > 0)[..., None], strain[..., None] * u, heavy]
+    by = [law[..., 0], radius * (r > 0)[..., None], strain[..., None] * u, heavy]
     turned = stiffness @ np.stack([*np.broadcast_arrays(*by), law[..., 1], law[..., 2]], axis=-1)
-    turned[..., 2, 0] -= w
-    turned[..., 2, 4] -= L
-    return turned
+    turned[..., 2, 3] -= L
+    return np.concatenate([_pulls_by_length(table, pulls, stiffness)[..., None], turned], axis=-1)
+
+
+def _pulls_by_length(
+    table: Float[np.ndarray, "*#batch columns"],
+    pulls: Float[np.ndarray, "*batch 3"],
+    stiffness: Float[np.ndarray, "*batch 3 3"],
+) -> Float[np.ndarray, "*batch 3"]:
+    """The first of ``_pull_slopes``: the last piece of cable at the anchor, stretched by its tension, is more."""
+    size, law = np.linalg.norm(pulls, axis=-1), (table[..., i] for i in (STIFFNESS, STIFFENING, STIFFENING + 1))
+    unstretched = cable_law.rest_length_for(1.0, size, *law)
+    piece = -pulls / (np.where(size > 0, size, 1.0) * unstretched)[..., None]
+    by_length = (stiffness @ piece[..., None])[..., 0]
+    by_length[..., 2] -= table[..., WEIGHT]
+    return by_length
 
 
 def _turned_by_weight(
@@ -241,7 +263,7 @@ def rest_lengths_under(
     done = np.zeros(len(rest), bool)
     for _ in range(LENGTH_STEPS):
         found = any_cables(table, apart, rest)
-        by_length = _pull_slopes(table, rest, found.pull, found.stiffness)[..., 0]
+        by_length = _pulls_by_length(table, found.pull, found.stiffness)
         beyond = found.anchor_tension - pulls
         with np.errstate(all="ignore"):
             slope = (found.pull * by_length).sum(-1) / found.anchor_tension

@@ -34,9 +34,9 @@ def cut(
         apart = position + cables.arms - robot.exits
         rest = rest_lengths_under(robot, apart, tensions)
         pulls = any_cables(robot.cable_table(), apart, rest).pull
+        sizes = np.linalg.norm(pulls, axis=1, keepdims=True)  # without the rounding of rest lengths of stiff cables
         pulling = (tensions > 0)[:, None]  # of a massless cable without tension, the direction of its path
-        directions = np.where(pulling, pulls / np.where(pulling, tensions[:, None], 1.0) / robot.reeving[:, None], 0.0)
-        directions = np.where(pulling, directions, cables.directions)
+        directions = np.where(pulling, pulls / np.where(sizes > 0, sizes, 1.0), cables.directions)
         matrix = robot.reeving * np.concatenate([directions, np.cross(cables.arms, directions)], axis=1).T
     if not rest.min() > 0:  # also if one is nan
         cable = int(np.argmin(np.where(rest > 0, np.inf, 0.0)))

@@ -1,4 +1,4 @@
-"""One platform on cables with mass in MuJoCo: its state, its forces, and the division of its chains."""
+"""One platform in MuJoCo, on cables some of which have mass: its state, its forces, and the division of its chains."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
@@ -29,7 +29,7 @@ IMMOVABLE = 1e100
 
 
 class ChainSimulation:
-    """One platform on cables of which some have mass.
+    """One platform on cables of which some have mass, or none.
 
     Args:
         robot: the robot.
@@ -57,7 +57,7 @@ class ChainSimulation:
         self.data, self.film = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self.chains = Chains.of(self.model, cabling)
         self.weights = self._weights()
-        self.slides = self.chains.dofs.reshape(len(self.chains.dofs), -1)
+        self.slides = self.chains.dofs.reshape(len(self.chains.dofs), 3 * (SEGMENTS - 1))
         self.massless = np.flatnonzero(cabling.linear_density == 0)
         self.single = np.array([self._id(mujoco.mjtObj.mjOBJ_TENDON, f"cable_{i + 1}") for i in self.massless], int)
         self.swivels = pulleys.Swivels.of(self.model, cabling)
@@ -191,7 +191,9 @@ class ChainSimulation:
     def unbalanced(self) -> float:
         """The largest unbalanced force [N], on the platform, on a mass, or on a wheel, as of MuJoCo's last call."""
         platform, slides = self.forces()
-        largest = np.abs(slides).max() if self.held else max(np.abs(platform).max(), np.abs(slides).max())
+        largest = np.abs(slides).max(initial=0.0)
+        if not self.held:
+            largest = max(np.abs(platform).max(), largest)
         if len(self.swivels.dofs):
             largest = max(largest, np.abs(self.net[self.swivels.dofs] / self.swivels.radii).max())
         return float(largest)

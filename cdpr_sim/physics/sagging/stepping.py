@@ -162,4 +162,4 @@ class Stepping:
         extending = np.concatenate([data.ten_velocity[chains.brakes][:, None], data.qvel[chains.dofs][:, ::-1]], axis=1)
         turning = np.sqrt(np.maximum((extending**2).sum(2) - data.ten_velocity[chains.segments] ** 2, 0))
         turns = np.sqrt(2 * np.maximum(strains, NEAREST**2))[:, None] * self.free / turning
-        return float(min(longest, np.nanmin(passage), np.nanmin(turns)))
+        return float(min(np.nanmin(passage, initial=longest), np.nanmin(turns, initial=longest)))
