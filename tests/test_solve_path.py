@@ -323,7 +323,7 @@ def offsets(robot: cdpr.Robot) -> cdpr.Identification:
     """What `identify` finds from 12 positions."""
     positions = np.random.default_rng(0).uniform(*robot.workspace, (12, 3))
     seen = cdpr.solve_many(cdpr.load_robot("cogiro"), positions)
-    measured = cdpr.Measurements.of(positions, seen.poses)
+    measured = cdpr.Measurements.of(positions, np.concatenate([seen.positions, seen.euler], axis=1))
     return cdpr.identify(robot, measured, "axial_stiffness")
 
 
