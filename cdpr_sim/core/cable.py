@@ -7,14 +7,25 @@ Each method codes the behaviour of cables itself: the mathematics in ``core.cabl
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import MOST_LENGTH, Frozen, as_numbers, checked_array, frozen, in_range, refuse_far
+from cdpr_sim.core.checks import (
+    MOST_LENGTH,
+    Frozen,
+    as_numbers,
+    checked_array,
+    frozen,
+    in_range,
+    listed,
+    refuse_far,
+)
 from cdpr_sim.core.errors import InvalidInput
 
 EXIT, ANCHOR, STIFFNESS, STIFFENING, RADIUS, AXIS, BEHIND, PARTS, WEIGHT, WRAPPED = 0, 3, 6, 7, 9, 10, 13, 14, 15, 16
@@ -47,9 +58,25 @@ ROUNDING = 4e-16
 MOST_REEVING = 100
 """Largest number of parts of line; large cranes have some dozens."""
 
+MOST_FRICTION = 1.0
+"""Largest ``pulley_friction``; a rope on a small wheel loses 0.2 (``docs/concepts/memory.md``)."""
+
+MOST_ELEMENTS = 50
+"""Largest number of elements of hysteresis, and of terms of creep, of one cable; measured ropes are given by a few."""
+
+NO_ELEMENT, NO_TERM = (0.0, np.inf, 1.0), (np.inf, 1.0)
+"""Element of hysteresis and term of creep without an effect, for cables that have fewer of them than others."""
+
 STIFFNESS_RANGE = (1e-6, 1e15)
 """[N] Range of axial stiffness that is accepted: from spider silk to steel ropes of one metre diameter, and far
 beyond."""
+
+
+MEMORIES = ("pulley_friction", "hysteresis", "creep")
+"""Fields by which a cable has a memory."""
+
+Rows: TypeAlias = Sequence[Sequence[float]] | Sequence[Sequence[Sequence[float]]] | np.ndarray
+"""Rows of numbers for all cables, or such rows for each cable."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -77,6 +104,13 @@ class Cabling(Frozen):
             depend on the pose, and it stretches with the rope.
         reeving: parts of line between exit and platform, an integer, one or one per cable: a rope under the tension T
             pulls the platform with ``reeving`` T, and ``linear_density`` is the mass per length of one part.
+        pulley_friction: c, the share of the tension that is lost where the cable runs over its exit, one number or one
+            per cable: the tensions before and behind the exit have a ratio of at most (1 + c/2)/(1 − c/2).
+        hysteresis: elements (share, yield strain) or (share, yield strain, w), a sequence for all cables, or one
+            sequence per cable: springs of these shares of ``axial_stiffness``, each of which yields at the smaller of
+            its yield strain, which may be infinite, and w times the cable's strain, 0 < w <= 1, by default 1.
+        creep: terms (EA1 [N], tau1 [s]), a sequence for all cables, or one sequence per cable: under the constant
+            tension T a cable gets longer by the strain Σ T/EA1 (1 − exp(−t/tau1)).
 
     Raises:
         InvalidInput: a field is invalid; the message names it.
@@ -94,6 +128,9 @@ class Cabling(Frozen):
     breaking_load: Float[np.ndarray, " cables"]
     winch_to_exit: Float[np.ndarray, " cables"]
     reeving: Int[np.ndarray, " cables"]
+    pulley_friction: Float[np.ndarray, " cables"]
+    hysteresis: Float[np.ndarray, "cables elements 3"]
+    creep: Float[np.ndarray, "cables terms 2"]
 
     def __init__(
         self,
@@ -109,6 +146,9 @@ class Cabling(Frozen):
         breaking_load: ArrayLike = np.inf,
         winch_to_exit: ArrayLike = 0.0,
         reeving: ArrayLike = 1,
+        pulley_friction: ArrayLike = 0.0,
+        hysteresis: Rows = (),
+        creep: Rows = (),
     ) -> None:
         exits = checked_array("exits", exits, (None, 3))
         cables = len(exits)
@@ -129,6 +169,9 @@ class Cabling(Frozen):
             "breaking_load": _limit_per_cable("breaking_load", breaking_load, cables),
             "winch_to_exit": _per_cable("winch_to_exit", winch_to_exit, (), cables),
             "reeving": _parts_of_line(reeving, cables),
+            "pulley_friction": _per_cable("pulley_friction", pulley_friction, (), cables),
+            "hysteresis": _rows_per_cable("hysteresis", hysteresis, NO_ELEMENT, 2, cables),
+            "creep": _rows_per_cable("creep", creep, NO_TERM, 2, cables),
         }
         in_range("exits", exits, -MOST_LENGTH, MOST_LENGTH, "m")
         in_range("anchors", values["anchors"], -MOST_LENGTH, MOST_LENGTH, "m")
@@ -164,6 +207,7 @@ class Cabling(Frozen):
         for name, value in values.items():
             object.__setattr__(self, name, frozen(value))
         _refuse_falling_law(self.stiffening)
+        _refuse_impossible_memory(self)
 
     def __len__(self) -> int:
         return len(self.exits)
@@ -188,9 +232,41 @@ class Cabling(Frozen):
         """Whether some cable runs over a pulley or has a nonlinear law: compiled code has a type for them."""
         return bool(self.pulleys.any()) or not self.linear
 
+    @cached_property
+    def remembers(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables have a memory, (cables,): their tension depends on the way to the pose, or on time."""
+        return np.any([self.has(name) for name in MEMORIES], axis=0)
+
+    def refuse_memory(self, what: str) -> None:
+        """Refuse friction at pulleys, hysteresis and creep, where they are not taken into account.
+
+        Raises:
+            InvalidInput: some cable has one of them.
+        """
+        if self.remembers.any():
+            cable = int(np.argmax(self.remembers))
+            names = [name for name in MEMORIES if self.has(name)[cable]]
+            raise InvalidInput(
+                f"{what}: found {' and '.join(names)} in cable {cable + 1}, expected cables without: their memory is "
+                "not taken into account here, but in solve, solve_many and solve_path"
+            )
+
+    def has(self, name: str) -> Bool[np.ndarray, " cables"]:
+        """Which cables have a memory of this kind, one of ``MEMORIES``, (cables,)."""
+        if name == "pulley_friction":
+            return self.pulley_friction > 0
+        if name == "hysteresis":
+            return (self.hysteresis[..., 0] > 0).any(-1)
+        return np.isfinite(self.creep[..., 0]).any(-1)
+
     @property
     def law(self) -> tuple[Float[np.ndarray, " cables"], ...]:
-        """The arguments of ``cable_law`` for each rope besides lengths: axial stiffness [N], a2, a3."""
+        """The arguments of ``cable_law`` for each rope besides lengths: axial stiffness [N], a2, a3.
+
+        Raises:
+            InvalidInput: cables with a memory, which have another law.
+        """
+        self.refuse_memory("cables")
         return self.axial_stiffness, *self.stiffening.T
 
     @cached_property
@@ -289,6 +365,66 @@ def _parts_of_line(value: ArrayLike, cables: int) -> Int[np.ndarray, " cables"]:
             f"{MOST_REEVING}"
         )
     return parts.astype(int)
+
+
+def _rows_per_cable(
+    field: str, value: Rows, none: tuple[float, ...], least: int, cables: int
+) -> Float[np.ndarray, "cables rows columns"]:
+    """Rows for each cable, filled up with ``none``; of a row's numbers ``least`` or all are given."""
+    expected = f"rows of {' or '.join(str(n) for n in range(least, len(none) + 1))} numbers, for all cables or for each"
+    outer = [listed(field, one, expected) for one in listed(field, value, expected)]
+    common = all(np.ndim(number) == 0 for one in outer for number in one)
+    if not common and len(outer) != cables:
+        raise InvalidInput(f"{field}: found rows of {len(outer)} cables, expected those of {cables}")
+    each = [outer if any(outer) else []] * cables if common else outer
+    most = max((len(rows) for rows in each), default=0)
+    if most > MOST_ELEMENTS:
+        raise InvalidInput(f"{field}: found {most} rows for one cable, expected at most {MOST_ELEMENTS}")
+    filled = np.tile(np.array(none), (cables, most, 1))
+    for cable, rows in enumerate(each):
+        for number, row in enumerate(rows):
+            numbers = as_numbers(field, row)
+            if numbers.ndim != 1 or not least <= len(numbers) <= len(none):
+                raise InvalidInput(f"{field}: found a row of shape {numbers.shape}, expected {expected}")
+            if np.isnan(numbers).any() or (numbers <= 0).any():
+                if not np.array_equal(numbers, none[: len(numbers)]):
+                    raise InvalidInput(
+                        f"{field}: found {numbers.tolist()} in cable {cable + 1}, expected numbers above 0"
+                    )
+            filled[cable, number, : len(numbers)] = numbers
+    used = (filled != np.array(none)).any(-1).any(0)
+    return filled[:, used]
+
+
+def _refuse_impossible_memory(cabling: Cabling) -> None:
+    """Check the ranges of friction, hysteresis and creep; and that a cable that gets longer pulls more."""
+    in_range("pulley_friction", cabling.pulley_friction, 0, MOST_FRICTION, "")
+    shares, _, widths = np.moveaxis(cabling.hysteresis, -1, 0)
+    if not np.isfinite(shares).all() or (widths > 1).any():
+        cable = int(np.argmax((~np.isfinite(shares) | (widths > 1)).any(-1)))
+        raise InvalidInput(
+            f"hysteresis: found {cabling.hysteresis[cable].tolist()} in cable {cable + 1}, expected (share, yield "
+            "strain, w) with a finite share and w of at most 1"
+        )
+    if not np.isfinite(cabling.creep[..., 1]).all():
+        raise InvalidInput("creep: found an infinite time, expected terms (EA1 [N], tau1 [s]) with a finite time")
+    lost = cabling.pulley_friction / (1 + cabling.pulley_friction**2 / 4)
+    least = 1 - (shares * (1 + widths)).sum(-1) - lost
+    if not (least > 0).all():
+        cable = int(np.argmin(least))
+        raise InvalidInput(
+            f"hysteresis: found a sum of share (1 + w), and of c/(1 + c²/4) of pulley_friction c, of "
+            f"{1 - least[cable]:.4g} in cable {cable + 1}, expected less than 1: the tension could fall while the cable "
+            "gets longer"
+        )
+    if cabling.remembers.any():
+        for name in ("linear_density", "stiffening"):
+            if getattr(cabling, name).any():
+                kinds = [kind for kind in MEMORIES if cabling.has(kind).any()]
+                raise InvalidInput(
+                    f"{name}: found it beside {' and '.join(kinds)}, expected 0: a rope with a memory is massless and "
+                    "linear here"
+                )
 
 
 def _limit_per_cable(field: str, value: ArrayLike, cables: int) -> Float[np.ndarray, " cables"]:

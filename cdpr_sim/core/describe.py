@@ -37,10 +37,11 @@ def cables_name(robot: Robot) -> str:
 
 
 def describe_properties(robot: Robot) -> tuple[str, ...]:
-    """Properties in which cables differ from massless linear ones from points: mass, law, pulleys and drive line.
+    """Properties in which cables differ from massless linear ones from points: mass, law, pulleys, drive line, memory.
 
     "0.5 g/m", "nonlinear with a2 = 20, a3 = 0", "over pulleys of 20 mm radius", "6 m from winch to exit", "2 parts of
-    line"; with the number of cables if not all.
+    line", "2 % friction at the exit", "10 % of EA with hysteresis", "25 % of the stretch as creep"; with the number of
+    cables if not all.
     """
     cabling, words = robot.cabling, []
     if not cabling.massless:
@@ -58,6 +59,14 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
         words.append(f"{_span(cabling.winch_to_exit[behind])} m from winch to exit{_some(behind)}")
     if several.any():
         words.append(f"{_span(cabling.reeving[several].astype(float))} parts of line{_some(several)}")
+    for name, unit, shares in (
+        ("pulley_friction", "% friction at the exit", cabling.pulley_friction),
+        ("hysteresis", "% of EA with hysteresis", cabling.hysteresis[..., 0].sum(-1)),
+        ("creep", "% of the stretch as creep", (robot.axial_stiffness[:, None] / cabling.creep[..., 0]).sum(-1)),
+    ):
+        which = cabling.has(name)
+        if which.any():
+            words.append(f"{_span(100 * shares[which])} {unit}{_some(which)}")
     return tuple(words)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import COLUMNS, DOWN, MOST_STRAIN, STIFFNESS, WEIGHT, WRAPPED, Cabling
+from cdpr_sim.core.cable import COLUMNS, DOWN, MOST_STRAIN, STIFFNESS, WEIGHT, WRAPPED, Cabling, Rows
 from cdpr_sim.core.checks import (
     checked_array,
     checked_label,
@@ -92,6 +92,14 @@ class Robot(HtmlRepr):
             depend on the pose, and it stretches with the rope.
         reeving: parts of line between exit and platform, an integer, one or one per cable. A rope under the tension T
             pulls the platform with ``reeving`` T; ``axial_stiffness`` and ``linear_density`` are those of the rope.
+        pulley_friction: c, the share of the tension that is lost at the exit, one number or one per cable: the tensions
+            before and behind the exit have a ratio of at most (1 + c/2)/(1 − c/2).
+        hysteresis: elements (share, yield strain) or (share, yield strain, w), a sequence for all cables, or one per
+            cable: springs of these shares of ``axial_stiffness``, which yield at the smaller of the yield strain, which
+            may be infinite, and w times the cable's strain; w is 1 unless given.
+        creep: terms (EA1 [N], tau1 [s]), a sequence for all cables, or one per cable: under a constant tension T the
+            cable gets longer by the strain Σ T/EA1 (1 − exp(−t/tau1)). With friction, hysteresis or creep,
+            equilibria depend on the path (``solve_path``).
         center_of_mass: in the platform frame, (3,) [m].
         inertia: inertia about the centre of mass in the platform frame [kg m²], (3, 3) or its diagonal (3,);
             default: a uniform box of ``platform_size`` centred there.
@@ -144,6 +152,9 @@ class Robot(HtmlRepr):
         breaking_load: ArrayLike = np.inf,
         winch_to_exit: ArrayLike = 0.0,
         reeving: ArrayLike = 1,
+        pulley_friction: ArrayLike = 0.0,
+        hysteresis: Rows = (),
+        creep: Rows = (),
         center_of_mass: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike | None = None,
         mobility: Mobility = "spatial",
@@ -171,6 +182,9 @@ class Robot(HtmlRepr):
             breaking_load,
             winch_to_exit,
             reeving,
+            pulley_friction,
+            hysteresis,
+            creep,
         )
         name = checked_name("name", name)
         if material is not None:
@@ -297,6 +311,21 @@ class Robot(HtmlRepr):
         return self.cabling.reeving
 
     @property
+    def pulley_friction(self) -> Float[np.ndarray, " cables"]:
+        """c at the exit of each cable, (cables,)."""
+        return self.cabling.pulley_friction
+
+    @property
+    def hysteresis(self) -> Float[np.ndarray, "cables elements 3"]:
+        """(share, yield strain, w) of each cable's elements, (cables, elements, 3); a share of 0 is none."""
+        return self.cabling.hysteresis
+
+    @property
+    def creep(self) -> Float[np.ndarray, "cables terms 2"]:
+        """(EA1 [N], tau1 [s]) of each cable's terms, (cables, terms, 2); an infinite EA1 is none."""
+        return self.cabling.creep
+
+    @property
     def cables(self) -> int:
         """The number of cables m."""
         return len(self.cabling)
@@ -353,7 +382,11 @@ class Robot(HtmlRepr):
 
         Returns:
             (..., cables, columns).
+
+        Raises:
+            InvalidInput: cables with a memory, whose law depends on it.
         """
+        self.cabling.refuse_memory(self.name)
         if axial_stiffness is None or axial_stiffness is self.axial_stiffness:
             return self._cable_table
         table = np.broadcast_to(self._cable_table, (*axial_stiffness.shape, COLUMNS)).copy()

@@ -66,7 +66,8 @@ class Trajectory(EquilibriumBatch):
             A motion of (steps,) states, each in equilibrium.
         """
         return cls(
-            **{field.name: getattr(equilibria, field.name) for field in dataclasses.fields(equilibria)}, times=times
+            **{field.name: getattr(equilibria, field.name) for field in dataclasses.fields(EquilibriumBatch)},
+            times=times,
         )
 
     def __repr__(self) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict, ValidationError
 
 from cdpr_sim.core.cable import DOWN, MOST_CABLES
 from cdpr_sim.core.checks import checked_path, positive, refuse_unless, shown
@@ -25,6 +25,7 @@ from cdpr_sim.core.robot import STANDARD_GRAVITY, Mobility, Robot
 Number = Annotated[float, Strict()]  # "0.4" in quotes is a mistake, not a number
 Pair = tuple[Number, Number]
 Vector = tuple[Number, Number, Number]
+Rows = list[list[Annotated[float, Strict(), AllowInfNan(True)]]]
 Density = Number | Literal["material"]
 
 LARGEST_FILE = 1_000_000
@@ -92,6 +93,9 @@ class CableTable(_Table):
     breaking_load: Number | None = _key("As for the whole robot.", "N", None)
     winch_to_exit: Number | None = _key("As for the whole robot.", LENGTH, None)
     reeving: Number | None = _key("As for the whole robot.", "", None)
+    pulley_friction: Number | None = _key("As for the whole robot.", "", None)
+    hysteresis: Rows | None = _key("As for the whole robot.", "", None)
+    creep: Rows | None = _key("As for the whole robot.", "", None)
     pulley: PulleyTable | None = _key("As for the whole robot.", "", None)
 
 
@@ -134,6 +138,16 @@ class RobotTable(_Table):
     )
     winch_to_exit: Number = _key("Rope between the winch and the exit, which stretches too.", LENGTH, 0.0)
     reeving: Number = _key("Parts of line between exit and platform, a whole number.", "", 1)
+    pulley_friction: Number = _key("Share c of the tension that is lost at the exit.", "", 0.0)
+    hysteresis: Rows = _key(
+        "Elements [share of EA, yield strain] or [share, yield strain, w], which yield at the smaller of the yield "
+        "strain, which may be `inf`, and w times the cable's strain; w is 1 unless given.",
+        "",
+        [],
+    )
+    creep: Rows = _key(
+        "Terms [EA1, tau1]: the tension T makes the cable longer by the strain T/EA1 (1 - exp(-t/tau1)).", "N, s", []
+    )
     pulley: PulleyTable = _key("The wheel at each exit; by default none.", "", PulleyTable(radius=0.0))
     platform: PlatformTable = _key("The platform: its mass, size, centre of mass and inertia: `[platform]`.")
     frame: BoxTable | None = _key("The drawn frame; by default the box around the exits, down to the floor.", "", None)
@@ -161,6 +175,9 @@ class RobotTable(_Table):
             breaking_load=[np.inf if one.breaking_load is None else one.breaking_load for one in made],
             winch_to_exit=[_own(cable.winch_to_exit, self.winch_to_exit) / METRES[self.units] for cable in self.cables],
             reeving=[_own(cable.reeving, self.reeving) for cable in self.cables],
+            pulley_friction=[_own(cable.pulley_friction, self.pulley_friction) for cable in self.cables],
+            hysteresis=[_own(cable.hysteresis, self.hysteresis) for cable in self.cables],
+            creep=[_own(cable.creep, self.creep) for cable in self.cables],
             pulley_radius=[pulley.radius / METRES[self.units] for pulley in pulleys],
             pulley_axis=[pulley.axis for pulley in pulleys],
             center_of_mass=self._metres(self.platform.center_of_mass),

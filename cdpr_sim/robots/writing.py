@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.cable import DOWN
+from cdpr_sim.core.cable import DOWN, NO_ELEMENT, NO_TERM
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 
 
@@ -40,6 +40,7 @@ def _lines(robot: Robot) -> Iterator[str]:
         "force_max": cabling.force_max,
         "breaking_load": cabling.breaking_load,
         "winch_to_exit": cabling.winch_to_exit,
+        "pulley_friction": cabling.pulley_friction,
     }
     if (cabling.reeving > 1).any():
         common["reeving"] = cabling.reeving
@@ -47,6 +48,10 @@ def _lines(robot: Robot) -> Iterator[str]:
     for name, values in common.items():
         if name not in own and values[0].any() and np.isfinite(values[0]).all():
             yield f"{name} = {_numbers(values[0])}"
+    rows = {"hysteresis": (cabling.hysteresis, NO_ELEMENT), "creep": (cabling.creep, NO_TERM)}
+    for name, (values, none) in rows.items():
+        if values.size and (values == values[0]).all():
+            yield f"{name} = {_rows(values[0], none)}"
     named = [f"name = {_text(robot.material)}"] if robot.material and "axial_stiffness" in own else []
     if robot.material and not named:
         yield f"cable_name = {_text(robot.material)}"
@@ -66,6 +71,9 @@ def _lines(robot: Robot) -> Iterator[str]:
         for name, values in own.items():
             if np.isfinite(values[cable]).all():  # an infinite limit is left out
                 yield f"{name} = {_numbers(values[cable])}"
+        for name, (values, none) in rows.items():
+            if (values != values[0]).any() and (values[cable] != none).any():
+                yield f"{name} = {_rows(values[cable], none)}"
         if cabling.pulley_radius[cable] > 0 or tuple(cabling.pulley_axis[cable]) != DOWN:
             yield f"pulley = {_pulley(cabling.pulley_radius[cable], cabling.pulley_axis[cable])}"
 
@@ -73,6 +81,11 @@ def _lines(robot: Robot) -> Iterator[str]:
 def _pulley(radius: float, axis: np.ndarray) -> str:
     arrives = "" if tuple(axis) == DOWN else f", axis = {_numbers(axis)}"
     return f"{{ radius = {_numbers(radius)}{arrives} }}"
+
+
+def _rows(values: np.ndarray, none: tuple[float, ...]) -> str:
+    """Rows of one cable, without those that have no effect."""
+    return _numbers(values[(values != none).any(-1)])
 
 
 def _numbers(values: ArrayLike) -> str:
