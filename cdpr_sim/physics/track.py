@@ -105,8 +105,8 @@ def track(
         reference, its rest lengths those that the winches had let out.
 
     Raises:
-        InvalidInput: an invalid argument; cables with nonlinear elasticity, all of them massless; a pose that no rest
-            lengths can hold.
+        InvalidInput: an invalid argument; cables with nonlinear elasticity, all of them massless; cables with a memory;
+            a pose that no rest lengths can hold.
         NotSettled: the platform does not come to rest on the controller's first lengths.
         PlatformFell: it fell during the motion; carries the trajectory so far.
         BadCommand: the controller failed, or gave a command that winches cannot carry out; carries the trajectory so
@@ -151,6 +151,7 @@ def _course(
     pause: float,
 ) -> Reference:
     path = Path(robot, poses_through(robot, waypoints))
+    robot.cabling.refuse_memory("track")
     if not (robot.cabling.linear or weighs(robot)):
         raise InvalidInput("stiffening: found cables whose law is not linear, expected linear ones for tracking")
     if seconds is None:
