@@ -40,6 +40,7 @@ from .core.equilibrium import NotConverged as NotConverged
 from .core.equilibrium import NotSettled as NotSettled
 from .core.equilibrium import Stability as Stability
 from .core.equilibrium_batch import EquilibriumBatch as EquilibriumBatch
+from .core.equilibrium_path import EquilibriumPath as EquilibriumPath
 from .core.errors import CdprError as CdprError
 from .core.errors import ImplausibleRobot as ImplausibleRobot
 from .core.errors import InvalidInput as InvalidInput
@@ -51,6 +52,7 @@ from .core.materials import MATERIALS as MATERIALS
 from .core.materials import ROPES as ROPES
 from .core.materials import Material as Material
 from .core.materials import Rope as Rope
+from .core.memory import Memory as Memory
 from .core.problem import Problem as Problem
 from .core.problem import Problems as Problems
 from .core.robot import Robot as Robot
@@ -99,6 +101,7 @@ from .robots.importing import import_robot as import_robot
 from .statics.newton import solve_many as solve_many
 from .statics.newton import solve_trajectory as solve_trajectory
 from .statics.solve import solve as solve
+from .statics.solve_path import solve_path as solve_path
 from .studies.gallery import PICTURES as PICTURES
 from .studies.gallery import list_figures as list_figures
 from .studies.gallery import write_figures as write_figures

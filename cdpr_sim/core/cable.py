@@ -255,9 +255,8 @@ class Cabling(Frozen):
         """Which cables have a memory of this kind, one of ``MEMORIES``, (cables,)."""
         if name == "pulley_friction":
             return self.pulley_friction > 0
-        if name == "hysteresis":
-            return (self.hysteresis[..., 0] > 0).any(-1)
-        return np.isfinite(self.creep[..., 0]).any(-1)
+        rows = self.hysteresis[..., 0] > 0 if name == "hysteresis" else np.isfinite(self.creep[..., 0])
+        return np.asarray(rows.any(-1))
 
     @property
     def law(self) -> tuple[Float[np.ndarray, " cables"], ...]:
@@ -386,11 +385,8 @@ def _rows_per_cable(
             numbers = as_numbers(field, row)
             if numbers.ndim != 1 or not least <= len(numbers) <= len(none):
                 raise InvalidInput(f"{field}: found a row of shape {numbers.shape}, expected {expected}")
-            if np.isnan(numbers).any() or (numbers <= 0).any():
-                if not np.array_equal(numbers, none[: len(numbers)]):
-                    raise InvalidInput(
-                        f"{field}: found {numbers.tolist()} in cable {cable + 1}, expected numbers above 0"
-                    )
+            if not (numbers > 0).all() and not np.array_equal(numbers, none[: len(numbers)]):
+                raise InvalidInput(f"{field}: found {numbers.tolist()} in cable {cable + 1}, expected numbers above 0")
             filled[cable, number, : len(numbers)] = numbers
     used = (filled != np.array(none)).any(-1).any(0)
     return filled[:, used]
@@ -414,8 +410,8 @@ def _refuse_impossible_memory(cabling: Cabling) -> None:
         cable = int(np.argmin(least))
         raise InvalidInput(
             f"hysteresis: found a sum of share (1 + w), and of c/(1 + c²/4) of pulley_friction c, of "
-            f"{1 - least[cable]:.4g} in cable {cable + 1}, expected less than 1: the tension could fall while the cable "
-            "gets longer"
+            f"{1 - least[cable]:.4g} in cable {cable + 1}, expected less than 1: the tension could fall while the "
+            "cable gets longer"
         )
     if cabling.remembers.any():
         for name in ("linear_density", "stiffening"):

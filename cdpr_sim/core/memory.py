@@ -8,7 +8,9 @@ the point of the rope that lies at the exit.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
+from typing import SupportsIndex
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +18,8 @@ from jaxtyping import Float
 from cdpr_sim.core.checks import Frozen, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
+
+ARRAYS = ("strains", "beyond", "creep", "tensions")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +74,11 @@ class Memory(Frozen):
         """(...), the paths side by side."""
         return self.tensions.shape[:-1]
 
+    def __getitem__(self, row: SupportsIndex | tuple[SupportsIndex, ...] | None) -> Memory:
+        """The memory of one of the paths, or with another dimension for ``None``."""
+        arrays = {name: getattr(self, name)[row].copy() for name in ARRAYS}
+        return dataclasses.replace(self, **arrays)
+
     def broadcast(self, robot: Robot, shape: tuple[int, ...]) -> Memory:
         """This memory for paths of ``robot`` side by side.
 
@@ -78,7 +87,7 @@ class Memory(Frozen):
         """
         fresh = Memory.fresh(robot, shape)
         parts = {}
-        for name in ("strains", "beyond", "creep", "tensions"):
+        for name in ARRAYS:
             mine, wanted = getattr(self, name), getattr(fresh, name)
             try:
                 parts[name] = np.broadcast_to(mine, wanted.shape).copy()

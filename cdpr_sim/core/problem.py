@@ -278,10 +278,10 @@ class Problems(Frozen):
         )
 
     def take(self, rows: Int[np.ndarray, " some"] | Bool[np.ndarray, "*batch"]) -> Problems:
-        """Some of (rows,) problems, by their indices; or those of any shape where ``rows`` is true.
+        """Some of (rows, ...) problems, by their indices; or those of any shape where ``rows`` is true.
 
         Returns:
-            (some,) problems.
+            (some, ...) problems.
         """
         positions = self._at(self.positions, (rows,), 1)
         return Problems(
@@ -292,7 +292,7 @@ class Problems(Frozen):
             external_wrench=self._at(self.external_wrench, (rows,), 1),
             axial_stiffness=self._at(self.axial_stiffness, (rows,), 1),
             mass=self._at(self.mass, (rows,), 0),
-            shape=(len(positions),),
+            shape=positions.shape[:-1],
             falls=self._at(self.falls, (rows,), 0),
         )
 

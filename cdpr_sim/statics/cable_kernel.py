@@ -1,10 +1,11 @@
 """Cables in compiled code: their state at a pose, and their parts of the energy, its slope and its curvature.
 
 Path and law are those of ``core.cable_path`` and ``core.cable_law``, compiled; the kernels have no other coding of
-them. There are three types of cables: *plain* ones, straight and linear, are compiled separately so that they are as
-fast as possible; *bent* ones run over pulleys or have nonlinear laws; *sagging* ones are ``any_cable``, some with mass.
-Plain and bent cables are springs along their paths. Sagging ones are not: their state has pulls and stiffness matrices,
-and no springs, so that loops over springs are empty. Kernels are compiled once for each type.
+them. There are four types of cables: *plain* ones, straight and linear, are compiled separately so that they are as
+fast as possible; *bent* ones run over pulleys or have nonlinear laws; *sagging* ones are ``any_cable``, some with mass;
+*remembering* ones are bent ones with a law that is linear between knots (``remembering_law``). Sagging ones are no
+springs along their paths: their state has pulls and stiffness matrices, and no springs, so that loops over springs are
+empty. Kernels are compiled once for each type.
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
 """
 
@@ -16,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, EXIT, RADIUS, STIFFENING, STIFFNESS
+from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, COLUMNS, EXIT, RADIUS, STIFFENING, STIFFNESS
 from cdpr_sim.core.compiling import Kernel, by_type, inline, outlined
 from cdpr_sim.statics.any_cable import any_cable, cable_of
 
@@ -101,6 +102,21 @@ class SaggingCables(NamedTuple):
     table: np.ndarray
 
 
+class RememberingCables(NamedTuple):
+    """Data of cables with a memory, which may run over pulleys. A, B, l0, k, radius, axis: as of bent ones.
+
+    knots: stretches from 0 in ascending order, then the tensions there, then the slopes that follow, (cables, 3 knots).
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    l0: np.ndarray
+    k: np.ndarray
+    radius: np.ndarray
+    axis: np.ndarray
+    knots: np.ndarray
+
+
 class SaggingState(NamedTuple):
     """State of sagging cables at a pose.
 
@@ -160,12 +176,28 @@ def unpack_sagging(table, rest_lengths):
     return SaggingCables(plain.A, plain.B, plain.l0, plain.k, rows)
 
 
-TYPES = {"": unpack, " for pulleys and nonlinear laws": unpack_bent, " for cables with mass": unpack_sagging}
+@inline
+def unpack_remembering(table, rest_lengths):
+    """The same for cables with a memory: their table has the knots of their laws as further columns."""
+    bent, more = unpack_bent(table, rest_lengths), table.shape[1] - COLUMNS
+    knots = np.empty((len(rest_lengths), more))
+    for i in range(len(rest_lengths)):
+        for a in range(more):
+            knots[i, a] = table[i, COLUMNS + a]
+    return RememberingCables(bent.A, bent.B, bent.l0, bent.k, bent.radius, bent.axis, knots)
+
+
+TYPES = {
+    "": unpack,
+    " for pulleys and nonlinear laws": unpack_bent,
+    " for cables with mass": unpack_sagging,
+    " for cables with a memory": unpack_remembering,
+}
 """By what follows the name of a kernel that is compiled for a type of cables."""
 
 
 def kernels(what: str, element: Callable, layout: str, integers: tuple[str, ...]) -> list[Kernel]:
-    """A kernel for each type of cables, plain, bent and sagging; ``element`` makes its code for one ``unpack``."""
+    """A kernel for each of ``TYPES``; ``element`` makes its code for one ``unpack``."""
     return [Kernel(what + name, element(unpacked), layout, integers) for name, unpacked in TYPES.items()]
 
 
@@ -192,6 +224,23 @@ def _new_sagging_state(cables):
         np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 6)), np.empty(m), np.empty(m), np.empty(m), np.empty(m),
         np.empty((0, 3)), np.empty(0), np.empty(0),
     )  # fmt: skip
+
+
+def _bent_law(cables, i, stretch):
+    """The tangent spring of cable i."""
+    return _tangent(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
+
+
+def _law_of_knots(cables, i, stretch):
+    """The same, linear from knot to knot."""
+    knots, n, j = cables.knots, cables.knots.shape[1] // 3, 0
+    while j + 1 < n and knots[i, j + 1] <= stretch:
+        j += 1
+    k = knots[i, 2 * n + j]
+    return k, stretch if stretch <= 0 else stretch - knots[i, j] + knots[i, n + j] / k
+
+
+_law = by_type({BentCables: _bent_law, RememberingCables: _law_of_knots})
 
 
 def _measure_plain(cables, p, R, state):
@@ -226,7 +275,7 @@ def _measure_bent(cables, p, R, state):
         inverse = 1 / free
         u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
         l[i] = length
-        state.k[i], e[i] = _tangent(length - l0[i], cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
+        state.k[i], e[i] = _law(cables, i, length - l0[i])
         state.f[i] = free
 
 
@@ -256,6 +305,19 @@ def _bent_energy(cables, state, V):
         if state.e[i] > 0:
             stretch = state.l[i] - cables.l0[i]
             V += _energy(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
+    return V
+
+
+def _energy_of_knots(cables, state, V):
+    knots, n = cables.knots, cables.knots.shape[1] // 3
+    for i in range(len(cables.l0)):
+        stretch, j = state.l[i] - cables.l0[i], 0
+        while j < n and knots[i, j] < stretch:
+            part = stretch - knots[i, j]
+            if j + 1 < n:
+                part = min(part, knots[i, j + 1] - knots[i, j])
+            V += (knots[i, n + j] + 0.5 * knots[i, 2 * n + j] * part) * part
+            j += 1
     return V
 
 
@@ -301,12 +363,40 @@ def _fill_sagging_tensions(cables, state, table, tensions):
         tensions[i] = state.tension[i]
 
 
-new_state = by_type({Cables: _new_plain_state, BentCables: _new_bent_state, SaggingCables: _new_sagging_state})
-measure = by_type({Cables: _measure_plain, BentCables: _measure_bent, SaggingCables: _measure_sagging})
-elastic_energy = by_type({Cables: _plain_energy, BentCables: _bent_energy, SaggingCables: _sagging_energy})
-springs = by_type({Cables: _all_springs, BentCables: _all_springs, SaggingCables: _no_springs})
+new_state = by_type(
+    {
+        Cables: _new_plain_state,
+        BentCables: _new_bent_state,
+        SaggingCables: _new_sagging_state,
+        RememberingCables: _new_bent_state,
+    }
+)
+measure = by_type(
+    {
+        Cables: _measure_plain,
+        BentCables: _measure_bent,
+        SaggingCables: _measure_sagging,
+        RememberingCables: _measure_bent,
+    }
+)
+elastic_energy = by_type(
+    {
+        Cables: _plain_energy,
+        BentCables: _bent_energy,
+        SaggingCables: _sagging_energy,
+        RememberingCables: _energy_of_knots,
+    }
+)
+springs = by_type(
+    {Cables: _all_springs, BentCables: _all_springs, SaggingCables: _no_springs, RememberingCables: _all_springs}
+)
 fill_tensions = by_type(
-    {Cables: _fill_plain_tensions, BentCables: _fill_bent_tensions, SaggingCables: _fill_sagging_tensions}
+    {
+        Cables: _fill_plain_tensions,
+        BentCables: _fill_bent_tensions,
+        SaggingCables: _fill_sagging_tensions,
+        RememberingCables: _fill_bent_tensions,
+    }
 )
 on_wheels = by_type({CableState: _plain_on_wheels, BentState: _bent_on_wheels, SaggingState: _bent_on_wheels})
 

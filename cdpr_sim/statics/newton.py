@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -10,10 +12,11 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core import cable_law
-from cdpr_sim.core.cable import STIFFNESS
+from cdpr_sim.core.cable import COLUMNS, STIFFNESS
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
+from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.pose import Pose, PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
@@ -21,7 +24,10 @@ from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
+from cdpr_sim.statics.remembering_law import RememberingLaw
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
+
+Start: TypeAlias = tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3 3"]]
 
 FELT = 1e-2 * ACCEPTABLE
 """Unbalanced force at convergence, as a fraction of the load, above which rounding matters: then the residual is
@@ -35,6 +41,8 @@ def solve(problem: Problem) -> Equilibrium:
         NotConverged: forces do not balance at the best point found; the exception carries that point.
     """
     robot = problem.robot
+    if robot.cabling.remembers.any():
+        return solve_step(Problems.stack([problem]), Memory.fresh(robot, (1,)))[0][0]
     position, rotation, lengths, tensions, residual, iterations, ended = solve_table(
         robot, robot.cable_table(), problem.rest_lengths, robot.weight, problem.external_wrench, problem.position,
         problem.rotation_matrix,
@@ -116,6 +124,8 @@ def solve_many(
         mass=mass,
     )
     robot = problems.robot
+    if robot.cabling.remembers.any():
+        return solve_step(problems, Memory.fresh(robot, problems.shape))[0]
     found = solve_table(
         robot,
         robot.cable_table(problems.axial_stiffness),
@@ -149,6 +159,68 @@ def solve_many(
     )
 
 
+def solve_step(
+    problems: Problems, memory: Memory, duration: float = 0.0, start: Start | None = None
+) -> tuple[EquilibriumBatch, Memory]:
+    """Equilibria, each the next of a path; and the memory there.
+
+    Args:
+        problems: (...).
+        memory: that of the last equilibria, (...).
+        duration: time since then [s].
+        start: positions and rotation matrices from which the descent begins; by default the commanded poses.
+    """
+    robot, shape = problems.robot, problems.shape
+    rest = np.broadcast_to(problems.rest_lengths, (*shape, robot.cables))
+    law, free = None, rest
+    if robot.cabling.remembers.any():
+        law = RememberingLaw.of(robot, problems.axial_stiffness, rest, memory, duration)
+        table, free = law.table(), law.free_lengths
+    else:
+        table = robot.cable_table(problems.axial_stiffness)
+    positions, turned = start or (problems.positions, problems.rotations)
+    possible = problems.refusals == Status.PENDING
+    found = solve_table(
+        robot,
+        table,
+        free,
+        problems.mass * robot.gravity,
+        problems.external_wrench,
+        np.where(possible[..., None], positions, np.nan),
+        turned,
+    )
+    positions, turned, lengths, tensions, residuals, iterations, status = found
+    balanced = residuals <= ACCEPTABLE * problems.force_scale
+    status = np.where((status == Status.CONVERGED) & ~balanced, Status.STALLED.value, status)
+    status = np.where(possible, status, problems.refusals)
+    equilibria = EquilibriumBatch(
+        problems=problems,
+        positions=positions,
+        rotations=turned,
+        lengths=lengths,
+        tensions=tensions,
+        residuals=np.asarray(residuals),
+        iterations=iterations,
+        status=status,
+        source="newton",
+        stiffness=partial(_eigenvalues_by, table, free),
+    )
+    ended = np.where((status == Status.CONVERGED)[..., None], tensions, np.nan)
+    moment = duration + (0.0 if np.isnan(memory.time) else memory.time)
+    if law is None:
+        return equilibria, dataclasses.replace(memory, beyond=rest.copy(), tensions=ended, time=moment)
+    return equilibria, law.after(lengths, ended, moment)
+
+
+def _eigenvalues_by(
+    table: Float[np.ndarray, "*batch cables columns"],
+    rest_lengths: Float[np.ndarray, "*batch cables"],
+    equilibria: EquilibriumBatch,
+) -> Float[np.ndarray, "*batch free"]:
+    """Eigenvalues with the laws of a path."""
+    return _stiffness(equilibria, table, rest_lengths)[0]
+
+
 def _eigenvalues(equilibria: EquilibriumBatch) -> Float[np.ndarray, "*batch free"]:
     """Eigenvalues on demand; a named function, so that a batch can be pickled."""
     return stiffness_of(equilibria)[0]
@@ -159,12 +231,22 @@ def stiffness_of(equilibria: EquilibriumBatch) -> tuple[Float[np.ndarray, "*batc
 
     Cables count as springs: their own inertia and oscillation are neglected, also where their mass makes them sag.
     """
+    problems = equilibria.problems
+    return _stiffness(equilibria, equilibria.robot.cable_table(problems.axial_stiffness), problems.rest_lengths)
+
+
+def _stiffness(
+    equilibria: EquilibriumBatch,
+    table: Float[np.ndarray, "*#batch cables columns"],
+    rest_lengths: Float[np.ndarray, "*#batch cables"],
+) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch"]]:
+    """The same for a table, which may be that of ``solve_table``."""
     problems, robot = equilibria.problems, equilibria.robot
+    kind = _kind(robot, table)
     with np.errstate(all="ignore"):
-        return stiffness_gufunc(bent=robot.cabling.bent, sagging=not robot.cabling.massless)(
-            robot.cable_table(problems.axial_stiffness), problems.rest_lengths, problems.mass, robot.gravity,
-            robot.center_of_mass, robot.inertia, np.array(robot.free), robot.characteristic_length,
-            equilibria.positions, equilibria.rotations,
+        return stiffness_gufunc(**kind | {"sagging": not robot.cabling.massless})(
+            table, rest_lengths, problems.mass, robot.gravity, robot.center_of_mass, robot.inertia,
+            np.array(robot.free), robot.characteristic_length, equilibria.positions, equilibria.rotations,
         )  # fmt: skip
 
 
@@ -199,8 +281,8 @@ def solve_table(
 
     Input that is not finite is reported by a status, not by a NumPy warning, and so is a cable that is strained beyond
     the range of its law where forces balance. Where cables have mass, the search starts at the equilibrium with
-    massless cables. ``table`` is of ``Robot.cable_table``; its numbers, the centre of mass and the characteristic
-    length may differ from the robot's.
+    massless cables. ``table`` is of ``Robot.cable_table`` or ``RememberingLaw.table``; its numbers, the centre of mass
+    and the characteristic length may differ from the robot's.
     """
     cabling, free = robot.cabling, np.zeros(6)
     free[robot.free] = 1.0
@@ -209,7 +291,7 @@ def solve_table(
         robot.characteristic_length if characteristic_length is None else characteristic_length,
     )  # fmt: skip
     with np.errstate(all="ignore"):
-        found = equilibrium_gufunc(bent=cabling.bent)(table, rest_lengths, *platform, positions, rotations)
+        found = equilibrium_gufunc(**_kind(robot, table))(table, rest_lengths, *platform, positions, rotations)
         before = 0
         if not cabling.massless:
             before = found[5]
@@ -221,3 +303,8 @@ def solve_table(
             beyond = (status == Status.CONVERGED) & (pulls > largest).any(-1)
             status = np.where(beyond, Status.OVERSTRAINED.value, status)
         return at, turned, lengths, tensions, residuals, np.asarray(iterations + before), status
+
+
+def _kind(robot: Robot, table: Float[np.ndarray, "*#batch cables columns"]) -> dict[str, bool]:
+    """Which kernel takes the cables of a table, without their mass."""
+    return {"remembering": True} if table.shape[-1] > COLUMNS else {"bent": robot.cabling.bent}

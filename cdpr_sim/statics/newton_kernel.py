@@ -39,7 +39,15 @@ from cdpr_sim.core.cable import WEIGHT
 from cdpr_sim.core.compiling import Kernel, by_type, inline, outlined
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableState, SaggingCables, SaggingState
+from cdpr_sim.statics.cable_kernel import (
+    BentCables,
+    BentState,
+    Cables,
+    CableState,
+    RememberingCables,
+    SaggingCables,
+    SaggingState,
+)
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 
 MAX_ITERATIONS = 1000
@@ -88,7 +96,7 @@ _STALLED, _NOT_FINITE, _OFF_WHEEL = int(Status.STALLED), int(Status.NOT_FINITE),
 class _Case(NamedTuple):
     """Data of one problem. free: 1 where the platform moves; scale: length of rotations."""
 
-    cables: Cables | BentCables | SaggingCables
+    cables: Cables | BentCables | SaggingCables | RememberingCables
     weight: float
     com: np.ndarray
     wrench: np.ndarray
@@ -228,15 +236,15 @@ _KERNELS = ck.kernels(
 )
 
 
-def equilibrium_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
-    """The solver as a NumPy generalised ufunc, for cables that may be bent or sagging (``cable_kernel``).
+def equilibrium_gufunc(*, bent: bool = False, sagging: bool = False, remembering: bool = False) -> Kernel:
+    """The solver as a NumPy generalised ufunc, for cables of one type (``cable_kernel``).
 
     Arguments: ``Robot.cable_table`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
     directions as 0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
     Results: position (3), rotation matrix (3,3), lengths of the massless paths (m), tensions at the anchors of all
     parts of line (m), residual, iterations, status.
     """
-    return _KERNELS[2 if sagging else bent]
+    return _KERNELS[3 if remembering else 2 if sagging else bent]
 
 
 @inline
@@ -288,7 +296,14 @@ def _sagging_tolerances(cables):
     return LARGEST_RESIDUAL, hanging, 1e-6, 0.0
 
 
-_tolerances = by_type({Cables: _spring_tolerances, BentCables: _spring_tolerances, SaggingCables: _sagging_tolerances})
+_tolerances = by_type(
+    {
+        Cables: _spring_tolerances,
+        BentCables: _spring_tolerances,
+        SaggingCables: _sagging_tolerances,
+        RememberingCables: _spring_tolerances,
+    }
+)
 
 
 def _springs_energy_noise(c, scales, V):

@@ -82,7 +82,7 @@ _KERNELS = ck.kernels(
 )
 
 
-def stiffness_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
+def stiffness_gufunc(*, bent: bool = False, sagging: bool = False, remembering: bool = False) -> Kernel:
     """Stiffness and lowest natural frequency, as a NumPy generalised ufunc.
 
     Arguments: ``Robot.cable_table`` (m,k), rest lengths (m), mass, gravity, centre of mass (3), inertia (3,3), indices
@@ -90,7 +90,7 @@ def stiffness_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
     Results: eigenvalues of the stiffness matrix, ascending, rotations in characteristic lengths (f) [N/m]; the lowest
     natural frequency [Hz], 0 where a direction is unconstrained and nan at a saddle.
     """
-    return _KERNELS[2 if sagging else bent]
+    return _KERNELS[3 if remembering else 2 if sagging else bent]
 
 
 @inline

@@ -1,0 +1,211 @@
+"""The law of cables with a memory: from one equilibrium of a path to the next, linear between knots.
+
+All parts of line are one cable here (``Cabling.behind``): EA and EA1 are those of n ropes, g is the length behind the
+exit, l0 the rest length from exit to anchor, L = l0 + g. With the stretch e = l − l0 − L zc beyond the creep zc:
+
+*Hysteresis* is Maxwell-slip elements: springs in parallel, each of which slips where its stretch would exceed a bound,
+
+    B(e) = (1 − Σ share) e + Σ share clip(e − z, ±min(y L, w e)).
+
+The bound w e closes where the cable gets slack: so no element pushes, and a slack cable forgets. *Friction* at the exit
+keeps the tensions T before and T' behind it within T'/T = 1/rho to rho, rho = (1 + c/2)/(1 − c/2). Where the rope
+slips, T = EA e/(l0 + x g) with x = T'/T; where it holds, the unstretched length lo beyond the exit stays, and
+T = (EA/l0)(l − lo).
+This is one more element: with a = EA/(l0 + g/rho), b = EA/(l0 + g rho), m = (a + b)/2, h = (a − b)/2, k = EA/l0 − m,
+
+    T = m B(e) + clip(k (e − z), ±h e),   z = EA/(l0 k) (lo − l0).
+
+Before the first equilibrium there is no friction force: x = 1, T = EA/L B(e). With hysteresis besides, the band of
+friction is that of the first loading. *Creep* is Kelvin-Voigt terms in series: zc' = (T/EA1 − zc)/tau1, exact for a
+tension that changes linearly in time; with x = t/tau1, A = exp(−x), p = (1 − A)/x, from the tension T0 to T,
+
+    zc = Σ A zc0 + (p − A) T0/EA1 + (1 − p) T/EA1.
+
+While the memory of the last equilibrium stays, T is a function of l, linear between knots, and increasing, since
+Σ share (1 + w) + c/(1 + c²/4) < 1. So the cable has an energy ∫T dl, and the next equilibrium is a minimum of energy,
+of which ``newton_kernel`` knows only the knots.
+
+Sources: Al-Bender, Lampaert and Swevers (2005, doi:10.1109/TAC.2005.858676) for Maxwell-slip elements; Simo and Hughes
+(1998, "Computational Inelasticity", chapter 1) for steps of a path as minima.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from cdpr_sim.core.cable import COLUMNS, STIFFNESS
+from cdpr_sim.core.memory import Memory
+from cdpr_sim.core.robot import Robot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class RememberingLaw:
+    """The cables of a robot in one step of a path, or of many paths side by side; of all parts of line together.
+
+    The last of the elements is friction.
+
+    Attributes:
+        robot: the robot.
+        axial_stiffness: EA of the ropes, (..., cables) [N].
+        rest_lengths: l0, (..., cables) [m].
+        whole: L, (..., cables) [m].
+        mean: slope of B in the tension, (..., cables) [N/m].
+        base: slope without elements, (..., cables) [N/m].
+        springs: spring constants of elements, (..., cables, elements) [N/m].
+        free: z, (..., cables, elements) [m].
+        most: largest bound of each element, (..., cables, elements) [m].
+        widths: slope of its bound, (..., cables, elements).
+        holding: k of friction, (..., cables) [N/m]; 0 without rope behind the exit.
+        first: EA/L − m, which gives the friction force at the first equilibrium, (..., cables) [N/m].
+        rubbed: whether there is a friction force, (..., cables).
+        left: creep at the end of the step without the tension there, (..., cables, terms).
+        softness: what each newton adds to it, (..., cables, terms) [1/N].
+    """
+
+    robot: Robot
+    axial_stiffness: Float[Array, "*#batch cables"]
+    rest_lengths: Float[Array, "*batch cables"]
+    whole: Float[Array, "*batch cables"]
+    mean: Float[Array, "*batch cables"]
+    base: Float[Array, "*batch cables"]
+    springs: Float[Array, "*batch cables elements"]
+    free: Float[Array, "*batch cables elements"]
+    most: Float[Array, "*batch cables elements"]
+    widths: Float[Array, "*batch cables elements"]
+    holding: Float[Array, "*batch cables"]
+    first: Float[Array, "*batch cables"]
+    rubbed: Bool[Array, "*batch cables"]
+    left: Float[Array, "*batch cables terms"]
+    softness: Float[Array, "cables terms"]
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        axial_stiffness: Float[Array, "*#batch cables"],
+        rest_lengths: Float[Array, "*batch cables"],
+        memory: Memory,
+        duration: float,
+    ) -> RememberingLaw:
+        """The law with the memory of the last equilibrium, ``duration`` seconds ago."""
+        cabling, rest = robot.cabling, rest_lengths
+        n, g = cabling.reeving, cabling.behind
+        EA, L = n * axial_stiffness, rest + g
+        rho = (1 + cabling.pulley_friction / 2) / (1 - cabling.pulley_friction / 2)
+        a, b = EA / (rest + g / rho), EA / (rest + g * rho)
+        k = np.where(g > 0, EA / rest - (a + b) / 2, 0.0)
+        rubbed = ~np.isnan(memory.beyond)
+        mean = np.where(rubbed, (a + b) / 2, EA / L)
+        shares, yields, widths = np.moveaxis(cabling.hysteresis, -1, 0)
+        holds = rubbed & (k > 0)
+        moved = np.where(holds, memory.beyond - rest, 0.0)
+        (EA1, tau1), T0 = np.moveaxis(cabling.creep, -1, 0), memory.tensions[..., None]
+        x = duration / tau1
+        decay, average = np.exp(-x), np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0)
+        return cls(
+            robot=robot,
+            axial_stiffness=axial_stiffness,
+            rest_lengths=rest,
+            whole=L,
+            mean=mean,
+            base=mean * (1 - shares.sum(-1)),
+            springs=_joined(mean[..., None] * shares, np.where(holds, k, 0.0)),
+            free=_joined(memory.strains * L[..., None], _over(EA / rest * moved, k)),
+            most=_joined(yields * L[..., None], np.full(rest.shape, np.inf)),
+            widths=_joined(np.broadcast_to(widths, memory.strains.shape), _over((a - b) / 2, k)),
+            holding=k,
+            first=EA / L - (a + b) / 2,
+            rubbed=rubbed,
+            left=decay * memory.creep + (average - decay) / EA1 * T0,
+            softness=(1 - average) / (n[:, None] * EA1),
+        )
+
+    @property
+    def compliance(self) -> Float[Array, "*batch cables"]:
+        """What a newton of tension makes the cables creep during the step [m/N]."""
+        return self.whole * self.softness.sum(-1)
+
+    @property
+    def free_lengths(self) -> Float[Array, "*batch cables"]:
+        """Lengths at which the cables would be just slack at the end of the step [m]."""
+        return self.rest_lengths + self.whole * self.left.sum(-1)
+
+    def table(self) -> Float[Array, "*batch cables columns"]:
+        """Rows for ``cable_kernel.unpack_remembering``: columns of ``core.cable``, and the knots of the law."""
+        stretches, tensions, slopes = self._knots()
+        table = np.empty((*tensions.shape[:-1], COLUMNS + 3 * tensions.shape[-1]))
+        table[..., :COLUMNS] = self.robot.cabling.packed
+        table[..., STIFFNESS] = self.robot.reeving * self.axial_stiffness
+        table[..., COLUMNS:] = np.concatenate([stretches, tensions, slopes], axis=-1)
+        return table
+
+    def _knots(self) -> tuple[Array, Array, Array]:
+        """Stretches from 0, at which the slope may change, tensions there, and the slopes that follow.
+
+        Knots that a cable does not have are at infinity. An element changes where its bound does, at y/w, and where it
+        reaches one of its bounds: at z ± y, or z/(1 ± w).
+        """
+        z, y, w = self.free, self.most, self.widths
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.concatenate([y / w, z + y, z - y, z / (1 + w), z / (1 - w)], axis=-1)
+        found = np.where(np.isfinite(found) & (found > 0) & np.tile(self.springs > 0, 5), found, np.inf)
+        knots = np.concatenate([np.zeros((*found.shape[:-1], 1)), np.sort(found, axis=-1)], axis=-1)
+        some = np.isfinite(knots)
+        at = np.where(some, knots, 0.0)
+        following = np.concatenate([knots[..., 1:], np.full((*knots.shape[:-1], 1), np.inf)], axis=-1)
+        middle = np.where(np.isfinite(following), (at + following) / 2, at + self.whole[..., None])
+        tensions, _ = self._tension(at)
+        _, slopes = self._tension(middle)
+        creep = self.compliance[..., None]
+        return np.where(some, at + creep * tensions, np.inf), tensions, slopes / (1 + creep * slopes)
+
+    def _tension(self, stretches: Float[Array, "*batch cables some"]) -> tuple[Array, Array]:
+        """Tension and slope at some stretches e of each cable, beyond its creep."""
+        e = stretches[..., None]
+        pull, slope = self._elements(e, *(one[..., None, :] for one in (self.free, self.most, self.widths)))
+        springs = self.springs[..., None, :]
+        base = self.base[..., None]
+        return base * stretches + (springs * pull).sum(-1), base + (springs * slope).sum(-1)
+
+    @staticmethod
+    def _elements(e: Array, free: Array, most: Array, widths: Array) -> tuple[Array, Array]:
+        """Stretches of elements, and their slopes."""
+        bound = np.minimum(most, widths * e)
+        closing = np.where(widths * e < most, widths, 0.0)
+        apart = e - free
+        slope = np.where(apart > bound, closing, np.where(apart < -bound, -closing, 1.0))
+        return np.clip(apart, -bound, bound), slope
+
+    def after(
+        self, lengths: Float[Array, "*batch cables"], tensions: Float[Array, "*batch cables"], time: float
+    ) -> Memory:
+        """The memory at the end of the step, from lengths and tensions of the ropes there; nan where they are."""
+        pulls = self.robot.reeving * tensions
+        e = np.where(pulls > 0, lengths - self.free_lengths - self.compliance * pulls, 0.0)
+        stretched, _ = self._elements(e[..., None], self.free, self.most, self.widths)
+        B = e - (self.springs[..., :-1] * (e[..., None] - stretched[..., :-1])).sum(-1) / self.mean
+        rub = np.where(self.rubbed, stretched[..., -1], _over(self.first * B, self.holding))
+        moved = (e - rub) * self.holding * self.rest_lengths / (self.robot.reeving * self.axial_stiffness)
+        ended = np.isnan(tensions)
+        return Memory(
+            strains=np.where(ended[..., None], np.nan, (e[..., None] - stretched[..., :-1]) / self.whole[..., None]),
+            beyond=np.where(ended, np.nan, self.rest_lengths + moved),
+            creep=self.left + self.softness * pulls[..., None],
+            tensions=np.array(tensions),
+            time=time,
+        )
+
+
+def _joined(elements: Float[Array, "*batch cables elements"], friction: Float[Array, "*batch cables"]) -> Array:
+    """Elements of hysteresis, and that of friction as the last."""
+    return np.concatenate([elements, friction[..., None]], axis=-1)
+
+
+def _over(force: Float[Array, "*batch cables"], spring: Float[Array, "*batch cables"]) -> Array:
+    """A force as a stretch; 0 where there is no spring."""
+    return np.divide(force, spring, out=np.zeros(np.broadcast_shapes(force.shape, spring.shape)), where=spring > 0)
