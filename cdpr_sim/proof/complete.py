@@ -220,6 +220,7 @@ def certify_all(
         raise InvalidInput("rest_lengths: found some beside a Problem, expected them only in the Problem")
     problem = robot
     problem.robot.cabling.refuse_weight("certify_all")
+    problem.robot.cabling.refuse_memory("certify_all")
     if not _pull(problem) > 0:
         raise InvalidInput("certify_all: found no load, expected weight or force: slack cables hold any pose then")
     search = _Search(problem, path)
