@@ -312,3 +312,55 @@ def test_a_step_without_equilibrium_ends_its_path():
         path[1, 0]
     with pytest.raises(cdpr.InvalidInput, match="memory: found that of a path without an equilibrium at its end"):
         cdpr.solve_path(robot, THERE[:2, None].repeat(2, 1), memory=path.memory)
+
+
+def tested() -> cdpr.Robot:
+    """DemoBot with friction and hysteresis."""
+    return cdpr.load_robot("cogiro").replace(pulley_friction=0.05, hysteresis=ELEMENTS, winch_to_exit=0.3)
+
+
+def offsets(robot: cdpr.Robot) -> cdpr.Identification:
+    """What `identify` finds from 12 positions."""
+    positions = np.random.default_rng(0).uniform(*robot.workspace, (12, 3))
+    seen = cdpr.solve_many(cdpr.load_robot("cogiro"), positions)
+    measured = cdpr.Measurements.of(positions, np.concatenate([seen.positions, seen.euler], axis=1))
+    return cdpr.identify(robot, measured, "axial_stiffness")
+
+
+REFUSED = {
+    "fsolve": lambda robot: cdpr.solve(robot, robot.home, method="fsolve"),
+    "sensitivity": lambda robot: cdpr.sensitivity(cdpr.solve(robot, robot.home)),
+    "natural_modes": lambda robot: cdpr.natural_modes(cdpr.solve(robot, robot.home)),
+    "neutral_directions": lambda robot: cdpr.neutral_directions(cdpr.solve(robot, robot.home)),
+    "compensate": lambda robot: cdpr.compensate(robot, robot.home),
+    "find_equilibria": lambda robot: cdpr.find_equilibria(robot, robot.home),
+    "follow_load": lambda robot: cdpr.follow_load(robot, robot.home),
+    "certify": lambda robot: cdpr.certify(cdpr.solve(robot, robot.home)),
+    "certify_all": lambda robot: cdpr.certify_all(robot, robot.rest_lengths(robot.home)),
+    "rest_lengths": lambda robot: robot.rest_lengths(robot.home, tensions=1.0),
+    "identify": offsets,
+    "sweep": lambda robot: cdpr.sweep(robot, (2, 1, 1)),
+    "find_layout": lambda robot: cdpr.find_layout(robot, [robot.home], move="exits", within=0.01),
+}
+
+
+@pytest.mark.parametrize("answer", REFUSED)
+def test_answers_that_do_not_know_a_memory_refuse_it_in_one_sentence(answer):
+    """None of them takes the elastic law in its place."""
+    with pytest.raises(
+        cdpr.InvalidInput, match="found pulley_friction and hysteresis in cable 1, expected cables"
+    ) as e:
+        REFUSED[answer](tested())
+    assert "\n" not in str(e.value)
+
+
+def test_answers_about_poses_and_tensions_take_ropes_with_a_memory():
+    """What needs no law, or has the equilibria of a path: feasibility, clearances, pictures of cables, notebooks."""
+    robot = tested()
+    plain = robot.replace(pulley_friction=0.0, hysteresis=())
+    path = cdpr.solve_path(robot, THERE)
+    assert (cdpr.feasible(robot, THERE) == cdpr.feasible(plain, THERE)).all()
+    assert cdpr.clearances(path).shape == path.shape
+    assert cdpr.cable_profiles(path).shape[:2] == (9, 8)
+    assert "stable" in path[0]._repr_html_()
+    assert path._repr_html_()

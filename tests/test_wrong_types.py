@@ -31,7 +31,7 @@ BUILT = (
 )  # fmt: skip
 """Classes that users make objects of."""
 
-MADE = ("Command.of", "Measurements.of", "Problem.of", "Problems.of", "Problems.stack")
+MADE = ("Command.of", "Measurements.of", "Memory.fresh", "Problem.of", "Problems.of", "Problems.stack")
 """And those that are made by a method."""
 
 ASKED = (
@@ -176,6 +176,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "show": dict(trajectories=trajectory) | film,
         "solve": asked,
         "solve_many": dict(robot=robot, poses=poses),
+        "solve_path": dict(robot=robot, poses=poses),
         "solve_trajectory": dict(trajectory=trajectory),
         "sweep": dict(robots=robot, grid=(1, 1, 1), chunk=None),
         "to_mjcf": asked,
@@ -192,6 +193,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "Measurements.of": dict(commanded=poses, measured=poses, coordinates="xyz"),
         "Move": dict(what="exits", within=0.1),
         "PoseFeedback": dict(inner=cdpr.RigidLengths(robot)),
+        "Memory.fresh": dict(robot=robot),
         "Problem.of": asked,
         "Problems.of": dict(robot=robot, poses=poses),
         "Problems.stack": dict(problems=[problem]),

@@ -243,6 +243,7 @@ def follow_load(
         NotConverged: no equilibrium under some load; carries the best point.
     """
     whole = Problem.of(robot, pose, rest_lengths, external_wrench)
+    whole.robot.cabling.refuse_memory("follow_load")
     robot = whole.robot
     if not whole.load > 0:
         raise InvalidInput("follow_load: found no load, expected weight or an external wrench")

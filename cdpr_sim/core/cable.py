@@ -265,7 +265,7 @@ class Cabling(Frozen):
         Raises:
             InvalidInput: cables with a memory, which have another law.
         """
-        self.refuse_memory("cables")
+        self.refuse_memory("robot")
         return self.axial_stiffness, *self.stiffening.T
 
     @cached_property

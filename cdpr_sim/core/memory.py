@@ -15,7 +15,7 @@ from typing import SupportsIndex
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.core.checks import Frozen, refuse_unless
+from cdpr_sim.core.checks import Frozen, listed, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 
@@ -57,10 +57,10 @@ class Memory(Frozen):
             The memory before the first equilibrium of a path.
 
         Raises:
-            InvalidInput: not a robot.
+            InvalidInput: not a robot, or not a shape.
         """
         refuse_unless(Robot, robot=robot)
-        cables = (*shape, robot.cables)
+        cables = (*(whole("shape", size, 1) for size in listed("shape", shape)), robot.cables)
         return cls(
             strains=np.zeros((*cables, robot.hysteresis.shape[1])),
             beyond=np.full(cables, np.nan),

@@ -153,6 +153,7 @@ class RobotBatch(Frozen):
     center_of_mass: Float[np.ndarray, "layouts 3"]
 
     def __post_init__(self) -> None:
+        self.robot.cabling.refuse_memory("layout")
         self._freeze()
 
     @classmethod

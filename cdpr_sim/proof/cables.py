@@ -78,6 +78,7 @@ class Cable:
 
     def __init__(self, problem: Problem, index: int) -> None:
         cabling = problem.robot.cabling
+        cabling.refuse_memory(problem.robot.name)
         self.exit = balls(cabling.exits[index])
         self.anchor = balls(cabling.anchors[index])
         self.rest_length = exact(problem.rest_lengths[index])

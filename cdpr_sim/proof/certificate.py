@@ -167,7 +167,6 @@ def certify(equilibrium: Equilibrium) -> Certificate:
     if not isinstance(equilibrium, Equilibrium):
         raise InvalidInput(f"equilibrium: found {equilibrium!r}, expected an Equilibrium")
     problem = equilibrium.problem
-    problem.robot.cabling.refuse_memory("certify")
     with arithmetic(BITS):
         balance = Balance(problem, Pose(equilibrium.position, equilibrium.rotation_matrix))
         arm = problem.robot.characteristic_length

@@ -85,11 +85,11 @@ def profiles(
     """
     exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
     cabling, shape = robot.cabling, np.broadcast_shapes(axial_stiffness.shape, weights.shape)
+    if not (np.any(weights) and (cabling.bent or cabling.behind.any())):
+        return profile(exits, anchors, rest, cabling.reeving * np.broadcast_to(axial_stiffness, shape), weights, points)
     table = np.array(robot.cable_table(np.broadcast_to(axial_stiffness, shape)))
     table[..., WEIGHT] = weights
     axial_stiffness, wrapped = table[..., STIFFNESS], table[..., WRAPPED]
-    if not (np.any(weights) and (cabling.bent or cabling.behind.any())):
-        return profile(exits, anchors, rest, axial_stiffness, weights, points)
     found = any_cables(table, anchors - exits, rest)
     with np.errstate(all="ignore"):
         t = -found.pull
