@@ -87,6 +87,7 @@ from .physics.reset import reset as reset
 from .physics.settle import settle as settle
 from .physics.settle import settle_many as settle_many
 from .physics.settle import settle_trajectory as settle_trajectory
+from .physics.settle_path import settle_path as settle_path
 from .physics.track import track as track
 from .physics.winch_controls import winch_controls as winch_controls
 from .proof.certificate import Certificate as Certificate

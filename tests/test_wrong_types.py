@@ -170,6 +170,7 @@ def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]
         "sensitivity": dict(equilibrium=found),
         "settle": asked,
         "settle_many": dict(robot=robot, poses=poses),
+        "settle_path": dict(robot=robot, poses=poses),
         "settle_trajectory": asked,
         "shortfall": of_many,
         "show": dict(trajectories=trajectory) | film,

@@ -79,8 +79,8 @@ def video(
         float | None,
         typer.Option(
             "--drive-seconds",
-            help="Duration of the drive [s]; default: quasi-static (cables with mass: settled state by state, and "
-            "--compensate drives within the duration of the video).",
+            help="Duration of the drive [s]; default: quasi-static (cables with mass or a memory: settled state by "
+            "state, and --compensate drives within the duration of the video).",
         ),
     ] = None,
     seconds: Annotated[float, typer.Option("--seconds", help="Duration of the video [s].")] = 10.0,
@@ -103,7 +103,7 @@ def video(
     from cdpr_sim.core.files import check_place
     from cdpr_sim.crosscheck.compensation_check import held
     from cdpr_sim.drawing.video import film
-    from cdpr_sim.studies.robot_summary import settled_along, shapes_of
+    from cdpr_sim.studies.robot_summary import settled_along, shapes_of, solved_along
 
     with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar, _side_by_side() as start:
         check_place(output, film.SUFFIXES, force=force)
@@ -115,7 +115,8 @@ def video(
         motions: list[Callable[[], cdpr.Trajectory]] = []
         for robot, (_, _, compensated) in zip(machines, wanted, strict=True):
             in_time, still = drive_seconds, False
-            if not robot.cabling.massless and in_time is None and not drop:  # a quasi-static drive would take long
+            slow = not robot.cabling.massless or robot.cabling.remembers.any()
+            if slow and in_time is None and not drop:  # a quasi-static drive would take long, or have no memory
                 in_time, still = (seconds, False) if compensate else (None, True)
             if still:
                 settled = settled_along(robot, along(robot, through or _line(robot, path, y, z), states), seconds, load)
@@ -145,7 +146,7 @@ def video(
         cdpr.write_video(
             output,
             trajectories,
-            [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories],
+            [solved_along(trajectory).poses for trajectory in trajectories],
             shapes=[shapes_of(trajectory) for trajectory in trajectories],
             seconds=seconds,
             fps=fps,

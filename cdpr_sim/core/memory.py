@@ -102,3 +102,10 @@ class Memory(Frozen):
     def __repr__(self) -> str:
         moment = "before the first equilibrium" if np.isnan(self.time) else f"at {self.time:g} s"
         return f"<Memory of {self.tensions.shape[-1]} cables, {self.shape or 'one path'}, {moment}>"
+
+
+def without_memory(robot: Robot) -> Robot:
+    """The same robot with elastic cables."""
+    if not robot.cabling.remembers.any():
+        return robot
+    return robot.replace(pulley_friction=0.0, hysteresis=(), creep=())

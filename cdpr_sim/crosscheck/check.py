@@ -33,9 +33,11 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck import compare
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.physics.settle import residuals_of, settle_many
+from cdpr_sim.physics.settle_path import settle_path
 from cdpr_sim.proof import certificate as proof
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.newton import solve_many
+from cdpr_sim.statics.solve_path import solve_path
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -134,7 +136,8 @@ def check(
         robots: one robot or several, as objects, catalogue names or .toml files.
         grid: counts (nx, ny, nz) over the workspace, or coordinates {"x": ..., "y": ..., "z": ...} [m]; default: 10⁴.
         materials: names of the catalogue, or {name: EA [N]}; default: each robot's own.
-        poses: commanded poses, instead of a grid: (rows, 3), (rows, 6), a stack of transforms or a list of poses.
+        poses: commanded poses, instead of a grid: (rows, 3), (rows, 6), a stack of transforms or a list of poses. For
+            cables with a memory they are a path, which both methods follow in this order.
         orientation: on a grid, commanded, (alpha, beta, gamma) [rad]; default: level.
         external_wrench: force [N] and torque [N m] on the platform's origin, in the base frame, besides gravity, (6,).
         threads: for MuJoCo; 0 for one per processor.
@@ -191,10 +194,12 @@ def check(
             for label, stiffness in zip(labels, np.atleast_2d(stiffnesses[robot.name]), strict=True):
                 variant = robot.replace(axial_stiffness=stiffness)
                 parts = []
-                for first in range(0, len(rows), ROWS):
-                    part = slice(first, first + ROWS)
+                path = stack is not None and compare.remembers(variant)  # one after another
+                together = len(rows) if path else ROWS
+                for first in range(0, len(rows), together):
+                    part = slice(first, first + together)
                     problems = Problems.of(variant, rows[part], None, wrench, rotations=matrices[part])
-                    values, found = _check_rows(problems, label or cables_name(robot), threads, certify)
+                    values, found = _check_rows(problems, label or cables_name(robot), threads, certify, path)
                     parts.append(values)
                     disagreements += found
                     advance(len(problems))
@@ -237,10 +242,10 @@ COMPARED = [name for name in _MEANINGS if name not in ("outcome", "proved")]
 
 
 def _check_rows(
-    problems: Problems, material: str, threads: int, certify: bool
+    problems: Problems, material: str, threads: int, certify: bool, path: bool
 ) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
     """The columns of ``_MEANINGS`` of each problem, and the disagreements."""
-    solved, settled = solve_many(problems), settle_many(problems, threads=threads)
+    solved, settled = both(problems, threads=threads, path=path)
     values, agree = compare_many(solved, settled, threads=threads)
     refused = problems.refusals != Status.PENDING
     outcome = np.where(refused, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
@@ -259,6 +264,19 @@ def _check_rows(
             ]
         )
     return {"outcome": outcome, **values}, disagreements
+
+
+def both(problems: Problems, *, threads: int = 0, path: bool = False) -> tuple[EquilibriumBatch, EquilibriumBatch]:
+    """(rows,) problems by statics and by MuJoCo; with ``path``, each with the memory of the cables from those before.
+
+    Args:
+        problems: the problems.
+        threads: for MuJoCo; 0 for one per processor.
+        path: whether they are a path.
+    """
+    if path:
+        return solve_path(problems), settle_path(problems, threads=threads)
+    return solve_many(problems), settle_many(problems, threads=threads)
 
 
 def compare_many(
@@ -282,9 +300,10 @@ def compare_many(
         "position_error": np.linalg.norm(static[0] - at_rest[0], axis=-1),
         "rotation_error": angle_between(static[1], at_rest[1]),
         "tension_error": np.abs(solved.tensions[rows] - settled.tensions[rows]).max(-1),
-        "static_in_mujoco": residuals_of(problems, poses_of(*static), threads=threads),
-        "settled_in_statics": np.asarray(forces.at(problems, *at_rest).residual),
     }
+    if not compare.remembers(problems.robot):
+        errors["static_in_mujoco"] = residuals_of(problems, poses_of(*static), threads=threads)
+        errors["settled_in_statics"] = np.asarray(forces.at(problems, *at_rest).residual)
     near = [np.abs(one.lengths - one.rest_lengths)[rows] <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
     same_slack = ~((solved.slack != settled.slack)[rows] & ~near[0] & ~near[1]).any(-1)
     cross = compare.CROSS_TOLERANCE * problems.force_scale
@@ -295,7 +314,7 @@ def compare_many(
         "static_in_mujoco": cross,
         "settled_in_statics": cross,
     }
-    within[rows] = np.all([errors[name] <= tolerance for name, tolerance in tolerances.items()], axis=0) & same_slack
+    within[rows] = np.all([error <= tolerances[name] for name, error in errors.items()], axis=0) & same_slack
     for name, column in errors.items():
         columns[name][rows] = column
     return columns, within

@@ -14,6 +14,7 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import angle_between
+from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.settle import residual_of
 from cdpr_sim.statics import forces
 
@@ -61,8 +62,9 @@ class Agreement(HtmlRepr):
         rotation_error: angle between the platforms [rad].
         tension_error: largest difference in a cable [N].
         same_slack: whether the same cables are slack; one within 1e-7 m of its rest length counts as either.
-        static_in_mujoco: residual (unbalanced force) of MuJoCo at the static pose [N].
-        settled_in_statics: residual of statics at the settled pose [N].
+        static_in_mujoco: residual (unbalanced force) of MuJoCo at the static pose [N]; nan for cables with a memory,
+            whose forces depend on the way there.
+        settled_in_statics: residual of statics at the settled pose [N]; nan as well.
     """
 
     verdict: Verdict
@@ -98,8 +100,8 @@ def compare(
     """Compare an equilibrium of statics with one settled in MuJoCo.
 
     Args:
-        static: from ``solve``.
-        settled: from ``settle``, of the same robot, rest lengths and load.
+        static: from ``solve``, or a step of ``solve_path``.
+        settled: from ``settle``, of the same robot, rest lengths and load; or that step of ``settle_path``.
         position_tolerance: [m].
         rotation_tolerance: [rad].
         tension_tolerance: [N].
@@ -122,10 +124,12 @@ def compare(
         "rotation": (angle_between(static.rotation_matrix, settled.rotation_matrix), rotation_tolerance, "rad"),
         "tension": (np.abs(static.tensions - settled.tensions).max(), tension_tolerance, "N"),
     }
-    cross = {
-        "MuJoCo at the static pose": residual_of(problem, static.at),
-        "statics at the settled pose": float(forces.at(problem, settled.position, settled.rotation_matrix).residual),
-    }
+    cross = dict.fromkeys(("MuJoCo at the static pose", "statics at the settled pose"), float("nan"))
+    if not remembers(problem.robot):
+        at = settled.position, settled.rotation_matrix
+        cross = dict(
+            zip(cross, (residual_of(problem, static.at), float(forces.at(problem, *at).residual)), strict=True)
+        )
     slack_differs = (static.slack != settled.slack) & ~(_at_rest_length(static) | _at_rest_length(settled))
 
     deviations = [
@@ -139,9 +143,9 @@ def compare(
     unbalanced = [
         f"{where} has a residual of {force:.1e} N (tolerance {CROSS_TOLERANCE * problem.force_scale:.0e})"
         for where, force in cross.items()
-        if not force <= CROSS_TOLERANCE * problem.force_scale
+        if not (remembers(problem.robot) or force <= CROSS_TOLERANCE * problem.force_scale)
     ]
-    if unbalanced:
+    if unbalanced or (deviations and remembers(problem.robot)):
         verdict = Verdict.DISAGREE
     elif not deviations:
         verdict = Verdict.AGREE
@@ -165,6 +169,14 @@ def compare(
         static_in_mujoco=cross["MuJoCo at the static pose"],
         settled_in_statics=cross["statics at the settled pose"],
     )
+
+
+def remembers(robot: Robot) -> bool:
+    """Whether cables have a memory: an equilibrium of a path does not tell from which memory its forces follow.
+
+    So neither method can evaluate its forces at the pose of the other one.
+    """
+    return bool(robot.cabling.remembers.any())
 
 
 def _at_rest_length(equilibrium: Equilibrium) -> Bool[np.ndarray, " cables"]:

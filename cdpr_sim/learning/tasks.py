@@ -108,6 +108,7 @@ class Task:
     ) -> None:
         self.robot = robot = robot if isinstance(robot, Robot) else load_robot(robot)
         robot.cabling.refuse_weight("cdpr_sim.learning")
+        robot.cabling.refuse_memory("cdpr_sim.learning")
         self.count, period = whole("count", count, 1), 1 / positive("rate", rate, "Hz")
         seconds = positive("seconds", self.defaults["seconds"] if seconds is None else seconds, "s")
         self.periods = whole("seconds times rate", max(1, round(seconds / period)), 1, MOST_PERIODS)

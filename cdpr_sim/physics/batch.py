@@ -21,11 +21,13 @@ from mujoco.batch import Batch
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.memory import Memory, without_memory
 from cdpr_sim.core.pose import poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
+from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
 
 MASS_IN_UNITS = 2.0**30
 """The platform's mass, in the unit of mass of the model in MuJoCo. MuJoCo's discrete integrator ends each step's
@@ -78,9 +80,13 @@ class Simulations:
         self.length = robot.characteristic_length
         self.unit = unit_of(robot)
         self.batch = Batch(model, rows, threads)
+        self.step: RopeStep | None = None
         self.free, self.swivels = len(robot.free), pulleys.Swivels.of(model, robot.cabling)
-        self.band, self.springs = self.batch.expand("tendon_lengthspring"), self.batch.expand("tendon_stiffness")
-        self.polynomials = self.batch.expand("tendon_stiffnesspoly")
+        own = slice(0, robot.cables)  # the tendons behind them are the elements of cables with a memory
+        self.band = self.batch.expand("tendon_lengthspring")[:, own]
+        self.springs = self.batch.expand("tendon_stiffness")[:, own]
+        self.polynomials = self.batch.expand("tendon_stiffnesspoly")[:, own]
+        self._elements = Elements(self.batch, model, robot.cabling, self.unit)
         self.entries = pulleys.entries(robot.cabling)
         self.timestep = self.batch.expand("opt.timestep").reshape(rows)
         self.damping, self.armature = self.batch.expand("dof_damping"), self.batch.expand("dof_armature")
@@ -88,7 +94,7 @@ class Simulations:
         self._smooth, self._damper = self.batch.bind("qfrc_smooth"), self.batch.bind("qfrc_damper")
         self._spring, self._jacobian = self.batch.bind("qfrc_spring"), self.batch.bind("ten_J")
         self._entry_cables = np.repeat(np.arange(model.ntendon), model.ten_J_rownnz)
-        self._lengths = self.batch.bind("ten_length")
+        self._lengths = self.batch.bind("ten_length")[:, own]
         self._xpos, self._xmat = self.batch.bind("xpos"), self.batch.bind("xmat")
         self._loads = self.batch.bind("xfrc_applied")
         if len(self.swivels):
@@ -98,16 +104,23 @@ class Simulations:
             mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in ("platform", "origin")
         )
 
-    def start(self, problems: Problems, *, own_springs: bool) -> None:
-        """Put each row at its problem's pose, with zero velocity, its load and, unless ``own_springs``, its springs."""
+    def start(
+        self, problems: Problems, *, own_springs: bool, memory: Memory | None = None, duration: float = 0.0
+    ) -> None:
+        """Put each row at its problem's pose, with zero velocity, its load and, unless ``own_springs``, its springs.
+
+        Cables with a memory start a step of ``duration`` [s] from ``memory``, (rows,); default: that of new ropes.
+        """
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        if self.robot.cabling.remembers.any():
+            self._begin(problems, Memory.fresh(self.robot, (len(problems),)) if memory is None else memory, duration)
         self.place(problems.positions, problems.rotations)
         self.wrenches = np.broadcast_to(problems.external_wrench, (len(problems), 6))
         if self.wrenches.any():
             if self._origin < 0:
                 raise InvalidInput("model: found no body 'origin' in the platform, expected one to apply the wrench to")
             self._apply_wrenches()
-        if not own_springs:
+        if not own_springs and self.step is None:
             stiffness, rest = problems.axial_stiffness, problems.rest_lengths
             self.band[:, :, 1] = rest + self.entries
             cabling = self.robot.cabling
@@ -115,6 +128,12 @@ class Simulations:
             if not cabling.linear:
                 self.polynomials[:] = tendons.polynomials(cabling, stiffness, rest) / self.unit
         self.armature[:] = self.model.dof_armature
+
+    def _begin(self, problems: Problems, memory: Memory, duration: float) -> None:
+        """Springs of cables with a memory."""
+        rest = np.broadcast_to(problems.rest_lengths, (len(problems), self.robot.cables))
+        self.step = RopeStep.of(self.robot.cabling, problems.axial_stiffness, rest, memory, duration)
+        self.springs[:] = self.step.own * self.step.softer / self.unit
 
     def reset(self, rows: Bool[np.ndarray, " rows"]) -> None:
         """Reset the motion of ``rows`` and MuJoCo's warnings; apply the loads again: MuJoCo drops them."""
@@ -129,7 +148,21 @@ class Simulations:
         """Put each row's platform at its pose, with the wheels turned towards it."""
         starts = coordinates_of(self.robot, positions, rotations)
         self.qpos[:, : starts.shape[-1]] = starts
-        self.turn_wheels()
+        self.follow()
+
+    def follow(self, rows: Bool[np.ndarray, " rows"] | None = None) -> None:
+        """Turn the wheels towards their anchors and hold the elements of cables with a memory."""
+        self.turn_wheels(rows)
+        self.hold(rows)
+
+    def hold(self, rows: Bool[np.ndarray, " rows"] | None = None) -> None:
+        """Put the elements of cables with a memory where they are after a straight way from the start of the step."""
+        if self.step is None:
+            return
+        rows = np.ones(len(self.qpos), dtype=bool) if rows is None else rows
+        self.batch.forward(rows, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+        ends = self._elements.hold(self.step, rows, self._lengths, self.entries)
+        self.band[rows, :, 1] = ends[rows]
 
     def turn_wheels(self, rows: Bool[np.ndarray, " rows"] | None = None) -> None:
         """Turn each wheel towards its anchor, as a taut cable does and a slack one does not."""
@@ -156,7 +189,17 @@ class Simulations:
     @property
     def rest_lengths(self) -> Float[np.ndarray, "rows cables"]:
         """Unstretched cable lengths l0 [m]."""
-        return self.band[:, :, 1] - self.entries
+        return self.band[:, :, 1] - self.entries if self.step is None else self.step.rest_lengths
+
+    def remembered(self, reading: SimulationReading) -> Memory:
+        """The memory of the cables of each row that has come to rest as ``reading`` states, without the time."""
+        step = self.step or RopeStep.of(
+            self.robot.cabling,
+            self.robot.axial_stiffness,
+            self.rest_lengths,
+            Memory.fresh(self.robot, (len(self.qpos),)),
+        )
+        return step.memory_after(reading.lengths, reading.tensions)
 
     @property
     def accelerating(self) -> Float[np.ndarray, "rows free"]:
@@ -215,7 +258,7 @@ class Simulations:
     def residuals(self) -> Float[np.ndarray, " rows"]:
         """The largest unbalanced force at the present poses and zero velocity, (rows,) [N]."""
         self.qvel[:] = 0
-        self.turn_wheels()
+        self.follow()
         self.batch.forward()
         return self.unbalanced
 
@@ -229,6 +272,7 @@ class Simulations:
     def observe(self, qpos: Float[np.ndarray, "rows coordinates"]) -> Observation:
         """Each row's pose and cables at ``qpos``: ``read`` without residual and stiffness, for many states."""
         self.qpos[:], self.qvel[:] = qpos, 0
+        self.hold()
         self.batch.forward()
         return Observation(*self._observed())
 
@@ -244,15 +288,19 @@ class Simulations:
         of line pull with f, and share it.
         """
         all_springs, all_polynomials = self.springs.copy(), self.polynomials.copy()
+        elements = self._elements.stiffnesses.copy()
         forces = np.empty((self.robot.cables, *self._spring.shape))
         for cable in range(self.robot.cables):
             self.springs[:] = self.polynomials[:] = 0
+            self._elements.stiffnesses[:] = np.where(self._elements.owners == cable, elements, 0)
             self.springs[:, cable], self.polynomials[:, cable] = all_springs[:, cable], all_polynomials[:, cable]
             self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
             forces[cable] = self._spring
         self.springs[:], self.polynomials[:] = all_springs, all_polynomials
+        self._elements.stiffnesses[:] = elements
         jacobian = np.zeros_like(forces)
-        jacobian[self._entry_cables, :, self.model.ten_J_colind] = self._jacobian.T
+        own = self._entry_cables < len(forces)
+        jacobian[self._entry_cables[own], :, self.model.ten_J_colind[own]] = self._jacobian.T[own]
         # The two are parallel. Where J vanishes, at an anchor on its exit, the spring's force vanishes too.
         squares = (jacobian * jacobian).sum(-1)
         pulls = -(jacobian * forces).sum(-1) / np.maximum(squares, np.finfo(float).tiny)
@@ -262,16 +310,21 @@ class Simulations:
         """Eigenvalues [N/m], ascending, of the stiffness in MuJoCo at the present poses; direction of the smallest.
 
         Central differences on the cables that are taut now: during the differencing these may push and slack ones have
-        no force, so that a displacement does not cross the kink of a cable that is stretched by less. The wheels follow
-        the platform.
+        no force, so that a displacement does not cross the kink of a cable that is stretched by less; and no element of
+        a memory begins or ends to slide. The wheels follow the platform.
         """
         band, springs, polynomials = self.band.copy(), self.springs.copy(), self.polynomials.copy()
+        elements = self._elements.stiffnesses.copy()
         self.qvel[:] = 0
         self.batch.forward()
         length = self._lengths
         slack = self.slack
-        self.springs[slack] = self.polynomials[slack] = 0
         self.band[:] = np.where(length > band[:, :, 1], band[:, :, 1], band[:, :, 0])[:, :, None]
+        if self.step is not None:
+            slopes, free = self.step.tangent(length - self.entries)
+            self.springs[:], self.band[:] = slopes / self.unit, (free + self.entries)[:, :, None]
+            self._elements.stiffnesses[:] = 0
+        self.springs[slack] = self.polynomials[slack] = 0
         rest, rotations = self.qpos.copy(), self.rotations.copy()
         step = DIFFERENCE * (length - self.entries).mean(1)
         free = self.free
@@ -292,6 +345,7 @@ class Simulations:
         forces = self._in_base_frame(pushed, turned)
         stiffness = np.moveaxis((forces[free:] - forces[:free]) / (2 * step[:, None]), 0, -1)
         self.qpos[:], self.band[:], self.springs[:], self.polynomials[:] = rest, band, springs, polynomials
+        self._elements.stiffnesses[:] = elements
         known = np.isfinite(stiffness).all((1, 2))
         eigenvalues, directions = np.full((2, len(rest), free), np.nan)
         values, vectors = np.linalg.eigh((stiffness + stiffness.transpose(0, 2, 1))[known] / 2)
@@ -347,7 +401,8 @@ def simulations_of(problems: Problems, model: mujoco.MjModel | None = None, thre
 def _model_of(robot: Robot) -> mujoco.MjModel:
     """The compiled model of ``robot``, never modified: each problem sets its own pose, lengths and stiffnesses."""
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
-    spec = mujoco.MjSpec.from_string(to_mjcf(robot, middle, np.ones(robot.cables)))
+    spec = mujoco.MjSpec.from_string(to_mjcf(without_memory(robot), middle, np.ones(robot.cables)))
+    add_elements(spec, robot.cabling)
     spec.memory = ARENA
     return _prepared(spec.compile(), robot)
 

@@ -103,13 +103,14 @@ def drive(
 
     Raises:
         InvalidInput: invalid waypoints, rest lengths, wrench, duration or number of states; a cable with mass that is
-            too short for its pulley.
+            too short for its pulley; cables with a memory.
         NotSettled: the platform does not come to rest at the first waypoint.
         PlatformFell: it fell during the drive; carries the trajectory so far.
     """
     refuse_unless(FLAG, from_rest=from_rest)
     refuse_unless(PROGRESS, progress=progress)
     poses = poses_through(robot, waypoints)
+    robot.cabling.refuse_memory("drive")
     whole("states", states, 2, MOST_STATES)
     path = Path(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0], external_wrench=external_wrench)

@@ -146,6 +146,7 @@ class Relaxation:
 
     def _set_off(self, rows: Bool[np.ndarray, " rows"], qpos: Float[np.ndarray, "rows coordinates"]) -> None:
         self.simulations.qpos[rows] = qpos[rows]
+        self.simulations.hold(rows)
         self.live |= rows
         self.status[rows] = Status.ITERATION_LIMIT
         self.step[rows], self.ratio[rows] = FIRST_STEP, np.maximum(FIRST_DAMPING, self.least_damping[rows])
@@ -165,7 +166,7 @@ class Relaxation:
             self._advance()
             self._judge()
             self._adapt()
-            simulations.turn_wheels(self.live)
+            simulations.follow(self.live)
 
     def _advance(self) -> None:
         batch = self.simulations.batch
@@ -193,7 +194,7 @@ class Relaxation:
             calm &= speed.max(1) <= SPEED * self.swing * self.reach
             velocity = simulations.qvel.copy()
             simulations.qvel[calm] = 0
-            simulations.turn_wheels(calm)
+            simulations.follow(calm)
             simulations.batch.forward(calm)
             at_rest = calm & (simulations.unbalanced <= self.target)
             simulations.qvel[:] = np.where(at_rest[:, None], 0, velocity)

@@ -119,12 +119,14 @@ def to_mjcf(
 
     Raises:
         InvalidInput: an invalid argument; a loss factor of nonlinear cables; a cable with mass that is too short for
-            its pulley.
+            its pulley; cables with a memory, which would push in such a model where they get slack
+            (``physics.rope_memory``).
     """
     problem = Problem.of(robot, pose, rest_lengths)
     refuse_unless(FLAG, contact=contact)
     kind, factor = kind_of(winches), loss_factor(damping)
     robot, settling = problem.robot, factor is None
+    robot.cabling.refuse_memory("to_mjcf")
     chains.refuse_short(robot, problem.rest_lengths)
     refuse_undamped(robot, factor)
     forces, speed = largest_forces(robot, winch_force), positive("winch_speed", winch_speed, "m/s")

@@ -102,12 +102,14 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
         The largest deviation [m], and with it whether the platform ``stays`` or ``leaves``.
 
     Raises:
-        InvalidInput: an equilibrium under an external wrench; a cable with mass that is too short for its pulley.
+        InvalidInput: an equilibrium under an external wrench; a cable with mass that is too short for its pulley;
+            cables with a memory.
         NotSettled: cables with mass do not come to rest with the platform at the equilibrium.
     """
     refuse_unless(Equilibrium, equilibrium=equilibrium)
     problem = equilibrium.problem
     robot, pose = problem.robot, equilibrium.pose
+    robot.cabling.refuse_memory("release")
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity only")
     seconds, arm = _duration(seconds), robot.characteristic_length

@@ -30,7 +30,7 @@ from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.core.trajectory import Trajectory
-from cdpr_sim.physics.batch import simulations_of
+from cdpr_sim.physics.batch import SimulationReading, Simulations, simulations_of
 from cdpr_sim.physics.chains import refuse_short, too_short
 from cdpr_sim.physics.dynamic_relaxation import NUDGES, Relaxation
 from cdpr_sim.physics.sagging import settle_chains as heavy
@@ -240,31 +240,14 @@ def _settled(
 ) -> EquilibriumBatch:
     """Settle (rows,) problems that can be solved; ``frames`` collects the motion of the first one."""
     refuse_unless(mujoco.MjModel | None, model=model)
+    if model is not None:
+        problems.robot.cabling.refuse_memory("model")
     if weighs(problems.robot, model):
         with saying(progress) as say:
             return _settled_heavy(problems, model=model, threads=threads, say=say)
     asked, problems = problems, without_weight(problems)
     with simulations_of(problems, model, threads) as simulations:
-        relaxation = Relaxation(simulations, frames)
-        relaxation.run()
-        reading = simulations.read(relaxation.qpos)
-        # Below a wheel MuJoCo's tendon jumps off it, and the motion after that is not this robot's.
-        lost = reading.off_wheel | ((relaxation.status == Status.DIVERGED) & bool(len(simulations.swivels)))
-        if lost.any():
-            relaxation.again(lost)
-            relaxation.run()
-            reading = simulations.read(relaxation.qpos)
-        for _ in range(NUDGES):
-            saddle = relaxation.settled & (reading.eigenvalues[:, 0] < -NEUTRAL * np.abs(reading.eigenvalues).max(1))
-            if not saddle.any():
-                break
-            relaxation.nudge(saddle, reading.softest)
-            relaxation.run()
-            reading = simulations.read(relaxation.qpos)
-        beyond = problems.robot.cabling.beyond_law(reading.lengths, simulations.rest_lengths).any(1)
-    relaxation.status[beyond] = Status.OVERSTRAINED
-    # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
-    relaxation.status[reading.off_wheel] = Status.OFF_WHEEL
+        relaxation, reading = come_to_rest(simulations, frames)
     return EquilibriumBatch(
         problems=asked,
         positions=reading.positions,
@@ -277,6 +260,31 @@ def _settled(
         source="mujoco",
         stiffness=reading.eigenvalues,
     )
+
+
+def come_to_rest(simulations: Simulations, frames: Frames | None = None) -> tuple[Relaxation, SimulationReading]:
+    """Move all rows from where they are to rest; the status of each, and the reading there."""
+    relaxation = Relaxation(simulations, frames)
+    relaxation.run()
+    reading = simulations.read(relaxation.qpos)
+    # Below a wheel MuJoCo's tendon jumps off it, and the motion after that is not this robot's.
+    lost = reading.off_wheel | ((relaxation.status == Status.DIVERGED) & bool(len(simulations.swivels)))
+    if lost.any():
+        relaxation.again(lost)
+        relaxation.run()
+        reading = simulations.read(relaxation.qpos)
+    for _ in range(NUDGES):
+        saddle = relaxation.settled & (reading.eigenvalues[:, 0] < -NEUTRAL * np.abs(reading.eigenvalues).max(1))
+        if not saddle.any():
+            break
+        relaxation.nudge(saddle, reading.softest)
+        relaxation.run()
+        reading = simulations.read(relaxation.qpos)
+    beyond = simulations.robot.cabling.beyond_law(reading.lengths, simulations.rest_lengths).any(1)
+    relaxation.status[beyond] = Status.OVERSTRAINED
+    # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
+    relaxation.status[reading.off_wheel] = Status.OFF_WHEEL
+    return relaxation, reading
 
 
 def _settled_heavy(

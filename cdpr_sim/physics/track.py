@@ -106,7 +106,7 @@ def track(
         reference, its rest lengths those that the winches had let out.
 
     Raises:
-        InvalidInput: an invalid argument; a pose that no rest lengths can hold.
+        InvalidInput: an invalid argument; cables with a memory; a pose that no rest lengths can hold.
         NotSettled: the platform does not come to rest on the controller's first lengths.
         PlatformFell: it fell during the motion; carries the trajectory so far.
         BadCommand: the controller failed, or gave a command that winches cannot carry out; carries the trajectory so
@@ -151,6 +151,7 @@ def _course(
     pause: float,
 ) -> Reference:
     path = Path(robot, poses_through(robot, waypoints))
+    robot.cabling.refuse_memory("track")
     if seconds is None:
         seconds = path.length / SPEED or PAUSE
     seconds = positive("seconds", seconds, "s")

@@ -31,10 +31,11 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
         equilibrium in MuJoCo from ``pose``.
 
     Raises:
-        InvalidInput: invalid lengths, or lengths out of the winches' range; cables with mass.
+        InvalidInput: invalid lengths, or lengths out of the winches' range; cables with mass or a memory.
         NotSettled: cables are nonlinear, and the platform does not come to rest on them.
     """
     problem = Problem.of(robot, pose)
+    robot.cabling.refuse_memory("a winch in MuJoCo")
     wanted = checked_array("rest_lengths", rest_lengths, None)
     if wanted.shape[-1:] != (robot.cables,):
         raise InvalidInput(f"rest_lengths: found an array of shape {wanted.shape}, expected (..., {robot.cables})")

@@ -159,7 +159,7 @@ def certify(equilibrium: Equilibrium) -> Certificate:
         What is proved, and reasons for what is not. A pose that is no equilibrium raises no error.
 
     Raises:
-        InvalidInput: not an ``Equilibrium``.
+        InvalidInput: not an ``Equilibrium``; cables with a memory.
         MissingExtra: python-flint is not installed.
 
     Source: Krawczyk 1969, doi:10.1007/BF02234767; Neumaier 1990; F. Johansson, Arb, doi:10.1109/TC.2017.2690633.

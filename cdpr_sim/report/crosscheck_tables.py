@@ -135,6 +135,8 @@ def agreement_table(agreement: Agreement) -> Table:
     table.add_row(escape("rotation [°]"), f"{np.degrees(agreement.rotation_error):.1e}")
     table.add_row(escape("tension [N]"), f"{agreement.tension_error:.1e}")
     table.add_row("slack cables", "the same" if agreement.same_slack else "[red]different[/]")
+    if np.isnan(agreement.static_in_mujoco):  # cables with a memory
+        return table
     table.add_section()
     table.add_row(escape("MuJoCo's residual at the static equilibrium [N]"), f"{agreement.static_in_mujoco:.1e}")
     table.add_row(escape("static residual at MuJoCo's equilibrium [N]"), f"{agreement.settled_in_statics:.1e}")

@@ -27,7 +27,9 @@ from cdpr_sim.crosscheck.check import REFUSED, Check, check
 from cdpr_sim.crosscheck.compare import Agreement, compare
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
+from cdpr_sim.physics.settle_path import settle_path
 from cdpr_sim.statics.newton import solve_many, solve_trajectory
+from cdpr_sim.statics.solve_path import solve_path
 from cdpr_sim.studies.lines import all_solved
 
 if TYPE_CHECKING:
@@ -151,7 +153,7 @@ def summarize(
             drove = _across(robot, requested.pose.translation)
         except CdprError as error:
             missing.append(f"No video: {error}.")
-    static = None if drove is None else solve_trajectory(drove).poses
+    static = None if drove is None else solved_along(drove).poses
     shapes = None if drove is None else shapes_of(drove)
     return RobotSummary(robot, first, tuple(worst), most, checked, plane, modes, drove, static, shapes, tuple(missing))
 
@@ -162,13 +164,23 @@ def settled_along(
     seconds: float,
     external_wrench: ArrayLike | Sequence[float] | None = None,
 ) -> Trajectory:
-    """Quasi-static motion: the platform settled at each waypoint; for robots whose cables have mass.
+    """Quasi-static motion: the platform settled at each waypoint; for cables with mass, or with a memory of the path.
 
     Raises:
         NotSettled: MuJoCo did not settle at some waypoint.
     """
-    equilibria = all_solved(settle_many(robot, waypoints, external_wrench=external_wrench))
-    return Trajectory.through(equilibria, np.linspace(0.0, seconds, len(waypoints)))
+    times = np.linspace(0.0, seconds, len(waypoints))
+    if robot.cabling.remembers.any():
+        path = settle_path(robot, waypoints, external_wrench=external_wrench, times=times)
+        return Trajectory.through(all_solved(path), times)
+    return Trajectory.through(all_solved(settle_many(robot, waypoints, external_wrench=external_wrench)), times)
+
+
+def solved_along(trajectory: Trajectory) -> EquilibriumBatch:
+    """Static equilibria for the commands of a motion's states: where cables have a memory, along its path."""
+    if trajectory.robot.cabling.remembers.any():
+        return solve_path(trajectory.problems, times=trajectory.times)
+    return solve_trajectory(trajectory)
 
 
 def shapes_of(equilibria: EquilibriumBatch) -> Float[np.ndarray, "*batch cables points 3"] | None:
@@ -221,6 +233,6 @@ def _across(robot: Robot, through: Float[np.ndarray, "3"]) -> Trajectory:
     ends = np.array([through, through])
     ends[:, 0] = robot.workspace[:, 0]
     seconds = SWINGS * 2 * np.pi * np.sqrt(np.ptp(robot.frame, axis=0).max() / (robot.gravity or STANDARD_GRAVITY))
-    if robot.cabling.massless:
+    if robot.cabling.massless and not robot.cabling.remembers.any():
         return drive(robot, ends, seconds=seconds, states=MOTION)
     return settled_along(robot, np.linspace(ends[0], ends[1], MOTION), seconds)

@@ -21,6 +21,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.memory import without_memory
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing import style
@@ -276,7 +277,7 @@ def _tension_map() -> Colormap:
 def _model(robot: Robot, pose: RigidTransform) -> mujoco.MjModel:
     """The scene of ``models/``, with round shapes and chains coarse enough for software OpenGL."""
     model = mujoco.MjModel.from_xml_string(
-        scene_mjcf(robot), assets={"robot.xml": to_mjcf(robot, pose).encode("utf-8")}
+        scene_mjcf(robot), assets={"robot.xml": to_mjcf(without_memory(robot), pose).encode("utf-8")}
     )
     quality = model.vis.quality
     quality.numslices, quality.numstacks, quality.numquads = style.SLICES, style.STACKS, style.QUADS

@@ -1,0 +1,155 @@
+"""Cables with a memory by both methods: along a path and over a load cycle they come to the same equilibria."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli import app
+from cdpr_sim.core.equilibrium_path import EquilibriumPath
+from cdpr_sim.robots.writing import as_toml
+from cdpr_sim.studies.robot_summary import settled_along, solved_along
+
+AGREE = 1e-9
+"""[m] Farthest anchor: 4e-13 m on cogiro, 8e-11 on parallel, 2e-11 on the crane and on ipanema-1, measured."""
+
+SEEN = 1e-8
+"""[m] Least effect of one percent of any property of a memory: ten times what the methods may differ by."""
+
+MEMORY = dict(
+    hysteresis=[(0.1, 5e-5), (0.1, np.inf, 0.3)],
+    winch_to_exit=0.5,
+    pulley_friction=0.05,
+    creep=[(4e4, 600.0), (2e4, 60.0)],
+)
+"""Of DemoBot; the elements yield within its strains."""
+
+CRANE = dict(hysteresis=[(0.1, 3e-4), (0.1, np.inf, 0.3)], winch_to_exit=6.0, pulley_friction=0.05)
+
+LINE = np.linspace([0.17, 0.25, 0.1], [0.63, 0.25, 0.1], 9)
+"""The paper's line."""
+
+CASES = {
+    "hysteresis": ("cogiro", dict(hysteresis=MEMORY["hysteresis"])),
+    "friction, cables slack": ("parallel", dict(winch_to_exit=0.5, pulley_friction=0.05)),
+    "creep": ("cogiro", dict(creep=MEMORY["creep"])),
+    "all": ("cogiro", MEMORY),
+    "all, cables slack": ("parallel", MEMORY),
+    "over wheels": ("cogiro", MEMORY | dict(pulley_radius=0.02, pulley_axis=(0, 0, 1))),
+    "on some cables": (
+        "parallel",
+        dict(hysteresis=[MEMORY["hysteresis"], *[[]] * 6, [(0.2, 1e-4)]], creep=MEMORY["creep"]),
+    ),
+    "crane over wheels": ("cogiro-crane", CRANE | dict(pulley_radius=0.03)),
+    "reeved crane": ("cogiro-crane", CRANE | dict(reeving=2)),
+    "ipanema, cables slack": ("ipanema-1", CRANE),
+}
+
+
+def there_and_back(robot: cdpr.Robot) -> np.ndarray:
+    """The paper's line, or one of its kind across another robot's workspace, and back."""
+    line = LINE
+    if robot.name not in ("cogiro", "parallel"):
+        line = robot.home + np.linspace(-0.3, 0.3, 9)[:, None] * [np.ptp(robot.workspace[:, 0]), 0, 0]
+    return np.concatenate([line, line[-2::-1]])
+
+
+def apart(one: EquilibriumPath, other: EquilibriumPath) -> float:
+    """Largest distance of the same anchor [m]."""
+    ends = [path.positions[:, None] + path.robot.anchors @ np.swapaxes(path.rotations, 1, 2) for path in (one, other)]
+    return float(np.linalg.norm(ends[0] - ends[1], axis=-1).max())
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_both_methods_come_to_the_same_equilibria_there_and_back(case):
+    """Anchors, tensions, stiffness and memory; on the way back, a command leads to another equilibrium than before."""
+    name, changes = CASES[case]
+    robot = cdpr.load_robot(name).replace(**changes)
+    path = there_and_back(robot)
+    times = 10.0 * np.arange(len(path))
+    solved, settled = cdpr.solve_path(robot, path, times=times), cdpr.settle_path(robot, path, times=times)
+    assert solved.converged.all()
+    assert settled.converged.all()
+    assert apart(solved, settled) < AGREE
+    np.testing.assert_allclose(settled.tensions, solved.tensions, rtol=0, atol=1e-8 * robot.weight)
+    np.testing.assert_allclose(settled.eigenvalues, solved.eigenvalues, rtol=1e-5)
+    assert settled.slack.any() == ("slack" in case or case == "on some cables")
+    for part in ("strains", "beyond", "creep"):
+        np.testing.assert_allclose(
+            getattr(settled.memory, part), getattr(solved.memory, part), rtol=0, atol=AGREE, err_msg=part
+        )
+    loop = np.linalg.norm(settled.positions - settled.positions[::-1], axis=1).max()
+    assert loop > 100 * AGREE
+    if case == "all":
+        assert all(cdpr.compare(*both).agrees for both in zip(solved, settled, strict=True))
+        again = cdpr.settle_path(robot, path, times=times + times[-1], memory=solved.memory)  # goes on from the other's
+        assert apart(again, cdpr.solve_path(robot, path, times=times + times[-1], memory=settled.memory)) < AGREE
+
+
+@pytest.mark.parametrize("name", ["cogiro", "parallel"])
+def test_both_methods_come_to_the_same_equilibria_over_a_load_cycle(name):
+    """Forces to all sides at one commanded pose, in small steps of both methods too."""
+    robot = cdpr.load_robot(name).replace(**MEMORY)
+    wrench = np.zeros((9, 6))
+    wrench[:, :3] = [
+        (0, 0, 0),
+        (1, 0, 0),
+        (0, 0, -2),
+        (-1, 1, 0),
+        (0, 0, 0),
+        (0, -1, 0),
+        (0, 0, 2),
+        (1, 0, 0),
+        (0, 0, 0),
+    ]
+    poses = np.tile(robot.home, (9, 1))
+    paths = [method(robot, poses, external_wrench=wrench, steps=3) for method in (cdpr.solve_path, cdpr.settle_path)]
+    assert paths[1].converged.all()
+    assert apart(*paths) < AGREE
+    assert np.linalg.norm(paths[1].positions[0] - paths[1].positions[-1]) > SEEN
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        dict(pulley_friction=1.01 * 0.05),
+        dict(hysteresis=[(0.1, 1.01 * 5e-5), (0.1, np.inf, 0.3)]),
+        dict(hysteresis=[(0.1, 5e-5), (0.1, np.inf, 1.01 * 0.3)]),
+        dict(hysteresis=[(1.01 * 0.1, 5e-5), (0.1, np.inf, 0.3)]),
+        dict(creep=[(1.01 * 4e4, 600.0), (2e4, 60.0)]),
+        dict(creep=[(4e4, 600.0), (2e4, 1.01 * 60.0)]),
+    ],
+    ids=["friction", "yield strain", "width", "share", "EA of creep", "time of creep"],
+)
+def test_one_percent_of_a_memory_is_seen(wrong):
+    """Negative control: MuJoCo with a memory that is 1 % wrong."""
+    robot, path = cdpr.load_robot("cogiro").replace(**MEMORY), np.concatenate([LINE, LINE[-2::-1]])
+    times = 10.0 * np.arange(len(path))
+    solved = cdpr.solve_path(robot, path, times=times)
+    assert apart(solved, cdpr.settle_path(robot.replace(**wrong), path, times=times)) > SEEN
+
+
+def test_check_video_and_the_command_line_follow_a_path(tmp_path):
+    """``check`` along poses, the states of a video, and the commands ``settle`` and ``check`` with waypoints."""
+    robot = cdpr.load_robot("cogiro").replace(**MEMORY)
+    path = np.concatenate([LINE, LINE[-2::-1]])
+    checked = cdpr.check(robot, poses=path)
+    assert checked.agrees
+    assert np.isnan(checked.dataset["static_in_mujoco"]).all()
+    one_by_one = cdpr.settle_many(robot, path)
+    assert np.linalg.norm(one_by_one.positions - cdpr.settle_path(robot, path).positions, axis=1).max() > SEEN
+    motion = settled_along(robot, path, 60.0)
+    np.testing.assert_allclose(solved_along(motion).positions, motion.positions, rtol=0, atol=AGREE)
+    file = tmp_path / "ropes.toml"
+    file.write_text(as_toml(robot))
+    for words in (
+        ["settle", str(file), "--pose", "0.3", "0.25", "0.1"],
+        ["settle", str(file), "--waypoint", "0.2,0.25,0.1", "--waypoint", "0.4,0.25,0.1"],
+        ["check", str(file), "--waypoint", "0.2,0.25,0.1", "--waypoint", "0.4,0.25,0.1", "--path-points", "5"],
+    ):
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 0, (words, result.output, result.exception)
+        assert "agree" in result.output
+        assert "nan" not in result.output, result.output
