@@ -35,7 +35,8 @@ def apart(one: cdpr.EquilibriumBatch, other: cdpr.EquilibriumBatch) -> float:
     """Largest distance between equilibria [m], and of rotations times a tenth of a metre."""
     assert (one.status == other.status).all()
     found = one.converged
-    turned = 0.1 * np.abs(one.rotations - other.rotations)[found].max(initial=0.0)
+    stable = one.stability == cdpr.Stability.STABLE  # where it is neutral, some rotations are as good as others
+    turned = 0.1 * np.abs(one.rotations - other.rotations)[stable].max(initial=0.0)
     return max(np.abs(one.positions - other.positions)[found].max(initial=0.0), turned)
 
 

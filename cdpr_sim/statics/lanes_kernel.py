@@ -111,6 +111,8 @@ def _solve(
         if active == 0:
             break
         fresh = mask_of(begun)
+        moves &= ~fresh  # what the problem before did is forgotten
+        searches &= ~fresh
         case = Case(cables, platform[0], com, wrench, free, platform[1])
 
         # 1. The trial pose.
