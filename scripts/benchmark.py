@@ -116,11 +116,12 @@ def lanes(poses: int) -> None:
         apart = np.abs(one.positions - eight.positions).max(-1) > APART
         apart |= np.abs(one.rotations - eight.rotations).max((-1, -2)) > TURNED
         apart |= one.status != eight.status
-        stable = one.stability == cdpr.Stability.STABLE
+        stable = (one.stability == cdpr.Stability.STABLE) & (eight.stability == cdpr.Stability.STABLE)
+        same = (one.iterations == eight.iterations).mean()
         slow, fast = (1e6 * min(seconds[number]) / poses for number in (np.inf, 1))
         rows.add_row(
-            name, f"{slow:.2f}", f"{fast:.2f}", f"{slow / fast:.1f}",
-            f"{(one.iterations == eight.iterations).mean():.2%}", f"{(~stable).mean():.1%}", f"{apart.sum():,}", f"{(apart & stable).sum():,}",
+            name, f"{slow:.2f}", f"{fast:.2f}", f"{slow / fast:.1f}", f"{same:.2%}",
+            f"{(~stable).mean():.1%}", f"{apart.sum():,}", f"{(apart & stable).sum():,}",
         )  # fmt: skip
         for row in np.flatnonzero(apart & stable)[:5]:
             console.print(

@@ -1,5 +1,10 @@
 """Eight problems at once: lanes compute what one number would, and batches get the answers of the solver for one."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,6 +17,8 @@ from cdpr_sim.statics import newton
 SAME = 1e-9
 """Largest difference between a position on lanes and from the solver for one problem [m]: both stop where an unbalanced
 force of 2e-9 of the load is left, and roundings differ."""
+
+PACKAGE = Path(cdpr.__file__).parents[1]
 
 POSES = 64
 """Of each robot. Lanes are made to solve so few here."""
@@ -116,3 +123,20 @@ def test_a_lane_that_computes_something_else_is_noticed(catalogue, on_lanes, mon
     lanes, _ = on_lanes(cdpr.solve_many, robot, poses_in(robot))
     _, other = on_lanes(cdpr.solve_many, robot, poses_in(robot), axial_stiffness=robot.axial_stiffness * (1 + 1e-6))
     assert apart(lanes, other) > SAME
+
+
+def test_without_avx_the_answers_are_the_same(catalogue, tmp_path):
+    """A processor of 2003: the compiler makes four instructions of one; in a process of its own."""
+    robot = catalogue["cogiro"]
+    poses = poses_in(robot, newton.LANES_FROM)
+    np.save(tmp_path / "poses.npy", poses)
+    code = (
+        "import numpy as np, cdpr_sim as cdpr; from cdpr_sim.statics import newton_kernel; "
+        "found = cdpr.solve_many(cdpr.load_robot('cogiro'), np.load('poses.npy')); "
+        "np.save('found.npy', found.positions); "
+        "assert found.converged.all() and newton_kernel.equilibrium_gufunc()._compiled is None"
+    )
+    place = os.environ | {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE)}
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=place, check=True)
+    equilibria = cdpr.solve_many(robot, poses)
+    assert np.abs(np.load(tmp_path / "found.npy") - equilibria.positions).max() <= SAME
