@@ -1,6 +1,6 @@
 """Benchmark: speed and reliability of the static solvers and of MuJoCo in one run.
 
-Run: python scripts/benchmark.py [--quick]
+Run: python scripts/benchmark.py [--quick] [--lanes [POSES]]
 Times are medians over repetitions on one core unless stated otherwise. Timings vary between runs: compare ratios.
 """
 
@@ -27,6 +27,7 @@ SETTLES = 300  # one by one
 BATCH = 2_000  # side by side
 LINES = 100  # lines through the workspace along x, with a pose every millimetre
 REPETITIONS = 3
+APART, TURNED = 1e-9, 1e-7  # [m], entries of rotation matrices: different answers of two solvers
 SEED = 2024
 
 console = Console(width=110)
@@ -35,7 +36,15 @@ console = Console(width=110)
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a tenth of the poses")
-    share = 10 if parser.parse_args().quick else 1
+    parser.add_argument(
+        "--lanes", type=int, nargs="?", const=POSES, metavar="POSES",
+        help="only: eight poses at once beside one, their speed and their answers at this many random poses per robot",
+    )  # fmt: skip
+    asked = parser.parse_args()
+    if asked.lanes:
+        lanes(asked.lanes)
+        return
+    share = 10 if asked.quick else 1
     static(POSES // share, max(SCIPY_POSES // share, 10))
     neighbours(LINES // share)
     physics(SETTLES // share, BATCH // share)
@@ -83,6 +92,66 @@ def static(poses: int, scipy_poses: int) -> None:
             )
     console.print(ours)
     console.print(theirs)
+
+
+def lanes(poses: int) -> None:
+    """Speed of the solver for eight poses at once beside that for one, and all poses where their answers differ."""
+    rows = table(
+        f"Eight poses at once beside one, {poses:,} random poses per robot; processor time; "
+        f"this machine multiplies and adds {peak():,.0f} times in a nanosecond",
+        "robot", "µs, one", "µs, eight", "ratio", "same iterations", "not stable", "further apart", "of those stable",
+    )  # fmt: skip
+    for name in cdpr.list_robots():
+        robot = cdpr.load_robot(name)
+        if robot.cabling.bent or not robot.cabling.massless:
+            continue
+        positions = np.random.default_rng(SEED).uniform(*robot.workspace, (poses, 3))
+        found, seconds = {}, {np.inf: [], 1: []}
+        for _ in range(REPETITIONS):
+            for newton.LANES_FROM in seconds:
+                start = time.process_time()
+                found[newton.LANES_FROM] = newton.solve_many(robot, positions)
+                seconds[newton.LANES_FROM].append(time.process_time() - start)
+        one, eight = found[np.inf], found[1]
+        apart = np.abs(one.positions - eight.positions).max(-1) > APART
+        apart |= np.abs(one.rotations - eight.rotations).max((-1, -2)) > TURNED
+        apart |= one.status != eight.status
+        stable = (one.stability == cdpr.Stability.STABLE) & (eight.stability == cdpr.Stability.STABLE)
+        same = (one.iterations == eight.iterations).mean()
+        slow, fast = (1e6 * min(seconds[number]) / poses for number in (np.inf, 1))
+        rows.add_row(
+            name, f"{slow:.2f}", f"{fast:.2f}", f"{slow / fast:.1f}", f"{same:.2%}",
+            f"{(~stable).mean():.1%}", f"{apart.sum():,}", f"{(apart & stable).sum():,}",
+        )  # fmt: skip
+        for row in np.flatnonzero(apart & stable)[:5]:
+            console.print(
+                name, positions[row], "apart by", np.abs(one.positions[row] - eight.positions[row]).max(),
+                "eigenvalues", one.eigenvalues[row][[0, -1]], "residuals", one.residuals[row], eight.residuals[row],
+            )  # fmt: skip
+    console.print(rows)
+
+
+def peak() -> float:
+    """Largest number of products with sums per nanosecond of one core: a plain loop, vectorised by the compiler."""
+    import numba
+
+    @numba.njit(fastmath=True)
+    def chains(times, factor):
+        sums = np.ones(64)
+        for i in range(64):
+            sums[i] = i
+        for _ in range(times):
+            for i in range(64):
+                sums[i] = sums[i] * factor + 0.001
+        return sums
+
+    rates, times = [], 2_000_000
+    chains(1, 0.999)
+    for _ in range(REPETITIONS):
+        start = time.process_time()
+        chains(times, 0.999)
+        rates.append(64e-9 * times / (time.process_time() - start))
+    return max(rates)
 
 
 def neighbours(lines: int) -> None:

@@ -30,7 +30,8 @@ BEYOND_BEARTYPE = {
 COMPILED = {
     "core.cable_path", "core.cable_law", "statics.cable_kernel", "statics.matrix_kernel", "statics.newton_kernel",
     "statics.stiffness_kernel", "statics.balance_kernel", "statics.catenary",
-    "statics.any_cable", "drawing.video.raycast", "proof.search_kernel",
+    "statics.any_cable", "statics.lanes_kernel", "core.lanes", "core.compiling", "drawing.video.raycast",
+    "proof.search_kernel",
 }  # fmt: skip
 """Whose functions Numba compiles."""
 

@@ -153,7 +153,7 @@ def for_kernels(**options: Any) -> Callable:
     """
 
     def register(function: Callable) -> Callable:
-        _called_by_kernels.append(lambda: _register(function, lambda *_: function, **options))
+        _called_by_kernels.append(lambda: compile_as(function, lambda *_: function, **options))
         return function
 
     return register
@@ -173,12 +173,36 @@ def by_type(alternatives: dict[type, Callable]) -> Callable:
         return alternatives[type(first)](first, *others)
 
     _called_by_kernels.append(
-        lambda: _register(function, lambda first, *_: alternatives[first.instance_class], forceinline=True)
+        lambda: compile_as(function, lambda first, *_: alternatives[first.instance_class], forceinline=True)
     )
     return function
 
 
-def _register(function: Callable, choose: Callable, **options: Any) -> None:
+def of_one_number(function: Callable) -> Callable:
+    """Decorator like ``inline`` of functions of numbers or truth values, which ``lanes`` defines for eight."""
+
+    def choose(first: Any, *_: Any) -> Callable | None:
+        from numba import types
+
+        return function if isinstance(first, types.Number | types.Boolean) else None
+
+    _called_by_kernels.append(lambda: compile_as(function, choose, forceinline=True))
+    return function
+
+
+@of_one_number
+def where(condition, one, other):
+    """``one`` where the condition is true, and ``other`` elsewhere; both are evaluated."""
+    return one if condition else other
+
+
+@of_one_number
+def nowhere(condition):
+    """True if the condition is true of no problem that is being solved: then its consequences need no work."""
+    return not condition
+
+
+def compile_as(function: Callable, choose: Callable, **options: Any) -> None:
     """Make Numba compile the function that ``choose`` returns, where a kernel calls ``function``."""
     from numba.extending import overload
 

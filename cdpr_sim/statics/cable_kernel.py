@@ -18,7 +18,7 @@ import numpy as np
 
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, COLUMNS, EXIT, RADIUS, STIFFENING, STIFFNESS
-from cdpr_sim.core.compiling import Kernel, by_type, inline, outlined
+from cdpr_sim.core.compiling import Kernel, by_type, inline, nowhere, outlined, where
 from cdpr_sim.statics.any_cable import any_cable, cable_of
 
 _path = inline(cable_path.path)
@@ -295,8 +295,9 @@ def _measure_sagging(cables, p, R, state):
 
 def _plain_energy(cables, state, V):
     for i in range(len(cables.l0)):
-        if state.e[i] > 0:
-            V += _energy(state.l[i] - cables.l0[i], 1.0, cables.k[i], 0.0, 0.0)
+        if nowhere(state.e[i] > 0):
+            continue
+        V += where(state.e[i] > 0, _energy(state.l[i] - cables.l0[i], 1.0, cables.k[i], 0.0, 0.0), 0.0)
     return V
 
 
@@ -555,8 +556,9 @@ def add_springs(state, J, K):
     for a in range(6):
         for b in range(a + 1):
             for i in range(len(state.e)):
-                if state.e[i] > 0:
-                    K[a, b] += state.k[i] * J[i, a] * J[i, b]
+                if nowhere(state.e[i] > 0):
+                    continue
+                K[a, b] += where(state.e[i] > 0, state.k[i], 0.0) * J[i, a] * J[i, b]
 
 
 @inline
@@ -588,6 +590,5 @@ def largest(vector):
     """Largest magnitude of a vector's entries; nan if one is nan."""
     most = 0.0
     for i in range(len(vector)):
-        if abs(vector[i]) > most or vector[i] != vector[i]:
-            most = abs(vector[i])
+        most = where((abs(vector[i]) > most) | (vector[i] != vector[i]), abs(vector[i]), most)
     return most

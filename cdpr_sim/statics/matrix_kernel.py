@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cdpr_sim.core.compiling import inline
+from cdpr_sim.core.compiling import inline, nowhere, where
 
 PIVOT_ROUNDING = 1e-13
 """A Cholesky pivot smaller than this fraction of its diagonal entry is rounding, not stiffness."""
@@ -18,21 +18,23 @@ QL_SWEEPS = 50
 @inline
 def factorise(L, n):
     """Cholesky factor of the lower half of L, (n, n), in place; False where it is not positive definite."""
+    definite = True
     for j in range(n):
         pivot = L[j, j]
         least = PIVOT_ROUNDING * abs(pivot)
         for c in range(j):
             pivot -= L[j, c] * L[j, c]
-        if not pivot > least:
-            return False
-        pivot = math.sqrt(pivot)
+        definite &= pivot > least
+        if nowhere(definite):
+            return definite
+        pivot = math.sqrt(where(definite, pivot, 1.0))
         L[j, j] = pivot
         for i in range(j + 1, n):
             entry = L[i, j]
             for c in range(j):
                 entry -= L[i, c] * L[j, c]
             L[i, j] = entry / pivot
-    return True
+    return definite
 
 
 @inline

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from functools import partial
 from typing import TypeAlias
 
@@ -11,7 +12,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core import cable_law
+from cdpr_sim.core import cable_law, compiling
 from cdpr_sim.core.cable import COLUMNS, STIFFNESS
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
@@ -32,6 +33,11 @@ Start: TypeAlias = tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batc
 FELT = 1e-2 * ACCEPTABLE
 """Unbalanced force at convergence, as a fraction of the load, above which rounding matters: then the residual is
 evaluated at the pose as stored, with its rotation normalised once more, for one problem and in a batch."""
+
+LANES_FROM = 1000
+"""Problems of plain cables from which on they are solved eight at a time (``lanes_kernel``). For fewer, loading that
+solver takes longer than it saves. At most half of ``design.robot_batch.LEAST_WORK``, so that the pieces into which
+threads divide a batch are solved as the whole is."""
 
 
 def solve(problem: Problem) -> Equilibrium:
@@ -290,8 +296,15 @@ def solve_table(
         weight, robot.center_of_mass if center_of_mass is None else center_of_mass, wrench, free,
         robot.characteristic_length if characteristic_length is None else characteristic_length,
     )  # fmt: skip
+    given = (table, rest_lengths, *platform, positions, rotations)
+    loop = np.broadcast_shapes(*(np.shape(one)[: np.ndim(one) - axes] for one, axes in zip(given, _AXES, strict=True)))
+    kind = _kind(robot, table)
+    plain = cabling.massless and not any(kind.values())
     with np.errstate(all="ignore"):
-        found = equilibrium_gufunc(**_kind(robot, table))(table, rest_lengths, *platform, positions, rotations)
+        if plain and math.prod(loop) >= LANES_FROM:
+            found = _on_lanes(loop, given)
+        else:
+            found = equilibrium_gufunc(**kind)(*given)
         before = 0
         if not cabling.massless:
             before = found[5]
@@ -307,4 +320,33 @@ def solve_table(
 
 def _kind(robot: Robot, table: Float[np.ndarray, "*#batch cables columns"]) -> dict[str, bool]:
     """Which kernel takes the cables of a table, without their mass."""
-    return {"remembering": True} if table.shape[-1] > COLUMNS else {"bent": robot.cabling.bent}
+    remembering = table.shape[-1] > COLUMNS
+    return {"remembering": remembering, "bent": robot.cabling.bent and not remembering}
+
+
+_AXES = 2, 1, 0, 1, 1, 1, 0, 1, 2
+"""Of one problem, in each argument of ``equilibrium_gufunc``."""
+
+_FREE = 5
+"""The argument in which all problems are alike: the free directions."""
+
+
+def _on_lanes(loop: tuple[int, ...], given: tuple[np.ndarray | float, ...]) -> tuple[np.ndarray, ...]:
+    """Results of ``equilibrium_gufunc`` for plain cables, solved eight at a time as far as possible."""
+    compiling.import_numba()
+    from cdpr_sim.statics import lanes_kernel
+
+    whole = []
+    for one, axes in zip(given, _AXES, strict=True):
+        core = np.shape(one)[np.ndim(one) - axes :]
+        broadcast = np.broadcast_to(np.asarray(one, float), loop + core)
+        whole.append(broadcast.reshape((math.prod(loop[:-1]), loop[-1], *core)))
+    free = np.asarray(given[_FREE], float)
+    found = lanes_kernel.solve(*whole[:_FREE], free, *whole[_FREE + 1 :])
+    left = found[-1] == Status.PENDING
+    if left.any():
+        whole[_FREE] = np.broadcast_to(free, (*left.shape, len(free)))
+        rest = equilibrium_gufunc()(*(one[left] for one in whole))
+        for column, some in zip(found, rest, strict=True):
+            column[left] = some
+    return tuple(column.reshape(loop + column.shape[2:]) for column in found)

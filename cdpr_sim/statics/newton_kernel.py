@@ -36,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cdpr_sim.core.cable import WEIGHT
-from cdpr_sim.core.compiling import Kernel, by_type, inline, outlined
+from cdpr_sim.core.compiling import Kernel, by_type, inline, nowhere, of_one_number, outlined, where
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.cable_kernel import (
@@ -86,6 +86,16 @@ With rigid lengths every cable starts exactly at its rest length, and rounding m
 MAX_TRIALS = 60
 """Largest number of step lengths tried, each shorter than the last, before the iteration stops."""
 
+SUFFICIENT, LEAST_DECREASE = 0.3, 0.05
+"""A step is accepted if the energy falls by this fraction of the decrease that the model predicts; after the last
+retraction by the second."""
+
+MAX_RETRACTIONS = 2
+"""Largest number of retractions of one step."""
+
+TRUSTED = 0.5
+"""If the energy falls by more than this fraction of the predicted decrease, the shift is lowered."""
+
 MAX_TAUT_SETS = 6
 """Largest number of sets of taut cables tried within one local model; two or three suffice, unless they cycle."""
 
@@ -93,7 +103,7 @@ _CONVERGED, _ITERATION_LIMIT = int(Status.CONVERGED), int(Status.ITERATION_LIMIT
 _STALLED, _NOT_FINITE, _OFF_WHEEL = int(Status.STALLED), int(Status.NOT_FINITE), int(Status.OFF_WHEEL)
 
 
-class _Case(NamedTuple):
+class Case(NamedTuple):
     """Data of one problem. free: 1 where the platform moves; scale: length of rotations."""
 
     cables: Cables | BentCables | SaggingCables | RememberingCables
@@ -104,7 +114,7 @@ class _Case(NamedTuple):
     scale: float
 
 
-class _Point(NamedTuple):
+class Point(NamedTuple):
     """A pose, and the cables' state there."""
 
     p: np.ndarray
@@ -112,7 +122,7 @@ class _Point(NamedTuple):
     c: CableState | BentState | SaggingState
 
 
-class _Model(NamedTuple):
+class Model(NamedTuple):
     """The local model at a point: springs' lengths l + Jx, slope g and curvature K of all else; L: Cholesky factor."""
 
     J: np.ndarray
@@ -122,7 +132,7 @@ class _Model(NamedTuple):
     rhs: np.ndarray
 
 
-class _Scales(NamedTuple):
+class Scales(NamedTuple):
     """Scales of forces and positions; thresholds below which shift, unbalanced forces and energies count as zero."""
 
     load: float
@@ -141,59 +151,59 @@ def _descent(unpack: Callable) -> Callable:
     ):  # fmt: skip
         """Newton iterations from a pose; there are few arrays, since creating one is slow."""
         m, cables = len(rest_lengths), unpack(table, rest_lengths)
-        case = _Case(cables, weight, center_of_mass, wrench, free, scale)
+        case = Case(cables, weight, center_of_mass, wrench, free, scale)
         here, trial, springs = _new_point(case), _new_point(case), ck.springs(cables)
-        model = _Model(np.empty((springs, 6)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
+        model = Model(np.empty((springs, 6)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
         x, taut, tau, predicted = np.empty(6), np.empty(springs, np.bool_), np.empty(springs), np.empty(max(m, 6))
 
         for a in range(3):
             here.p[a] = start_position[a]
             for b in range(3):
                 here.R[a, b] = start_rotation[a, b]
-        V = _measure(case, here)
-        scales = _scales(case, here)
-        _first_tensions(case, here, scales.load, tau, taut)
+        V = measure(case, here)
+        scales = scales_of(case, here)
+        first_tensions(case, here, scales.load, tau, taut)
         unbalanced, iterations[0], status[0] = np.nan, MAX_ITERATIONS, _ITERATION_LIMIT
         if not math.isfinite(V + scales.force):
             iterations[0], status[0] = 0, _NOT_FINITE
         shift, certified = 0.0, False
         least_reach = LEAST_REACH * ck.mean(cables.l0)
         for iteration in range(iterations[0]):
-            unbalanced = _slopes(case, here, model)
+            unbalanced = fill_slopes(case, here, model)
             if unbalanced <= scales.force:
                 if not certified:
-                    _spring_tensions(here, tau, taut)
-                    _curvature(case, here, tau, model)
-                if certified or _is_minimum(here, model) or not _leave_saddle(case, here, model, V, trial):
+                    spring_tensions(here, tau, taut)
+                    fill_curvature(case, here, tau, model)
+                if certified or is_minimum(here, model) or not _leave_saddle(case, here, model, V, trial):
                     iterations[0], status[0] = iteration, _CONVERGED
                     break
                 here, trial = trial, here
                 V = _energy(case, here)
-                _spring_tensions(here, tau, taut)
+                spring_tensions(here, tau, taut)
                 shift = 0.0
                 continue
-            _curvature(case, here, tau, model)
+            fill_curvature(case, here, tau, model)
             accepted, decrease, V_trial = False, 0.0, V
             longest = MAX_TRANSLATION * max(ck.mean(here.c.l), least_reach)
             # Written inside this function, which is faster: only here the compiler can tell that arrays do not overlap.
             for _ in range(MAX_TRIALS):
                 decrease = -np.inf
                 if _model_minimum(here, model, shift, taut, x):
-                    _shorten(x, longest, MAX_ROTATION * case.scale)
-                    decrease = _model_decrease(here.c, model, x, predicted)
+                    shorten(x, longest, MAX_ROTATION * case.scale)
+                    decrease = model_decrease(here.c, model, x, predicted)
                 # A step that changes the energy by no more than its rounding is judged by the forces, in the next
                 # iteration.
-                rounding = abs(decrease) <= _energy_noise(here.c, scales, V)
+                rounding = abs(decrease) <= energy_noise(here.c, scales, V)
                 if decrease > 0 or rounding:
-                    for attempt in range(3):
+                    for attempt in range(MAX_RETRACTIONS + 1):
                         V_trial = _measure_at(case, here, x, trial)
-                        if rounding or V - V_trial >= 0.3 * decrease or attempt == 2:
+                        if rounding or V - V_trial >= SUFFICIENT * decrease or attempt == MAX_RETRACTIONS:
                             break
                         _retract(trial.c, case, trial, model, predicted, x)
-                    if V - V_trial >= 0.05 * decrease or (rounding and V_trial == V_trial):
+                    if V - V_trial >= LEAST_DECREASE * decrease or (rounding and V_trial == V_trial):
                         accepted = True
                         break
-                shift = max(4 * shift, scales.least_shift)
+                shift = larger_shift(shift, scales)
                 for i in range(springs):
                     taut[i] = tau[i] > 0
             if not accepted:
@@ -201,8 +211,8 @@ def _descent(unpack: Callable) -> Callable:
                 break
             # Where forces balance next, the model of this step had a minimum...
             certified = shift == 0.0 and _has_springs(here.c)
-            if V - V_trial > 0.5 * decrease:
-                shift = shift / 8 if shift > scales.least_shift / 64 else 0.0
+            if V - V_trial > TRUSTED * decrease:
+                shift = smaller_shift(shift, scales)
             for i in range(springs):
                 tau[i] = here.c.k[i] * max(predicted[i], 0.0)
             here, trial = trial, here
@@ -248,7 +258,8 @@ def equilibrium_gufunc(*, bent: bool = False, sagging: bool = False, remembering
 
 
 @inline
-def _scales(case, start):
+def scales_of(case, start):
+    """Scales and thresholds of a problem whose start has been measured."""
     A, k, l0 = case.cables.A, case.cables.k, case.cables.l0
     stiffest, stiffness, size = ck.largest(k), 0.0, ck.largest(start.p)
     for i in range(len(A)):
@@ -257,7 +268,7 @@ def _scales(case, start):
             size = max(size, abs(A[i, a]))
     load = _load(case, stiffness)
     most, hanging, softer, margin = _tolerances(case.cables)
-    return _Scales(
+    return Scales(
         load,
         size,
         softer * max(load, 1e-9 * stiffest * case.scale) / ck.mean(l0),
@@ -317,9 +328,21 @@ def _sagging_energy_noise(c, scales, V):
     return ROUNDING * noise
 
 
-_energy_noise = by_type(
+energy_noise = by_type(
     {CableState: _springs_energy_noise, BentState: _springs_energy_noise, SaggingState: _sagging_energy_noise}
 )
+
+
+@inline
+def larger_shift(shift, scales):
+    """λ after a step that was rejected."""
+    return max(4 * shift, scales.least_shift)
+
+
+@inline
+def smaller_shift(shift, scales):
+    """λ after a step that can be trusted."""
+    return where(shift > scales.least_shift / 64, shift / 8, 0.0)
 
 
 @inline
@@ -328,11 +351,11 @@ def _load(case, stiffness):
     load = case.weight
     for a in range(6):
         load = max(load, abs(case.wrench[a]) / (1.0 if a < 3 else case.scale))
-    return load if load != 0.0 else IDLE_STRAIN * stiffness
+    return where(load != 0.0, load, IDLE_STRAIN * stiffness)
 
 
 @inline
-def _first_tensions(case, at, load, tau, taut):
+def first_tensions(case, at, load, tau, taut):
     """Tensions as if the platform moved straight down on all cables that pull up."""
     k, u, e = at.c.k, at.c.u, at.c.e
     upward = 0.0
@@ -340,12 +363,13 @@ def _first_tensions(case, at, load, tau, taut):
         pull = max(u[i, 2], 0.0)
         upward += k[i] * (pull * pull)
     for i in range(len(tau)):
-        tau[i] = k[i] * max(u[i, 2], 0.0) * case.weight / upward if upward > 0 else 0.0
+        held = k[i] * max(u[i, 2], 0.0) * case.weight / where(upward > 0, upward, 1.0)
+        tau[i] = where(upward > 0, held, 0.0)
         taut[i] = k[i] * e[i] >= -NEARLY_TAUT * load
 
 
 @inline
-def _spring_tensions(at, tau, taut):
+def spring_tensions(at, tau, taut):
     """Tensions of the cables at their present stretch (paper Eq. 10, 11)."""
     for i in range(len(tau)):
         tau[i] = at.c.k[i] * max(at.c.e[i], 0.0)
@@ -354,11 +378,11 @@ def _spring_tensions(at, tau, taut):
 
 @inline
 def _new_point(case):
-    return _Point(np.empty(3), np.empty((3, 3)), ck.new_state(case.cables))
+    return Point(np.empty(3), np.empty((3, 3)), ck.new_state(case.cables))
 
 
 @inline
-def _measure(case, at):
+def measure(case, at):
     """Fill in the cables' state at ``at.p``, ``at.R``; return V."""
     ck.measure(case.cables, at.p, at.R, at.c)
     return _energy(case, at)
@@ -378,25 +402,36 @@ def _energy(case, at):
 @inline
 def _measure_at(case, here, x, trial):
     """Measure the pose after the step x; return V there, less the work of the external torque on the way."""
+    work = move(case, here, x, trial)
+    return measure(case, trial) - work
+
+
+@inline
+def move(case, here, x, trial):
+    """Fill in the pose after the step x; return the work of the external torque on the way."""
     wrench, scale = case.wrench, case.scale
     p_here, R_here = here.p, here.R
     p_trial, R_trial = trial.p, trial.R
     for a in range(3):
         p_trial[a] = p_here[a] + x[a]
     _rotate(R_here, x[3] / scale, x[4] / scale, x[5] / scale, R_trial)
-    work = (wrench[3] * x[3] + wrench[4] * x[4] + wrench[5] * x[5]) / scale
-    return _measure(case, trial) - work
+    return (wrench[3] * x[3] + wrench[4] * x[4] + wrench[5] * x[5]) / scale
+
+
+@of_one_number
+def turn(angle2):
+    """sin(angle)/angle and (1 − cos(angle))/angle², by the angle's square."""
+    angle = math.sqrt(angle2)
+    if angle > 1e-4:
+        return math.sin(angle) / angle, (1 - math.cos(angle)) / angle2
+    return 1 - angle2 / 6, 0.5 - angle2 / 24
 
 
 @inline
 def _rotate(R, a, b, c, out):
     """out = exp([a b c]×) R, by Rodrigues' formula."""
     angle2 = a * a + b * b + c * c
-    angle = math.sqrt(angle2)
-    if angle > 1e-4:
-        sine, versine = math.sin(angle) / angle, (1 - math.cos(angle)) / angle2
-    else:
-        sine, versine = 1 - angle2 / 6, 0.5 - angle2 / 24
+    sine, versine = turn(angle2)
     for j in range(3):
         x, y, z = R[0, j], R[1, j], R[2, j]
         along = a * x + b * y + c * z
@@ -406,7 +441,7 @@ def _rotate(R, a, b, c, out):
 
 
 @inline
-def _slopes(case, at, model):
+def fill_slopes(case, at, model):
     """Fill in J = ∂l/∂x and the load's slope g; return the largest unbalanced force."""
     weight, com, wrench, free, scale = case.weight, case.com, case.wrench, case.free, case.scale
     R, k, e = at.R, at.c.k, at.c.e
@@ -426,14 +461,15 @@ def _slopes(case, at, model):
             continue
         force = g[a]
         for i in range(len(k)):
-            if e[i] > 0:
-                force += k[i] * e[i] * J[i, a]
+            if nowhere(e[i] > 0):
+                continue
+            force += where(e[i] > 0, k[i] * e[i], 0.0) * J[i, a]
         residual = max(residual, abs(force))
     return residual
 
 
 @inline
-def _curvature(case, at, tau, model):
+def fill_curvature(case, at, tau, model):
     """Fill in the lower half of K: Σ tau ∂²l/∂x² and the weight's part, for rotation vectors applied on the left."""
     weight, free, scale = case.weight, case.free, case.scale
     J, K = model.J, model.K
@@ -442,8 +478,9 @@ def _curvature(case, at, tau, model):
             K[a, b] = 0.0
     ck.add_weight_curvature(weight, case.com, at.R, scale, K)
     for i in range(len(tau)):
-        if tau[i] > 0:
-            ck.add_curvature(at.c, i, tau[i], J, scale, K)
+        if nowhere(tau[i] > 0):
+            continue
+        ck.add_curvature(at.c, i, tau[i], J, scale, K)
     ck.add_stiffness(at.c, scale, K)
     for a in range(6):
         if free[a] == 0.0:
@@ -461,7 +498,7 @@ def _model_minimum(at, model, shift, taut, x):
     for _ in range(MAX_TAUT_SETS):
         if not _newton_target(at, model, shift, taut, x):
             return False
-        if not _update_taut(at, model, x, taut):
+        if not update_taut(at, model, x, taut):
             return True
     return False
 
@@ -469,6 +506,16 @@ def _model_minimum(at, model, shift, taut, x):
 @inline
 def _newton_target(at, model, shift, taut, x):
     """The minimum x if exactly the cables ``taut`` were springs; False where there is none."""
+    fill_system(at, model, shift, taut)
+    if not factorise(model.L, 6):
+        return False
+    substitute(model.L, model.rhs, x)
+    return True
+
+
+@inline
+def fill_system(at, model, shift, taut):
+    """Fill in the lower half of the equation L x = rhs of that minimum."""
     k, e = at.c.k, at.c.e
     J, g, K, L, rhs = model.J, model.g, model.K, model.L, model.rhs
     for a in range(6):
@@ -477,41 +524,40 @@ def _newton_target(at, model, shift, taut, x):
             L[a, b] = K[a, b]
         L[a, a] += shift
     for i in range(len(k)):
-        if taut[i]:
-            for a in range(6):
-                slope = k[i] * J[i, a]
-                rhs[a] -= slope * e[i]
-                for b in range(a + 1):
-                    L[a, b] += slope * J[i, b]
-    if not factorise(L, 6):
-        return False
-    substitute(L, rhs, x)
-    return True
+        if nowhere(taut[i]):
+            continue
+        stiffness = where(taut[i], k[i], 0.0)
+        for a in range(6):
+            slope = stiffness * J[i, a]
+            rhs[a] -= slope * e[i]
+            for b in range(a + 1):
+                L[a, b] += slope * J[i, b]
 
 
 @inline
-def _update_taut(at, model, x, taut):
+def update_taut(at, model, x, taut):
     """Set ``taut`` to the cables that are stretched at x in the model; return whether that changed it."""
     changed = False
     for i in range(len(taut)):
         stretch = at.c.e[i]
         for a in range(6):
             stretch += model.J[i, a] * x[a]
-        if (stretch > 0) != taut[i]:
-            taut[i] = not taut[i]
-            changed = True
+        now = stretch > 0
+        changed |= now != taut[i]
+        taut[i] = now
     return changed
 
 
 @inline
-def _shorten(x, longest, largest):
+def shorten(x, longest, largest):
     """Scale x back to a translation of ``longest`` and a rotation of ``largest`` at most."""
     translation = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     rotation = math.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
     factor = max(translation / longest, rotation / largest)
-    if factor > 1:
-        for a in range(6):
-            x[a] /= factor
+    if nowhere(factor > 1):
+        return
+    for a in range(6):
+        x[a] /= where(factor > 1, factor, 1.0)
 
 
 def _springs_decrease(c, model, x, predicted):
@@ -546,28 +592,32 @@ def _sagging_decrease(c, model, x, predicted):
     return decrease
 
 
-_model_decrease = by_type(
-    {CableState: _springs_decrease, BentState: _springs_decrease, SaggingState: _sagging_decrease}
-)
+model_decrease = by_type({CableState: _springs_decrease, BentState: _springs_decrease, SaggingState: _sagging_decrease})
 
 
 def _retract_springs(c, case, trial, model, predicted, x):
     """Correct x so that the taut cables get the stretch that the model predicts for them."""
-    k, e = c.k, c.e
-    J, L, rhs = model.J, model.L, model.rhs
+    rhs = model.rhs
+    fill_correction(c, model, predicted, rhs)
+    substitute(model.L, rhs, rhs)
+    for a in range(6):
+        x[a] += rhs[a]
+
+
+@inline
+def fill_correction(c, model, predicted, rhs):
+    """Fill in the right-hand side for the correction by which springs get the stretch ``predicted``."""
+    k, e, J = c.k, c.e, model.J
     for a in range(6):
         rhs[a] = 0.0
         for i in range(len(k)):
             rhs[a] -= k[i] * (max(e[i], 0.0) - max(predicted[i], 0.0)) * J[i, a]
-    substitute(L, rhs, rhs)
-    for a in range(6):
-        x[a] += rhs[a]
 
 
 def _retract_sagging(c, case, trial, model, predicted, x):
     """Correct x so that the slope becomes what the model predicts."""
     rhs = model.rhs
-    _slopes(case, trial, _Model(model.J, rhs, model.K, model.L, rhs))
+    fill_slopes(case, trial, Model(model.J, rhs, model.K, model.L, rhs))
     for a in range(6):
         rhs[a] = predicted[a] - rhs[a]
     substitute(model.L, rhs, rhs)
@@ -585,20 +635,20 @@ def _leave_unpolished(c, case, here, model, scales, unbalanced, x, trial):
 @outlined
 def _polish_sagging(c, case, here, model, scales, unbalanced, x, trial):
     """One more Newton step from a minimum, where it balances the forces better; return what remains unbalanced."""
-    if unbalanced <= POLISHED * scales.force or not _is_minimum(here, model):
+    if unbalanced <= POLISHED * scales.force or not is_minimum(here, model):
         return unbalanced
     for a in range(6):
         x[a] = -model.g[a]
     substitute(model.L, x, x)
     V = _measure_at(case, here, x, trial)
-    left = _slopes(case, trial, model)
+    left = fill_slopes(case, trial, model)
     if not (V == V and left < unbalanced):  # nan where a cable has no path
         return unbalanced
     for a in range(3):
         here.p[a] = trial.p[a]
         for b in range(3):
             here.R[a, b] = trial.R[a, b]
-    _measure(case, here)
+    measure(case, here)
     return left
 
 
@@ -606,7 +656,7 @@ _polish = by_type({CableState: _leave_unpolished, BentState: _leave_unpolished, 
 
 
 @inline
-def _is_minimum(at, model):
+def is_minimum(at, model):
     """Whether the stiffness matrix with the cables that are taut at the point itself is positive definite."""
     K, L = model.K, model.L
     for a in range(6):

@@ -1,0 +1,309 @@
+"""Newton's method of ``newton_kernel`` for many problems, eight at a time on ``core.lanes``; compiled.
+
+The formulas of a step are those of ``newton_kernel``, compiled for lanes. What is written here is their order. For one
+problem it is a nest of loops: iterations, step lengths, sets of taut cables, retractions. Eight problems go through
+these at different paces, so here it is one loop, whose every pass solves the linear system once for each lane, whatever
+for:
+
+1. The trial pose is measured. The lane *accepts* it, *retracts* it to the valley's floor, or *rejects* it.
+2. Lanes that accepted it have a new point: forces, curvature. Where forces balance at a minimum, the lane has ended.
+3. The linear system is solved, for the minimum of the local model or for a retraction. If the minimum has the taut
+   cables of the system, it is the next trial pose; if not, the lane *searches* on, with those that it has.
+
+A lane that has ended gets the next problem at once, so that none waits for its neighbours. The pose where a problem
+starts is a trial pose that is accepted in any case. A lane to which a formula does not apply computes the same numbers
+as before, or numbers that nothing uses.
+
+What is rare is left to ``newton_kernel``, with the status PENDING: saddles, stalls, the limit of iterations, rotations
+by more than ``LARGEST_TURN`` in one step, and numbers that are not finite.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cdpr_sim.core.cable import ANCHOR, BEHIND, EXIT, STIFFNESS
+from cdpr_sim.core.compiling import Compiled, inline, nowhere, where
+from cdpr_sim.core.lanes import (
+    WIDTH,
+    bits_of,
+    everywhere,
+    mask_of,
+    masks_at,
+    matrix3_at,
+    matrix6_at,
+    of_lanes,
+    vector_at,
+)
+from cdpr_sim.core.status import Status
+from cdpr_sim.statics import cable_kernel as ck
+from cdpr_sim.statics import newton_kernel as nk
+from cdpr_sim.statics.cable_kernel import Cables, CableState
+from cdpr_sim.statics.matrix_kernel import factorise, substitute
+from cdpr_sim.statics.newton_kernel import Case, Model, Point, Scales
+
+LARGEST_TURN = 2.4
+"""Largest rotation in a step that is accepted [rad]: up to it, the series of ``_turn`` are exact to rounding. Steps are
+shorter (``newton_kernel.MAX_ROTATION``), but for retractions, which can be long where they are rejected."""
+
+_CONVERGED, _PENDING = int(Status.CONVERGED), int(Status.PENDING)
+
+
+class _Room(NamedTuple):
+    """Memory of lane arrays, and how many rows of it are taken."""
+
+    numbers: np.ndarray
+    taken: np.ndarray
+
+
+@of_lanes(nk.turn)
+def _turn(angle2):
+    """By the series of sine and cosine at half the angle: processors have no instruction for those."""
+    z = 0.25 * angle2
+    sine, versine = 1.0, 1.0
+    for k in (8, 7, 6, 5, 4, 3, 2, 1):
+        sine = 1.0 - z * (sine * (1.0 / (2 * k * (2 * k + 1))))
+        versine = 1.0 - z * (versine * (1.0 / ((2 * k + 1) * (2 * k + 2))))
+    return sine * (1.0 - 0.5 * z * versine), 0.5 * sine * sine
+
+
+def _solve(
+    tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales_of_length, starts, start_rotations, numbers,
+    flags, positions, rotations, lengths, tensions, residuals, iterations, status,
+):  # fmt: skip
+    """Equilibria of (rows, columns) of problems; the arguments are those of ``newton_kernel``, and memory."""
+    in_a_row, m = rest_lengths.shape[1:]
+    problems = rest_lengths.shape[0] * in_a_row
+    room = _Room(numbers, np.zeros(1, np.int64))
+    cables = Cables(_matrix3(room, m), _matrix3(room, m), _vector(room, m), _vector(room, m))
+    com, wrench, platform = _vector(room, 3), _vector(room, 6), _vector(room, 2)
+    here, trial = _new_point(room, cables), _new_point(room, cables)
+    model = Model(_matrix6(room, m), _vector(room, 6), _matrix6(room, 6), _matrix6(room, 6), _vector(room, 6))
+    x, other = _vector(room, 6), _vector(room, 6)
+    tau, predicted, other_predicted = _vector(room, m), _vector(room, m), _vector(room, m)
+    found = _vector(room, 2)
+    taut, other_taut = masks_at(flags, 0, m), masks_at(flags, m, m)
+
+    zero, none = everywhere(0.0), mask_of(0)
+    V, decrease, work, shift, count, trials, sets, retractions = zero, zero, zero, zero, zero, zero, zero, zero
+    scales, least_reach = Scales(zero, zero, zero, zero, zero), zero
+    moves, searches, retracts, rounding, certified, too_far = none, none, none, none, none, none
+    who, active, given = np.zeros(WIDTH, np.int64), 0, 0
+    while True:
+        begun = 0
+        for w in range(WIDTH):
+            if given < problems and not (active >> w) & 1:
+                at = given // in_a_row, given % in_a_row
+                _load_cables(tables[at], rest_lengths[at], w, cables)
+                platform[0, w], platform[1, w] = weights[at], scales_of_length[at]
+                for a in range(6):
+                    wrench[a, w] = wrenches[at][a]
+                for a in range(3):
+                    com[a, w], trial.p[a, w] = centers_of_mass[at][a], starts[at][a]
+                    for b in range(3):
+                        trial.R[a, b, w] = start_rotations[at][a, b]
+                begun |= 1 << w
+                who[w] = given
+                given += 1
+        active |= begun
+        if active == 0:
+            break
+        fresh = mask_of(begun)
+        moves &= ~fresh  # what the problem before did is forgotten
+        searches &= ~fresh
+        case = Case(cables, platform[0], com, wrench, free, platform[1])
+
+        # 1. The trial pose.
+        V_trial = nk.measure(case, trial)
+        fall = V - (V_trial - work)
+        last = retractions >= nk.MAX_RETRACTIONS
+        enough = (fall >= nk.SUFFICIENT * decrease) | (last & (fall >= nk.LEAST_DECREASE * decrease))
+        accepts = moves & (enough | (rounding & (V_trial == V_trial)))
+        retracts = moves & ~(accepts | rounding | last)
+        rejects = ~(accepts | retracts | searches)
+        certified = accepts & (shift == 0.0)
+        lower = accepts & (fall > nk.TRUSTED * decrease)
+        shift = where(lower, nk.smaller_shift(shift, scales), where(rejects, nk.larger_shift(shift, scales), shift))
+        retractions = where(retracts, retractions + 1.0, 0.0)
+        sets = where(searches, sets, 0.0)
+        count, trials = where(accepts, count + 1.0, count), where(accepts, 0.0, where(rejects, trials + 1.0, trials))
+        new = accepts | fresh
+        V = where(new, V_trial, V)
+        _take(new, trial, here)
+        for i in range(m):
+            certified &= taut[i] == (here.c.e[i] > 0)
+            tau[i] = where(accepts, here.c.k[i] * max(predicted[i], 0.0), tau[i])
+            taut[i] = where(accepts, predicted[i] > 0, where(rejects, tau[i] > 0, taut[i]))
+        if begun:
+            scales = _chosen(fresh, nk.scales_of(case, here), scales)
+            least_reach = where(fresh, nk.LEAST_REACH * ck.mean(cables.l0), least_reach)
+            shift, count, trials = where(fresh, 0.0, shift), where(fresh, 0.0, count), where(fresh, 0.0, trials)
+            nk.first_tensions(case, here, scales.load, other_predicted, other_taut)
+            for i in range(m):
+                tau[i] = where(fresh, other_predicted[i], tau[i])
+                taut[i] = where(fresh, other_taut[i], taut[i])
+
+        # 2. The point.
+        unbalanced = nk.fill_slopes(case, here, model)
+        balanced = new & (unbalanced <= scales.force)
+        uncertain = balanced & ~certified
+        if not nowhere(uncertain):
+            nk.spring_tensions(here, other_predicted, other_taut)
+            for i in range(m):
+                tau[i] = where(uncertain, other_predicted[i], tau[i])
+        nk.fill_curvature(case, here, tau, model)
+        if not nowhere(uncertain):
+            certified |= uncertain & nk.is_minimum(here, model)
+        done = balanced & certified
+        lost = (balanced & ~certified) | (trials >= nk.MAX_TRIALS) | (count >= nk.MAX_ITERATIONS)
+        lost |= ~(abs(V + scales.force) < np.inf) | (accepts & too_far)
+        ended = active & bits_of(done | lost)
+        if ended:
+            found[0], found[1] = unbalanced, count
+            for w in range(WIDTH):
+                if (ended >> w) & 1:
+                    at = who[w] // in_a_row, who[w] % in_a_row
+                    status[at] = _CONVERGED if (bits_of(done) >> w) & 1 else _PENDING
+                    residuals[at], iterations[at] = found[0, w], int(found[1, w])
+                    for a in range(3):
+                        positions[at][a] = here.p[a, w]
+                        for b in range(3):
+                            rotations[at][a, b] = here.R[a, b, w]
+                    for i in range(m):
+                        lengths[at][i] = here.c.l[i, w]
+                        tensions[at][i] = here.c.k[i, w] * max(here.c.e[i, w], 0.0)
+            active &= ~ended
+
+        # 3. The next trial pose.
+        nk.fill_system(here, model, shift, taut)
+        if not nowhere(retracts):
+            nk.fill_correction(trial.c, model, predicted, other)
+            _choose(retracts, other, model.rhs)
+        solved = factorise(model.L, 6)
+        substitute(model.L, model.rhs, other)
+        for a in range(6):
+            x[a] += other[a]  # which counts where the step is retracted
+        for i in range(m):
+            other_taut[i] = taut[i]
+        searches = ~retracts & solved & nk.update_taut(here, model, other, other_taut)
+        for i in range(m):
+            taut[i] = where(searches, other_taut[i], taut[i])
+        cycles = searches & (sets >= nk.MAX_TAUT_SETS - 1.0)
+        targets = solved & ~(searches | retracts)
+        searches &= ~cycles
+        sets = where(searches, sets + 1.0, sets)
+        nk.shorten(other, nk.MAX_TRANSLATION * max(ck.mean(here.c.l), least_reach), nk.MAX_ROTATION * case.scale)
+        model_decrease = nk.model_decrease(here.c, model, other, other_predicted)
+        decrease = where(targets, model_decrease, decrease)
+        _choose(targets, other_predicted, predicted)
+        rounding = targets & (abs(decrease) <= nk.energy_noise(here.c, scales, V))
+        moves = retracts | (targets & ((decrease > 0) | rounding))
+        _choose(~retracts, other, x)
+        rotation = x[3] * x[3] + x[4] * x[4] + x[5] * x[5]
+        too_far = rotation > case.scale * case.scale * LARGEST_TURN**2
+        work = nk.move(case, here, x, trial)
+
+
+@inline
+def _vector(room, length):
+    room.taken[0] += length
+    return vector_at(room.numbers, room.taken[0] - length, length)
+
+
+@inline
+def _matrix3(room, length):
+    room.taken[0] += 3 * length
+    return matrix3_at(room.numbers, room.taken[0] - 3 * length, length)
+
+
+@inline
+def _matrix6(room, length):
+    room.taken[0] += 6 * length
+    return matrix6_at(room.numbers, room.taken[0] - 6 * length, length)
+
+
+@inline
+def _new_point(room, cables):
+    m = len(cables.l0)
+    lengths = _vector(room, m)
+    state = CableState(_matrix3(room, m), _matrix3(room, m), lengths, lengths, cables.k, _vector(room, m))
+    return Point(_vector(room, 3), _matrix3(room, 3), state)
+
+
+@inline
+def _load_cables(table, rest_lengths, lane, cables):
+    """Write the cables of one problem into its lane."""
+    for i in range(len(rest_lengths)):
+        for a in range(3):
+            cables.A[i, a, lane], cables.B[i, a, lane] = table[i, EXIT + a], table[i, ANCHOR + a]
+        cables.l0[i, lane] = rest_lengths[i]
+        cables.k[i, lane] = table[i, STIFFNESS] / (rest_lengths[i] + table[i, BEHIND])
+
+
+@inline
+def _choose(mask, source, target):
+    """Copy the vector ``source`` to ``target`` where the mask is true."""
+    for i in range(len(target)):
+        target[i] = where(mask, source[i], target[i])
+
+
+@inline
+def _take(mask, source, target):
+    """Copy a point where the mask is true."""
+    for a in range(3):
+        target.p[a] = where(mask, source.p[a], target.p[a])
+        for b in range(3):
+            target.R[a, b] = where(mask, source.R[a, b], target.R[a, b])
+    old, new = target.c, source.c
+    for i in range(len(old.l)):
+        old.l[i], old.e[i] = where(mask, new.l[i], old.l[i]), where(mask, new.e[i], old.e[i])
+        for a in range(3):
+            old.r[i, a] = where(mask, new.r[i, a], old.r[i, a])
+            old.u[i, a] = where(mask, new.u[i, a], old.u[i, a])
+
+
+@inline
+def _chosen(mask, one, other):
+    """The scales ``one`` where the mask is true, and ``other`` elsewhere."""
+    return Scales(
+        where(mask, one.load, other.load), where(mask, one.size, other.size),
+        where(mask, one.least_shift, other.least_shift), where(mask, one.force, other.force),
+        where(mask, one.energy, other.energy),
+    )  # fmt: skip
+
+
+_GIVEN = {axes: f"Array(float64, {axes}, 'A', readonly=True)" for axes in (1, 2, 3, 4)}
+"""Types of arguments: they may be broadcast."""
+
+_SOLVE = Compiled(
+    "static solver for eight problems at once",
+    _solve,
+    f"void({_GIVEN[4]}, {_GIVEN[3]}, {_GIVEN[2]}, {_GIVEN[3]}, {_GIVEN[3]}, {_GIVEN[1]}, {_GIVEN[2]}, {_GIVEN[3]}, "
+    f"{_GIVEN[4]}, float64[::1], uint8[::1], float64[:, :, ::1], float64[:, :, :, ::1], float64[:, :, ::1], "
+    "float64[:, :, ::1], float64[:, ::1], int64[:, ::1], int64[:, ::1])",
+    error_model="numpy",
+    nogil=True,
+)
+
+
+def solve(
+    tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations
+) -> tuple[np.ndarray, ...]:
+    """Results of ``newton_kernel.equilibrium_gufunc`` for (rows, columns) of problems: plain cables.
+
+    The arguments are those of the gufunc, all with these two axes before their own, except ``free``. Rows that are left
+    to the gufunc have the status PENDING.
+    """
+    loop, m = rest_lengths.shape[:2], rest_lengths.shape[2]
+    shapes = (3,), (3, 3), (m,), (m,), ()
+    results = *(np.empty(loop + shape) for shape in shapes), np.empty(loop, np.int64), np.empty(loop, np.int64)
+    memory = np.ones((41 * m + 200 + 1) * WIDTH)
+    memory = memory[-(memory.ctypes.data // 8) % WIDTH :]  # entries begin at multiples of their size
+    flags = np.zeros(2 * m, np.uint8)
+    _SOLVE.compiled(
+        tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations, memory, flags,
+        *results,
+    )  # fmt: skip
+    return results

@@ -1,0 +1,142 @@
+"""Eight problems at once: lanes compute what one number would, and batches get the answers of the solver for one."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cdpr_sim as cdpr
+from cdpr_sim.core.status import Status
+from cdpr_sim.design.moves import Move, Space
+from cdpr_sim.design.robot_batch import Cases, solve_layouts
+from cdpr_sim.statics import newton
+
+SAME = 1e-9
+"""Largest difference between a position on lanes and from the solver for one problem [m]: both stop where an unbalanced
+force of 2e-9 of the load is left, and roundings differ."""
+
+PACKAGE = Path(cdpr.__file__).parents[1]
+
+POSES = 64
+"""Of each robot. Lanes are made to solve so few here."""
+
+
+@pytest.fixture
+def on_lanes(monkeypatch):
+    """Calls a function with lanes, whatever the number of problems, and again without them."""
+
+    def both(function, *arguments, **keywords):
+        found = []
+        for least in (1, np.inf):
+            monkeypatch.setattr(newton, "LANES_FROM", least)
+            found.append(function(*arguments, **keywords))
+        return found
+
+    return both
+
+
+def apart(one: cdpr.EquilibriumBatch, other: cdpr.EquilibriumBatch) -> float:
+    """Largest distance between equilibria [m], and of rotations times a tenth of a metre."""
+    assert (one.status == other.status).all()
+    found = one.converged
+    stable = one.stability == cdpr.Stability.STABLE  # where it is neutral, some rotations are as good as others
+    turned = 0.1 * np.abs(one.rotations - other.rotations)[stable].max(initial=0.0)
+    return max(np.abs(one.positions - other.positions)[found].max(initial=0.0), turned)
+
+
+def poses_in(robot: cdpr.Robot, count: int = POSES, seed: int = 5) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(*robot.workspace, (count, 3))
+
+
+def test_batches_get_the_answers_of_the_solver_for_one_whatever_the_robot(catalogue, on_lanes):
+    """Every plain robot, spatial or planar, with and without an external wrench; tensions and lengths too."""
+    seen = set()
+    for name, robot in catalogue.items():
+        if robot.cabling.bent or not robot.cabling.massless:
+            continue
+        seen.add(robot.mobility)
+        load = 0.2 * robot.weight * np.array([1, 0, 0.3, 0, 0.05, 0])
+        if robot.mobility == "spatial":
+            load += 0.1 * robot.weight * np.array([0, 1, 0, 0.02, 0, -0.03])
+        for wrench in (None, load):
+            lanes, one = on_lanes(cdpr.solve_many, robot, poses_in(robot), external_wrench=wrench)
+            assert apart(lanes, one) <= SAME, name
+            np.testing.assert_allclose(lanes.lengths, one.lengths, rtol=0, atol=2 * SAME, err_msg=name)
+            np.testing.assert_allclose(lanes.tensions, one.tensions, rtol=0, atol=1e-6 * one.tensions.max())
+            assert np.abs(lanes.iterations - one.iterations).max() <= 1
+    assert seen == {"spatial", "planar"}
+
+
+def test_rows_may_differ_in_all_that_problems_may_differ_in(catalogue, on_lanes):
+    """Mass, stiffness, load and rotation per row; and no row's answer depends on its neighbours, to the last bit."""
+    robot, rng = catalogue["parallel"], np.random.default_rng(1)
+    each = dict(
+        mass=rng.uniform(0.3, 0.6, POSES),
+        axial_stiffness=rng.uniform(500, 2e4, (POSES, 1)),
+        external_wrench=rng.normal(size=(POSES, 6)) * [0.1, 0.1, 0.1, 0.002, 0.002, 0.002],
+    )
+    poses = np.hstack([poses_in(robot), rng.uniform(-0.2, 0.2, (POSES, 3))])
+    lanes, one = on_lanes(cdpr.solve_many, robot, poses, **each)
+    assert lanes.converged.all()
+    assert apart(lanes, one) <= SAME
+    order = rng.permutation(POSES)[: POSES // 2]
+    some = {name: value[order] for name, value in each.items()}
+    again, _ = on_lanes(cdpr.solve_many, robot, poses[order], **some)
+    np.testing.assert_array_equal(again.positions, lanes.positions[order])
+    np.testing.assert_array_equal(again.iterations, lanes.iterations[order])
+
+
+def test_layouts_are_solved_on_lanes(catalogue, on_lanes):
+    """Exits, centres of mass and characteristic lengths differ from layout to layout; cables are plain."""
+    robot = catalogue["parallel"]
+    cases = Cases.of(robot, [(x, 0.25, 0.1) for x in np.linspace(0.25, 0.55, 6)])
+    space = Space.of(robot, [Move("exits", 0.02), Move("anchors", 0.005)])
+    tried = np.random.default_rng(2).uniform(space.lower, space.upper, (POSES // 4, len(space)))
+    lanes, one = on_lanes(solve_layouts, space.layouts(tried), cases, threads=1)
+    assert lanes.status.shape == (POSES // 4, 6)
+    assert apart(lanes, one) <= SAME
+
+
+def test_what_is_rare_is_left_to_the_solver_for_one(on_lanes):
+    """Saddles, input that is not finite, no equilibrium: status and answer are those of the other solver."""
+    top_heavy = cdpr.Robot(
+        [[-0.1, 0, 1], [0.1, 0, 1]], [[-0.1, 0, 0], [0.1, 0, 0]], 50.0, 1.0, mobility="planar",
+        center_of_mass=(0, 0, 0.2),
+    )  # fmt: skip
+    lanes, one = on_lanes(cdpr.solve_many, top_heavy, [(0, 0, 0), (0.01, 0, 0), (0, 0, 0.1)])
+    assert (lanes.tilt > np.pi / 2).all()
+    assert apart(lanes, one) <= SAME
+    nowhere, _ = on_lanes(cdpr.solve_many, cdpr.load_robot("cogiro"), [(np.nan, 0.25, 0.1), (0.4, 0.25, 0.1)])
+    assert nowhere.status.tolist() == [Status.NOT_FINITE, Status.CONVERGED]
+    spin = [0, 0, 0, 0, 0, 50.0]
+    spun, alone = on_lanes(cdpr.solve_many, cdpr.load_robot("parallel"), [(0.3, 0.2, 0.1)], external_wrench=spin)
+    assert not spun.converged[0]
+    np.testing.assert_array_equal(spun.positions, alone.positions)
+
+
+def test_a_lane_that_computes_something_else_is_noticed(catalogue, on_lanes, monkeypatch):
+    """Negative control: problems that differ by a millionth of their stiffness are further apart than ``SAME``."""
+    robot = catalogue["parallel"]
+    lanes, _ = on_lanes(cdpr.solve_many, robot, poses_in(robot))
+    _, other = on_lanes(cdpr.solve_many, robot, poses_in(robot), axial_stiffness=robot.axial_stiffness * (1 + 1e-6))
+    assert apart(lanes, other) > SAME
+
+
+def test_without_avx_the_answers_are_the_same(catalogue, tmp_path):
+    """A processor of 2003: the compiler makes four instructions of one; in a process of its own."""
+    robot = catalogue["cogiro"]
+    poses = poses_in(robot, newton.LANES_FROM)
+    np.save(tmp_path / "poses.npy", poses)
+    code = (
+        "import numpy as np, cdpr_sim as cdpr; from cdpr_sim.statics import newton_kernel; "
+        "found = cdpr.solve_many(cdpr.load_robot('cogiro'), np.load('poses.npy')); "
+        "np.save('found.npy', found.positions); "
+        "assert found.converged.all() and newton_kernel.equilibrium_gufunc()._compiled is None"
+    )
+    place = os.environ | {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE)}
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=place, check=True)
+    equilibria = cdpr.solve_many(robot, poses)
+    assert np.abs(np.load(tmp_path / "found.npy") - equilibria.positions).max() <= SAME
