@@ -1,0 +1,234 @@
+"""Every answer of the package for every mixture of cables: an answer, or one of the refusals that are listed here.
+
+How right the answers are is checked elsewhere; here, that nothing else is refused.
+"""
+
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import cdpr_sim as cdpr
+from cdpr_sim.cli import app
+from cdpr_sim.robots.writing import as_toml
+
+POSE = (0.3, 0.22, 0.15)
+
+PROPERTIES = {
+    "pulley": ("pulley_radius", [0.01] * 7 + [0.0]),
+    "mass": ("linear_density", [5e-4] * 7 + [0.0]),
+    "law": ("stiffening", [(100.0, 2e4)] * 7 + [(0.0, 0.0)]),
+    "drive line": ("winch_to_exit", [0.5] * 7 + [0.0]),
+}
+"""What a cable may have; the last of a robot has none of it."""
+
+MIXED = {
+    "pulley_radius": [0.01, 0.0] * 4, "stiffening": [(100.0, 2e4), (100.0, 2e4), (0.0, 0.0), (0.0, 0.0)] * 2,
+    "winch_to_exit": [0.5] * 4 + [0.0] * 4, "reeving": [1, 2, 1, 1, 2, 1, 3, 1],
+}  # fmt: skip
+"""Without mass, each mixture on one cable; with it, of three cables two."""
+
+
+def robots() -> dict[str, cdpr.Robot]:
+    """DemoBot with every set of properties; with each set on another cable; and that with mass."""
+    plain, found = cdpr.load_robot("cogiro").replace(material="fishing-0.4mm"), {}
+    for given in itertools.product((False, True), repeat=len(PROPERTIES)):
+        names = [name for name, here in zip(PROPERTIES, given, strict=True) if here]
+        found[" + ".join(names) or "plain"] = plain.replace(**dict(PROPERTIES[name] for name in names))
+    found["mixed"] = plain.replace(**MIXED)
+    found["mixed with mass"] = plain.replace(**MIXED, linear_density=[5e-4, 5e-4, 0.0, 1e-3, 5e-4, 0.0, 1e-3, 0.0])
+    return found
+
+
+ROBOTS = robots()
+
+FEW = ("mixed", "mixed with mass")
+"""Robots of the answers that take long."""
+
+
+def with_mass(robot: cdpr.Robot) -> bool:
+    return not robot.cabling.massless
+
+
+REFUSALS: dict[str, tuple[Callable[[cdpr.Robot], bool], str]] = {
+    "to_mjcf(winches)": (with_mass, r"^linear_density: found .* kg/m, expected massless cables: a winch in MuJoCo"),
+    "winch_controls": (with_mass, r"^linear_density: found .* kg/m, expected massless cables: a winch in MuJoCo"),
+    "certify_all": (with_mass, r"mass"),
+}
+"""What cannot be answered, for which robots, and the sentence."""
+
+
+class Holding:
+    """Winches that hold the tensions of the equilibrium at the reference's start."""
+
+    def __init__(self, robot: cdpr.Robot) -> None:
+        self.robot, self.tensions = robot, cdpr.solve(robot, POSE).tensions
+
+    def start(self, reference: cdpr.Reference) -> np.ndarray:
+        return self.robot.rest_lengths(reference.pose(0.0))
+
+    def command(self, time: float, pose: object, measurement: cdpr.Measurement) -> cdpr.Command:
+        by_tension = np.arange(self.robot.cables) < 2
+        return cdpr.Command(self.robot.rest_lengths(POSE), self.tensions, by_tension)
+
+
+def measured(robot: cdpr.Robot) -> cdpr.Measurements:
+    poses = np.array([POSE, (0.4, 0.25, 0.12), (0.5, 0.2, 0.18)])
+    return cdpr.Measurements.of(poses, cdpr.solve_many(robot, poses).positions, coordinates=("x", "y", "z"))
+
+
+def modelled(robot: cdpr.Robot, **options) -> bool:
+    model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(robot, POSE, **options))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)
+    return bool(np.isfinite(data.qpos).all())
+
+
+def near(position: np.ndarray, robot: cdpr.Robot, within: float = 1e-6) -> bool:
+    return bool(np.abs(position - cdpr.solve(robot, POSE).position).max() < within)
+
+
+def kept(robot: cdpr.Robot) -> bool:
+    found = cdpr.compensate(robot, POSE)
+    return bool(np.abs(robot.rest_lengths(POSE, found.tensions) - found.rest_lengths).max() < 1e-12)
+
+
+QUICK: dict[str, Callable[[cdpr.Robot], object]] = {
+    "solve": lambda robot: cdpr.solve(robot, POSE).stable,
+    "solve(fsolve)": lambda robot: near(cdpr.solve(robot, POSE, method="fsolve").position, robot),
+    "solve(least_squares)": lambda robot: near(cdpr.solve(robot, POSE, method="least_squares").position, robot),
+    "solve_many": lambda robot: near(cdpr.solve_many(robot, np.array([POSE])).positions[0], robot),
+    "settle, compare": lambda robot: cdpr.compare(cdpr.solve(robot, POSE), cdpr.settle(robot, POSE)).agrees,
+    "to_mjcf": modelled,
+    "to_mjcf(winches)": lambda robot: modelled(robot, winches=True),
+    "winch_controls": lambda robot: np.abs(cdpr.winch_controls(robot, POSE, robot.rest_lengths(POSE))).max() < 1e-9,
+    "rest_lengths(tensions)": kept,
+    "sensitivity": lambda robot: all(np.isfinite(by).all() for by in cdpr.sensitivity(robot, POSE).pose.values()),
+    "natural_modes": lambda robot: (cdpr.natural_modes(cdpr.solve(robot, POSE)).frequencies > 0).all(),
+    "neutral_directions": lambda robot: len(cdpr.neutral_directions(cdpr.solve(robot, POSE))) == 0,
+    "compensate": lambda robot: cdpr.compensate(robot, POSE).exact,
+    "follow_load": lambda robot: near(cdpr.follow_load(robot, POSE).equilibria[-1].position, robot),
+    "feasible": lambda robot: cdpr.feasible(robot, POSE),
+    "shortfall": lambda robot: cdpr.shortfall(robot, POSE) < 1e-6,
+    "clearances": lambda robot: np.isfinite(cdpr.clearances(robot, [POSE]).least).all(),
+    "cable_profiles": lambda robot: cdpr.cable_profiles(cdpr.solve_many(robot, [POSE])).shape == (1, 8, 25, 3),
+    "sweep": lambda robot: near(cdpr.sweep(robot, {"x": [POSE[0]], "y": [POSE[1]], "z": [POSE[2]]}, chunk=None)[
+        "position"
+    ].values.ravel(), robot),
+}  # fmt: skip
+"""Each holds for every robot of ``ROBOTS``."""
+
+SLOW: dict[str, Callable[[cdpr.Robot], object]] = {
+    "settle_many": lambda robot: near(cdpr.settle_many(cdpr.Problems.of(robot, [POSE])).positions[0], robot),
+    "find_equilibria": lambda robot: any(
+        near(one.position, robot) for one in cdpr.find_equilibria(robot, POSE, starts=9)
+    ),
+    "grow_gravity": lambda robot: near(cdpr.grow_gravity(robot, POSE, seconds=1.0).position, robot),
+    "release": lambda robot: cdpr.release(cdpr.solve(robot, POSE), seconds=0.05).stays,
+    "drive": lambda robot: len(cdpr.drive(robot, [POSE, POSE], seconds=0.1, states=2)) == 2,
+    "track": lambda robot: len(cdpr.track(robot, [POSE], cdpr.RigidLengths(robot), seconds=0.05)) > 2,
+    "track(tensions)": lambda robot: len(cdpr.track(robot, [POSE], Holding(robot), seconds=0.05)) > 2,
+    "workspace_hull": lambda robot: cdpr.workspace_hull(robot, depth=0).volume > 0,
+    "check": lambda robot: cdpr.check(robot, poses=[POSE], threads=1).agrees,
+    "certify": lambda robot: cdpr.certify(cdpr.solve(robot, POSE)).proved,
+    "identify": lambda robot: cdpr.identify(robot, measured(robot), position_error=1e-4).robot.axial_stiffness[0] > 0,
+    "find_layout": lambda robot: cdpr.find_layout(
+        robot, [POSE], within=0.01, generations=1, population=5, polish=False, threads=1
+    ).robot.cables == 8,
+    "find_front": lambda robot: len(cdpr.find_front(
+        robot, [POSE], within=0.01, generations=1, population=5, threads=1
+    )) > 0,
+    "draw": lambda robot: len(cdpr.draw(robot, POSE).axes) > 0,
+}  # fmt: skip
+"""Each holds for the robots of ``FEW``."""
+
+
+def answered(answer: str, ask: Callable[[cdpr.Robot], object], names: tuple[str, ...]) -> None:
+    """Each robot has this answer, or one of the listed refusals in a sentence."""
+    wrong = []
+    for name in names:
+        robot, (refused, sentence) = ROBOTS[name], REFUSALS.get(answer, (lambda robot: False, ""))
+        try:
+            good = bool(ask(robot))
+        except cdpr.CdprError as error:
+            if refused(robot) and re.search(sentence, str(error)) and "\n" not in str(error):
+                continue
+            wrong.append(f"{name}: {error!r}")
+            continue
+        if not good:
+            wrong.append(f"{name}: not as it should be")
+    assert not wrong, wrong
+
+
+@pytest.mark.parametrize("answer", QUICK)
+def test_every_set_of_properties_has_every_quick_answer(answer):
+    """All sixteen, with one plain cable beside; and each mixture on another cable."""
+    answered(answer, QUICK[answer], tuple(ROBOTS))
+
+
+@pytest.mark.parametrize("answer", SLOW)
+def test_cables_of_every_kind_side_by_side_have_every_answer(answer):
+    """Without mass and with it."""
+    if answer == "certify":
+        pytest.importorskip("flint")
+    answered(answer, SLOW[answer], FEW)
+
+
+def test_all_equilibria_of_a_planar_robot_are_proved_or_refused():
+    """Over pulleys, with nonlinear cables and drive lines they are; with mass the sentence says that they are not."""
+    pytest.importorskip("flint")
+    plain = cdpr.load_robot("two-cable")
+    mixed = plain.replace(pulley_radius=[0.01, 0.0], pulley_axis=(0, 0, -1), winch_to_exit=[0.2, 0.0], reeving=[1, 2])
+    found = cdpr.certify_all(mixed, mixed.rest_lengths((0.4, 0.0, 0.2)))
+    assert len(found.equilibria) > 0
+    with pytest.raises(cdpr.InvalidInput, match=REFUSALS["certify_all"][1]) as refused:
+        cdpr.certify_all(mixed.replace(linear_density=1e-4), mixed.rest_lengths((0.4, 0.0, 0.2)))
+    assert "\n" not in str(refused.value)
+
+
+AT = f"--pose {POSE[0]} {POSE[1]} {POSE[2]}"
+
+COMMANDS = {
+    "settle": f"{AT} --json",
+    "solve": f"{AT} --json",
+    "compensate": f"{AT} --json",
+    "sensitivity": f"{AT} --json",
+    "equilibria": f"{AT} --starts 5 --json",
+    "clearances": "--grid 1 1 1",
+    "show": "-o OUT/robot.png",
+    "models": "-o OUT/models",
+    "sweep": "--grid 2 1 1 -o OUT/sweep.nc",
+    "map": "--points 3 -o OUT/map.png",
+    "check": "--grid 1 1 1",
+    "design": "--line 0.3 0.2 0.15 0.4 0.2 0.15 --points 2 --generations 1 --within 0.01",
+    "video": "--seconds 0.4 --fps 5 --size 320 240 -o OUT/video.gif",
+    "report": "--no-video --grid 1 1 1 -o OUT/report.html",
+}
+"""What is asked on the command line, as quickly as it can be."""
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands_take_cables_of_every_kind_side_by_side(command, tmp_path):
+    """With mass, from a robot file, without an error."""
+    file = tmp_path / "robot.toml"
+    file.write_text(as_toml(ROBOTS["mixed with mass"]))
+    words = [word.replace("OUT", str(tmp_path)) for word in COMMANDS[command].split()]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cdpr.ImplausibleRobot)
+        told = CliRunner().invoke(app, [command, str(file), *words])
+    assert told.exit_code in ((0, 1) if command in ("design", "clearances") else (0,)), told.output
+    if "--json" in words:
+        assert json.loads(told.stdout)
+    written = [Path(word) for word in words if word.startswith(str(tmp_path))]
+    assert all(path.exists() for path in written)
