@@ -51,7 +51,8 @@ def settle(
     """Equilibrium at which the platform comes to rest in MuJoCo, released at ``pose`` with zero velocity.
 
     A platform that its cables do not hold there falls until they catch it, however far: there is no other contact.
-    Where cables have mass, the platform is released at the equilibrium with massless cables.
+    Where cables have mass, the platform is released at the equilibrium with massless cables. Cables with a memory
+    are new ones; ``settle_path`` follows a path.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
