@@ -63,7 +63,7 @@ def measured() -> dict[str, tuple[float, list[float], list[float]]]:
 
 def draw(found: dict[str, tuple[float, list[float], list[float]]], path: Path) -> None:
     """One row for each robot, on a logarithmic scale."""
-    with plt.rc_context(RC):
+    with plt.rc_context(RC):  # pyright: ignore[reportArgumentType]
         figure, axes = plt.subplots(figsize=(7.2, 3.9))
         for row, (away, friction, hysteresis) in enumerate(found.values()):
             axes.plot(away, row, "o", mfc="white", mec=INK, ms=6, zorder=4)
