@@ -10,11 +10,12 @@ and hysteresis are assumed too, in the range of measured ropes (``docs/concepts/
 import sys
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 import cdpr_sim as cdpr
-from cdpr_sim.drawing.style import BLUE, FAINT, INK, MUTED, RC, VERMILLION
+from cdpr_sim.drawing.axes import styled
+from cdpr_sim.drawing.style import BLUE, FAINT, INK, MUTED, VERMILLION
 
 BEHIND = {
     "cogiro": 0.5, "parallel": 0.5, "planar-vertical": 0.5, "planar-horizontal": 0.5, "two-cable": 0.5,
@@ -61,37 +62,37 @@ def measured() -> dict[str, tuple[float, list[float], list[float]]]:
     return found
 
 
-def draw(found: dict[str, tuple[float, list[float], list[float]]], path: Path) -> None:
+@styled
+def draw(found: dict[str, tuple[float, list[float], list[float]]]) -> Figure:
     """One row for each robot, on a logarithmic scale."""
-    with plt.rc_context(RC):
-        figure, axes = plt.subplots(figsize=(7.2, 3.9))
-        for row, (away, friction, hysteresis) in enumerate(found.values()):
-            axes.plot(away, row, "o", mfc="white", mec=INK, ms=6, zorder=4)
-            for shift, color, ends in ((-0.14, BLUE, friction), (0.14, VERMILLION, hysteresis)):
-                axes.plot(ends, [row + shift] * 2, color=color, lw=6, solid_capstyle="round")
-        axes.axvline(15, color=MUTED, lw=1, ls=(0, (4, 2)))
-        axes.text(14, -0.72, "the paper's 15 mm", color=MUTED, ha="right", va="center")
-        axes.set_xscale("log")
-        axes.set_xlim(1e-3, 100)
-        axes.set_xticks([1e-3, 1e-2, 0.1, 1, 10, 100], ["1 µm", "10 µm", "0.1 mm", "1 mm", "10 mm", "100 mm"])
-        axes.set_ylim(len(found) - 0.4, -1.05)
-        labels = [f"{name}  ({BEHIND[name]:g} m behind the exits)" for name in found]
-        axes.set_yticks(range(len(found)), labels)
-        axes.tick_params(axis="y", length=0)
-        axes.grid(axis="x", color=FAINT, lw=0.6)
-        for side in ("top", "right", "left"):
-            axes.spines[side].set_visible(False)
-        figure.suptitle(
-            "One command, reached from the left and from the right: largest distance of the two equilibria",
-            x=0.01, ha="left", fontsize=9.5,
-        )  # fmt: skip
-        axes.plot([], [], color=BLUE, lw=6, label="by friction of 2 to 5 %")
-        axes.plot([], [], color=VERMILLION, lw=6, label="by hysteresis of 5 to 10 %")
-        axes.plot([], [], "o", mfc="white", mec=INK, ms=6, label="for scale: elastic deviation from the command")
-        figure.legend(loc="outside lower center", ncols=3, frameon=False, handlelength=1.4, columnspacing=1.6)
-        figure.savefig(path, dpi=160)
-        plt.close(figure)
+    figure = Figure(figsize=(7.2, 3.9))
+    axes = figure.subplots()
+    for row, (away, friction, hysteresis) in enumerate(found.values()):
+        axes.plot(away, row, "o", mfc="white", mec=INK, ms=6, zorder=4)
+        for shift, color, ends in ((-0.14, BLUE, friction), (0.14, VERMILLION, hysteresis)):
+            axes.plot(ends, [row + shift] * 2, color=color, lw=6, solid_capstyle="round")
+    axes.axvline(15, color=MUTED, lw=1, ls=(0, (4, 2)))
+    axes.text(14, -0.72, "the paper's 15 mm", color=MUTED, ha="right", va="center")
+    axes.set_xscale("log")
+    axes.set_xlim(1e-3, 100)
+    axes.set_xticks([1e-3, 1e-2, 0.1, 1, 10, 100], ["1 µm", "10 µm", "0.1 mm", "1 mm", "10 mm", "100 mm"])
+    axes.set_ylim(len(found) - 0.4, -1.05)
+    labels = [f"{name}  ({BEHIND[name]:g} m behind the exits)" for name in found]
+    axes.set_yticks(range(len(found)), labels)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(axis="x", color=FAINT, lw=0.6)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    figure.suptitle(
+        "One command, reached from the left and from the right: largest distance of the two equilibria",
+        x=0.01, ha="left", fontsize=9.5,
+    )  # fmt: skip
+    axes.plot([], [], color=BLUE, lw=6, label="by friction of 2 to 5 %")
+    axes.plot([], [], color=VERMILLION, lw=6, label="by hysteresis of 5 to 10 %")
+    axes.plot([], [], "o", mfc="white", mec=INK, ms=6, label="for scale: elastic deviation from the command")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, handlelength=1.4, columnspacing=1.6)
+    return figure
 
 
 if __name__ == "__main__":
-    draw(measured(), Path(sys.argv[1]))
+    draw(measured()).savefig(Path(sys.argv[1]), dpi=160)
