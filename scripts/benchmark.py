@@ -105,7 +105,7 @@ def lanes(poses: int) -> None:
         robot = cdpr.load_robot(name)
         if robot.cabling.bent or not robot.cabling.massless:
             continue
-        positions = np.random.default_rng(SEED).uniform(*robot.workspace, (poses, 3))
+        positions = np.random.default_rng(SEED).uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
         found, seconds = {}, {np.inf: [], 1: []}
         for _ in range(REPETITIONS):
             for newton.LANES_FROM in seconds:

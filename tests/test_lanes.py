@@ -48,7 +48,7 @@ def apart(one: cdpr.EquilibriumBatch, other: cdpr.EquilibriumBatch) -> float:
 
 
 def poses_in(robot: cdpr.Robot, count: int = POSES, seed: int = 5) -> np.ndarray:
-    return np.random.default_rng(seed).uniform(*robot.workspace, (count, 3))
+    return np.random.default_rng(seed).uniform(robot.workspace[0], robot.workspace[1], (count, 3))
 
 
 def test_batches_get_the_answers_of_the_solver_for_one_whatever_the_robot(catalogue, on_lanes):

@@ -34,22 +34,24 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils, imputils
 from numba.core.typeconv.castgraph import Conversion
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.core.typing import templates
+from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import models, register_model
 
 from cdpr_sim.core.compiling import compile_as, nowhere, where
 
 # Numba's annotations of these are wrong.
-intrinsic: Any = extending.intrinsic
-lower_builtin: Any = imputils.lower_builtin
-lower_cast: Any = imputils.lower_cast
+intrinsic = cast(Any, extending.intrinsic)
+lower_builtin = cast(Any, imputils.lower_builtin)
+lower_cast = cast(Any, imputils.lower_cast)
+infer_global = cast(Any, templates.infer_global)
 
 WIDTH = 8
 """Numbers in ``Lanes``: as many doubles as an AVX-512 register holds. Sixteen are slower there."""

@@ -341,11 +341,11 @@ def _on_lanes(loop: tuple[int, ...], given: tuple[np.ndarray | float, ...]) -> t
         core = np.shape(one)[np.ndim(one) - axes :]
         broadcast = np.broadcast_to(np.asarray(one, float), loop + core)
         whole.append(broadcast.reshape((math.prod(loop[:-1]), loop[-1], *core)))
-    free = np.asarray(given[_FREE], float)
-    found = lanes_kernel.solve(*whole[:_FREE], free, *whole[_FREE + 1 :])
+    alike = list(whole)
+    alike[_FREE] = np.asarray(given[_FREE], float)
+    found = lanes_kernel.solve(*alike)
     left = found[-1] == Status.PENDING
     if left.any():
-        whole[_FREE] = np.broadcast_to(free, (*left.shape, len(free)))
         rest = equilibrium_gufunc()(*(one[left] for one in whole))
         for column, some in zip(found, rest, strict=True):
             column[left] = some
