@@ -28,6 +28,12 @@ BOXES_EACH = 300
 STEPS = 12
 """Largest number of boxes that the search examines from each of them: its first contractions, and parts."""
 
+ON_EDGE = np.array([0.348887, 0.256688, 0.374405, 0.578541, -0.292278, -0.00832])
+"""[m], and v in the last chart: an unstable equilibrium of ``four_cables``, to six decimals."""
+
+FEW_BOXES = 500
+"""More than the 15 boxes within 3 mm of it; 5,043 with slopes between those of slack and taut."""
+
 FOLD = (0.24706, 0.1)
 """[m] (x, z) of ``planar-horizontal`` with EA = 1 kN at which two equilibria of four meet, within 1e-6 m of x."""
 
@@ -173,6 +179,15 @@ def attack(proved: cdpr.CompleteEquilibria, problem: cdpr.Problem) -> float:
     return survived / thrown
 
 
+def four_cables() -> cdpr.Problem:
+    """The frame and the platform of ``cogiro`` with four stiff cables, some almost slack at equilibrium."""
+    cogiro = cdpr.load_robot("cogiro")
+    (low, high), top = (cogiro.exits.min(0), cogiro.exits.max(0)), cogiro.exits[:, 2].max()
+    exits = [[x, y, top] for x in (low[0], high[0]) for y in (low[1], high[1])]
+    anchors = [[x, y, 0.018] for x in (-0.0515, 0.0515) for y in (-0.03, 0.03)]
+    return cdpr.Problem.of(cdpr.Robot(exits, anchors, 1e4, 0.4), (0.3, 0.2, 0.15))
+
+
 SPATIAL = {
     "law": {"stiffening": (3, 20), "axial_stiffness": 100.0},
     "pulleys": {"pulley_radius": 0.02, "pulley_axis": (0.2, -0.1, -1)},
@@ -188,6 +203,33 @@ def test_a_spatial_box_with_an_equilibrium_survives(changes):
     listed = complete.CompleteEquilibria(problem, tuple(one for one in proved if one.proved), (), 0, 0, 0.0)
     assert len(listed)
     assert attack(listed, problem) == 1.0
+
+
+def test_no_test_excludes_a_box_that_holds_an_equilibrium_with_almost_slack_cables():
+    """Four stiff cables, tensions from 0.02 N to 11 N: the same attack; and the negative control, 1 % more load."""
+    problem = four_cables()
+    proofs = [cdpr.certify(one) for one in cdpr.find_equilibria(problem, saddles=True, starts=300)]
+    listed = complete.CompleteEquilibria(problem, tuple(proofs), (), 0, 0, 0.0)
+    assert all(one.proved for one in proofs)
+    assert attack(listed, problem) == 1.0
+    heavier = dataclasses.replace(problem, robot=problem.robot.replace(mass=1.01 * problem.robot.mass))
+    assert attack(listed, heavier) < 0.9
+
+
+def test_few_boxes_are_examined_near_an_equilibrium_with_a_slack_cable():
+    """Within 3 mm of it: boxes need not be as small as the stretch of a cable of 1.5 N, 6e-5 m."""
+    problem = four_cables()
+    search = complete._Search(problem, None)
+    wide = 3e-3 / search.setups[3].scales
+    box = np.stack([ON_EDGE - wide, ON_EDGE + 1.1 * wide], 1)
+    search.waiting = [(3, box[None], np.tile([0.0, 1e300], (1, 4, 1)))]
+    search.run(np.inf, 1, False)
+    with arithmetic():
+        certificates, undecided = complete._proved(problem, search)
+    assert undecided == ()
+    assert len(certificates) == 1
+    assert certificates[0].proved
+    assert search.counts[kernel.BOXES] < FEW_BOXES
 
 
 @pytest.mark.parametrize("name", ["cogiro", "planar-vertical"])
@@ -212,11 +254,7 @@ def test_each_chart_has_the_coordinates_of_its_poses(name):
 
 def test_spatial_equilibria_are_proved_from_boxes_about_them_in_every_chart():
     """Four cables: upright, turned over, and on edges; in two charts at once they count as one."""
-    cogiro = cdpr.load_robot("cogiro")
-    (low, high), top = (cogiro.exits.min(0), cogiro.exits.max(0)), cogiro.exits[:, 2].max()
-    exits = [[x, y, top] for x in (low[0], high[0]) for y in (low[1], high[1])]
-    anchors = [[x, y, 0.018] for x in (-0.0515, 0.0515) for y in (-0.03, 0.03)]
-    problem = cdpr.Problem.of(cdpr.Robot(exits, anchors, 1e4, 0.4), (0.3, 0.2, 0.15))
+    problem = four_cables()
     proofs = [cdpr.certify(one) for one in cdpr.find_equilibria(problem, saddles=True, starts=300)]
     search = complete._Search(problem, None)
     search.waiting, charts = [], set()
@@ -342,6 +380,25 @@ def test_intervals_are_rounded_outwards():
         assert Fraction(low) <= min(Fraction(x) / Fraction(y) for x in (a, b) for y in (c, d))
         assert Fraction(high) >= max(Fraction(x) / Fraction(y) for x in (a, b) for y in (c, d))
         assert Fraction(kernel.root_down(d)) ** 2 <= Fraction(d)
+
+
+def test_the_matrix_of_krawczyks_test_is_bounded():
+    """|1 − C J| in floats with a bound of their rounding, against fractions, for random intervals J."""
+    random = np.random.default_rng(3)
+    for _ in range(40):
+        n = int(random.integers(1, 11))
+        C = random.normal(size=(n, n)) * 10 ** random.uniform(-6, 6, (n, 1))
+        low = np.linalg.inv(C) * (1 + 10 ** random.uniform(-17, 0) * random.normal(size=(n, n)))
+        J = np.stack([low, low + abs(low) * 10 ** random.uniform(-17, 0) * (random.random() < 0.7)], -1)
+        J.sort(-1)
+        mean, radius, bound, spread = (np.empty((n, n)) for _ in range(4))
+        kernel.enclosed(J, mean, radius)
+        kernel.deviations(C, mean, radius, bound, spread)
+        for r in range(n):
+            for c in range(n):
+                parts = [[Fraction(C[r, s]) * Fraction(end) for end in J[s, c]] for s in range(n)]
+                ends = [(r == c) - sum(map(max, parts)), (r == c) - sum(map(min, parts))]
+                assert max(map(abs, ends)) <= Fraction(bound[r, c])
 
 
 def test_arc_tangents_and_paths_over_wheels_are_enclosed():

@@ -53,9 +53,9 @@ class Balance:
         cables: cables of the problem.
     """
 
-    def __init__(self, problem: Problem, about: Pose) -> None:
+    def __init__(self, problem: Problem, about: Pose, cables: Sequence[Cable] = ()) -> None:
         robot = problem.robot
-        self.cables = [Cable(problem, index) for index in range(robot.cables)]
+        self.cables = cables or cables_of(problem)
         self.with_mass = [index for index, cable in enumerate(self.cables) if cable.has_mass]
         self.axes = [axis for axis in robot.free if axis < 3]
         self.origin = balls(about.position)
@@ -184,6 +184,11 @@ class Balance:
             for k in turns
         ]
         return R, R_k, R_kl, spins, slopes
+
+
+def cables_of(problem: Problem) -> list[Cable]:
+    """The cables of a problem, which all its balances can share."""
+    return [Cable(problem, index) for index in range(problem.robot.cables)]
 
 
 def _product(a: Sequence[Ball], b: Sequence[Ball]) -> list[list[Ball]]:

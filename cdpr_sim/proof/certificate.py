@@ -173,7 +173,7 @@ def certify(equilibrium: Equilibrium) -> Certificate:
         found, reasons = enclose(balance, arm)
         if found is None:
             return _unproved(equilibrium, reasons)
-        return certificate_of(equilibrium, balance, found)
+        return certificate_of(equilibrium, balance, found, problem)
 
 
 def enclose(balance: Balance, arm: float) -> tuple[Enclosure | None, list[str]]:
@@ -401,9 +401,13 @@ def _condensed(balance: Balance, state: At) -> np.ndarray:
     return slope[:n, :n] - slope[:n, n:] @ np.linalg.solve(slope[n:, n:], slope[n:, :n])
 
 
-def certificate_of(equilibrium: Equilibrium, balance: Balance, found: Enclosure) -> Certificate:
-    """Certificate of an equilibrium near which an enclosure is found."""
-    problem, state, reasons = equilibrium.problem, found.state, []
+def certificate_of(
+    equilibrium: Equilibrium | None, balance: Balance, found: Enclosure, problem: Problem
+) -> Certificate:
+    """Certificate of an equilibrium near which an enclosure is found; None: of the enclosure's midpoint."""
+    midpoint = midpoint_of(problem, balance, found)
+    equilibrium = equilibrium or midpoint
+    state, reasons = found.state, []
     index = index_over(balance, found)
     slack = tuple(None if pull.taut is None else not pull.taut for pull in state.pulls)
     position = balance.position(found.image)
@@ -459,7 +463,7 @@ def certificate_of(equilibrium: Equilibrium, balance: Balance, found: Enclosure)
         position_error=position_error,
         rotation_error=rotation_error,
         tension_error=tension_error,
-        midpoint=midpoint_of(problem, balance, found),
+        midpoint=midpoint,
         reasons=tuple(reasons),
     )
 

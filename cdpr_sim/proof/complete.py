@@ -18,6 +18,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -35,8 +36,9 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.progress import bar
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.proof import certificate
-from cdpr_sim.proof.balance import Balance
+from cdpr_sim.proof.balance import Balance, cables_of
 from cdpr_sim.proof.balls import BITS, Ball, arithmetic, balls, dot, exact, load, lower, matrix, middle, upper
+from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import Certificate, Enclosure
 
 CHARTS = {
@@ -51,10 +53,13 @@ FREE = {"planar": (0, 2, 4), "spatial": (0, 1, 2, 3, 4, 5)}
 SPARE = 1.01
 """Factor by which the domain is larger than the proved box: more than any rounding of it."""
 
-NEWTON, NEAR, LEAST = 0.01, 1e-4, 1e-8
-"""Fractions of the robot's size: widths below which Krawczyk's test is tried, a nearby equilibrium is searched for, and
-a box is left undecided. From 0.1 on a planar search needs the fewest boxes, and at 0.01 the least time: 0.7 of that at
-0.4, for 16 % more boxes. A spatial search takes the same time at 0.005 to 0.4."""
+NEWTON = {"planar": 0.03, "spatial": 0.1}
+"""For each mobility, the fraction of the robot's size below which Krawczyk's test is tried. Five planar searches take
+the least time from 0.01 to 0.03: a tenth less than at 0.1, with 21 % more boxes. Near an equilibrium of a spatial robot
+the number of boxes is the same from 0.1 to 1."""
+
+NEAR, LEAST = 1e-4, 1e-8
+"""Fractions of the robot's size: widths below which a nearby equilibrium is searched for, and a box is undecided."""
 
 CALL = 20_000
 """Boxes of one call of the kernel: after it, time and progress are updated. Half a second, for a spatial robot."""
@@ -261,6 +266,11 @@ class _Search:
         """Number of boxes that were not examined."""
         return sum(len(boxes) for _, boxes, _ in self.waiting)
 
+    @cached_property
+    def cables(self) -> list[Cable]:
+        """Cables in balls, for all proofs of this search."""
+        return cables_of(self.problem)
+
     def run(self, end: float, threads: int, progress: bool) -> None:
         """Search until everything is done, or the time is over, or too many boxes are undecided."""
         started, saved, done, looked = time.monotonic(), time.monotonic(), 0.0, False
@@ -398,7 +408,7 @@ def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"], laws: np.nda
         wrench=problem.external_wrench.copy(),
         rows=np.array(FREE[robot.mobility], np.int64),
         scales=np.repeat([1.0, 2 * robot.characteristic_length], 3),
-        newton=NEWTON * size,
+        newton=NEWTON[robot.mobility] * size,
         near=NEAR * size,
         least=LEAST * size,
     )
@@ -510,7 +520,7 @@ def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...],
     undecided: list[Undecided] = []
     for chart, boxes in enumerate(search.found):
         for box in boxes:
-            member = _member(problem, chart, box)
+            member = _member(search, chart, box)
             if member is None:
                 undecided.append(
                     _undecided("one equilibrium, of which no proof in balls is found", [box[:, :2]], chart)
@@ -529,31 +539,33 @@ def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...],
     else:
         for chart, boxes in enumerate(search.left):
             for cluster in _joined(np.array(boxes).reshape(-1, 6, 2), search.setups[chart].least):
-                undecided += _covered(problem, search, chart, cluster, members)
-    certificates = [_certificate(problem, member) for member in members]
+                undecided += _covered(search, chart, cluster, members)
+    certificates = [certificate.certificate_of(None, one.balance, one.enclosure, problem) for one in members]
     order = sorted(range(len(members)), key=lambda i: (certificates[i].index or 0, -certificates[i].position[0, 2]))
     return tuple(certificates[i] for i in order), tuple(undecided)
 
 
-def _member(problem: Problem, chart: int, box: Float[np.ndarray, "6 3"]) -> _Member | None:
+def _member(search: _Search, chart: int, box: Float[np.ndarray, "6 3"]) -> _Member | None:
     """The one equilibrium of a box (6, 3), its lower and upper bounds and a point nearby, proved to lie in the box."""
     for start in (box[:, 2], box[:, :2].mean(1), box[:, 0], box[:, 1]):  # at a kink the first may lie far off
-        member = _near(problem, chart, start, box)
+        member = _near(search, chart, start, box)
         if member is not None and _in_box(member, chart, box):
             return member
     return None
 
 
-def _near(problem: Problem, chart: int, at: Float[np.ndarray, "6"], box: np.ndarray | None) -> _Member | None:
-    balance = _balance(problem, chart, at)
-    found, _ = certificate.enclose(balance, problem.robot.characteristic_length)
+def _near(search: _Search, chart: int, at: Float[np.ndarray, "6"], box: np.ndarray | None) -> _Member | None:
+    balance = _balance(search, chart, at)
+    found, _ = certificate.enclose(balance, search.problem.robot.characteristic_length)
     return None if found is None else _Member(balance, found, chart, box)
 
 
-def _balance(problem: Problem, chart: int, at: Float[np.ndarray, "6"]) -> Balance:
+def _balance(search: _Search, chart: int, at: Float[np.ndarray, "6"]) -> Balance:
     """The equations about a pose of a chart."""
+    problem = search.problem
     signs = np.array(CHARTS[problem.robot.mobility][chart])
-    return Balance(problem, Pose(at[:3].copy(), Rotation.from_quat([*at[3:], 1.0]).as_matrix() * signs))
+    pose = Pose(at[:3].copy(), Rotation.from_quat([*at[3:], 1.0]).as_matrix() * signs)
+    return Balance(problem, pose, search.cables)
 
 
 def _quaternion(balance: Balance, x: Sequence[Ball]) -> list[Ball]:
@@ -609,12 +621,10 @@ def _joined(boxes: Float[np.ndarray, "boxes 6 2"], least: float) -> list[np.ndar
     return clusters
 
 
-def _covered(
-    problem: Problem, search: _Search, chart: int, cluster: np.ndarray, members: list[_Member]
-) -> list[Undecided]:
+def _covered(search: _Search, chart: int, cluster: np.ndarray, members: list[_Member]) -> list[Undecided]:
     """Prove one equilibrium in a box of balls that covers a cluster, and add it if it is new; else report it."""
     whole_box = np.stack([cluster[:, :, 0].min(0), cluster[:, :, 1].max(0)], 1)
-    member = _near(problem, chart, whole_box.mean(1), None)
+    member = _near(search, chart, whole_box.mean(1), None)
     if member is not None and all(_in_balls(member, chart, box) for box in cluster):
         if not any(_same(member, other) or _covers(other, member) for other in members):
             members.append(member)
@@ -623,7 +633,7 @@ def _covered(
     extent = ((whole_box[:, 1] - whole_box[:, 0]) * setup.scales).max()
     if extent > FAMILY * setup.least:
         reason = "a family of equilibria: a direction is neutral"
-    elif _at_kink(problem, chart, whole_box.mean(1)):
+    elif _at_kink(search, chart, whole_box.mean(1)):
         reason = "a kink: a cable is just at its rest length"
     else:
         reason = "a fold: equilibria meet there, or nearly so"
@@ -663,18 +673,12 @@ def _in_balance(balance: Balance, position: Sequence[Ball], q: Sequence[Ball]) -
     return [*(position[axis] for axis in balance.axes), *(delta / scale for delta in deltas)]
 
 
-def _at_kink(problem: Problem, chart: int, at: Float[np.ndarray, "6"]) -> bool:
-    balance = _balance(problem, chart, at)
+def _at_kink(search: _Search, chart: int, at: Float[np.ndarray, "6"]) -> bool:
+    balance = _balance(search, chart, at)
     stretches = [abs(middle(pull.stretch)) for pull in balance.at(balance.start).pulls]
-    return min(stretches) < 1e-6 * problem.robot.characteristic_length
+    return min(stretches) < 1e-6 * search.problem.robot.characteristic_length
 
 
 def _undecided(reason: str, boxes: Sequence[np.ndarray], chart: int) -> Undecided:
     every = np.array(boxes)
     return Undecided(reason, len(boxes), every[:, :, 0].min(0), every[:, :, 1].max(0), chart)
-
-
-def _certificate(problem: Problem, member: _Member) -> Certificate:
-    """Certificate of a member, with an equilibrium from the enclosure's midpoints."""
-    found = certificate.midpoint_of(problem, member.balance, member.enclosure)
-    return certificate.certificate_of(found, member.balance, member.enclosure)

@@ -85,6 +85,12 @@ BOXES, BY_BALANCE, BY_KRAWCZYK, PROVED, LEFT, COUNTS = 0, 1, 2, 3, 4, 5
 TIGHTER = 60
 """Largest number of contractions of a box with one equilibrium."""
 
+THIN = 1e-3
+"""Fraction of the widest coordinate below which no coordinate is divided."""
+
+ALMOST_PARALLEL = 1e-6
+"""Added to the squares of the cables' directions and moments: almost parallel cables are not isolated."""
+
 
 class Setup(NamedTuple):
     """A problem in the form of the kernel.
@@ -193,7 +199,7 @@ def unit_down(x, low, high):
 
 @outlined
 def turn(q, R, spin):
-    """The rotation over a box, (3, 3, 2); and the angular velocities of v_k, (3, 3, 2), by coordinates k first."""
+    """The rotation over a box, (9, 2) row by row; and the angular velocities of v_k, (9, 2), by coordinates k first."""
     s = np.empty((3, 2))
     f = np.empty((3, 2))  # 2 v_k / (1 + |v|²)
     for k in range(3):
@@ -216,25 +222,25 @@ def turn(q, R, spin):
         others_low, others_high = down(s[i, 0] + s[j, 0]), up(s[i, 1] + s[j, 1])
         most = up(2 * others_high / down(down(1 + s[k, 0]) + others_high))
         few = max(down(2 * others_low / up(up(1 + s[k, 1]) + max(others_low, 0.0))), 0.0)
-        R[k, k, 0], R[k, k, 1] = down(1 - most), up(1 - few)
-        spin[k, k, 0], spin[k, k, 1] = double_low, double_high
+        R[4 * k, 0], R[4 * k, 1] = down(1 - most), up(1 - few)
+        spin[4 * k, 0], spin[4 * k, 1] = double_low, double_high
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
         a, b = multiply(f[i, 0], f[i, 1], q[3 + j, 0], q[3 + j, 1])
         c, d = multiply(f[j, 0], f[j, 1], q[3 + i, 0], q[3 + i, 1])
         a, b = max(a, c), min(b, d)
-        R[i, j, 0], R[i, j, 1] = subtract(a, b, f[k, 0], f[k, 1])
-        R[j, i, 0], R[j, i, 1] = add(a, b, f[k, 0], f[k, 1])
-        spin[i, j, 0], spin[i, j, 1] = f[k, 0], f[k, 1]
-        spin[j, i, 0], spin[j, i, 1] = -f[k, 1], -f[k, 0]
+        R[3 * i + j, 0], R[3 * i + j, 1] = subtract(a, b, f[k, 0], f[k, 1])
+        R[3 * j + i, 0], R[3 * j + i, 1] = add(a, b, f[k, 0], f[k, 1])
+        spin[3 * i + j, 0], spin[3 * i + j, 1] = f[k, 0], f[k, 1]
+        spin[3 * j + i, 0], spin[3 * j + i, 1] = -f[k, 1], -f[k, 0]
 
 
 @outlined
-def cross(a, b, r):
-    """Component r of a × b, intervals (3, 2)."""
+def cross(a, p, b, q, r):
+    """Component r of the product of the vectors in the rows p, p + 1, p + 2 of a, and q, q + 1, q + 2 of b."""
     i, j = (r + 1) % 3, (r + 2) % 3
-    p0, p1 = multiply(a[i, 0], a[i, 1], b[j, 0], b[j, 1])
-    q0, q1 = multiply(a[j, 0], a[j, 1], b[i, 0], b[i, 1])
+    p0, p1 = multiply(a[p + i, 0], a[p + i, 1], b[q + j, 0], b[q + j, 1])
+    q0, q1 = multiply(a[p + j, 0], a[p + j, 1], b[q + i, 0], b[q + i, 1])
     return subtract(p0, p1, q0, q1)
 
 
@@ -281,16 +287,23 @@ def corner(a, h, radius):
     cos0, cos1 = over(cos0, cos1, far0, far1)
     cos0, cos1 = max(cos0, -1.0), min(cos1, 1.0)
     if h >= 0:
-        half0 = max(down(sin0 / up(1 + cos1)), 0.0)
-        half1 = up(sin1 / down(1 + cos0)) if down(1 + cos0) > 0 else np.inf
-        t0, t1 = arctangent(min(half0, 1e9), min(half1, 1e9))
-        t0, t1 = 2 * t0, 2 * (t1 if half1 < 1e9 else HALF_PI[1])
-    elif cos1 < 0:  # π − atan(sin θ/−cos θ)
+        t0, t1 = max(down(sin0 / up(1 + cos1)), 0.0), up(sin1 / down(1 + cos0)) if down(1 + cos0) > 0 else np.inf
+    elif cos1 < 0:
         t0, t1 = over(sin0, sin1, -cos1, -cos0)
-        low, high = -HALF_PI[1], HALF_PI[1]
-        if t0 > -1e9 and t1 < 1e9:
-            low = arctangent(t0, t0)[0] if t0 >= 0 else -arctangent(-t0, -t0)[1]
-            high = arctangent(t1, t1)[1] if t1 >= 0 else -arctangent(-t1, -t1)[0]
+    else:
+        t0, t1 = -np.inf, np.inf
+    low, high = -HALF_PI[1], HALF_PI[1]
+    for end in range(2):
+        t = t1 if end else t0
+        if abs(t) < 1e9:
+            a, b = arctangent(abs(t), abs(t))
+            if end:
+                high = b if t >= 0 else -a
+            else:
+                low = a if t >= 0 else -b
+    if h >= 0:
+        t0, t1 = 2 * max(low, 0.0), 2 * high
+    elif cos1 < 0:  # π − atan(sin θ/−cos θ)
         t0, t1 = down(2 * HALF_PI[0] - high), up(2 * HALF_PI[1] - low)
     else:
         t0, t1 = HALF_PI[0], LARGEST_WRAP
@@ -302,19 +315,19 @@ def corner(a, h, radius):
 @outlined
 def over_wheel(o, wheel):
     """Fill in a cable's geometry over its wheel from ``APART``. False: nowhere in the box it is clear of its wheel."""
-    radius, d, n = wheel[RADIUS, 0], o[APART : APART + 3], np.empty((3, 2))
-    h0, h1, squares, aside = 0.0, 0.0, np.empty((3, 2)), np.empty((3, 2))
+    radius, n = wheel[RADIUS, 0], np.empty((3, 2))
+    h0, h1, squares, aside, at = 0.0, 0.0, np.empty((3, 2)), np.empty((3, 2)), np.zeros((4, 10))
     straight = 0.0
     for r in range(3):
-        a, b = multiply(d[r, 0], d[r, 1], wheel[AXIS + r, 0], wheel[AXIS + r, 1])
+        a, b = multiply(o[APART + r, 0], o[APART + r, 1], wheel[AXIS + r, 0], wheel[AXIS + r, 1])
         h0, h1 = add(h0, h1, a, b)
         aside[r, 0] = aside[r, 1] = 0.0
         for c in range(3):
             e = ASIDE + 3 * r + c
-            a, b = multiply(d[c, 0], d[c, 1], wheel[e, 0], wheel[e, 1])
+            a, b = multiply(o[APART + c, 0], o[APART + c, 1], wheel[e, 0], wheel[e, 1])
             aside[r, 0], aside[r, 1] = add(aside[r, 0], aside[r, 1], a, b)
         squares[r, 0], squares[r, 1] = square(aside[r, 0], aside[r, 1])
-        straight = max(down(straight + square(d[r, 0], d[r, 1])[0]), 0.0)
+        straight = max(down(straight + square(o[APART + r, 0], o[APART + r, 1])[0]), 0.0)
     rho0 = root_down(down(down(squares[0, 0] + squares[1, 0]) + squares[2, 0]))
     rho1 = up(np.sqrt(up(up(squares[0, 1] + squares[1, 1]) + squares[2, 1])))
     a0, a1 = max(down(rho0 - radius), 0.0), up(rho1 - radius)
@@ -330,10 +343,12 @@ def over_wheel(o, wheel):
     regular = near > up(radius * radius) and (h0 >= 0 or h1 < 0 or a0 > radius)
     s0, s1 = root_down(down(near - up(radius * radius))), up(np.sqrt(free))
     if regular:
-        c00, c01 = corner(a0, h0, radius), corner(a0, h1, radius)
-        c10, c11 = corner(a1, h0, radius), corner(a1, h1, radius)
-    else:
-        c00 = c01 = c10 = c11 = corner(radius, radius, radius)  # not used
+        for k in range(4):
+            c = at[k]
+            c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9] = corner(
+                a1 if k > 1 else a0, h1 if k % 2 else h0, radius
+            )
+    c00, c01, c10, c11 = at[0], at[1], at[2], at[3]
     if regular and h1 < 0:
         steep, flat = (c01 if a0 < radius else c00), (c10 if a1 <= radius else c11)  # θ is largest, and least
         sin0, sin1 = steep[2], flat[3]
@@ -367,7 +382,7 @@ def over_wheel(o, wheel):
         c, e = multiply(wheel[AXIS + r, 0], wheel[AXIS + r, 1], cos0, cos1)
         a, b = add(a, b, c, e)
         o[DIRECTION + r, 0], o[DIRECTION + r, 1] = max(a, -1.0), min(b, 1.0)
-        o[ACROSS + r, 0], o[ACROSS + r, 1] = cross(wheel[AXIS : AXIS + 3], n, r)
+        o[ACROSS + r, 0], o[ACROSS + r, 1] = cross(wheel, AXIS, n, 0, r)
     o[BEND, 0], o[BEND, 1] = -np.inf, np.inf
     if s0 > 0 and rho0 > 0:
         a, b = over(sin0, sin1, rho0, rho1)
@@ -382,62 +397,66 @@ def geometry(q, setup, o, spin):
     False if a cable is nowhere in the box clear of its wheel.
     """
     m, planar = setup.exits.shape[0], len(setup.rows) == 3  # then R has zeros beside its middle
-    R, Rm, middle = np.empty((3, 3, 2)), np.empty((3, 3, 2)), np.empty((6, 2))
+    R, Rm, middle = np.empty((9, 2)), np.empty((9, 2)), np.empty((6, 2))
     turn(q, R, spin)
+    turns = False
     for k in range(6):
         middle[k, 0] = middle[k, 1] = 0.5 * (q[k, 0] + q[k, 1])
-    unused = np.empty((3, 3, 2))
-    turn(middle, Rm, unused)
-    apart = np.empty((3, 2))
-    squares = np.empty((3, 2))
+        turns = turns or (k > 2 and q[k, 0] < q[k, 1])
+    if turns:
+        turn(middle, Rm, np.empty((9, 2)))
+    centred, squares = np.empty((3, 2)), np.empty((3, 2))
     for i in range(m + 1):
         b = setup.anchors[i] if i < m else setup.center_of_mass
-        u = o[i, ARM : ARM + 3]
-        centred = np.zeros((3, 2))
+        c = o[i]
         for r in range(3):
-            u[r, 0] = u[r, 1] = 0.0
-            for c in range(3):
-                if planar and (r + c) % 2 == 1:
+            low = high = centred_low = centred_high = 0.0
+            for k in range(3):
+                if b[k] == 0 or (planar and (r + k) % 2 == 1):
                     continue
-                p0, p1 = scaled(R[r, c, 0], R[r, c, 1], b[c])
-                u[r, 0], u[r, 1] = add(u[r, 0], u[r, 1], p0, p1)
-                p0, p1 = scaled(Rm[r, c, 0], Rm[r, c, 1], b[c])
-                centred[r, 0], centred[r, 1] = add(centred[r, 0], centred[r, 1], p0, p1)
-        for k in range(3):
-            if q[3 + k, 0] == q[3 + k, 1]:
-                continue
-            w0, w1 = subtract(q[3 + k, 0], q[3 + k, 1], middle[3 + k, 0], middle[3 + k, 0])
+                p0, p1 = scaled(R[3 * r + k, 0], R[3 * r + k, 1], b[k])
+                low, high = add(low, high, p0, p1)
+                if turns:
+                    p0, p1 = scaled(Rm[3 * r + k, 0], Rm[3 * r + k, 1], b[k])
+                    centred_low, centred_high = add(centred_low, centred_high, p0, p1)
+            c[ARM + r, 0], c[ARM + r, 1] = low, high
+            centred[r, 0], centred[r, 1] = centred_low, centred_high
+        if turns:
+            for k in range(3):
+                if q[3 + k, 0] == q[3 + k, 1]:
+                    continue
+                w0, w1 = subtract(q[3 + k, 0], q[3 + k, 1], middle[3 + k, 0], middle[3 + k, 0])
+                for r in range(3):
+                    if planar and r == 1:
+                        continue
+                    p0, p1 = cross(spin, 3 * k, c, ARM, r)
+                    p0, p1 = multiply(p0, p1, w0, w1)
+                    centred[r, 0], centred[r, 1] = add(centred[r, 0], centred[r, 1], p0, p1)
             for r in range(3):
-                if planar and r == 1:
-                    continue
-                p0, p1 = cross(spin[k], u, r)
-                p0, p1 = multiply(p0, p1, w0, w1)
-                centred[r, 0], centred[r, 1] = add(centred[r, 0], centred[r, 1], p0, p1)
-        for r in range(3):
-            u[r, 0], u[r, 1] = max(u[r, 0], centred[r, 0]), min(u[r, 1], centred[r, 1])
+                c[ARM + r, 0], c[ARM + r, 1] = max(c[ARM + r, 0], centred[r, 0]), min(c[ARM + r, 1], centred[r, 1])
         if i == m:
             return True
         for r in range(3):
-            a, b_ = add(q[r, 0], q[r, 1], u[r, 0], u[r, 1])
-            apart[r, 0], apart[r, 1] = subtract(a, b_, setup.exits[i, r], setup.exits[i, r])
-            o[i, APART + r, 0], o[i, APART + r, 1] = apart[r, 0], apart[r, 1]
-            squares[r, 0], squares[r, 1] = square(apart[r, 0], apart[r, 1])
-        n = o[i, DIRECTION : DIRECTION + 3]
+            p0, p1 = add(q[r, 0], q[r, 1], c[ARM + r, 0], c[ARM + r, 1])
+            p0, p1 = subtract(p0, p1, setup.exits[i, r], setup.exits[i, r])
+            c[APART + r, 0], c[APART + r, 1] = p0, p1
+            squares[r, 0], squares[r, 1] = square(p0, p1)
         if setup.wheels[i, RADIUS, 0] > 0:
-            if not over_wheel(o[i], setup.wheels[i]):
+            if not over_wheel(c, setup.wheels[i]):
                 return False
         else:
             low = down(down(squares[0, 0] + squares[1, 0]) + squares[2, 0])
             high = up(up(squares[0, 1] + squares[1, 1]) + squares[2, 1])
-            o[i, LENGTH, 0], o[i, LENGTH, 1] = root_down(low), up(np.sqrt(high))
-            o[i, FREE, 0], o[i, FREE, 1] = o[i, LENGTH, 0], o[i, LENGTH, 1]
+            c[LENGTH, 0], c[LENGTH, 1] = root_down(low), up(np.sqrt(high))
+            c[FREE, 0], c[FREE, 1] = c[LENGTH, 0], c[LENGTH, 1]
             for r in range(3):
                 s, t = (r + 1) % 3, (r + 2) % 3
                 low, high = max(down(squares[s, 0] + squares[t, 0]), 0.0), up(squares[s, 1] + squares[t, 1])
-                n[r, 0], n[r, 1] = unit_down(apart[r, 0], low, high), -unit_down(-apart[r, 1], low, high)
+                c[DIRECTION + r, 0] = unit_down(c[APART + r, 0], low, high)
+                c[DIRECTION + r, 1] = -unit_down(-c[APART + r, 1], low, high)
         for r in range(3):
             if not planar or r == 1:
-                o[i, MOMENT + r, 0], o[i, MOMENT + r, 1] = cross(u, n, r)
+                c[MOMENT + r, 0], c[MOMENT + r, 1] = cross(c, ARM, c, DIRECTION, r)
     return True
 
 
@@ -493,26 +512,24 @@ def tension(law, low, high):
 @outlined
 def load(setup, o, g):
     """Fill g (6, 2): minus the wrench of weight and external wrench about the platform's origin."""
-    w0, w1 = setup.weight[0], setup.weight[1]
-    c = o[-1, ARM : ARM + 3]
+    w0, w1, m = setup.weight[0], setup.weight[1], setup.exits.shape[0]
     for r in range(6):
         g[r, 0] = g[r, 1] = -setup.wrench[r]
     g[2, 0], g[2, 1] = add(g[2, 0], g[2, 1], w0, w1)
-    a, b = multiply(w0, w1, c[1, 0], c[1, 1])
+    a, b = multiply(w0, w1, o[m, ARM + 1, 0], o[m, ARM + 1, 1])
     g[3, 0], g[3, 1] = add(g[3, 0], g[3, 1], a, b)
-    a, b = multiply(w0, w1, c[0, 0], c[0, 1])
+    a, b = multiply(w0, w1, o[m, ARM, 0], o[m, ARM, 1])
     g[4, 0], g[4, 1] = subtract(g[4, 0], g[4, 1], a, b)
 
 
 @outlined
 def balance(T, W, g0, g1):
-    """Contract tensions T by Σ Tᵢ Wᵢ + [g0, g1] = 0. False if it cannot vanish."""
+    """Contract tensions T by Σ Tᵢ Wᵢ + [g0, g1] = 0. False if it cannot vanish. W (cables, 4) has room for Tᵢ Wᵢ."""
     m = T.shape[0]
-    parts = np.empty((m, 2))
     low, high = g0, g1
     for i in range(m):
-        parts[i, 0], parts[i, 1] = multiply(T[i, 0], T[i, 1], W[i, 0], W[i, 1])
-        low, high = add(low, high, parts[i, 0], parts[i, 1])
+        W[i, 2], W[i, 3] = multiply(T[i, 0], T[i, 1], W[i, 0], W[i, 1])
+        low, high = add(low, high, W[i, 2], W[i, 3])
     if low > 0 or high < 0:
         return False
     for i in range(m):
@@ -521,7 +538,7 @@ def balance(T, W, g0, g1):
         low, high = g0, g1
         for j in range(m):
             if j != i:
-                low, high = add(low, high, parts[j, 0], parts[j, 1])
+                low, high = add(low, high, W[j, 2], W[j, 3])
         if W[i, 0] > 0:
             a, b = over(-high, -low, W[i, 0], W[i, 1])
         else:
@@ -535,10 +552,14 @@ def balance(T, W, g0, g1):
 @outlined
 def virtual_work(T, o, g, rows, y, W):
     """Contract T by the balance along the motion y (6,), whose other entries than ``rows`` are zero."""
+    if not normalised(y):
+        return True
     low, high = 0.0, 0.0
     for i in range(T.shape[0]):
         W[i, 0] = W[i, 1] = 0.0
     for r in rows:
+        if y[r] == 0:
+            continue
         for i in range(T.shape[0]):
             a, b = scaled(o[i, DIRECTION + r, 0], o[i, DIRECTION + r, 1], y[r])
             W[i, 0], W[i, 1] = add(W[i, 0], W[i, 1], a, b)
@@ -549,7 +570,7 @@ def virtual_work(T, o, g, rows, y, W):
 
 @outlined
 def unbalanced(T, o, g, rows, y):
-    """Unbalanced part of the best tensions within T at the middle, in floats: the motion y, or zero."""
+    """Unbalanced part of the best tensions within T at the middle, in floats: the motion y."""
     m = T.shape[0]
     tau, W, square_sums = np.empty(m), np.zeros((m, 6)), np.empty(m)
     for r in rows:
@@ -569,7 +590,6 @@ def unbalanced(T, o, g, rows, y):
             for r in rows:
                 y[r] += (best - tau[i]) * W[i, r]
             tau[i] = best
-    return normalised(y)
 
 
 @outlined
@@ -595,25 +615,42 @@ def contract(q, T, setup, o, spin):
         T[i, 0], T[i, 1] = max(T[i, 0], a), min(T[i, 1], b)
         if T[i, 0] > T[i, 1]:
             return False
-    g, y, W = np.empty((6, 2)), np.zeros(6), np.empty((m, 2))
+    g, y, W, n = np.empty((6, 2)), np.zeros(6), np.empty((m, 4)), len(rows)
     load(setup, o, g)
     for r in rows:
-        if not balance(T, o[:m, DIRECTION + r], g[r, 0], g[r, 1]):
+        for i in range(m):
+            W[i, 0], W[i, 1] = o[i, DIRECTION + r, 0], o[i, DIRECTION + r, 1]
+        if not balance(T, W, g[r, 0], g[r, 1]):
             return False
-    if len(rows) == 3:  # the motions along which two cables do no work
-        w = np.empty((m, 3))
+    w = np.empty((m, n))
+    for i in range(m):
+        for k in range(n):
+            w[i, k] = 0.5 * (o[i, DIRECTION + rows[k], 0] + o[i, DIRECTION + rows[k], 1])
+    isolated = np.zeros((m, m))
+    if n > 3 and m <= n:
         for i in range(m):
-            for k in range(3):
-                w[i, k] = 0.5 * (o[i, DIRECTION + rows[k], 0] + o[i, DIRECTION + rows[k], 1])
-        for i in range(m):
-            for j in range(i):
-                for k in range(3):
-                    s, t = (k + 1) % 3, (k + 2) % 3
+            for j in range(m):
+                for k in range(n):
+                    isolated[i, j] += w[i, k] * w[j, k]
+            isolated[i, i] += ALMOST_PARALLEL
+        if not invert(isolated):
+            isolated[:] = 0.0
+    for i in range(m):
+        for j in range(i if n == 3 else 1):
+            for k in range(n):
+                y[rows[k]] = 0.0
+                s, t = (k + 1) % n, (k + 2) % n
+                if n == 3:  # the motions along which two cables do no work
                     y[rows[k]] = w[i, s] * w[j, t] - w[i, t] * w[j, s]
-                if normalised(y) and not virtual_work(T, o, g, rows, y, W):
-                    return False
-    elif unbalanced(T, o, g, rows, y) and not virtual_work(T, o, g, rows, y, W):
-        return False
+                else:  # along which all cables but one do none
+                    for p in range(m):
+                        y[rows[k]] += isolated[i, p] * w[p, k]
+            if not virtual_work(T, o, g, rows, y, W):
+                return False
+    if n > 3:
+        unbalanced(T, o, g, rows, y)
+        if not virtual_work(T, o, g, rows, y, W):
+            return False
     for i in range(m):  # from tensions to lengths, from lengths to positions
         law = setup.law[i]
         high = up(law[REST] + up(law[WHOLE_HIGH] * up(up(T[i, 1] / law[EA_LOW]) / law[SLOPE_LOW])))
@@ -630,18 +667,17 @@ def contract(q, T, setup, o, spin):
                 down(radius * radius), up(radius * radius), down(radius * o[i, BEYOND, 0]), up(radius * o[i, BEYOND, 1])
             )
             low, high = root_down(down(down(low * low) + 2 * a)), up(np.sqrt(up(up(high * high) + 2 * b)))
-        d = o[i, APART : APART + 3]
         for r in range(3):
-            s, t = (r + 1) % 3, (r + 2) % 3
-            s0, s1 = square(d[s, 0], d[s, 1])
-            t0, t1 = square(d[t, 0], d[t, 1])
+            if q[r, 0] == q[r, 1]:
+                continue
+            s, t = APART + (r + 1) % 3, APART + (r + 2) % 3
+            s0, s1 = square(o[i, s, 0], o[i, s, 1])
+            t0, t1 = square(o[i, t, 0], o[i, t, 1])
             reach = up(up(high * high) - down(s0 + t0))
             if reach < 0:
                 return False
-            if q[r, 0] == q[r, 1]:
-                continue
-            reach = up(np.sqrt(reach))
-            a, b = max(d[r, 0], -reach), min(d[r, 1], reach)
+            reach, d0, d1 = up(np.sqrt(reach)), o[i, APART + r, 0], o[i, APART + r, 1]
+            a, b = max(d0, -reach), min(d1, reach)
             clear = down(down(low * low) - up(s1 + t1))
             if low > 0 and clear > 0:
                 clear = root_down(clear)
@@ -651,7 +687,7 @@ def contract(q, T, setup, o, spin):
                     b = min(b, -clear)
             if a > b:
                 return False
-            if a > d[r, 0] or b < d[r, 1]:
+            if a > d0 or b < d1:
                 a, b = add(a, b, setup.exits[i, r], setup.exits[i, r])
                 a, b = subtract(a, b, o[i, ARM + r, 0], o[i, ARM + r, 1])
                 q[r, 0], q[r, 1] = max(q[r, 0], a), min(q[r, 1], b)
@@ -662,133 +698,204 @@ def contract(q, T, setup, o, spin):
 
 @outlined
 def invert(M):
-    """The inverse in floats, and whether it exists. Not a proof."""
+    """Replace M by its inverse in floats; False if there is none. Not a proof."""
     n = M.shape[0]
-    a, C = M.copy(), np.zeros((n, n))
-    for i in range(n):
-        C[i, i] = 1.0
+    order = np.empty(n, np.int64)
     for i in range(n):
         p = i
         for j in range(i + 1, n):
-            if abs(a[j, i]) > abs(a[p, i]):
+            if abs(M[j, i]) > abs(M[p, i]):
                 p = j
-        if not abs(a[p, i]) > TINY:
-            return C, False
+        order[i] = p
+        if not abs(M[p, i]) > TINY:
+            return False
+        if p != i:
+            for k in range(n):
+                M[p, k], M[i, k] = M[i, k], M[p, k]
+        part, M[i, i] = 1 / M[i, i], 1.0
         for k in range(n):
-            a[p, k], a[i, k] = a[i, k], a[p, k]
-            C[p, k], C[i, k] = C[i, k], C[p, k]
-        part = 1 / a[i, i]
-        for k in range(n):
-            a[i, k] *= part
-            C[i, k] *= part
+            M[i, k] *= part
         for j in range(n):
-            part = a[j, i]
-            if j != i and part != 0:
+            if j != i:
+                part, M[j, i] = M[j, i], 0.0
                 for k in range(n):
-                    a[j, k] -= part * a[i, k]
-                    C[j, k] -= part * C[i, k]
-    return C, True
+                    M[j, k] -= part * M[i, k]
+    for i in range(n - 1, -1, -1):  # the exchanges of rows, as exchanges of columns
+        p = order[i]
+        if p != i:
+            for k in range(n):
+                M[k, p], M[k, i] = M[k, i], M[k, p]
+    return True
 
 
 @outlined
-def derivatives(T, setup, o, spin, acting, count, J):
-    """Fill J: derivatives of the balances and of the cables' laws by the free coordinates and the acting tensions."""
+def bending(o, i, setup, B):
+    """Fill B (free, free, 2): derivatives of cable i's direction and moment by translation and rotation vector."""
+    rows, n = setup.rows, len(setup.rows)
+    c, E, planar = o[i], np.zeros((3, 6, 2)), n == 3
+    for r in range(3):  # E = ([n]×, n·u − u nᵀ), and (1 − n nᵀ) seen by the arm is Eᵀ E
+        if planar and r != 1:
+            continue
+        s, t = (r + 1) % 3, (r + 2) % 3
+        E[r, s, 0], E[r, s, 1] = -c[DIRECTION + t, 1], -c[DIRECTION + t, 0]
+        E[r, t, 0], E[r, t, 1] = c[DIRECTION + s, 0], c[DIRECTION + s, 1]
+        for x in range(3):
+            if x != r and not planar:
+                p, q = multiply(c[ARM + r, 0], c[ARM + r, 1], c[DIRECTION + x, 0], c[DIRECTION + x, 1])
+                E[r, 3 + x, 0], E[r, 3 + x, 1] = -q, -p
+        p, q = multiply(c[ARM + s, 0], c[ARM + s, 1], c[DIRECTION + s, 0], c[DIRECTION + s, 1])
+        d, e = multiply(c[ARM + t, 0], c[ARM + t, 1], c[DIRECTION + t, 0], c[DIRECTION + t, 1])
+        E[r, 3 + r, 0], E[r, 3 + r, 1] = add(p, q, d, e)
+    for k in range(n):
+        for j in range(k + 1):
+            r, x, low, high = rows[k], rows[j], 0.0, 0.0
+            for e in range(3):
+                if planar and e != 1:
+                    continue
+                if r == x:
+                    p, q = square(E[e, r, 0], E[e, r, 1])
+                else:
+                    p, q = multiply(E[e, r, 0], E[e, r, 1], E[e, x, 0], E[e, x, 1])
+                low, high = add(low, high, p, q)
+            low, high = over(low, high, c[FREE, 0], c[FREE, 1])
+            B[k, j, 0], B[k, j, 1] = low, high
+            B[j, k, 0], B[j, k, 1] = low, high
+    if setup.wheels[i, RADIUS, 0] > 0 and not planar:  # a planar robot's wheel does not swivel
+        side = np.empty((6, 2))
+        for r in range(3):
+            side[r, 0], side[r, 1] = c[ACROSS + r, 0], c[ACROSS + r, 1]
+        for r in range(3):
+            side[3 + r, 0], side[3 + r, 1] = cross(c, ARM, side, 0, r)
+        for r in range(6):
+            for x in range(6):
+                if r == x:
+                    p, q = square(side[r, 0], side[r, 1])
+                else:
+                    p, q = multiply(side[r, 0], side[r, 1], side[x, 0], side[x, 1])
+                p, q = multiply(p, q, c[BEND, 0], c[BEND, 1])
+                B[r, x, 0], B[r, x, 1] = add(B[r, x, 0], B[r, x, 1], p, q)
+    for k in range(n):
+        for j in range(n):
+            if rows[k] > 2 and rows[j] > 2:  # the pull keeps its direction and its arm turns: u nᵀ − n·u
+                e, x = rows[k] - 3, rows[j]
+                B[k, j, 0], B[k, j, 1] = subtract(B[k, j, 0], B[k, j, 1], E[e, x, 0], E[e, x, 1])
+
+
+@outlined
+def derivatives(T, setup, o, spin, acting, count, B, J):
+    """Fill J: derivatives of the balances and of the cables' extensions by the free coordinates, at tensions T.
+
+    The columns of the tensions are those of taut cables. B (cables, free, free, 2) is each cable's ``bending``.
+    """
     m, rows, n = setup.exits.shape[0], setup.rows, len(setup.rows)
-    J[:] = 0.0
-    K = np.zeros((6, 6, 2))  # of the balances by translation and rotation vector
+    turned = np.empty((6, 2))
     w0, w1 = setup.weight[0], setup.weight[1]
-    c = o[m, ARM : ARM + 3]
-    for r in range(3):
-        a, b = multiply(w0, w1, c[r, 0], c[r, 1])
-        K[3 + r, 5, 0], K[3 + r, 5, 1] = add(K[3 + r, 5, 0], K[3 + r, 5, 1], a, b)
-        a, b = multiply(-w1, -w0, c[2, 0], c[2, 1])
-        K[3 + r, 3 + r, 0], K[3 + r, 3 + r, 1] = add(K[3 + r, 3 + r, 0], K[3 + r, 3 + r, 1], a, b)
-    E = np.zeros((3, 6, 2))
+    for r in range(n + count):
+        for x in range(n):
+            low, high = 0.0, 0.0
+            if r >= n:
+                i = acting[r - n]
+                low, high = o[i, DIRECTION + rows[x], 0], o[i, DIRECTION + rows[x], 1]
+            else:
+                for k in range(count):
+                    i = acting[k]
+                    a, b = multiply(B[i, r, x, 0], B[i, r, x, 1], T[i, 0], T[i, 1])
+                    low, high = add(low, high, a, b)
+                e, f = rows[r] - 3, rows[x] - 3
+                if e >= 0 and f == 2:
+                    a, b = multiply(w0, w1, o[m, ARM + e, 0], o[m, ARM + e, 1])
+                    low, high = add(low, high, a, b)
+                if e >= 0 and e == f:
+                    a, b = multiply(w0, w1, o[m, ARM + 2, 0], o[m, ARM + 2, 1])
+                    low, high = subtract(low, high, a, b)
+            turned[x, 0], turned[x, 1] = low, high
+        for x in range(n):  # from rotation vectors to v: by its angular velocities
+            low, high = turned[x, 0], turned[x, 1]
+            if rows[x] > 2:
+                low, high = 0.0, 0.0
+                for e in range(n):
+                    if rows[e] > 2:
+                        s = 3 * (rows[x] - 3) + rows[e] - 3
+                        a, b = multiply(turned[e, 0], turned[e, 1], spin[s, 0], spin[s, 1])
+                        low, high = add(low, high, a, b)
+            if r >= n:
+                law = setup.law[acting[r - n]]
+                length = o[acting[r - n]]
+                a, b = slope(law, strain(law, length[LENGTH, 0])[0], strain(law, length[LENGTH, 1])[1])
+                low, high = multiply(low, high, a, b)
+            J[r, x, 0], J[r, x, 1] = low, high
     for k in range(count):
         i = acting[k]
-        t0, t1 = T[i, 0], T[i, 1]
-        s0, s1 = over(t0, t1, o[i, FREE, 0], o[i, FREE, 1])
-        n_, u = o[i, DIRECTION : DIRECTION + 3], o[i, ARM : ARM + 3]
-        for r in range(3):  # E = ([n]×, n·u − u nᵀ), and (1 − n nᵀ) seen by the arm is Eᵀ E
-            s, t = (r + 1) % 3, (r + 2) % 3
-            E[r, s, 0], E[r, s, 1] = -n_[t, 1], -n_[t, 0]
-            E[r, t, 0], E[r, t, 1] = n_[s, 0], n_[s, 1]
-            E[r, 3 + r, 0] = E[r, 3 + r, 1] = 0.0
-            for x in range(3):
-                a, b = multiply(u[r, 0], u[r, 1], n_[x, 0], n_[x, 1])
-                E[r, 3 + x, 0], E[r, 3 + x, 1] = -b, -a
-            a, b = multiply(u[s, 0], u[s, 1], n_[s, 0], n_[s, 1])
-            d, e = multiply(u[t, 0], u[t, 1], n_[t, 0], n_[t, 1])
-            E[r, 3 + r, 0], E[r, 3 + r, 1] = add(a, b, d, e)
-        for r in rows:
-            for x in rows:
-                low, high = 0.0, 0.0
-                for e in range(3):
-                    if r == x:
-                        a, b = square(E[e, r, 0], E[e, r, 1])
-                    else:
-                        a, b = multiply(E[e, r, 0], E[e, r, 1], E[e, x, 0], E[e, x, 1])
-                    low, high = add(low, high, a, b)
-                a, b = multiply(low, high, s0, s1)
-                K[r, x, 0], K[r, x, 1] = add(K[r, x, 0], K[r, x, 1], a, b)
-                if r > 2 and x > 2:  # the pull keeps its direction and its arm turns: u nᵀ − n·u
-                    a, b = multiply(t0, t1, -E[r - 3, x, 1], -E[r - 3, x, 0])
-                    K[r, x, 0], K[r, x, 1] = add(K[r, x, 0], K[r, x, 1], a, b)
-        if setup.wheels[i, RADIUS, 0] > 0 and n > 3:  # a planar robot's wheel does not swivel
-            s0, s1 = multiply(t0, t1, o[i, BEND, 0], o[i, BEND, 1])
-            side = np.empty((6, 2))
-            for r in range(3):
-                side[r, 0], side[r, 1] = o[i, ACROSS + r, 0], o[i, ACROSS + r, 1]
-            for r in range(3):
-                side[3 + r, 0], side[3 + r, 1] = cross(u, side, r)
-            for r in range(6):
-                for x in range(6):
-                    if r == x:
-                        a, b = square(side[r, 0], side[r, 1])
-                    else:
-                        a, b = multiply(side[r, 0], side[r, 1], side[x, 0], side[x, 1])
-                    a, b = multiply(a, b, s0, s1)
-                    K[r, x, 0], K[r, x, 1] = add(K[r, x, 0], K[r, x, 1], a, b)
         law = setup.law[i]
-        a, b = strain(law, o[i, LENGTH, 0])[0], strain(law, o[i, LENGTH, 1])[1]
-        low, high = slope(law, a, b)
-        if o[i, LENGTH, 0] < law[REST]:
-            low = 0.0
+        for r in range(count):
+            J[n + r, n + k, 0] = J[n + r, n + k, 1] = 0.0
         for r in range(n):
-            w0_, w1_ = o[i, DIRECTION + rows[r], 0], o[i, DIRECTION + rows[r], 1]
-            J[r, n + k, 0], J[r, n + k, 1] = w0_, w1_
-            K_low, K_high = multiply(low, high, w0_, w1_)
-            J[n + k, r, 0], J[n + k, r, 1] = K_low, K_high
+            J[r, n + k, 0], J[r, n + k, 1] = o[i, DIRECTION + rows[r], 0], o[i, DIRECTION + rows[r], 1]
         J[n + k, n + k, 0] = -up(law[WHOLE_HIGH] / law[EA_LOW])
         J[n + k, n + k, 1] = -down(law[WHOLE_LOW] / law[EA_HIGH])
-    turned = np.empty((6, 2))
-    for r in range(n + count):  # from rotation vectors to v: by its angular velocities
-        for x in range(3):
-            turned[x, 0] = turned[x, 1] = turned[3 + x, 0] = turned[3 + x, 1] = 0.0
-        for x in range(n):
-            if r < n:
-                turned[rows[x], 0], turned[rows[x], 1] = K[rows[r], rows[x], 0], K[rows[r], rows[x], 1]
-            else:
-                turned[rows[x], 0], turned[rows[x], 1] = J[r, x, 0], J[r, x, 1]
-        for x in range(n):
-            if rows[x] < 3:
-                J[r, x, 0], J[r, x, 1] = turned[rows[x], 0], turned[rows[x], 1]
-            else:
-                low, high = 0.0, 0.0
-                for e in range(3):
-                    a, b = turned[3 + e, 0], turned[3 + e, 1]
-                    if r < n:
-                        a, b = K[rows[r], 3 + e, 0], K[rows[r], 3 + e, 1]
-                    a, b = multiply(a, b, spin[rows[x] - 3, e, 0], spin[rows[x] - 3, e, 1])
-                    low, high = add(low, high, a, b)
-                J[r, x, 0], J[r, x, 1] = low, high
 
 
 @outlined
-def krawczyk(q, T, setup, o, spin, at):
-    """Krawczyk's test in the free coordinates and the tensions of cables that may be taut; contracts q and T.
+def branched(J, setup, o, acting, count, taut, low, high, gap):
+    """Multiply the tensions' columns of J: the tension is max(y, 0), with a slope in [low, high] (cables,).
 
-    Returns EMPTY, CONTRACTED or UNIQUE; the middle of its image is written to ``at`` (6,).
+    And the cable's extension is min(y, 0) times ``gap`` where it is slack.
+    """
+    rows, n = setup.rows, len(setup.rows)
+    for k in range(count):
+        if taut[k]:
+            continue
+        i = acting[k]
+        law = setup.law[i]
+        for r in range(n):
+            a, b = o[i, DIRECTION + rows[r], 0], o[i, DIRECTION + rows[r], 1]
+            J[r, n + k, 0], J[r, n + k, 1] = multiply(a, b, low[k], high[k])
+        a, b = multiply(low[k], high[k], down(law[WHOLE_LOW] / law[EA_HIGH]), up(law[WHOLE_HIGH] / law[EA_LOW]))
+        c, d = scaled(down(1 - high[k]), up(1 - low[k]), gap[k])
+        a, b = add(a, b, c, d)
+        J[n + k, n + k, 0], J[n + k, n + k, 1] = -b, -a
+
+
+@outlined
+def enclosed(J, Jm, Jr):
+    """Middles and radii of J, rounded upwards."""
+    for r in range(J.shape[0]):
+        for c in range(J.shape[0]):
+            mean = 0.5 * (J[r, c, 0] + J[r, c, 1])
+            Jm[r, c], Jr[r, c] = mean, up(max(up(J[r, c, 1] - mean), up(mean - J[r, c, 0])))
+
+
+@outlined
+def deviations(C, Jm, Jr, E, spread):
+    """Fill E with bounds of |1 − C J|, and ``spread`` with the part of them that is from the width of J."""
+    N = C.shape[0]
+    share = (N + 8) * SHARE
+    for r in range(N):
+        for c in range(N):
+            E[r, c], spread[r, c] = (1.0 if r == c else 0.0), 0.0
+        size = np.abs(E[r])
+        for s in range(N):
+            part = C[r, s]
+            for c in range(N):
+                E[r, c] -= part * Jm[s, c]
+                size[c] += abs(part * Jm[s, c])
+                spread[r, c] += abs(part) * Jr[s, c]
+        for c in range(N):
+            E[r, c] = (abs(E[r, c]) + spread[r, c] + share * size[c]) * (1 + share) + TINY
+
+
+@outlined
+def krawczyk(q, T, setup, o, spin, at, smear):
+    """Krawczyk's test in the free coordinates and in one unknown y for each cable that may be taut; contracts q and T.
+
+    y is the tension where it is positive; where it is negative, y times ``gap`` is the cable's extension l − l0 < 0.
+    With a ``gap`` near the compliance that the cable meets, the slopes by y hardly differ between taut and slack.
+    A cable whose tension is proved positive has one slope, even if its length in the box may be below its rest length.
+
+    The image is taken with slopes about the middle, which are narrower than derivatives; these prove uniqueness.
+
+    Returns EMPTY, CONTRACTED or UNIQUE; the middle of its image is written to ``at`` (6,), and to ``smear`` (6,) by how
+    much each coordinate's width widens the image.
     """
     m, rows, n = T.shape[0], setup.rows, len(setup.rows)
     acting, count = np.empty(m, np.int64), 0
@@ -803,80 +910,129 @@ def krawczyk(q, T, setup, o, spin, at):
             acting[count] = i
             count += 1
     N = n + count
-    Y, opened, J = np.empty((N, 2)), T.copy(), np.empty((N, N, 2))
+    pull = setup.weight[1] + abs(setup.wrench[0]) + abs(setup.wrench[1]) + abs(setup.wrench[2])
+    middle, radius, thin, between = np.empty(N), np.empty(N), q.copy(), np.zeros((m, 2))
+    B, J, taut = np.empty((m, n, n, 2)), np.empty((N, N, 2)), np.empty(count, np.bool_)
+    gap, low, high, Y = np.empty(count), np.empty(count), np.empty(count), np.empty((N, 2))
+    C, Jm, Jr, choices = np.empty((N, N)), np.empty((N, N)), np.empty((N, N)), 1
     for r in range(n):
         Y[r, 0], Y[r, 1] = q[rows[r], 0], q[rows[r], 1]
+        middle[r] = 0.5 * (Y[r, 0] + Y[r, 1])
+        thin[rows[r], 0] = thin[rows[r], 1] = middle[r]
     for k in range(count):
         i = acting[k]
-        wider = OPENED * (T[i, 1] - T[i, 0]) + 1e-9 * setup.weight[1] + TINY
-        opened[i, 0], opened[i, 1] = T[i, 0] - wider, T[i, 1] + wider
-        Y[n + k, 0], Y[n + k, 1] = opened[i, 0], opened[i, 1]
-    derivatives(opened, setup, o, spin, acting, count, J)
-    C = np.empty((N, N))
+        bending(o, i, setup, B[i])
+        taut[k] = T[i, 0] > 0
+        gap[k] = setup.law[i, REST] / pull
+        if not taut[k]:
+            choices = 2
+    for choice in range(choices):
+        for k in range(count):
+            i = acting[k]
+            wider = OPENED * (T[i, 1] - T[i, 0]) + 1e-9 * pull + TINY
+            bottom, low[k], high[k] = max(T[i, 0] - wider, 0.5 * T[i, 0]), 1.0, 1.0
+            if not taut[k]:
+                bottom = min(down(down(o[i, LENGTH, 0] - setup.law[i, REST]) / gap[k]), 0.0)
+                wider += OPENED * abs(bottom)
+                bottom -= wider
+            top = T[i, 1] + wider
+            y = 0.5 * (bottom + top)
+            Y[n + k, 0], Y[n + k, 1], middle[n + k] = bottom, top, y
+            between[i, 0] = between[i, 1] = max(y, 0.0)
+            if not taut[k]:  # slopes of max(y, 0) about the middle
+                low[k] = max(down(y / up(y - bottom)), 0.0) if y > 0 else 0.0
+                high[k] = 1.0 if y > 0 else up(top / down(top - y))
+        derivatives(between, setup, o, spin, acting, count, B, J)
+        branched(J, setup, o, acting, count, taut, low, high, gap)
+        enclosed(J, Jm, Jr)
+        C[:] = Jm
+        if not invert(C):
+            return CONTRACTED
+        if choice < choices - 1:
+            for k in range(count):
+                if not taut[k]:  # the pivot is h (compliance met + compliance of the cable) + (1 − h) gap
+                    i = acting[k]
+                    h, own = max(0.5 * (low[k] + high[k]), 0.1), setup.law[i, WHOLE_LOW] / setup.law[i, EA_HIGH]
+                    met = (1 / max(abs(C[n + k, n + k]), TINY) - (1 - h) * gap[k]) / h
+                    gap[k] = min(max(met, own), 1e3 * setup.law[i, REST] / pull)
     for r in range(N):
-        for c in range(N):
-            C[r, c] = 0.5 * (J[r, c, 0] + J[r, c, 1])
-    C, regular = invert(C)
-    if not regular:
-        return CONTRACTED
-    middle, thin, G, g = np.empty(N), q.copy(), np.zeros((N, 2)), np.empty((6, 2))
-    for r in range(N):
-        middle[r] = 0.5 * (Y[r, 0] + Y[r, 1])
-    for r in range(n):
-        thin[rows[r], 0] = thin[rows[r], 1] = middle[r]
+        radius[r] = up(max(up(Y[r, 1] - middle[r]), up(middle[r] - Y[r, 0])))
+    E, spread, G, g = np.empty((N, N)), np.empty((N, N)), np.empty((N, 2)), np.empty((6, 2))
+    deviations(C, Jm, Jr, E, spread)
+    for c in range(n):
+        smear[rows[c]] = 0.0
+        for r in range(n):
+            smear[rows[c]] = max(smear[rows[c]], setup.scales[rows[r]] * spread[r, c] * radius[c])
     if not geometry(thin, setup, o, spin):
         return CONTRACTED
     load(setup, o, g)
     for r in range(n):
         G[r, 0], G[r, 1] = g[rows[r], 0], g[rows[r], 1]
     for k in range(count):
-        i, tau = acting[k], middle[n + k]
-        law = setup.law[i]
+        i, tau, y = acting[k], between[acting[k], 0], middle[n + k]
+        law, length = setup.law[i], o[i]
         for r in range(n):
-            a, b = multiply(o[i, DIRECTION + rows[r], 0], o[i, DIRECTION + rows[r], 1], tau, tau)
+            a, b = scaled(length[DIRECTION + rows[r], 0], length[DIRECTION + rows[r], 1], tau)
             G[r, 0], G[r, 1] = add(G[r, 0], G[r, 1], a, b)
-        low = strained(law, strain(law, o[i, LENGTH, 0])[0], strain(law, o[i, LENGTH, 0])[1])[0]
-        high = strained(law, strain(law, o[i, LENGTH, 1])[0], strain(law, o[i, LENGTH, 1])[1])[1]
-        a, b = multiply(low, high, law[WHOLE_LOW], law[WHOLE_HIGH])
-        low, high = multiply(down(law[WHOLE_LOW] / law[EA_HIGH]), up(law[WHOLE_HIGH] / law[EA_LOW]), tau, tau)
-        G[n + k, 0], G[n + k, 1] = subtract(a, b, low, high)
-    inside, image = True, np.empty((N, 2))
+        a, b = strain(law, length[LENGTH, 0])[0], strain(law, length[LENGTH, 1])[1]
+        c, d = strained(law, a, a)[0], strained(law, b, b)[1]
+        a, b = multiply(down(c + min(a, 0.0)), up(d + min(b, 0.0)), law[WHOLE_LOW], law[WHOLE_HIGH])
+        c, d = multiply(down(law[WHOLE_LOW] / law[EA_HIGH]), up(law[WHOLE_HIGH] / law[EA_LOW]), tau, tau)
+        a, b = subtract(a, b, c, d)
+        if y < 0:
+            a, b = subtract(a, b, down(y * gap[k]), up(y * gap[k]))
+        G[n + k, 0], G[n + k, 1] = a, b
+    inside, share = True, (N + 8) * SHARE
     for r in range(N):
-        k0, k1 = middle[r], middle[r]
+        step, size, wide = 0.0, 0.0, 0.0
         for c in range(N):
-            a, b = scaled(G[c, 0], G[c, 1], -C[r, c])
-            k0, k1 = add(k0, k1, a, b)
-        for c in range(N):
-            e0 = e1 = 1.0 if r == c else 0.0
-            for s in range(N):
-                if J[s, c, 0] == 0 and J[s, c, 1] == 0:
-                    continue
-                a, b = scaled(J[s, c, 0], J[s, c, 1], C[r, s])
-                e0, e1 = subtract(e0, e1, a, b)
-            a, b = multiply(e0, e1, down(Y[c, 0] - middle[c]), up(Y[c, 1] - middle[c]))
-            k0, k1 = add(k0, k1, a, b)
+            mean = 0.5 * (G[c, 0] + G[c, 1])
+            step -= C[r, c] * mean
+            size += abs(C[r, c] * mean)
+            wide += abs(C[r, c]) * up(G[c, 1] - G[c, 0]) + E[r, c] * radius[c]
+        wide = (wide + share * size) * (1 + share) + TINY
+        k0, k1 = down(down(middle[r] + step) - wide), up(up(middle[r] + step) + wide)
         if not (k0 > -np.inf and k1 < np.inf):
             return CONTRACTED
         inside = inside and k0 > Y[r, 0] and k1 < Y[r, 1]
-        image[r, 0], image[r, 1] = max(k0, Y[r, 0]), min(k1, Y[r, 1])
-        if image[r, 0] > image[r, 1]:
+        k0, k1 = max(k0, Y[r, 0]), min(k1, Y[r, 1])
+        if k0 > k1:
             return EMPTY
+        if r < n:
+            q[rows[r], 0], q[rows[r], 1] = k0, k1
+            at[rows[r]] = 0.5 * (k0 + k1)
+        else:
+            i = acting[r - n]
+            T[i, 0], T[i, 1] = max(T[i, 0], k0), min(T[i, 1], max(k1, 0.0))
+            if T[i, 0] > T[i, 1]:
+                return EMPTY
+    if not inside:
+        return CONTRACTED
     for r in range(n):
-        q[rows[r], 0], q[rows[r], 1] = image[r, 0], image[r, 1]
-        at[rows[r]] = 0.5 * (image[r, 0] + image[r, 1])
+        thin[rows[r], 0], thin[rows[r], 1] = Y[r, 0], Y[r, 1]
+    if not geometry(thin, setup, o, spin):
+        return CONTRACTED
     for k in range(count):
-        i = acting[k]
-        T[i, 0], T[i, 1] = max(T[i, 0], image[n + k, 0]), min(T[i, 1], image[n + k, 1])
-        if T[i, 0] > T[i, 1]:
-            return EMPTY
-    return UNIQUE if inside else CONTRACTED
+        between[acting[k], 0], between[acting[k], 1] = max(Y[n + k, 0], 0.0), max(Y[n + k, 1], 0.0)
+        low[k], high[k] = 0.0, 1.0
+    derivatives(between, setup, o, spin, acting, count, B, J)
+    branched(J, setup, o, acting, count, taut, low, high, gap)
+    enclosed(J, Jm, Jr)
+    deviations(C, Jm, Jr, E, spread)
+    for r in range(N):
+        wide = 0.0
+        for c in range(N):
+            wide = up(wide + up(E[r, c] * radius[c]))
+        if not wide < down(radius[r]):
+            return CONTRACTED
+    return UNIQUE
 
 
 @outlined
 def steps_to_equilibrium(start, setup, o, spin):
     """Newton's steps in floats from a pose (6,): the last pose, and whether they converge. Not a proof."""
     m, rows, n = setup.exits.shape[0], setup.rows, len(setup.rows)
-    y, last, g = start.copy(), np.inf, np.empty((6, 2))
+    y, last, g, B = start.copy(), np.inf, np.empty((6, 2)), np.empty((m, n, n, 2))
     thin, T, acting = np.empty((6, 2)), np.zeros((m, 2)), np.empty(m, np.int64)
     for _ in range(40):
         for r in range(6):
@@ -894,12 +1050,13 @@ def steps_to_equilibrium(start, setup, o, spin):
             if o[i, LENGTH, 0] > setup.law[i, REST]:
                 acting[count] = i
                 count += 1
+                bending(o, i, setup, B[i])
                 for r in range(n):
                     F[r] += tau * o[i, DIRECTION + rows[r], 0]
         J = np.empty((n + count, n + count, 2))
-        derivatives(T, setup, o, spin, acting, count, J)
-        C, regular = invert(J[:, :, 0].copy())
-        if not regular:
+        derivatives(T, setup, o, spin, acting, count, B, J)
+        C = J[:, :, 0].copy()
+        if not invert(C):
             return y, False
         step, size = np.zeros(n), 0.0
         for r in range(n):
@@ -934,7 +1091,7 @@ def blown_up(q, setup, o, spin, box):
     y, ended = steps_to_equilibrium(y, setup, o, spin)
     if not ended:
         return False
-    at, T, size = np.empty(6), np.empty((m, 2)), 100 * setup.near
+    at, smear, T, size = np.empty(6), np.empty(6), np.empty((m, 2)), 100 * setup.near
     while size > setup.least / 10:
         box[:] = q
         for r in rows:
@@ -946,7 +1103,7 @@ def blown_up(q, setup, o, spin, box):
             return False
         for i in range(m):
             T[i, 0], T[i, 1] = tension(setup.law[i], o[i, LENGTH, 0], o[i, LENGTH, 1])
-        if krawczyk(tried, T, setup, o, spin, at) == UNIQUE:
+        if krawczyk(tried, T, setup, o, spin, at, smear) == UNIQUE:
             return True
         size /= 10
     return False
@@ -955,14 +1112,14 @@ def blown_up(q, setup, o, spin, box):
 @outlined
 def tightened(q, T, setup, o, spin, at):
     """Contract a box with exactly one equilibrium until it hardly shrinks: ``at`` (6,) is near the equilibrium."""
-    width = np.inf
+    width, smear = np.inf, np.empty(6)
     for _ in range(TIGHTER):
         last, width = width, 0.0
         for r in setup.rows:
             width = max(width, (q[r, 1] - q[r, 0]) * setup.scales[r])
         if width > 0.9 * last or not contract(q, T, setup, o, spin):
             return
-        if krawczyk(q, T, setup, o, spin, at) == EMPTY:
+        if krawczyk(q, T, setup, o, spin, at, smear) == EMPTY:
             return
 
 
@@ -993,7 +1150,7 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
         The new top, nf and nl. The search is complete at top = 0; it also stops if the arrays are full.
     """
     m, rows = setup.exits.shape[0], setup.rows
-    o, spin, at = np.zeros((m + 1, COLUMNS, 2)), np.empty((3, 3, 2)), np.zeros(6)
+    o, spin, at, smear = np.zeros((m + 1, COLUMNS, 2)), np.empty((9, 2)), np.zeros(6), np.zeros(6)
     box, end = np.empty((6, 2)), counts[BOXES] + most
     while top > 0 and counts[BOXES] < end:
         if nf == found.shape[0] or nl == left.shape[0] or top + 1 >= boxes.shape[0]:
@@ -1001,9 +1158,10 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
         top -= 1
         q, T = boxes[top].copy(), tensions[top].copy()
         counts[BOXES] += 1
-        alive = True
+        alive, old = True, np.empty((6, 2))
         for _ in range(ROUNDS):
-            old = q.copy()
+            old[:] = q
+            smear[:] = 0.0
             for f in range(nf):
                 if within(q, found[f], rows):
                     alive = False
@@ -1018,7 +1176,7 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
             for r in rows:
                 width = max(width, (q[r, 1] - q[r, 0]) * setup.scales[r])
             if width < setup.newton:
-                state = krawczyk(q, T, setup, o, spin, at)
+                state = krawczyk(q, T, setup, o, spin, at, smear)
                 if state == EMPTY:
                     counts[BY_KRAWCZYK] += 1
                     alive = False
@@ -1038,7 +1196,7 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
                 break
         if not alive:
             continue
-        widest, width = rows[0], -1.0
+        widest, width, most_smear = rows[0], -1.0, 0.0
         for r in rows:
             if (q[r, 1] - q[r, 0]) * setup.scales[r] > width:
                 widest, width = r, (q[r, 1] - q[r, 0]) * setup.scales[r]
@@ -1054,6 +1212,9 @@ def search(setup, boxes, tensions, top, found, nf, left, nl, most, counts):
             nl += 1
             counts[LEFT] += 1
             continue
+        for r in rows:
+            if smear[r] > most_smear and (q[r, 1] - q[r, 0]) * setup.scales[r] > THIN * width:
+                widest, most_smear = r, smear[r]
         cut = q[widest, 0] + SPLIT * (q[widest, 1] - q[widest, 0])
         boxes[top] = q
         tensions[top] = T
