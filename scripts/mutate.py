@@ -280,14 +280,14 @@ def recorded(tree: Path, digest: str, tests: list[str], jobs: int) -> Record:
             raise RuntimeError("tests fail without a fault")
         place.write_text("".join(one.read_text(encoding="utf-8") for one in sorted(tree.glob("executed-*"))))
     seconds: defaultdict[str, float] = defaultdict(float)
-    tests: defaultdict[str, set[str]] = defaultdict(set)
+    executed_by: defaultdict[str, set[str]] = defaultdict(set)
     for line in place.read_text(encoding="utf-8").splitlines():
         who, took, functions = json.loads(line)
         seconds[who] += took
         for one in functions:
-            tests[one].add(who)
-            tests[one.partition(":")[0]].add(who)
-    return Record(dict(seconds), dict(tests))
+            executed_by[one].add(who)
+            executed_by[one.partition(":")[0]].add(who)
+    return Record(dict(seconds), dict(executed_by))
 
 
 # In a process that has collected the tests: one fork for each fault
