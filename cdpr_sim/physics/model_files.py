@@ -143,8 +143,9 @@ def _winch_guide(robot: Robot) -> str:
         meaning = "L/l0 - 1, L the length at the written pose: each rest length l0 shorter by 2 %"
     else:
         meaning = "L/l0 - 1, or for a nonlinear cable the length that its drum draws in [m]"
+    behind = ""
     if not robot.cabling.direct:
-        meaning += "; with a rope g from winch to exit and n parts of line, g/n is added to L and l0"
+        behind = "# With a rope g from winch to exit and n parts of line, g/n is added to L and l0.\n"
     sagging = "" if robot.cabling.massless else f"\n{SAGGING.rstrip()}"
     return f"""## winch.xml: the same robot, driven by its winches
 
@@ -156,7 +157,7 @@ world.option.integrator = robot.option.integrator  # or leave it as it is
 world.attach(robot, prefix="cdpr/", frame=world.worldbody.add_frame(pos=[1, 0, 0]))
 model = world.compile()
 data = mujoco.MjData(model)
-data.ctrl[:] = 0.02  # {meaning}
+{behind}data.ctrl[:] = 0.02  # {meaning}
 mujoco.mj_step(model, data, 5000)
 print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # N; m, from the site `cdpr/base`
 ```

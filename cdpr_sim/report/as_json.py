@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.cable import MEMORIES, Cabling
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.report.crosscheck_tables import Outcome, best_point
 
@@ -198,7 +198,13 @@ def _robot(robot: Robot) -> dict[str, Any]:
     cabling, properties = robot.cabling, {}
     for name, parameter in inspect.signature(Cabling).parameters.items():
         values, usual = getattr(cabling, name), parameter.default
-        if usual is not parameter.empty and (cabling.pulleys if name == "pulley_axis" else values != usual).any():
+        if usual is parameter.empty:
+            continue
+        if name in MEMORIES:
+            given = cabling.has(name)
+        else:
+            given = cabling.pulleys if name == "pulley_axis" else values != usual
+        if given.any():
             properties[name] = _finite(values)
     description = {"robot": robot.name} | fields(robot, "mass", "material", "axial_stiffness")
     return description | {"cables": properties} if properties else description
