@@ -200,10 +200,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
         values, usual = getattr(cabling, name), parameter.default
         if usual is parameter.empty:
             continue
-        if name in MEMORIES:
-            given = cabling.has(name)
-        else:
-            given = cabling.pulleys if name == "pulley_axis" else values != usual
+        given = cabling.has(name) if name in MEMORIES else cabling.pulleys if name == "pulley_axis" else values != usual
         if given.any():
             properties[name] = _finite(values)
     description = {"robot": robot.name} | fields(robot, "mass", "material", "axial_stiffness")
