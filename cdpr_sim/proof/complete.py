@@ -188,9 +188,8 @@ def certify_all(
     """Every equilibrium on these cable lengths, stable or not, with a proof that none is missing.
 
     With pulleys these are the equilibria at which each anchor lies further from its pulley's axis than the radius.
-    Planar robots take tens of milliseconds. Spatial ones with four cables take half an hour or more, and with more
-    cables as long as the time limit: boxes not examined by then are counted as pending, and a store continues the
-    search.
+    Planar robots take tens of milliseconds. Spatial ones with four cables take minutes, and with more cables as long as
+    the time limit: boxes not examined by then are counted as pending, and a store continues the search.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
