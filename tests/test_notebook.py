@@ -56,7 +56,7 @@ def results(robot) -> dict[str, object]:
         cdpr.clearances(robot, [POSE]), measurements, cdpr.identify(robot, measurements), layout,
         front, cdpr.validate_layout(layout), cdpr.release(equilibrium, seconds=0.01), cdpr.certify(equilibrium),
         cdpr.certify_all(cdpr.Problem.of(cdpr.load_robot("two-cable").replace(name=HOSTILE), (0.4, 0, 0.2))),
-        cdpr.workspace_hull(cdpr.load_robot("ipanema-1"), depth=1),
+        cdpr.workspace_hull(cdpr.load_robot("ipanema-1"), depth=1), cdpr.solve_path(robot, [POSE, (0.4, 0.25, 0.2)]),
     ]  # fmt: skip
     return {type(one).__name__: one for one in found}
 
@@ -81,7 +81,8 @@ def test_every_public_result_is_among_them(results):
         if dataclasses.is_dataclass(getattr(cdpr, name))
         and any("np.ndarray" in str(field.type) for field in dataclasses.fields(getattr(cdpr, name)))
     }
-    assert {name for name in arrays if "__repr__" not in getattr(cdpr, name).__dict__} == set()
+    inherited = {name: [vars(one) for one in getattr(cdpr, name).__mro__[:-1]] for name in arrays}
+    assert {name for name, classes in inherited.items() if not any("__repr__" in one for one in classes)} == set()
 
 
 def test_results_say_in_a_line_what_they_are(results):
@@ -163,7 +164,7 @@ def test_results_survive_pickle_and_copies(results, robot):
     sought = dict(within=0.005, generations=1, population=8, threads=1)
     others = [
         robot.cabling, cdpr.solve_many(robot, [POSE]), cdpr.drive(robot, [POSE], seconds=0.1, states=2),
-        rigid, cdpr.ElasticLengths(robot), cdpr.HeldTensions(robot), cdpr.LengthsAndTensions(robot),
+        cdpr.Memory.fresh(robot), rigid, cdpr.ElasticLengths(robot), cdpr.HeldTensions(robot), cdpr.LengthsAndTensions(robot),
         cdpr.PoseFeedback(rigid), cdpr.Command.of(robot.rest_lengths(POSE), robot.cables), cdpr.Sensors(),
         cdpr.MATERIALS["vectran-0.7mm"], cdpr.ROPES["dyneema"], cdpr.Move("exits", 0.01),
         cdpr.CompensationOutcome.EXACT,

@@ -149,7 +149,7 @@ REACHED = [
      "check",
      {("poses", lambda found: found.translation[[0, -1]].tolist()): [[0.3, 0.2, 0.1], [0.4, 0.3, 0.1]],
       ("poses", len): 3}),
-    ("settle parallel --waypoint 0.3 0.2 0.1 --waypoint 0.4 0.2 0.1 --path-points 3 --mass 0.7", "solve_many",
+    ("settle parallel --waypoint 0.3 0.2 0.1 --waypoint 0.4 0.2 0.1 --path-points 3 --mass 0.7", "crosscheck.check.both",
      {(0, lambda found: found.positions.tolist()): [[0.3, 0.2, 0.1], [pytest.approx(0.35), 0.2, 0.1], [0.4, 0.2, 0.1]],
       (0, lambda found: found.robot.mass): 0.7}),
     ("check parallel --mass 0.7", "check", {(0, masses): [0.7]}),
@@ -198,7 +198,7 @@ def test_options_reach_what_they_are_for(words, function, expected, folder, monk
         asked.update(dict(enumerate(args)) | options)
         raise Asked("asked")
 
-    monkeypatch.setattr(cdpr, function, record)
+    monkeypatch.setattr(f"cdpr_sim.{function}", record)
     told = CliRunner().invoke(app, words.split())
     assert (told.exit_code, told.stderr.strip()) == (2, "cdpr-sim: asked")  # bars may end in an empty line
     for name, value in expected.items():
@@ -211,7 +211,9 @@ def test_settings_of_a_film_reach_the_film(folder, monkeypatch):
     """Size, exaggeration and renderer; compensated lengths beside rigid ones, by robots of that name."""
     driven, filmed = [], {}
     monkeypatch.setattr(cdpr, "drive", lambda robot, *args, **options: driven.append((robot, options)) or robot)
-    monkeypatch.setattr(cdpr, "solve_trajectory", lambda robot: cdpr.solve_many(robot, [robot.home]))
+    monkeypatch.setattr(
+        "cdpr_sim.studies.robot_summary.solved_along", lambda robot: cdpr.solve_many(robot, [robot.home])
+    )
     monkeypatch.setattr(cdpr, "compensate", lambda robot, at, **load: (robot, at))
     monkeypatch.setattr(
         "cdpr_sim.crosscheck.compensation_check.held",

@@ -329,7 +329,7 @@ def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_
 
     cdpr_drive, cdpr_solve = cdpr.drive, cdpr.solve_trajectory
     monkeypatch.setattr(cdpr, "drive", drive)
-    monkeypatch.setattr(cdpr, "solve_trajectory", solve)
+    monkeypatch.setattr("cdpr_sim.studies.robot_summary.solve_trajectory", solve)
     monkeypatch.setattr(cdpr, "write_video", film)
     words = [
         "--path",

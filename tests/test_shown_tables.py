@@ -555,9 +555,13 @@ def test_json_has_every_property_of_cables_that_is_not_as_by_default():
     """Whatever properties there are, each with a value of its own, and no property that is as by default."""
     parameters = inspect.signature(Cabling).parameters.items()
     usual = {name: one.default for name, one in parameters if one.default is not one.empty}
-    given = {name: np.where(np.isinf(value), 50.0, np.add(value, 1.0)) for name, value in usual.items()}
+    memories = {"pulley_friction": 0.05, "hysteresis": [(0.1, 1e-3, 0.5)], "creep": [(4e4, 60.0)]}
+    given = {name: np.where(np.isinf(value), 50.0, np.add(value, 1.0)) for name, value in usual.items() if value != ()}
+    given |= memories
     assert "pulley_axis" in given
-    for names in (given, [name for name in given if name != "pulley_axis"], ["linear_density"], []):
+    without, elastic = ["pulley_axis", *memories], given.keys() - {"linear_density", "stiffening"}
+    every = [given.keys() - memories.keys(), elastic, memories, given.keys() - set(without), ["linear_density"], []]
+    for names in every:
         robot = cdpr.load_robot("cogiro").replace(**({"breaking_load": np.inf} | {name: given[name] for name in names}))
         shown = as_json.identification(identification(robot=robot)).get("cables", {})
         assert shown.keys() - {"pulley_axis"} == set(names) - {"pulley_axis"}

@@ -82,6 +82,9 @@ class Memory(Frozen):
     def broadcast(self, robot: Robot, shape: tuple[int, ...]) -> Memory:
         """This memory for paths of ``robot`` side by side.
 
+        Returns:
+            A copy of ``shape``.
+
         Raises:
             InvalidInput: a memory of other cables or another number of paths, or of a path that ended before.
         """
