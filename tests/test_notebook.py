@@ -164,7 +164,8 @@ def test_results_survive_pickle_and_copies(results, robot):
     sought = dict(within=0.005, generations=1, population=8, threads=1)
     others = [
         robot.cabling, cdpr.solve_many(robot, [POSE]), cdpr.drive(robot, [POSE], seconds=0.1, states=2),
-        cdpr.Memory.fresh(robot), rigid, cdpr.ElasticLengths(robot), cdpr.HeldTensions(robot), cdpr.LengthsAndTensions(robot),
+        cdpr.Memory.fresh(robot),
+        rigid, cdpr.ElasticLengths(robot), cdpr.HeldTensions(robot), cdpr.LengthsAndTensions(robot),
         cdpr.PoseFeedback(rigid), cdpr.Command.of(robot.rest_lengths(POSE), robot.cables), cdpr.Sensors(),
         cdpr.MATERIALS["vectran-0.7mm"], cdpr.ROPES["dyneema"], cdpr.Move("exits", 0.01),
         cdpr.CompensationOutcome.EXACT,
