@@ -75,7 +75,7 @@ class Compiled:
         return self._compiled
 
     def _compile(self) -> Any:
-        _log.warning("cdpr_sim compiles its %s: up to half a minute, once on this machine", self._what)
+        _log.warning("cdpr_sim compiles its %s: up to a minute, once on this machine", self._what)
         while _called_by_kernels:
             _called_by_kernels[-1]()  # removed only afterwards: Ctrl-C may interrupt between the two
             _called_by_kernels.pop()
