@@ -144,7 +144,6 @@ def _from_truth(context, b, source, target, value):
 def _typed(function: Any, entry: Many, result: Many, number: int, emit: Any) -> None:
     """Let ``function`` of ``number`` arguments, some of type ``entry``, give ``result`` by the code of ``emit``."""
 
-    @infer_global(function)
     class Template(AbstractTemplate):
         key = function
 
@@ -153,6 +152,7 @@ def _typed(function: Any, entry: Many, result: Many, number: int, emit: Any) -> 
             if fit and all(one is entry or isinstance(one, entry.ones) for one in args):
                 return signature(result, *[entry] * number)
 
+    infer_global(function, types.Function(Template))  # as a decorator, it fails for functions of NumPy 2.0
     lower_builtin(function, *[type(entry)] * number)(lambda context, b, sig, args: emit(b, *args))
 
 
