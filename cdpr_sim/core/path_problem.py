@@ -20,6 +20,18 @@ MOST_STEPS = 100_000
 """Largest number of steps between two commands."""
 
 
+def moved(
+    positions: Float[np.ndarray, "*batch 3"],
+    rotations: Float[np.ndarray, "*batch 3 3"],
+    before: Problems,
+    now: Problems,
+) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3 3"]]:
+    """Poses near the equilibria of ``now``: those of ``before``, moved as the commanded poses move."""
+    turned = now.rotations @ np.swapaxes(before.rotations, -1, -2) @ rotations
+    turned = turned @ (3 * np.eye(3) - np.swapaxes(turned, -1, -2) @ turned) / 2  # removes the rounding of many steps
+    return positions + (now.positions - before.positions), turned
+
+
 @dataclass(frozen=True, eq=False)
 class PathProblem(Frozen):
     """Commands of a robot one after another, or of many paths side by side; checked and frozen.

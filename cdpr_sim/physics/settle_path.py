@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.checks import MOST_THREADS, whole
 from cdpr_sim.core.equilibrium_path import EquilibriumPath
 from cdpr_sim.core.memory import Memory
-from cdpr_sim.core.path_problem import PathProblem
+from cdpr_sim.core.path_problem import PathProblem, moved
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -150,12 +150,10 @@ class _SettledPath:
         """Settle ``paths`` at one row, from the equilibria before, moved as the commands are; which do not settle."""
         starts = commands
         if row > 0:
-            turns = commands.rotations @ np.swapaxes(before.rotations, -1, -2)
-            starts = replace(
-                commands,
-                positions=self.positions[row - 1, paths] + commands.positions - before.positions,
-                rotations=turns @ self.rotations[row - 1, paths],
+            positions, rotations = moved(
+                self.positions[row - 1, paths], self.rotations[row - 1, paths], before, commands
             )
+            starts = replace(commands, positions=positions, rotations=rotations)
         memory = Memory(**{name: part[paths] for name, part in self.memory.items()}, time=np.nan)
         simulations.start(starts, own_springs=False, memory=memory, duration=float(self.path.durations[row]))
         relaxation, reading = come_to_rest(simulations)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.equilibrium_path import EquilibriumPath
 from cdpr_sim.core.memory import Memory
-from cdpr_sim.core.path_problem import PathProblem
+from cdpr_sim.core.path_problem import PathProblem, moved
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -88,10 +88,7 @@ def follow(path: PathProblem) -> EquilibriumPath:
 
 def _moved(here: EquilibriumBatch, problems: Problems) -> newton.Start:
     """The last equilibria, moved as their commands move; nan where a path has ended."""
-    before = here.problems
-    positions = here.positions + (problems.positions - before.positions)
-    turned = problems.rotations @ np.swapaxes(before.rotations, -1, -2) @ here.rotations
-    turned = turned @ (3 * np.eye(3) - np.swapaxes(turned, -1, -2) @ turned) / 2  # removes the rounding of many steps
+    positions, turned = moved(here.positions, here.rotations, here.problems, problems)
     return np.where(here.converged[..., None], positions, np.nan), turned
 
 
