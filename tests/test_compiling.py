@@ -400,8 +400,7 @@ def test_the_sources_are_all_that_compiled_code_is_made_of():
     uses_numba = re.compile(r"^\s*(import numba|from numba)", re.MULTILINE)
     compiled = {path for path in PACKAGE.rglob("*.py") if uses_numba.search(path.read_text(encoding="utf-8"))}
     others = {PACKAGE / "statics" / "catenary.py", PACKAGE / "drawing" / "video" / "raycast.py"}
-    others |= {PACKAGE / "proof" / "search_kernel.py", PACKAGE / "core" / "lanes.py"}
-    kernels = {*(PACKAGE / "statics").glob("*_kernel.py"), *others}
+    kernels = {*PACKAGE.glob("*/*_kernel.py"), *others, PACKAGE / "core" / "lanes.py"}
     assert compiled - {PACKAGE / "core" / "compiling.py", PACKAGE / "core" / "code_cache.py"} <= kernels
     reached, waiting = set(), list(kernels)
     while waiting:

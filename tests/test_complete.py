@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import cdpr_sim as cdpr
 from cdpr_sim.core.errors import StoreError
 from cdpr_sim.core.pose import Pose
-from cdpr_sim.proof import complete
+from cdpr_sim.proof import complete, geometry_kernel, interval_kernel, krawczyk_kernel
 from cdpr_sim.proof import search_kernel as kernel
 from cdpr_sim.proof.balance import Balance
 from cdpr_sim.proof.balls import arithmetic, dot, exact, middle
@@ -364,22 +364,22 @@ def test_intervals_are_rounded_outwards():
         a, b, c, d = random.normal(size=4) * 10 ** random.uniform(-8, 8, 4)
         a, b, c, d = min(a, b), max(a, b), min(c, d), max(c, d)
         exact = {
-            kernel.add: [Fraction(a) + Fraction(c), Fraction(b) + Fraction(d)],
-            kernel.subtract: [Fraction(a) - Fraction(d), Fraction(b) - Fraction(c)],
-            kernel.multiply: [Fraction(x) * Fraction(y) for x in (a, b) for y in (c, d)],
+            interval_kernel.add: [Fraction(a) + Fraction(c), Fraction(b) + Fraction(d)],
+            interval_kernel.subtract: [Fraction(a) - Fraction(d), Fraction(b) - Fraction(c)],
+            interval_kernel.multiply: [Fraction(x) * Fraction(y) for x in (a, b) for y in (c, d)],
         }
         for function, ends in exact.items():
             low, high = function(a, b, c, d)
             assert Fraction(low) <= min(ends)
             assert Fraction(high) >= max(ends)
-        low, high = kernel.scaled(a, b, c)
+        low, high = interval_kernel.scaled(a, b, c)
         assert Fraction(low) <= min(Fraction(a) * Fraction(c), Fraction(b) * Fraction(c))
         assert Fraction(high) >= max(Fraction(a) * Fraction(c), Fraction(b) * Fraction(c))
         c, d = abs(c) + 1e-9, abs(c) + 1e-9 + abs(d)
-        low, high = kernel.over(a, b, c, d)
+        low, high = interval_kernel.over(a, b, c, d)
         assert Fraction(low) <= min(Fraction(x) / Fraction(y) for x in (a, b) for y in (c, d))
         assert Fraction(high) >= max(Fraction(x) / Fraction(y) for x in (a, b) for y in (c, d))
-        assert Fraction(kernel.root_down(d)) ** 2 <= Fraction(d)
+        assert Fraction(interval_kernel.root_down(d)) ** 2 <= Fraction(d)
 
 
 def test_the_matrix_of_krawczyks_test_is_bounded():
@@ -392,8 +392,8 @@ def test_the_matrix_of_krawczyks_test_is_bounded():
         J = np.stack([low, low + abs(low) * 10 ** random.uniform(-17, 0) * (random.random() < 0.7)], -1)
         J.sort(-1)
         mean, radius, bound, spread = (np.empty((n, n)) for _ in range(4))
-        kernel.enclosed(J, mean, radius)
-        kernel.deviations(C, mean, radius, bound, spread)
+        krawczyk_kernel.enclosed(J, mean, radius)
+        krawczyk_kernel.deviations(C, mean, radius, bound, spread)
         for r in range(n):
             for c in range(n):
                 parts = [[Fraction(C[r, s]) * Fraction(end) for end in J[s, c]] for s in range(n)]
@@ -416,21 +416,23 @@ def test_arc_tangents_and_paths_over_wheels_are_enclosed():
         x = 10 ** random.uniform(-9, 9)
         with arithmetic():
             angle = flint.arb(x).atan()
-            low, high = kernel.arctangent(x, x)
+            low, high = interval_kernel.arctangent(x, x)
             assert flint.arb(low) <= angle <= flint.arb(high)
             assert high - low < 1e-14
         wide = 10 ** random.uniform(-9, 0) * random.uniform(0, 1, 3)
         at = 0.1 * random.normal(size=3) * 10 ** random.uniform(0, 1)
-        o = np.zeros((kernel.COLUMNS, 2))
-        o[kernel.APART : kernel.APART + 3] = np.stack([at - random.uniform(0, 1, 3) * wide, at + wide], 1)
-        reached = kernel.over_wheel(o, wheel)
+        o = np.zeros((geometry_kernel.COLUMNS, 2))
+        o[geometry_kernel.APART : geometry_kernel.APART + 3] = np.stack(
+            [at - random.uniform(0, 1, 3) * wide, at + wide], 1
+        )
+        reached = geometry_kernel.over_wheel(o, wheel)
         with arithmetic():
             cable = Cable(problem, 0)
             path = cable._over_wheel([exact(v) for v in at])
             if not path.v.is_finite():
                 continue
             assert reached
-            for value, column in [(path.v, kernel.LENGTH), *zip(path.d, range(1, 4), strict=True)]:
+            for value, column in [(path.v, geometry_kernel.LENGTH), *zip(path.d, range(1, 4), strict=True)]:
                 assert not value < exact(o[column, 0])
                 assert not value > exact(o[column, 1])
             narrow += np.ptp(o[:4], axis=1).max() < 1e-6
