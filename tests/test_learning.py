@@ -193,6 +193,11 @@ def test_random_actions_leave_it_finite():
         ({"rewards": {"tilt": 1.0}}, "term of the reward"),
         ({"rate": 0}, "rate: found 0"),
         ({"robot": "crane-with-heavy-cables"}, "crane-with-heavy-cables"),
+        ({"robot": cdpr.load_robot("cogiro").replace(linear_density=5e-4)}, "found cables of 0.0005 kg/m"),
+        (
+            {"robot": cdpr.load_robot("cogiro").replace(stiffening=(100, 2e4))},
+            "found cable 1 with nonlinear elasticity",
+        ),
     ],
 )
 def test_invalid_settings_are_refused_in_a_sentence(settings, words):

@@ -185,6 +185,16 @@ def test_a_winch_at_its_limit_slips():
             model_of(COGIRO, winches=True, winch_force=wrong)
 
 
+def test_a_limit_of_force_that_no_winch_can_keep_is_refused():
+    """Of a nonlinear cable, whose spring no actuator limits; the linear cables beside it keep theirs."""
+    robot, limits = COGIRO.replace(stiffening=[(0.0, 0.0)] * 7 + [(100.0, 2e4)]), np.full(8, 40.0)
+    with pytest.raises(cdpr.InvalidInput, match="winch_force: found 40 N for cable 8 with nonlinear elasticity"):
+        model_of(robot, winches=True, winch_force=limits)
+    limits[7] = np.inf
+    model = model_of(robot, winches=True, winch_force=limits)
+    np.testing.assert_array_equal(model.actuator_forcerange[:7, 1], 40.0)
+
+
 @pytest.mark.parametrize("robot", [COGIRO, COGIRO.replace(winch_to_exit=0.8, reeving=2)], ids=["direct", "drive line"])
 def test_winches_by_speed_follow_the_law_and_their_limits(robot):
     """No rope runs faster than ``winch_speed`` over the whole range, the longest one so fast; l0 = L/(1 + w/L)."""

@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.equilibrium import NotSettled
 from cdpr_sim.core.errors import InvalidInput
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.physics.chains import SEGMENTS
@@ -19,8 +20,10 @@ from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
 from cdpr_sim.physics.pulleys import toward_anchors
 from cdpr_sim.physics.release import grow_gravity, release
+from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_relaxation import ChainRelaxation
 from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+from cdpr_sim.physics.sagging.settle_chains import at_rest
 from cdpr_sim.physics.settle import residual_of, settle, settle_many, settle_trajectory
 from cdpr_sim.physics.tendons import let_out
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
@@ -36,6 +39,9 @@ AT_REST = 1e-8
 
 DIFFERENCED = 1e-6
 """Relative. Forces are differenced over 3e-6 cable lengths."""
+
+ONE_BY_ONE = 1e-4
+"""Relative. Forces are differenced over 1e-7 m, where hanging segments are stretched by some micrometres."""
 
 MOVED = 1e-6
 """[m] What a negative control has to move the platform by."""
@@ -605,3 +611,29 @@ def test_one_percent_more_of_a_weight_shows():
     moved = settle(robot, pose, model=model)
     assert np.linalg.norm(moved.position - rest.position) > MOVED
     assert residual_of(rest.problem, rest.pose, model=model) > 1e-5 * robot.weight
+
+
+@pytest.mark.parametrize("name", ["parallel", "planar-vertical"])
+def test_displacing_all_masses_at_once_gives_the_derivatives_of_each(name):
+    """Three displacements of all slides give what displacing them one by one gives; the first segments count in all."""
+    robot = load_robot(name).replace(pulley_radius=0.01, linear_density=5e-4, axial_stiffness=100.0)
+    problem = Problem.of(robot, robot.workspace.mean(0) + 0.05 * np.ptp(robot.workspace, axis=0))
+    simulation = at_rest(problem, problem.pose)
+    simulation.residual()
+    found = ChainDerivatives.of(simulation).within
+    model, data, step = simulation.model, simulation.data, 1e-7
+    qpos, nodes = data.qpos.copy(), []
+    for column in range(found.shape[2]):
+        for way in (-1, 1):
+            move = np.zeros(model.nv)
+            move[simulation.slides[:, column]] = way * step
+            data.qpos[:] = qpos
+            mujoco.mj_integratePos(model, data.qpos, move, 1)
+            simulation.residual()
+            nodes.append(simulation.forces()[1])
+    one_by_one = np.stack(
+        [(before - after) / (2 * step) for before, after in zip(nodes[::2], nodes[1::2], strict=True)], axis=-1
+    )
+    largest = np.abs(one_by_one).max()
+    assert np.abs(found - one_by_one).max() <= ONE_BY_ONE * largest
+    assert np.abs(one_by_one[:, 3:, :3]).max() > 100 * ONE_BY_ONE * largest  # negative control: without the first ones

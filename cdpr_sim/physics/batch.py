@@ -170,12 +170,12 @@ class Simulations:
             return
         rows = np.ones(len(self.qpos), dtype=bool) if rows is None else rows
         self.batch.forward(rows, stage=mujoco.mjtStage.mjSTAGE_POS.value)
-        turns = self.swivels.turns(self._xpos, self._xmat, self._anchors)[rows]
+        turns, each = self.swivels.turns(self._xpos, self._xmat, self._anchors)[rows], np.flatnonzero(rows)[:, None]
         if self.robot.mobility == "spatial":
-            self.qpos[np.ix_(rows, self.swivels.coordinates)] += turns
-            self.qvel[np.ix_(rows, self.swivels.dofs)] = 0
+            self.qpos[each, self.swivels.coordinates] += turns
+            self.qvel[each, self.swivels.dofs] = 0
         else:
-            wheels = np.ix_(rows, self.swivels.bodies)
+            wheels = each, self.swivels.bodies
             self._quaternions[wheels] = pulleys.flipped(self._quaternions[wheels], turns)
 
     @property

@@ -50,7 +50,7 @@ from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys, tendons
-from cdpr_sim.physics.number_format import LEAST_INERTIA, magnitude, text
+from cdpr_sim.physics.number_format import LEAST_INERTIA, text
 
 SEGMENTS = 6
 """Number of segments of a chain."""
@@ -209,21 +209,48 @@ def segment_springs(
 
 
 def shape(
-    start: Float[np.ndarray, "3"],
-    end: Float[np.ndarray, "3"],
-    rest_length: float,
-    parts: Float[np.ndarray, " segments"],
-) -> Float[np.ndarray, "n 3"]:
-    """Initial profile of a chain: its segments, from exit or wheel to anchor, straight or sagging along a parabola.
+    starts: Float[np.ndarray, "chains 3"],
+    ends: Float[np.ndarray, "chains 3"],
+    rest_lengths: Float[np.ndarray, " chains"],
+    parts: Float[np.ndarray, "chains segments"],
+) -> Float[np.ndarray, "chains segments 3"]:
+    """Initial profiles of chains: their segments, from exits or wheels to anchors, straight or along parabolas.
 
-    Its length is approximately that of the cable; MuJoCo then computes the true profile.
+    Their lengths are approximately those of the cables; MuJoCo then computes the true profiles.
     """
-    s = np.append(0.0, np.cumsum(parts))
-    chord = magnitude(end - start)
-    sag = np.sqrt(3 / 8 * max(rest_length - chord, 0.0) * max(chord, SHALLOWEST * rest_length))
-    places = start + s[:, None] * (end - start)
-    places[:, 2] -= 4 * sag * s * (1 - s)
-    return np.diff(places, axis=0)
+    s = np.cumsum(np.insert(parts, 0, 0.0, axis=1), axis=1)
+    spans = ends - starts
+    chords = np.sqrt((spans * spans).sum(1))  # without BLAS: models are written with these digits
+    sags = np.sqrt(3 / 8 * np.maximum(rest_lengths - chords, 0) * np.maximum(chords, SHALLOWEST * rest_lengths))
+    places = starts[:, None] + s[..., None] * spans[:, None]
+    places[..., 2] -= 4 * sags[:, None] * s * (1 - s)
+    return np.diff(places, axis=1)
+
+
+def expected_pulls(
+    spans: Float[np.ndarray, "chains 3"],
+    strains: Float[np.ndarray, " chains"],
+    stiffness: Float[np.ndarray, " chains"],
+    weights: Float[np.ndarray, "chains 3"],
+) -> Float[np.ndarray, "chains 3"]:
+    """Approximate pulls of chains on their anchors [N], with which to begin to lay them out: those of flat parabolas.
+
+    T, the tension in the middle, stretches a cable by T/EA and lets it sag by (weight across/T)²/24, as fractions of
+    its length. Where one of the two is small, T follows from the other.
+
+    Args:
+        spans: vectors from anchors to exits [m].
+        strains: of straight cables there, below 0 where they sag.
+        stiffness: EA [N].
+        weights: of the cables [N].
+    """
+    along = spans / np.linalg.norm(spans, axis=1, keepdims=True)
+    across = weights - np.vecdot(weights, along)[:, None] * along
+    sagging = np.vecdot(across, across) / 24
+    just_taut = np.cbrt(stiffness * sagging)
+    looser = np.sqrt(sagging / np.where(strains < 0, -strains, 1.0))
+    tensions = np.where(strains < 0, np.minimum(looser, just_taut), np.maximum(stiffness * strains, just_taut))
+    return tensions[:, None] * along + weights / 2
 
 
 def extents(
@@ -231,11 +258,9 @@ def extents(
 ) -> Float[np.ndarray, "chains nodes 3"]:
     """The slides' coordinates with the platform at ``pose``: per cable with mass, from anchor to first mass."""
     cables = np.flatnonzero(robot.cabling.linear_density)
-    starts, anchors = pulleys.departures(robot, pose), pose.apply(robot.anchors)
-    free = rest_lengths - robot.wrapped_lengths
-    parts = straight(felt_at_exit(robot.cabling, np.arange(robot.cables))).lengths
-    rows = [shape(starts[i], anchors[i], free[i], parts[i]) for i in cables]
-    inwards = -np.array(rows).reshape(-1, SEGMENTS, 3)[:, :0:-1]
+    starts, anchors = pulleys.departures(robot, pose)[cables], pose.apply(robot.anchors)[cables]
+    free = (rest_lengths - robot.wrapped_lengths)[cables]
+    inwards = -shape(starts, anchors, free, straight(felt_at_exit(robot.cabling, cables)).lengths)[:, :0:-1]
     return pose.rotation.inv().apply(inwards.reshape(-1, 3)).reshape(inwards.shape)
 
 
@@ -502,7 +527,11 @@ class Chains:
         rest_lengths: Float[np.ndarray, " cables"],
         division: ChainDivision,
     ) -> None:
-        """Set a model's cables with mass to these rest lengths: springs and masses. ``mj_setConst`` has to follow."""
+        """Set a model's cables with mass to these rest lengths: springs and masses.
+
+        Of the constants that MuJoCo derives from masses, forces use only the sums of masses of subtrees, and only to
+        choose points of reference.
+        """
         lengths, masses = cut(robot, self.cables, rest_lengths, division)
         model.tendon_lengthspring[self.segments, 1] = lengths
         model.tendon_lengthspring[self.segments[:, 0], 1] += self.entries
@@ -510,6 +539,16 @@ class Chains:
         model.tendon_stiffness[self.segments], model.tendon_stiffnesspoly[self.segments] = springs
         model.body_mass[self.nodes] = masses[:, -2::-1]
         model.body_mass[self.ends] = masses[:, -1]
+        sums = model.body_mass.tolist()
+        for body, parent in reversed(list(enumerate(model.body_parentid.tolist()))[1:]):
+            sums[parent] += sums[body]
+        model.body_subtreemass[:] = sums
+
+    def place(self, model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
+        """Put the chains of one simulation in an approximate profile, with the platform at ``pose``."""
+        lengths = np.zeros(robot.cables)
+        lengths[self.cables] = self.rest_lengths(model).sum(1)
+        data.qpos[self.coordinates] = extents(robot, pose, lengths)
 
     def rest_lengths(self, model: mujoco.MjModel) -> Float[np.ndarray, "chains segments"]:
         """Rest lengths of the segments [m], what lies on the wheel included."""
@@ -570,24 +609,25 @@ def hang(
     hanging = -weights[:, ::-1].cumsum(1)
     rest = rest_lengths[:, ::-1, None]
     radii = radii[:, None]
+    turned = np.cross(axes[:, None], np.eye(3)).swapaxes(1, 2)  # axes x v = turned @ v
     law = tuple(number[:, ::-1] for number in law)
 
     def laid(pulls: np.ndarray) -> tuple[np.ndarray, ...]:
         each = pulls[..., None, :] + hanging
-        size = np.maximum(np.linalg.norm(each, axis=-1, keepdims=True), LEAST_PULL)
+        size = np.maximum(np.sqrt(np.vecdot(each, each)), LEAST_PULL)[..., None]
         along = each / size
         stretch, give = _stretched(size[..., 0], *law)
         reach = rest + stretch[..., None]
-        ahead = -(along[..., -1, :] * axes).sum(-1, keepdims=True)
+        ahead = -np.vecdot(along[..., -1, :], axes)[..., None]
         outwards = -along[..., -1, :] - ahead * axes
-        aside = np.linalg.norm(outwards, axis=-1, keepdims=True)
+        aside = np.sqrt(np.vecdot(outwards, outwards))[..., None]
         outwards = outwards / np.maximum(aside, FLAT)
         reach[..., -1, :] -= radii * np.arctan2(aside, ahead)
         leaving = radii * ((1 - ahead) * outwards + aside * axes)  # from the exit
         segments = reach * along
         off = spans + leaving - segments.sum(-2)
         swivelling = radii * (1 - ahead) / np.maximum(aside, FLAT) / size[..., -1, :]
-        return segments, off, np.linalg.norm(off, axis=-1), along, reach / size, give, swivelling, outwards
+        return segments, off, np.sqrt(np.vecdot(off, off)), along, reach / size, give, swivelling, outwards
 
     # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
     # segment: it is least there where the others leave no more than that length to span.
@@ -598,11 +638,10 @@ def hang(
         found = apart <= CLOSED * rest.sum(1)[:, 0]
         if (found | folded).all():
             break
-        slope = turning.sum(1)[..., None] * np.eye(3) + np.einsum(
-            "ns,nsi,nsj->nij", give - turning[..., 0], along, along
-        )
-        sideways = np.cross(axes, outwards)
-        slope += swivelling[..., None] * sideways[:, :, None] * sideways[:, None]
+        slope = turning.sum(1)[..., None] * np.eye(3)
+        slope += ((give[..., None] - turning) * along).swapaxes(1, 2) @ along
+        sideways = turned @ outwards[..., None]
+        slope += swivelling[..., None] * sideways * sideways.swapaxes(1, 2)
         if not (np.linalg.det(slope) > 0).all():  # a chain whose first segment would not reach beyond its wheel
             break
         step = np.linalg.solve(slope, off[..., None])[..., 0]

@@ -290,16 +290,18 @@ def since_written(
 
 def place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
     """Put the platform of one simulation at ``pose``, with its wheels, and its chains in an approximate profile."""
+    place_platform(model, data, robot, pose)
+    if not robot.cabling.massless:
+        chains.Chains.of(model, robot.cabling).place(model, data, robot, pose)
+    pulleys.toward_anchors(model, data, robot)
+
+
+def place_platform(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
+    """Put the platform of one simulation at ``pose``, and nothing else."""
     start = coordinates(robot, pose)
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "rotation") >= 0:
         start = since_written(start, model.body("platform").quat)
     data.qpos[: len(start)] = start
-    if not robot.cabling.massless:
-        found = chains.Chains.of(model, robot.cabling)
-        lengths = np.zeros(robot.cables)
-        lengths[found.cables] = found.rest_lengths(model).sum(1)
-        data.qpos[found.coordinates] = chains.extents(robot, pose, lengths)
-    pulleys.toward_anchors(model, data, robot)
 
 
 def settling_drag(problem: Problem) -> float:

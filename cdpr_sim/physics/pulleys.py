@@ -18,6 +18,7 @@ anchor is, and does not swivel.
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import functools
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
@@ -27,6 +28,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.cable import Cabling
+from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics.number_format import LEAST_INERTIA, magnitude, text
 
@@ -109,7 +111,7 @@ def facing(robot: Robot, pose: RigidTransform) -> tuple[Float[np.ndarray, "pulle
     cabling = robot.cabling
     over = np.flatnonzero(cabling.pulleys)
     away = pose.apply(robot.anchors)[over] - robot.exits[over]
-    sides = np.array([_sides(axis) for axis in cabling.pulley_axis[over]]).reshape(-1, 2, 3)
+    sides = np.array([_sides(*axis) for axis in cabling.pulley_axis[over]]).reshape(-1, 2, 3)
     x, y = (sides * away[:, None]).sum(-1).T
     if robot.mobility == "planar":
         y = np.zeros_like(y)
@@ -258,8 +260,9 @@ def _load(robot: Robot) -> float:
     return robot.mass * (robot.gravity or STANDARD_GRAVITY)
 
 
-def _sides(axis: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+@functools.lru_cache(maxsize=64)
+def _sides(*axis: float) -> Float[np.ndarray, "2 3"]:
     """Unit vectors x and y such that (x, y, axis) is a right-handed frame; x lies in a planar robot's plane."""
     x = np.cross([0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0], axis)
     x /= magnitude(x)
-    return x, np.cross(axis, x)
+    return frozen(np.array([x, np.cross(axis, x)]))

@@ -16,7 +16,7 @@ from cdpr_sim.core.checks import checked_array, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.robot import IN_PLANE
-from cdpr_sim.physics.chains import SEGMENTS, hang, shape, straight
+from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, hang, shape, straight
 from cdpr_sim.physics.damping import stretching
 from cdpr_sim.physics.pulleys import ENTRY, Swivels
 from cdpr_sim.physics.winches import LEAST_SPARE
@@ -359,27 +359,21 @@ class _Hung:
         written = model.body_mass[bodies][..., None] * model.opt.gravity
         added = written * (scale - 1)[:, None, None]
         weights[bodies] = added
-        anchors, rotation = data.xpos[self.ends], data.xmat[parts.platform].reshape(3, 3)
-        spans = data.site_xpos[self.exits] - anchors
+        rotation = data.xmat[parts.platform].reshape(3, 3)
+        spans = data.site_xpos[self.exits] - data.xpos[self.ends]
         axes = data.xmat[self.pulleys].reshape(-1, 3, 3)[:, :, 2]
-        chords = np.linalg.norm(spans, axis=1)
-        whole = (written + added).sum(1)
-        size = np.linalg.norm(whole, axis=1)
-        strain = np.maximum(data.ten_length[parts.direct[cables]] - ENTRY * self.radii - rest.sum(1), 0) / rest.sum(1)
-        stiffness = parts.stiffnesses[cables]
-        pulls = np.maximum(stiffness * strain, np.cbrt(size**2 * stiffness / 24))
-        guess = pulls[:, None] * spans / chords[:, None] + whole / 2
+        strains = (data.ten_length[parts.direct[cables]] - ENTRY * self.radii) / rest.sum(1) - 1
+        whole, stiffness = (written + added).sum(1), parts.stiffnesses[cables]
+        guess = expected_pulls(spans, strains, stiffness, whole)
         found, reached = hang(written + added, rest, law, self.radii, axes, guess, spans)
-        for row in np.flatnonzero(~reached):  # folded: near where it hangs
-            found[row] = shape(anchors[row], data.site_xpos[self.exits[row]], rest[row].sum(), fractions[row, ::-1])[
-                :-1
-            ]
+        folded = ~reached  # near where they hang
+        found[folded] = shape(-spans[folded], np.zeros(3), rest[folded].sum(1), fractions[folded, ::-1])[:, :-1]
         for k, body in enumerate(self.nodes[:, ::-1].T):
             for axis in range(3):
                 slides = model.jnt_qposadr[model.body_jntadr[body] + axis]
                 data.qpos[slides] = (found[:, k] @ rotation)[:, axis]
         mujoco.mj_forward(model, data)
-        per_length = size / (beyond * scale)
+        per_length = np.linalg.norm(whole, axis=1) / (beyond * scale)
         rise = -spans @ model.opt.gravity / max(float(np.linalg.norm(model.opt.gravity)), LEAST_GRAVITY)
         further = (wrapped + shared) * per_length * rise / 2 / stiffness
         return data.ten_length[self.segments].sum(1) - ENTRY * self.radii, further

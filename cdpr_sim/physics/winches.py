@@ -125,7 +125,7 @@ def largest_forces(robot: Robot, winch_force: ArrayLike | None = None) -> Float[
     Where neither is finite, ``STRENGTH`` EA, and at least ``LEAST_CAPACITY`` of the platform's weight.
 
     Raises:
-        InvalidInput: not one positive number or one per cable.
+        InvalidInput: not one positive number or one per cable; a limit for a nonlinear cable.
     """
     if winch_force is not None:
         forces = as_numbers("winch_force", winch_force, "one number or one per cable")
@@ -134,7 +134,15 @@ def largest_forces(robot: Robot, winch_force: ArrayLike | None = None) -> Float[
                 f"winch_force: found {winch_force!r}, expected one positive number or one for each of the "
                 f"{robot.cables} cables [N]"
             )
-        return np.broadcast_to(forces, (robot.cables,)).copy()
+        forces = np.broadcast_to(forces, (robot.cables,)).copy()
+        unlimited = robot.cabling.stiffening.any(1) & np.isfinite(forces)
+        if unlimited.any():
+            cable = int(np.argmax(unlimited))
+            raise InvalidInput(
+                f"winch_force: found {forces[cable]:g} N for cable {cable + 1} with nonlinear elasticity, expected an "
+                "infinite one: no actuator in MuJoCo limits the force of a nonlinear spring"
+            )
+        return forces
     forces = np.minimum(robot.force_max, robot.cabling.breaking_load)
     load = robot.mass * (robot.gravity or STANDARD_GRAVITY)
     return np.where(np.isfinite(forces), forces, np.maximum(STRENGTH * robot.axial_stiffness, LEAST_CAPACITY * load))

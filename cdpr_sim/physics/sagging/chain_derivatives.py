@@ -21,6 +21,14 @@ SMALL = 0.01
 transverse stiffness, too much for differences to one side."""
 
 
+def _balanced(nodes: int) -> Float[np.ndarray, " nodes"]:
+    """Numbers of similar size, none zero, whose sum is zero: 1, -1, ..., and 1, 1, -2 at the end of an odd number."""
+    numbers = np.where(np.arange(nodes) % 2 == 0, 1.0, -1.0)
+    if nodes % 2:
+        numbers[-2:] = 1, -2
+    return numbers
+
+
 class ChainDerivatives(NamedTuple):
     """Decrease of forces by displacement [N/m].
 
@@ -54,34 +62,45 @@ class ChainDerivatives(NamedTuple):
 
         stretches = (data.ten_length - band[:, 1])[simulation.chains.segments]
         central = not quick or bool(step > SMALL * stretches.min())
-        here = simulation.forces()
+        here = simulation.net.copy(), simulation.rotation.copy()
 
         def displaced(move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             data.qpos[:] = rest
             mujoco.mj_integratePos(model, data.qpos, move, 1)
             simulation.turn_wheels()
-            mujoco.mj_forward(model, data)
-            return simulation.forces()
+            simulation.evaluate()
+            return simulation.net.copy(), simulation.rotation.copy()
 
-        def change(move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            before, after = displaced(-move) if central else here, displaced(move)
+        def slopes(moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """Decrease of ``ChainSimulation.forces`` per step along each of (n, dofs) moves, which come last."""
+            sides = [displaced(-move) for move in moves] if central else [here] * len(moves)
+            sides += [displaced(move) for move in moves]
+            forces = simulation.split(*(np.array(each) for each in zip(*sides, strict=True)))
             apart = 2 * step if central else step
-            return (before[0] - after[0]) / apart, (before[1] - after[1]) / apart
+            platform, nodes = ((each[: len(moves)] - each[len(moves) :]) / apart for each in forces)
+            return np.moveaxis(platform, 0, -1), np.moveaxis(nodes, 0, -1)
 
-        direct = np.empty((free, free))
-        across = np.empty((*slides.shape, free))
-        within = np.empty((*slides.shape, slides.shape[1]))
-        moves = [simulation.in_dofs(step * axis) for axis in np.eye(free)]
-        for j, move in enumerate(moves):
-            direct[:, j], across[:, :, j] = change(move)
-        for j in range(slides.shape[1]):
-            move = np.zeros(model.nv)
-            move[slides[:, j]] = step
-            _, within[:, :, j] = change(move)
+        def along_slides(distances: np.ndarray) -> np.ndarray:
+            """Decrease of forces on nodes displaced by these distances along each axis, (chains, nodes, 3, 3)."""
+            moves = np.zeros((3, model.nv))
+            moves[:, slides] = step * np.kron(distances, np.eye(3))[:, None]
+            return slopes(moves)[1].reshape(len(slides), -1, 3, 3)
+
+        direct, across = slopes(np.array([simulation.in_dofs(step * axis) for axis in np.eye(free)]))
+        # A slide extends its own segment and the first one. Distances whose sum is zero leave the first as it is.
+        distances = _balanced(slides.shape[1] // 3)
+        own = along_slides(distances) / distances[:, None, None]
+        # A translation of the platform extends the first segments only; a planar one makes none along y.
+        alone = np.eye(len(distances))[0]
+        first = across[:, :3, :3] @ simulation.rotation if free == 6 else along_slides(alone)[:, -1]
+        within = np.tile(first, (1, len(distances), len(distances)))
+        for k in range(len(distances)):
+            node = slice(3 * k, 3 * k + 3)
+            within[:, node, node] += own[:, k]
         data.qpos[:] = rest
         model.tendon_lengthspring[:], model.tendon_stiffness[:] = band, springs
         model.tendon_stiffnesspoly[:] = polynomials
-        mujoco.mj_forward(model, data)
+        simulation.evaluate()
         return cls(direct, across, within)
 
     @property
@@ -96,10 +115,9 @@ class ChainDerivatives(NamedTuple):
         """
         if not self.known:
             return np.full(len(self.direct), np.nan), np.full(len(self.direct), np.nan)
-        stiffness = self.direct - sum(
-            a.T @ np.linalg.lstsq((k + k.T) / 2, a, rcond=None)[0]
-            for a, k in zip(self.across, self.within, strict=True)
-        )
+        within = (self.within + np.swapaxes(self.within, 1, 2)) / 2
+        loose = np.linalg.pinv(within, rcond=within.shape[-1] * np.finfo(float).eps, hermitian=True)
+        stiffness = self.direct - (np.swapaxes(self.across, 1, 2) @ loose @ self.across).sum(0)
         values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
         return values, vectors[:, 0]
 

@@ -127,11 +127,9 @@ class ChainRelaxation:
             data.qpos[:] = self.good
 
     def approach_from_afar(self) -> bool:
-        """Whether ``approach`` reaches equilibrium from here, with chains laid out for pulls by their weight."""
-        simulation = self.simulation
-        simulation.residual()
-        spans = simulation.spans()
-        simulation.lay(simulation.weights[:, None] * spans / np.linalg.norm(spans, axis=1, keepdims=True))
+        """Whether ``approach`` reaches equilibrium from here, with chains laid out for the pulls to expect."""
+        self.simulation.residual()
+        self.simulation.lay(self.simulation.expected_pulls())
         return self._approach()
 
     def nudge(self, direction: Float[np.ndarray, " free"]) -> None:

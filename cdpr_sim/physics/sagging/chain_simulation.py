@@ -17,8 +17,17 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.batch import HELD
-from cdpr_sim.physics.chains import SEGMENTS, STRAIGHT, ChainDivision, Chains, divisions, felt_at_exit, straight
-from cdpr_sim.physics.mjcf import place, to_mjcf
+from cdpr_sim.physics.chains import (
+    SEGMENTS,
+    STRAIGHT,
+    ChainDivision,
+    Chains,
+    divisions,
+    expected_pulls,
+    felt_at_exit,
+    straight,
+)
+from cdpr_sim.physics.mjcf import place_platform, to_mjcf
 
 TURNING = 5.0
 """Inertia added to the platform's rotation, as a multiple of its own: a small platform rotates faster than it
@@ -54,18 +63,19 @@ class ChainSimulation:
         self.model = copy.copy(_model_of(robot) if model is None else model)
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self.model.opt.viscosity = self.model.opt.density = 0
-        self.data, self.film = mujoco.MjData(self.model), mujoco.MjData(self.model)
-        self.chains = Chains.of(self.model, cabling)
+        self.data: mujoco.MjData = mujoco.MjData(self.model)
+        self.film: mujoco.MjData | None = None
+        self.chains, self.swivels = _indices_of(robot) if model is None else _indices(self.model, robot)
         self.weights = self._weights()
         self.slides = self.chains.dofs.reshape(len(self.chains.dofs), 3 * (SEGMENTS - 1))
         self.massless = np.flatnonzero(cabling.linear_density == 0)
         self.single = np.array([self._id(mujoco.mjtObj.mjOBJ_TENDON, f"cable_{i + 1}") for i in self.massless], int)
-        self.swivels = pulleys.Swivels.of(self.model, cabling)
         self.entries = pulleys.entries(cabling)
         first = np.zeros(robot.cables, int)  # the tendon that leaves each exit
         first[self.massless], first[self.chains.cables] = self.single, self.chains.segments[:, 0]
         self.guided = first[self.swivels.cables]
         self.axial_stiffness, self.wrench, self.given = axial_stiffness, external_wrench, model is not None
+        self.springs, self.polynomials = self.model.tendon_stiffness.copy(), self.model.tendon_stiffnesspoly.copy()
         if not self.given:
             self._let_out(straight(felt_at_exit(cabling, self.chains.cables)))
         self.free, self.length, self.held = len(robot.free), robot.characteristic_length, False
@@ -73,7 +83,6 @@ class ChainSimulation:
         self.inertia = np.concatenate([np.full(3, robot.mass), np.diag(robot.inertia)])[robot.free]
         self.model.dof_armature[self.angular] = TURNING * self.inertia[self.angular]
         self.model.dof_armature[self.swivels.dofs] = HELD * robot.mass * self.length**2
-        self._compile()
         self.tendons = np.concatenate([self.chains.segments.ravel(), self.single])
         self.platform = self._id(mujoco.mjtObj.mjOBJ_BODY, "platform")
         self.load = (
@@ -85,7 +94,9 @@ class ChainSimulation:
     def let_go(self, pose: RigidTransform) -> None:
         """Put the platform at ``pose``, with zero velocity."""
         self.reset()
-        place(self.model, self.data, self.robot, pose)
+        place_platform(self.model, self.data, self.robot, pose)
+        self.chains.place(self.model, self.data, self.robot, pose)
+        self.turn_wheels()
 
     def reset(self) -> None:
         """Reset the motion, and apply the load again: MuJoCo removes it where a motion diverges."""
@@ -105,30 +116,20 @@ class ChainSimulation:
         model.tendon_stiffness[self.single] = tendons.springs(cabling, axial_stiffness, rest)[self.massless]
         further = tendons.polynomials(cabling, axial_stiffness, rest)
         model.tendon_stiffnesspoly[self.single] = further[self.massless]
+        self.springs, self.polynomials = model.tendon_stiffness.copy(), model.tendon_stiffnesspoly.copy()
 
     def wind(self, rest_lengths: Float[np.ndarray, " cables"]) -> None:
         """Let cables out, in motion: all segments of a chain change alike, so that it stays divided as it is.
 
         Exact in equilibrium. The masses slide along the material, which neglects the momentum of what is wound.
-        MuJoCo's constants stay as they are: in motion it uses only sums of masses, to choose points of reference.
         """
         self.rest_lengths = rest_lengths
         self.weights = self._weights()
         self._let_out(self.division)
-        self._note_springs()
 
     def _weights(self) -> Float[np.ndarray, " chains"]:
         beyond = self.rest_lengths - self.robot.wrapped_lengths
         return (self.robot.cable_weights * beyond)[self.chains.cables]
-
-    def _compile(self) -> None:
-        """Compute the constants that follow from springs and masses."""
-        mujoco.mj_setConst(self.model, self.data)
-        self._note_springs()
-        self.reset()
-
-    def _note_springs(self) -> None:
-        self.springs, self.polynomials = self.model.tendon_stiffness.copy(), self.model.tendon_stiffnesspoly.copy()
 
     @property
     def pose(self) -> RigidTransform:
@@ -172,12 +173,17 @@ class ChainSimulation:
 
     def forces(self) -> tuple[Float[np.ndarray, " free"], Float[np.ndarray, "chains slides"]]:
         """Net force and torque over the characteristic length [N] on the platform, base frame; and on the slides."""
-        net = self.net
-        platform = net[: self.free].copy()
+        return self.split(self.net, self.rotation)
+
+    def split(
+        self, net: Float[np.ndarray, "*batch dofs"], rotations: Float[np.ndarray, "*batch 3 3"]
+    ) -> tuple[Float[np.ndarray, "*batch free"], Float[np.ndarray, "*batch chains slides"]]:
+        """``forces`` of these generalised forces, with the platform at these rotations."""
+        platform = net[..., : self.free].copy()
         if self.free == 6:
-            platform[3:] = self.rotation @ platform[3:]
-        platform[self.angular] /= self.length
-        return platform, net[self.slides]
+            platform[..., 3:] = (rotations @ platform[..., 3:, None])[..., 0]
+        platform[..., self.angular] /= self.length
+        return platform, net[..., self.slides]
 
     def in_dofs(self, x: Float[np.ndarray, " free"]) -> Float[np.ndarray, " dofs"]:
         """A translation and rotation of the platform, base frame [m], in MuJoCo's degrees of freedom; or a velocity."""
@@ -208,8 +214,23 @@ class ChainSimulation:
         self.model.tendon_stiffness[:], self.model.tendon_stiffnesspoly[:] = self.springs, self.polynomials
         self.data.qvel[:] = 0
         self.turn_wheels()
-        mujoco.mj_forward(self.model, self.data)
+        self.evaluate()
         return self.unbalanced()
+
+    def evaluate(self) -> None:
+        """MuJoCo's forces as by ``mj_forward``, without the mass matrix and accelerations: a third of its time."""
+        model, data = self.model, self.data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_tendon(model, data)
+        mujoco.mj_transmission(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        data.qfrc_smooth[:] = data.qfrc_passive - data.qfrc_bias + data.qfrc_applied + data.qfrc_actuator
+        if self.wrench.any():
+            body = self._id(mujoco.mjtObj.mjOBJ_BODY, "origin")
+            force, torque = np.split(data.xfrc_applied[body], 2)
+            mujoco.mj_applyFT(model, data, force, torque, data.xipos[body], body, data.qfrc_smooth)
 
     @property
     def true(self) -> bool:
@@ -223,6 +244,7 @@ class ChainSimulation:
 
     def seen(self) -> tuple[RigidTransform, Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
         """Pose, lengths and tensions of the present state; the motion goes on undisturbed."""
+        self.film = self.film or mujoco.MjData(self.model)
         data, self.data = self.data, self.film
         self.data.qpos[:], self.data.qvel[:] = data.qpos, 0
         tensions = self.tensions()
@@ -283,6 +305,13 @@ class ChainSimulation:
         data.qpos[chains.coordinates[found]] = extents[found] @ self.rotation
         return found
 
+    def expected_pulls(self) -> Float[np.ndarray, "chains 3"]:
+        """``chains.expected_pulls``, as of MuJoCo's last call."""
+        cables, weights = self.chains.cables, np.zeros((len(self.weights), 3))
+        weights[:, 2] = -self.weights
+        strains = self.chords / self.rest_lengths[cables] - 1
+        return expected_pulls(self.spans(), strains, (self.robot.reeving * self.axial_stiffness)[cables], weights)
+
     def spans(self) -> Float[np.ndarray, "chains 3"]:
         """Vectors from anchors to exits [m], as of MuJoCo's last call."""
         return self.robot.exits[self.chains.cables] - self.data.xpos[self.chains.ends]
@@ -304,7 +333,7 @@ class ChainSimulation:
         for _ in range(2):
             division = divisions(1 + pulls[:, 2], bends, felt_at_exit(self.robot.cabling, chains.cables))
             self._let_out(division)
-            self._compile()
+            self.reset()
             data.qpos[:] = qpos
             bends[~self.lay(pulls * weights)] = STRAIGHT  # a folded chain stays as it is
         return True
@@ -316,3 +345,13 @@ def _model_of(robot: Robot) -> mujoco.MjModel:
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
     lengths = 1.0 + robot.wrapped_lengths + SEGMENTS**2 * robot.cabling.pulley_radius  # enough for every wheel
     return mujoco.MjModel.from_xml_string(to_mjcf(robot, middle, lengths))
+
+
+def _indices(model: mujoco.MjModel, robot: Robot) -> tuple[Chains, pulleys.Swivels]:
+    return Chains.of(model, robot.cabling), pulleys.Swivels.of(model, robot.cabling)
+
+
+@functools.lru_cache(maxsize=16)
+def _indices_of(robot: Robot) -> tuple[Chains, pulleys.Swivels]:
+    """Indices in the generated model."""
+    return _indices(_model_of(robot), robot)
