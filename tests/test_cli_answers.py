@@ -64,12 +64,12 @@ def test_sensitivity_prints_what_matters_most_and_the_frequencies():
 
 def test_equilibria_marks_the_one_that_is_reached():
     """Seven places to rest, MuJoCo stays at each, and the upright one is reached on both methods."""
-    result = run("equilibria", "cogiro", "--material", "fishing-0.4mm", "--starts", "400")
+    result = run("equilibria", "cogiro", "--material", "fishing-0.4mm", "--starts", "150")
     assert result.exit_code == 0
     assert result.stdout.count("stays") == 7
     assert "the platform reaches equilibrium 1;" in result.stdout
     assert "MuJoCo reaches the same one" in result.stdout
-    values = json.loads(run("equilibria", "two-cable", "--saddles", "--starts", "300", "--json").stdout)
+    values = json.loads(run("equilibria", "two-cable", "--saddles", "--starts", "20", "--json").stdout)
     assert values["imbalance"] == 0
     assert [one["stays_in_mujoco"] for one in values["equilibria"]] == [True, False]
 
