@@ -5,6 +5,9 @@ from hypothesis import strategies as st
 
 import cdpr_sim as cdpr
 
+VARIED = ("caroca", "cogiro", "grab-3", "ipanema-1", "planar-vertical", "two-cable")
+"""Robots on massless cables that differ in mobility, number of cables, pulleys, constraint and limits."""
+
 
 def hanging_mass(axial_stiffness: float = 100.0, mass: float = 2.0, rest_length: float = 1.5) -> cdpr.Problem:
     """A mass on one vertical cable: it stretches by m g l0 / EA, and hangs there."""

@@ -15,7 +15,7 @@ from cdpr_sim.statics.any_cable import any_cables
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
 from cdpr_sim.statics.profiles import catenary
 
-ROBOTS = 100
+ROBOTS = 40
 """Random ones; 10,000 were tried when this was written, without drive lines, and ``scripts/stress_test_real_cables.py``
 tries as many as one likes."""
 

@@ -41,7 +41,7 @@ def test_settle_prints_json_that_says_the_same():
 def test_settle_exits_1_where_the_methods_disagree(monkeypatch):
     """Only agreement is success."""
     robot = cdpr.load_robot("parallel")
-    stiffer = cdpr.solve(robot.replace(axial_stiffness=10.1e3), (0.17, 0.25, 0.1))
+    stiffer = cdpr.solve(robot.replace(axial_stiffness=10.1e3), (0.38, 0.25, 0.1))
     solve = cdpr.solve
 
     def wrong(problem, method="newton"):
@@ -49,7 +49,7 @@ def test_settle_exits_1_where_the_methods_disagree(monkeypatch):
         return found if method != "newton" else type(found)(**(vars(found) | {"pose": stiffer.pose}))
 
     monkeypatch.setattr(cdpr, "solve", wrong)
-    result = run("settle", "parallel", "--pose", "0.17", "0.25", "0.1")
+    result = run("settle", "parallel", "--pose", "0.38", "0.25", "0.1")
     assert result.exit_code == 1
     assert "the two methods disagree" in result.stdout
 

@@ -62,16 +62,24 @@ def test_sensitivity_prints_what_matters_most_and_the_frequencies():
     assert (np.diff(moved) <= 1e-12).all()
 
 
-def test_equilibria_marks_the_one_that_is_reached():
+def test_equilibria_marks_the_one_that_is_reached(monkeypatch):
     """Seven places to rest, MuJoCo stays at each, and the upright one is reached on both methods."""
-    result = run("equilibria", "cogiro", "--material", "fishing-0.4mm", "--starts", "400")
+    release, durations = cdpr.release, set()
+
+    def sooner(one, seconds):
+        durations.add((one.stable, seconds))
+        return release(one, seconds=seconds / 10 if one.stable else seconds)
+
+    monkeypatch.setattr(cdpr, "release", sooner)
+    result = run("equilibria", "cogiro", "--material", "fishing-0.4mm", "--starts", "150")
     assert result.exit_code == 0
     assert result.stdout.count("stays") == 7
     assert "the platform reaches equilibrium 1;" in result.stdout
     assert "MuJoCo reaches the same one" in result.stdout
-    values = json.loads(run("equilibria", "two-cable", "--saddles", "--starts", "300", "--json").stdout)
+    values = json.loads(run("equilibria", "two-cable", "--saddles", "--starts", "20", "--json").stdout)
     assert values["imbalance"] == 0
     assert [one["stays_in_mujoco"] for one in values["equilibria"]] == [True, False]
+    assert durations == {(True, 2.0), (False, 20.0)}
 
 
 def test_equilibria_of_cables_with_mass_are_not_released(tmp_path):

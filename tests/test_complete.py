@@ -22,7 +22,10 @@ from cdpr_sim.proof.certificate import Enclosure
 
 flint = pytest.importorskip("flint")
 
-BOXES_EACH = 300
+STARTS = 40
+"""Of the other search; 300 find the same equilibria of these planar robots."""
+
+BOXES_EACH = 100
 """Random boxes thrown about each proved equilibrium."""
 
 STEPS = 12
@@ -76,7 +79,7 @@ def test_the_list_of_a_planar_robot_is_proved_complete_and_many_starts_find_the_
     assert proved.complete
     assert all(one.proved for one in proved)
     assert sum((-1) ** one.index for one in proved) == 0
-    found = cdpr.find_equilibria(CASES[case], saddles=True, starts=300)
+    found = cdpr.find_equilibria(CASES[case], saddles=True, starts=STARTS)
     assert len(found) == len(proved)
     assert proved.missing_from(found) == ()
     assert len(proved.missing_from(found.found[:1])) == len(proved) - 1
@@ -101,7 +104,7 @@ def test_random_planar_robots_are_proved_complete():
     Every equilibrium from many starts is in the list.
     """
     random = np.random.default_rng(5)
-    for trial in range(4):
+    for trial in range(2):
         cables = int(random.integers(2, 5))
         exits, anchors = random.uniform(-1, 1, (cables, 3)), random.uniform(-0.2, 0.2, (cables, 3))
         exits[:, 2] += 2
@@ -113,7 +116,7 @@ def test_random_planar_robots_are_proved_complete():
         problem = cdpr.Problem.of(robot, (0, 0, 0.5), random.uniform(0.8, 1.3) * robot.rest_lengths((0, 0, 0.5)))
         proved = cdpr.certify_all(problem)
         assert proved.complete
-        assert not proved.missing_from(cdpr.find_equilibria(problem, saddles=True, starts=300))
+        assert not proved.missing_from(cdpr.find_equilibria(problem, saddles=True, starts=STARTS))
 
 
 def chart_coordinates(one: cdpr.Certificate, chart: int, signs: np.ndarray) -> np.ndarray | None:
@@ -277,12 +280,11 @@ def test_spatial_equilibria_are_proved_from_boxes_about_them_in_every_chart():
 def test_near_a_fold_both_equilibria_are_listed_and_proved():
     """A pair 2e-5 m apart, 1e-4 m from where it vanishes: by the proof and by ``find_equilibria`` alike."""
     robot = planar("planar-horizontal", axial_stiffness=1e3)
-    for before in (1e-3, 1e-4):
-        problem = cdpr.Problem.of(robot, (FOLD[0] - before, 0, FOLD[1]))
-        proved = cdpr.certify_all(problem)
-        assert proved.complete
-        assert sorted(one.index for one in proved) == [0, 0, 1, 1]
-        assert proved.missing_from(cdpr.find_equilibria(problem, saddles=True)) == ()
+    problem = cdpr.Problem.of(robot, (FOLD[0] - 1e-4, 0, FOLD[1]))
+    proved = cdpr.certify_all(problem)
+    assert proved.complete
+    assert sorted(one.index for one in proved) == [0, 0, 1, 1]
+    assert proved.missing_from(cdpr.find_equilibria(problem, saddles=True)) == ()
 
 
 def test_a_family_is_reported_and_not_called_complete():

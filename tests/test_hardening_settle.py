@@ -34,7 +34,7 @@ def pretensioned(number: int, stiffness: float) -> cdpr.Problems:
 
 
 @pytest.mark.parametrize("stiffness", STIFFNESSES)
-@pytest.mark.parametrize("number", range(8))
+@pytest.mark.parametrize("number", [0, 3, 6])
 def test_robots_drawn_tight_settle_where_statics_says(number, stiffness):
     """Up to 3 % of strain: tensions of a thousandth to a hundred weights each, all of them, within 1000 time steps."""
     problems = pretensioned(number, stiffness)

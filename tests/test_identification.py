@@ -76,13 +76,13 @@ def test_derivatives_of_the_residuals_are_exact(robot, left_out, linear_density,
     """
     robot = robot.replace(winch_to_exit=0.1, pulley_radius=0.01, linear_density=linear_density)
     measurements = cdpr.Measurements.of(
-        commanded(4),
-        np.zeros((4, 6)),
-        tensions=np.ones((4, 8)),
-        swivels=np.zeros((4, 8)),
-        frequencies=np.ones((4, 6)),
-        masses=[np.nan, 0.5, 0.6, np.nan],
-        wrenches=np.tile([1.0, 0.5, 0.0, 0.0, 0.0, 0.0], (4, 1)),
+        commanded(2),
+        np.zeros((2, 6)),
+        tensions=np.ones((2, 8)),
+        swivels=np.zeros((2, 8)),
+        frequencies=np.ones((2, 6)),
+        masses=[np.nan, 0.5],
+        wrenches=np.tile([1.0, 0.5, 0.0, 0.0, 0.0, 0.0], (2, 1)),
     )
     unknowns = unknowns_of(robot, measurements, [name for name in UNKNOWNS if name not in left_out])
     assert len({one.name for one in unknowns}) == len(unknowns) > 90
@@ -136,7 +136,7 @@ def test_standard_errors_are_as_large_as_the_errors(robot):
     rng = np.random.default_rng(7)
     offsets = rng.normal(size=8) * 1e-4
     true = robot.replace(axial_stiffness=800.0)
-    positions, asked = commanded(6), ("axial_stiffness", "rest_length_offsets")
+    positions, asked = commanded(4), ("axial_stiffness", "rest_length_offsets")
     poses, truth = exact_poses(true, positions, offsets), np.array([800.0, *offsets])
     products, together, spreads = np.zeros((9, 9)), 0.0, 0.0
     for fit in range(FITS):
@@ -378,7 +378,7 @@ def test_stiffness_and_offsets_of_cables_with_every_property_are_found(robot):
     """With mass, over pulleys and nonlinear; believed to be massless, the same cables are far from what they are."""
     true = robot.replace(linear_density=5e-3, pulley_radius=0.01, stiffening=(1.0, 20.0))
     offsets = 1e-3 * np.array([1, -1, 2, 0, 1, 0, -2, 1])
-    positions = commanded()
+    positions = commanded(6)
     measurements = cdpr.Measurements.of(positions, exact_poses(true, positions, offsets))
     believed = true.replace(axial_stiffness=2 * true.axial_stiffness)
     found = cdpr.identify(believed, measurements, unknowns=["axial_stiffness", "rest_length_offsets"])
@@ -487,7 +487,7 @@ HELD = 0.85
 """Share of the true values that so few 95 % intervals hold at least: 0.93 to 0.97 of many."""
 
 
-@pytest.mark.parametrize(("case", "fits"), [("judged", 5), ("lengths", 4)])
+@pytest.mark.parametrize(("case", "fits"), [("judged", 3), ("lengths", 3)])
 def test_intervals_hold_what_they_say(case, fits):
     """Of a few simulated measurements; ``scripts/interval_coverage.py`` has many. Narrower ones hold fewer."""
     found = fitted(case, fits, seed=1)

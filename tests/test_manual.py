@@ -42,12 +42,23 @@ DATA = {"", "text", "csv", "toml", "yaml"}
 """What is shown and not run; a ``title`` makes it a file for what follows."""
 
 
+SOONER = {
+    "video": "--drive-seconds 1 --seconds 0.5",
+    "report": "--grid 3 1 2",
+    "map": "--points 9",
+}
+"""Options that are added to commands that draw: of an option given twice, the last one counts."""
+
+
 def said(command: str) -> str:
     """What a command of ``cdpr-sim`` prints; of ``settle``, without the extra ``proof``, as README installs it."""
+    words = shlex.split(command)[1:]
+    if "--waypoint" not in words:
+        words += SOONER.get(words[0], "").split()
     with pytest.MonkeyPatch.context() as patch:
         if command.startswith("cdpr-sim settle") and "--certify" not in command:
             patch.setitem(sys.modules, "flint", None)
-        result = CliRunner().invoke(app, shlex.split(command)[1:], env={"COLUMNS": "100"})
+        result = CliRunner().invoke(app, words, env={"COLUMNS": "100"})
     assert result.exit_code == 0, f"{command}: {result.stderr or result.exception!r}"
     return result.stdout
 

@@ -1,6 +1,7 @@
 """Every option of every command reaches what it is for, in the units of the package; and none has no test."""
 
 import ast
+import inspect
 import math
 from pathlib import Path
 
@@ -206,6 +207,27 @@ def test_options_reach_what_they_are_for(words, function, expected, folder, monk
         name, seen = name if isinstance(name, tuple) else (name, lambda found: found)
         found = seen(asked[name])
         assert (set(found) if isinstance(value, set) else found) == value
+
+
+FUNCTIONS = {
+    "solve": cdpr.solve, "compensate": cdpr.compensate, "equilibria": cdpr.find_equilibria, "design": cdpr.find_layout,
+    "front": cdpr.find_front, "check": cdpr.check, "video": cdpr.write_video,
+}  # fmt: skip
+"""What commands call, with defaults under the same names."""
+
+
+def test_without_an_option_a_command_does_what_its_function_does():
+    """Defaults are the same; no flag is set without its option, except the video of a report."""
+    compared = []
+    for name, function in FUNCTIONS.items():
+        defaults = {one.name: one.default for one in inspect.signature(inspect.unwrap(function)).parameters.values()}
+        for option in COMMANDS[name].params:
+            if option.default is not None and defaults.get(option.name) is not None:
+                compared.append((name, option.name, option.default, defaults[option.name]))
+    assert [one for one in compared if one[2] != one[3]] == []
+    assert len(compared) > 15
+    flags = [(name, one.name) for name, made in COMMANDS.items() for one in made.params if one.default is True]
+    assert flags == [("report", "video")]
 
 
 def test_settings_of_a_film_reach_the_film(folder, monkeypatch):

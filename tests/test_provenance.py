@@ -164,13 +164,13 @@ def test_compensate_shows_each_method_before_and_after(methods, monkeypatch):
 
 def test_equilibria_shows_what_mujocos_platforms_do(monkeypatch):
     """Which of them stay, and to which one MuJoCo's comes while gravity grows."""
-    found = cdpr.find_equilibria(cdpr.load_robot("two-cable"), (0.3, 0, 0.2), saddles=True)
+    found = cdpr.find_equilibria(cdpr.load_robot("two-cable"), (0.3, 0, 0.2), saddles=True, starts=20)
     assert len(found) == 2
     answers = [Release(largest_deviation, 1.0, 1.0) for largest_deviation in (10.0, 500.0)]
     said = itertools.cycle(answers)
     monkeypatch.setattr(cdpr, "release", lambda one, seconds: next(said))
     monkeypatch.setattr(cdpr, "grow_gravity", lambda problem: found[1])
-    words = ["equilibria", "two-cable", "--pose", "0.3", "0", "0.2", "--saddles"]
+    words = ["equilibria", "two-cable", "--pose", "0.3", "0", "0.2", "--saddles", "--starts", "20"]
     result = run(*words)
     rows = [line.split() for line in result.stdout.splitlines() if line.split()[:1] and line.split()[0].isdigit()]
     assert [row[-1] for row in rows] == ["neither", "leaves"]

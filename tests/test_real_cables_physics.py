@@ -185,12 +185,11 @@ def test_a_platform_on_a_wheel_swings_about_the_wheels_own_axes():
 
 
 @pytest.mark.parametrize("name", PAPER_ROBOTS)
-@pytest.mark.parametrize("changes", [{}, {"stiffening": (5.0, 20.0)}])
-@pytest.mark.parametrize("axis", [UP, DOWN])
+@pytest.mark.parametrize(("axis", "changes"), [(UP, {"stiffening": (5.0, 20.0)}), (DOWN, {})])
 def test_robots_settle_over_pulleys(name, changes, axis):
     """A plain MjModel of the settled robot finds balance there, its wheels included, and none a millimetre higher."""
     robot = with_pulleys(name, axis=axis, **changes)
-    poses = np.random.default_rng(1).uniform(*robot.workspace, (4, 3))
+    poses = np.random.default_rng(1).uniform(*robot.workspace, (2, 3))
     for pose in poses:
         rest = settle(robot, pose, lengths_at(robot, pose))
         assert rest.residual < 1e-8 * robot.weight
@@ -491,7 +490,7 @@ def test_heavy_and_massless_cables_pulleys_laws_and_a_wrench_on_one_robot():
     assert_allclose(rest.eigenvalues, plain.eigenvalues, rtol=1e-3)
 
 
-@pytest.mark.parametrize("seed", range(16, 36))
+@pytest.mark.parametrize("seed", range(16, 24))
 def test_random_robots_settle_on_heavy_cables(seed):
     """Whatever the cables, size and mass, cables of 1e-4 to 1e-1 of the platform's weight: balance, and none beside."""
     robot, position, random = random_robot(seed, stiffest=1e6)

@@ -410,7 +410,7 @@ def test_the_crane_as_it_is_is_all_properties_at_once():
 @pytest.fixture(scope="module")
 def study() -> real_cables.RealCables:
     """All of it, over a few poses."""
-    return real_cables.real_cables(12)
+    return real_cables.real_cables(6)
 
 
 @pytest.fixture(scope="module")

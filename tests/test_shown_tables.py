@@ -175,6 +175,31 @@ def test_the_verdict_gives_its_differences_in_the_units_that_it_names():
     assert repr(agreement(Verdict.AGREE, same_slack=False)) == said
 
 
+def test_a_problem_and_an_agreement_say_each_number_under_its_name():
+    """All rows, of numbers that all differ, in millimetres, degrees, newtons and newton metres."""
+    wrench, lengths = [1.25, -2.5, 3.75, 0.5, -0.75, 0.875], 0.5 + 0.01 * np.arange(8)
+    problem = cdpr.Problem.of(cdpr.load_robot("cogiro"), [0.41, 0.26, 0.12, 0.01, -0.02, 0.03], lengths, wrench)
+
+    def rows(table) -> list[tuple[str, ...]]:
+        return [*zip(*([cell.replace("\\", "") for cell in column.cells] for column in table.columns), strict=True)]
+
+    assert rows(crosscheck_tables.problem_table(problem)) == [
+        ("x [mm]", "410.000"), ("y [mm]", "260.000"), ("z [mm]", "120.000"),
+        ("about x [°]", "0.573"), ("about y [°]", "-1.146"), ("about z [°]", "1.719"),
+        *((f"rest length {cable + 1} [mm]", f"{500 + 10 * cable}.000") for cable in range(8)),
+        ("weight [N]", "3.9240"),
+        ("force along x [N]", "1.2500"), ("torque about x [N m]", "0.5000"),
+        ("force along y [N]", "-2.5000"), ("torque about y [N m]", "-0.7500"),
+        ("force along z [N]", "3.7500"), ("torque about z [N m]", "0.8750"),
+    ]  # fmt: skip
+    for same_slack, told in ((True, "the same"), (False, "[red]different[/]")):
+        assert rows(crosscheck_tables.agreement_table(agreement(Verdict.DISAGREE, same_slack=same_slack))) == [
+            ("position [mm]", "2.0e+00"), ("rotation [°]", "3.0e+00"), ("tension [N]", "4.0e+00"),
+            ("slack cables", told), ("MuJoCo's residual at the static equilibrium [N]", "5.0e+00"),
+            ("static residual at MuJoCo's equilibrium [N]", "6.0e+00"),
+        ]  # fmt: skip
+
+
 def broken(problem: cdpr.Problem, settle=cdpr.settle, progress: bool = False) -> cdpr.Equilibrium:
     """MuJoCo's method with springs half as stiff."""
     model = mujoco.MjModel.from_xml_string(cdpr.to_mjcf(problem.robot, problem.pose))
@@ -184,11 +209,11 @@ def broken(problem: cdpr.Problem, settle=cdpr.settle, progress: bool = False) ->
 
 def test_mujocos_column_is_mujocos(monkeypatch):
     """A model that is broken on purpose shows in its column and its JSON, and nowhere else."""
-    problem = cdpr.Problem.of(cdpr.load_robot("parallel"), (0.2, 0.25, 0.1))
+    problem = cdpr.Problem.of(cdpr.load_robot("parallel"), (0.38, 0.25, 0.1))  # where SEECR needs few steps
     physics, statics = broken(problem), cdpr.solve(problem)
     assert np.abs(physics.position - statics.position)[[0, 2]].min() > 2e-6  # in the last digit that is shown
     monkeypatch.setattr(cdpr, "settle", broken)
-    words = ["settle", "parallel", "--pose", "0.2", "0.25", "0.1"]
+    words = ["settle", "parallel", "--pose", "0.38", "0.25", "0.1"]
     lines = CliRunner().invoke(app, words, env={"COLUMNS": "120"}).stdout.splitlines()
     for axis, name in enumerate("xyz"):
         shown = cells(lines, f"{name} [mm]", 4)

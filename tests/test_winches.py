@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from sample_problems import VARIED
 from scipy.spatial.transform import RigidTransform, Rotation
 from test_cli import run
 
@@ -89,12 +90,14 @@ def test_each_actuator_is_the_one_sided_law(robot):
     assert (np.array(forces) > 0).mean() > 0.1
 
 
-@pytest.mark.parametrize("integrator", ["discrete", "Euler", "implicitfast"])
 @pytest.mark.parametrize("stiffness", STEPS)
-@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
-def test_it_rests_where_solve_says(robot, stiffness, integrator):
+@pytest.mark.parametrize(
+    ("name", "integrator"),
+    [*((name, "discrete") for name in ROBOTS), ("pulleys", "Euler"), ("planar-vertical", "implicitfast")],
+)
+def test_it_rests_where_solve_says(name, stiffness, integrator):
     """Wound from one pose to another, with the longest time step that is advised."""
-    robot = robot.replace(axial_stiffness=stiffness)
+    robot = ROBOTS[name].replace(axial_stiffness=stiffness)
     step = STEPS[stiffness] if integrator != "discrete" else 0.01 if stiffness < 1e5 else 0.005
     data = wound(model_of(robot, integrator=integrator, step=step), controls_of(robot))
     assert error(robot, data) < AT_REST
@@ -104,7 +107,7 @@ def test_it_rests_where_solve_says(robot, stiffness, integrator):
     assert (turned * static.rotation.inv()).magnitude() < 10 * AT_REST / robot.characteristic_length
 
 
-@pytest.mark.parametrize("name", [name for name in cdpr.list_robots() if cdpr.load_robot(name).cabling.massless])
+@pytest.mark.parametrize("name", VARIED)
 def test_the_catalogue_as_written_rests_where_solve_says(name):
     """From its file, nudged once, as a symmetric one may sit between two rests; ``solve`` is asked from where it is."""
     robot = cdpr.load_robot(name)

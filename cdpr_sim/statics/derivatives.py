@@ -197,7 +197,9 @@ def _pull_slopes(
     line = np.where(sags, slope, 0.0)
     by_weight = _turned_by_weight(t, T, np.where(sags, end, 1.0), L, np.where(sags, w, 1.0))
     heavy = mu[..., None] * by_weight + (line * L * L / 2)[..., None] * up
-    for node, part in zip(NODES, WEIGHTS, strict=True):
+    # Where no cable has mass, tension is the same along it, and one node does.
+    nodes, parts = (NODES, WEIGHTS) if w.any() else ([0.5], [1.0])
+    for node, part in zip(nodes, parts, strict=True):
         there, v, e, k = along(t + (node * w * L)[..., None] * up)
         law = law + (part * L)[..., None, None] * by_law(there, v, e, k)
         across = ((1 + e - mu - there * line) / np.where(there > 0, there, 1.0))[..., None] * (up - v[..., 2:] * v)
