@@ -223,13 +223,13 @@ def check(
         attrs={"title": "MuJoCo and statics over the workspace of cable-driven parallel robots"},
     )
     for name in dataset.data_vars:
-        units, meaning = _MEANINGS[str(name)]
+        units, meaning = MEANINGS[str(name)]
         dataset[name].attrs = {"units": units, "long_name": meaning}
     dataset["outcome"].attrs |= {"flag_values": list(range(len(OUTCOMES))), "flag_meanings": " ".join(OUTCOMES)}
     return Check(dataset, tuple(disagreements))
 
 
-_MEANINGS = {
+MEANINGS = {
     "outcome": ("1", "outcome of the comparison of MuJoCo with statics"),
     "position_error": ("m", "distance between the platform's origins"),
     "rotation_error": ("rad", "angle between the platforms"),
@@ -238,14 +238,37 @@ _MEANINGS = {
     "settled_in_statics": ("N", "residual of statics at the settled pose"),
     "proved": ("1", "whether the equilibria of both methods are proved"),
 }
-COMPARED = [name for name in _MEANINGS if name not in ("outcome", "proved")]
+COMPARED = [name for name in MEANINGS if name not in ("outcome", "proved")]
 
 
 def _check_rows(
     problems: Problems, material: str, threads: int, certify: bool, path: bool
 ) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
-    """The columns of ``_MEANINGS`` of each problem, and the disagreements."""
+    """The columns of ``MEANINGS`` of each problem, and the disagreements."""
     solved, settled = both(problems, threads=threads, path=path)
+    values, disagreements = compared(solved, settled, material, threads=threads)
+    if certify:
+        values["proved"] = np.array(
+            [
+                bool(converged) and all(proof.certify(equilibria[row]).proved for equilibria in (solved, settled))
+                for row, converged in enumerate(solved.converged & settled.converged)
+            ]
+        )
+    return values, disagreements
+
+
+def compared(
+    solved: EquilibriumBatch, settled: EquilibriumBatch, material: str, *, threads: int = 0
+) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
+    """The columns of ``MEANINGS`` but the proof, (rows,) each, and the disagreements.
+
+    Args:
+        solved: static equilibria, (rows,).
+        settled: the same problems by MuJoCo.
+        material: name of the cables, for the disagreements.
+        threads: for MuJoCo; 0 for one per processor.
+    """
+    problems = solved.problems
     values, agree = compare_many(solved, settled, threads=threads)
     refused = problems.refusals != Status.PENDING
     outcome = np.where(refused, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
@@ -256,13 +279,6 @@ def _check_rows(
         if outcome[row] not in AGREEING:
             x, y, z = (float(value) for value in problems.positions[row])
             disagreements.append(Disagreement(problems.robot.name, material, (x, y, z), name, reasons))
-    if certify:
-        values["proved"] = np.array(
-            [
-                bool(converged) and all(proof.certify(equilibria[row]).proved for equilibria in (solved, settled))
-                for row, converged in enumerate(solved.converged & settled.converged)
-            ]
-        )
     return {"outcome": outcome, **values}, disagreements
 
 
