@@ -273,7 +273,9 @@ def compared(
     refused = problems.refusals != Status.PENDING
     outcome = np.where(refused, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
     disagreements: list[Disagreement] = []
-    for row in np.flatnonzero(~agree & ~refused):
+    neutral = _neutral(solved, settled, values, ~agree & ~refused)
+    outcome[neutral] = OUTCOMES.index(Verdict.AGREE_EXCEPT_NEUTRAL.name.lower())
+    for row in np.flatnonzero(~agree & ~refused & ~neutral):
         name, reasons = _outcome(solved, settled, int(row))
         outcome[row] = OUTCOMES.index(name)
         if outcome[row] not in AGREEING:
@@ -320,8 +322,6 @@ def compare_many(
     if not compare.remembers(problems.robot):
         errors["static_in_mujoco"] = residuals_of(problems, poses_of(*static), threads=threads)
         errors["settled_in_statics"] = np.asarray(forces.at(problems, *at_rest).residual)
-    near = [np.abs(one.lengths - one.rest_lengths)[rows] <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
-    same_slack = ~((solved.slack != settled.slack)[rows] & ~near[0] & ~near[1]).any(-1)
     cross = compare.CROSS_TOLERANCE * problems.force_scale
     tolerances = {
         "position_error": compare.POSITION_TOLERANCE,
@@ -330,10 +330,37 @@ def compare_many(
         "static_in_mujoco": cross,
         "settled_in_statics": cross,
     }
-    within[rows] = np.all([error <= tolerances[name] for name, error in errors.items()], axis=0) & same_slack
+    within[rows] = np.all([error <= tolerances[name] for name, error in errors.items()], axis=0)
+    within[rows] &= _same_slack(solved, settled)[rows]
     for name, column in errors.items():
         columns[name][rows] = column
     return columns, within
+
+
+def _same_slack(solved: EquilibriumBatch, settled: EquilibriumBatch) -> Bool[np.ndarray, " rows"]:
+    """Where the same cables are slack; one at its rest length counts as either."""
+    near = [np.abs(one.lengths - one.rest_lengths) <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
+    return ~((solved.slack != settled.slack) & ~near[0] & ~near[1]).any(-1)
+
+
+def _neutral(
+    solved: EquilibriumBatch,
+    settled: EquilibriumBatch,
+    columns: dict[str, np.ndarray],
+    asked: Bool[np.ndarray, " rows"],
+) -> Bool[np.ndarray, " rows"]:
+    """Where the methods agree except along directions in which the platform is neutrally stable, as by ``compare``."""
+    neutral = np.zeros(len(solved), dtype=bool)
+    if not asked.any() or compare.remembers(solved.problems.robot):
+        return neutral
+    cross = compare.CROSS_TOLERANCE * solved.problems.force_scale
+    same = asked & _same_slack(solved, settled) & (columns["tension_error"] <= compare.TENSION_TOLERANCE)
+    same &= (columns["static_in_mujoco"] <= cross) & (columns["settled_in_statics"] <= cross)
+    rows = np.flatnonzero(same)
+    if rows.size:
+        poses = (poses_of(one.positions[rows], one.rotations[rows]) for one in (solved, settled))
+        neutral[rows] = compare.connected(solved.problems.take(rows), *poses)
+    return neutral
 
 
 def _outcome(solved: EquilibriumBatch, settled: EquilibriumBatch, row: int) -> tuple[str, tuple[str, ...]]:
