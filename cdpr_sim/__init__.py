@@ -7,6 +7,7 @@ lists them and their modules.
 import lazy_loader
 
 from cdpr_sim.core.html_repr import HtmlRepr as _Introduced
+from cdpr_sim.core.sweep_quantities import BySimulation as _BySimulation
 from cdpr_sim.core.with_mass import WithMass as _WithMass
 
 _attribute, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
@@ -42,3 +43,13 @@ def _cut(*arguments: object) -> tuple:
 
 
 _WithMass.cut = staticmethod(_cut)
+
+
+def _settled() -> tuple:
+    """The quantities of a sweep by simulation; MuJoCo is imported at the first call."""
+    from cdpr_sim.crosscheck.settled_quantities import settled
+
+    return settled()
+
+
+_BySimulation.settled = staticmethod(_settled)  # type: ignore[assignment]

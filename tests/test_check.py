@@ -30,14 +30,16 @@ def test_many_rows_are_compared_as_one_by_one(catalogue, name):
     robot = catalogue[name]
     solved, settled = methods(robot, grid(robot, 60))
     columns, agree = compare_many(solved, settled)
-    verdicts = set()
+    verdicts, outcome = set(), checking.compared(solved, settled, "cables")[0]["outcome"]
     for row in range(len(solved)):
         one = cdpr.compare(solved[row], settled[row])
         verdicts.add(one.verdict)
         assert agree[row] == (one.verdict is cdpr.Verdict.AGREE)
         for field, column in columns.items():
             assert column[row] == pytest.approx(getattr(one, field), rel=1e-6, abs=1e-11), field  # rounding of 1 N
-        assert checking._outcome(solved, settled, row)[0] == one.verdict.name.lower()
+        assert OUTCOMES[outcome[row]] == one.verdict.name.lower()
+        if one.verdict is not cdpr.Verdict.AGREE:
+            assert checking._outcome(solved, settled, row)[0] == one.verdict.name.lower()
     assert (cdpr.Verdict.AGREE_EXCEPT_NEUTRAL in verdicts) == (name == "parallel")
 
 
@@ -319,3 +321,11 @@ def test_single_poses_are_checked_instead_of_a_grid():
     with pytest.raises(cdpr.InvalidInput, match="poses: found none"):
         cdpr.check("cogiro", poses=[])
     assert "2 poses" in repr(poses)
+
+
+def test_where_no_energy_counts_as_constant_equilibria_are_different(monkeypatch):
+    """Negative control of neutral stability, which is decided for all rows at once."""
+    monkeypatch.setattr(compare, "LEVEL", -1.0)
+    solved, settled = methods(cdpr.load_robot("parallel"), np.array([[0.1, 0.1, 0.05], [0.4, 0.25, 0.2]]))
+    outcome = checking.compared(solved, settled, "cables")[0]["outcome"]
+    assert [OUTCOMES[code] for code in outcome] == ["different_equilibria", "agree"]

@@ -17,7 +17,8 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.physics import batch, dynamic_relaxation
+from cdpr_sim.physics import batch, dynamic_relaxation, newton_finish
+from cdpr_sim.physics.batch import Simulations
 from cdpr_sim.physics.dynamic_relaxation import ACCEPTABLE
 from cdpr_sim.physics.mjcf import coordinates, to_mjcf
 from cdpr_sim.physics.settle import residual_of, residuals_of, settle, settle_many, settle_trajectory
@@ -28,6 +29,10 @@ CLOSED_FORM = 1e-8
 
 DIFFERENCED = 1e-5
 """Relative. Forces are differenced over 3e-6 cable lengths; truncation is the square of that, times EA over tension."""
+
+FINISHED = 1e-9
+"""[m], entries of a rotation. By motion or by Newton's method, a billionth of the load stays unbalanced at rest: with
+a stiffness of one load per metre, that is 1e-9 m."""
 
 MOVED = 1e-6
 """[m] What two methods must agree to; a negative control must move the platform further."""
@@ -130,6 +135,74 @@ def test_a_balanced_platform_is_not_called_settled_but_topples():
     rest = settle(robot, [0, 0, 0.5])
     assert rest.tilt == pytest.approx(np.pi, abs=1e-6)
     assert rest.position[2] < 0.46
+
+
+TOP_HEAVY = Robot(
+    [[-0.5, 0, 1], [0.5, 0, 1]], [[-0.01, 0, -0.05], [0.01, 0, -0.05]], 1e4, 1.0, mobility="planar", name="top-heavy"
+)
+"""Held below its centre of mass by two cables: level in the middle it is balanced, and not stable."""
+
+
+def balanced(aside: float) -> Simulations:
+    """``TOP_HEAVY`` balanced in MuJoCo, and moved aside by this much [m]."""
+    simulations = Simulations(TOP_HEAVY, batch._model_of(TOP_HEAVY), 1)
+    simulations.start(Problems.of(TOP_HEAVY, [[0, 0, 0.5]]), own_springs=False)
+    relaxation = dynamic_relaxation.Relaxation(simulations, [])
+    relaxation.run()
+    assert relaxation.settled.all()
+    simulations.qpos[:] = relaxation.qpos + np.array([aside, 0, 0])
+    return simulations
+
+
+@pytest.mark.parametrize("name", ["parallel", "falcon-7", "ipanema-1"])
+def test_newtons_method_ends_where_the_motion_would(name, monkeypatch):
+    """Where several equilibria exist, the motion chooses: Newton's method takes its last part only.
+
+    A direction without stiffness is left out, since nothing determines the platform's place in it.
+    """
+    robot = load_robot(name)
+    poses = random_poses(robot, GRID)
+    short = settle_many(robot, poses)
+    monkeypatch.setattr(dynamic_relaxation, "READY", 0.0)
+    long = settle_many(robot, poses)
+    assert short.converged.all()
+    assert short.iterations.mean() < 0.7 * long.iterations.mean()
+    held = long.stability == Stability.STABLE
+    assert held.mean() > 0.9
+    np.testing.assert_allclose(short.positions, long.positions, rtol=0, atol=FINISHED)
+    np.testing.assert_allclose(short.rotations[held], long.rotations[held], rtol=0, atol=1e2 * FINISHED)
+
+
+def test_newtons_method_does_not_approach_a_saddle(monkeypatch):
+    """Beside a pose at which forces balance, and which is not stable, the platform stays where it is."""
+    simulations, row = balanced(aside=1e-5), np.ones(1, dtype=bool)
+    before, target = simulations.qpos.copy(), np.array([1e-9 * TOP_HEAVY.weight])
+    assert simulations.residuals()[0] > 100 * target[0]
+    assert not newton_finish.finish(simulations, row, target).any()
+    np.testing.assert_array_equal(simulations.qpos, before)
+    # Negative control: without the condition on the stiffness, it goes there.
+    monkeypatch.setattr(newton_finish, "DEFINITE", -np.inf)
+    assert newton_finish.finish(simulations, row, target).all()
+    assert simulations.residuals()[0] <= target[0]
+
+
+def test_a_saddle_that_newtons_method_found_is_left_again(monkeypatch):
+    """Whatever finishes a motion, the stiffness at the end decides: the motion continues from where it was."""
+    saddle, pose = balanced(aside=0.0).qpos.copy(), [0.05, 0, 0.5]
+    undisturbed = settle(TOP_HEAVY, pose)
+    assert undisturbed.tilt > 1
+
+    def to_the_saddle(simulations, rows, target):
+        simulations.qpos[rows], simulations.qvel[rows] = saddle, 0
+        return rows.astype(int)
+
+    monkeypatch.setattr(dynamic_relaxation, "READY", np.inf)
+    monkeypatch.setattr(dynamic_relaxation, "finish", to_the_saddle)
+    rest = settle(TOP_HEAVY, pose)
+    np.testing.assert_allclose(rest.pose.as_matrix(), undisturbed.pose.as_matrix(), rtol=0, atol=1e2 * FINISHED)
+    # Negative control: where nobody looks at the stiffness, the saddle is what is found.
+    monkeypatch.setattr("cdpr_sim.physics.settle._saddle", lambda relaxation, reading: np.zeros(1, dtype=bool))
+    assert settle(TOP_HEAVY, pose).tilt < 1e-6
 
 
 # --- what is read out of MuJoCo ------------------------------------------------------------------------------------
@@ -351,12 +424,13 @@ def test_the_trajectory_leads_from_the_commanded_pose_to_rest():
     robot, pose = load_robot("parallel"), [0.17, 0.25, 0.1]
     rest, motion = settle_trajectory(robot, pose)
     alone = settle(robot, pose)
-    assert len(motion) == rest.iterations + 1
+    assert len(motion) == rest.iterations + 1 > alone.iterations + 1  # the whole motion, without Newton's method
     assert motion.times[0] == 0
     assert (np.diff(motion.times) > 0).all()
     np.testing.assert_allclose(motion.poses[0].translation, pose, atol=1e-15)
-    np.testing.assert_array_equal(motion.poses[-1].as_matrix(), alone.pose.as_matrix())
-    np.testing.assert_array_equal(motion.tensions[-1], alone.tensions)
+    np.testing.assert_array_equal(motion.poses[-1].as_matrix(), rest.pose.as_matrix())
+    np.testing.assert_allclose(motion.poses[-1].as_matrix(), alone.pose.as_matrix(), rtol=0, atol=FINISHED)
+    np.testing.assert_allclose(motion.tensions[-1], alone.tensions, rtol=0, atol=FINISHED * robot.axial_stiffness.max())
     np.testing.assert_allclose(motion.tensions[0], 0, atol=1e-9 * robot.weight)
     fall = 0.5 * robot.gravity * motion.times[1] ** 2
     assert 0 < pose[2] - motion.poses[1].translation[2] < 2.1 * fall  # it falls, and is not put at its goal

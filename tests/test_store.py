@@ -73,7 +73,13 @@ def test_finished_store_is_read_and_not_computed_again(expected, finished, monke
     assert_same(cdpr.sweep(**ASKED, store=finished).compute(), expected)
 
 
-CHILD = f"""
+SETTLED = dict(robots=["cogiro"], grid=(8, 4, 4), chunk=16, quantities=["position", "settled"])
+"""8 chunks, so two slabs in these tests."""
+
+
+def child(asked: dict) -> str:
+    """A script that sweeps slowly into the store that it is given."""
+    return f"""
 import sys, time
 import xarray as xr
 import cdpr_sim as cdpr
@@ -86,22 +92,28 @@ def slowly(*args, **kwargs):
     time.sleep(0.3)
 
 store.TASKS, xr.Dataset.to_zarr = {TASKS}, slowly
-cdpr.sweep(**{ASKED!r}, store=sys.argv[1])
+cdpr.sweep(**{asked!r}, store=sys.argv[1])
 """
+
+
+def killed(asked: dict, path) -> None:
+    """Sweep into ``path`` in another process, and kill it with SIGKILL once a slab's worth of poses is solved."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", child(asked), str(path)], env=os.environ | {"PYTHONPATH": sys.path[0]}
+    )
+    done = []
+    while len(done) < TASKS * asked["chunk"]:
+        assert process.poll() is None, "the sweep ended before it could be killed"
+        time.sleep(0.02)
+        done = _solved_poses(path)
+    process.send_signal(signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
 
 
 def test_killed_sweep_goes_on_where_it_stopped(expected, tmp_path):
     """Killed with SIGKILL while it writes: the store reads as unfinished, and the next run keeps what is there."""
     path = tmp_path / "sweep.zarr"
-    child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], env=os.environ | {"PYTHONPATH": sys.path[0]})
-    done = []
-    while len(done) < SLAB:  # until a slab's worth of poses is solved
-        assert child.poll() is None, "the sweep ended before it could be killed"
-        time.sleep(0.02)
-        done = _solved_poses(path)
-    child.send_signal(signal.SIGKILL)
-    assert child.wait() == -signal.SIGKILL
-
+    killed(ASKED, path)
     with pytest.raises(cdpr.InvalidInput, match=r"is unfinished: .* are pending"):
         cdpr.open_sweep(path)
     plain = xr.open_zarr(path, consolidated=False).compute()  # by someone who knows nothing of us
@@ -114,6 +126,18 @@ def test_killed_sweep_goes_on_where_it_stopped(expected, tmp_path):
     assert kept
     assert_same(cdpr.sweep(**ASKED, store=path).compute(), expected)
     assert _modified(path, ~pending) == kept
+
+
+def test_killed_settling_goes_on_where_it_stopped(tmp_path):
+    """Poses settled in MuJoCo, on the same graph and in the same store: to the bit, as if nobody had killed it."""
+    path = tmp_path / "settled.zarr"
+    killed(SETTLED, path)
+    pending = xr.open_zarr(path, consolidated=False)["status"].values == stores.PENDING
+    assert 0 < pending.sum() < pending.size
+    resumed = cdpr.sweep(**SETTLED, store=path).compute()
+    xr.testing.assert_equal(resumed, cdpr.sweep(**SETTLED))
+    assert (resumed["settled_status"] == 0).all()
+    assert (resumed["position_error"] < 1e-6).all()
 
 
 def test_interrupted_sweep_goes_on_after_every_slab(expected, tmp_path, monkeypatch):

@@ -8,6 +8,9 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import sweep as sweeping
 from cdpr_sim.analysis.workspace.sweep import QUANTITIES
 from cdpr_sim.core.status import Status
+from cdpr_sim.crosscheck import settled_quantities
+from cdpr_sim.crosscheck.check import COMPARED, OUTCOMES
+from cdpr_sim.physics import tendons
 from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE
 
 GRID = (7, 5, 4)
@@ -311,3 +314,43 @@ def test_sweep_over_poses_is_the_one_of_a_grid_at_each():
         cdpr.sweep("cogiro", poses=poses, store="new.nc")
     with pytest.raises(cdpr.InvalidInput, match="poses: found them besides a grid"):
         cdpr.sweep("cogiro", (2, 2, 2), poses=poses)
+
+
+SETTLED = dict(robots=["parallel", "cogiro"], grid=(3, 2, 2), quantities=["position", "settled"])
+
+
+def test_a_sweep_settles_and_compares_every_pose():
+    """By Dask in many blocks: the numbers of ``settle_many``, to the bit, and the outcomes and errors of ``check``."""
+    materials = ["vectran-0.7mm", "fishing-0.4mm"]
+    swept, checked = (
+        cdpr.sweep(**SETTLED, materials=materials, chunk=8),
+        cdpr.check(["parallel", "cogiro"], (3, 2, 2), materials),
+    )
+    for name in ("outcome", *COMPARED):
+        xr.testing.assert_equal(
+            swept[name].drop_vars(list(swept[name].coords)),
+            checked.dataset[name].drop_vars(list(checked.dataset[name].coords)),
+        )
+    robot = cdpr.load_robot("cogiro").replace(material="fishing-0.4mm")
+    one = swept.sel(robot="cogiro", material="fishing-0.4mm")
+    poses = np.stack(np.meshgrid(swept["x"], swept["y"], swept["z"], indexing="ij"), axis=-1).reshape(-1, 3)
+    settled = cdpr.settle_many(robot, poses)
+    np.testing.assert_array_equal(one["settled_position"].values.reshape(-1, 3), settled.positions)
+    np.testing.assert_array_equal(one["settled_tensions"].values.reshape(-1, 8), settled.tensions)
+    for name, kind in settled_quantities.QUANTITIES.items():
+        assert swept[name].dims == ("robot", "material", "x", "y", "z", *kind.dims)
+        assert swept[name].attrs["units"] == kind.units
+    # In one call, at poses, where one falls: the same numbers; what is unknown is nan, and says why.
+    at = cdpr.sweep(robot, poses=[*poses, (0.4, 0.25, 10)], quantities=["settled"])
+    np.testing.assert_array_equal(at["settled_position"].values[:-1], settled.positions)
+    assert np.isnan(at["settled_tensions"].values[-1]).all()
+    assert at["settled_status"].values[-1] == Status.FALLS
+    assert OUTCOMES[int(at["outcome"].values[-1])] == "refused"
+
+
+def test_a_sweep_that_settles_another_robot_disagrees(monkeypatch):
+    """Negative control: MuJoCo's cables a hundredth stiffer."""
+    springs = tendons.springs
+    monkeypatch.setattr(tendons, "springs", lambda *given: 1.01 * springs(*given))
+    swept = cdpr.sweep("cogiro", (2, 2, 2), quantities=["settled"])
+    assert {OUTCOMES[code] for code in swept["outcome"].values.ravel()} == {"disagree"}

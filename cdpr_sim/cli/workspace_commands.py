@@ -52,12 +52,28 @@ def sweep(
     ] = None,
     limits: Limits = None,
     wrench: Wrenches = None,
+    settle: Annotated[
+        bool, typer.Option("--settle", help="Settle every pose in MuJoCo, too, and compare. Exit status 1 as check.")
+    ] = False,
 ) -> None:
     """Solve for the static equilibria of a grid: tilt, deviation, slack cables, feasibility."""
     with errors_as_sentences():
         conditions = dict(tension_limits=limits, wrenches=wrenches_of(wrench))
+        conditions |= dict(quantities=_with_settled()) if settle else {}
         dataset = cdpr.sweep(robot, grid, material or None, **conditions, store=output, progress=True)  # type: ignore[arg-type]
         _print(dataset)
+    if settle:
+        from cdpr_sim.report import workspace_tables as report
+
+        print_parts(report.outcome_table(dataset))
+        raise typer.Exit(0 if report.all_agree(dataset) else DISAGREE)
+
+
+def _with_settled() -> list[str]:
+    """All quantities of a sweep by default, and "settled"."""
+    from cdpr_sim.analysis.workspace.sweep import DEFAULT
+
+    return [*DEFAULT, "settled"]
 
 
 def draw_map(

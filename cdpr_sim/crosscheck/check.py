@@ -223,13 +223,13 @@ def check(
         attrs={"title": "MuJoCo and statics over the workspace of cable-driven parallel robots"},
     )
     for name in dataset.data_vars:
-        units, meaning = _MEANINGS[str(name)]
+        units, meaning = MEANINGS[str(name)]
         dataset[name].attrs = {"units": units, "long_name": meaning}
     dataset["outcome"].attrs |= {"flag_values": list(range(len(OUTCOMES))), "flag_meanings": " ".join(OUTCOMES)}
     return Check(dataset, tuple(disagreements))
 
 
-_MEANINGS = {
+MEANINGS = {
     "outcome": ("1", "outcome of the comparison of MuJoCo with statics"),
     "position_error": ("m", "distance between the platform's origins"),
     "rotation_error": ("rad", "angle between the platforms"),
@@ -238,24 +238,15 @@ _MEANINGS = {
     "settled_in_statics": ("N", "residual of statics at the settled pose"),
     "proved": ("1", "whether the equilibria of both methods are proved"),
 }
-COMPARED = [name for name in _MEANINGS if name not in ("outcome", "proved")]
+COMPARED = [name for name in MEANINGS if name not in ("outcome", "proved")]
 
 
 def _check_rows(
     problems: Problems, material: str, threads: int, certify: bool, path: bool
 ) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
-    """The columns of ``_MEANINGS`` of each problem, and the disagreements."""
+    """The columns of ``MEANINGS`` of each problem, and the disagreements."""
     solved, settled = both(problems, threads=threads, path=path)
-    values, agree = compare_many(solved, settled, threads=threads)
-    refused = problems.refusals != Status.PENDING
-    outcome = np.where(refused, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
-    disagreements: list[Disagreement] = []
-    for row in np.flatnonzero(~agree & ~refused):
-        name, reasons = _outcome(solved, settled, int(row))
-        outcome[row] = OUTCOMES.index(name)
-        if outcome[row] not in AGREEING:
-            x, y, z = (float(value) for value in problems.positions[row])
-            disagreements.append(Disagreement(problems.robot.name, material, (x, y, z), name, reasons))
+    values, disagreements = compared(solved, settled, material, threads=threads)
     if certify:
         values["proved"] = np.array(
             [
@@ -263,6 +254,33 @@ def _check_rows(
                 for row, converged in enumerate(solved.converged & settled.converged)
             ]
         )
+    return values, disagreements
+
+
+def compared(
+    solved: EquilibriumBatch, settled: EquilibriumBatch, material: str, *, threads: int = 0
+) -> tuple[dict[str, np.ndarray], list[Disagreement]]:
+    """The columns of ``MEANINGS`` but the proof, (rows,) each, and the disagreements.
+
+    Args:
+        solved: static equilibria, (rows,).
+        settled: the same problems by MuJoCo.
+        material: name of the cables, for the disagreements.
+        threads: for MuJoCo; 0 for one per processor.
+    """
+    problems = solved.problems
+    values, agree = compare_many(solved, settled, threads=threads)
+    refused = problems.refusals != Status.PENDING
+    outcome = np.where(refused, REFUSED, OUTCOMES.index(Verdict.AGREE.name.lower())).astype(np.int8)
+    disagreements: list[Disagreement] = []
+    neutral = _neutral(solved, settled, values, ~agree & ~refused)
+    outcome[neutral] = OUTCOMES.index(Verdict.AGREE_EXCEPT_NEUTRAL.name.lower())
+    for row in np.flatnonzero(~agree & ~refused & ~neutral):
+        name, reasons = _outcome(solved, settled, int(row))
+        outcome[row] = OUTCOMES.index(name)
+        if outcome[row] not in AGREEING:
+            x, y, z = (float(value) for value in problems.positions[row])
+            disagreements.append(Disagreement(problems.robot.name, material, (x, y, z), name, reasons))
     return {"outcome": outcome, **values}, disagreements
 
 
@@ -304,8 +322,6 @@ def compare_many(
     if not compare.remembers(problems.robot):
         errors["static_in_mujoco"] = residuals_of(problems, poses_of(*static), threads=threads)
         errors["settled_in_statics"] = np.asarray(forces.at(problems, *at_rest).residual)
-    near = [np.abs(one.lengths - one.rest_lengths)[rows] <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
-    same_slack = ~((solved.slack != settled.slack)[rows] & ~near[0] & ~near[1]).any(-1)
     cross = compare.CROSS_TOLERANCE * problems.force_scale
     tolerances = {
         "position_error": compare.POSITION_TOLERANCE,
@@ -314,10 +330,37 @@ def compare_many(
         "static_in_mujoco": cross,
         "settled_in_statics": cross,
     }
-    within[rows] = np.all([error <= tolerances[name] for name, error in errors.items()], axis=0) & same_slack
+    within[rows] = np.all([error <= tolerances[name] for name, error in errors.items()], axis=0)
+    within[rows] &= _same_slack(solved, settled)[rows]
     for name, column in errors.items():
         columns[name][rows] = column
     return columns, within
+
+
+def _same_slack(solved: EquilibriumBatch, settled: EquilibriumBatch) -> Bool[np.ndarray, " rows"]:
+    """Where the same cables are slack; one at its rest length counts as either."""
+    near = [np.abs(one.lengths - one.rest_lengths) <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
+    return ~((solved.slack != settled.slack) & ~near[0] & ~near[1]).any(-1)
+
+
+def _neutral(
+    solved: EquilibriumBatch,
+    settled: EquilibriumBatch,
+    columns: dict[str, np.ndarray],
+    asked: Bool[np.ndarray, " rows"],
+) -> Bool[np.ndarray, " rows"]:
+    """Where the methods agree except along directions in which the platform is neutrally stable, as by ``compare``."""
+    neutral = np.zeros(len(solved), dtype=bool)
+    if not asked.any() or compare.remembers(solved.problems.robot):
+        return neutral
+    cross = compare.CROSS_TOLERANCE * solved.problems.force_scale
+    same = asked & _same_slack(solved, settled) & (columns["tension_error"] <= compare.TENSION_TOLERANCE)
+    same &= (columns["static_in_mujoco"] <= cross) & (columns["settled_in_statics"] <= cross)
+    rows = np.flatnonzero(same)
+    if rows.size:
+        poses = (poses_of(one.positions[rows], one.rotations[rows]) for one in (solved, settled))
+        neutral[rows] = compare.connected(solved.problems.take(rows), *poses)
+    return neutral
 
 
 def _outcome(solved: EquilibriumBatch, settled: EquilibriumBatch, row: int) -> tuple[str, tuple[str, ...]]:

@@ -14,6 +14,7 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import angle_between
+from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.settle import residual_of
 from cdpr_sim.statics import forces
@@ -184,17 +185,30 @@ def _at_rest_length(equilibrium: Equilibrium) -> Bool[np.ndarray, " cables"]:
 
 
 def _connected(static: Equilibrium, settled: Equilibrium) -> bool:
-    """Whether the two belong to one continuum of equilibria: constant energy along the screw motion between them.
+    """``connected`` of one problem."""
+    poses = (one.pose for one in (static, settled))
+    return bool(connected(Problems.stack([static.problem]), *(RigidTransform.concatenate([pose]) for pose in poses))[0])
+
+
+def connected(problems: Problems, static: RigidTransform, settled: RigidTransform) -> Bool[np.ndarray, " rows"]:
+    """Which pairs of equilibria belong to one continuum: constant energy along the screw motion between them.
 
     The energy is compared and not the forces: rounding of the two poses times a high stiffness is a noticeable force,
     but a negligible energy.
+
+    Args:
+        problems: (rows,) problems.
+        static: their poses by statics, a stack.
+        settled: by MuJoCo.
     """
-    problem = static.problem
-    between = (static.pose.inv() * settled.pose).as_exp_coords()
-    fractions = np.linspace(0, 1, 17)
-    poses = static.pose * RigidTransform.from_exp_coords(fractions[:, None] * between)
+    fractions, rows = np.linspace(0, 1, 17), len(problems)
+    between = (static.inv() * settled).as_exp_coords()
+    each = np.tile(np.arange(rows), len(fractions))
+    poses = static[each] * RigidTransform.from_exp_coords(np.repeat(fractions, rows)[:, None] * between[each])
+    shape = len(fractions), rows
+    at = poses.translation.reshape(*shape, 3), poses.rotation.as_matrix().reshape(*shape, 3, 3)
     turn = (settled.rotation * static.rotation.inv()).as_rotvec()
-    work = fractions * (turn @ problem.external_wrench[3:])
-    energies = forces.at(problem, poses.translation, poses.rotation.as_matrix()).energy - work
-    tolerance = LEVEL * problem.force_scale * problem.robot.characteristic_length
-    return bool(np.ptp(energies) <= tolerance)
+    work = fractions[:, None] * (turn * problems.external_wrench[..., 3:]).sum(-1)
+    energies = forces.at(problems, *at).energy - work
+    tolerance = LEVEL * problems.force_scale * problems.robot.characteristic_length
+    return np.ptp(energies, axis=0) <= tolerance

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 from scipy.spatial.transform import RigidTransform
 
@@ -28,6 +28,8 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
+
+DISABLED = mujoco.mjtDisableBit
 
 MASS_IN_UNITS = 2.0**30
 """The platform's mass, in the unit of mass of the model in MuJoCo. MuJoCo's discrete integrator ends each step's
@@ -41,6 +43,9 @@ DIFFERENCE = 3e-6
 """Displacement for differencing forces, as a fraction of the mean cable length: near the cube root of rounding, where
 the error of truncation (its square) equals that of rounding (its inverse)."""
 
+
+UNUSED = sum(flag.value for flag in (DISABLED.mjDSBL_CONTACT, DISABLED.mjDSBL_CONSTRAINT, DISABLED.mjDSBL_SENSOR))
+"""Stages of MuJoCo that our models do not need: without them a forward pass takes a tenth less time."""
 
 HELD = 1e6
 """Inertia of a wheel about its axis, as a multiple of the platform's: MuJoCo does not rotate it between two updates.
@@ -201,6 +206,18 @@ class Simulations:
         )
         return step.memory_after(reading.lengths, reading.tensions)
 
+    def evaluate(
+        self, at: Int[np.ndarray, " some"], qpos: Float[np.ndarray, "some coordinates"]
+    ) -> Float[np.ndarray, "some free"]:
+        """``forces`` on the rows ``at`` at ``qpos`` and zero velocity, with the wheels turned and the elements held."""
+        rows = np.zeros(len(self.qpos), dtype=bool)
+        rows[at] = True
+        self.qpos[at], self.qvel[at] = qpos, 0
+        self.follow(rows)
+        self.batch.forward(at)
+        net = (self._smooth[at, : self.free] - self._damper[at, : self.free]) * self.unit
+        return self._in_base_frame(net, self._xmat[at, self._platform].reshape(-1, 3, 3))
+
     @property
     def accelerating(self) -> Float[np.ndarray, "rows free"]:
         """Net generalised force on the platform without the damping, as of MuJoCo's last call [N, N m].
@@ -262,12 +279,40 @@ class Simulations:
         self.batch.forward()
         return self.unbalanced
 
+    def displaced(
+        self, qpos: Float[np.ndarray, "some coordinates"], moves: Float[np.ndarray, "some free"]
+    ) -> Float[np.ndarray, "some coordinates"]:
+        """Coordinates of platforms after ``moves``: translation and rotation times the length, base frame [m]."""
+        there = qpos.copy()
+        if self.robot.mobility != "spatial":
+            there[:, : self.free] += moves / np.r_[1.0, 1.0, self.length]
+            return there
+        there[:, :3] += moves[:, :3]
+        half = moves[:, 3:] / (2 * self.length)
+        angle = np.sqrt(np.vecdot(half, half))
+        cosine, (x, y, z) = np.cos(angle), half.T * np.sinc(angle / np.pi)
+        a, b, c, d = qpos[:, 3:7].T
+        turned = np.stack(
+            (
+                cosine * a - x * b - y * c - z * d,
+                cosine * b + x * a + y * d - z * c,
+                cosine * c + y * a + z * b - x * d,
+                cosine * d + z * a + x * c - y * b,
+            ),
+            axis=1,
+        )
+        there[:, 3:7] = turned / np.sqrt(np.vecdot(turned, turned))[:, None]
+        return there
+
     def read(self, qpos: Float[np.ndarray, "rows coordinates"]) -> SimulationReading:
         """Each row's state at ``qpos`` and zero velocity."""
         self.qpos[:] = qpos
         residuals = self.residuals()
-        seen, off_wheel = self._observed(), self.off_wheel
-        return SimulationReading(*seen, residuals, *self._stiffness(), off_wheel)
+        off_wheel, poses = self.off_wheel, (self._xpos[:, self._platform].copy(), self.rotations.copy())
+        lengths = self._lengths - self.entries
+        stiffness = self._stiffness()
+        self.turn_wheels()
+        return SimulationReading(*poses, lengths, self._tensions(), residuals, *stiffness, off_wheel)
 
     def observe(self, qpos: Float[np.ndarray, "rows coordinates"]) -> Observation:
         """Each row's pose and cables at ``qpos``: ``read`` without residual and stiffness, for many states."""
@@ -307,7 +352,7 @@ class Simulations:
         return pulls.T * self.unit / self.robot.reeving + 0.0  # no negative zero
 
     def _stiffness(self) -> tuple[Float[np.ndarray, "rows free"], Float[np.ndarray, "rows free"]]:
-        """Eigenvalues [N/m], ascending, of the stiffness in MuJoCo at the present poses; direction of the smallest.
+        """Eigenvalues [N/m], ascending, of the stiffness in MuJoCo after ``residuals``; direction of the smallest.
 
         Central differences on the cables that are taut now: during the differencing these may push and slack ones have
         no force, so that a displacement does not cross the kink of a cable that is stretched by less; and no element of
@@ -315,8 +360,6 @@ class Simulations:
         """
         band, springs, polynomials = self.band.copy(), self.springs.copy(), self.polynomials.copy()
         elements = self._elements.stiffnesses.copy()
-        self.qvel[:] = 0
-        self.batch.forward()
         length = self._lengths
         slack = self.slack
         self.band[:] = np.where(length > band[:, :, 1], band[:, :, 1], band[:, :, 0])[:, :, None]
@@ -325,20 +368,15 @@ class Simulations:
             self.springs[:], self.band[:] = slopes / self.unit, (free + self.entries)[:, :, None]
             self._elements.stiffnesses[:] = 0
         self.springs[slack] = self.polynomials[slack] = 0
-        rest, rotations = self.qpos.copy(), self.rotations.copy()
+        rest = self.qpos.copy()
         step = DIFFERENCE * (length - self.entries).mean(1)
         free = self.free
         directions, ways = np.tile(np.arange(free), 2), np.repeat([1.0, -1.0], free)
-        moves = np.zeros((2 * free, len(rest), self.model.nv))
+        moves = np.zeros((2 * free, len(rest), free))
         moves[np.arange(2 * free), :, directions] = ways[:, None] * step
-        moves[..., self.angular] /= self.length
-        if free == 6:
-            moves[..., 3:6] = (moves[..., None, 3:6] @ rotations)[..., 0, :]
-        pushed, turned = np.empty((2 * free, len(rest), free)), np.empty((2 * free, *rotations.shape))
+        pushed, turned = np.empty((2 * free, len(rest), free)), np.empty((2 * free, len(rest), 3, 3))
         for i, displaced in enumerate(moves):
-            self.qpos[:] = rest
-            for coordinates, move in zip(self.qpos, displaced, strict=True):
-                mujoco.mj_integratePos(self.model, coordinates, move, 1)
+            self.qpos[:] = self.displaced(rest, displaced)
             self.turn_wheels()
             self.batch.forward()
             pushed[i], turned[i] = self.accelerating, self.rotations
@@ -404,6 +442,7 @@ def _model_of(robot: Robot) -> mujoco.MjModel:
     spec = mujoco.MjSpec.from_string(to_mjcf(without_memory(robot), middle, np.ones(robot.cables)))
     add_elements(spec, robot.cabling)
     spec.memory = ARENA
+    spec.option.disableflags |= UNUSED
     return _prepared(spec.compile(), robot)
 
 

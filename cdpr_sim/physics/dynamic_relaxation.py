@@ -1,13 +1,17 @@
 """Dynamic relaxation: move platforms in MuJoCo to equilibrium, with adaptive damping and time steps.
 
 Otter and Day 1960; Underwood 1983. Only the equilibrium matters and not the time to reach it: true mass, inertia and
-cables, from the commanded pose at zero velocity, in a medium of adaptive damping, with adaptive time steps.
+cables, from the commanded pose at zero velocity, in a medium of adaptive damping, with adaptive time steps. The last
+part, where only the equilibrium beside the platform is possible, is Newton's method (``newton_finish``).
 """
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
 import functools
 
+import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
 from mujoco.batch import SimulationError
@@ -16,6 +20,7 @@ from cdpr_sim.core.checks import frozen
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, Status
 from cdpr_sim.physics.batch import MOST_IDLE, Simulations
+from cdpr_sim.physics.newton_finish import finish
 
 RESIDUAL = 1e-9
 """Largest unbalanced force of an equilibrium, as a fraction of the load (the weight, or the external wrench if
@@ -64,6 +69,10 @@ RATTLES = 8
 """Numbers of time steps after which the rotational inertia is doubled. The added inertia is halved again where
 a platform is slow at the least damping."""
 
+READY, AGAIN = 1e-3, 0.03
+"""Unbalanced force, as a fraction of the load, below which Newton's method is tried; and the fraction of that force
+below which it is tried again, if it failed."""
+
 BETTER, ALONG, PATIENCE = 0.7, 0.95, 2
 """A residual below this fraction of the best so far is progress; a cosine above this is a force along the velocity; and
 after this many evaluations without either, the platform oscillates."""
@@ -90,7 +99,7 @@ class Relaxation:
             robot.weight, np.maximum(wrenches[:, :3].max(1), wrenches[:, 3:].max(1) / simulations.length)
         )
         simulations.qvel[:] = 0
-        simulations.batch.forward()
+        simulations.batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)
         # Without gravity or wrench the load is the largest force of the cables on each other.
         stiffness = simulations.springs * rest_lengths * simulations.unit
         self.load = np.where(self.load > 0, self.load, IDLE_STRAIN * stiffness.mean(1))
@@ -117,6 +126,9 @@ class Relaxation:
         self.step, self.ratio = np.full(rows, FIRST_STEP), np.full(rows, FIRST_DAMPING)
         self.best, self.patience = np.full(rows, np.inf), np.zeros(rows, dtype=int)
         self.rattles = np.zeros(rows, dtype=int)
+        self.ready = READY * self.load
+        self.moving = self.start.copy(), np.zeros_like(simulations.qvel)  # before Newton's method
+        self.finished = np.zeros(rows, dtype=bool)
         if frames is not None:
             frames.append((0.0, self.qpos[0].copy()))
 
@@ -152,6 +164,16 @@ class Relaxation:
         self.step[rows], self.ratio[rows] = FIRST_STEP, np.maximum(FIRST_DAMPING, self.least_damping[rows])
         self.best[rows], self.patience[rows] = np.inf, 0
         self.limit[rows] = self.steps[rows] + STEPS
+        self.ready[rows], self.finished[rows] = READY * self.load[rows], False
+
+    def resume(self, rows: Bool[np.ndarray, " rows"]) -> None:
+        """Let ``rows`` that Newton's method finished move on from where it began, without it."""
+        simulations = self.simulations
+        simulations.qpos[rows], simulations.qvel[rows] = self.moving[0][rows], self.moving[1][rows]
+        simulations.follow(rows)
+        self.live |= rows
+        self.status[rows] = Status.ITERATION_LIMIT
+        self.ready[rows], self.finished[rows] = 0.0, False
 
     def run(self) -> None:
         """Move the live rows until each has reached equilibrium or its limit."""
@@ -166,6 +188,7 @@ class Relaxation:
             self._advance()
             self._judge()
             self._adapt()
+            self._finish()
             simulations.follow(self.live)
 
     def _advance(self) -> None:
@@ -202,6 +225,18 @@ class Relaxation:
         weary = self.live & (self.steps >= self.limit)
         if weary.any():
             self._end(weary, Status.ITERATION_LIMIT, simulations.qpos)
+
+    def _finish(self) -> None:
+        """Let rows near their equilibrium reach it by Newton's method, unless the motion itself is wanted."""
+        ready = self.live & (self.residual < self.ready)
+        if self.frames is not None or not ready.any():
+            return
+        self.ready[ready] = AGAIN * self.residual[ready]
+        self.moving[0][ready], self.moving[1][ready] = self.simulations.qpos[ready], self.simulations.qvel[ready]
+        taken = finish(self.simulations, ready, self.target)
+        self.steps += taken
+        self.finished |= taken > 0
+        self._end(taken > 0, Status.CONVERGED, self.simulations.qpos)
 
     def _end(self, rows: Bool[np.ndarray, " rows"], status: Status, qpos: np.ndarray) -> None:
         self.live &= ~rows

@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
@@ -88,6 +88,8 @@ def settle_trajectory(
     model: mujoco.MjModel | None = None,
 ) -> tuple[Equilibrium, Trajectory]:
     """``settle``, and the motion to the equilibrium, time step by time step (their lengths vary).
+
+    ``settle`` ends with Newton's method; where no cable has mass, here the platform moves all the way.
 
     Args:
         robot: the robot; all arguments are those of ``settle``.
@@ -274,8 +276,13 @@ def come_to_rest(simulations: Simulations, frames: Frames | None = None) -> tupl
         relaxation.again(lost)
         relaxation.run()
         reading = simulations.read(relaxation.qpos)
+    unstable = relaxation.finished & _saddle(relaxation, reading)
+    if unstable.any():  # the motion chooses the equilibrium, and would not have stopped there
+        relaxation.resume(unstable)
+        relaxation.run()
+        reading = simulations.read(relaxation.qpos)
     for _ in range(NUDGES):
-        saddle = relaxation.settled & (reading.eigenvalues[:, 0] < -NEUTRAL * np.abs(reading.eigenvalues).max(1))
+        saddle = _saddle(relaxation, reading)
         if not saddle.any():
             break
         relaxation.nudge(saddle, reading.softest)
@@ -286,6 +293,11 @@ def come_to_rest(simulations: Simulations, frames: Frames | None = None) -> tupl
     # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
     relaxation.status[reading.off_wheel] = Status.OFF_WHEEL
     return relaxation, reading
+
+
+def _saddle(relaxation: Relaxation, reading: SimulationReading) -> Bool[np.ndarray, " rows"]:
+    """Which rows have come to rest where they are not stable."""
+    return relaxation.settled & (reading.eigenvalues[:, 0] < -NEUTRAL * np.abs(reading.eigenvalues).max(1))
 
 
 def _settled_heavy(

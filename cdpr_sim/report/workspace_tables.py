@@ -12,7 +12,7 @@ from rich.table import Table
 from cdpr_sim.analysis.workspace.grids import AXES, extent_of
 from cdpr_sim.analysis.workspace.hull import Hull
 from cdpr_sim.core.status import Status
-from cdpr_sim.crosscheck.check import OUTCOMES, Check
+from cdpr_sim.crosscheck.check import AGREEING, OUTCOMES, REFUSED, Check
 from cdpr_sim.report.table_style import new_table
 
 if TYPE_CHECKING:
@@ -79,7 +79,11 @@ def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
 
 def check_table(check: Check) -> Table:
     """A row for each robot and material: numbers of poses by outcome, and the largest differences."""
-    dataset = check.dataset
+    return outcome_table(check.dataset)
+
+
+def outcome_table(dataset: xr.Dataset) -> Table:
+    """``check_table`` of a check, or of a sweep with the quantity "settled"."""
     poses = int(np.prod([size for name, size in dataset["outcome"].sizes.items() if name not in {"robot", "material"}]))
     present = set(np.unique(dataset["outcome"]).tolist())
     always = {"agree", "disagree", "unsettled"}
@@ -98,6 +102,11 @@ def check_table(check: Check) -> Table:
         proved = [str(int(one["proved"].sum()))] if "proved" in dataset else []
         table.add_row(escape(robot), escape(material), *cells, *(f"{value:.0e}" for value in largest), *proved)
     return table
+
+
+def all_agree(dataset: xr.Dataset) -> bool:
+    """Whether the methods agree at every pose of a sweep with the quantity "settled"."""
+    return bool(dataset["outcome"].isin([REFUSED, *AGREEING]).all())
 
 
 def check_lines(check: Check) -> Iterator[str]:

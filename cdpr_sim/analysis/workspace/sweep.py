@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 import shutil
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,8 +27,10 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits, checked_wrenches
 from cdpr_sim.core.materials import load_material
 from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
+from cdpr_sim.core.sweep_quantities import BySimulation, Quantity
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.statics.newton import solve_many, stiffness_of
@@ -61,16 +62,6 @@ STATUSES = {
 """Values of ``status``, as its CF flags."""
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A variable of the Dataset: its dimensions beside the grid's, its type, unit and meaning."""
-
-    dims: tuple[str, ...]
-    dtype: type
-    units: str
-    long_name: str
-
-
 QUANTITIES = {
     "position": Quantity(("axis",), float, "m", "position of the platform's origin in the base frame"),
     "rotation_vector": Quantity(("axis",), float, "rad", "rotation of the platform, as axis times angle, base frame"),
@@ -84,10 +75,13 @@ QUANTITIES = {
     "frequency": Quantity((), float, "Hz", "lowest natural frequency"),
     "residual": Quantity((), float, "N", "largest unbalanced force, torques over the characteristic length"),
     "iterations": Quantity((), np.int16, "1", "Newton iterations"),
-    "status": Quantity((), np.int8, "1", "how the solve ended"),
+    "status": Quantity((), np.int8, "1", "how the solve ended", STATUSES),
 }
 """Quantities that a sweep computes at every pose; each is nan (with the reason in the status) where there is no
 equilibrium."""
+
+DEFAULT = (*QUANTITIES, "feasible")
+"""Names of the quantities that are computed unless others are asked for."""
 
 _FEASIBLE = {
     "feasible": "rigid cables can hold the platform as commanded",
@@ -146,7 +140,9 @@ def sweep(
             default: each robot's ``force_min`` and ``force_max``.
         wrenches: a set of external wrenches (sets, 6) [N, N m]: adds ``wrench_feasible``.
         quantities: names of ``QUANTITIES`` and "feasible", which are the default; or "capacity_margin", which is zero
-            on the border of the feasible workspace, between the poses of the grid. The status is always included.
+            on the border of the feasible workspace, between the poses of the grid; or "settled", which settles every
+            pose in MuJoCo and compares it with statics as ``check`` does, in the variables of
+            ``crosscheck.settled_quantities``. The status is always included.
         chunk: largest number of poses of a grid per Dask task; None: one call of NumPy, on one core, without Dask.
         compute: False for a Dataset of Dask arrays that are not computed yet, for other tools and clusters.
         store: a new .nc file, or a .zarr folder, in which an interrupted sweep is resumed; the result is then read from
@@ -189,12 +185,15 @@ def sweep(
         if wrenches is not None:
             checked_wrenches(robot, wrenches)
         robot.pose(np.r_[robot.home, orientation])
+    settled = BySimulation.settled() if "settled" in names else None
     if chunk is not None:
         whole("chunk", chunk, 1)
     if store is not None:
         chunk = chunk or CHUNK
         store = stores.checked_path(store)
     chunk = chunk if stack is None else None
+    if chunk is not None and settled is not None:
+        chunk = min(chunk, settled.most)
     blocks = None if chunk is None else _blocks(axes, 1 if materials is None else len(materials), chunk)
     points = _coordinates(axes, blocks) if stack is None else _along(stack)
 
@@ -202,11 +201,16 @@ def sweep(
     if compute or store is not None:
         variants = len(group) * (1 if materials is None else len(materials))
         count = variants * math.prod(len(values) for values in axes.values())
-        _refuse_what_cannot_fit(count, most.cables, names, store)
+        kinds = [QUANTITIES[name] for name in names if name in QUANTITIES]
+        kinds += [] if settled is None else settled.quantities.values()
+        _refuse_what_cannot_fit(count, most.cables, kinds, store)
     parts = []
     for robot in group:
         stiffness = _labelled(stiffnesses[robot.name], materials)
         part = _equilibria(robot, points, stiffness, rotation, wrench, names)
+        if settled is not None:
+            given = dict(compute=settled.compute, robot=robot, rotation=rotation, wrench=wrench)
+            part = part.merge(_arrays(_settled_block, settled.quantities, robot, points, stiffness, given))
         if "feasible" in names:
             part["feasible"] = _feasible(robot, points, wrenches=wrench, **held)
         if "capacity_margin" in names:
@@ -233,10 +237,9 @@ def sweep(
     return stores.computed(result, progress=progress) if compute and chunk is not None else result
 
 
-def _refuse_what_cannot_fit(poses: int, cables: int, names: Sequence[str], store: Path | None) -> None:
+def _refuse_what_cannot_fit(poses: int, cables: int, kinds: Sequence[Quantity], store: Path | None) -> None:
     """Refuse a grid whose result is too large for memory, or for the disk of the store."""
     sizes = {"axis": 3, "cable": cables, "mode": 6}
-    kinds = [QUANTITIES[name] for name in names if name in QUANTITIES]
     each = sum(np.dtype(kind.dtype).itemsize * math.prod(sizes[dim] for dim in kind.dims) for kind in kinds) + 2
     what = f"grid: a sweep of {poses:,.0f} poses"
     if store is None or store.suffix == ".nc":
@@ -310,8 +313,8 @@ def _labelled(stiffness: np.ndarray, materials: Sequence[str] | Mapping[str, flo
 
 def _checked_quantities(quantities: Sequence[str] | None) -> list[str]:
     if quantities is None:
-        return [*QUANTITIES, "feasible"]
-    known = [*QUANTITIES, "feasible", "capacity_margin"]
+        return list(DEFAULT)
+    known = [*DEFAULT, "capacity_margin", "settled"]
     for name in listed("quantities", quantities, "a list of names"):
         one_of("quantity", name, known)
     return [name for name in known if name in quantities or name == "status"]
@@ -356,16 +359,29 @@ def _equilibria(
     wrench: np.ndarray,
     names: Sequence[str],
 ) -> xr.Dataset:
+    given = dict(robot=robot, rotation=rotation, wrench=wrench)
+    quantities = {name: kind for name, kind in QUANTITIES.items() if name in names}
+    return _arrays(_solve_block, quantities, robot, points, stiffness, given)
+
+
+def _arrays(
+    block: Callable[..., Any],
+    quantities: Mapping[str, Quantity],
+    robot: Robot,
+    points: Sequence[xr.DataArray],
+    stiffness: xr.DataArray,
+    given: Mapping[str, Any],
+) -> xr.Dataset:
+    """The quantities by a function of one block, which gets the keywords ``given`` and their names."""
     import xarray as xr
 
-    names = [name for name in QUANTITIES if name in names]
-    kinds = [QUANTITIES[name] for name in names]
+    names, kinds = list(quantities), list(quantities.values())
     sizes = {"cable": robot.cables, "axis": 3, "mode": len(robot.free)}
     arrays = _apply_ufunc(
-        _solve_block,
+        block,
         stiffness,
         *points,
-        kwargs=dict(robot=robot, rotation=rotation, wrench=wrench, names=tuple(names)),
+        kwargs=dict(**given, names=tuple(names)),
         input_core_dims=[["cable"], [], [], []],
         output_core_dims=[list(kind.dims) for kind in kinds],
         output_dtypes=[kind.dtype for kind in kinds],
@@ -375,7 +391,7 @@ def _equilibria(
         arrays = (arrays,)
     dataset = xr.Dataset(dict(zip(names, arrays, strict=True)))
     for name, kind in zip(names, kinds, strict=True):
-        dataset[name].attrs = {"units": kind.units, "long_name": kind.long_name}
+        dataset[name].attrs = kind.attrs
     return dataset
 
 
@@ -392,7 +408,7 @@ def _solve_block(
     bits = 1 << np.arange(robot.cables, dtype=np.int64)
     read = {
         "position": lambda: equilibria.positions,
-        "rotation_vector": lambda: _rotation_vectors(equilibria.rotations, found),
+        "rotation_vector": lambda: rotation_vectors(equilibria.rotations, found),
         "deviation": lambda: equilibria.deviation,
         "distance": lambda: np.linalg.norm(equilibria.deviation, axis=-1),
         "tilt": lambda: equilibria.tilt,
@@ -414,7 +430,19 @@ def _solve_block(
     return tuple(results) if len(results) > 1 else results[0]
 
 
-def _rotation_vectors(rotations: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _settled_block(
+    stiffness: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray, *, compute, robot, rotation, wrench, names
+) -> tuple[np.ndarray, ...]:
+    """The quantities ``names`` by MuJoCo over one block of the grid."""
+    commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+    values = compute(
+        Problems.of(robot, commanded, None, wrench, rotations=rotation, axial_stiffness=np.atleast_2d(stiffness))
+    )
+    return tuple(values[name] for name in names)
+
+
+def rotation_vectors(rotations: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) as axis times angle [rad], (..., 3); nan where they are not ``known``."""
     vectors = np.full(rotations.shape[:-1], np.nan)
     if known.any():
         vectors[known] = Rotation.from_matrix(rotations[known]).as_rotvec()
@@ -491,10 +519,6 @@ def _side_by_side(parts: Sequence[xr.Dataset]) -> xr.Dataset:
 
 
 def _annotate(dataset: xr.Dataset, **conditions: list[float]) -> None:
-    dataset["status"].attrs |= {
-        "flag_values": list(STATUSES),
-        "flag_meanings": " ".join(STATUSES.values()),
-    }
     for name, meaning in _FEASIBLE.items():
         if name in dataset:
             dataset[name].attrs = {"units": "1", "long_name": meaning}
