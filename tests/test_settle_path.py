@@ -233,7 +233,6 @@ def test_what_does_not_know_memory_refuses_it():
     refusals = {
         "to_mjcf": lambda: cdpr.to_mjcf(robot, robot.home),
         "drive": lambda: cdpr.drive(robot, moved),
-        "track": lambda: cdpr.track(robot, moved, cdpr.RigidLengths(elastic)),
         "release": lambda: cdpr.release(found),
         "a winch in MuJoCo": lambda: cdpr.winch_controls(robot, robot.home, found.rest_lengths),
         "model": lambda: cdpr.settle(robot, robot.home, model=model),

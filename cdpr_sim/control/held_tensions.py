@@ -13,6 +13,7 @@ from cdpr_sim.analysis.tensions import Demand, nearest, smallest
 from cdpr_sim.control.plan import Limits
 from cdpr_sim.core.controller import Command, Measurement, Reference
 from cdpr_sim.core.limits import checked_limits
+from cdpr_sim.core.memory import without_memory
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
@@ -50,7 +51,9 @@ class HeldTensions:
             (cables,) rest lengths [m].
         """
         self._course = reference
-        return compensate(self.robot, reference.pose(0.0), tension_limits=self.tension_limits).rest_lengths
+        return compensate(
+            without_memory(self.robot), reference.pose(0.0), tension_limits=self.tension_limits
+        ).rest_lengths
 
     def command(self, time: float, pose: RigidTransform, measurement: Measurement) -> Command:
         """The tensions at ``pose``.

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.analysis.compensation import Compensation, compensate
 from cdpr_sim.core.controller import Reference
+from cdpr_sim.core.memory import without_memory
 from cdpr_sim.core.robot import Robot
 
 SPACING = 0.02
@@ -42,12 +43,13 @@ class Plan:
 
     @classmethod
     def of(cls, robot: Robot, reference: Reference, tension_limits: Limits | None) -> Plan:
-        """The plan for the controller's model of the robot.
+        """The plan for the controller's model of the robot, on elastic cables if they have a memory there.
 
         Raises:
             InvalidInput: an invalid pose or invalid limits.
             NotConverged: a pose near which no tensions within limits hold the platform.
         """
+        robot = without_memory(robot)
         knots = np.linspace(0, 1, 1 + int(np.ceil(reference.path.length / SPACING)))
         poses = reference.path.at(knots)
         found = tuple(_compensated(robot, pose.as_matrix().tobytes(), tension_limits) for pose in poses)

@@ -85,7 +85,7 @@ class Measurement:
     Attributes:
         time: time of the sample [s], which is earlier than now by a delay.
         pose: pose of the platform.
-        tensions: cable tensions, (cables,) [N].
+        tensions: cable tensions at the platform, (cables,) [N].
         rest_lengths: unstretched lengths that the winches had let out, by their encoders, (cables,) [m].
     """
 
@@ -105,7 +105,7 @@ class Command:
 
     Attributes:
         rest_lengths: unstretched lengths to be let out, (cables,) [m].
-        tensions: (cables,) [N].
+        tensions: (cables,) [N]; behind the exit, where friction there makes a difference.
         by_tension: (cables,) which winches control their tension, at any length; the others control their length.
     """
 

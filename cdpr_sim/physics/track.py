@@ -7,6 +7,7 @@ controls a tension is the same actuator with a constant force instead of a sprin
 speed is limited too; at the limit its length is controlled, and its cable is a spring again. Robots whose cables have
 mass or are nonlinear have no actuators: their winches let out lengths as ``sagging.chain_motion`` describes, and one
 that controls a tension lets out, at each step, the length that gives the cable's end this tension.
+Cables with a memory pull as ``rope_motion`` describes.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -26,6 +27,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.checks import PROGRESS, checked_array, positive, refuse_unless
 from cdpr_sim.core.controller import Command, Controller, Reference, Sensors
 from cdpr_sim.core.errors import CdprError, InvalidInput
+from cdpr_sim.core.memory import without_memory
 from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem, Problems
@@ -37,12 +39,14 @@ from cdpr_sim.physics.chains import refuse_short
 from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, poses_through, problems_at
 from cdpr_sim.physics.dynamic_relaxation import inertias
 from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_drag, to_mjcf
+from cdpr_sim.physics.rope_motion import RopeMotion
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
 from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 from cdpr_sim.physics.sagging.settle_chains import at_rest
 from cdpr_sim.physics.sensing import Readings, Sensing, pose_of
 from cdpr_sim.physics.settle import settle, weighs, weightless
+from cdpr_sim.physics.settle_path import settle_path
 
 SPEED = 0.05
 """[m/s] Default of the mean speed along the waypoints."""
@@ -88,7 +92,7 @@ def track(
     zero velocity at both ends. The platform starts in equilibrium on the controller's first lengths.
 
     Args:
-        robot: the true robot; the controller may have another model.
+        robot: the true robot; the controller may have another model. Cables with a memory start as new ropes.
         waypoints: reference poses in order, at least one: (rows, 3), (rows, 6) or a stack of transforms. A single one
             is held.
         controller: any object with the two methods of ``Controller``; those of ``cdpr_sim.control``, for instance.
@@ -106,7 +110,8 @@ def track(
         reference, its rest lengths those that the winches had let out.
 
     Raises:
-        InvalidInput: an invalid argument; cables with a memory; a pose that no rest lengths can hold.
+        InvalidInput: an invalid argument; cables with a memory and mass or nonlinear elasticity; a pose that no rest
+            lengths can hold.
         NotSettled: the platform does not come to rest on the controller's first lengths.
         PlatformFell: it fell during the motion; carries the trajectory so far.
         BadCommand: the controller failed, or gave a command that winches cannot carry out; carries the trajectory so
@@ -127,7 +132,7 @@ def track(
     with _blamed(robot, "when the controller starts"):
         lengths = Command.of(controller.start(reference), robot.cables).rest_lengths
     with quiet():
-        machine = (_ChainMachine if weighs(robot) or not robot.cabling.linear else Machine)(
+        machine = _kind_of_machine(robot)(
             robot if weighs(robot) else weightless(robot),
             wanted[0],
             lengths,
@@ -151,7 +156,6 @@ def _course(
     pause: float,
 ) -> Reference:
     path = Path(robot, poses_through(robot, waypoints))
-    robot.cabling.refuse_memory("track")
     if seconds is None:
         seconds = path.length / SPEED or PAUSE
     seconds = positive("seconds", seconds, "s")
@@ -159,6 +163,18 @@ def _course(
     if not seconds + pause <= MOST_SECONDS:
         raise InvalidInput(f"seconds: found {seconds + pause:g} with the pause, expected at most {MOST_SECONDS:g}")
     return Reference(path, seconds, pause)
+
+
+def _kind_of_machine(robot: Robot) -> type[Machine]:
+    """What simulates ``robot``.
+
+    Raises:
+        InvalidInput: cables with a memory that have mass or are nonlinear.
+    """
+    if weighs(robot) or not robot.cabling.linear:
+        robot.cabling.refuse_memory("track")
+        return _ChainMachine
+    return _RopeMachine if robot.cabling.remembers.any() else Machine
 
 
 def _from_zero(field: str, value: float) -> float:
@@ -275,7 +291,7 @@ class Machine:
         winch_force: ArrayLike | None = np.inf,
     ) -> None:
         self.robot = robot
-        self.model = mujoco.MjModel.from_xml_string(to_mjcf(robot, pose, winches=True, winch_force=winch_force))
+        self.model = mujoco.MjModel.from_xml_string(self._model_text(pose, winch_force))
         self.data = mujoco.MjData(self.model)
         self.readings = Readings(self.model, robot)
         self.platform = self.model.body("platform").id
@@ -290,9 +306,22 @@ class Machine:
         self._motors = np.zeros(robot.cables, dtype=bool)
         self._acceleration = np.zeros(self.model.nv)
         self.let_out = self.checked(lengths).rest_lengths
-        place(self.model, self.data, robot, settle(robot, pose, self.let_out).pose)
-        self.data.ctrl[:] = self.controls(self.let_out)
+        place(self.model, self.data, robot, self._settled(pose))
         self.look()
+        self._wind(self.let_out, 0.0)
+        self.look()
+
+    def _model_text(self, pose: RigidTransform, winch_force: ArrayLike | None) -> str:
+        return to_mjcf(self.robot, pose, winches=True, winch_force=winch_force)
+
+    def _settled(self, pose: RigidTransform) -> RigidTransform:
+        """The equilibrium at which a motion begins."""
+        return settle(self.robot, pose, self.let_out).pose
+
+    def _wind(self, lengths: Float[np.ndarray, " cables"], seconds: float) -> None:
+        """Let out ``lengths`` [m], ``seconds`` after the last ones."""
+        self.let_out = lengths
+        self.data.ctrl[:] = self.controls(lengths)
 
     def _damp(self, damping: float, cable_damping: float) -> tuple[float, float]:
         """Damp the platform, equally in all directions, and its cables.
@@ -312,9 +341,13 @@ class Machine:
         model.dof_damping[:free] = damping * critical * mass.diagonal()
         springs = tendons.springs(self.robot.cabling, self.robot.axial_stiffness, self._rigid)
         model.actuator_biasprm[:, 2] = -cable_damping * springs
-        stiffest = eigh(stretch * springs @ stretch.T, mass[:, :free], eigvals_only=True)[-1]
+        stiffest = eigh(stretch * self._stiffest(springs) @ stretch.T, mass[:, :free], eigvals_only=True)[-1]
         damped = damping * critical + cable_damping * stiffest
         return float(np.sqrt(stiffest)), float(1 / damped) if damped else np.inf
+
+    def _stiffest(self, springs: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
+        """The largest stiffness of each cable at the first lengths [N/m], from that of elastic ones."""
+        return springs
 
     def checked(self, answer: Command | ArrayLike) -> Command:
         """A controller's return value as a command that the winches can carry out.
@@ -362,15 +395,15 @@ class Machine:
         model.opt.timestep = max(half, step - self.damping_time)
         advance = ((command.rest_lengths - self.let_out) / steps).clip(-most, most)
         if some or self._motors.any():
-            self._held_tensions(command, most)
+            self._held_tensions(command, most, 0.0)
+            self._wind(self.let_out, 0.0)
             self._acceleration = self._accelerated()
         for number in range(1, steps + 1):
             data.qvel += half * self._acceleration
             mujoco.mj_integratePos(model, data.qpos, data.qvel, step)
             mujoco.mj_step1(model, data)
             ahead = self.let_out + advance
-            self.let_out = np.where(by_tension, self._held_tensions(command, most), ahead) if some else ahead
-            data.ctrl[:] = self.controls(self.let_out)
+            self._wind(np.where(by_tension, self._held_tensions(command, most, step), ahead) if some else ahead, step)
             self._acceleration = self._accelerated()
             data.qvel += half * self._acceleration
             yield number * step
@@ -390,8 +423,8 @@ class Machine:
         data.qpos[:], data.qvel[:] = qpos, qvel
         return acceleration
 
-    def _held_tensions(self, command: Command, most: float) -> Float[np.ndarray, " cables"]:
-        """Rest lengths of winches that control a tension, at most ``most`` [m] from the present ones.
+    def _held_tensions(self, command: Command, most: float, seconds: float) -> Float[np.ndarray, " cables"]:
+        """Rest lengths of winches that control a tension, at most ``most`` [m] from those ``seconds`` before.
 
         A winch that can reach the length of its tension becomes a constant force, the others are springs.
         """
@@ -404,6 +437,47 @@ class Machine:
         gain[self._motors] = bias[self._motors] = 0.0
         bias[self._motors, 0] = (self.robot.reeving * command.tensions)[self._motors]
         return near
+
+
+class _RopeMachine(Machine):
+    """A robot on cables with a memory, like ``Machine``.
+
+    Its actuators are constant forces for a time step, those of ``rope_motion``, and the dampers of the cables. A rope
+    that slides at its exit under a held tension has no damper, as without memory.
+    """
+
+    def _model_text(self, pose: RigidTransform, winch_force: ArrayLike | None) -> str:
+        return to_mjcf(without_memory(self.robot), pose, winches=True, winch_force=winch_force)
+
+    def _stiffest(self, springs: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
+        cabling = self.robot.cabling
+        stuck = tendons.spring(cabling.axial_stiffness, cabling.reeving * self._rigid, cabling.reeving)
+        return np.where(cabling.has("pulley_friction"), stuck, springs)
+
+    def _settled(self, pose: RigidTransform) -> RigidTransform:
+        first = settle_path(Problems.stack([Problem.of(self.robot, pose, self.let_out)]))
+        self._ropes, self._held = RopeMotion(self.robot, first.memory[None]), None
+        return first[0].pose
+
+    def _held_tensions(self, command: Command, most: float, seconds: float) -> Float[np.ndarray, " cables"]:
+        self._held = self._ropes.under(self.readings.lengths(self.data), command.tensions, seconds)
+        wanted = self._held.rest_lengths
+        near = wanted.clip(self.let_out - most, self.let_out + most).clip(*self.reach)
+        self._motors = command.by_tension & (near == wanted)
+        return near
+
+    def _wind(self, lengths: Float[np.ndarray, " cables"], seconds: float) -> None:
+        rates = (lengths - self.let_out) / seconds if seconds else np.zeros_like(lengths)
+        self.let_out = lengths
+        state = self._ropes.at(self.readings.lengths(self.data), lengths, seconds)
+        if self._held is not None:
+            state = state.where(self._motors, self._held)
+        self._ropes.memory = state.memory
+        undamped = (self._motors & ~state.sticks) | (state.pulls <= 0)
+        dampers = np.where(undamped, 0.0, self._springs[1][:, 2])
+        gain, bias = self.model.actuator_gainprm, self.model.actuator_biasprm
+        gain[:] = bias[:] = 0.0
+        bias[:, 0], bias[:, 2] = state.pulls + dampers * rates, dampers
 
 
 class _ChainReadings(Readings):

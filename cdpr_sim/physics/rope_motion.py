@@ -1,0 +1,122 @@
+"""Cables with a memory in motion: their pull and their memory from one time step to the next.
+
+A time step is a step of a path: the cables go straight from the lengths at its beginning to those at its end, by the
+law of ``rope_memory``, and their memory follows. Nothing is held as on the way to an equilibrium: in a motion, an
+overshoot is real, and an element that slides in it does not return.
+
+Friction at the exit acts differently on the two kinds of winches. A winch that controls a length has the rope behind
+the exit as a spring. One that controls a tension T has this tension behind the exit, and the platform is pulled with
+T/rho to rho T: within these limits the rope sticks at the exit, and its part from there to the platform is a spring
+whose rest length stays; at a limit it slides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from cdpr_sim.core.memory import Memory, without_memory
+from cdpr_sim.core.robot import Robot
+from cdpr_sim.physics.rope_memory import RopeStep
+
+ROUNDING = 1e-15
+"""Rounding of a stretch, as a fraction of the rope."""
+
+MOST_ROUNDS = 100
+"""Largest number of rounds of the search for a stretch; a piecewise linear law takes less than ten."""
+
+
+@dataclass(frozen=True)
+class RopeState:
+    """Cables at the end of a time step.
+
+    Attributes:
+        pulls: on the platform, (cables,) [N].
+        rest_lengths: that winches have let out, (cables,) [m].
+        sticks: which ropes stick at their exits, (cables,); of winches that control tensions.
+        memory: the memory, (1, cables).
+    """
+
+    pulls: Float[np.ndarray, " cables"]
+    rest_lengths: Float[np.ndarray, " cables"]
+    sticks: Bool[np.ndarray, " cables"]
+    memory: Memory
+
+    def where(self, cables: Bool[np.ndarray, " cables"], other: RopeState) -> RopeState:
+        """This state, with that of the ``other`` in some ``cables``."""
+        mine, others = self.memory, other.memory
+        strains, creep = (
+            np.where(cables[:, None], getattr(others, name), getattr(mine, name)) for name in ("strains", "creep")
+        )
+        beyond, tensions = (
+            np.where(cables, getattr(others, name), getattr(mine, name)) for name in ("beyond", "tensions")
+        )
+        return RopeState(
+            np.where(cables, other.pulls, self.pulls),
+            np.where(cables, other.rest_lengths, self.rest_lengths),
+            np.where(cables, other.sticks, self.sticks),
+            replace(mine, strains=strains, beyond=beyond, creep=creep, tensions=tensions),
+        )
+
+
+class RopeMotion:
+    """The cables of a robot in motion.
+
+    Attributes:
+        memory: their memory at the beginning of a time step, (1, cables).
+    """
+
+    def __init__(self, robot: Robot, memory: Memory) -> None:
+        self.memory, self._robot, self._cabling = memory, robot, robot.cabling
+        c = robot.pulley_friction
+        self._rho = (1 + c / 2) / (1 - c / 2)
+        # From the exit on, a rope has no friction and no rope behind it.
+        bare = without_memory(robot).replace(winch_to_exit=0.0, hysteresis=robot.hysteresis, creep=robot.creep)
+        self._bare = bare.cabling
+
+    def at(
+        self, lengths: Float[np.ndarray, " cables"], rest_lengths: Float[np.ndarray, " cables"], seconds: float
+    ) -> RopeState:
+        """Cables of these ``lengths`` [m] whose winches have let out ``rest_lengths`` [m], after ``seconds``."""
+        step = RopeStep.of(self._cabling, self._robot.axial_stiffness, rest_lengths[None], self.memory, seconds)
+        pulls = step.pulls(step.stretches(lengths[None]))
+        memory = step.memory_after(lengths[None], pulls / self._robot.reeving)
+        return RopeState(pulls[0], rest_lengths, np.zeros(len(lengths), dtype=bool), memory)
+
+    def under(
+        self, lengths: Float[np.ndarray, " cables"], tensions: Float[np.ndarray, " cables"], seconds: float
+    ) -> RopeState:
+        """Cables of these ``lengths`` [m] whose winches hold ``tensions`` [N] and run as fast as that takes."""
+        stiffness, parts, beyond = self._robot.axial_stiffness, self._robot.reeving, self.memory.beyond[0]
+        step = RopeStep.of(self._bare, stiffness, beyond[None], self.memory, seconds)
+        unmoved, wanted = step.pulls(step.stretches(lengths[None]))[0], parts * tensions
+        pulls = np.clip(unmoved, wanted / self._rho, wanted * self._rho)
+        sticks = (pulls == unmoved) & (self._rho > 1)
+        stretches = _stretches_under(step, pulls[None])
+        crept = (step.lasting + step.growing * pulls[:, None]).sum(-1)
+        beyond = np.where(sticks, beyond, lengths / (1 + stretches / step.ropes + crept)[0])
+        moved = RopeStep.of(self._bare, stiffness, beyond[None], self.memory, seconds)
+        memory = moved.memory_after(lengths[None], (pulls / parts)[None])
+        behind = lengths / beyond + (tensions - pulls / parts) / stiffness  # it has the tension of the winch
+        rest_lengths = beyond - self._cabling.behind * (behind - 1) / behind
+        return RopeState(pulls, rest_lengths, sticks, replace(memory, beyond=beyond[None]))
+
+
+def _stretches_under(step: RopeStep, pulls: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
+    """Stretches e of cables that pull with ``pulls`` [N], by regula falsi (Illinois)."""
+    sliding = (step.elements * step.widths).sum(-1)
+    low, high = pulls / (step.own + sliding), pulls / (step.own - sliding)
+    below, above = step.pulls(low) - pulls, step.pulls(high) - pulls
+    found, side = low, np.zeros_like(low)
+    for _ in range(MOST_ROUNDS):
+        gap = above - below
+        new = low - np.divide(below, gap, out=np.zeros_like(gap), where=gap > 0) * (high - low)
+        if np.abs(new - found).max() <= ROUNDING * step.ropes.min():
+            break
+        off, before = step.pulls(new) - pulls, side
+        side, found = np.sign(off), new
+        high, above = np.where(side > 0, new, high), np.where(side > 0, off, np.where(before < 0, above / 2, above))
+        low, below = np.where(side <= 0, new, low), np.where(side <= 0, off, np.where(before > 0, below / 2, below))
+    return found

@@ -1,0 +1,212 @@
+"""Motions of robots whose ropes have a memory: the law in each time step, slow motions, energy, and what rests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cdpr_sim as cdpr
+from cdpr_sim.physics.rope_motion import RopeMotion
+
+SHARE, WIDTH, FRICTION, BEHIND = 0.2, 0.3, 0.05, 0.5
+HYSTERESIS = {"hysteresis": [(SHARE, np.inf, WIDTH)]}
+RUBBING = {"winch_to_exit": BEHIND, "pulley_friction": FRICTION}
+
+LAW = 1e-9
+"""[N] Rounding of tensions: lengths are rounded to 1e-16 m, on cables of 1e4 N/m."""
+
+SOFT = 0.01
+"""EA as a fraction of DemoBot's: motions that are slow for ropes so soft need few time steps."""
+
+SLOW = 0.15
+"""Of the distance from the end of the path: a motion three times as slow has a ninth of the inertia."""
+
+AT_REST = 1e-9
+"""[m] By which a platform moves that rests."""
+
+STICKS = 0.02
+"""Of an amplitude: after sixteen oscillations, each of which leaves a third of what is more than the yield."""
+
+OTHER_LENGTH = 2e-3
+"""Strain of the plumb cable: with rope behind the exit, stiffness under a held tension is that of the rope's length
+beyond the exit, under a held length that of the rest length."""
+
+WEIGHT, LENGTH, STIFFNESS = 9.81, 2.0, 1e4
+"""[N], [m], [N] Load, rest length and EA of the plumb cable."""
+
+
+@dataclass
+class Winding:
+    """Winches that hold the rigid lengths of the poses at each time."""
+
+    robot: cdpr.Robot
+    pose: Callable[[float], np.ndarray]
+
+    def start(self, reference: cdpr.Reference) -> np.ndarray:
+        return self.robot.rest_lengths(self.pose(0.0))
+
+    def command(self, time: float, pose: object, measurement: cdpr.Measurement) -> np.ndarray:
+        return self.robot.rest_lengths(self.pose(time))
+
+
+def swung(first: float, seconds: float) -> Callable[[float], np.ndarray]:
+    """There, back and there again along 46 mm of the paper's line, smoothly; then at rest."""
+    return lambda time: np.array([first - 0.023 * (1 - np.cos(3 * np.pi * min(time / seconds, 1.0))), 0.25, 0.1])
+
+
+def moved(robot: cdpr.Robot, first: float, seconds: float, rest: float, **options) -> cdpr.Trajectory:
+    poses = swung(first, seconds)
+    return cdpr.track(robot, [poses(0.0)], Winding(robot, poses), seconds=seconds + rest, **options)
+
+
+def pulled(motion: cdpr.Trajectory, width: float) -> np.ndarray:
+    """Tensions of cables that are as long as in ``motion``, by one element of hysteresis: stop operators [N]."""
+    strain, tensions = np.zeros(motion.robot.cables), []
+    for length, rest in zip(motion.lengths, motion.rest_lengths, strict=True):
+        e = np.maximum(length - rest, 0)
+        held = np.clip(e - strain * rest, -width * e, width * e)
+        strain = np.where(e > 0, (e - held) / rest, 0)
+        tensions.append(motion.robot.axial_stiffness / rest * ((1 - SHARE) * e + SHARE * held))
+    return np.array(tensions)
+
+
+def rubbed(motion: cdpr.Trajectory, c: float) -> np.ndarray:
+    """The same by friction at the exit: the point of the rope there stays, or follows a limit [N]."""
+    rho, out, tensions = (1 + c / 2) / (1 - c / 2), None, []
+    for length, rest in zip(motion.lengths, motion.rest_lengths, strict=True):
+        e = np.maximum(length - rest, 0)
+        low, middle, high = (rest + x * BEHIND * e / (rest + x * BEHIND) for x in (1 / rho, 1.0, rho))
+        out = middle if out is None else np.clip(out, low, high)
+        tensions.append(motion.robot.axial_stiffness / rest * np.maximum(length - out, 0))
+    return np.array(tensions)
+
+
+@pytest.mark.parametrize(("name", "first"), [("cogiro", 0.308), ("parallel", 0.354)])
+@pytest.mark.parametrize(
+    ("changes", "law", "value"), [(HYSTERESIS, pulled, WIDTH), (RUBBING, rubbed, FRICTION)], ids=["loop", "friction"]
+)
+def test_tensions_are_those_of_the_lengths_so_far(name, first, changes, law, value):
+    """A state for each time step: the law along the recorded lengths gives the recorded tensions, slack included.
+
+    No cable pushes. With a width, or a friction, that is 1 % larger the tensions are others.
+    """
+    robot = cdpr.load_robot(name).replace(**changes)
+    motion = moved(robot, first, 0.06, 0.06, rate=4000.0, cable_damping=0.0)
+    np.testing.assert_allclose(motion.tensions, law(motion, value), rtol=0, atol=LAW)
+    assert (motion.tensions >= 0).all()
+    assert (motion.tensions == 0).any()
+    assert np.abs(motion.tensions - law(motion, 1.01 * value)).max() > 1e5 * LAW
+
+
+@pytest.mark.parametrize("changes", [HYSTERESIS, RUBBING], ids=["loop", "friction"])
+def test_slow_motions_end_where_the_path_ends(changes):
+    """At rest after there, back and there again, and they rest; with a width or a friction 1 % larger, elsewhere."""
+    robot = cdpr.load_robot("cogiro")
+    robot = robot.replace(axial_stiffness=SOFT * robot.axial_stiffness, **changes)
+    wrong = robot.replace(hysteresis=[(SHARE, np.inf, 1.01 * WIDTH)] if changes is HYSTERESIS else (),
+                          pulley_friction=1.01 * robot.pulley_friction)  # fmt: skip
+    off, elsewhere = [], []
+    for seconds in (5.0, 15.0):
+        motion = moved(robot, 0.308, seconds, 3.0, rate=20.0, cable_damping=0.01, damping=0.3)
+        way = [swung(0.308, seconds)(time) for time in motion.times]
+        ends = (cdpr.solve_path(one, way, steps=2).positions[-1] for one in (robot, wrong))
+        for found, end in zip((off, elsewhere), ends, strict=True):
+            found.append(np.linalg.norm(motion.positions[-1] - end))
+        assert np.abs(motion.positions[-1] - motion.positions[-10:]).max() < AT_REST
+    assert off[1] < SLOW * off[0]
+    assert elsewhere[1] > 1.2 * off[1]
+
+
+def plumb(**changes) -> cdpr.Robot:
+    """A weight on a single plumb cable of 2 m, in a plane."""
+    given = dict(exits=[[0, 0, 3.0]], anchors=[[0, 0, 0]], axial_stiffness=STIFFNESS, mass=WEIGHT / 9.81, name="plumb")
+    given |= dict(center_of_mass=[0, 0, -0.1], platform_size=[0.1] * 3, workspace=[[-1, -1, 0], [1, 1, 2]])
+    return cdpr.Robot(**given | changes)
+
+
+@dataclass
+class Once:
+    """Winches that rest on one command, and from the first one on follow another."""
+
+    first: np.ndarray
+    then: cdpr.Command | np.ndarray
+
+    def start(self, reference: cdpr.Reference) -> np.ndarray:
+        return self.first
+
+    def command(self, time: float, pose: object, measurement: cdpr.Measurement) -> cdpr.Command | np.ndarray:
+        return self.then
+
+
+def test_an_undamped_oscillation_ends_at_the_yield_and_gains_no_energy():
+    """Within the yield an element is elastic, so that the amplitude goes to it; each loop beyond loses energy."""
+    strain, share = 5e-5, 0.3
+    robot = plumb(hysteresis=[(share, strain)])
+    away = Once(np.array([LENGTH]), np.array([LENGTH - 2.5e-4]))
+    options: dict[str, Any] = dict(rate=1000.0, winch_speed=1e3, damping=0.0, cable_damping=0.0)
+    motion = cdpr.track(robot, [[0, 0, 1.0]], away, seconds=1.5, **options)
+    e, rest = motion.lengths[:, 0] - motion.rest_lengths[:, 0], motion.rest_lengths[-1, 0]
+    turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(e[5:])))) + 5
+    swings = np.abs(np.diff(e[turns]))
+    assert swings[0] > 3 * strain * LENGTH
+    assert (np.diff(swings) < 1e-3 * strain * LENGTH).all()
+    assert swings[-1] == pytest.approx(2 * strain * rest, rel=STICKS)
+    elastic = cdpr.track(plumb(), [[0, 0, 1.0]], away, seconds=0.4, **options)
+    assert np.ptp(elastic.lengths[-200:]) == pytest.approx(np.ptp(elastic.lengths[5:205]), rel=1e-3)
+
+
+@pytest.mark.parametrize("behind", [0.0, 1.5])
+def test_a_held_tension_arrives_less_or_more_friction(behind):
+    """Between T/rho and rho T the weight is held by a rope that sticks; beyond, it is pulled with T/rho or rho T."""
+    c = 0.1
+    robot, rho = plumb(pulley_friction=c, winch_to_exit=behind), (1 + c / 2) / (1 - c / 2)
+
+    def under(tension: float) -> cdpr.Trajectory:
+        command = cdpr.Command(np.array([LENGTH]), np.array([tension]), np.array([True]))
+        return cdpr.track(robot, [[0, 0, 1.0]], Once(np.array([LENGTH]), command), seconds=0.3, damping=0.0)
+
+    for tension in (0.95 * WEIGHT, 1.05 * WEIGHT):
+        still = under(tension)
+        most = OTHER_LENGTH * np.ptp([LENGTH, still.lengths[0, 0]]) if behind else AT_REST
+        assert np.abs(still.positions - still.positions[0]).max() < most
+        np.testing.assert_allclose(still.tensions[:, 0], WEIGHT, rtol=OTHER_LENGTH if behind else 1e-6)
+    for tension, arrives in ((1.2 * WEIGHT, 1.2 * WEIGHT / rho), (0.8 * WEIGHT, 0.8 * WEIGHT * rho)):
+        moving = under(tension)
+        np.testing.assert_allclose(moving.tensions[2:, 0], arrives, rtol=1e-9)
+        rise = (arrives / WEIGHT - 1) * 9.81 * moving.times[-1] ** 2 / 2
+        np.testing.assert_allclose(moving.positions[-1, 2] - moving.positions[0, 2], rise, rtol=0.05)
+        wound = moving.rest_lengths[-1, 0] - moving.rest_lengths[0, 0]
+        np.testing.assert_allclose(wound, -rise, rtol=0.05)
+
+
+def test_a_held_tension_moves_the_memory_of_its_rope():
+    """A rope that is pulled with 9 N after 2 N, and again after 12 N, is then stretched further, by its loop."""
+    robot = plumb(hysteresis=[(0.3, np.inf, 0.5)], creep=[(4e4, 1e3)])
+    state = RopeMotion(robot, cdpr.settle_path(robot, [[0, 0, 1.0]], [[LENGTH]]).memory[None])
+    lengths, found = np.array([LENGTH]), []
+    for tension in (2.0, 9.0, 12.0, 9.0):
+        now = state.under(lengths, np.array([tension]), 0.0)
+        np.testing.assert_allclose(now.pulls, tension, rtol=1e-12)
+        held = state.at(lengths, now.rest_lengths, 0.0)
+        np.testing.assert_allclose(held.pulls, tension, rtol=1e-9)
+        np.testing.assert_allclose(held.memory.strains, now.memory.strains, rtol=1e-6)
+        state.memory = now.memory
+        found.append(now.rest_lengths[0])
+    assert found[3] - found[1] < -1e-5
+
+
+@pytest.mark.parametrize(
+    "controller", [cdpr.ElasticLengths, cdpr.HeldTensions, cdpr.LengthsAndTensions], ids=lambda one: one.__name__
+)
+def test_controllers_plan_with_the_elastic_robot(controller):
+    """For a robot whose cables have a memory, and for the same robot with elastic cables, they command the same."""
+    elastic = cdpr.load_robot("cogiro").replace(winch_to_exit=BEHIND)
+    robot = elastic.replace(**HYSTERESIS | RUBBING, creep=[(4e5, 600.0)])
+    options: dict[str, Any] = dict(seconds=0.05, rate=100.0)
+    planned, plain = (cdpr.track(robot, [[0.3, 0.25, 0.1]], controller(one), **options) for one in (robot, elastic))
+    np.testing.assert_array_equal(planned.rest_lengths, plain.rest_lengths)
+    np.testing.assert_array_equal(planned.positions, plain.positions)
