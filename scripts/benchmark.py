@@ -1,6 +1,6 @@
 """Benchmark: speed and reliability of the static solvers and of MuJoCo in one run.
 
-Run: python scripts/benchmark.py [--quick] [--lanes [POSES]]
+Run: python scripts/benchmark.py [--quick] [--lanes [POSES]] [--calls]
 Times are medians over repetitions on one core unless stated otherwise. Timings vary between runs: compare ratios.
 """
 
@@ -28,6 +28,7 @@ BATCH = 2_000  # side by side
 LINES = 100  # lines through the workspace along x, with a pose every millimetre
 REPETITIONS = 3
 APART, TURNED = 1e-9, 1e-7  # [m], entries of rotation matrices: different answers of two solvers
+NOWHERE_HELD = {"cogiro": (0.05, 0.05, 0.3), "parallel": (0.17, 0.25, 0.1)}  # [m] no lengths hold the platform there
 SEED = 2024
 
 console = Console(width=110)
@@ -40,14 +41,19 @@ def main() -> None:
         "--lanes", type=int, nargs="?", const=POSES, metavar="POSES",
         help="only: eight poses at once beside one, their speed and their answers at this many random poses per robot",
     )  # fmt: skip
+    parser.add_argument("--calls", action="store_true", help="only: what single calls and large batches take")
     asked = parser.parse_args()
-    if asked.lanes:
-        lanes(asked.lanes)
-        return
     share = 10 if asked.quick else 1
+    if asked.lanes or asked.calls:
+        if asked.lanes:
+            lanes(asked.lanes)
+        if asked.calls:
+            calls(share)
+        return
     static(POSES // share, max(SCIPY_POSES // share, 10))
     neighbours(LINES // share)
     physics(SETTLES // share, BATCH // share)
+    calls(share)
 
 
 def static(poses: int, scipy_poses: int) -> None:
@@ -129,6 +135,48 @@ def lanes(poses: int) -> None:
                 "eigenvalues", one.eigenvalues[row][[0, -1]], "residuals", one.residuals[row], eight.residuals[row],
             )  # fmt: skip
     console.print(rows)
+
+
+def calls(share: int) -> None:
+    """Processor time of calls whose speed users notice, and how much faster two threads are than one."""
+    rows = table(
+        f"Single calls and large batches; least processor time of {REPETITIONS}; "
+        f"this machine multiplies and adds {peak():,.0f} times in a nanosecond",
+        "call", "robot", "unit", "time", "two threads: speed-up",
+    )  # fmt: skip
+    for name, nearest in NOWHERE_HELD.items():
+        robot = cdpr.load_robot(name)
+        poses = np.random.default_rng(SEED).uniform(robot.workspace[0], robot.workspace[1], (POSES // share, 3))
+        for call, unit, count, function in calls_of(robot, nearest, poses):
+            function()
+            seconds = []
+            for _ in range(REPETITIONS):
+                start = time.process_time()
+                function()
+                seconds.append(time.process_time() - start)
+            speed_up = ""
+            if isinstance(function, partial):
+                one, two = (min(timed(function, threads=n) for _ in range(REPETITIONS)) for n in (1, 2))
+                speed_up = f"{one / two:.2f}"
+            rows.add_row(call, name, unit, f"{min(seconds) / count:.3g}", speed_up)
+    console.print(rows)
+
+
+def calls_of(
+    robot: cdpr.Robot, nearest: tuple[float, float, float], poses: np.ndarray
+) -> list[tuple[str, str, float, Callable[..., object]]]:
+    """Name, unit and how many of it one call takes per second; those that take threads are ``partial``."""
+    few, lengths = poses[:200], [robot.rest_lengths(pose) for pose in poses[:200]]
+    single, each = len(few) * 1e-6, len(poses) * 1e-6
+    return [
+        ("rest_lengths", "µs", single, lambda: [robot.rest_lengths(pose) for pose in few]),
+        ("winch_controls", "µs", single, lambda: [cdpr.winch_controls(robot, robot.home, rest) for rest in lengths]),
+        ("compensate, no exact answer", "ms", 1e-3, lambda: cdpr.compensate(robot, nearest)),
+        ("find_equilibria, saddles", "s", 1.0, lambda: cdpr.find_equilibria(robot, robot.home, saddles=True)),
+        ("solve_many", "µs a pose", each, partial(cdpr.solve_many, robot, poses)),
+        ("shortfall", "µs a pose", each, partial(cdpr.shortfall, robot, poses)),
+        ("sweep, all quantities", "µs a pose", each, lambda: cdpr.sweep(robot, poses=poses)),
+    ]
 
 
 def peak() -> float:

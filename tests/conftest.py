@@ -29,7 +29,7 @@ BEYOND_BEARTYPE = {
 
 COMPILED = {
     "core.cable_path", "core.cable_law", "statics.cable_kernel", "statics.matrix_kernel", "statics.newton_kernel",
-    "statics.stiffness_kernel", "statics.balance_kernel", "statics.catenary",
+    "statics.roots_kernel", "statics.stiffness_kernel", "statics.balance_kernel", "statics.catenary",
     "statics.any_cable", "statics.lanes_kernel", "core.lanes", "core.compiling", "drawing.video.raycast",
     "proof.contraction_kernel", "proof.geometry_kernel", "proof.interval_kernel", "proof.krawczyk_kernel",
     "proof.search_kernel",

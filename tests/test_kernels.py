@@ -15,6 +15,7 @@ from cdpr_sim.statics import derivatives, forces, matrix_kernel
 from cdpr_sim.statics.forces import mass_matrix
 from cdpr_sim.statics.newton import stiffness_of
 from cdpr_sim.statics.profiles import catenary
+from cdpr_sim.statics.roots_kernel import roots_gufunc
 
 POSES = [(0.3, 0.2, 0.1, 0.05, -0.1, 0.2), (0.45, 0.3, 0.2, -0.1, 0.02, -0.3), (0.2, 0.25, 0.15, 0.0, 0.1, 0.0)]
 
@@ -229,3 +230,21 @@ def test_cables_are_cut_for_the_tensions_that_are_asked():
         pose = robot.pose(POSES[0])
         state = forces.at(cdpr.Problem.of(robot, pose, rest), pose.translation, pose.rotation.as_matrix())
         np.testing.assert_allclose(state.tensions, tensions, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_roots_of_the_net_wrench_are_those_of_numpy(kind):
+    """From anywhere, the wrench that is left is the one of NumPy there; from near an equilibrium, none is."""
+    robot, force = lopsided(kind), WRENCH * [1, 1, 1, 0, 0, 0]
+    problem = cdpr.Problem.of(robot, POSES[0], external_wrench=force)
+    equilibrium = cdpr.solve(problem)
+    turns = Rotation.from_rotvec([(0.0, 0.0, 0.0), (0.01, -0.02, 0.01), (0.3, 0.2, -0.2)]).as_matrix()
+    with np.errstate(all="ignore"):
+        positions, rotations, left = roots_gufunc(bent=robot.cabling.bent)(
+            robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, force, np.ones(6),
+            robot.characteristic_length, 1e-11 * problem.load, 1e-2, equilibrium.position + 1e-3,
+            turns @ equilibrium.rotation.as_matrix(),
+        )  # fmt: skip
+    net = np.linalg.norm(forces.at(problem, positions, rotations).net_wrench / robot.units, axis=1)
+    np.testing.assert_allclose(left, net, rtol=1e-6, atol=1e-9)
+    assert left[:2].max() < 1e-9 * problem.load

@@ -1,6 +1,7 @@
 """A model that is driven by its winches: its actuators are the law of its cables, and it rests where ``solve`` says."""
 
 import re
+import sys
 import warnings
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from test_cli import run
 
 import cdpr_sim as cdpr
 from cdpr_sim.physics.mjcf import place, scene_mjcf, to_mjcf
-from cdpr_sim.physics.winches import hang
+from cdpr_sim.physics.winches import hang, reach
 
 MODELS = Path(__file__).parents[1] / "models"
 
@@ -280,6 +281,20 @@ def test_controls_cover_the_workspace_and_say_the_lengths():
         np.testing.assert_allclose(robot.rest_lengths(robot.home) / (1 + controls), wanted, rtol=1e-14)
         np.testing.assert_array_equal(controls[0], cdpr.winch_controls(robot, robot.home, wanted[0]))
         assert ((model.actuator_ctrlrange[:, 0] < controls) & (controls < model.actuator_ctrlrange[:, 1])).all()
+
+
+def test_a_control_loop_computes_the_winches_of_its_model_once(monkeypatch):
+    """Controls for one pose of a model need its ranges once; a pose that is changed in place is another pose."""
+    module, calls = sys.modules[cdpr.winch_controls.__module__], []
+    monkeypatch.setattr(module, "reach", lambda robot: calls.append(robot) or reach(robot))
+    robot = cdpr.load_robot("cogiro")
+    pose, lengths = robot.home.copy(), robot.rest_lengths(robot.home + AWAY)
+    first = [cdpr.winch_controls(robot, pose, lengths) for _ in range(5)]
+    assert len(calls) == 1
+    pose += AWAY
+    assert np.abs(cdpr.winch_controls(robot, pose, lengths)).max() == 0
+    np.testing.assert_array_equal(cdpr.winch_controls(robot, robot.home, lengths), first[0])
+    assert len(calls) == 2
 
 
 def test_controls_of_drums_cover_the_workspace():

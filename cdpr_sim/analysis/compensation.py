@@ -13,6 +13,7 @@ with the robot's characteristic length as arm by default.
 from __future__ import annotations
 
 import enum
+import functools
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -69,6 +70,11 @@ if that is more, since the softest cables cannot hold their load with less."""
 ROUNDS, SAMPLES, STARTS, APART = 6, 1000, 3, 0.3
 """Number of searches for a pose nearer than the nearest found; poses sampled in each, and number of starts from them;
 their least mutual distance, as a fraction of the distance of the nearest."""
+
+CONVERGED = 1e-12
+"""SLSQP ends where a step changes half the squared distance, per squared characteristic length, by less, and the
+unbalanced forces add up to less, per load. Tensions of hundreds of loads are balanced no better than by rounding: with
+a hundredth of it, SLSQP tries up to thirty times as many poses, and poses differ by less than 1e-9 m."""
 
 _EQUAL = 1e-6
 """[m] Tolerance between SLSQP's nearest pose and the equilibrium of its rest lengths: the difference measures below
@@ -328,21 +334,27 @@ def _nearest(
     def away(found: Equilibrium | None) -> float:
         return np.inf if found is None else distance(problem.pose, found.pose, arm)
 
+    def nearer(start: _Start, least: float | None) -> tuple[float, Equilibrium | None]:
+        """The distance of the pose that the descent finds, and its equilibrium if there is one and it is nearer."""
+        aim = _descend(problem, start, limits, least, idle, arm)
+        if aim is None:
+            return np.finfo(float).max, None  # tried again only if nothing else is found
+        far = distance(problem.pose, aim.pose, arm)
+        return far, _settled(aim) if far < away(best) else None
+
     def search(starts: list[_Start]) -> None:
         nonlocal best
         not_held = []
         for start in starts:
-            found = _descend(problem, start, limits, None, idle, arm)
-            if found is None:
-                not_held.append((start, np.finfo(float).max))  # tried again only if nothing else is found
-            elif not _holds(found, idle, 0.5 * floor):
-                not_held.append((start, away(found)))
-            elif away(found) < away(best):
+            far, found = nearer(start, None)
+            if found is not None and _holds(found, idle, 0.5 * floor):
                 best = found
+            else:
+                not_held.append((start, far))
         for start, least in not_held:
             if least < away(best):  # else a constraint of stability would only increase the distance
-                found = _descend(problem, start, limits, floor, idle, arm)
-                if found is not None and _holds(found, idle) and away(found) < away(best):
+                _, found = nearer(start, floor)
+                if found is not None and _holds(found, idle):
                     best = found
 
     search(_starts(problem, limits))
@@ -418,8 +430,12 @@ def _descend(
     floor: float | None,
     idle: int,
     arm: float,
-) -> Equilibrium | None:
-    """One run of SLSQP over the step from the commanded pose, per characteristic length, and the tensions per load."""
+) -> Problem | None:
+    """One run of SLSQP over the step from the commanded pose, per characteristic length, and the tensions per load.
+
+    Returns:
+        The pose that it finds and the rest lengths for it.
+    """
     robot = problem.robot
     free, units = robot.free, robot.units
     scale, reach = problem.load or 1.0, robot.characteristic_length
@@ -440,25 +456,32 @@ def _descend(
         turn = Rotation.from_rotvec(step[3:]).as_matrix()
         return origin + step[:3], turn @ level
 
+    @functools.lru_cache(maxsize=1)  # SLSQP asks for the balance at a point, and then for its slope there
+    def pulling(point: bytes) -> tuple[forces.State, Float[np.ndarray, "6 cables"]]:
+        """Cables under the tensions, and their wrench matrix; the rest lengths of massless ones have no effect."""
+        unknowns = np.frombuffer(point)
+        position, rotation = posed(unknowns)
+        tensions = np.maximum(unknowns[count:], 0) * scale
+        if robot.cabling.massless:
+            cables = forces.geometry(robot, position, rotation)
+            return forces.State(problem, position, rotation, cables, tensions), cables.wrench_matrix
+        rest, W = cut(robot, position, rotation, tensions)
+        return forces.at(Problem(robot, problem.pose, rest, problem.external_wrench), position, rotation), W
+
+    def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " free"]:
+        state, W = pulling(unknowns.tobytes())
+        return ((W @ unknowns[count:] * scale + state.load_wrench) / units)[free] / scale
+
+    def slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "free unknowns"]:
+        geometric, by_tension = derivatives.wrench_under_tensions(pulling(unknowns.tobytes())[0])
+        geometric[:, 3:] = geometric[:, 3:] @ _left_jacobian(stepped(unknowns)[3:])
+        by_step = (geometric * reach / units / units[:, None])[np.ix_(free, free)] / scale
+        return np.hstack([by_step, (by_tension / units[:, None])[free]])
+
     def shortened(unknowns: Float[np.ndarray, " unknowns"]) -> forces.State:
         position, rotation = posed(unknowns)
         rest, _ = cut(robot, position, rotation, np.maximum(unknowns[count:], 0) * scale)
         return forces.at(Problem(robot, problem.pose, rest, problem.external_wrench), position, rotation)
-
-    def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " free"]:
-        position, rotation = posed(unknowns)
-        if robot.cabling.massless:
-            W = forces.geometry(robot, position, rotation).wrench_matrix
-        else:
-            _, W = cut(robot, position, rotation, np.maximum(unknowns[count:], 0) * scale)
-        net = W @ unknowns[count:] * scale + forces.load_wrench(problem, rotation)
-        return (net / units)[free] / scale
-
-    def slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "free unknowns"]:
-        geometric, by_tension = derivatives.wrench_under_tensions(shortened(unknowns))
-        geometric[:, 3:] = geometric[:, 3:] @ _left_jacobian(stepped(unknowns)[3:])
-        by_step = (geometric * reach / units / units[:, None])[np.ix_(free, free)] / scale
-        return np.hstack([by_step, (by_tension / units[:, None])[free]])
 
     def held(unknowns: Float[np.ndarray, " unknowns"]) -> float:
         return float(shortened(unknowns).eigenvalues[idle] * reach / scale)
@@ -476,15 +499,23 @@ def _descend(
             bounds=[(None, None)] * count + [*zip(*(limits / scale), strict=True)],
             constraints=constraints,
             method="SLSQP",
-            options={"maxiter": 300, "ftol": 1e-14},
+            options={"maxiter": 300, "ftol": CONVERGED},
         )
         if not np.isfinite(found.x).all() or np.abs(balance(found.x)).max() > 1e-6:
             return None
         pose, rest = moved(problem.pose, stepped(found.x)), shortened(found.x).problem.rest_lengths
-        equilibrium = newton.solve(Problem.of(robot, pose, rest, problem.external_wrench))
+        return Problem.of(robot, pose, rest, problem.external_wrench)
     except (NotConverged, InvalidInput):  # a cable of zero length, or one too heavy for its tension
         return None
-    return equilibrium if distance(pose, equilibrium.pose, reach) <= _EQUAL else None
+
+
+def _settled(aim: Problem) -> Equilibrium | None:
+    """The equilibrium at the problem's own pose, if the solver finds it there."""
+    try:
+        equilibrium = newton.solve(aim)
+    except NotConverged:
+        return None
+    return equilibrium if distance(aim.pose, equilibrium.pose, aim.robot.characteristic_length) <= _EQUAL else None
 
 
 def _left_jacobian(rotation_vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -28,7 +28,8 @@ from cdpr_sim.core.pose import PoseLike, as_pose, distance
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
-from cdpr_sim.statics import derivatives, forces, newton
+from cdpr_sim.statics import forces, newton
+from cdpr_sim.statics.roots_kernel import roots_gufunc
 
 SAME = 1e-3
 """Two equilibria at a distance below this fraction of the characteristic length, with as many unstable directions, are
@@ -43,9 +44,6 @@ hanging on two diagonal cables, measures 5e-16, and the softest stable equilibri
 
 BALANCED = 1e-8
 """Unbalanced force of a root, as a fraction of the load."""
-
-ROOT_STEPS = 150
-"""Levenberg-Marquardt steps per start in the search for saddles."""
 
 BETWEEN = 7
 """Starts on the screw motion between each two stable equilibria."""
@@ -396,46 +394,16 @@ def _roots(
     rotations: Float[np.ndarray, "starts 3 3"],
     damping: float = 1e-2,
 ) -> tuple[Float[np.ndarray, "roots 3"], Float[np.ndarray, "roots 3 3"]]:
-    """Roots of the net wrench, stable or not: Levenberg-Marquardt with the exact slope, all starts at once."""
-    robot = problem.robot
-    free, units = robot.free, robot.units
-    eye = np.eye(len(free))
-
-    def wrench(positions: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-        return (forces.at(problem, positions, rotations).net_wrench / units)[:, free]
-
-    positions, rotations = positions.copy(), rotations.copy()
-    force = wrench(positions, rotations)
-    size = np.linalg.norm(force, axis=1)
-    dampings = np.full(len(size), damping)
-    live = np.isfinite(size)
-    for _ in range(ROOT_STEPS):
-        rows = np.flatnonzero(live & (size > 1e-3 * BALANCED * problem.load))
-        if not rows.size:
-            break
-        slope = derivatives.wrench_slope(forces.at(problem, positions[rows], rotations[rows])) / np.outer(units, units)
-        slope = slope[:, free][:, :, free]
-        normal = slope.swapaxes(-1, -2) @ slope
-        scale = np.trace(normal, axis1=-2, axis2=-1)[:, None, None] / len(free)
-        gradient = force[rows, None] @ slope
-        damped = normal + (dampings[rows, None, None] * scale + 1e-300) * eye
-        step = -np.linalg.solve(damped, gradient.swapaxes(-1, -2))[..., 0]
-        length = np.linalg.norm(step, axis=1)
-        step *= np.minimum(1.0, 2 * robot.characteristic_length / np.maximum(length, 1e-300))[:, None]
-        whole = np.zeros((len(rows), 6))
-        whole[:, free] = step / units[free]
-        tried_positions = positions[rows] + whole[:, :3]
-        tried_rotations = Rotation.from_rotvec(whole[:, 3:]).as_matrix() @ rotations[rows]
-        tried = wrench(tried_positions, tried_rotations)
-        tried_size = np.linalg.norm(tried, axis=1)
-        better = tried_size < size[rows]
-        taken = rows[better]
-        positions[taken], rotations[taken] = tried_positions[better], tried_rotations[better]
-        force[taken], size[taken] = tried[better], tried_size[better]
-        dampings[rows] = np.where(better, dampings[rows] / 10, dampings[rows] * 5)
-        live[rows[dampings[rows] > 1e8]] = False
-        dampings = np.maximum(dampings, 1e-14)
-    balanced = size <= BALANCED * problem.load
+    """Roots of the net wrench, stable or not, to which the starts lead."""
+    robot, free = problem.robot, np.zeros(6)
+    free[problem.robot.free] = 1.0
+    search = roots_gufunc(bent=robot.cabling.bent, sagging=not robot.cabling.massless)
+    with np.errstate(all="ignore"):
+        positions, rotations, left = search.compiled(
+            robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, problem.external_wrench,
+            free, robot.characteristic_length, 1e-3 * BALANCED * problem.load, damping, positions, rotations,
+        )  # fmt: skip
+    balanced = left <= BALANCED * problem.load
     # The orthogonality of products of many small rotations deteriorates by rounding.
     return positions[balanced], Rotation.from_matrix(rotations[balanced]).as_matrix()
 

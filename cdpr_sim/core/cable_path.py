@@ -153,14 +153,14 @@ def lengths(
 ) -> Float[np.ndarray, "*batch cables"]:
     """Length of each cable's path with the platform at these poses, (..., cables) [m] (paper Eq. 1, 2)."""
     a, b, c = cabling.anchors.T
-    apart = []
-    for i, exits in enumerate(cabling.exits.T):
-        at, turn = np.asarray(positions)[..., i, None], rotations[..., i, :, None]
-        # The same order of additions as SciPy's RigidTransform.apply: identical to the last bit, for one pose or many.
-        anchors = (turn[..., 1, :] * b + at) + (turn[..., 0, :] * a + turn[..., 2, :] * c)
-        apart.append(exits - anchors)
-    found = path(*apart)[0]
-    if cabling.pulleys.any():
+    at, turn = np.asarray(positions)[..., None], rotations[..., None]
+    # The same order of additions as SciPy's RigidTransform.apply: identical to the last bit, for one pose or many.
+    apart = turn[..., 1, :] * b + at
+    apart += turn[..., 0, :] * a + turn[..., 2, :] * c
+    np.subtract(cabling.exits.T, apart, out=apart)
+    coordinates = apart[..., 0, :], apart[..., 1, :], apart[..., 2, :]
+    found = path(*coordinates)[0]
+    if cabling.bent and cabling.pulleys.any():
         over = cabling.pulleys
-        found[..., over] = wheel_paths(cabling, *(coordinate[..., over] for coordinate in apart))[0]
+        found[..., over] = wheel_paths(cabling, *(coordinate[..., over] for coordinate in coordinates))[0]
     return found

@@ -411,10 +411,10 @@ class Robot(HtmlRepr):
         radius = float(np.sqrt((self.anchors**2).sum(1).mean()))
         return radius or float(np.linalg.norm(self.platform_size)) / 2
 
-    @property
+    @cached_property
     def home(self) -> Float[np.ndarray, "3"]:
         """The middle of the workspace, (3,) [m]: the default of commanded positions."""
-        return np.round(self.workspace.mean(0), 12)  # 0.4, not 0.39999999999999997
+        return frozen(np.round(self.workspace.mean(0), 12))  # 0.4, not 0.39999999999999997
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -450,7 +450,7 @@ class Robot(HtmlRepr):
         """
         at = Pose.of(pose)
         if self.mobility == "planar":
-            y, sine = at.position[1], np.abs(at.rotation_matrix[1, [0, 2]]).max()
+            y, sine = at.position[1], max(abs(at.rotation_matrix[1, 0]), abs(at.rotation_matrix[1, 2]))
             if abs(y) > IN_PLANE or sine > IN_PLANE:
                 found = f"y = {y:g} m" if abs(y) > IN_PLANE else "a rotation about x or z"
                 raise InvalidInput(
@@ -558,9 +558,9 @@ class Robot(HtmlRepr):
         """Lengths of the cables from exit to anchor, (cables,) [m] (paper Eq. 1, 2)."""
         at = self.placed(pose)
         lengths = cable_path.lengths(self.cabling, at.position, at.rotation_matrix)
-        if np.isnan(lengths).any():
-            raise InvalidInput(f"pose: found {cable_path.off_wheel(self.cabling, at.position, at.rotation_matrix)}")
         if not lengths.min() > 0:
+            if np.isnan(lengths).any():
+                raise InvalidInput(f"pose: found {cable_path.off_wheel(self.cabling, at.position, at.rotation_matrix)}")
             cable = int(np.argmin(lengths))
             raise InvalidInput(
                 f"pose: the exit of cable {cable + 1} lies on its anchor there, expected a cable longer than 0"

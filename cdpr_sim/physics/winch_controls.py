@@ -2,19 +2,38 @@
 
 from __future__ import annotations
 
+import functools
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array
+from cdpr_sim.core.checks import checked_array, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import chains
 from cdpr_sim.physics.settle import settle
 from cdpr_sim.physics.tendons import springs
 from cdpr_sim.physics.winches import SERVO, reach, shared
+
+
+class _Written(NamedTuple):
+    """Winches of a model that is written at some pose, (cables,) each [m].
+
+    Attributes:
+        rest_lengths: at control 0.
+        lowest: the shortest rest lengths.
+        highest: the longest ones.
+        extra: length of rope between winch and exit, for each part of line.
+    """
+
+    rest_lengths: Float[np.ndarray, " cables"]
+    lowest: Float[np.ndarray, " cables"]
+    highest: Float[np.ndarray, " cables"]
+    extra: Float[np.ndarray, " cables"]
 
 
 def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Float[np.ndarray, "*rows cables"]:
@@ -34,25 +53,23 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
         InvalidInput: invalid lengths, or lengths out of the winches' range; cables with mass or a memory.
         NotSettled: cables are nonlinear, and the platform does not come to rest on them.
     """
-    problem = Problem.of(robot, pose)
-    robot.cabling.refuse_memory("a winch in MuJoCo")
+    refuse_unless(Robot, robot=robot)
+    at = Pose.of(pose)
+    rigid, lowest, highest, extra = _written(robot, at.position.tobytes(), at.rotation_matrix.tobytes())
     wanted = checked_array("rest_lengths", rest_lengths, None)
     if wanted.shape[-1:] != (robot.cables,):
         raise InvalidInput(f"rest_lengths: found an array of shape {wanted.shape}, expected (..., {robot.cables})")
-    lowest, highest = reach(robot)
-    lowest, highest = np.minimum(lowest, problem.rest_lengths), np.maximum(highest, problem.rest_lengths)
-    wrong = ~((wanted >= lowest) & (wanted <= highest))
-    if wrong.any():
-        *_, cable = place = tuple(np.argwhere(wrong)[0])
+    possible = (wanted >= lowest) & (wanted <= highest)
+    if not possible.all():
+        *_, cable = place = tuple(np.argwhere(~possible)[0])
         raise InvalidInput(
             f"rest_lengths: found {wanted[place]:g} m for cable {cable + 1}, expected {lowest[cable]:.4g} to "
             f"{highest[cable]:.4g} m, which its winch can let out"
         )
-    extra = shared(robot)
-    controls = (problem.rest_lengths + extra) / (wanted + extra) - 1
-    nonlinear = robot.cabling.stiffening.any(1)
-    if nonlinear.any():
-        servos = SERVO * springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
+    controls = (rigid + extra) / (wanted + extra) - 1
+    if not robot.cabling.linear:
+        nonlinear = robot.cabling.stiffening.any(1)
+        servos = SERVO * springs(robot.cabling, robot.axial_stiffness, rigid)
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
             lengths = rest.lengths + extra
@@ -66,3 +83,13 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
             drawn_in = lengths * controls[row] + rest.pulls / servos  # plus the servos' displacement
             controls[row][nonlinear] = drawn_in[nonlinear]
     return controls
+
+
+@functools.lru_cache(maxsize=16)
+def _written(robot: Robot, position: bytes, rotation: bytes) -> _Written:
+    """The winches of ``to_mjcf(robot, pose, winches=True)``; cached, since a control loop asks for one model's."""
+    at = Pose(np.frombuffer(position), np.frombuffer(rotation).reshape(3, 3))
+    rigid = Problem.of(robot, at).rest_lengths
+    robot.cabling.refuse_memory("a winch in MuJoCo")
+    lowest, highest = reach(robot)
+    return _Written(rigid, np.minimum(lowest, rigid), np.maximum(highest, rigid), shared(robot))

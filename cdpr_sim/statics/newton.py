@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from functools import partial
 from typing import TypeAlias
 
@@ -18,6 +19,7 @@ from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.memory import Memory
+from cdpr_sim.core.on_threads import checked_threads, on_threads
 from cdpr_sim.core.pose import Pose, PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
@@ -101,6 +103,7 @@ def solve_many(
     rotations: ArrayLike | None = None,
     axial_stiffness: ArrayLike | None = None,
     mass: ArrayLike | None = None,
+    threads: int = 1,
 ) -> EquilibriumBatch:
     """Equilibria from many commanded poses in one compiled call; all arguments broadcast.
 
@@ -113,6 +116,8 @@ def solve_many(
         rotations: commanded rotation matrices, (..., 3, 3), where ``poses`` are positions; default: level.
         axial_stiffness: EA [N], a number, or with the cables last: (..., cables), or (..., 1) for all cables alike.
         mass: (...) [kg].
+        threads: among which rows along the first axis are divided, for 2,000 problems and more; 0 for one per
+            processor. They do not change the results.
 
     Returns:
         A row for each pose. The status marks a row that is not finite, or at which the platform would fall.
@@ -129,7 +134,7 @@ def solve_many(
         axial_stiffness=axial_stiffness,
         mass=mass,
     )
-    robot = problems.robot
+    robot, threads = problems.robot, checked_threads(threads)
     if robot.cabling.remembers.any():
         return solve_step(problems, Memory.fresh(robot, problems.shape))[0]
     found = solve_table(
@@ -140,6 +145,7 @@ def solve_many(
         problems.external_wrench,
         np.where(problems.falls[..., None], np.nan, problems.positions) if problems.falls.any() else problems.positions,
         problems.rotations,
+        threads=threads,
     )
     positions, turned, lengths, tensions, residuals, iterations, status = found
     felt = (status == Status.CONVERGED) & ~(residuals <= FELT * problems.force_scale)
@@ -282,6 +288,7 @@ def solve_table(
     rotations: Float[np.ndarray, "*#batch 3 3"],
     center_of_mass: Float[np.ndarray, "*#batch 3"] | None = None,
     characteristic_length: float | Float[np.ndarray, "*#batch"] | None = None,
+    threads: int = 1,
 ) -> tuple[np.ndarray, ...]:
     """Positions, rotations, lengths, tensions, residuals, iterations and status by the compiled solvers.
 
@@ -297,25 +304,28 @@ def solve_table(
         robot.characteristic_length if characteristic_length is None else characteristic_length,
     )  # fmt: skip
     given = (table, rest_lengths, *platform, positions, rotations)
-    loop = np.broadcast_shapes(*(np.shape(one)[: np.ndim(one) - axes] for one, axes in zip(given, _AXES, strict=True)))
+    loop = _loop(given)
     kind = _kind(robot, table)
     plain = cabling.massless and not any(kind.values())
+    solver = _on_lanes if plain and math.prod(loop) >= LANES_FROM else equilibrium_gufunc(**kind)
+
+    def solved(*given: np.ndarray | float) -> tuple[np.ndarray, ...]:
+        with np.errstate(all="ignore"):
+            found, before = solver(*given), 0
+            if not cabling.massless:
+                before = found[5]
+                found = equilibrium_gufunc(sagging=True)(*given[:-2], found[0], found[1])
+        *found, iterations, status = map(np.asarray, found)
+        return *found, np.asarray(iterations + before), status
+
+    at, turned, lengths, pulls, residuals, iterations, status = on_threads(solved, given, _AXES, threads, LANES_FROM)
     with np.errstate(all="ignore"):
-        if plain and math.prod(loop) >= LANES_FROM:
-            found = _on_lanes(loop, given)
-        else:
-            found = equilibrium_gufunc(**kind)(*given)
-        before = 0
-        if not cabling.massless:
-            before = found[5]
-            found = equilibrium_gufunc(sagging=True)(table, rest_lengths, *platform, found[0], found[1])
-        at, turned, lengths, pulls, residuals, iterations, status = (np.asarray(result) for result in found)
         tensions = pulls / cabling.reeving
         if not cabling.linear:
             largest = cable_law.largest_tension(table[..., STIFFNESS], *cabling.stiffening.T)
             beyond = (status == Status.CONVERGED) & (pulls > largest).any(-1)
             status = np.where(beyond, Status.OVERSTRAINED.value, status)
-        return at, turned, lengths, tensions, residuals, np.asarray(iterations + before), status
+    return at, turned, lengths, tensions, residuals, iterations, status
 
 
 def _kind(robot: Robot, table: Float[np.ndarray, "*#batch cables columns"]) -> dict[str, bool]:
@@ -331,12 +341,17 @@ _FREE = 5
 """The argument in which all problems are alike: the free directions."""
 
 
-def _on_lanes(loop: tuple[int, ...], given: tuple[np.ndarray | float, ...]) -> tuple[np.ndarray, ...]:
+def _loop(given: Sequence[np.ndarray | float]) -> tuple[int, ...]:
+    """The shape of the batch."""
+    return np.broadcast_shapes(*(np.shape(one)[: np.ndim(one) - own] for one, own in zip(given, _AXES, strict=True)))
+
+
+def _on_lanes(*given: np.ndarray | float) -> tuple[np.ndarray, ...]:
     """Results of ``equilibrium_gufunc`` for plain cables, solved eight at a time as far as possible."""
     compiling.import_numba()
     from cdpr_sim.statics import lanes_kernel
 
-    whole = []
+    loop, whole = _loop(given), []
     for one, axes in zip(given, _AXES, strict=True):
         core = np.shape(one)[np.ndim(one) - axes :]
         broadcast = np.broadcast_to(np.asarray(one, float), loop + core)

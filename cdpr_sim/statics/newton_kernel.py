@@ -152,7 +152,7 @@ def _descent(unpack: Callable) -> Callable:
         """Newton iterations from a pose; there are few arrays, since creating one is slow."""
         m, cables = len(rest_lengths), unpack(table, rest_lengths)
         case = Case(cables, weight, center_of_mass, wrench, free, scale)
-        here, trial, springs = _new_point(case), _new_point(case), ck.springs(cables)
+        here, trial, springs = new_point(case), new_point(case), ck.springs(cables)
         model = Model(np.empty((springs, 6)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
         x, taut, tau, predicted = np.empty(6), np.empty(springs, np.bool_), np.empty(springs), np.empty(max(m, 6))
 
@@ -377,7 +377,8 @@ def spring_tensions(at, tau, taut):
 
 
 @inline
-def _new_point(case):
+def new_point(case):
+    """A point that is to be measured."""
     return Point(np.empty(3), np.empty((3, 3)), ck.new_state(case.cables))
 
 

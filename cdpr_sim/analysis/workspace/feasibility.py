@@ -31,12 +31,16 @@ from cdpr_sim.core.cable_path import off_wheel
 from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits, checked_wrenches
+from cdpr_sim.core.on_threads import checked_threads, on_threads
 from cdpr_sim.core.problem import Problem, positions_and_rotations
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED, margin_gufunc, shortfall_gufunc
 
 Array = np.ndarray
+
+LEAST_PIECE = 1000
+"""Poses for which a piece of a batch is worth a thread: milliseconds."""
 
 HIGHS_TOLERANCE = 1e-7
 """Largest violation of a constraint by HiGHS."""
@@ -49,6 +53,7 @@ def shortfall(
     rotations: ArrayLike | None = None,
     tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
+    threads: int = 1,
 ) -> Float[Array, "*batch"]:
     """Smallest unbalanced part of the load, as a fraction of the load; rounding where feasible.
 
@@ -60,6 +65,7 @@ def shortfall(
             ``force_min`` and ``force_max``.
         wrenches: external forces and torques on the platform's origin besides gravity, (6,) or a set of them (sets, 6)
             [N, N m]; the worst one counts. Default: none.
+        threads: among which poses along the first axis are divided, for 2,000 poses and more; 0 for one per processor.
 
     Returns:
         The norm of W tau + w_e at the tensions that make it least, torques divided by the characteristic length, over
@@ -73,7 +79,8 @@ def shortfall(
     loads = checked_wrenches(robot, wrenches)
     at, turned = _placed(robot, positions, rotations)
     asked = _with_cable_weight(robot, at, turned, lower, upper, loads)
-    left = np.where((asked[0] > asked[1]).any(-1), np.inf, _over_poses(shortfall_gufunc, robot, *asked, at, turned))
+    left = _over_poses(shortfall_gufunc, robot, *asked, at, turned, checked_threads(threads))
+    left = np.where((asked[0] > asked[1]).any(-1), np.inf, left)
     for index in map(tuple, np.argwhere(np.isposinf(left))):  # the active sets cycled, or limits exclude each other
         position = np.broadcast_to(at, (*left.shape, 3))[index]
         rotation = np.broadcast_to(turned, (*left.shape, 3, 3))[index]
@@ -88,6 +95,7 @@ def feasible(
     rotations: ArrayLike | None = None,
     tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
+    threads: int = 1,
 ) -> Bool[Array, "*batch"]:
     """Whether rigid cables hold the platform there, with tensions within limits, against its weight and ``wrenches``.
 
@@ -97,8 +105,8 @@ def feasible(
     Returns:
         (...) True where the unbalanced part is only rounding; False where ``shortfall`` is nan.
     """
-    left = shortfall(robot, positions, rotations=rotations, tension_limits=tension_limits, wrenches=wrenches)
-    return left <= BALANCED
+    conditions = {"tension_limits": tension_limits, "wrenches": wrenches}
+    return shortfall(robot, positions, rotations=rotations, threads=threads, **conditions) <= BALANCED
 
 
 def closed_form_feasible(
@@ -147,6 +155,7 @@ def capacity_margin(
     rotations: ArrayLike | None = None,
     tension_limits: tuple[ArrayLike, ArrayLike] | None = None,
     wrenches: ArrayLike | None = None,
+    threads: int = 1,
 ) -> Float[Array, "*batch"]:
     """Largest distance of all tensions from their limits at which they still hold the platform [N].
 
@@ -161,6 +170,7 @@ def capacity_margin(
         rotations: (..., 3, 3); default: level.
         tension_limits: as in ``shortfall``.
         wrenches: as in ``shortfall``; the worst one counts.
+        threads: as in ``shortfall``.
 
     Returns:
         At most the load, which is far enough from the border; -inf where no tensions at all, not even pushing ones,
@@ -172,7 +182,7 @@ def capacity_margin(
     lower, upper = checked_limits(robot, tension_limits)
     loads, (at, turned) = checked_wrenches(robot, wrenches), _placed(robot, positions, rotations)
     asked = _with_cable_weight(robot, at, turned, lower, upper, loads)
-    return _over_poses(margin_gufunc, robot, *asked, at, turned)
+    return _over_poses(margin_gufunc, robot, *asked, at, turned, checked_threads(threads))
 
 
 def feasible_by_linprog(
@@ -213,15 +223,19 @@ def _over_poses(
     loads: Float[Array, "*#batch sets 6"],
     positions: Float[Array, "*#batch 3"],
     rotations: Float[Array, "*#batch 3 3"],
+    threads: int,
 ) -> Float[Array, "*batch"]:
     """Results of a compiled function of ``balance_kernel`` at each pose."""
-    with np.errstate(all="ignore"):
-        return np.asarray(
-            gufunc(bent=robot.cabling.bent)(
-                robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
-                robot.characteristic_length, positions, rotations,
-            )
-        )  # fmt: skip
+
+    def evaluated(*given: np.ndarray | float) -> tuple[np.ndarray]:
+        with np.errstate(all="ignore"):
+            return (np.asarray(gufunc(bent=robot.cabling.bent)(*given)),)
+
+    given = (
+        robot.cabling.packed, lower, upper, robot.weight, robot.center_of_mass, loads, np.array(robot.free),
+        robot.characteristic_length, positions, rotations,
+    )  # fmt: skip
+    return on_threads(evaluated, given, (2, 1, 1, 0, 1, 2, 1, 0, 1, 2), threads, LEAST_PIECE)[0]
 
 
 def _with_cable_weight(

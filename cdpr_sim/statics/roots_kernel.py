@@ -1,0 +1,164 @@
+"""Roots of the net wrench, stable or not, by Levenberg-Marquardt with the exact slope; compiled.
+
+Each start is one element of a gufunc. The formulas are those of ``newton_kernel``: with the cables that are taut at a
+pose, its linear system is the stiffness matrix there and the net wrench.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from cdpr_sim.core.compiling import Kernel, inline
+from cdpr_sim.statics import cable_kernel as ck
+from cdpr_sim.statics.newton_kernel import (
+    Case,
+    Model,
+    fill_curvature,
+    fill_slopes,
+    fill_system,
+    move,
+    new_point,
+    spring_tensions,
+)
+
+STEPS = 150
+"""Largest number of steps per start."""
+
+LONGEST = 2.0
+"""Longest step, in characteristic lengths."""
+
+LOWER, HIGHER = 0.1, 5.0
+"""Factors of the damping after a step that leaves a smaller wrench, and after one that does not."""
+
+LEAST_DAMPING, MOST_DAMPING = 1e-14, 1e8
+"""Damping as a fraction of the mean of the squared slope's diagonal. With the first, a step is Newton's; above the
+second, the search ends, in a minimum of the unbalanced force."""
+
+
+def _search(unpack: Callable) -> Callable:
+    """The search from one start, for cables of the type that ``unpack`` makes of the table."""
+
+    def search(
+        table, rest_lengths, weight, center_of_mass, wrench, free, scale, enough, damping, start_position,
+        start_rotation, position, rotation, unbalanced,
+    ):  # fmt: skip
+        """Steps that make the norm of the net wrench smaller, up to ``enough``."""
+        cables = unpack(table, rest_lengths)
+        case = Case(cables, weight, center_of_mass, wrench, free, scale)
+        here, trial, springs = new_point(case), new_point(case), ck.springs(cables)
+        model = Model(np.empty((springs, 6)), np.empty(6), np.zeros((6, 6)), np.zeros((6, 6)), np.empty(6))
+        taut, tau, x = np.empty(springs, np.bool_), np.empty(springs), np.empty(6)
+        slope, normal, gradient = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
+        for a in range(3):
+            here.p[a] = start_position[a]
+            for b in range(3):
+                here.R[a, b] = start_rotation[a, b]
+        size, directions = _net_wrench(case, here, model, tau, taut), 0.0
+        for a in range(6):
+            directions += free[a]
+        moved, share = True, damping
+        for _ in range(STEPS):
+            if not enough < size < np.inf or share > MOST_DAMPING:
+                break
+            if moved:
+                _fill_slope(case, here, model, tau, taut, slope)
+                for a in range(6):
+                    gradient[a] = 0.0
+                    for c in range(6):
+                        gradient[a] += model.rhs[c] * slope[c, a]
+            damped = 0.0
+            for a in range(6):
+                x[a] = -gradient[a]
+                for b in range(6):
+                    normal[a, b] = 0.0
+                    for c in range(6):
+                        normal[a, b] += slope[c, a] * slope[c, b]
+                damped += free[a] * normal[a, a] / directions
+            for a in range(6):
+                normal[a, a] += share * damped + 1e-300
+            _eliminate(normal, x)
+            length = 0.0
+            for a in range(6):
+                x[a] *= free[a]
+                length += x[a] * x[a]
+            factor = min(1.0, LONGEST * scale / max(math.sqrt(length), 1e-300))
+            for a in range(6):
+                x[a] *= factor
+            move(case, here, x, trial)
+            left = _net_wrench(case, trial, model, tau, taut)
+            moved = left < size
+            if moved:
+                here, trial = trial, here
+                size = left
+                share = max(LOWER * share, LEAST_DAMPING)
+            else:
+                share *= HIGHER
+        unbalanced[0] = size
+        for a in range(3):
+            position[a] = here.p[a]
+            for b in range(3):
+                rotation[a, b] = here.R[a, b]
+
+    return search
+
+
+_KERNELS = ck.kernels("search for saddles", _search, "(m,k),(m),(),(c),(d),(d),(),(),(),(c),(c,c)->(c),(c,c),()", ())
+
+
+def roots_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
+    """The search as a NumPy generalised ufunc, for cables of one type (``cable_kernel``).
+
+    Arguments: ``Robot.cable_table`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench without a
+    torque (6), free directions as 0 or 1 (6), characteristic length, norm of the net wrench that ends the search,
+    damping of the first step, starting position (3), starting rotation matrix (3,3).
+    Results: position (3), rotation matrix (3,3), norm of the net wrench there, torques per characteristic length; nan
+    where a cable has no path.
+    """
+    return _KERNELS[2 if sagging else bent]
+
+
+@inline
+def _net_wrench(case, at, model, tau, taut):
+    """Fill in the state at a pose, and the net wrench on the free directions, ``rhs``; return its norm."""
+    ck.measure(case.cables, at.p, at.R, at.c)
+    spring_tensions(at, tau, taut)
+    fill_slopes(case, at, model)
+    fill_system(at, model, 0.0, taut)
+    size = 0.0
+    for a in range(6):
+        size += model.rhs[a] * model.rhs[a]
+    return math.sqrt(size)
+
+
+@inline
+def _fill_slope(case, at, model, tau, taut, slope):
+    """Fill in the slope of the net wrench at the point that was measured last (``derivatives.wrench_slope``)."""
+    fill_curvature(case, at, tau, model)
+    fill_system(at, model, 0.0, taut)
+    for a in range(6):
+        for b in range(a + 1):
+            slope[a, b] = slope[b, a] = -model.L[a, b]
+    # The Hessian is symmetric, but the torque turns with the platform.
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        half = 0.5 * model.rhs[3 + a] / case.scale
+        slope[3 + b, 3 + c] += half * case.free[3 + b] * case.free[3 + c]
+        slope[3 + c, 3 + b] -= half * case.free[3 + b] * case.free[3 + c]
+
+
+@inline
+def _eliminate(matrix, x):
+    """Solve matrix x = x, positive definite, in place. Unlike ``factorise``, it accepts pivots that are rounding."""
+    for c in range(6):
+        for a in range(c + 1, 6):
+            factor = matrix[a, c] / matrix[c, c]
+            for b in range(c, 6):
+                matrix[a, b] -= factor * matrix[c, b]
+            x[a] -= factor * x[c]
+    for a in range(5, -1, -1):
+        for b in range(a + 1, 6):
+            x[a] -= matrix[a, b] * x[b]
+        x[a] /= matrix[a, a]
