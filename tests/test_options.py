@@ -3,15 +3,18 @@
 import ast
 import inspect
 import math
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 import typer
+from rich.console import Console
 from typer.testing import CliRunner
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
+from cdpr_sim.cli.terminal import progress_bars
 from cdpr_sim.drawing import still
 from cdpr_sim.physics import viewer
 
@@ -255,6 +258,54 @@ def test_settings_of_a_film_reach_the_film(folder, monkeypatch):
     robot = cdpr.load_robot("cogiro")
     wanted = np.linspace((0.3, *robot.home[1:]), (0.4, *robot.home[1:]), len(lengths[1]))
     np.testing.assert_allclose(lengths[1], [robot.rest_lengths(at) - 1e-3 for at in wanted], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("words", "settled", "driven"),
+    [
+        ("cogiro --seconds 2", [], [("cogiro", None, True)]),
+        ("fast-like --seconds 2", [("fast-like", 2.0)], []),
+        ("fast-like --seconds 2 --drive-seconds 3", [], [("fast-like", 3.0, True)]),
+        ("fast-like --seconds 2 --drop", [], [("fast-like", None, False)]),
+    ],
+)
+def test_a_film_of_cables_with_mass_is_settled_state_by_state(words, settled, driven, folder, monkeypatch):
+    """Unless a drive is asked for; each drive and the drawing have a progress bar, which their progress moves."""
+    stills, drives, bars = [], [], {}
+
+    def drive(robot, *_, seconds, from_rest, progress, **options):
+        drives.append((robot.name, seconds, from_rest))
+        progress(0.25)
+        return cdpr.solve_many(robot, [robot.home])
+
+    def settled_along(robot, poses, seconds, load):
+        stills.append((robot.name, seconds))
+        return cdpr.solve_many(robot, [robot.home])
+
+    @contextmanager
+    def recorded():
+        yield lambda label: lambda done: bars.update({label: done})
+
+    monkeypatch.setattr("cdpr_sim.cli.picture_commands.progress_bars", recorded)
+    monkeypatch.setattr(cdpr, "drive", drive)
+    for name, function in {"settled_along": settled_along, "solved_along": lambda one: one, "shapes_of": id}.items():
+        monkeypatch.setattr(f"cdpr_sim.studies.robot_summary.{name}", function)
+    monkeypatch.setattr(cdpr, "write_video", lambda *args, progress, **options: progress(0.75))
+    told = CliRunner().invoke(app, ["video", *words.split(), "-o", "new.mp4"])
+    assert told.exit_code == 0, told.output
+    assert (stills, drives) == (settled, driven)
+    assert bars == {f"MuJoCo drives {name}": 0.25 for name, *_ in driven} | {"Drawing": 0.75}
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_progress_is_shown_on_a_terminal_alone(is_terminal, monkeypatch, capsys):
+    """On standard error, with its label as it is and its fraction."""
+    monkeypatch.setattr(Console, "is_terminal", is_terminal)
+    with progress_bars() as bars:
+        bars("Drawing [v2]")(0.5)
+    output, errors = capsys.readouterr()
+    assert output == ""
+    assert ("Drawing [v2]" in errors, "50%" in errors) == (is_terminal, is_terminal)
 
 
 def test_a_picture_is_of_the_robot_at_the_pose_on_the_cables_that_are_asked(folder, monkeypatch):

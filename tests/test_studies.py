@@ -188,12 +188,25 @@ def test_at_rest_the_lines_of_force_meet_below_the_centre_of_mass(x):
     assert case.net_moment == pytest.approx(0, abs=REST_MOMENT_TOLERANCE)
 
 
-def test_convergence_counts_stalled_solvers_as_unsolved():
-    """Newton solves all; at 10 kN least squares stalls at most poses, and that is no solution."""
-    study = solver_studies.convergence(axial_stiffness=[1e4], poses=6, methods=["newton", "least_squares"])
-    assert study.solved["newton"].tolist() == study.stable["newton"].tolist() == [6]
-    assert study.solved["least_squares"][0] < 6
-    assert (study.seconds["newton"] > 0).all()
+def test_convergence_counts_stalled_solvers_as_unsolved(monkeypatch):
+    """A solver that stalls at one of three poses, and finds an unstable equilibrium at another; Newton solves all."""
+    solve = solver_studies.solvers.solve
+    asked = []
+
+    def stalls(robot, position, method):
+        found = solve(robot, position)
+        asked.append((robot.axial_stiffness[0], method))
+        if asked.count((1e4, "fsolve")) == 1 and asked[-1] == (1e4, "fsolve"):
+            raise cdpr.NotConverged("stalls")
+        unstable = asked[-1] == (1e4, "fsolve") and asked.count(asked[-1]) == 2
+        return dataclasses.replace(found, eigenvalues=-found.eigenvalues) if unstable else found
+
+    monkeypatch.setattr(solver_studies.solvers, "solve", stalls)
+    study = solver_studies.convergence(axial_stiffness=[1e4, 2e4], poses=3, methods=["newton", "fsolve"])
+    assert study.solved["newton"].tolist() == study.stable["newton"].tolist() == [3, 3]
+    assert (study.solved["fsolve"].tolist(), study.stable["fsolve"].tolist()) == ([2, 3], [1, 3])
+    assert all((seconds > 0).all() and seconds.shape == (2, 3) for seconds in study.seconds.values())
+    assert asked == [(EA, method) for EA in (1e4, 2e4) for method in ("newton", "fsolve") for _ in range(3)]
 
 
 def test_differences_are_judged_by_compare(monkeypatch):
