@@ -88,6 +88,26 @@ def test_both_methods_come_to_the_same_equilibria_there_and_back(case):
         assert apart(again, cdpr.solve_path(robot, path, times=times + times[-1], memory=settled.memory)) < AGREE
 
 
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("cogiro-crane", dict(linear_density=0.064)),
+        ("cogiro", dict(linear_density=5e-4, stiffening=(100.0, 2e4), pulley_radius=0.01, winch_to_exit=0.5)),
+    ],
+)
+def test_paths_of_robots_without_a_memory_have_the_same_equilibria(name, changes):
+    """With mass, and with everything else: along a path, by both methods, as each commanded pose on its own."""
+    robot = cdpr.load_robot(name).replace(**changes)
+    path = there_and_back(robot)[6:11]
+    solved, settled = cdpr.solve_path(robot, path), cdpr.settle_path(robot, path, steps=2)
+    assert settled.converged.all()
+    assert apart(solved, settled) < AGREE
+    assert np.abs(cdpr.settle_many(robot, path).positions - settled.positions).max() < AGREE
+    assert all(cdpr.compare(*both).agrees for both in zip(solved, settled, strict=True))
+    more = robot.replace(linear_density=1.01 * robot.linear_density)
+    assert apart(solved, cdpr.settle_path(more, path)) > SEEN
+
+
 @pytest.mark.parametrize("name", ["cogiro", "parallel"])
 def test_both_methods_come_to_the_same_equilibria_over_a_load_cycle(name):
     """Forces to all sides at one commanded pose, in small steps of both methods too."""
