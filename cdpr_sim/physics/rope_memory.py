@@ -37,7 +37,7 @@ from mujoco.batch import Batch
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.memory import Memory
 
-MOST_STEPS, ENOUGH = 100, 1e-15
+MOST_STEPS, ENOUGH = 100, 1e-12
 """Most Newton steps to a point of a nonlinear law, of which a handful suffice; and the last one, as a fraction."""
 
 LEAST_GRIP = 1e-6
@@ -224,7 +224,7 @@ class RopeStep:
     @cached_property
     def curved(self) -> Bool[np.ndarray, " cables"]:
         """Which cables have a nonlinear law, (cables,)."""
-        return self.cabling.stiffening.any(-1)
+        return np.asarray(self.cabling.stiffening.any(-1))
 
     @cached_property
     def exact(self) -> bool:
@@ -254,7 +254,9 @@ class RopeStep:
         rho = (1 + _friction(self.cabling) / 2) / (1 - _friction(self.cabling) / 2)
         (out, out_slope), (back, back_slope) = (self._sliding(stretches, x) for x in (1 / rho, rho))
         stuck = stretches - self.kept
-        sticking, sticking_slope = self._tension(stuck / self.rest_lengths)
+        sticking, _ = self._tension(stuck / self.rest_lengths)
+        # Where the rope slides, the spring is that of a rope that is about to: the law goes on to any stiffness.
+        _, sticking_slope = self._tension(np.minimum(stuck / self.rest_lengths, self._strain(out)))
         middle, middle_slope = (out + back) / 2, (out_slope + back_slope) / 2
         stiff = np.maximum(sticking_slope / self.rest_lengths - middle_slope, LEAST_GRIP * middle_slope)
         given = stretches * self.elements[..., :-1].sum(-1)
@@ -304,15 +306,16 @@ class RopeStep:
         """Pull [N], and its slope [N/m], of ropes that slide at their exits with this ratio of tensions."""
         behind = self.cabling.behind
         strains = stretches / (self.rest_lengths + ratio * behind)
-        for _ in range(MOST_STEPS):
+        steps = 0
+        while True:
             pull, slope = self._tension(strains)
             far = self._strain(ratio * pull)
             per_strain = self.rest_lengths + behind * ratio * slope / self._tension(far)[1]
             step = (self.rest_lengths * strains + behind * far - stretches) / per_strain
+            steps += 1
+            if steps == MOST_STEPS or (np.abs(step) <= ENOUGH * strains).all():
+                return pull, slope / per_strain
             strains = np.maximum(strains - step, 0.0)
-            if (np.abs(step) <= ENOUGH * strains).all():
-                break
-        return pull, slope / per_strain
 
     def stretches(self, lengths: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
         """e of cables of these ``lengths``, (rows, cables) [m]: what is not creep; 0 where slack."""

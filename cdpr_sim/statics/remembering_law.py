@@ -75,7 +75,7 @@ class RememberingLaw:
         widths: slope of its bound, (..., cables, elements).
         holding: k of friction, (..., cables) [N/m]; 0 without rope behind the exit.
         middle: m, (..., cables) [N/m].
-        shares: of the elements of hysteresis, (cables, elements).
+        shares: of the elements of hysteresis, without friction, (cables, slipping).
         rho: largest ratio of the tensions before and behind the exit, (cables,).
         beyond: unstretched length lo beyond the exit at the last equilibrium, (..., cables) [m].
         rubbed: whether there was one, and so a friction force, (..., cables).
@@ -95,7 +95,7 @@ class RememberingLaw:
     widths: Float[Array, "*batch cables elements"]
     holding: Float[Array, "*batch cables"]
     middle: Float[Array, "*batch cables"]
-    shares: Float[Array, "cables elements"]
+    shares: Float[Array, "cables slipping"]
     rho: Float[Array, " cables"]
     beyond: Float[Array, "*batch cables"]
     rubbed: Bool[Array, "*batch cables"]
@@ -161,7 +161,7 @@ class RememberingLaw:
     @property
     def curved(self) -> Bool[Array, " cables"]:
         """Which cables have a nonlinear law."""
-        return self.robot.stiffening.any(-1)
+        return np.asarray(self.robot.stiffening.any(-1))
 
     def table(self) -> Float[Array, "*batch cables columns"]:
         """Rows for compiled code: columns of ``core.cable``, and those of ``memory_kernel``."""
