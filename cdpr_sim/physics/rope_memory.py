@@ -241,9 +241,16 @@ class RopeStep:
         e = stretches
         pull = e * (self.own + e * (self.square + e * self.cube))
         slope = self.own + e * (2 * self.square + 3 * e * self.cube)
-        bounds = np.minimum(self.yields, self.widths * e[..., None])
-        found = Springs(pull, slope, self.elements, bounds, e[..., None] - self.free)
+        found = Springs(pull, slope, self.elements, self.bounds(e), e[..., None] - self.free)
         return self._gripping(e, found) if self.gripped.any() else found
+
+    def bounds(self, stretches: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables elements"]:
+        """The largest stretches [m] of the elements at these ``stretches`` [m]; not of friction in nonlinear ropes."""
+        return np.minimum(self.yields, self.widths * stretches[..., None])
+
+    def pulls(self, stretches: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
+        """Pull on the platform, (rows, cables) [N], of cables that went straight to these ``stretches`` [m]."""
+        return self.springs(stretches).forces
 
     def _gripping(self, stretches: Float[np.ndarray, "rows cables"], springs: Springs) -> Springs:
         """The same with the friction of nonlinear ropes: their own springs pull by the mean of what friction allows.
@@ -340,7 +347,7 @@ class RopeStep:
         kinks = np.sort(np.where((kinks > 0) & np.isfinite(kinks), kinks, 0.0), axis=-1)
         last = (kinks.max(-1, initial=0.0) + beyond) * self.ropes / (self.ropes - self.beside)
         ends = np.stack([np.zeros_like(beyond), *np.moveaxis(kinks, -1, 0), last])
-        there = np.array([end + compliance * self.springs(end).forces for end in ends])
+        there = np.array([end + compliance * self.pulls(end) for end in ends])
         piece = np.clip((there <= beyond).sum(0) - 1, 0, len(ends) - 2)[None]
         (low, high), (start, end) = (
             [np.take_along_axis(values, piece + i, axis=0)[0] for i in (0, 1)] for values in (there, ends)
