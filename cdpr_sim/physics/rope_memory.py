@@ -36,6 +36,8 @@ from mujoco.batch import Batch
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.memory import Memory
+from cdpr_sim.physics import tendons
+from cdpr_sim.physics.chains import stretched
 
 MOST_STEPS, ENOUGH = 100, 1e-12
 """Most Newton steps to a point of a nonlinear law, of which a handful suffice; and the last one, as a fraction."""
@@ -175,10 +177,7 @@ class RopeStep:
                 np.concatenate([array, column[..., None]], axis=-1)
                 for array, column in zip((elements, yields, widths, free), columns, strict=True)
             )
-        curved = cabling.stiffening.any(-1)
-        square, cube = (
-            parts * coefficient / ropes**power for power, coefficient in zip((2, 3), cabling.stiffening.T, strict=True)
-        )
+        square, cube = np.moveaxis(tendons.polynomials(cabling, axial_stiffness, rest_lengths), -1, 0)
         modulus, times = np.moveaxis(cabling.creep, -1, 0)
         elapsed = duration / times
         left = np.exp(-elapsed)
@@ -196,7 +195,7 @@ class RopeStep:
             rubbing=rubbing,
             square=square,
             cube=cube,
-            gripped=(c > 0) & curved & ~new,
+            gripped=(c > 0) & cabling.stiffening.any(-1) & ~new,
             kept=np.where(new, 0.0, memory.beyond - rest_lengths),
             beside=np.zeros_like(rest_lengths),
             lasting=left * memory.creep + (mean - left) / modulus * memory.tensions[..., None],
@@ -296,16 +295,8 @@ class RopeStep:
     def _strain(self, pulls: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
         """Strain of a rope under these pulls [N]."""
         parts = self.rubbing * self.rest_lengths
-        if self.exact:
-            return pulls / parts
-        strains = pulls / parts
-        for _ in range(MOST_STEPS):
-            there, slope = self._tension(strains)
-            step = (there - pulls) / slope
-            strains = np.maximum(strains - step, 0.0)
-            if (np.abs(step) <= ENOUGH * strains).all():
-                break
-        return strains
+        square, cube = self.cabling.stiffening.T
+        return stretched(pulls, parts, parts * square, parts * cube)[0]
 
     def _sliding(
         self, stretches: Float[np.ndarray, "rows cables"], ratio: Float[np.ndarray, " cables"]
