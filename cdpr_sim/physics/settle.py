@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
@@ -160,10 +160,7 @@ def settle_many(
     whole("threads", threads, 0, MOST_THREADS)
     if len(problems.shape) != 1:
         raise InvalidInput(f"poses: found problems of shape {problems.shape}, expected rows: (rows,)")
-    refusals = problems.refusals.copy()
-    if weighs(problems.robot):
-        short = too_short(problems.robot, problems.rest_lengths).any(-1)
-        refusals[short & (refusals == Status.PENDING)] = Status.TOO_SHORT
+    refusals = refused(problems)
     can = refusals == Status.PENDING
     if can.all():
         return _settled(problems, threads=threads, progress=progress)
@@ -309,12 +306,9 @@ def _settled_heavy(
     say: Callable[[str], None] = lambda words: None,
 ) -> EquilibriumBatch:
     """``_settled`` where cables have mass: released at the equilibrium with massless cables."""
-    light = _settled(without_weight(problems), threads=threads)
-    finite = np.isfinite(light.residuals)
-    starts = [(light if finite[row] else problems).poses[row] for row in range(len(problems))]
-    from_there = RigidTransform.concatenate(starts)
+    starts = settled_without_mass(problems, threads)
     readings, steps, status = heavy.released(
-        problems, from_there, model=model, frames=frames, say=lambda words: say(f"MuJoCo settles the platform: {words}")
+        problems, starts, model=model, frames=frames, say=lambda words: say(f"MuJoCo settles the platform: {words}")
     )
     poses = RigidTransform.concatenate([reading.pose for reading in readings])
     equilibria = EquilibriumBatch(
@@ -331,6 +325,22 @@ def _settled_heavy(
     )
     equilibria.__dict__["poses"] = poses
     return equilibria
+
+
+def settled_without_mass(problems: Problems, threads: int = 1) -> RigidTransform:
+    """Poses (rows,) at which platforms on massless cables come to rest; the commanded ones where they do not."""
+    light = _settled(without_weight(problems), threads=threads)
+    finite = np.isfinite(light.residuals)
+    return RigidTransform.concatenate([(light if finite[row] else problems).poses[row] for row in range(len(problems))])
+
+
+def refused(problems: Problems) -> Int[np.ndarray, " rows"]:
+    """Why MuJoCo cannot settle each of (rows,) problems, as a status; ``PENDING`` where it can."""
+    refusals = problems.refusals.copy()
+    if weighs(problems.robot):
+        short = too_short(problems.robot, problems.rest_lengths).any(-1)
+        refusals[short & (refusals == Status.PENDING)] = Status.TOO_SHORT
+    return refusals
 
 
 def weighs(robot: Robot, model: mujoco.MjModel | None = None) -> bool:

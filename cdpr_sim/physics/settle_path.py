@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -17,7 +21,14 @@ from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.physics.batch import Simulations, simulations_of
-from cdpr_sim.physics.settle import come_to_rest
+from cdpr_sim.physics.sagging.settle_chains import released
+from cdpr_sim.physics.settle import come_to_rest, refused, settled_without_mass, weighs
+
+READ = ("positions", "rotations", "lengths", "tensions", "residuals", "eigenvalues")
+
+RowSettling: TypeAlias = Callable[[Problems, Memory, float, bool], tuple[dict[str, np.ndarray], Memory]]
+"""Settles one row of a path from these poses, with the memory before and the time since then [s]; whether the row is
+the first of its path. Returns what was read, and the memory there."""
 
 
 def settle_path(
@@ -35,7 +46,8 @@ def settle_path(
     """Equilibria along a path in MuJoCo, each with the memory that the cables have from the way there.
 
     From each equilibrium the winches turn to the next command, and the platform comes to rest. The cables go straight
-    from one equilibrium to the next: their memory does not depend on the motion between them.
+    from one equilibrium to the next: their memory does not depend on the motion between them. A robot without a memory
+    is settled from one equilibrium to the next.
 
     Args:
         robot: the robot; or ``Problems`` of shape (steps, ...), without the next four arguments.
@@ -55,13 +67,12 @@ def settle_path(
         the path ends: that row and all further ones have the reason as their status.
 
     Raises:
-        InvalidInput: commands, times or a memory that do not fit; cables with mass.
+        InvalidInput: commands, times or a memory that do not fit.
     """
     path = PathProblem.of(
         robot, poses, rest_lengths, external_wrench, rotations=rotations, times=times, memory=memory, steps=steps
     )
     whole("threads", threads, 0, MOST_THREADS)
-    path.robot.cabling.refuse_weight("settle_path")
     return _SettledPath(path, threads).result()
 
 
@@ -121,33 +132,26 @@ class _SettledPath:
 
     def _go_on(self, row: int, alive: Bool[np.ndarray, " paths"]) -> tuple[int, Bool[np.ndarray, " paths"]]:
         """Go on from ``row`` until a path ends: the row to go on with, and which paths go on."""
-        paths, row_begun = np.flatnonzero(alive), row
-        first = self._commands(row).take(paths)
-        refused = first.refusals != Status.PENDING
-        if refused.any():
-            return row, self._end(row, alive, paths[refused], first.refusals[refused])
-        with simulations_of(first, threads=self.threads) as simulations:
-            before = self._commands(max(row - 1, 0)).take(paths)
-            while row < len(self.status):
-                commands = first if row == row_begun else self._commands(row).take(paths)
-                refused = commands.refusals != Status.PENDING
-                if refused.any():
-                    return row, self._end(row, alive, paths[refused], commands.refusals[refused])
-                failed = self._settle(simulations, row, paths, before, commands)
-                row, before = row + 1, commands
-                if failed.any():
-                    return row, self._end(row, alive, paths[failed], self.status[row - 1, paths[failed]])
-        return row, alive
+        paths = np.flatnonzero(alive)
+        before, commands = (self._commands(max(row - 1, 0)).take(paths), self._commands(row).take(paths))
+        failed = refused(commands)
+        if (failed != Status.PENDING).any():
+            return row, self._end(row, alive, paths, failed)
+        with _settling(commands, self.threads) as settle_row:
+            while True:
+                self._settle(settle_row, row, paths, before, commands)
+                failed, row = self.status[row, paths], row + 1
+                failed = np.where(failed == Status.CONVERGED, Status.PENDING.value, failed)
+                if row < len(self.status) and (failed == Status.PENDING).all():
+                    before, commands = commands, self._commands(row).take(paths)
+                    failed = refused(commands)
+                if row == len(self.status) or (failed != Status.PENDING).any():
+                    return row, self._end(row, alive, paths, failed)
 
     def _settle(
-        self,
-        simulations: Simulations,
-        row: int,
-        paths: Int[np.ndarray, " some"],
-        before: Problems,
-        commands: Problems,
-    ) -> Bool[np.ndarray, " some"]:
-        """Settle ``paths`` at one row, from the equilibria before, moved as the commands are; which do not settle."""
+        self, settle_row: RowSettling, row: int, paths: Int[np.ndarray, " some"], before: Problems, commands: Problems
+    ) -> None:
+        """Settle ``paths`` at one row, from the equilibria before, moved as the commands are."""
         starts = commands
         if row > 0:
             positions, rotations = moved(
@@ -155,15 +159,11 @@ class _SettledPath:
             )
             starts = replace(commands, positions=positions, rotations=rotations)
         memory = Memory(**{name: part[paths] for name, part in self.memory.items()}, time=np.nan)
-        simulations.start(starts, own_springs=False, memory=memory, duration=float(self.path.durations[row]))
-        relaxation, reading = come_to_rest(simulations)
-        for name in ("positions", "rotations", "lengths", "tensions", "residuals", "eigenvalues"):
-            getattr(self, name)[row, paths] = getattr(reading, name)
-        self.iterations[row, paths], self.status[row, paths] = relaxation.steps, relaxation.status
-        after = simulations.remembered(reading)
+        found, after = settle_row(starts, memory, float(self.path.durations[row]), row == 0)
+        for name, part in found.items():
+            getattr(self, name)[row, paths] = part
         for name, part in self.memory.items():
             part[paths] = getattr(after, name)
-        return relaxation.status != Status.CONVERGED
 
     def _end(
         self,
@@ -172,11 +172,52 @@ class _SettledPath:
         paths: Int[np.ndarray, " some"],
         status: Int[np.ndarray, " some"],
     ) -> Bool[np.ndarray, " paths"]:
-        """End ``paths`` with a status each from ``row`` on; which paths go on."""
-        self.status[row:, paths] = status
+        """End those of ``paths`` with another status than ``PENDING`` from ``row`` on; which paths go on."""
+        ended = status != Status.PENDING
+        self.status[row:, paths[ended]] = status[ended]
         going = alive.copy()
-        going[paths] = False
+        going[paths[ended]] = False
         return going
+
+
+@contextmanager
+def _settling(problems: Problems, threads: int) -> Iterator[RowSettling]:
+    """What settles rows of a path, for the robot and as many paths as these problems are."""
+    if weighs(problems.robot):
+        yield partial(_settled_with_mass, threads)
+        return
+    with simulations_of(problems, threads=threads) as simulations:
+        yield partial(_settled_without_mass, simulations)
+
+
+def _settled_without_mass(
+    simulations: Simulations, starts: Problems, memory: Memory, duration: float, first: bool
+) -> tuple[dict[str, np.ndarray], Memory]:
+    """Equilibria with massless cables, from the poses of ``starts``, and the memory there."""
+    simulations.start(starts, own_springs=False, memory=memory, duration=duration)
+    relaxation, reading = come_to_rest(simulations)
+    found = {name: getattr(reading, name) for name in READ}
+    return found | dict(iterations=relaxation.steps, status=relaxation.status), simulations.remembered(reading)
+
+
+def _settled_with_mass(
+    threads: int, starts: Problems, memory: Memory, duration: float, first: bool
+) -> tuple[dict[str, np.ndarray], Memory]:
+    """The same where some cables have mass; the first of a path starts where massless cables rest."""
+    at = settled_without_mass(starts, threads) if first else starts.poses
+    readings, steps, status = released(starts, at, memory=(memory, duration))
+    poses = RigidTransform.concatenate([reading.pose for reading in readings])
+    found = dict(positions=poses.translation, rotations=poses.rotation.as_matrix())
+    for name in ("lengths", "tensions", "eigenvalues"):
+        found[name] = np.array([getattr(reading, name) for reading in readings])
+    found["residuals"] = np.array([reading.residual for reading in readings])
+    found |= dict(iterations=np.array(steps), status=np.array([one.value for one in status]))
+    after = [reading.memory for reading in readings]
+    if after[0] is None:
+        rest = np.broadcast_to(starts.rest_lengths, found["tensions"].shape)
+        return found, replace(memory, beyond=rest, tensions=found["tensions"])
+    parts = {name: np.array([getattr(one, name) for one in after]) for name in _parts(starts.robot)}
+    return found, Memory(**parts, time=np.nan)
 
 
 def _parts(robot: Robot) -> dict[str, tuple[int, ...]]:
