@@ -1,6 +1,6 @@
 """Benchmark: speed and reliability of the static solvers and of MuJoCo in one run.
 
-Run: python scripts/benchmark.py [--quick] [--lanes [POSES]] [--calls]
+Run: python scripts/benchmark.py [--quick] [--lanes [POSES]] [--settling [POSES]] [--calls]
 Times are medians over repetitions on one core unless stated otherwise. Timings vary between runs: compare ratios.
 """
 
@@ -17,6 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import cdpr_sim as cdpr
+from cdpr_sim.physics import dynamic_relaxation
 from cdpr_sim.statics import newton, seecr
 
 ROBOTS = ["cogiro", "parallel"]
@@ -41,12 +42,18 @@ def main() -> None:
         "--lanes", type=int, nargs="?", const=POSES, metavar="POSES",
         help="only: eight poses at once beside one, their speed and their answers at this many random poses per robot",
     )  # fmt: skip
+    parser.add_argument(
+        "--settling", type=int, nargs="?", const=BATCH, metavar="POSES",
+        help="only: settling with and without Newton's method at its end, and checks, at this many poses per robot",
+    )  # fmt: skip
     parser.add_argument("--calls", action="store_true", help="only: what single calls and large batches take")
     asked = parser.parse_args()
     share = 10 if asked.quick else 1
-    if asked.lanes or asked.calls:
+    if asked.lanes or asked.settling or asked.calls:
         if asked.lanes:
             lanes(asked.lanes)
+        if asked.settling:
+            settling(asked.settling)
         if asked.calls:
             calls(share)
         return
@@ -278,6 +285,35 @@ def physics(settles: int, batch: int) -> None:
                 f"{batch / all_cores / cores:,.0f}",
                 f"{many.residuals.max() / robot.weight:.1e}",
             )
+    console.print(rows)
+
+
+def settling(poses: int) -> None:
+    """Processor time to settle with and without Newton's method, how far the equilibria differ, and to check."""
+    rows = table(
+        f"Settling {poses:,} random poses on one thread, by motion alone and with Newton's method; processor time",
+        "robot", "steps, motion", "1/s", "steps, Newton", "1/s", "apart [m]", "checks, 1/s",
+    )  # fmt: skip
+    for name in [*ROBOTS, "ipanema-1", "falcon-7"]:
+        robot = cdpr.load_robot(name)
+        positions = np.random.default_rng(SEED).uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
+        cdpr.check(robot, poses=positions[:200], threads=1)  # compile
+        found, rates, ready = {}, {}, dynamic_relaxation.READY
+        for dynamic_relaxation.READY in (0.0, ready):
+            seconds = []
+            for _ in range(REPETITIONS):
+                start = time.process_time()
+                found[dynamic_relaxation.READY] = cdpr.settle_many(robot, positions, threads=1)
+                seconds.append(time.process_time() - start)
+            rates[dynamic_relaxation.READY] = poses / min(seconds)
+        start = time.process_time()
+        cdpr.check(robot, poses=positions, threads=1)
+        checks = poses / (time.process_time() - start)
+        apart = np.nanmax(np.abs(found[0.0].positions - found[ready].positions))
+        rows.add_row(
+            name, f"{found[0.0].iterations.mean():.1f}", f"{rates[0.0]:,.0f}", f"{found[ready].iterations.mean():.1f}",
+            f"{rates[ready]:,.0f}", f"{apart:.0e}", f"{checks:,.0f}",
+        )  # fmt: skip
     console.print(rows)
 
 

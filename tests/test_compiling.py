@@ -60,9 +60,10 @@ def test_few_elements_are_interpreted_and_more_are_compiled(empty_cache):
     np.testing.assert_array_equal(one(many, [1.0, 3.0])[0], [[10.0, 30.0]] * 2)
     assert one._left == compiling.FEW - 5
     assert one._compiled is None
-    several, counted = one(np.tile(values, (6, 1)), 1.0)  # more than are left
+    more = one._left + 1
+    several, counted = one(np.tile(values, (more, 1)), 1.0)
     assert one._compiled is not None
-    np.testing.assert_array_equal(several, [10.0] * 6)
+    np.testing.assert_array_equal(several, [10.0] * more)
     assert counted.dtype == entries.dtype == np.int64
     assert one(values, 2.0) == (20.0, 5)
 
@@ -78,13 +79,14 @@ def test_that_it_compiles_is_said_once(empty_cache, caplog):
 
 
 def test_first_answers_need_no_numba():
-    """Settled, solved by each method and compared: a few poses are there before Numba would be imported."""
+    """Settled, solved by each method and compared: the first poses are there before Numba would be imported."""
     code = (
         "import sys, cdpr_sim as cdpr; problem = cdpr.Problem.of(cdpr.load_robot('parallel'), (0.3, 0.25, 0.1)); "
         "found = [cdpr.solve(problem, method=method) for method in ('newton', 'fsolve', 'least_squares')]; "
         "assert cdpr.compare(found[0], cdpr.settle(problem)).agrees; "
         "assert 'numba' not in sys.modules; "
-        "cdpr.solve_many(problem.robot, [(0.3, 0.25, 0.1)] * 11); assert 'numba' in sys.modules"
+        "cdpr.solve_many(problem.robot, [(0.3, 0.25, 0.1)] * 80); assert 'numba' not in sys.modules; "
+        "cdpr.solve_many(problem.robot, [(0.3, 0.25, 0.1)] * 80); assert 'numba' in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 
@@ -95,7 +97,9 @@ def test_interpreted_and_compiled_answers_are_the_same(catalogue, name, monkeypa
     robot = catalogue[name]
     solver = newton_kernel.equilibrium_gufunc(bent=robot.cabling.bent)
     at = np.random.default_rng(0).uniform(robot.exits.min(0), robot.exits.max(0), (30, 3)) - [0, 0, 0.1]
+    monkeypatch.setattr(solver, "_left", 0)
     compiled = cdpr.solve_many(robot, at)
+    assert solver._compiled is not None
     monkeypatch.setattr(solver, "_compiled", None)
     monkeypatch.setattr(solver, "_left", len(at))
     interpreted = cdpr.solve_many(robot, at)

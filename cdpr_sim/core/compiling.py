@@ -24,8 +24,9 @@ import numpy as np
 from cdpr_sim.core import code_cache
 from cdpr_sim.core.errors import CdprError
 
-FEW = 10
-"""Elements that a kernel interprets, in each process: as many as a command or a first try evaluates."""
+FEW = 100
+"""Elements that a kernel interprets, in each process: as many as a command or a first try evaluates. At two to four
+milliseconds each, that takes as long as to import Numba and to load compiled code, and a thirtieth of compiling."""
 
 PARTS, WHOLE = 1, 2
 """Optimisation levels of LLVM: each function that a kernel calls is compiled separately first, and again within the
