@@ -25,7 +25,7 @@ def checked_threads(threads: int) -> int:
 
 def on_threads(
     function: Callable[..., tuple[np.ndarray, ...]], arguments: Sequence[Any], axes: Sequence[int], threads: int,
-    least: int,
+    least: float,
 ) -> tuple[np.ndarray, ...]:  # fmt: skip
     """Results of ``function``, computed in pieces of the batch along its first axis.
 
