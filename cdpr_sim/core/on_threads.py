@@ -25,7 +25,7 @@ def checked_threads(threads: int) -> int:
 
 def on_threads(
     function: Callable[..., tuple[np.ndarray, ...]], arguments: Sequence[Any], axes: Sequence[int], threads: int,
-    least: int,
+    least: float,
 ) -> tuple[np.ndarray, ...]:  # fmt: skip
     """Results of ``function``, computed in pieces of the batch along its first axis.
 
@@ -40,7 +40,7 @@ def on_threads(
         return function(*arguments)
     before = [np.shape(one)[: np.ndim(one) - own] for one, own in zip(arguments, axes, strict=True)]
     loop = np.broadcast_shapes(*before)
-    pieces = min(2 * threads, loop[0], math.prod(loop) // least) if loop else 1
+    pieces = min(2 * threads, loop[0], int(math.prod(loop) / least)) if loop else 1
     if pieces < 2:
         return function(*arguments)
     divides = [len(shape) == len(loop) and shape[0] > 1 for shape in before]
