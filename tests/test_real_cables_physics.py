@@ -410,7 +410,7 @@ def test_a_bar_on_two_slanting_heavy_cables_hangs_as_the_catenary_says():
     assert_allclose(rest.tensions, ends[0], rtol=1e-7)
 
 
-@pytest.mark.parametrize(("name", "axial_stiffness"), zip(PAPER_ROBOTS, [1e3, 1e4, 1e3, 1e4, 1e3], strict=True))
+@pytest.mark.parametrize(("name", "axial_stiffness"), list(zip(PAPER_ROBOTS, [1e3, 1e4, 1e3, 1e4, 1e3], strict=True)))
 def test_robots_settle_on_heavy_cables(name, axial_stiffness):
     """In balance, stable, with every cable's tension more than none; held there, MuJoCo finds the same balance."""
     robot = heavy(name, axial_stiffness=axial_stiffness)
