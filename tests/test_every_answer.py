@@ -1,6 +1,7 @@
 """Every answer of the package for every mixture of cables.
 
-How right the answers are is checked elsewhere; here, that none is refused but a proved list with mass.
+How right the answers are is checked elsewhere; here, that none is refused but a proved list with mass, and of cables
+with a memory those that know no path.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -176,6 +177,39 @@ def test_all_equilibria_of_a_planar_robot_are_proved_or_refused():
     assert len(found.equilibria) > 0
     with pytest.raises(cdpr.InvalidInput, match="expected massless") as refused:
         cdpr.certify_all(mixed.replace(linear_density=1e-4), mixed.rest_lengths((0.4, 0.0, 0.2)))
+    assert "\n" not in str(refused.value)
+
+
+def remembering() -> dict[str, cdpr.Robot]:
+    """DemoBot with every set of properties, and a memory on all cables but the fourth."""
+    found = {}
+    for name in [name for name in ROBOTS if "mixed" not in name] + ["mixed with mass"]:
+        both = "mass" in name and ("law" in name or "mixed" in name)
+        hysteresis = [] if both else [(0.1, 5e-5), (0.1, np.inf, 0.3)]
+        found[name] = ROBOTS[name].replace(
+            hysteresis=[hysteresis, hysteresis, hysteresis, []] * 2,
+            pulley_friction=[0.05, 0.05, 0.05, 0.0] * 2,
+            creep=[[(4e4, 60.0)], [], [], []] * 2,
+        )
+    return found
+
+
+POSES = np.linspace((0.25, 0.25, 0.1), (0.45, 0.25, 0.1), 3)[[0, 1, 2, 1, 0]]
+
+
+@pytest.mark.parametrize("name", remembering())
+def test_cables_with_a_memory_and_all_other_properties_have_paths_by_both_methods(name):
+    """There and back, which is not the same equilibrium; with what else is asked of a path."""
+    robot = remembering()[name]
+    paths = [method(robot, POSES, times=np.arange(5.0)) for method in (cdpr.solve_path, cdpr.settle_path)]
+    assert np.abs(paths[0].positions - paths[1].positions).max() < 1e-9
+    assert all(cdpr.compare(*both).agrees for both in zip(*paths, strict=True))
+    assert np.abs(paths[0].positions[0] - paths[0].positions[4]).max() > 1e-8
+    assert cdpr.compare(cdpr.solve(robot, POSE), cdpr.settle(robot, POSE)).agrees
+    assert cdpr.cable_profiles(paths[0]).shape == (5, 8, 25, 3)
+    assert cdpr.feasible(robot, POSE) == cdpr.feasible(ROBOTS[name], POSE)
+    with pytest.raises(cdpr.InvalidInput, match="their memory is not taken into account here") as refused:
+        cdpr.sensitivity(robot, POSE)
     assert "\n" not in str(refused.value)
 
 

@@ -56,8 +56,11 @@ def test_a_robot_without_memory_is_written_and_described_as_before():
         ({"creep": [(1e4, np.inf)]}, "creep: found an infinite time"),
         ({"creep": [(1e4, 1, 1)]}, "creep: found a row of shape"),
         ({"pulley_friction": -1}, "pulley_friction: found -1 in cable 1, expected 0 to 1"),
-        ({"linear_density": 0.1}, "linear_density: found it beside pulley_friction and hysteresis and creep"),
-        ({"stiffening": (1, 0)}, "stiffening: found it beside"),
+        (
+            {"linear_density": 0.1, "stiffening": (1, 0)},
+            "which has mass and a nonlinear law, expected at most",
+        ),
+        ({"stiffening": (-2, 0)}, "expected less than 1, as the law's slope falls to 0.2 EA: the tension could fall"),
     ],
 )
 def test_a_memory_that_no_rope_has_is_refused_in_one_sentence(changes, sentence):

@@ -31,6 +31,18 @@ CRANE = dict(hysteresis=[(0.1, 3e-4), (0.1, np.inf, 0.3)], winch_to_exit=6.0, pu
 LINE = np.linspace([0.17, 0.25, 0.1], [0.63, 0.25, 0.1], 9)
 """The paper's line."""
 
+SOME = dict(
+    hysteresis=[MEMORY["hysteresis"], [], MEMORY["hysteresis"], []] * 2,
+    pulley_friction=[0.05, 0.0, 0.05, 0.0] * 2,
+    creep=[MEMORY["creep"], [], [], []] * 2,
+    winch_to_exit=0.5,
+    stiffening=[(0, 0), (0, 0), (100, 2e4), (100, 2e4)] * 2,
+    pulley_radius=[0.0, 0.01] * 4,
+)
+"""Of DemoBot: each mixture of a memory, a law and a wheel on another cable."""
+
+HEAVY = CRANE | dict(creep=[(4e6, 60.0)], pulley_radius=0.1, linear_density=0.064)
+
 CASES = {
     "hysteresis": ("cogiro", dict(hysteresis=MEMORY["hysteresis"])),
     "friction, cables slack": ("parallel", dict(winch_to_exit=0.5, pulley_friction=0.05)),
@@ -45,6 +57,11 @@ CASES = {
     "crane over wheels": ("cogiro-crane", CRANE | dict(pulley_radius=0.03)),
     "reeved crane": ("cogiro-crane", CRANE | dict(reeving=2)),
     "ipanema, cables slack": ("ipanema-1", CRANE),
+    "nonlinear, cables slack": ("parallel", MEMORY | dict(stiffening=(100.0, 2e4), pulley_radius=0.01)),
+    "each cable of another kind": ("cogiro", SOME),
+    "some with mass": ("cogiro", SOME | dict(linear_density=[5e-4, 5e-4, 0, 5e-4, 0, 0, 0, 0])),
+    "crane with mass": ("cogiro-crane", HEAVY),
+    "nonlinear crane with mass": ("cogiro-crane", HEAVY | dict(hysteresis=(), stiffening=(100.0, 2e4))),
 }
 
 
@@ -149,6 +166,24 @@ def test_one_percent_of_a_memory_is_seen(wrong):
     times = 10.0 * np.arange(len(path))
     solved = cdpr.solve_path(robot, path, times=times)
     assert apart(solved, cdpr.settle_path(robot.replace(**wrong), path, times=times)) > SEEN
+
+
+@pytest.mark.parametrize(
+    ("given", "wrong"),
+    [
+        (HEAVY, dict(pulley_friction=1.01 * 0.05)),
+        (HEAVY, dict(hysteresis=[(0.1, 3e-4), (0.1, np.inf, 1.01 * 0.3)])),
+        (HEAVY, dict(creep=[(1.01 * 4e6, 60.0)])),
+        (HEAVY | dict(hysteresis=(), stiffening=(100.0, 2e4)), dict(stiffening=(101.0, 2e4))),
+    ],
+    ids=["friction", "width", "EA of creep", "law"],
+)
+def test_one_percent_of_a_memory_is_seen_with_mass(given, wrong):
+    """Negative control on the crane: MuJoCo with something that is 1 % wrong."""
+    robot = cdpr.load_robot("cogiro-crane").replace(**given)
+    path, times = there_and_back(robot)[4:13:2], 10.0 * np.arange(5)
+    settled = cdpr.settle_path(robot.replace(**wrong), path, times=times)
+    assert apart(cdpr.solve_path(robot, path, times=times), settled) > SEEN
 
 
 def test_check_video_and_the_command_line_follow_a_path(tmp_path):

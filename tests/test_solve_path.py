@@ -7,12 +7,13 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from test_real_cables import wheel_by_hand
 
 import cdpr_sim as cdpr
-from cdpr_sim.core.cable import COLUMNS
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.status import Status
+from cdpr_sim.statics.memory_kernel import MEMORY_COLUMNS
 from cdpr_sim.statics.remembering_law import RememberingLaw
 
 EA, BEHIND = 1e4, 0.7
@@ -108,6 +109,7 @@ class ByHand:
     def __init__(self, robot: cdpr.Robot, cable: int) -> None:
         self.n, self.EA = int(robot.reeving[cable]), robot.axial_stiffness[cable]
         self.g, self.c = robot.winch_to_exit[cable] / self.n, robot.pulley_friction[cable]
+        self.a2, self.a3 = robot.stiffening[cable]
         self.elements = [tuple(row) for row in robot.hysteresis[cable] if row[0] > 0]
         self.terms = [tuple(row) for row in robot.creep[cable] if np.isfinite(row[0])]
         self.zeta, self.zc, self.lo, self.T = [0.0] * len(self.elements), [0.0] * len(self.terms), None, 0.0
@@ -124,24 +126,37 @@ class ByHand:
         if e <= 0:
             self.zeta, self.lo = [0.0] * len(self.elements), rest
             return 0.0
-        B = (1 - sum(share for share, _, _ in self.elements)) * e
+        gave_way = 0.0
         for j, (share, y, w) in enumerate(self.elements):
             bound = min(y * whole, w * e)
             stretched = min(max(e - self.zeta[j] * whole, -bound), bound)
             self.zeta[j] = (e - stretched) / whole
-            B += share * stretched
+            gave_way += share * (e - stretched)
         rho = (1 + self.c / 2) / (1 - self.c / 2)
-        stiff, soft, held = self.EA / (rest + self.g / rho), self.EA / (rest + self.g * rho), self.EA / rest
-        mean, half = (stiff + soft) / 2, (stiff - soft) / 2
-        begun, pull = self.lo is not None, self.EA / whole * B
-        if begun:  # the rope's point at the exit stays, or slips to an end of the band
-            rub = held * (e - (self.lo - rest)) - mean * e
-            rub = min(max(rub, -half * e), half * e)
-            pull = mean * B + rub
-        else:
-            rub = pull - mean * B
-        self.lo = rest + e - (mean * e + rub) / held
+        mean = self.EA * (1 / (rest + self.g / rho) + 1 / (rest + self.g * rho)) / 2
+        if self.lo is None:
+            pull = self.tau(e / whole) - self.EA / whole * gave_way
+        else:  # the rope's point at the exit stays, or slips to an end of the band
+            stays = self.tau((e - (self.lo - rest)) / rest)
+            pull = min(max(stays, self.slips(e, rest, rho)), self.slips(e, rest, 1 / rho)) - mean * gave_way
+        self.lo = rest + e - rest * self.strain(pull + mean * gave_way)
         return pull
+
+    def tau(self, strain: float) -> float:
+        """The elastic law."""
+        return self.EA * strain * (1 + max(strain, 0) * (self.a2 + self.a3 * strain))
+
+    def strain(self, pull: float) -> float:
+        """Its inverse."""
+        if not self.a2:
+            return pull / self.EA
+        return brentq(lambda strain: self.tau(strain) - pull, 0, 0.2, xtol=1e-16)
+
+    def slips(self, e: float, rest: float, x: float) -> float:
+        """The tension before the exit with which a rope slips there, with x of it behind: e = l0 eps + g eps'."""
+        if not self.a2:
+            return self.EA * e / (rest + x * self.g)
+        return brentq(lambda T: rest * self.strain(T) + self.g * self.strain(x * T) - e, 0, self.tau(0.1), xtol=1e-13)
 
 
 def residuals_by_hand(path: cdpr.EquilibriumPath, robot: cdpr.Robot) -> np.ndarray:
@@ -176,7 +191,11 @@ KINDS = {
     "all at once": dict(
         pulley_friction=0.1, winch_to_exit=0.8, hysteresis=ELEMENTS, creep=[(4e4, 3.0)], reeving=2, pulley_radius=0.01
     ),
-}
+    "all with a nonlinear law": dict(
+        pulley_friction=[0.1, 0] * 4, winch_to_exit=0.8, hysteresis=[ELEMENTS, ELEMENTS[:1], [], []] * 2,
+        creep=[(4e4, 3.0)], reeving=2, stiffening=[(400.0, 2e6)] * 7 + [(0, 0)],
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -198,6 +217,7 @@ def test_forces_balance_with_the_laws_by_hand_there_and_back(name, kind):
         (dict(hysteresis=[(0.15, 4e-5)]), dict(hysteresis=[(0.15, 4.04e-5)])),
         (dict(hysteresis=[(0.2, np.inf, 0.2)]), dict(hysteresis=[(0.2, np.inf, 0.202)])),
         (dict(creep=[(4e4, 3.0)]), dict(creep=[(4e4, 3.03)])),
+        (KINDS["all with a nonlinear law"], dict(stiffening=[(404.0, 2e6)] * 7 + [(0, 0)])),
     ],
 )
 def test_one_percent_of_any_memory_is_seen(kind, changed):
@@ -237,7 +257,7 @@ def test_a_slack_cable_never_pushes_and_cycles_only_cost_work():
     work, stretch, tension = np.zeros(cables), turns[0], np.zeros(cables)
     for following in [*cycle, *cycle]:
         law = RememberingLaw.of(robot, robot.axial_stiffness, rest, memory, 0.0)
-        knots = law.table()[..., COLUMNS:]
+        knots = law.table()[..., MEMORY_COLUMNS:]
         pull = np.array([_of_knots(*knots[i].reshape(3, -1), following[i]) for i in range(cables)])
         assert ((pull > 0) == (following > 0)).all()
         memory = law.after(1 + following[:, None], pull[:, None], 0.0)

@@ -405,22 +405,23 @@ def _refuse_impossible_memory(cabling: Cabling) -> None:
     if not np.isfinite(cabling.creep[..., 1]).all():
         raise InvalidInput("creep: found an infinite time, expected terms (EA1 [N], tau1 [s]) with a finite time")
     lost = cabling.pulley_friction / (1 + cabling.pulley_friction**2 / 4)
-    least = 1 - (shares * (1 + widths)).sum(-1) - lost
-    if not (least > 0).all():
-        cable = int(np.argmin(least))
+    steepness = np.minimum(_least_slope(cabling.stiffening), 1.0)
+    given_way = (shares * (1 + widths)).sum(-1)
+    left = steepness * (1 - lost) - given_way
+    if not (left[cabling.remembers] > 0).all():
+        cable = int(np.argmin(np.where(cabling.remembers, left, np.inf)))
+        lowest = "" if steepness[cable] == 1 else f", as the law's slope falls to {steepness[cable]:.4g} EA"
         raise InvalidInput(
             f"hysteresis: found a sum of share (1 + w), and of c/(1 + c²/4) of pulley_friction c, of "
-            f"{1 - least[cable]:.4g} in cable {cable + 1}, expected less than 1: the tension could fall while the "
-            "cable gets longer"
+            f"{1 - left[cable] / steepness[cable]:.4g} in cable {cable + 1}, expected less than 1{lowest}: the tension "
+            "could fall while the cable gets longer"
         )
-    if cabling.remembers.any():
-        for name in ("linear_density", "stiffening"):
-            if getattr(cabling, name).any():
-                kinds = [kind for kind in MEMORIES if cabling.has(kind).any()]
-                raise InvalidInput(
-                    f"{name}: found it beside {' and '.join(kinds)}, expected 0: a rope with a memory is massless and "
-                    "linear here"
-                )
+    bent = (cabling.linear_density > 0) & cabling.stiffening.any(-1) & cabling.has("hysteresis")
+    if bent.any():
+        raise InvalidInput(
+            f"hysteresis: found it in cable {int(np.argmax(bent)) + 1}, which has mass and a nonlinear law, "
+            "expected at most two of the three"
+        )
 
 
 def _limit_per_cable(field: str, value: ArrayLike, cables: int) -> Float[np.ndarray, " cables"]:
@@ -446,13 +447,18 @@ def _unit(axes: Float[np.ndarray, "cables 3"]) -> Float[np.ndarray, "cables 3"]:
 
 def _refuse_falling_law(stiffening: Float[np.ndarray, "cables 2"]) -> None:
     """Check 1 + 2 a2 eps + 3 a3 eps² > 0 on [0, MOST_STRAIN], at both ends and at a vertex in between."""
-    a2, a3 = stiffening.T
-    vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
-    slopes = [1 + 2 * a2 * strain + 3 * a3 * strain**2 for strain in (np.full_like(a2, MOST_STRAIN), vertex)]
-    least = np.minimum(*slopes)
+    least, (a2, a3) = _least_slope(stiffening), stiffening.T
     if not least.min() > 0:
         cable = int(np.argmin(least))
         raise InvalidInput(
             f"stiffening: found ({a2[cable]:g}, {a3[cable]:g}) in cable {cable + 1}, with which the tension falls "
             f"before a strain of {MOST_STRAIN:.0%}, expected an increasing law"
         )
+
+
+def _least_slope(stiffening: Float[np.ndarray, "cables 2"]) -> Float[np.ndarray, " cables"]:
+    """The least slope of each law behind its beginning, up to ``MOST_STRAIN``, over EA."""
+    a2, a3 = stiffening.T
+    vertex = np.divide(-a2, 3 * a3, out=np.zeros_like(a2), where=a3 != 0).clip(0, MOST_STRAIN)
+    slopes = [1 + 2 * a2 * strain + 3 * a3 * strain**2 for strain in (np.full_like(a2, MOST_STRAIN), vertex)]
+    return np.minimum(*slopes)

@@ -99,7 +99,8 @@ class Robot(HtmlRepr):
             may be infinite, and w times the cable's strain; w is 1 unless given.
         creep: terms (EA1 [N], tau1 [s]), a sequence for all cables, or one per cable: under a constant tension T the
             cable gets longer by the strain Σ T/EA1 (1 − exp(−t/tau1)). With friction, hysteresis or creep,
-            equilibria depend on the path (``solve_path``).
+            equilibria depend on the path (``solve_path``); where the cable has mass, all three depend on the tension at
+            its exit.
         center_of_mass: in the platform frame, (3,) [m].
         inertia: inertia about the centre of mass in the platform frame [kg m²], (3, 3) or its diagonal (3,);
             default: a uniform box of ``platform_size`` centred there.

@@ -133,7 +133,7 @@ class Simulations:
         """Springs of cables with a memory."""
         rest = np.broadcast_to(problems.rest_lengths, (len(problems), self.robot.cables))
         self.step = RopeStep.of(self.robot.cabling, problems.axial_stiffness, rest, memory, duration)
-        self.springs[:] = self.step.own * self.step.softer / self.unit
+        self.polynomials[:] = 0
 
     def reset(self, rows: Bool[np.ndarray, " rows"]) -> None:
         """Reset the motion of ``rows`` and MuJoCo's warnings; apply the loads again: MuJoCo drops them."""
@@ -161,8 +161,8 @@ class Simulations:
             return
         rows = np.ones(len(self.qpos), dtype=bool) if rows is None else rows
         self.batch.forward(rows, stage=mujoco.mjtStage.mjSTAGE_POS.value)
-        ends = self._elements.hold(self.step, rows, self._lengths, self.entries)
-        self.band[rows, :, 1] = ends[rows]
+        springs, ends = self._elements.hold(self.step, rows, self._lengths, self.entries)
+        self.springs[rows], self.band[rows, :, 1] = springs[rows], ends[rows]
 
     def turn_wheels(self, rows: Bool[np.ndarray, " rows"] | None = None) -> None:
         """Turn each wheel towards its anchor, as a taut cable does and a slack one does not."""

@@ -158,8 +158,11 @@ def divisions(
 
 
 def felt_at_exit(cabling: Cabling, cables: Int[np.ndarray, " chains"]) -> Bool[np.ndarray, " chains"]:
-    """Which chains need the tension at the exit itself in their first segments: a wheel or the rope behind feels it."""
-    return (cabling.pulleys | (cabling.winch_to_exit > 0))[cables]
+    """Which chains need the tension at the exit itself in their first segments.
+
+    A wheel or the rope behind feels it, and a memory.
+    """
+    return (cabling.pulleys | (cabling.winch_to_exit > 0) | cabling.remembers)[cables]
 
 
 def _quadrature(at_exit: Bool[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:
@@ -576,7 +579,7 @@ def hang(
         each = pulls[..., None, :] + hanging
         size = np.maximum(np.linalg.norm(each, axis=-1, keepdims=True), LEAST_PULL)
         along = each / size
-        stretch, give = _stretched(size[..., 0], *law)
+        stretch, give = stretched(size[..., 0], *law)
         reach = rest + stretch[..., None]
         ahead = -(along[..., -1, :] * axes).sum(-1, keepdims=True)
         outwards = -along[..., -1, :] - ahead * axes
@@ -631,10 +634,10 @@ def strains(
     """Strains of these cables, of all parts of line together, under these pulls [N]."""
     stiffness = cabling.reeving[cables] * cabling.axial_stiffness[cables]
     square, cube = (stiffness * coefficient for coefficient in cabling.stiffening[cables].T)
-    return _stretched(pulls, stiffness, square, cube)[0]
+    return stretched(pulls, stiffness, square, cube)[0]
 
 
-def _stretched(
+def stretched(
     pulls: Float[np.ndarray, "*batch"],
     stiffness: Float[np.ndarray, "*#batch"],
     square: Float[np.ndarray, "*#batch"],

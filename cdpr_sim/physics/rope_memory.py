@@ -6,8 +6,9 @@ free length, ``mjData.plastic``, then changes. The pull on the platform at the c
 
     own e + Σ k_j s_j,   s_j = clip(e − z_j, ±min(Y_j, w_j e)),   and after the step   z_j := e − s_j;
 
-it is 0 where e <= 0, and then all z_j = 0. The bound w_j e is set here, since MuJoCo's ``springyield`` is a number:
-without it an element that has yielded would push on a platform that comes near the exit.
+a nonlinear law adds its square and cube to the own spring. The pull is 0 where e <= 0, and then all z_j = 0. The bound
+w_j e is set here, since MuJoCo's ``springyield`` is a number: without it an element that has yielded would push on a
+platform that comes near the exit.
 
 On its way to rest a platform overshoots, and elements that have slid do not return: MuJoCo alone comes to rest with
 another memory. So elements are *held*: every few time steps they are put where they are after a straight way from the
@@ -24,8 +25,9 @@ This is the law's second coding: the mathematics has its own, and neither reads 
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -34,6 +36,14 @@ from mujoco.batch import Batch
 
 from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.memory import Memory
+from cdpr_sim.physics import tendons
+from cdpr_sim.physics.chains import stretched
+
+MOST_STEPS, ENOUGH = 100, 1e-12
+"""Most Newton steps to a point of a nonlinear law, of which a handful suffice; and the last one, as a fraction."""
+
+LEAST_GRIP = 1e-6
+"""Least stiffness of friction's element, as a fraction of the own spring's; where the rope slides, any will do."""
 
 LEAST_YIELD = 1e-14
 """[m] ``springyield`` of an element that holds nothing: with 0, MuJoCo would slide it in every step."""
@@ -63,6 +73,33 @@ def add_elements(spec: mujoco.MjSpec, cabling: Cabling) -> None:
                     element.wrap_geom(part.target.name, part.sidesite.name)
 
 
+class Springs(NamedTuple):
+    """Springs of cables at their present stretches.
+
+    Attributes:
+        pull, slope: of the own spring [N, N/m].
+        elements: stiffness of each element [N/m].
+        bounds: its largest stretch [m].
+        apart: the stretch that it would have if it did not slide [m].
+    """
+
+    pull: Float[np.ndarray, "rows cables"]
+    slope: Float[np.ndarray, "rows cables"]
+    elements: Float[np.ndarray, "rows cables elements"]
+    bounds: Float[np.ndarray, "rows cables elements"]
+    apart: Float[np.ndarray, "rows cables elements"]
+
+    @property
+    def held(self) -> Float[np.ndarray, "rows cables elements"]:
+        """Stretches of the elements of cables that went straight there [m]."""
+        return np.clip(self.apart, -self.bounds, self.bounds)
+
+    @property
+    def forces(self) -> Float[np.ndarray, "rows cables"]:
+        """Their pull on the platform, (rows, cables) [N]."""
+        return self.pull + (self.elements * self.held).sum(-1)
+
+
 @dataclass(frozen=True)
 class RopeStep:
     """The cables of rows side by side, for one step from a memory; of all parts of line together.
@@ -76,8 +113,14 @@ class RopeStep:
         yields: its largest stretch, (rows, cables, elements) [m].
         widths: its largest stretch as a fraction of the cable's, (rows, cables, elements).
         free: stretch of the cable at which it is free, z, (rows, cables, elements) [m].
-        friction: [N/m] stiffness of friction's element once there is a friction force, (rows, cables).
+        middle: slope of the pull between those of a rope that slides out and in, (rows, cables) [N/m].
         rubbing: the cable's stiffness while the rope sticks at its exit, EA/l0, (rows, cables) [N/m].
+        square, cube: coefficients of the own spring's further terms, (rows, cables) [N/m², N/m³]; 0 if linear.
+        gripped: which nonlinear cables rub at their exits, (rows, cables): the numbers of their friction's element
+            depend on the stretch.
+        kept: stretch of the rope behind the exit while the rope sticks there, (rows, cables) [m].
+        beside: length of rope whose stretch this law leaves out, (rows, cables) [m]: of a cable with mass, whose memory
+            acts in the first segment of its chain, that of the other segments.
         lasting, growing: strain of each term of creep at the end of the step: what does not depend on the tension then,
             and its growth by each newton of the pull then, (rows, cables, terms) [1, 1/N].
     """
@@ -90,8 +133,13 @@ class RopeStep:
     yields: Float[np.ndarray, "rows cables elements"]
     widths: Float[np.ndarray, "rows cables elements"]
     free: Float[np.ndarray, "rows cables elements"]
-    friction: Float[np.ndarray, "rows cables"]
+    middle: Float[np.ndarray, "rows cables"]
     rubbing: Float[np.ndarray, "rows cables"]
+    square: Float[np.ndarray, "rows cables"]
+    cube: Float[np.ndarray, "rows cables"]
+    gripped: Bool[np.ndarray, "rows cables"]
+    kept: Float[np.ndarray, "rows cables"]
+    beside: Float[np.ndarray, "rows cables"]
     lasting: Float[np.ndarray, "rows cables terms"]
     growing: Float[np.ndarray, "rows cables terms"]
 
@@ -129,6 +177,7 @@ class RopeStep:
                 np.concatenate([array, column[..., None]], axis=-1)
                 for array, column in zip((elements, yields, widths, free), columns, strict=True)
             )
+        square, cube = np.moveaxis(tendons.polynomials(cabling, axial_stiffness, rest_lengths), -1, 0)
         modulus, times = np.moveaxis(cabling.creep, -1, 0)
         elapsed = duration / times
         left = np.exp(-elapsed)
@@ -142,11 +191,24 @@ class RopeStep:
             yields=yields,
             widths=widths,
             free=free,
-            friction=friction,
+            middle=middle,
             rubbing=rubbing,
+            square=square,
+            cube=cube,
+            gripped=(c > 0) & cabling.stiffening.any(-1) & ~new,
+            kept=np.where(new, 0.0, memory.beyond - rest_lengths),
+            beside=np.zeros_like(rest_lengths),
             lasting=left * memory.creep + (mean - left) / modulus * memory.tensions[..., None],
             growing=np.broadcast_to((1 - mean) / (modulus * cabling.reeving[:, None]), memory.creep.shape),
         )
+
+    def in_chain(self, rest_lengths: Float[np.ndarray, "rows cables"]) -> RopeStep:
+        """The same for springs between exit and first mass, with a memory for all of the cable.
+
+        Args:
+            rest_lengths: of these first segments [m]; of massless cables, from exit to anchor.
+        """
+        return replace(self, beside=self.rest_lengths - rest_lengths)
 
     @cached_property
     def taut(self) -> Float[np.ndarray, "rows cables"]:
@@ -159,29 +221,109 @@ class RopeStep:
         return self.ropes * self.growing.sum(-1)
 
     @cached_property
-    def softer(self) -> Float[np.ndarray, "rows cables"]:
+    def curved(self) -> Bool[np.ndarray, " cables"]:
+        """Which cables have a nonlinear law, (cables,)."""
+        return np.asarray(self.cabling.stiffening.any(-1))
+
+    @cached_property
+    def exact(self) -> bool:
+        """Whether each pull is linear between kinks."""
+        return not self.curved.any()
+
+    def softer(self, springs: Springs) -> Float[np.ndarray, "rows cables"]:
         """Stiffness with creep over that without it, (rows, cables), where no element slides."""
-        return 1 / (1 + self.compliance * (self.own + self.elements.sum(-1)))
+        stiff = springs.slope + springs.elements.sum(-1)
+        return 1 / (1 + self.compliance * stiff)
+
+    def springs(self, stretches: Float[np.ndarray, "rows cables"]) -> Springs:
+        """The springs of the cables at these ``stretches`` [m]."""
+        e = stretches
+        pull = e * (self.own + e * (self.square + e * self.cube))
+        slope = self.own + e * (2 * self.square + 3 * e * self.cube)
+        found = Springs(pull, slope, self.elements, self.bounds(e), e[..., None] - self.free)
+        return self._gripping(e, found) if self.gripped.any() else found
 
     def bounds(self, stretches: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables elements"]:
-        """The largest s_j [m] at these ``stretches`` [m]."""
+        """The largest stretches [m] of the elements at these ``stretches`` [m]; not of friction in nonlinear ropes."""
         return np.minimum(self.yields, self.widths * stretches[..., None])
 
-    def held(self, stretches: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables elements"]:
-        """s_j [m] of cables that went straight to these ``stretches`` [m]."""
-        bounds = self.bounds(stretches)
-        return np.clip(stretches[..., None] - self.free, -bounds, bounds)
-
     def pulls(self, stretches: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
-        """Their pull on the platform, (rows, cables) [N]."""
-        return self.own * stretches + (self.elements * self.held(stretches)).sum(-1)
+        """Pull on the platform, (rows, cables) [N], of cables that went straight to these ``stretches`` [m]."""
+        return self.springs(stretches).forces
+
+    def _gripping(self, stretches: Float[np.ndarray, "rows cables"], springs: Springs) -> Springs:
+        """The same with the friction of nonlinear ropes: their own springs pull by the mean of what friction allows.
+
+        A rope that slides with the ratio x of the tensions behind and beyond its exit has the stretch
+        l0 eps(T) + g eps(x T), and one that sticks l0 eps(T) + ``kept``.
+        """
+        rho = (1 + _friction(self.cabling) / 2) / (1 - _friction(self.cabling) / 2)
+        (out, out_slope), (back, back_slope) = (self._sliding(stretches, x) for x in (1 / rho, rho))
+        stuck = stretches - self.kept
+        sticking, _ = self._tension(stuck / self.rest_lengths)
+        # Where the rope slides, the spring is that of a rope that is about to: the law goes on to any stiffness.
+        _, sticking_slope = self._tension(np.minimum(stuck / self.rest_lengths, self._strain(out)))
+        middle, middle_slope = (out + back) / 2, (out_slope + back_slope) / 2
+        stiff = np.maximum(sticking_slope / self.rest_lengths - middle_slope, LEAST_GRIP * middle_slope)
+        given = stretches * self.elements[..., :-1].sum(-1)
+        lost = self.elements[..., :-1].sum(-1)
+        gripped = self.gripped
+
+        def last(column: np.ndarray, array: np.ndarray) -> np.ndarray:
+            array = np.broadcast_to(array, (*gripped.shape, self.elements.shape[-1])).copy()
+            array[..., -1] = np.where(gripped, column, array[..., -1])
+            return array
+
+        return Springs(
+            pull=np.where(gripped, middle - given, springs.pull),
+            slope=np.where(gripped, middle_slope - lost, springs.slope),
+            elements=last(stiff, springs.elements),
+            bounds=last((out - back) / 2 / stiff, springs.bounds),
+            apart=last((sticking - middle) / stiff, springs.apart),
+        )
+
+    def _tension(
+        self, strains: Float[np.ndarray, "rows cables"]
+    ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
+        """Pull [N] of a rope with this strain, and its slope by strain [N]."""
+        square, cube = self.cabling.stiffening.T
+        parts = self.rubbing * self.rest_lengths
+        eps = np.maximum(strains, 0.0)
+        pull = np.where(strains > 0, eps * (1 + eps * (square + eps * cube)), strains)
+        return parts * pull, parts * (1 + eps * (2 * square + 3 * eps * cube))
+
+    def _strain(self, pulls: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
+        """Strain of a rope under these pulls [N]."""
+        parts = self.rubbing * self.rest_lengths
+        square, cube = self.cabling.stiffening.T
+        return stretched(pulls, parts, parts * square, parts * cube)[0]
+
+    def _sliding(
+        self, stretches: Float[np.ndarray, "rows cables"], ratio: Float[np.ndarray, " cables"]
+    ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
+        """Pull [N], and its slope [N/m], of ropes that slide at their exits with this ratio of tensions."""
+        behind = self.cabling.behind
+        strains = stretches / (self.rest_lengths + ratio * behind)
+        steps = 0
+        while True:
+            pull, slope = self._tension(strains)
+            far = self._strain(ratio * pull)
+            per_strain = self.rest_lengths + behind * ratio * slope / self._tension(far)[1]
+            step = (self.rest_lengths * strains + behind * far - stretches) / per_strain
+            steps += 1
+            if steps == MOST_STEPS or (np.abs(step) <= ENOUGH * strains).all():
+                return pull, slope / per_strain
+            strains = np.maximum(strains - step, 0.0)
 
     def stretches(self, lengths: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
         """e of cables of these ``lengths``, (rows, cables) [m]: what is not creep; 0 where slack."""
         beyond = np.maximum(lengths - self.taut, 0)
-        if not self.compliance.any():
+        if not (self.compliance.any() or self.beside.any()):
             return beyond
+        if not self.exact:
+            return self._searched(beyond)
         # e + compliance pull(e) = beyond, increasing and piecewise linear in e: the piece between two kinks is found.
+        compliance = self.compliance - self.beside / (self.rubbing * self.rest_lengths)
         with np.errstate(divide="ignore", invalid="ignore"):
             kinks = np.concatenate(
                 [
@@ -194,9 +336,9 @@ class RopeStep:
                 axis=-1,
             )
         kinks = np.sort(np.where((kinks > 0) & np.isfinite(kinks), kinks, 0.0), axis=-1)
-        last = kinks.max(-1, initial=0.0) + beyond
+        last = (kinks.max(-1, initial=0.0) + beyond) * self.ropes / (self.ropes - self.beside)
         ends = np.stack([np.zeros_like(beyond), *np.moveaxis(kinks, -1, 0), last])
-        there = np.array([end + self.compliance * self.pulls(end) for end in ends])
+        there = np.array([end + compliance * self.pulls(end) for end in ends])
         piece = np.clip((there <= beyond).sum(0) - 1, 0, len(ends) - 2)[None]
         (low, high), (start, end) = (
             [np.take_along_axis(values, piece + i, axis=0)[0] for i in (0, 1)] for values in (there, ends)
@@ -204,16 +346,56 @@ class RopeStep:
         rising = high > low
         return start + np.where(rising, (beyond - low) / np.where(rising, high - low, 1.0), 0.0) * (end - start)
 
+    def _searched(self, beyond: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
+        """The same where laws are not linear between kinks, by Newton's method between bounds that close."""
+        low, high, e = np.zeros_like(beyond), np.full_like(beyond, np.inf), beyond.copy()
+        for _ in range(MOST_STEPS):
+            springs = self.springs(e)
+            missed, widening = self._widened(e, springs)
+            missed = missed - beyond
+            low, high = np.where(missed <= 0, e, low), np.where(missed > 0, e, high)
+            step = missed / widening
+            following = e - step
+            outside = (following < low) | (following > high)
+            following = np.where(outside, np.where(np.isinf(high), 2 * e + beyond, (low + high) / 2), following)
+            if (np.abs(following - e) <= ENOUGH * e).all():
+                break
+            e = following
+        return e
+
+    def _widened(
+        self, stretches: Float[np.ndarray, "rows cables"], springs: Springs
+    ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
+        """By how much these stretches, with creep, lengthen the tendon [m], and the slope of that."""
+        forces = springs.forces
+        strains = self._strain(forces)
+        beside = self.beside * strains
+        softening = self.compliance - self.beside / self._tension(strains)[1]
+        return stretches + self.compliance * forces - beside, 1 + softening * self.slopes(stretches, springs)
+
+    def slopes(self, stretches: Float[np.ndarray, "rows cables"], springs: Springs) -> Float[np.ndarray, "rows cables"]:
+        """How much a stretch changes the forces, with what slides [N/m]."""
+        wedge = np.where(self.widths * stretches[..., None] < self.yields, np.sign(springs.apart) * self.widths, 0.0)
+        slides = np.abs(springs.apart) > springs.bounds
+        slope = springs.slope + (springs.elements * np.where(slides, wedge, 1.0)).sum(-1)
+        if self.gripped.any():
+            rho = (1 + _friction(self.cabling) / 2) / (1 - _friction(self.cabling) / 2)
+            (_, out), (_, back) = (self._sliding(stretches, x) for x in (1 / rho, rho))
+            stuck = slope - (springs.elements * np.where(slides, wedge, 1.0))[..., -1]
+            apart = springs.apart[..., -1]
+            sliding = np.where(apart > 0, out - back, back - out) / 2
+            grip = np.where(slides[..., -1], sliding, springs.elements[..., -1])
+            slope = np.where(self.gripped, stuck + grip, slope)
+        return slope
+
     def tangent(
         self, lengths: Float[np.ndarray, "rows cables"]
     ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
-        """Stiffness [N/m], and free length [m], of a spring that pulls like each taut cable at and near ``lengths``."""
+        """Stiffness [N/m], and free length [m], of a spring that pulls like each cable at and near ``lengths``."""
         stretches = self.stretches(lengths)
-        apart, bounds = stretches[..., None] - self.free, self.bounds(stretches)
-        wedge = np.where(self.widths * stretches[..., None] < self.yields, np.sign(apart) * self.widths, 0.0)
-        slope = self.own + (self.elements * np.where(np.abs(apart) > bounds, wedge, 1.0)).sum(-1)
-        pulls, slope = self.pulls(stretches), slope / (1 + self.compliance * slope)
-        return slope, lengths - pulls / slope
+        springs = self.springs(stretches)
+        slope = self.slopes(stretches, springs) / self._widened(stretches, springs)[1]
+        return slope, np.where(stretches > 0, lengths - springs.forces / slope, self.taut)
 
     def memory_after(
         self, lengths: Float[np.ndarray, "rows cables"], tensions: Float[np.ndarray, "rows cables"]
@@ -221,26 +403,18 @@ class RopeStep:
         """The memory, without its time, of cables at rest at these ``lengths`` [m] with these ``tensions`` [N]."""
         stretches, pulls = self.stretches(lengths), self.cabling.reeving * tensions
         hysteresis = self.cabling.hysteresis.shape[1]
-        held, left = self.held(stretches), stretches[..., None]
-        strains = (left - held[..., :hysteresis]) / self.ropes[..., None]
-        slides = self.friction > 0
-        force = pulls - self._sticking(stretches)
-        free = stretches - np.where(slides, force / np.where(slides, self.friction, 1.0), 0.0)
-        beyond = self.rest_lengths + np.where(slides, self.friction / self.rubbing * free, 0.0)
+        held, left = self.springs(stretches).held, stretches[..., None]
+        gave_way = (self.cabling.hysteresis[..., 0] * (left - held[..., :hysteresis])).sum(-1)
+        free = self.rest_lengths * self._strain(pulls + self.middle * gave_way)
+        beyond = np.where(_friction(self.cabling) > 0, self.rest_lengths + stretches - free, self.rest_lengths)
         slack = stretches <= 0
         return Memory(
-            strains=np.where(slack[..., None], 0.0, strains),
+            strains=np.where(slack[..., None], 0.0, (left - held[..., :hysteresis]) / self.ropes[..., None]),
             beyond=np.where(slack, self.rest_lengths, beyond),
             creep=self.lasting + self.growing * pulls[..., None],
             tensions=tensions,
             time=np.nan,
         )
-
-    def _sticking(self, stretches: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
-        """The part of the pull that is not friction's, (rows, cables) [N]."""
-        shares, hysteresis = self.cabling.hysteresis[..., 0], self.cabling.hysteresis.shape[1]
-        strength = (1 - shares.sum(-1)) * stretches + (shares * self.held(stretches)[..., :hysteresis]).sum(-1)
-        return (self.rubbing - self.friction) * strength
 
 
 class Elements:
@@ -260,7 +434,7 @@ class Elements:
         rows: Bool[np.ndarray, " rows"],
         tendons: Float[np.ndarray, "rows cables"],
         entries: Float[np.ndarray, " cables"],
-    ) -> Float[np.ndarray, "rows cables"]:
+    ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
         """Put the elements of ``rows`` where cables have them that went straight from the start of ``step``.
 
         Args:
@@ -270,15 +444,19 @@ class Elements:
             entries: by which they are longer than the cables, (cables,) [m].
 
         Returns:
-            Length from which on the cables' own springs pull, of all rows, (rows, cables) [m].
+            Stiffness of the cables' own springs, in MuJoCo's unit, and the length from which on they pull [m], of all
+            rows, (rows, cables).
         """
         stretches = step.stretches(tendons - entries)
-        slack, softer = stretches <= 0, step.softer[..., None]
+        springs, slack = step.springs(stretches), stretches <= 0
+        softer = step.softer(springs)
         shape = (int(rows.sum()), len(self.owners))
-        yields = np.maximum(step.bounds(stretches) / softer, LEAST_YIELD)
-        stiffnesses = np.where(slack[..., None], 0.0, step.elements * softer / self._unit)
-        free = tendons[..., None] - step.held(stretches) / softer
+        yields = np.maximum(springs.bounds / softer[..., None], LEAST_YIELD)
+        stiffnesses = np.where(slack[..., None], 0.0, springs.elements * softer[..., None] / self._unit)
+        free = tendons[..., None] - springs.held / softer[..., None]
         self._yields[rows], self.stiffnesses[rows] = yields[rows].reshape(shape), stiffnesses[rows].reshape(shape)
         where = np.flatnonzero(rows)[:, None]
         self._plastic[where, self._lower] = self._plastic[where, self._lower + 1] = free[rows].reshape(shape)
-        return np.where(slack | ~step.compliance.astype(bool), step.taut + entries, tendons - stretches / step.softer)
+        straight = ~(step.compliance.astype(bool) | step.curved)
+        own = springs.slope * softer
+        return own / self._unit, np.where(slack | straight, step.taut + entries, tendons - springs.pull / own)

@@ -21,7 +21,6 @@ from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.physics.batch import Simulations, simulations_of
-from cdpr_sim.physics.rope_memory import RopeStep
 from cdpr_sim.physics.sagging.settle_chains import released
 from cdpr_sim.physics.settle import come_to_rest, refused, settled_without_mass, weighs
 
@@ -206,16 +205,19 @@ def _settled_with_mass(
 ) -> tuple[dict[str, np.ndarray], Memory]:
     """The same where some cables have mass; the first of a path starts where massless cables rest."""
     at = settled_without_mass(starts, threads) if first else starts.poses
-    readings, steps, status = released(starts, at)
+    readings, steps, status = released(starts, at, memory=(memory, duration))
     poses = RigidTransform.concatenate([reading.pose for reading in readings])
     found = dict(positions=poses.translation, rotations=poses.rotation.as_matrix())
     for name in ("lengths", "tensions", "eigenvalues"):
         found[name] = np.array([getattr(reading, name) for reading in readings])
     found["residuals"] = np.array([reading.residual for reading in readings])
     found |= dict(iterations=np.array(steps), status=np.array([one.value for one in status]))
-    rest = np.broadcast_to(starts.rest_lengths, found["tensions"].shape)
-    step = RopeStep.of(starts.robot.cabling, starts.axial_stiffness, rest, memory, duration)
-    return found, step.memory_after(found["lengths"], found["tensions"])
+    after = [reading.memory for reading in readings]
+    if after[0] is None:
+        rest = np.broadcast_to(starts.rest_lengths, found["tensions"].shape)
+        return found, replace(memory, beyond=rest, tensions=found["tensions"])
+    parts = {name: np.array([getattr(one, name) for one in after]) for name in _parts(starts.robot)}
+    return found, Memory(**parts, time=np.nan)
 
 
 def _parts(robot: Robot) -> dict[str, tuple[int, ...]]:

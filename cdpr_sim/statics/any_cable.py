@@ -32,9 +32,10 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law, cable_path
-from cdpr_sim.core.cable import AXIS, BEHIND, RADIUS, STIFFENING, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFENING, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.compiling import Kernel, inline, outlined
 from cdpr_sim.statics.catenary import elastic_catenary
+from cdpr_sim.statics.memory_kernel import ELASTIC, KIND, memory_spring, strain_of, stretch_at_exit
 
 MAX_STEPS = 100
 """Newton steps: three or four do, seven nearly always."""
@@ -53,9 +54,6 @@ NEARLY_SOLVED = 1e-11
 
 HALF_ROUND = -1 + 1e-8
 """Cosine of the angle on its wheel from which a cable with mass counts as off it: half round, it has no path."""
-
-STRAIN_STEPS = 60
-"""Newton steps to the strain of a given tension; a handful do."""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
@@ -120,7 +118,7 @@ def _one(table, apart, rest_length, pull, stiffness, energy, exit_tension, ancho
     """One element of the gufunc."""
     (
         pull[0], pull[1], pull[2], xx, xy, yy, xz, yz, zz, energy[0], exit_tension[0], anchor_tension[0], _, _
-    ) = any_cable(apart[0], apart[1], apart[2], cable_of(table, rest_length))  # fmt: skip
+    ) = any_cable(apart[0], apart[1], apart[2], cable_of(table, rest_length), table[COLUMNS:])  # fmt: skip
     stiffness[0, 0], stiffness[1, 1], stiffness[2, 2] = xx, yy, zz
     stiffness[0, 1] = stiffness[1, 0] = xy
     stiffness[0, 2] = stiffness[2, 0] = xz
@@ -145,15 +143,16 @@ def cable_of(row, rest_length):
 
 
 @outlined
-def any_cable(x, y, z, cable):
-    """A cable whose anchor lies at (x, y, z) from its exit.
+def any_cable(x, y, z, cable, row):
+    """A cable whose anchor lies at (x, y, z) from its exit; ``row`` is that of its memory, or empty.
 
     (pull on the anchor x, y, z; stiffness −∂pull/∂anchor xx, xy, yy, xz, yz, zz; energy, with the exit at height 0;
     tension at the exit, at the anchor; length of the massless path; how far it is from leaving its wheel, 0 without
     one). All is nan where the cable has no path.
     """
+    elastic = len(row) == 0 or row[KIND] == ELASTIC
     straight = cable.radius == 0.0 and cable.behind == 0.0 and cable.wrapped == 0.0
-    if straight and cable.a2 == 0.0 and cable.a3 == 0.0:
+    if elastic and straight and cable.a2 == 0.0 and cable.a3 == 0.0:
         half = 0.5 * cable.weight * cable.rest_length
         t, C, U, exit_tension, anchor_tension = _hanging(x, y, z, cable.rest_length, cable.EA, cable.weight)
         return (
@@ -161,8 +160,8 @@ def any_cable(x, y, z, cable):
             anchor_tension, np.sqrt(x * x + y * y + z * z), 0.0,
         )  # fmt: skip
     if cable.weight == 0.0:
-        return _massless(x, y, z, cable)
-    return _with_mass(x, y, z, cable)
+        return _massless(x, y, z, cable, row, elastic)
+    return _with_mass(x, y, z, cable, row, elastic)
 
 
 @inline
@@ -178,22 +177,25 @@ def _wheel_path(x, y, z, cable):
 
 
 @outlined
-def _massless(x, y, z, cable):
+def _massless(x, y, z, cable, row, elastic):
     """A spring along the path, whose stretch the part behind the exit shares."""
     length, fx, fy, fz, free, bx, by, bz, bend, _, clear = _wheel_path(x, y, z, cable)
-    if not length > cable.rest_length:
-        none = 0.0 if length <= cable.rest_length else np.nan
-        return none, none, none, none, none, none, none, none, none, none, none, none, length, clear
     stretch, whole = length - cable.rest_length, cable.rest_length + cable.behind
-    k, e = _tangent(stretch, whole, cable.EA, cable.a2, cable.a3)
+    if elastic:
+        k, e = _tangent(stretch, whole, cable.EA, cable.a2, cable.a3)
+        energy = _energy(stretch, whole, cable.EA, cable.a2, cable.a3)
+    else:
+        k, e, energy = memory_spring(stretch, cable.rest_length, cable.behind, cable.EA, cable.a2, cable.a3, row)
+    if not (stretch > 0 and e > 0):
+        none = 0.0 if stretch <= 0 or e <= 0 else np.nan
+        return none, none, none, none, none, none, none, none, none, none, none, none, length, clear
     T, u = k * e, (fx / free, fy / free, fz / free)
     K = _rank_one(_around(T / free, k - T / free, u), T * bend, (bx, by, bz))
-    energy = _energy(stretch, whole, cable.EA, cable.a2, cable.a3)
     return -T * u[0], -T * u[1], -T * u[2], K[0], K[1], K[2], K[3], K[4], K[5], energy, T, T, length, clear
 
 
 @outlined
-def _with_mass(x, y, z, cable):
+def _with_mass(x, y, z, cable, row, elastic):
     """Newton's method on the span of the free part; what it misses is B − A."""
     radius, rest, EA, a2, a3 = cable.radius, cable.rest_length, cable.EA, cable.a2, cable.a3
     L = rest - cable.wrapped
@@ -221,7 +223,7 @@ def _with_mass(x, y, z, cable):
     D, Psi = (0.0, 0.0, 0.0), 0.0
     for step in range(MAX_STEPS):
         t, C, U, _, _ = _hanging(fx, fy, fz, mu * L, EAb, cable.weight / mu)
-        D, H, Psi = _guided(t, cable, G)
+        D, H, Psi = _guided(t, cable, G, row, elastic)
         if nonlinear:
             D, H, Psi = _add_missed(t, cable, L, mu, EAb, D, H, Psi)
         rx, ry, rz = fx + D[0] - x, fy + D[1] - y, fz + D[2] - z
@@ -280,15 +282,19 @@ def _hanging(x, y, z, L0, EA, w):
 
 
 @outlined
-def _guided(t, cable, G):
+def _guided(t, cable, G, row, elastic):
     """Of wheel, massless part and part behind: (∂Psi/∂t, ∂²Psi/∂t², Psi) at the tension vector t."""
     T = np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
     u = (t[0] / T, t[1] / T, t[2] / T)
-    eps, slope, energy = _strain(T, cable.EA, cable.a2, cable.a3)
-    f = cable.wrapped + G * eps
+    eps, slope, energy = strain_of(T, cable.EA, cable.a2, cable.a3)
+    f, wider = cable.wrapped + G * eps, G * slope
     Psi = G * (T * (1 + eps) - energy) - cable.behind * T
+    if not elastic:  # the rope behind the exit, with all that a memory makes the cable longer
+        more, per_newton, work = stretch_at_exit(T, cable.rest_length, cable.behind, cable.EA, cable.a2, cable.a3, row)
+        f, wider = cable.wrapped * (1 + eps) + more, cable.wrapped * slope + per_newton
+        Psi = cable.wrapped * (T * (1 + eps) - energy) + work
     if cable.radius == 0.0:
-        return (f * u[0], f * u[1], f * u[2]), _around(f / T, G * slope - f / T, u), Psi
+        return (f * u[0], f * u[1], f * u[2]), _around(f / T, wider - f / T, u), Psi
     ex, ey, ez, r = cable.ex, cable.ey, cable.ez, cable.radius
     cosine = u[0] * ex + u[1] * ey + u[2] * ez
     nx, ny, nz = u[0] - cosine * ex, u[1] - cosine * ey, u[2] - cosine * ez
@@ -298,7 +304,7 @@ def _guided(t, cable, G):
     f -= r * theta
     p, q = r * (1 - cosine), r * sine
     D = (p * nx + q * ex + f * u[0], p * ny + q * ey + f * u[1], p * nz + q * ez + f * u[2])
-    H = _around(f / T, G * slope - f / T, u)
+    H = _around(f / T, wider - f / T, u)
     H = _rank_one(H, p / (sine * T), (ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx))
     return D, H, Psi - r * T * (theta - sine)
 
@@ -310,37 +316,13 @@ def _add_missed(t, cable, L, mu, EAb, D, H, Psi):
         m, v = L * WEIGHTS[j], t[2] + cable.weight * L * NODES[j]
         T = np.sqrt(t[0] * t[0] + t[1] * t[1] + v * v)
         u = (t[0] / T, t[1] / T, v / T)
-        eps, slope, energy = _strain(T, cable.EA, cable.a2, cable.a3)
+        eps, slope, energy = strain_of(T, cable.EA, cable.a2, cable.a3)
         more = m * (1 + eps - mu - T * mu / EAb)
         D = (D[0] + more * u[0], D[1] + more * u[1], D[2] + more * u[2])
         A = _around(more / T, m * (slope - mu / EAb) - more / T, u)
         H = (H[0] + A[0], H[1] + A[1], H[2] + A[2], H[3] + A[3], H[4] + A[4], H[5] + A[5])
         Psi += m * (T * (1 + eps) - energy - mu * T - 0.5 * mu * T * T / EAb)
     return D, H, Psi
-
-
-@inline
-def _strain(T, EA, a2, a3):
-    """(eps, d eps/dT, energy per rest length) under the tension T >= 0: the law, inverted."""
-    eps, low, high = T / EA, 0.0, np.inf
-    if a2 == 0.0 and a3 == 0.0:
-        return eps, 1 / EA, 0.5 * T * eps
-    if a2 >= 0.0 and a3 >= 0.0:
-        eps = min(eps, cable_law.M)  # from above, where a law that stiffens is convex
-    slope, _ = _tangent(eps, 1.0, EA, a2, a3)
-    for _ in range(STRAIN_STEPS):
-        slope, e = _tangent(eps, 1.0, EA, a2, a3)
-        step = e - T / slope
-        if abs(step) <= 4e-16 * eps:
-            break
-        if step > 0:
-            high = eps
-        else:
-            low = eps
-        eps -= step
-        if not low < eps < high:
-            eps = 2 * low + T / EA if high == np.inf else 0.5 * (low + high)
-    return eps, 1 / slope, _energy(eps, 1.0, EA, a2, a3)
 
 
 # Symmetric matrices as (xx, xy, yy, xz, yz, zz).

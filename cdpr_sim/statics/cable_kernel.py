@@ -3,7 +3,7 @@
 Path and law are those of ``core.cable_path`` and ``core.cable_law``, compiled; the kernels have no other coding of
 them. There are four types of cables: *plain* ones, straight and linear, are compiled separately so that they are as
 fast as possible; *bent* ones run over pulleys or have nonlinear laws; *sagging* ones are ``any_cable``, some with mass;
-*remembering* ones are bent ones with a law that is linear between knots (``remembering_law``). Sagging ones are no
+*remembering* ones are bent ones, some with a memory (``memory_kernel``). Sagging ones are no
 springs along their paths: their state has pulls and stiffness matrices, and no springs, so that loops over springs are
 empty. Kernels are compiled once for each type.
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
@@ -20,6 +20,7 @@ from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, COLUMNS, EXIT, RADIUS, STIFFENING, STIFFNESS
 from cdpr_sim.core.compiling import Kernel, by_type, inline, nowhere, outlined, where
 from cdpr_sim.statics.any_cable import any_cable, cable_of
+from cdpr_sim.statics.memory_kernel import memory_spring
 
 _path = inline(cable_path.path)
 _pulley_path = outlined(cable_path.pulley_path)
@@ -103,18 +104,19 @@ class SaggingCables(NamedTuple):
 
 
 class RememberingCables(NamedTuple):
-    """Data of cables with a memory, which may run over pulleys. A, B, l0, k, radius, axis: as of bent ones.
-
-    knots: stretches from 0 in ascending order, then the tensions there, then the slopes that follow, (cables, 3 knots).
-    """
+    """Data of massless cables of which some have a memory. As of bent ones; memory: rows of ``memory_kernel``."""
 
     A: np.ndarray
     B: np.ndarray
     l0: np.ndarray
     k: np.ndarray
+    EA: np.ndarray
+    a2: np.ndarray
+    a3: np.ndarray
+    whole: np.ndarray
     radius: np.ndarray
     axis: np.ndarray
-    knots: np.ndarray
+    memory: np.ndarray
 
 
 class SaggingState(NamedTuple):
@@ -178,13 +180,15 @@ def unpack_sagging(table, rest_lengths):
 
 @inline
 def unpack_remembering(table, rest_lengths):
-    """The same for cables with a memory: their table has the knots of their laws as further columns."""
+    """The same for cables with a memory: their table has further columns (``memory_kernel``)."""
     bent, more = unpack_bent(table, rest_lengths), table.shape[1] - COLUMNS
-    knots = np.empty((len(rest_lengths), more))
+    memory = np.empty((len(rest_lengths), more))
     for i in range(len(rest_lengths)):
         for a in range(more):
-            knots[i, a] = table[i, COLUMNS + a]
-    return RememberingCables(bent.A, bent.B, bent.l0, bent.k, bent.radius, bent.axis, knots)
+            memory[i, a] = table[i, COLUMNS + a]
+    return RememberingCables(
+        bent.A, bent.B, bent.l0, bent.k, bent.EA, bent.a2, bent.a3, bent.whole, bent.radius, bent.axis, memory
+    )
 
 
 TYPES = {
@@ -231,16 +235,20 @@ def _bent_law(cables, i, stretch):
     return _tangent(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
 
 
-def _law_of_knots(cables, i, stretch):
-    """The same, linear from knot to knot."""
-    knots, n, j = cables.knots, cables.knots.shape[1] // 3, 0
-    while j + 1 < n and knots[i, j + 1] <= stretch:
-        j += 1
-    k = knots[i, 2 * n + j]
-    return k, stretch if stretch <= 0 else stretch - knots[i, j] + knots[i, n + j] / k
+def _remembering_law(cables, i, stretch):
+    """The same, with a memory."""
+    k, e, _ = _remembering_spring(cables, i, stretch)
+    return k, e
 
 
-_law = by_type({BentCables: _bent_law, RememberingCables: _law_of_knots})
+@inline
+def _remembering_spring(cables, i, stretch):
+    """Its tangent spring, and its energy."""
+    behind = cables.whole[i] - cables.l0[i]
+    return memory_spring(stretch, cables.l0[i], behind, cables.EA[i], cables.a2[i], cables.a3[i], cables.memory[i])
+
+
+_law = by_type({BentCables: _bent_law, RememberingCables: _remembering_law})
 
 
 def _measure_plain(cables, p, R, state):
@@ -290,7 +298,7 @@ def _measure_sagging(cables, p, R, state):
         (
             f[i, 0], f[i, 1], f[i, 2], k[i, 0], k[i, 1], k[i, 2], k[i, 3], k[i, 4], k[i, 5], state.energy[i], _,
             state.tension[i], state.l[i], state.clear[i],
-        ) = any_cable(x, y, z, cable_of(cables.table[i], cables.l0[i]))  # fmt: skip
+        ) = any_cable(x, y, z, cable_of(cables.table[i], cables.l0[i]), cables.table[i, COLUMNS:])  # fmt: skip
 
 
 def _plain_energy(cables, state, V):
@@ -309,16 +317,11 @@ def _bent_energy(cables, state, V):
     return V
 
 
-def _energy_of_knots(cables, state, V):
-    knots, n = cables.knots, cables.knots.shape[1] // 3
+def _remembering_energy(cables, state, V):
     for i in range(len(cables.l0)):
-        stretch, j = state.l[i] - cables.l0[i], 0
-        while j < n and knots[i, j] < stretch:
-            part = stretch - knots[i, j]
-            if j + 1 < n:
-                part = min(part, knots[i, j + 1] - knots[i, j])
-            V += (knots[i, n + j] + 0.5 * knots[i, 2 * n + j] * part) * part
-            j += 1
+        if state.e[i] > 0:
+            _, _, energy = _remembering_spring(cables, i, state.l[i] - cables.l0[i])
+            V += energy
     return V
 
 
@@ -385,7 +388,7 @@ elastic_energy = by_type(
         Cables: _plain_energy,
         BentCables: _bent_energy,
         SaggingCables: _sagging_energy,
-        RememberingCables: _energy_of_knots,
+        RememberingCables: _remembering_energy,
     }
 )
 springs = by_type(

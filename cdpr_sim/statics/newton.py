@@ -24,6 +24,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
+from cdpr_sim.statics.any_cable import any_cables
 from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
 from cdpr_sim.statics.remembering_law import RememberingLaw
 from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
@@ -178,10 +179,10 @@ def solve_step(
     """
     robot, shape = problems.robot, problems.shape
     rest = np.broadcast_to(problems.rest_lengths, (*shape, robot.cables))
-    law, free = None, rest
+    law = None
     if robot.cabling.remembers.any():
         law = RememberingLaw.of(robot, problems.axial_stiffness, rest, memory, duration)
-        table, free = law.table(), law.free_lengths
+        table = law.table()
     else:
         table = robot.cable_table(problems.axial_stiffness)
     positions, turned = start or (problems.positions, problems.rotations)
@@ -189,7 +190,7 @@ def solve_step(
     found = solve_table(
         robot,
         table,
-        free,
+        rest,
         problems.mass * robot.gravity,
         problems.external_wrench,
         np.where(possible[..., None], positions, np.nan),
@@ -209,12 +210,17 @@ def solve_step(
         iterations=iterations,
         status=status,
         source="newton",
-        stiffness=partial(_eigenvalues_by, table, free),
+        stiffness=partial(_eigenvalues_by, table, rest),
     )
     ended = np.where((status == Status.CONVERGED)[..., None], tensions, np.nan)
     moment = duration + (0.0 if np.isnan(memory.time) else memory.time)
     if law is None:
         return equilibria, dataclasses.replace(memory, beyond=rest.copy(), tensions=ended, time=moment)
+    heavy = robot.cabling.remembers & (robot.cable_weights > 0)
+    if heavy.any():
+        ends = positions[..., None, :] + robot.anchors @ np.swapaxes(turned, -1, -2)
+        pulled = any_cables(table, ends - robot.exits, rest).exit_tension / robot.reeving
+        ended = np.where(heavy & ~np.isnan(ended), pulled, ended)
     return equilibria, law.after(lengths, ended, moment)
 
 

@@ -254,7 +254,7 @@ def equilibrium_gufunc(*, bent: bool = False, sagging: bool = False, remembering
     Results: position (3), rotation matrix (3,3), lengths of the massless paths (m), tensions at the anchors of all
     parts of line (m), residual, iterations, status.
     """
-    return _KERNELS[3 if remembering else 2 if sagging else bent]
+    return _KERNELS[2 if sagging else 3 if remembering else bent]
 
 
 @inline

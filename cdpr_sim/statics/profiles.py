@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law
 from cdpr_sim.core.cable import COLUMNS, STIFFNESS, WEIGHT, WRAPPED
+from cdpr_sim.core.memory import without_memory
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics.any_cable import Catenary, any_cables
 from cdpr_sim.statics.catenary import MASSLESS
@@ -81,13 +82,13 @@ def profiles(
 
     With the axial stiffness of the ropes, and weights per rest length with all parts of line [N/m]. A massless cable
     has the shape to which its weight's last trace would bring it, without its pulley. A nonlinear one is taken as
-    linear there, as stiff as at its mean tension.
+    linear there, as stiff as at its mean tension; one with a memory as elastic.
     """
     exits, anchors, rest = (np.asarray(value, float) for value in (exits, anchors, rest_lengths))
     cabling, shape = robot.cabling, np.broadcast_shapes(axial_stiffness.shape, weights.shape)
     if not (np.any(weights) and (cabling.bent or cabling.behind.any())):
         return profile(exits, anchors, rest, cabling.reeving * np.broadcast_to(axial_stiffness, shape), weights, points)
-    table = np.array(robot.cable_table(np.broadcast_to(axial_stiffness, shape)))
+    table = np.array(without_memory(robot).cable_table(np.broadcast_to(axial_stiffness, shape)))
     table[..., WEIGHT] = weights
     axial_stiffness, wrapped = table[..., STIFFNESS], table[..., WRAPPED]
     found = any_cables(table, anchors - exits, rest)

@@ -36,9 +36,22 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from cdpr_sim.core.cable import COLUMNS, STIFFNESS
+from cdpr_sim.core import cable_law
+from cdpr_sim.core.cable import COLUMNS, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.statics.memory_kernel import (
+    CREEP,
+    CREPT,
+    ELASTIC,
+    HELD,
+    KIND,
+    KNOTS,
+    LINEAR,
+    MEMORY_COLUMNS,
+    NONLINEAR,
+    RHO,
+)
 
 Array = np.ndarray
 
@@ -61,8 +74,11 @@ class RememberingLaw:
         most: largest bound of each element, (..., cables, elements) [m].
         widths: slope of its bound, (..., cables, elements).
         holding: k of friction, (..., cables) [N/m]; 0 without rope behind the exit.
-        first: EA/L − m, which gives the friction force at the first equilibrium, (..., cables) [N/m].
-        rubbed: whether there is a friction force, (..., cables).
+        middle: m, (..., cables) [N/m].
+        shares: of the elements of hysteresis, without friction, (cables, slipping).
+        rho: largest ratio of the tensions before and behind the exit, (cables,).
+        beyond: unstretched length lo beyond the exit at the last equilibrium, (..., cables) [m].
+        rubbed: whether there was one, and so a friction force, (..., cables).
         left: creep at the end of the step without the tension there, (..., cables, terms).
         softness: what each newton adds to it, (..., cables, terms) [1/N].
     """
@@ -78,7 +94,10 @@ class RememberingLaw:
     most: Float[Array, "*batch cables elements"]
     widths: Float[Array, "*batch cables elements"]
     holding: Float[Array, "*batch cables"]
-    first: Float[Array, "*batch cables"]
+    middle: Float[Array, "*batch cables"]
+    shares: Float[Array, "cables slipping"]
+    rho: Float[Array, " cables"]
+    beyond: Float[Array, "*batch cables"]
     rubbed: Bool[Array, "*batch cables"]
     left: Float[Array, "*batch cables terms"]
     softness: Float[Array, "cables terms"]
@@ -98,11 +117,12 @@ class RememberingLaw:
         EA, L = n * axial_stiffness, rest + g
         rho = (1 + cabling.pulley_friction / 2) / (1 - cabling.pulley_friction / 2)
         a, b = EA / (rest + g / rho), EA / (rest + g * rho)
-        k = np.where(g > 0, EA / rest - (a + b) / 2, 0.0)
+        middle = (a + b) / 2
+        k = np.where((g > 0) & (cabling.pulley_friction > 0), EA / rest - middle, 0.0)
         rubbed = ~np.isnan(memory.beyond)
-        mean = np.where(rubbed, (a + b) / 2, EA / L)
+        mean = np.where(rubbed, middle, EA / L)
         shares, yields, widths = np.moveaxis(cabling.hysteresis, -1, 0)
-        holds = rubbed & (k > 0)
+        holds = rubbed & (k > 0) & ~robot.stiffening.any(-1)  # the friction of nonlinear ropes is no spring
         moved = np.where(holds, memory.beyond - rest, 0.0)
         (EA1, tau1), T0 = np.moveaxis(cabling.creep, -1, 0), memory.tensions[..., None]
         x = duration / tau1
@@ -119,7 +139,10 @@ class RememberingLaw:
             most=_joined(yields * L[..., None], np.full(rest.shape, np.inf)),
             widths=_joined(np.broadcast_to(widths, memory.strains.shape), _over((a - b) / 2, k)),
             holding=k,
-            first=EA / L - (a + b) / 2,
+            middle=middle,
+            shares=shares,
+            rho=rho,
+            beyond=memory.beyond,
             rubbed=rubbed,
             left=decay * memory.creep + (average - decay) / EA1 * T0,
             softness=(1 - average) / (n[:, None] * EA1),
@@ -131,22 +154,40 @@ class RememberingLaw:
         return self.whole * self.softness.sum(-1)
 
     @property
-    def free_lengths(self) -> Float[Array, "*batch cables"]:
-        """Lengths at which the cables would be just slack at the end of the step [m]."""
-        return self.rest_lengths + self.whole * self.left.sum(-1)
+    def crept(self) -> Float[Array, "*batch cables"]:
+        """Creep at the end of the step without the tension there [m]."""
+        return self.whole * self.left.sum(-1)
+
+    @property
+    def curved(self) -> Bool[Array, " cables"]:
+        """Which cables have a nonlinear law."""
+        return np.asarray(self.robot.stiffening.any(-1))
 
     def table(self) -> Float[Array, "*batch cables columns"]:
-        """Rows for ``cable_kernel.unpack_remembering``: columns of ``core.cable``, and the knots of the law."""
+        """Rows for compiled code: columns of ``core.cable``, and those of ``memory_kernel``."""
+        robot, cabling = self.robot, self.robot.cabling
         stretches, tensions, slopes = self._knots()
-        table = np.empty((*tensions.shape[:-1], COLUMNS + 3 * tensions.shape[-1]))
-        table[..., :COLUMNS] = self.robot.cabling.packed
-        table[..., STIFFNESS] = self.robot.reeving * self.axial_stiffness
-        table[..., COLUMNS:] = np.concatenate([stretches, tensions, slopes], axis=-1)
+        table = np.empty((*tensions.shape[:-1], MEMORY_COLUMNS + 3 * tensions.shape[-1]))
+        table[..., :COLUMNS] = cabling.packed
+        table[..., STIFFNESS] = robot.reeving * self.axial_stiffness
+        table[..., WEIGHT], table[..., WRAPPED] = robot.cable_weights, robot.wrapped_lengths
+        memory = table[..., COLUMNS:]
+        memory[..., KIND] = np.where(cabling.remembers, np.where(self.curved, NONLINEAR, LINEAR), ELASTIC)
+        memory[..., CREEP], memory[..., CREPT] = self.compliance, self.crept
+        memory[..., HELD], memory[..., RHO] = self.held, self.rho
+        memory[..., KNOTS:] = np.concatenate([stretches, tensions, slopes], axis=-1)
         return table
+
+    @property
+    def held(self) -> Float[Array, "*batch cables"]:
+        """Stretch of the rope behind the exit while it holds there [m]; nan where no friction acts."""
+        acts = self.rubbed & (self.holding > 0)
+        return np.where(acts, self.beyond - self.rest_lengths, np.nan)
 
     def _knots(self) -> tuple[Array, Array, Array]:
         """Stretches from 0, at which the slope may change, tensions there, and the slopes that follow.
 
+        Of a nonlinear cable these are the forces by which its elements have given way, and stretches without creep.
         Knots that a cable does not have are at infinity. An element changes where its bound does, at y/w, and where it
         reaches one of its bounds: at z ± y, or z/(1 ± w).
         """
@@ -161,7 +202,10 @@ class RememberingLaw:
         middle = np.where(np.isfinite(following), (at + following) / 2, at + self.whole[..., None])
         tensions, _ = self._tension(at)
         _, slopes = self._tension(middle)
-        creep = self.compliance[..., None]
+        curved = self.curved[:, None]
+        tensions = np.where(curved, self.mean[..., None] * at - tensions, tensions)
+        slopes = np.where(curved, self.mean[..., None] - slopes, slopes)
+        creep = np.where(curved, 0.0, self.compliance[..., None])
         return np.where(some, at + creep * tensions, np.inf), tensions, slopes / (1 + creep * slopes)
 
     def _tension(self, stretches: Float[Array, "*batch cables some"]) -> tuple[Array, Array]:
@@ -184,21 +228,46 @@ class RememberingLaw:
     def after(
         self, lengths: Float[Array, "*batch cables"], tensions: Float[Array, "*batch cables"], time: float
     ) -> Memory:
-        """The memory at the end of the step, from lengths and tensions of the ropes there; nan where they are."""
-        pulls = self.robot.reeving * tensions
-        e = np.where(pulls > 0, lengths - self.free_lengths - self.compliance * pulls, 0.0)
+        """The memory at the end of the step, from lengths and tensions of the ropes there; nan where they are.
+
+        Of cables with mass, the tensions are those at their exits, on which all depends.
+        """
+        robot, rest = self.robot, self.rest_lengths
+        pulls, EA = robot.reeving * tensions, robot.reeving * self.axial_stiffness
+        x = np.where(robot.cable_weights > 0, self._stretch_under(pulls), lengths - rest - self.crept)
+        e = np.where(pulls > 0, x - self.compliance * pulls, 0.0)
         stretched, _ = self._elements(e[..., None], self.free, self.most, self.widths)
-        B = e - (self.springs[..., :-1] * (e[..., None] - stretched[..., :-1])).sum(-1) / self.mean
-        rub = np.where(self.rubbed, stretched[..., -1], _over(self.first * B, self.holding))
-        moved = (e - rub) * self.holding * self.rest_lengths / (self.robot.reeving * self.axial_stiffness)
+        gave_way = (self.shares * (e[..., None] - stretched[..., :-1])).sum(-1)
+        free = rest * self._strains((pulls + self.middle * gave_way) / EA)
         ended = np.isnan(tensions)
         return Memory(
             strains=np.where(ended[..., None], np.nan, (e[..., None] - stretched[..., :-1]) / self.whole[..., None]),
-            beyond=np.where(ended, np.nan, self.rest_lengths + moved),
+            beyond=np.where(ended, np.nan, np.where(self.holding > 0, rest + e - free, rest)),
             creep=self.left + self.softness * pulls[..., None],
             tensions=np.array(tensions),
             time=time,
         )
+
+    def _strains(self, forces: Float[Array, "*batch cables"]) -> Float[Array, "*batch cables"]:
+        """Strains of the elastic law under forces over EA."""
+        if not self.curved.any():
+            return forces
+        return 1 / cable_law.rest_length_for(1.0, forces, 1.0, *self.robot.stiffening.T) - 1
+
+    def _stretch_under(self, pulls: Float[Array, "*batch cables"]) -> Float[Array, "*batch cables"]:
+        """x of cables under these tensions [m]; of nonlinear ones without elements."""
+        stretches, tensions, slopes = self._knots()
+        last = np.maximum((np.isfinite(stretches) & (tensions <= pulls[..., None])).sum(-1, keepdims=True) - 1, 0)
+        x, T, k = (np.take_along_axis(one, last, axis=-1)[..., 0] for one in (stretches, tensions, slopes))
+        linear = x + (pulls - T) / np.where(self.curved, 1.0, k)
+        if not self.curved.any():
+            return linear
+        g, forces = self.robot.cabling.behind, pulls / (self.robot.reeving * self.axial_stiffness)
+        behind = g * self._strains(forces)
+        out, back = g * self._strains(forces / self.rho), g * self._strains(forces * self.rho)
+        behind = np.where(np.isnan(self.held), behind, np.clip(self.held, out, back))
+        curved = self.rest_lengths * self._strains(forces) + behind + self.compliance * pulls
+        return np.where(self.curved, curved, linear)
 
 
 def _joined(elements: Float[Array, "*batch cables elements"], friction: Float[Array, "*batch cables"]) -> Array:

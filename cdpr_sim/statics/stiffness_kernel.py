@@ -90,7 +90,7 @@ def stiffness_gufunc(*, bent: bool = False, sagging: bool = False, remembering: 
     Results: eigenvalues of the stiffness matrix, ascending, rotations in characteristic lengths (f) [N/m]; the lowest
     natural frequency [Hz], 0 where a direction is unconstrained and nan at a saddle.
     """
-    return _KERNELS[3 if remembering else 2 if sagging else bent]
+    return _KERNELS[2 if sagging else 3 if remembering else bent]
 
 
 @inline

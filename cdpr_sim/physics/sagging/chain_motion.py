@@ -43,6 +43,9 @@ class ChainMotion:
         damping: of the platform's coordinates, (free,) [N s/m, N m s].
         ahead: part of a step after which a spring's force acts, 1/2 to 1.
         cable_damping: damping of springs, as a multiple of their stiffness, if that is more [s].
+
+    Raises:
+        InvalidInput: cables with a memory, which is held only on the way to an equilibrium.
     """
 
     def __init__(
@@ -55,6 +58,7 @@ class ChainMotion:
         ahead: float = 1.0,
         cable_damping: float = 0.0,
     ) -> None:
+        simulation.robot.cabling.refuse_memory("a motion of cables with mass")
         self.simulation, self.longest = simulation, longest
         model = simulation.model
         simulation.residual()

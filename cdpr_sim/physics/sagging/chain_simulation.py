@@ -14,11 +14,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from cdpr_sim.core.memory import Memory, without_memory
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.batch import HELD
 from cdpr_sim.physics.chains import SEGMENTS, STRAIGHT, ChainDivision, Chains, divisions, felt_at_exit, straight
 from cdpr_sim.physics.mjcf import place, to_mjcf
+from cdpr_sim.physics.rope_memory import RopeStep
 
 TURNING = 5.0
 """Inertia added to the platform's rotation, as a multiple of its own: a small platform rotates faster than it
@@ -38,6 +40,8 @@ class ChainSimulation:
         external_wrench: force and torque on the platform's origin, (6,) [N, N m].
         start: initial pose of the platform.
         model: the model to use instead of the generated one, with its own springs and masses.
+        memory: where cables have a memory, that before this step, and the time since then [s]; default: that of new
+            ropes. It is held (``rope_memory``): springs are tangents of its laws at the present lengths.
     """
 
     def __init__(
@@ -48,6 +52,7 @@ class ChainSimulation:
         external_wrench: Float[np.ndarray, "6"],
         start: RigidTransform,
         model: mujoco.MjModel | None = None,
+        memory: tuple[Memory, float] | None = None,
     ) -> None:
         self.robot, self.rest_lengths = robot, rest_lengths
         cabling = robot.cabling
@@ -65,6 +70,10 @@ class ChainSimulation:
         first = np.zeros(robot.cables, int)  # the tendon that leaves each exit
         first[self.massless], first[self.chains.cables] = self.single, self.chains.segments[:, 0]
         self.guided = first[self.swivels.cables]
+        self.remembering, self.first, self.ropes = np.flatnonzero(cabling.remembers), first, None
+        if len(self.remembering):
+            before, duration = memory or (Memory.fresh(robot), 0.0)
+            self.ropes = RopeStep.of(cabling, axial_stiffness[None], rest_lengths[None], before[None], duration)
         self.axial_stiffness, self.wrench, self.given = axial_stiffness, external_wrench, model is not None
         if not self.given:
             self._let_out(straight(felt_at_exit(cabling, self.chains.cables)))
@@ -105,6 +114,36 @@ class ChainSimulation:
         model.tendon_stiffness[self.single] = tendons.springs(cabling, axial_stiffness, rest)[self.massless]
         further = tendons.polynomials(cabling, axial_stiffness, rest)
         model.tendon_stiffnesspoly[self.single] = further[self.massless]
+        if self.ropes is not None:
+            beyond = rest.copy()
+            beyond[self.chains.cables] = self.chains.rest_lengths(model)[:, 0]
+            self.ropes, self.within = self.ropes.in_chain(beyond[None]), rest - beyond
+
+    def hold_ropes(self) -> None:
+        """Springs that pull as cables with a memory do at their present lengths, as of MuJoCo's last positions."""
+        if self.ropes is None:
+            return
+        model, which = self.model, self.remembering
+        stiffness, free = self.ropes.tangent(self._lengths_in_chains()[None])
+        model.tendon_lengthspring[self.first[which], 1] = (free[0] - self.within + self.entries)[which]
+        for springs, polynomials in (
+            (model.tendon_stiffness, model.tendon_stiffnesspoly),
+            (self.springs, self.polynomials),
+        ):
+            springs[self.first[which]], polynomials[self.first[which]] = stiffness[0, which], 0.0
+
+    def _lengths_in_chains(self) -> Float[np.ndarray, " cables"]:
+        """Lengths for ``RopeStep.in_chain``: the first segments', and the rest lengths of the others [m]."""
+        return self.data.ten_length[self.first] - self.entries + self.within
+
+    def remembered(self) -> Memory:
+        """The memory of the cables, which are at rest, without the time; of those with mass, that at their exits."""
+        assert self.ropes is not None
+        tensions = self.tensions()
+        hung = [cable for cable in self.remembering if cable in self.chains.cables]
+        for cable in hung:
+            tensions[cable] = self._along(self.first[cable]) / self.robot.reeving[cable]
+        return self.ropes.memory_after(self._lengths_in_chains()[None], tensions[None])[0]
 
     def wind(self, rest_lengths: Float[np.ndarray, " cables"]) -> None:
         """Let cables out, in motion: all segments of a chain change alike, so that it stays divided as it is.
@@ -208,6 +247,9 @@ class ChainSimulation:
         self.model.tendon_stiffness[:], self.model.tendon_stiffnesspoly[:] = self.springs, self.polynomials
         self.data.qvel[:] = 0
         self.turn_wheels()
+        if self.ropes is not None:
+            mujoco.mj_fwdPosition(self.model, self.data)
+            self.hold_ropes()
         mujoco.mj_forward(self.model, self.data)
         return self.unbalanced()
 
@@ -241,16 +283,20 @@ class ChainSimulation:
 
         For a massless cable, the force of its own spring along it.
         """
-        model, data = self.model, self.data
         tensions = np.empty(self.robot.cables)
         tensions[self.chains.cables] = np.linalg.norm(self.anchor_pulls(), axis=1)
         for cable, tendon in zip(self.massless, self.single, strict=True):
-            first, entries = model.ten_J_rowadr[tendon], model.ten_J_rownnz[tendon]
-            with self._only(tendon):
-                row = data.ten_J[first : first + entries]
-                force = data.qfrc_spring[model.ten_J_colind[first : first + entries]]
-                tensions[cable] = -(row @ force) / max(row @ row, np.finfo(float).tiny) + 0.0
+            tensions[cable] = self._along(tendon)
         return tensions / self.robot.reeving
+
+    def _along(self, tendon: np.integer) -> float:
+        """MuJoCo's force of one tendon's spring along it [N]."""
+        model, data = self.model, self.data
+        first, entries = model.ten_J_rowadr[tendon], model.ten_J_rownnz[tendon]
+        with self._only(tendon):
+            row = data.ten_J[first : first + entries]
+            force = data.qfrc_spring[model.ten_J_colind[first : first + entries]]
+            return float(-(row @ force) / max(row @ row, np.finfo(float).tiny) + 0.0)
 
     @contextmanager
     def _only(self, tendons: np.ndarray | np.integer) -> Iterator[None]:
@@ -315,4 +361,4 @@ def _model_of(robot: Robot) -> mujoco.MjModel:
     """The compiled model of ``robot``, which is never modified."""
     middle = RigidTransform.from_translation(robot.workspace.mean(0))
     lengths = 1.0 + robot.wrapped_lengths + SEGMENTS**2 * robot.cabling.pulley_radius  # enough for every wheel
-    return mujoco.MjModel.from_xml_string(to_mjcf(robot, middle, lengths))
+    return mujoco.MjModel.from_xml_string(to_mjcf(without_memory(robot), middle, lengths))

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
+from cdpr_sim.core.memory import Memory
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
 
@@ -24,6 +25,7 @@ class ChainState:
         eigenvalues: eigenvalues of the stiffness on the free directions [N/m], ascending; nan if unknown.
         softest: direction of the smallest eigenvalue.
         off_wheel: whether a cable is off its wheel.
+        memory: of the cables there, without the time; None where none has one.
     """
 
     pose: RigidTransform
@@ -33,6 +35,7 @@ class ChainState:
     eigenvalues: Float[np.ndarray, " free"]
     softest: Float[np.ndarray, " free"]
     off_wheel: bool
+    memory: Memory | None
 
     @classmethod
     def of(cls, simulation: ChainSimulation) -> ChainState:
@@ -40,4 +43,5 @@ class ChainState:
         residual = simulation.residual()
         pose, lengths, off_wheel = simulation.pose, simulation.lengths, simulation.off_wheel()
         eigenvalues, softest = ChainDerivatives.of(simulation).stiffness()
-        return cls(pose, lengths, simulation.tensions(), residual, eigenvalues, softest, off_wheel)
+        memory = None if simulation.ropes is None else simulation.remembered()
+        return cls(pose, lengths, simulation.tensions(), residual, eigenvalues, softest, off_wheel, memory)

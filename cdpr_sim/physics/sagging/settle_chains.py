@@ -12,6 +12,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.equilibrium import NotSettled
+from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.physics.batch import quiet, refuse_own_masses
@@ -33,6 +34,7 @@ def released(
     model: mujoco.MjModel | None = None,
     frames: Frames | None = None,
     say: Callable[[str], None] = lambda words: None,
+    memory: tuple[Memory, float] | None = None,
 ) -> tuple[list[ChainState], list[int], list[Status]]:
     """Settle each of (rows,) problems from its start: last state, number of time steps, and status.
 
@@ -42,12 +44,13 @@ def released(
         model: the model to use instead of the generated one.
         frames: collects the motion of the first one.
         say: is called from time to time with the progress as text.
+        memory: of cables with one, (rows,), and the time since then [s]; default: that of new ropes.
 
     Raises:
         InvalidInput: a mass per problem, since all rows have one model.
     """
     readings, steps, status = [], [], []
-    for row, (simulation, start) in enumerate(_rows(problems, starts, model)):
+    for row, (simulation, start) in enumerate(_rows(problems, starts, model, memory)):
         which = f"pose {row + 1} of {len(problems)}: " if len(problems) > 1 else ""
         relaxation = _relaxed(
             simulation, start, frames if row == 0 else None, lambda words, which=which: say(which + words)
@@ -145,7 +148,10 @@ def unbalanced(
 
 
 def _rows(
-    problems: Problems, starts: RigidTransform, model: mujoco.MjModel | None
+    problems: Problems,
+    starts: RigidTransform,
+    model: mujoco.MjModel | None,
+    memory: tuple[Memory, float] | None = None,
 ) -> Iterator[tuple[ChainSimulation, RigidTransform]]:
     """Each problem's simulation, and where it starts."""
     robot, rows = problems.robot, len(problems)
@@ -156,4 +162,5 @@ def _rows(
     with quiet():
         for row in range(rows):
             start = starts[row]
-            yield ChainSimulation(robot, rest[row], stiffness[row], wrenches[row], start, model), start
+            before = None if memory is None else (memory[0][row], memory[1])
+            yield ChainSimulation(robot, rest[row], stiffness[row], wrenches[row], start, model, before), start

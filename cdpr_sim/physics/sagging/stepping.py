@@ -101,6 +101,7 @@ class Stepping:
         if self.turning:  # a wheel that lags behind its chain excites it
             simulation.turn_wheels()
         mujoco.mj_step1(model, data)
+        simulation.hold_ropes()
         self.free = chains.free(model, data)
         with np.errstate(divide="ignore", invalid="ignore"):  # no limit for a coordinate without velocity
             model.opt.timestep = step = self._time_step(longest)
