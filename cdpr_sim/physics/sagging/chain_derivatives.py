@@ -84,7 +84,7 @@ class ChainDerivatives(NamedTuple):
             """Decrease of forces on nodes displaced by these distances along each axis, (chains, nodes, 3, 3)."""
             moves = np.zeros((3, model.nv))
             moves[:, slides] = step * np.kron(distances, np.eye(3))[:, None]
-            return slopes(moves)[1].reshape(len(slides), -1, 3, 3)
+            return slopes(moves)[1].reshape(len(slides), len(distances), 3, 3)
 
         direct, across = slopes(np.array([simulation.in_dofs(step * axis) for axis in np.eye(free)]))
         # A slide extends its own segment and the first one. Distances whose sum is zero leave the first as it is.
