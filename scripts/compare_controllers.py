@@ -1,11 +1,15 @@
 """Compare controllers: both layouts, both cables, the paper's line and a circle, slow and fast, with a wrong model.
 
-Run: python scripts/compare_controllers.py. It takes several minutes on one core, a part of it for compensation at
-poses that cannot be held. It prints a table, draws pictures/controllers.png, and renders the best controller along the
-line beside the worst that stays in the picture: pictures/controllers.gif.
+    python scripts/compare_controllers.py
+    python scripts/compare_controllers.py --ropes
+
+The first takes several minutes on one core, a part of it for compensation at poses that cannot be held. It prints a
+table, draws pictures/controllers.png, and renders the best controller along the line beside the worst that stays in the
+picture: pictures/controllers.gif. The second prints what friction and hysteresis of the ropes cost each controller.
 """
 
 import dataclasses
+import sys
 import time
 from pathlib import Path
 
@@ -17,9 +21,9 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.studies.gallery import encoded
-from studies.controller_comparison import LAYOUTS, PAUSE, Run, Task, held, rms, runs
+from studies.controller_comparison import LAYOUTS, PAUSE, Run, Task, held, rms, rope_runs, runs
 from studies.controller_comparison_figures import controllers
-from studies.controller_tables import runs_table, summary_table
+from studies.controller_tables import ropes_table, runs_table, summary_table
 
 FILMED = "line", 0.05  # path, top speed [m/s]
 IN_SIGHT = 0.06  # [m] largest distance from the reference; beyond it, a platform leaves the picture
@@ -40,9 +44,14 @@ def titled(run: Run) -> cdpr.Trajectory:
 
 def main() -> None:
     console, begun = Console(), time.process_time()
+    on_ropes = sys.argv[1:] == ["--ropes"]
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("Tracking", total=1.0)
-        found = runs(lambda done: progress.update(task, completed=done))
+        found = (rope_runs if on_ropes else runs)(lambda done: progress.update(task, completed=done))
+    if on_ropes:
+        console.print(ropes_table(found))
+        console.print(f"{len(found)} runs, {time.process_time() - begun:.0f} s of one core")
+        return
     console.print(runs_table(found))
     console.print(summary_table(found))
     for layout in LAYOUTS:

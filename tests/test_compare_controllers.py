@@ -12,17 +12,19 @@ from studies.controller_comparison import (
     PAUSE,
     RIGID,
     RIGID_FEEDBACK,
+    ROPES,
     SCHEMES,
     Run,
     Task,
     believed,
     held,
     rms,
+    rope_tasks,
     run,
     tasks,
 )
 from studies.controller_comparison_figures import ROWS, controllers
-from studies.controller_tables import runs_table, summary_table
+from studies.controller_tables import ropes_table, runs_table, summary_table
 
 LINE = Task("cogiro", "fishing-0.4mm", "line", 0.5)
 CIRCLE = Task("parallel", "vectran-0.7mm", "circle", 0.05)
@@ -87,6 +89,18 @@ def test_the_table_says_what_was_measured(found):
     (row,) = (line.split() for line in console.export_text().splitlines() if RIGID_FEEDBACK in line)
     assert row[3:] == [f"{1e3 * rms(found[1].position_errors):.1f}", "to", row[3]]
     assert "line, up to 0.5 m/s" in text
+
+
+def test_the_table_of_ropes_has_a_column_for_each_kind(found):
+    """Of one motion, whose robot has these ropes; a run without a number leaves its cell empty."""
+    ropes = rope_tasks()
+    assert [task.ropes for task in ropes] == list(ROPES)
+    assert all(task.robot.cabling.remembers.all() for task in ropes)
+    assert [float(task.robot.pulley_friction[0]) for task in ropes] == [0, 0.02, 0.05, 0, 0]
+    table = ropes_table([dataclasses.replace(found[0], task=ropes[2])])
+    assert [list(column.cells) for column in table.columns][1:4] == [
+        [""], [""], [f"{1e3 * rms(found[0].position_errors):.3f}"]
+    ]  # fmt: skip
 
 
 def test_a_platform_that_fell_is_said_to_have_fallen(found):

@@ -248,3 +248,29 @@ def test_commands_take_cables_of_every_kind_side_by_side(command, tmp_path):
         assert json.loads(told.stdout)
     written = [Path(word) for word in words if word.startswith(str(tmp_path))]
     assert all(path.exists() for path in written)
+
+
+REMEMBERING = ROBOTS["plain"].replace(
+    winch_to_exit=0.5, pulley_friction=0.02, hysteresis=[(0.1, np.inf, 0.2)], creep=[(4e5, 600.0)]
+)
+"""Ropes with friction, hysteresis and creep."""
+
+KNOWS_MEMORY = (
+    "solve", "solve_many", "settle, compare", "settle_many", "track", "track(tensions)", "clearances",
+    "cable_profiles", "check", "draw", "feasible", "shortfall", "workspace_hull",
+)  # fmt: skip
+"""Answers that take the memory into account, or that depend on equilibria from new ropes, or on tensions alone."""
+
+
+@pytest.mark.parametrize("answer", [*QUICK, *(name for name in SLOW if name not in {"find_front", "find_layout"})])
+def test_ropes_with_a_memory_have_an_answer_or_a_reason(answer):
+    """What depends on the path is answered along it, or refused in one sentence: never answered as if elastic."""
+    if answer == "certify":
+        pytest.importorskip("flint")
+    ask = (QUICK | SLOW)[answer]
+    if answer in KNOWS_MEMORY:
+        assert ask(REMEMBERING)
+        return
+    with pytest.raises(cdpr.InvalidInput, match="found pulley_friction and hysteresis and creep in cable 1") as refused:
+        ask(REMEMBERING)
+    assert "\n" not in str(refused.value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from cdpr_sim.control.pose_feedback import PoseFeedback
 from cdpr_sim.control.rigid_lengths import RigidLengths
 from cdpr_sim.core.controller import Controller, Sensors
 from cdpr_sim.core.materials import PAPER_MATERIALS
+from cdpr_sim.core.memory import without_memory
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import PlatformFell, Trajectory
@@ -109,6 +110,42 @@ def believed(robot: Robot) -> Robot:
     return robot.replace(exits=exits, axial_stiffness=STIFFNESS_BELIEVED * robot.axial_stiffness)
 
 
+ROPES = {
+    "elastic": {"hysteresis": [(1e-6, np.inf, 1e-6)]},
+    "friction 2 %": {"pulley_friction": 0.02},
+    "friction 5 %": {"pulley_friction": 0.05},
+    "hysteresis 5 %": {"hysteresis": [(0.2, np.inf, 0.1)]},
+    "hysteresis 10 %": {"hysteresis": [(0.2, np.inf, 0.2)]},
+}
+"""What ropes have besides elasticity: friction c at the exits, or a loop as a part of the tension. Assumed, in the
+range of measured ropes (``docs/concepts/memory.md``). Elastic ones have a loop of 1e-12, so that all are simulated in
+the same way: ``track`` damps the strain of ropes with a memory, and the length of others."""
+
+BEHIND = 0.5
+"""[m] Assumed rope between winch and exit: friction acts on winches that control lengths through it."""
+
+
+@dataclass(frozen=True)
+class RopeTask(Task):
+    """A motion of a robot on ropes with a memory.
+
+    Attributes:
+        ropes: a key of ``ROPES``.
+    """
+
+    ropes: str
+
+    @property
+    def robot(self) -> Robot:
+        """The true robot."""
+        return super().robot.replace(winch_to_exit=BEHIND, **ROPES[self.ropes])
+
+
+def rope_tasks() -> tuple[RopeTask, ...]:
+    """A fast circle of the crossed layout on all ropes."""
+    return tuple(RopeTask(LAYOUTS[0], PAPER_MATERIALS[-1], "circle", SPEEDS[-1], ropes) for ropes in ROPES)
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """Result of a task with a control scheme; errors and tensions are those after the pause.
@@ -179,16 +216,33 @@ def run(task: Task, scheme: str, *, robot: Robot | None = None, wrong: Robot | N
 
 def runs(progress: Callable[[float], None] | None = None) -> tuple[Run, ...]:
     """Every task with every scheme."""
-    robots = {(task.layout, task.material): task.robot for task in tasks()}
+    return _every(tasks(), believed, progress)
+
+
+def rope_runs(progress: Callable[[float], None] | None = None) -> tuple[Run, ...]:
+    """Every task on ropes with a memory with every scheme, whose model is right but for the memory."""
+    return _every(rope_tasks(), without_memory, progress)
+
+
+def _every(
+    tasks: Sequence[Task], believed: Callable[[Robot], Robot], progress: Callable[[float], None] | None
+) -> tuple[Run, ...]:
+    """Each task with each scheme; ``believed`` makes the controllers' model of a robot."""
+    robots = {_ropes_of(task): task.robot for task in tasks}
     models = {key: believed(robot) for key, robot in robots.items()}
-    pairs = list(itertools.product(tasks(), SCHEMES))
+    pairs = list(itertools.product(tasks, SCHEMES))
     results = []
     for number, (task, scheme) in enumerate(pairs):
-        key = task.layout, task.material
+        key = _ropes_of(task)
         results.append(run(task, scheme, robot=robots[key], wrong=models[key]))
         if progress is not None:
             progress((number + 1) / len(pairs))
     return tuple(results)
+
+
+def _ropes_of(task: Task) -> tuple[str, ...]:
+    """What makes two tasks those of one robot."""
+    return task.layout, task.material, task.ropes if isinstance(task, RopeTask) else ""
 
 
 def held(task: Task, poses: int = 200) -> float:

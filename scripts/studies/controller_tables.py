@@ -8,7 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from cdpr_sim.report.table_style import new_table
-from studies.controller_comparison import Run, rms
+from studies.controller_comparison import ROPES, RopeTask, Run, rms
 
 
 def runs_table(runs: Sequence[Run]) -> Table:
@@ -47,4 +47,20 @@ def summary_table(runs: Sequence[Run]) -> Table:
             errors = [1e3 * rms(one.position_errors) for one in own]
             cells.append(f"{min(errors):.1f} to {max(errors):.1f}" if errors else "")
         table.add_row(scheme, *cells)
+    return table
+
+
+def ropes_table(runs: Sequence[Run]) -> Table:
+    """A row for each scheme: its position error on each kind of ropes."""
+    table = new_table(
+        "Position errors on ropes with a memory [mm], root mean square", "",
+        *(ropes.replace(" ", "\n", 1) for ropes in ROPES), dense=True,
+    )  # fmt: skip
+    for scheme in dict.fromkeys(run.scheme for run in runs):
+        errors = {
+            run.task.ropes: f"{1e3 * rms(run.position_errors):.3f}{', falls' if run.fell else ''}"
+            for run in runs
+            if run.scheme == scheme and isinstance(run.task, RopeTask)
+        }
+        table.add_row(scheme, *(errors.get(ropes, "") for ropes in ROPES))
     return table
