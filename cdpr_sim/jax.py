@@ -222,7 +222,7 @@ def _on_host(
     for group in range(groups.max(initial=-1) + 1):
         some = where[groups == group]
         one = robot.replace(**{name: rows[name][some[0]] for name in ours}) if ours else robot
-        each = {name: rows[name][some] for name in PER_ROW if name in rows}
+        each: dict[str, Any] = {name: rows[name][some] for name in PER_ROW if name in rows}
         found = newton.solve_many(one, rows["pose"][some], **each)
         for result, seen in zip(results, (found.positions, found.rotations, found.tensions), strict=False):
             result[some[found.converged]] = seen[found.converged]

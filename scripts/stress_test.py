@@ -14,6 +14,7 @@ import itertools
 import sys
 import warnings
 from collections import Counter
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -79,9 +80,7 @@ def robot_of(kind: str, random: np.random.Generator) -> tuple[cdpr.Robot, float]
     return robot, size
 
 
-def asked_of(
-    kind: str, robot: cdpr.Robot, size: float, rows: int, random: np.random.Generator
-) -> dict[str, np.ndarray]:
+def asked_of(kind: str, robot: cdpr.Robot, size: float, rows: int, random: np.random.Generator) -> dict[str, Any]:
     """Return poses (rows, 6), and rest lengths and wrenches if the kind has them."""
     poses = np.hstack(
         [random.uniform(-0.8, 0.4, (rows, 3)) * size, random.normal(size=(rows, 3)) * random.choice([0, 0.3, 3])]

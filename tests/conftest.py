@@ -28,13 +28,10 @@ BEYOND_BEARTYPE = {
 """Where it does not follow."""
 
 COMPILED = {
-    "core.cable_path", "core.cable_law", "statics.cable_kernel", "statics.matrix_kernel", "statics.newton_kernel",
-    "statics.roots_kernel", "statics.stiffness_kernel", "statics.balance_kernel", "statics.catenary",
-    "statics.any_cable", "statics.lanes_kernel", "core.lanes", "core.compiling", "drawing.video.raycast",
-    "proof.contraction_kernel", "proof.geometry_kernel", "proof.interval_kernel", "proof.krawczyk_kernel",
-    "proof.search_kernel",
+    "core.cable_path", "core.cable_law", "core.compiling", "core.lanes", "drawing.video.raycast", "statics.any_cable",
+    "statics.catenary",
 }  # fmt: skip
-"""Whose functions Numba compiles."""
+"""Whose functions Numba compiles, beside the kernels."""
 
 AT_EVERY_STEP = {"core.path", "physics.tendons", "statics.forces", "statics.derivatives"}
 """Or at every step of a search: called so often that a check takes longer than what they do."""
@@ -47,7 +44,8 @@ def checked_modules() -> list[str]:
     assert spec.origin is not None
     package = Path(spec.origin).parent
     modules = {".".join(path.relative_to(package).with_suffix("").parts) for path in package.rglob("*.py")}
-    left_out = DOORS | BEYOND_BEARTYPE | COMPILED | AT_EVERY_STEP
+    kernels = {module for module in modules if module.endswith("_kernel")}
+    left_out = DOORS | BEYOND_BEARTYPE | COMPILED | kernels | AT_EVERY_STEP
     assert modules >= left_out
     return [f"cdpr_sim.{module}" for module in sorted(modules - left_out) if not module.endswith("__init__")]
 
