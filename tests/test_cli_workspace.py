@@ -1,5 +1,6 @@
 import dataclasses
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -77,6 +78,19 @@ def test_sweep_keeps_its_result(tmp_path):
     assert result.exit_code == 0
     assert "12 commanded poses" in result.stdout
     assert cdpr.open_sweep(path).sizes["x"] == 3
+
+
+def test_sweep_settles_what_it_keeps(tmp_path):
+    """Beside the other quantities, what MuJoCo says; and the status of the command is that of check."""
+    path = tmp_path / "settled.zarr"
+    result = run("sweep", "cogiro", "--grid", "2", "1", "1", "--settle", "-o", str(path))
+    assert result.exit_code == 0
+    with cdpr.open_sweep(path) as swept:
+        robot = cdpr.load_robot("cogiro")
+        poses = [(x, swept.y.item(), swept.z.item()) for x in swept.x.values]
+        settled = cdpr.settle_many(robot, poses).positions
+        np.testing.assert_array_equal(swept["settled_position"].values.reshape(2, 3), settled)
+        assert not np.array_equal(swept["position"].values.reshape(2, 3), settled)
 
 
 @pytest.mark.parametrize(

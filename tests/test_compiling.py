@@ -140,7 +140,7 @@ from cdpr_sim.core import compiling
 def doubled(value, result):
     result[0] = 2.0 * value
 
-kernel, many = compiling.Kernel("double", doubled, "()->()"), np.arange(100.0)
+kernel, many = compiling.Kernel("double", doubled, "()->()"), np.arange(1000.0)
 """
 
 
@@ -170,13 +170,13 @@ def test_processes_that_come_at_once_all_compile_and_one_publishes(tmp_path):
     text = DOUBLED + "print(kernel(many).sum())"
     for process in [start(tmp_path, text) for _ in range(3)]:
         printed, said = finished(process)
-        assert printed == ["9900.0"]
+        assert printed == ["999000.0"]
         assert "compiles its double" in said
     published = [path for place in (tmp_path / "cache" / "cdpr_sim").glob("*/*") for path in place.iterdir()]
     assert [path.name for path in published] == ["double-0"]
     before = contents(published[0])
     assert len(before) == 4  # an index and code, of the function and of its loop
-    assert finished(start(tmp_path, text)) == (["9900.0"], "")
+    assert finished(start(tmp_path, text)) == (["999000.0"], "")
     assert contents(published[0]) == before
 
 
@@ -274,7 +274,7 @@ for thread in threads:
 
 def test_a_script_called_coverage_is_not_run_by_numbas_import(tmp_path):
     """It was run again there, and waited for its threads, which waited for that import."""
-    assert finished(start(tmp_path, IN_THREADS, "coverage.py"))[0] == ["9900.0"] * 2
+    assert finished(start(tmp_path, IN_THREADS, "coverage.py"))[0] == ["999000.0"] * 2
 
 
 FORK = (
@@ -319,7 +319,10 @@ thread.join()
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is nothing to inherit")
 @pytest.mark.parametrize(
     ("where", "said"),
-    [("imports", "compiled code: this process was forked while another thread of its parent"), ("compiles", "9900.0")],
+    [
+        ("imports", "compiled code: this process was forked while another thread of its parent"),
+        ("compiles", "999000.0"),
+    ],
 )
 def test_a_child_that_is_forked_amid_an_import_refuses_and_amid_a_compilation_computes(tmp_path, where, said):
     """Locks of Python and of Numba were inherited from a thread that does not exist in the child."""

@@ -350,7 +350,7 @@ def doubled(value, result):
     result[0] = 2.0 * value
 
 robot = cdpr.load_robot("cogiro")
-print(Kernel("double", doubled, "()->()")(np.ones(100)).sum(), cdpr.solve(robot, robot.home).stable, cdpr.__file__)
+print(Kernel("double", doubled, "()->()")(np.ones(1000)).sum(), cdpr.solve(robot, robot.home).stable, cdpr.__file__)
 """
 """Code that compiles in a second, and an import that would compile at once."""
 
@@ -434,7 +434,7 @@ def test_a_system_install_computes_for_a_user_without_a_home(tmp_path):
         [sys.executable, "compute.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600
     )
     assert result.returncode == 0, result.stderr
-    assert result.stdout.split() == ["200.0", "True", str(package / "__init__.py")]
+    assert result.stdout.split() == ["2000.0", "True", str(package / "__init__.py")]
     where, what = result.stderr.splitlines()
     assert "set NUMBA_CACHE_DIR" in where
     assert "compiles its double" in what

@@ -33,6 +33,10 @@ HOSTILE = "<img src=x onerror=alert(1)> & [bold]'"
 PARABOLA = 0.05
 """How well a slack cable is drawn as long as it is: 2.5 % measured, of a steep one."""
 
+ALONG = 1e-5
+"""Fraction by which MuJoCo stops elsewhere along the direction in which the corners are neutrally stable (stiffness 2e-10
+of the largest): 2e-6 measured between corners that symmetry makes equal. The next poses are half as far away."""
+
 BALANCED = 2e-3
 """[N] What four decimals of a newton and three of a millimetre leave unbalanced of 3.9 N: 3e-4 measured."""
 
@@ -116,7 +120,9 @@ def test_the_worst_poses_are_the_worst(robot, found, read):
     arm = robot.characteristic_length
     away = [np.hypot(np.linalg.norm(one.deviation), arm * one.rotation.magnitude()) for one in settled]
     first = found.worst[0].settled
-    assert np.hypot(np.linalg.norm(first.deviation), arm * first.rotation.magnitude()) == pytest.approx(max(away))
+    assert np.hypot(np.linalg.norm(first.deviation), arm * first.rotation.magnitude()) == pytest.approx(
+        max(away), rel=ALONG
+    )
     table = next(table for table in read.tables if "pose" in table and "1" in table)
     place, mujoco, newton, tilt, *_ = table["1"]
     worst = settled[int(np.argmax(away))]

@@ -367,7 +367,7 @@ class _Hung:
         guess = expected_pulls(spans, strains, stiffness, whole)
         found, reached = hang(written + added, rest, law, self.radii, axes, guess, spans)
         folded = ~reached  # near where they hang
-        found[folded] = shape(-spans[folded], np.zeros(3), rest[folded].sum(1), fractions[folded, ::-1])[:, :-1]
+        found[folded] = shape(-spans[folded], 0 * spans[folded], rest[folded].sum(1), fractions[folded, ::-1])[:, :-1]
         for k, body in enumerate(self.nodes[:, ::-1].T):
             for axis in range(3):
                 slides = model.jnt_qposadr[model.body_jntadr[body] + axis]
