@@ -34,8 +34,8 @@ PARABOLA = 0.05
 """How well a slack cable is drawn as long as it is: 2.5 % measured, of a steep one."""
 
 ALONG = 1e-5
-"""Fraction by which MuJoCo stops elsewhere along the direction in which the corners are neutrally stable (stiffness 2e-10
-of the largest): 2e-6 measured between corners that symmetry makes equal. The next poses are half as far away."""
+"""Fraction by which MuJoCo stops elsewhere along the direction in which the corners are neutrally stable (stiffness
+2e-10 of the largest): 2e-6 measured between corners that symmetry makes equal. The next poses are half as far away."""
 
 BALANCED = 2e-3
 """[N] What four decimals of a newton and three of a millimetre leave unbalanced of 3.9 N: 3e-4 measured."""

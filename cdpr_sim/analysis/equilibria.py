@@ -405,7 +405,10 @@ def _roots(
         )  # fmt: skip
     balanced = left <= BALANCED * problem.load
     # The orthogonality of products of many small rotations deteriorates by rounding.
-    return positions[balanced], Rotation.from_matrix(rotations[balanced]).as_matrix()
+    positions, rotations = positions[balanced], Rotation.from_matrix(rotations[balanced]).as_matrix()
+    # The search goes on where an anchor comes into its wheel; a cable has no path there.
+    possible = np.isfinite(forces.at(problem, positions, rotations).lengths).all(-1)
+    return positions[possible], rotations[possible]
 
 
 def _distinct(

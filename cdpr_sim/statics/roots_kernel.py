@@ -114,8 +114,8 @@ def roots_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
     Arguments: ``Robot.cable_table`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench without a
     torque (6), free directions as 0 or 1 (6), characteristic length, norm of the net wrench that ends the search,
     damping of the first step, starting position (3), starting rotation matrix (3,3).
-    Results: position (3), rotation matrix (3,3), norm of the net wrench there, torques per characteristic length; nan
-    where a cable has no path.
+    Results: position (3), rotation matrix (3,3), norm of the net wrench there, torques per characteristic length. An
+    anchor may lie in its wheel there, where a cable has no path.
     """
     return _KERNELS[2 if sagging else bent]
 
