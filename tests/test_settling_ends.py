@@ -104,6 +104,7 @@ def test_an_interrupt_ends_settling_and_leaves_nothing_changed(taut, monkeypatch
     """Ctrl-C in the middle: the next settling is the same to the last bit."""
     before = cdpr.settle(taut)
     advance, steps = Stepping.advance, []
+    started = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background processes ignore it
 
     def interrupted(self, longest):
         steps.append(longest)
@@ -115,5 +116,6 @@ def test_an_interrupt_ends_settling_and_leaves_nothing_changed(taut, monkeypatch
         patch.setattr(Stepping, "advance", interrupted)
         with pytest.raises(KeyboardInterrupt):
             cdpr.settle(taut)
+    signal.signal(signal.SIGINT, started)
     assert len(steps) == 3
     assert np.array_equal(cdpr.settle(taut).position, before.position)
