@@ -248,8 +248,8 @@ class Cabling(Frozen):
             names = [name for name in MEMORIES if self.has(name)[cable]]
             raise InvalidInput(
                 f"{what}: found {' and '.join(names)} in cable {cable + 1}, expected cables without: their memory is "
-                "not taken into account here, but in solve, settle, solve_path, settle_path and check, and in track where "
-                "all cables are massless and linear"
+                "not taken into account here, but in solve, settle, solve_path, settle_path and check, and in track "
+                "where all cables are massless and linear"
             )
 
     def has(self, name: str) -> Bool[np.ndarray, " cables"]:
