@@ -685,8 +685,9 @@ def stretched(
     """Stretch [m] of springs with MuJoCo's polynomials under these pulls, and its slope [m/N], by Newton's method."""
     stretch, slope = pulls / stiffness, stiffness
     for _ in range(STRETCHINGS if square.any() or cube.any() else 0):
-        slope = np.maximum(stiffness + stretch * (2 * square + 3 * cube * stretch), LEAST_SLOPE * stiffness)
-        step = (stretch * (stiffness + stretch * (square + cube * stretch)) - pulls) / slope
+        force, slope = tendons.force(stretch, stiffness, square, cube)
+        slope = np.maximum(slope, LEAST_SLOPE * stiffness)
+        step = (force - pulls) / slope
         stretch = np.maximum(stretch - step, 0)
         if (np.abs(step) <= CLOSED * stretch).all():
             break

@@ -59,6 +59,11 @@ def _friction(cabling: Cabling) -> Float[np.ndarray, " cables"]:
     return np.where(cabling.behind > 0, cabling.pulley_friction, 0.0)
 
 
+def largest_ratio(friction: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
+    """Largest ratio rho of the tensions before and behind an exit, with this c; the least one is 1/rho."""
+    return (1 + friction / 2) / (1 - friction / 2)
+
+
 def add_elements(spec: mujoco.MjSpec, cabling: Cabling) -> None:
     """The tendons ``memory_1_1``, ... along the tendons ``cable_1``, ... of a model, behind all its tendons."""
     for i in range(1, len(cabling) + 1):
@@ -160,7 +165,7 @@ class RopeStep:
         parts = cabling.reeving * axial_stiffness
         behind, ropes = cabling.behind, rest_lengths + cabling.behind
         c = _friction(cabling)
-        rho = (1 + c / 2) / (1 - c / 2)
+        rho = largest_ratio(c)
         most, least = parts / (rest_lengths + behind / rho), parts / (rest_lengths + behind * rho)
         rubbing, middle = parts / rest_lengths, (most + least) / 2
         new = np.isnan(memory.beyond)
@@ -221,6 +226,11 @@ class RopeStep:
         return self.ropes * self.growing.sum(-1)
 
     @cached_property
+    def rho(self) -> Float[np.ndarray, " cables"]:
+        """Largest ratio of the tensions before and behind each exit, (cables,)."""
+        return largest_ratio(_friction(self.cabling))
+
+    @cached_property
     def curved(self) -> Bool[np.ndarray, " cables"]:
         """Which cables have a nonlinear law, (cables,)."""
         return np.asarray(self.cabling.stiffening.any(-1))
@@ -238,9 +248,9 @@ class RopeStep:
     def springs(self, stretches: Float[np.ndarray, "rows cables"]) -> Springs:
         """The springs of the cables at these ``stretches`` [m]."""
         e = stretches
-        pull = e * (self.own + e * (self.square + e * self.cube))
-        slope = self.own + e * (2 * self.square + 3 * e * self.cube)
-        found = Springs(pull, slope, self.elements, self.bounds(e), e[..., None] - self.free)
+        found = Springs(
+            *tendons.force(e, self.own, self.square, self.cube), self.elements, self.bounds(e), e[..., None] - self.free
+        )
         return self._gripping(e, found) if self.gripped.any() else found
 
     def bounds(self, stretches: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables elements"]:
@@ -257,15 +267,13 @@ class RopeStep:
         A rope that slides with the ratio x of the tensions behind and beyond its exit has the stretch
         l0 eps(T) + g eps(x T), and one that sticks l0 eps(T) + ``kept``.
         """
-        rho = (1 + _friction(self.cabling) / 2) / (1 - _friction(self.cabling) / 2)
-        (out, out_slope), (back, back_slope) = (self._sliding(stretches, x) for x in (1 / rho, rho))
+        (out, out_slope), (back, back_slope) = (self._sliding(stretches, x) for x in (1 / self.rho, self.rho))
         stuck = stretches - self.kept
         sticking, _ = self._tension(stuck / self.rest_lengths)
         # Where the rope slides, the spring is that of a rope that is about to: the law goes on to any stiffness.
         _, sticking_slope = self._tension(np.minimum(stuck / self.rest_lengths, self._strain(out)))
         middle, middle_slope = (out + back) / 2, (out_slope + back_slope) / 2
         stiff = np.maximum(sticking_slope / self.rest_lengths - middle_slope, LEAST_GRIP * middle_slope)
-        given = stretches * self.elements[..., :-1].sum(-1)
         lost = self.elements[..., :-1].sum(-1)
         gripped = self.gripped
 
@@ -275,7 +283,7 @@ class RopeStep:
             return array
 
         return Springs(
-            pull=np.where(gripped, middle - given, springs.pull),
+            pull=np.where(gripped, middle - lost * stretches, springs.pull),
             slope=np.where(gripped, middle_slope - lost, springs.slope),
             elements=last(stiff, springs.elements),
             bounds=last((out - back) / 2 / stiff, springs.bounds),
@@ -286,17 +294,19 @@ class RopeStep:
         self, strains: Float[np.ndarray, "rows cables"]
     ) -> tuple[Float[np.ndarray, "rows cables"], Float[np.ndarray, "rows cables"]]:
         """Pull [N] of a rope with this strain, and its slope by strain [N]."""
-        square, cube = self.cabling.stiffening.T
-        parts = self.rubbing * self.rest_lengths
-        eps = np.maximum(strains, 0.0)
-        pull = np.where(strains > 0, eps * (1 + eps * (square + eps * cube)), strains)
-        return parts * pull, parts * (1 + eps * (2 * square + 3 * eps * cube))
+        parts, square, cube = self._law
+        pull, slope = tendons.force(np.maximum(strains, 0.0), parts, square, cube)
+        return np.where(strains > 0, pull, parts * strains), slope
 
     def _strain(self, pulls: Float[np.ndarray, "rows cables"]) -> Float[np.ndarray, "rows cables"]:
         """Strain of a rope under these pulls [N]."""
-        parts = self.rubbing * self.rest_lengths
-        square, cube = self.cabling.stiffening.T
-        return stretched(pulls, parts, parts * square, parts * cube)[0]
+        return stretched(pulls, *self._law)[0]
+
+    @cached_property
+    def _law(self) -> tuple[Float[np.ndarray, "rows cables"], ...]:
+        """Coefficients of the pull by strain, its square and its cube, (rows, cables) [N] each."""
+        parts, (square, cube) = self.rubbing * self.rest_lengths, self.cabling.stiffening.T
+        return parts, parts * square, parts * cube
 
     def _sliding(
         self, stretches: Float[np.ndarray, "rows cables"], ratio: Float[np.ndarray, " cables"]
@@ -323,7 +333,7 @@ class RopeStep:
         if not self.exact:
             return self._searched(beyond)
         # e + compliance pull(e) = beyond, increasing and piecewise linear in e: the piece between two kinks is found.
-        compliance = self.compliance - self.beside / (self.rubbing * self.rest_lengths)
+        compliance = self.compliance - self.beside / self._law[0]
         with np.errstate(divide="ignore", invalid="ignore"):
             kinks = np.concatenate(
                 [
@@ -379,8 +389,7 @@ class RopeStep:
         slides = np.abs(springs.apart) > springs.bounds
         slope = springs.slope + (springs.elements * np.where(slides, wedge, 1.0)).sum(-1)
         if self.gripped.any():
-            rho = (1 + _friction(self.cabling) / 2) / (1 - _friction(self.cabling) / 2)
-            (_, out), (_, back) = (self._sliding(stretches, x) for x in (1 / rho, rho))
+            (_, out), (_, back) = (self._sliding(stretches, x) for x in (1 / self.rho, self.rho))
             stuck = slope - (springs.elements * np.where(slides, wedge, 1.0))[..., -1]
             apart = springs.apart[..., -1]
             sliding = np.where(apart > 0, out - back, back - out) / 2

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 
 from cdpr_sim.core.memory import Memory, without_memory
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.physics.rope_memory import RopeStep
+from cdpr_sim.physics.rope_memory import RopeStep, largest_ratio
 
 ROUNDING = 1e-15
 """Rounding of a stretch, as a fraction of the rope."""
@@ -70,8 +70,7 @@ class RopeMotion:
 
     def __init__(self, robot: Robot, memory: Memory) -> None:
         self.memory, self._robot, self._cabling = memory, robot, robot.cabling
-        c = robot.pulley_friction
-        self._rho = (1 + c / 2) / (1 - c / 2)
+        self._rho = largest_ratio(robot.pulley_friction)
         # From the exit on, a rope has no friction and no rope behind it.
         bare = without_memory(robot).replace(winch_to_exit=0.0, hysteresis=robot.hysteresis, creep=robot.creep)
         self._bare = bare.cabling

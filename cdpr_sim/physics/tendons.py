@@ -169,6 +169,17 @@ def pull(
     return stiffnesses * np.maximum(lengths - bands[:, :, 1], 0)
 
 
+def force(
+    stretches: Float[np.ndarray, "*batch"],
+    stiffness: Float[np.ndarray, "*#batch"],
+    square: Float[np.ndarray, "*#batch"],
+    cube: Float[np.ndarray, "*#batch"],
+) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
+    """Force of springs with MuJoCo's polynomial at these stretches [m], and its slope by the stretch."""
+    force = stretches * (stiffness + stretches * (square + cube * stretches))
+    return force, stiffness + stretches * (2 * square + 3 * cube * stretches)
+
+
 def let_out(model: mujoco.MjModel, cabling: Cabling, rest_lengths: Float[np.ndarray, "steps cables"]) -> Iterator[None]:
     """Set a model's cables to one row of ``rest_lengths`` [m] after the other, as winches do."""
     ends, stiffnesses, further = model.tendon_lengthspring[:, 1], model.tendon_stiffness, model.tendon_stiffnesspoly

@@ -50,7 +50,7 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
         equilibrium in MuJoCo from ``pose``.
 
     Raises:
-        InvalidInput: invalid lengths, or lengths out of the winches' range; cables with mass or a memory.
+        InvalidInput: invalid lengths, or lengths out of the winches' range; cables with a memory.
         NotSettled: cables are nonlinear, and the platform does not come to rest on them.
     """
     refuse_unless(Robot, robot=robot)
