@@ -25,7 +25,7 @@ from cdpr_sim.report import table_style
 from cdpr_sim.report.analysis_tables import compensation_table
 from studies.checked_lines import line_table
 
-COMMAND = [sys.executable, "-c", "from cdpr_sim.cli import main; main()"]
+COMMAND = [sys.executable, "-c", "from cdpr_sim.__main__ import main; main()"]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(cdpr.__file__).parents[1]), "COLUMNS": "80"}
 
 
@@ -139,8 +139,9 @@ def test_interrupt_is_130_wherever_it_comes(monkeypatch):
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups to send an interrupt to")
 def test_an_interrupt_is_130_even_where_a_shell_runs_the_tests_in_the_background():
     """``&`` has children ignore SIGINT: the test restores it, and cleans up whatever happens."""
+    ready = "import cdpr_sim.analysis.equilibria; print('ready', flush=True)"  # Python ignores some interrupts of imports
     running = subprocess.Popen(
-        [*COMMAND, "equilibria", "cogiro", "--starts", "300000"],
+        [sys.executable, "-c", f"{ready}; {COMMAND[2]}", "equilibria", "cogiro", "--starts", "300000"],
         env=ENVIRONMENT,
         start_new_session=True,
         stdout=subprocess.PIPE,
@@ -149,7 +150,9 @@ def test_an_interrupt_is_130_even_where_a_shell_runs_the_tests_in_the_background
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     try:
-        time.sleep(4)  # imports and the first starts; they all take a minute
+        assert running.stdout is not None
+        assert running.stdout.readline() == "ready\n"
+        time.sleep(1)  # the first starts; they all take a minute
         assert running.poll() is None
         os.killpg(running.pid, signal.SIGINT)
         _, error = running.communicate(timeout=60)
