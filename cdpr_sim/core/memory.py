@@ -19,8 +19,6 @@ from cdpr_sim.core.checks import Frozen, listed, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 
-ARRAYS = ("strains", "beyond", "creep", "tensions")
-
 
 @dataclass(frozen=True, eq=False)
 class Memory(Frozen):
@@ -70,14 +68,18 @@ class Memory(Frozen):
         )
 
     @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The numbers of all cables, by name: all but the time."""
+        return {name: getattr(self, name) for name in ("strains", "beyond", "creep", "tensions")}
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """(...), the paths side by side."""
         return self.tensions.shape[:-1]
 
     def __getitem__(self, row: SupportsIndex | tuple[SupportsIndex, ...] | None) -> Memory:
         """The memory of one of the paths, or with another dimension for ``None``."""
-        arrays = {name: getattr(self, name)[row].copy() for name in ARRAYS}
-        return dataclasses.replace(self, **arrays)
+        return dataclasses.replace(self, **{name: array[row].copy() for name, array in self.arrays.items()})
 
     def broadcast(self, robot: Robot, shape: tuple[int, ...]) -> Memory:
         """This memory for paths of ``robot`` side by side.
@@ -90,8 +92,8 @@ class Memory(Frozen):
         """
         fresh = Memory.fresh(robot, shape)
         parts = {}
-        for name in ARRAYS:
-            mine, wanted = getattr(self, name), getattr(fresh, name)
+        for name, mine in self.arrays.items():
+            wanted = getattr(fresh, name)
             try:
                 parts[name] = np.broadcast_to(mine, wanted.shape).copy()
             except ValueError:
