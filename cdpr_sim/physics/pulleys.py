@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import functools
 import xml.etree.ElementTree as ET
+from collections.abc import Sized
 from dataclasses import dataclass
 
 import mujoco
@@ -168,27 +169,23 @@ class Swivels:
     radii: Float[np.ndarray, " pulleys"]
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, cabling: Cabling) -> Swivels:
-        """The indices, by name."""
-        cables = np.flatnonzero(cabling.pulleys)
-
-        def ids(kind: mujoco.mjtObj, name: str, chain: str = "") -> Int[np.ndarray, " pulleys"]:
-            names = [chain if chain and cabling.linear_density[cable] > 0 else name for cable in cables]
-            found = [
-                mujoco.mj_name2id(model, kind.value, each.format(cable + 1))
-                for each, cable in zip(names, cables, strict=True)
-            ]
-            return np.array([one for one in found if one >= 0], dtype=int)
-
-        joints = ids(mujoco.mjtObj.mjOBJ_JOINT, "swivel_{}")
+    def of(cls, model: mujoco.MjModel, cables: Sized, prefix: str = "") -> Swivels:
+        """The indices, by name, in a model of so many ``cables``; all names begin with ``prefix``."""
+        kinds, count = mujoco.mjtObj, len(cables)
+        grooves = numbered(model, kinds.mjOBJ_GEOM, prefix + "groove_{}", count)
+        anchors = numbered(model, kinds.mjOBJ_SITE, prefix + "anchor_{}", count)
+        masses = numbered(model, kinds.mjOBJ_SITE, prefix + "node_{}_1", count)
+        over = np.flatnonzero(grooves >= 0)
+        joints = numbered(model, kinds.mjOBJ_JOINT, prefix + "swivel_{}", count)[over]
+        joints = joints[joints >= 0]
         return cls(
-            cables=cables,
-            bodies=ids(mujoco.mjtObj.mjOBJ_BODY, "pulley_{}"),
-            anchors=ids(mujoco.mjtObj.mjOBJ_SITE, "anchor_{}"),
-            faced=ids(mujoco.mjtObj.mjOBJ_SITE, "anchor_{}", "node_{}_1"),
+            cables=over,
+            bodies=numbered(model, kinds.mjOBJ_BODY, prefix + "pulley_{}", count)[over],
+            anchors=anchors[over],
+            faced=np.where(masses >= 0, masses, anchors)[over],
             coordinates=model.jnt_qposadr[joints],
             dofs=model.jnt_dofadr[joints],
-            radii=model.geom_size[ids(mujoco.mjtObj.mjOBJ_GEOM, "groove_{}"), 0],
+            radii=model.geom_size[grooves[over], 0],
         )
 
     def __len__(self) -> int:
@@ -232,6 +229,12 @@ class Swivels:
         away = seen - positions[..., self.bodies, :]
         axes = matrices[..., self.bodies, :].reshape(*away.shape, 3)
         return (away[..., None, :] @ axes)[..., 0, :]
+
+
+def numbered(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str, count: int) -> Int[np.ndarray, " count"]:
+    """Indices of the elements ``name`` of cables 1, 2, ...; -1 where there is none."""
+    names = [name.format(cable) for cable in range(1, count + 1)]
+    return np.array([mujoco.mj_name2id(model, kind.value, each) for each in names], dtype=int)
 
 
 def toward_anchors(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> None:

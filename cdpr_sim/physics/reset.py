@@ -4,6 +4,7 @@
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import mujoco
@@ -18,7 +19,7 @@ from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.robot import IN_PLANE
 from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, hang, shape, straight
 from cdpr_sim.physics.damping import stretching
-from cdpr_sim.physics.pulleys import ENTRY, Swivels
+from cdpr_sim.physics.pulleys import ENTRY, Swivels, numbered
 from cdpr_sim.physics.winches import LEAST_SPARE
 
 LEAST_GRAVITY = 1e-100
@@ -164,72 +165,56 @@ class _Parts:
         """
         kinds = mujoco.mjtObj
         platform = _id(model, kinds.mjOBJ_BODY, f"{prefix}platform")
-        exits = _numbered(model, kinds.mjOBJ_SITE, f"{prefix}exit_")
-        if platform < 0 or not len(exits):
+        count = next(i for i in itertools.count() if _id(model, kinds.mjOBJ_SITE, f"{prefix}exit_{i + 1}") < 0)
+        if platform < 0 or not count:
             raise InvalidInput(
                 f"model: found no body '{prefix}platform' with cables, expected a model of to_mjcf and the prefix of "
                 "its names"
             )
-        names = range(1, len(exits) + 1)
 
         def ids(kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " cables"]:
-            whole = name if "{}" in name else f"{name}_{{}}"
-            return np.array([_id(model, kind, prefix + whole.format(i)) for i in names])
+            return numbered(model, kind, prefix + name, count)
 
-        cables, winches = ids(kinds.mjOBJ_TENDON, "cable"), ids(kinds.mjOBJ_ACTUATOR, "winch")
+        cables, winches = ids(kinds.mjOBJ_TENDON, "cable_{}"), ids(kinds.mjOBJ_ACTUATOR, "winch_{}")
         if (cables < 0).any():
             raise InvalidInput(
                 f"model: found no tendon '{prefix}cable_{np.argmax(cables < 0) + 1}', expected massless cables, or "
                 "those with mass in a model with winches or with a damping other than 'settle'"
             )
-        dampers, drums = ids(kinds.mjOBJ_ACTUATOR, "damped"), ids(kinds.mjOBJ_JOINT, "drum")
-        grooves, anchors = ids(kinds.mjOBJ_GEOM, "groove"), ids(kinds.mjOBJ_SITE, "anchor")
-        wheels = np.flatnonzero(grooves >= 0)
-        swivelling = ids(kinds.mjOBJ_JOINT, "swivel")[wheels]
-        swivelling = swivelling[swivelling >= 0]
-        chords, first = ids(kinds.mjOBJ_TENDON, "chord"), ids(kinds.mjOBJ_SITE, "node_{}_1")
-        swivels = Swivels(
-            cables=wheels,
-            bodies=ids(kinds.mjOBJ_BODY, "pulley")[wheels],
-            anchors=anchors[wheels],
-            faced=np.where(first >= 0, first, anchors)[wheels],
-            coordinates=model.jnt_qposadr[swivelling],
-            dofs=model.jnt_dofadr[swivelling],
-            radii=model.geom_size[grooves[wheels], 0],
-        )
-        offsets = np.zeros(len(exits))
-        offsets[wheels] = ENTRY * swivels.radii
-        coiled = np.flatnonzero(drums >= 0)
+        dampers, drums = ids(kinds.mjOBJ_ACTUATOR, "damped_{}"), ids(kinds.mjOBJ_JOINT, "drum_{}")
+        exits, chords = ids(kinds.mjOBJ_SITE, "exit_{}"), ids(kinds.mjOBJ_TENDON, "chord_{}")
+        swivels = Swivels.of(model, exits, prefix)
+        radii = np.zeros(count)
+        radii[swivels.cables] = swivels.radii
+        offsets, coiled = ENTRY * radii, np.flatnonzero(drums >= 0)
         coils = model.body_pos[model.jnt_bodyid[drums[coiled]]] - model.site_pos[exits[coiled]]
         offsets[coiled] = np.linalg.norm(coils, axis=1)
-        user = np.zeros((len(exits), 3))
+        user = np.zeros((count, 3))
         user[:, : min(3, model.nuser_tendon)] = model.tendon_user[cables, :3]
         parts_of_line, shared, uneven = np.maximum(user[:, 0], 1), user[:, 1], user[:, 2]
         acting = np.where(winches >= 0, winches, dampers)
         linear = (acting >= 0) & (drums < 0)
-        bias = model.actuator_biasprm[acting] if model.nu else np.zeros((len(exits), 2))
+        bias = model.actuator_biasprm[acting] if model.nu else np.zeros((count, 2))
         springs = np.where(linear, -bias[:, 1], model.tendon_stiffness[cables])
         begin = np.where(linear, -bias[:, 0] / springs, model.tendon_lengthspring[cables, 1])
         written = begin - (offsets - shared + uneven)
-        radii = np.zeros(len(exits))
-        radii[wheels] = swivels.radii
-        heavy = np.flatnonzero(first >= 0)
+        heavy = np.flatnonzero(chords >= 0)
         hung = _Hung(
             cables=heavy,
             nodes=np.array([ids(kinds.mjOBJ_BODY, f"node_{{}}_{k}")[heavy] for k in range(1, SEGMENTS)]).T,
-            ends=ids(kinds.mjOBJ_BODY, "end")[heavy],
+            ends=ids(kinds.mjOBJ_BODY, "end_{}")[heavy],
             segments=np.array([ids(kinds.mjOBJ_TENDON, f"cable_{{}}_{k}")[heavy] for k in range(1, SEGMENTS + 1)]).T,
             exits=exits[heavy],
-            pulleys=ids(kinds.mjOBJ_BODY, "pulley")[heavy],
+            pulleys=ids(kinds.mjOBJ_BODY, "pulley_{}")[heavy],
             radii=radii[heavy],
         )
         return cls(
             platform=platform,
             joints=[int(model.body_jntadr[platform]) + i for i in range(int(model.body_jntnum[platform]))],
             base=_id(model, kinds.mjOBJ_SITE, f"{prefix}base"),
-            anchors=anchors,
+            anchors=ids(kinds.mjOBJ_SITE, "anchor_{}"),
             cables=cables,
-            lines=np.maximum(ids(kinds.mjOBJ_TENDON, "line"), ids(kinds.mjOBJ_TENDON, "rope")),
+            lines=np.maximum(ids(kinds.mjOBJ_TENDON, "line_{}"), ids(kinds.mjOBJ_TENDON, "rope_{}")),
             winches=winches,
             dampers=dampers,
             drums=drums,
@@ -381,14 +366,6 @@ class _Hung:
 
 def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
     return mujoco.mj_name2id(model, kind.value, name)
-
-
-def _numbered(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " found"]:
-    """Ids of all elements ``name`` 1, 2, ..."""
-    found: list[int] = []
-    while (number := _id(model, kind, f"{name}{len(found) + 1}")) >= 0:
-        found.append(number)
-    return np.array(found, dtype=int)
 
 
 def _place(model: mujoco.MjModel, data: mujoco.MjData, parts: _Parts, at: Pose) -> None:

@@ -96,14 +96,20 @@ SHORTEST = 0.02
 """Shortest length of a winch's range, as a fraction of its longest, where the workspace reaches to the exit."""
 
 
-def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """Shortest and longest rest length that each winch can let out [m]: those of the workspace, and some more."""
+def reach(robot: Robot, written: Float[np.ndarray, " cables"] | None = None) -> Float[np.ndarray, "2 cables"]:
+    """Shortest and longest rest length that each winch can let out [m]: those of the workspace, and some more.
+
+    Also those that are ``written`` in its model [m].
+    """
     lower, upper = robot.workspace
     ends = robot.exits - robot.anchors  # the origin of a level platform for which a length is zero
     nearest = np.linalg.norm(ends - np.clip(ends, lower, upper), axis=1)
     furthest = np.linalg.norm(np.maximum(np.abs(ends - lower), np.abs(ends - upper)), axis=1)
     longest = (1 + SPARE) * (furthest + 2 * np.pi * robot.cabling.pulley_radius)
-    return np.maximum((1 - SPARE) * nearest, SHORTEST * longest), longest
+    shortest = np.maximum((1 - SPARE) * nearest, SHORTEST * longest)
+    if written is None:
+        return np.array([shortest, longest])
+    return np.array([np.minimum(shortest, written), np.maximum(longest, written)])
 
 
 def kind_of(winches: bool | Kind) -> Kind | None:
@@ -218,8 +224,7 @@ def add_winches(
         damping: resistance of cables to stretching, as a multiple of their stiffness, (cables,) [s].
     """
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
-    bounds = np.array([np.minimum(reach(robot)[0], rest_lengths), np.maximum(reach(robot)[1], rest_lengths)])
-    extra, offsets = shared(robot), _offsets(robot, uneven)
+    bounds, extra, offsets = reach(robot, rest_lengths), shared(robot), _offsets(robot, uneven)
     for cable, slope in enumerate(springs):
         i, length = cable + 1, rest_lengths[cable] + extra[cable]
         shortest, longest = bounds[:, cable] + extra[cable]
