@@ -9,13 +9,12 @@ import numpy as np
 from jaxtyping import UInt8
 
 from cdpr_sim.core.checks import whole
-from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing.video.render import Renderer, open_renderer
 from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.learning.tasks import Task
 from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
-from cdpr_sim.physics.sensing import pose_of
+from cdpr_sim.physics.sensing import pose_of, recorded
 from cdpr_sim.physics.viewer import FILE, refuse_without_display
 from cdpr_sim.physics.winches import hang
 
@@ -25,14 +24,8 @@ DARK = 1.5
 
 def state_of(task: Task, row: int) -> Trajectory:
     """The present state of a simulation, as a motion of one state; its commanded pose is the target."""
-    simulations, rows = task.simulations, slice(row, row + 1)
-    position, quaternion = task.target(row)
-    wanted = pose_of(np.concatenate([position, quaternion])[None])
-    problems = Problems.of(task.robot, wanted, simulations.rest_lengths[rows].copy())
-    times = task.period * task.ticks[rows].astype(float)
-    return Trajectory.of(
-        problems, times, pose_of(simulations.poses[rows]), simulations.lengths[rows], simulations.tensions[rows]
-    )
+    wanted, times = pose_of(task.target(row)[None]), task.period * task.ticks[[row]].astype(float)
+    return recorded(task.robot, wanted, times, [task.simulations.seen(row)])
 
 
 class Camera:

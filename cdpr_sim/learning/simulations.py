@@ -17,7 +17,9 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.mjcf import place
+from cdpr_sim.physics.sensing import Seen
 from cdpr_sim.physics.track import Machine
+from cdpr_sim.physics.winches import lengths_at, strains_of
 
 STEPS = 7
 """Least number of time steps per period of the platform's fastest oscillation: 0.9 of its inverse angular frequency,
@@ -143,9 +145,8 @@ class Simulations:
         self._ctrl[row] = self.machine.controls(self.rest_lengths[row])
         if self._some:
             mujoco.mj_forward(self._scratch, self._data)
-            lengths = self.machine.readings.lengths(self._data)
-            strains = (lengths - rest_lengths) / (rest_lengths + robot.winch_to_exit / robot.reeving)
-            tensions = (robot.axial_stiffness * strains).clip(0, self.largest)
+            _, lengths, _ = self.machine.readings.of(self._data.sensordata)
+            tensions = (robot.axial_stiffness * strains_of(robot, lengths, rest_lengths)).clip(0, self.largest)
             self._ctrl[row] = np.where(self.by_tension, tensions, self._ctrl[row])
         self.batch.forward(ids=[row])
         self._read()
@@ -187,7 +188,7 @@ class Simulations:
         self._read()
         self.rest_lengths = ahead
         if self._some:
-            held = machine.lengths_at(self.tensions / self._stiffness, self.lengths)
+            held = lengths_at(self.robot, self.tensions / self._stiffness, self.lengths)
             self.rest_lengths = np.where(by_tension, held, ahead)
         self._least_time += self.period
         # MuJoCo resets a simulation that becomes unstable, its time included.
@@ -199,9 +200,13 @@ class Simulations:
         return self._upwards < 0
 
     def _read(self) -> None:
-        together, cables = self.machine.readings.all(self._sensed), self.robot.cables
-        self.poses, self.lengths = together[:, :7], together[:, 7 : 7 + cables]
-        self.tensions = together[:, 7 + cables :]
+        self.poses, self.lengths, self.tensions = self.machine.readings.of(self._sensed)
+
+    def seen(self, row: int) -> Seen:
+        """The present state of one simulation."""
+        parts = self.poses, self.lengths, self.tensions, self.rest_lengths
+        pose, lengths, tensions, rest_lengths = (part[row].copy() for part in parts)
+        return pose, lengths, tensions, rest_lengths
 
     def twists(self) -> Float[np.ndarray, "count 6"]:
         """Velocities [m/s] and angular velocities [rad/s] of the platforms, base frame."""

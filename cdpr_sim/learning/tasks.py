@@ -305,19 +305,14 @@ class Task:
 
     # For controllers and pictures.
 
-    def target(self, row: int) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "4"]]:
+    def target(self, row: int) -> Float[np.ndarray, "7"]:
         """Where the platform of one simulation is wanted now: position [m], and quaternion w x y z."""
-        return self._now[row, :3], self._now[row, 3:7]
+        return self._now[row, :7]
 
     def measurement(self, row: int) -> Measurement:
         """What exact sensors without delay measure in one simulation."""
-        simulations = self.simulations
-        return Measurement(
-            float(self.ticks[row] * self.period),
-            pose_of(simulations.poses[row]),
-            simulations.tensions[row].copy(),
-            simulations.rest_lengths[row].copy(),
-        )
+        pose, _, tensions, rest_lengths = self.simulations.seen(row)
+        return Measurement(float(self.ticks[row] * self.period), pose_of(pose), tensions, rest_lengths)
 
     def action_of(self, row: int, answer: Command | ArrayLike) -> Float[np.ndarray, " cables"]:
         """The action by which winches come nearest to a controller's command.

@@ -22,11 +22,11 @@ from cdpr_sim.physics import chains, pulleys, tendons
 from cdpr_sim.physics.damping import (
     STEPS,
     Damping,
-    fastest,
     loss_factor,
     refuse_undamped,
     relaxation_times,
     rounded_down,
+    stiffest,
 )
 from cdpr_sim.physics.number_format import magnitude, text
 from cdpr_sim.physics.winches import (
@@ -198,7 +198,7 @@ def to_mjcf(
     if whole:
         chains.add_proportions(root, _compiled(root), robot, problem.rest_lengths)
     if not settling:
-        period = 2 * np.pi / fastest(_compiled(root), robot, springs)
+        period = 2 * np.pi / np.sqrt(stiffest(_compiled(root), robot, springs)[0])
         swings = chains.swinging(robot, problem.rest_lengths, pulls)
         longest = min(period / STEPS, RESOLVED / swings if swings else np.inf)
         option.set("timestep", text(min(step, rounded_down(longest))))

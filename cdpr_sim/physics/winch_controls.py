@@ -16,7 +16,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import chains
 from cdpr_sim.physics.settle import settle
 from cdpr_sim.physics.tendons import springs
-from cdpr_sim.physics.winches import SERVO, reach, shared
+from cdpr_sim.physics.winches import SERVO, controls, reach, shared
 
 
 def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Float[np.ndarray, "*rows cables"]:
@@ -49,11 +49,10 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
             f"rest_lengths: found {wanted[place]:g} m for cable {cable + 1}, expected {lowest[cable]:.4g} to "
             f"{highest[cable]:.4g} m, which its winch can let out"
         )
-    extra = shared(robot)
-    controls = (rigid + extra) / (wanted + extra) - 1
+    found = controls(robot, rigid, wanted)
     if not robot.cabling.linear:
         nonlinear = robot.cabling.stiffening.any(1)
-        servos = SERVO * springs(robot.cabling, robot.axial_stiffness, rigid)
+        servos, extra = SERVO * springs(robot.cabling, robot.axial_stiffness, rigid), shared(robot)
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
             lengths = rest.lengths + extra
@@ -64,9 +63,9 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
                 pull = rest.pulls[[cable]] + robot.cable_weights[cable] * rise / 2
                 strain = chains.strains(robot.cabling, np.array([cable]), pull)[0]
                 lengths[cable] = (wanted[row][cable] + extra[cable]) * (1 + strain)
-            drawn_in = lengths * controls[row] + rest.pulls / servos  # plus the servos' displacement
-            controls[row][nonlinear] = drawn_in[nonlinear]
-    return controls
+            drawn_in = lengths * found[row] + rest.pulls / servos  # plus the servos' displacement
+            found[row][nonlinear] = drawn_in[nonlinear]
+    return found
 
 
 @functools.lru_cache(maxsize=16)

@@ -172,6 +172,28 @@ def shared(robot: Robot) -> Float[np.ndarray, " cables"]:
     return robot.winch_to_exit / robot.reeving
 
 
+def controls(
+    robot: Robot, written: Float[np.ndarray, " cables"], rest_lengths: Float[np.ndarray, "*rows cables"]
+) -> Float[np.ndarray, "*rows cables"]:
+    """Controls u of winches, ``written`` with these rest lengths [m], that let out ``rest_lengths`` [m]."""
+    extra = shared(robot)
+    return (written + extra) / (rest_lengths + extra) - 1
+
+
+def strains_of(
+    robot: Robot, lengths: Float[np.ndarray, "*rows cables"], rest_lengths: Float[np.ndarray, "*rows cables"]
+) -> Float[np.ndarray, "*rows cables"]:
+    """Strains of cables that are ``lengths`` long and of which winches have let out ``rest_lengths`` [m]."""
+    return (lengths - rest_lengths) / (rest_lengths + shared(robot))
+
+
+def lengths_at(
+    robot: Robot, strains: Float[np.ndarray, "*rows cables"], lengths: Float[np.ndarray, "*rows cables"]
+) -> Float[np.ndarray, "*rows cables"]:
+    """Rest lengths of cables with these ``strains`` that are ``lengths`` long [m]."""
+    return (lengths - strains * shared(robot)) / (1 + strains)
+
+
 def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
     """Difference between the length of each tendon and its cable at control 0 [m]: the part behind the exit."""
     _, longest = reach(robot)
