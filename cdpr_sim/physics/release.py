@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.cable import MOST_STRAIN
-from cdpr_sim.core.checks import positive, refuse_unless
+from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance, moved
@@ -26,7 +26,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.batch import quiet, simulations_of
 from cdpr_sim.physics.chains import refuse_short
-from cdpr_sim.physics.drive import MOST_SECONDS
+from cdpr_sim.physics.drive import duration
 from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.sagging import settle_chains
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
@@ -112,7 +112,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     robot.cabling.refuse_memory("release")
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity only")
-    seconds, arm = _duration(seconds), robot.characteristic_length
+    seconds, arm = duration(seconds), robot.characteristic_length
     if weighs(robot):
         refuse_short(robot, problem.rest_lengths)
         with quiet():
@@ -191,7 +191,7 @@ def grow_gravity(
     problem = Problem.of(robot, pose, rest_lengths)
     if problem.external_wrench.any():
         raise InvalidInput("external_wrench: found one, expected gravity only, which grows")
-    seconds, robot = _duration(seconds), problem.robot
+    seconds, robot = duration(seconds), problem.robot
     massless = robot.replace(linear_density=0.0)
     model = mujoco.MjModel.from_xml_string(to_mjcf(massless, problem.pose, problem.rest_lengths))
     data = mujoco.MjData(model)
@@ -204,12 +204,6 @@ def grow_gravity(
     if any(warning.number for warning in data.warning):
         raise NotSettled(f"{robot.name}: the simulation in MuJoCo became unstable while gravity grew")
     return settle(robot, _pose(data), problem.rest_lengths)
-
-
-def _duration(seconds: float) -> float:
-    if positive("seconds", seconds, "s") > MOST_SECONDS:
-        raise InvalidInput(f"seconds: found {seconds:g}, expected more than 0 and at most {MOST_SECONDS:g}")
-    return float(seconds)
 
 
 def _pose(data: mujoco.MjData) -> RigidTransform:
