@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -322,25 +322,24 @@ def compare_many(
     if not compare.remembers(problems.robot):
         errors["static_in_mujoco"] = residuals_of(problems, poses_of(*static), threads=threads)
         errors["settled_in_statics"] = np.asarray(forces.at(problems, *at_rest).residual)
+    tolerances = _tolerances(problems)
+    within[rows] = np.all([error <= tolerances[name] for name, error in errors.items()], axis=0)
+    within &= ~compare.slack_differs(solved, settled).any(-1)
+    for name, column in errors.items():
+        columns[name][rows] = column
+    return columns, within
+
+
+def _tolerances(problems: Problems) -> dict[str, float | Float[np.ndarray, " rows"]]:
+    """Of the errors and cross residuals, by name."""
     cross = compare.CROSS_TOLERANCE * problems.force_scale
-    tolerances = {
+    return {
         "position_error": compare.POSITION_TOLERANCE,
         "rotation_error": compare.ROTATION_TOLERANCE,
         "tension_error": compare.TENSION_TOLERANCE,
         "static_in_mujoco": cross,
         "settled_in_statics": cross,
     }
-    within[rows] = np.all([error <= tolerances[name] for name, error in errors.items()], axis=0)
-    within[rows] &= _same_slack(solved, settled)[rows]
-    for name, column in errors.items():
-        columns[name][rows] = column
-    return columns, within
-
-
-def _same_slack(solved: EquilibriumBatch, settled: EquilibriumBatch) -> Bool[np.ndarray, " rows"]:
-    """Where the same cables are slack; one at its rest length counts as either."""
-    near = [np.abs(one.lengths - one.rest_lengths) <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
-    return ~((solved.slack != settled.slack) & ~near[0] & ~near[1]).any(-1)
 
 
 def _neutral(
@@ -353,10 +352,9 @@ def _neutral(
     neutral = np.zeros(len(solved), dtype=bool)
     if not asked.any() or compare.remembers(solved.problems.robot):
         return neutral
-    cross = compare.CROSS_TOLERANCE * solved.problems.force_scale
-    same = asked & _same_slack(solved, settled) & (columns["tension_error"] <= compare.TENSION_TOLERANCE)
-    same &= (columns["static_in_mujoco"] <= cross) & (columns["settled_in_statics"] <= cross)
-    rows = np.flatnonzero(same)
+    tolerances, apart = _tolerances(solved.problems), ("position_error", "rotation_error")
+    same = [columns[name] <= tolerance for name, tolerance in tolerances.items() if name not in apart]
+    rows = np.flatnonzero(asked & np.all(same, axis=0) & ~compare.slack_differs(solved, settled).any(-1))
     if rows.size:
         poses = (poses_of(one.positions[rows], one.rotations[rows]) for one in (solved, settled))
         neutral[rows] = compare.connected(solved.problems.take(rows), *poses)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cdpr_sim.core.describe import describe_properties
+from cdpr_sim.core.describe import describe_properties, describe_stiffness, span
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing
 from cdpr_sim.core.pose import PoseLike
@@ -215,16 +215,12 @@ def _touching(contact: bool) -> str:
 def _limits(robot: Robot) -> str:
     if not robot.cabling.linear:
         return "a force without limit, as its cables are nonlinear"
-    forces = robot.reeving * largest_forces(robot)
-    lowest, highest = forces.min(), forces.max()
-    return f"{lowest:g} N" if lowest == highest else f"{lowest:g} to {highest:g} N"
+    return f"{span(robot.reeving * largest_forces(robot))} N"
 
 
 def _cables(robot: Robot) -> str:
-    lowest, highest = robot.axial_stiffness.min(), robot.axial_stiffness.max()
-    stiffness = f"EA = {lowest:g} N" if lowest == highest else f"EA = {lowest:g} to {highest:g} N"
-    cables = f"{robot.material}, {stiffness}" if robot.material else stiffness
-    return ", ".join([cables, *describe_properties(robot)])
+    material = [robot.material] if robot.material else []
+    return ", ".join([*material, describe_stiffness(robot, "N"), *describe_properties(robot)])
 
 
 def _law(robot: Robot) -> str:
