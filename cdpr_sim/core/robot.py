@@ -451,12 +451,7 @@ class Robot(HtmlRepr):
         """
         at = Pose.of(pose)
         if self.mobility == "planar":
-            y, sine = at.position[1], max(abs(at.rotation_matrix[1, 0]), abs(at.rotation_matrix[1, 2]))
-            if abs(y) > IN_PLANE or sine > IN_PLANE:
-                found = f"y = {y:g} m" if abs(y) > IN_PLANE else "a rotation about x or z"
-                raise InvalidInput(
-                    f"pose: found {found}, but {self.name!r} is planar: expected y = 0 and a rotation about y only"
-                )
+            refuse_out_of_plane(at, repr(self.name))
         return at
 
     def rest_lengths(
@@ -623,6 +618,18 @@ def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"
             raise InvalidInput(
                 f"{where}: found y = {rows[row, 1]:g} m, expected 0: a planar robot moves in the x-z plane"
             )
+
+
+def refuse_out_of_plane(pose: Pose, name: str) -> None:
+    """Refuse a pose of the planar robot ``name`` that is out of its plane.
+
+    Raises:
+        InvalidInput: y is not 0, or a rotation about another axis than y.
+    """
+    y, sine = pose.position[1], np.abs(pose.rotation_matrix[1, [0, 2]]).max()
+    if abs(y) > IN_PLANE or sine > IN_PLANE:
+        found = f"y = {y:g} m" if abs(y) > IN_PLANE else "a rotation about x or z"
+        raise InvalidInput(f"pose: found {found}, but {name} is planar: expected y = 0 and a rotation about y only")
 
 
 def _corners(field: str, value: ArrayLike) -> Float[np.ndarray, "2 3"]:

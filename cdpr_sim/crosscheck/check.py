@@ -165,13 +165,10 @@ def check(
     for robot in group:
         refuse_wrench_out_of_plane(robot, wrench)
         robot.pose(np.r_[robot.home, turn])
-    stack = None
-    if poses is None:
-        axes = grids.as_grid(grid, group)
-        size = math.prod(len(values) for values in axes.values())
-    else:
-        stack = grids.as_poses(poses, group[0], grid, turn)
-        axes, size = {"pose": np.arange(len(stack))}, len(stack)
+    stack = None if poses is None else grids.as_poses(poses, group[0], grid, turn)
+    axes = grids.as_grid(grid, group) if stack is None else {"pose": np.arange(len(stack))}
+    shape = tuple(len(values) for values in axes.values())
+    size = math.prod(shape)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)
     available_memory.refuse_beyond(
@@ -179,7 +176,6 @@ def check(
         size * (BYTES_PER_POSITION + BYTES_PER_POSE * len(group) * len(labels)),
         "fewer poses",
     )
-    shape = tuple(len(values) for values in axes.values())
     if stack is None:
         rows = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, 3)
         matrices = np.broadcast_to(Rotation.from_euler("xyz", turn).as_matrix(), (len(rows), 3, 3))

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.core.checks import checked_array, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import Pose, PoseLike
-from cdpr_sim.core.robot import IN_PLANE
+from cdpr_sim.core.robot import refuse_out_of_plane
 from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, hang, shape, straight
 from cdpr_sim.physics.damping import stretching
 from cdpr_sim.physics.pulleys import ENTRY, Swivels, numbered
@@ -353,10 +353,8 @@ class _Hung:
         found, reached = hang(written + added, rest, law, self.radii, axes, guess, spans)
         folded = ~reached  # near where they hang
         found[folded] = shape(-spans[folded], 0 * spans[folded], rest[folded].sum(1), fractions[folded, ::-1])[:, :-1]
-        for k, body in enumerate(self.nodes[:, ::-1].T):
-            for axis in range(3):
-                slides = model.jnt_qposadr[model.body_jntadr[body] + axis]
-                data.qpos[slides] = (found[:, k] @ rotation)[:, axis]
+        slides = model.body_jntadr[self.nodes[:, ::-1]][..., None] + np.arange(3)
+        data.qpos[model.jnt_qposadr[slides]] = found @ rotation
         mujoco.mj_forward(model, data)
         per_length = np.linalg.norm(whole, axis=1) / (beyond * scale)
         rise = -spans @ model.opt.gravity / max(float(np.linalg.norm(model.opt.gravity)), LEAST_GRAVITY)
@@ -384,11 +382,7 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, parts: _Parts, at: Pose) 
         frame, body = (Rotation.from_quat(quat, scalar_first=True) for quat in (base, model.body_quat[parts.platform]))
         data.qpos[adr[3] : adr[3] + 4] = (body.inv() * frame * rotation).as_quat(scalar_first=True)
     else:
-        if abs(position[1]) > IN_PLANE or np.abs(at.rotation_matrix[1, [0, 2]]).max() > IN_PLANE:
-            found = f"y = {position[1]:g} m" if abs(position[1]) > IN_PLANE else "a rotation about x or z"
-            raise InvalidInput(
-                f"pose: found {found}, but the robot is planar: expected y = 0 and a rotation about y only"
-            )
+        refuse_out_of_plane(at, "the robot")
         data.qpos[adr] = position[0], position[2], np.arctan2(-at.rotation_matrix[2, 0], at.rotation_matrix[0, 0])
     if len(parts.swivels):
         parts.swivels.face(model, data, anchors=True)
