@@ -19,11 +19,11 @@ from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.learning.domain import Domain
-from cdpr_sim.learning.simulations import Simulations, rotation_vectors
+from cdpr_sim.learning.task_simulations import TaskSimulations, rotation_vectors
 from cdpr_sim.physics.drive import FALLEN, poses_through
 from cdpr_sim.physics.sensing import pose_of
 from cdpr_sim.physics.track import CABLE_DAMPING, DAMPING
-from cdpr_sim.physics.winches import SPEED, largest_forces
+from cdpr_sim.physics.winches import WINCH_SPEED, largest_forces
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import newton
 
@@ -100,7 +100,7 @@ class Task:
         seconds: float | None = None,
         domain: Domain | Mapping[str, float] | None = None,
         rewards: Mapping[str, float] | None = None,
-        winch_speed: float = SPEED,
+        winch_speed: float = WINCH_SPEED,
         winch_force: ArrayLike | None = None,
         damping: float = DAMPING,
         cable_damping: float = CABLE_DAMPING,
@@ -124,7 +124,7 @@ class Task:
             one_of("term of the reward", name, REWARDS)
         self.weights = REWARDS | {name: float(checked_array(name, of, ())) for name, of in (rewards or {}).items()}
         self.winch_speed = positive("winch_speed", winch_speed, "m/s")
-        self.simulations = Simulations(
+        self.simulations = TaskSimulations(
             robot,
             count,
             period=period,

@@ -62,11 +62,8 @@ SMOOTH = 0.01
 """Time step of a platform on cables with mass, as a fraction of 1/omega of its slowest oscillation, if more than that
 of the model: an oscillation ten times as fast is damped by a twentieth of the critical damping."""
 
-Seen = tuple[RigidTransform, Float[np.ndarray, "steps cables"], Float[np.ndarray, "steps cables"]]
-"""Poses, lengths and tensions of some states."""
-
 State = tuple[Any, mujoco.MjData, int]
-"""What is recorded of a state, the state in MuJoCo, and the platform's body."""
+"""What is recorded of a state, MuJoCo's data, and the platform's body."""
 
 ROWS = 128
 """States that are read out of MuJoCo side by side; this limits the memory."""
@@ -232,7 +229,7 @@ def _on_tendons(problems: Problems, path: Path, start: RigidTransform, seconds: 
 def _on_chains(
     problems: Problems, path: Path, start: RigidTransform, seconds: float, from_rest: bool
 ) -> Iterator[State]:
-    """The states at each problem's instant on cables with mass, as ``Seen``."""
+    """The states at each problem's instant on cables with mass, as pose, lengths and tensions."""
     first = problems[0]
     robot, intervals = problems.robot, len(problems) - 1
     if from_rest:
@@ -278,7 +275,9 @@ def fallen(
     return None
 
 
-def _read(problems: Problems, qpos: Float[np.ndarray, "steps coordinates"]) -> list[Seen]:
+def _read(
+    problems: Problems, qpos: Float[np.ndarray, "steps coordinates"]
+) -> list[tuple[RigidTransform, np.ndarray, np.ndarray]]:
     """Poses, lengths and tensions of these states, from MuJoCo."""
     seen = []
     for first in range(0, len(problems), ROWS):

@@ -30,9 +30,9 @@ from cdpr_sim.physics.damping import (
 )
 from cdpr_sim.physics.number_format import magnitude, text
 from cdpr_sim.physics.winches import (
-    DAMPING,
     LEAST_SPARE,
-    SPEED,
+    RELAXATION_TIME,
+    WINCH_SPEED,
     Kind,
     add_damped_cables,
     add_drums,
@@ -69,7 +69,7 @@ def to_mjcf(
     winches: bool | Kind = False,
     damping: Damping = "settle",
     winch_force: ArrayLike | None = None,
-    winch_speed: float = SPEED,
+    winch_speed: float = WINCH_SPEED,
     contact: bool = False,
 ) -> str:
     """The robot with its platform at ``pose``, as MJCF text.
@@ -162,7 +162,7 @@ def to_mjcf(
     resisting = step if masses and not whole else None  # this integrator does not know springs
     uneven = chains.uneven(robot, problem.pose, problem.rest_lengths)
     if factor is None:
-        times = np.full(robot.cables, step if masses else DAMPING)
+        times = np.full(robot.cables, step if masses else RELAXATION_TIME)
     else:
         times = relaxation_times(robot, springs, factor)
     nodes_of = chains.add_nodes if whole else None

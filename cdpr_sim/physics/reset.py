@@ -20,7 +20,7 @@ from cdpr_sim.core.robot import refuse_out_of_plane
 from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, hang, shape, straight
 from cdpr_sim.physics.damping import stretching
 from cdpr_sim.physics.pulleys import ENTRY, Swivels, numbered
-from cdpr_sim.physics.winches import LEAST_SPARE
+from cdpr_sim.physics.winches import LEAST_SPARE, controls
 
 LEAST_GRAVITY = 1e-100
 """[m/s²] Gravity that has a direction."""
@@ -252,7 +252,7 @@ class _Parts:
             return np.zeros(len(ropes))
         by_speed = model.actuator_dyntype[self.winches] == mujoco.mjtDyn.mjDYN_INTEGRATOR
         units = np.where(self.drums >= 0, lengths, np.where(by_speed, self.written, 1.0))
-        inputs = units * (self.written / ropes - 1)
+        inputs = units * controls(self.written, ropes)
         ranges = np.where(
             by_speed[:, None], model.actuator_actrange[self.winches], model.actuator_ctrlrange[self.winches]
         )

@@ -47,6 +47,7 @@ from cdpr_sim.physics.sagging.settle_chains import at_rest
 from cdpr_sim.physics.sensing import Readings, Seen, Sensing, recorded
 from cdpr_sim.physics.settle import settle, weighs, weightless
 from cdpr_sim.physics.settle_path import settle_path
+from cdpr_sim.physics.winches import WINCH_SPEED
 
 SPEED = 0.05
 """[m/s] Default of the mean speed along the waypoints."""
@@ -75,7 +76,7 @@ def track(
     pause: float = 0.0,
     rate: float = 100.0,
     sensors: Sensors = EXACT,
-    winch_speed: float = 1.0,
+    winch_speed: float = WINCH_SPEED,
     damping: float = DAMPING,
     cable_damping: float = CABLE_DAMPING,
     progress: Callable[[float], None] | None = None,
@@ -334,7 +335,8 @@ class Machine:
 
     def controls(self, rest_lengths: Float[np.ndarray, "*rows cables"]) -> Float[np.ndarray, "*rows cables"]:
         """Controls of the actuators that let out ``rest_lengths`` [m] (``winch_controls``)."""
-        return winches.controls(self.robot, self._written, rest_lengths)
+        extra = winches.shared(self.robot)
+        return winches.controls(self._written + extra, rest_lengths + extra)
 
     def seen(self) -> Seen:
         """The state as of the last look, with the lengths let out now."""

@@ -49,10 +49,11 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
             f"rest_lengths: found {wanted[place]:g} m for cable {cable + 1}, expected {lowest[cable]:.4g} to "
             f"{highest[cable]:.4g} m, which its winch can let out"
         )
-    found = controls(robot, rigid, wanted)
+    extra = shared(robot)
+    found = controls(rigid + extra, wanted + extra)
     if not robot.cabling.linear:
         nonlinear = robot.cabling.stiffening.any(1)
-        servos, extra = SERVO * springs(robot.cabling, robot.axial_stiffness, rigid), shared(robot)
+        servos = SERVO * springs(robot.cabling, robot.axial_stiffness, rigid)
         for row in np.ndindex(wanted.shape[:-1]):
             rest = settle(robot, pose, wanted[row])
             lengths = rest.lengths + extra

@@ -56,8 +56,8 @@ from cdpr_sim.physics.number_format import text
 Kind: TypeAlias = Literal["ratio", "speed"]
 """What the controls of winches are: L/l0 - 1, or a speed."""
 
-SPEED = 1.0
-"""[m/s] Default of the largest rope speed of winches of kind ``speed``: that of ``track``."""
+WINCH_SPEED = 1.0
+"""[m/s] Default of the largest rope speed: of winches of kind ``speed``, and in ``track``."""
 
 STRENGTH = 0.015
 """Largest force as a fraction of EA, where neither ``force_max`` nor a breaking load is known. The fibre and steel
@@ -66,7 +66,7 @@ ropes of the catalogue break at 0.0156 to 0.0177 of their EA."""
 LEAST_CAPACITY = 10.0
 """Least of that largest force, as a multiple of the platform's weight, so that cables of rubber carry platforms."""
 
-DAMPING = 1e-4
+RELAXATION_TIME = 1e-4
 """[s] A cable's resistance to stretching, as a multiple of its stiffness: large enough to damp oscillations, and too
 small to reduce the time steps of integrators that treat it explicitly."""
 
@@ -173,11 +173,10 @@ def shared(robot: Robot) -> Float[np.ndarray, " cables"]:
 
 
 def controls(
-    robot: Robot, written: Float[np.ndarray, " cables"], rest_lengths: Float[np.ndarray, "*rows cables"]
+    written: Float[np.ndarray, "*#rows cables"], ropes: Float[np.ndarray, "*#rows cables"]
 ) -> Float[np.ndarray, "*rows cables"]:
-    """Controls u of winches, ``written`` with these rest lengths [m], that let out ``rest_lengths`` [m]."""
-    extra = shared(robot)
-    return (written + extra) / (rest_lengths + extra) - 1
+    """Controls u that let out ``ropes`` = l0 + c [m], of winches that are ``written`` with L + c [m]."""
+    return written / ropes - 1
 
 
 def strains_of(
@@ -261,7 +260,7 @@ def add_winches(
             unit = 1.0 if kind == "ratio" else length  # of the input: u, or w = u L
             law = slope, offsets[cable], damping[cable]
             winch = _add_cable(actuators, f"winch_{i}", cable, robot, *law, 1 / unit, forces[cable])
-            ends = [unit * (length / longest - 1), unit * (length / shortest - 1)]
+            ends = unit * controls(length, bounds[::-1, cable] + extra[cable])
             fastest = speed * (length / longest) ** 2
         if kind == "ratio":
             winch.set("ctrlrange", text(ends))

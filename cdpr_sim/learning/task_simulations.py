@@ -46,7 +46,7 @@ PARTS_OF_EXITS = (
 """What lies at the exit of a cable: the kind of element, the field of its position, and its name."""
 
 
-class Simulations:
+class TaskSimulations:
     """``count`` simulations of a robot and of robots that differ from it in ``Domain``.
 
     Args:
