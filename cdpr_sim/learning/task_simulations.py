@@ -50,14 +50,11 @@ class TaskSimulations:
     """``count`` simulations of a robot and of robots that differ from it in ``Domain``.
 
     Args:
-        robot: the nominal robot; cables are massless and linear.
+        machine: the nominal robot in MuJoCo, on massless linear cables; its model becomes that of the simulations.
         count: number of simulations.
         period: control period [s].
         by_tension: (cables,) winches that control their tension; the others control their length.
         largest: largest tensions of the winches, (cables,) [N].
-        winch_speed: largest rate at which a rest length changes [m/s].
-        damping: of the platform, as for ``track``.
-        cable_damping: of each cable [s], as for ``track``.
         threads: number of threads; 0 is one per core.
 
     Attributes:
@@ -73,29 +70,23 @@ class TaskSimulations:
 
     def __init__(
         self,
-        robot: Robot,
+        machine: Machine,
         count: int,
         *,
         period: float,
         by_tension: Bool[np.ndarray, " cables"],
         largest: Float[np.ndarray, " cables"],
-        winch_speed: float,
-        damping: float,
-        cable_damping: float,
         threads: int,
     ) -> None:
-        home = robot.pose(robot.home)
-        self.machine = machine = Machine(
+        robot = machine.robot
+        self.machine, self.robot, self.period, self.by_tension, self.largest = (
+            machine,
             robot,
-            home,
-            robot.rest_lengths(home),
-            winch_speed=winch_speed,
-            damping=damping,
-            cable_damping=cable_damping,
-            winch_force=largest,
+            period,
+            by_tension,
+            largest,
         )
-        self.robot, self.period, self.by_tension, self.largest = robot, period, by_tension, largest
-        self._most, (self._shortest, self._longest) = winch_speed * period, machine.reach
+        self._most, (self._shortest, self._longest) = machine.winch_speed * period, machine.reach
         self._some = bool(by_tension.any())
         model = machine.model
         longest = min(model.opt.timestep, 2 * np.pi / machine.fastest / STEPS, DECAY * machine.damping_time)
@@ -115,7 +106,7 @@ class TaskSimulations:
         self.batch.forward()
         self._read()
         self._scratch, self._data = self.batch.get_model(0), mujoco.MjData(model)
-        self._mean = robot.rest_lengths(home).mean()
+        self._mean = machine.let_out.mean()
         self._least_time = np.full(count, -0.5 * period)
         self.rest_lengths = np.tile(machine.let_out, (count, 1))
         self._stiffness = np.tile(robot.axial_stiffness, (count, 1))

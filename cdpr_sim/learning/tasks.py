@@ -22,7 +22,7 @@ from cdpr_sim.learning.domain import Domain
 from cdpr_sim.learning.task_simulations import TaskSimulations, rotation_vectors
 from cdpr_sim.physics.drive import FALLEN, poses_through
 from cdpr_sim.physics.sensing import pose_of
-from cdpr_sim.physics.track import CABLE_DAMPING, DAMPING
+from cdpr_sim.physics.track import CABLE_DAMPING, DAMPING, Machine
 from cdpr_sim.physics.winches import WINCH_SPEED, largest_forces
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import newton
@@ -123,26 +123,27 @@ class Task:
         for name in rewards or {}:
             one_of("term of the reward", name, REWARDS)
         self.weights = REWARDS | {name: float(checked_array(name, of, ())) for name, of in (rewards or {}).items()}
-        self.winch_speed = positive("winch_speed", winch_speed, "m/s")
-        self.simulations = TaskSimulations(
+        by_tension, largest = self._by_tension(control), largest_forces(robot, winch_force)
+        machine = Machine(
             robot,
-            count,
-            period=period,
-            by_tension=self._by_tension(control),
-            largest=largest_forces(robot, winch_force),
-            winch_speed=self.winch_speed,
+            robot.pose(robot.home),
+            robot.rest_lengths(robot.home),
+            winch_speed=positive("winch_speed", winch_speed, "m/s"),
             damping=damping,
             cable_damping=cable_damping,
-            threads=threads,
+            winch_force=largest,
         )
-        rows, states = count, self.periods + 1
-        self.references: list[Reference | None] = [None] * rows
-        self.robots = [robot] * rows
-        self.frictions = np.zeros((rows, robot.cables))
-        self.ticks = np.zeros(rows, dtype=int)
+        self.simulations = TaskSimulations(
+            machine, count, period=period, by_tension=by_tension, largest=largest, threads=threads
+        )
+        states = self.periods + 1
+        self.references: list[Reference | None] = [None] * count
+        self.robots = [robot] * count
+        self.frictions = np.zeros((count, robot.cables))
+        self.ticks = np.zeros(count, dtype=int)
         # Of each period: where the platform is wanted (position, quaternion), and what is observed of the next period.
-        self._plan = np.zeros((rows, states, 16))
-        self._every, self._first = self._plan.reshape(-1, 16), states * np.arange(rows)
+        self._plan = np.zeros((count, states, 16))
+        self._every, self._first = self._plan.reshape(-1, 16), states * np.arange(count)
         self._look()
         speeds = ~self.simulations.by_tension
         self._effort = speeds / -max(1, speeds.sum())
@@ -328,7 +329,9 @@ class Task:
                 f"control: found winches {ours.tolist()} that control tensions, and a command of the tensions of "
                 f"{found.tolist()}; expected control={found.tolist()}"
             )
-        speeds = (command.rest_lengths - simulations.rest_lengths[row]) / (self.winch_speed * self.period)
+        speeds = (command.rest_lengths - simulations.rest_lengths[row]) / (
+            simulations.machine.winch_speed * self.period
+        )
         tensions = 2 * command.tensions / simulations.largest - 1
         return np.where(simulations.by_tension, tensions, speeds).clip(-1, 1)
 

@@ -248,6 +248,7 @@ class Machine:
         model, data: in MuJoCo, with the platform and the cables damped.
         readings: of the model's sensors.
         platform: number of the platform's body.
+        winch_speed: largest rate at which a rest length changes [m/s].
         fastest: angular frequency of the fastest oscillation [rad/s].
         damping_time: of that oscillation [s].
         reach: shortest and longest lengths that the winches can let out, (2, cables) [m].
@@ -273,7 +274,7 @@ class Machine:
         self._written = robot.rest_lengths(pose)
         self.fastest, self.damping_time = self._damp(damping, cable_damping)
         self._longest = min(TIMESTEP, 2 * np.pi / self.fastest / STEPS)
-        self._speed = winch_speed
+        self.winch_speed = winch_speed
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
         self.reach = winches.reach(robot, self._written)
         self._springs = self.model.actuator_gainprm.copy(), self.model.actuator_biasprm.copy()
@@ -363,7 +364,7 @@ class Machine:
         some = bool(by_tension.any())
         steps = max(1, int(np.ceil(seconds / self._longest - ROUNDING)))
         step = seconds / steps
-        half, most = step / 2, self._speed * step
+        half, most = step / 2, self.winch_speed * step
         model.opt.timestep = max(half, step - self.damping_time)
         advance = ((command.rest_lengths - self.let_out) / steps).clip(-most, most)
         if some or self._motors.any():
@@ -465,7 +466,7 @@ class _ChainMachine(Machine):
         damping: float,
         cable_damping: float,
     ) -> None:
-        self.robot, self._speed = robot, winch_speed
+        self.robot, self.winch_speed = robot, winch_speed
         written = Problem.of(robot, pose)
         self.reach = winches.reach(robot, written.rest_lengths)
         first = Problem.of(robot, pose, self.checked(lengths).rest_lengths)
@@ -504,11 +505,11 @@ class _ChainMachine(Machine):
 
     def follow(self, command: Command, seconds: float) -> Iterator[float]:
         start, passed = self.let_out, 0.0
-        rates = ((command.rest_lengths - start) / seconds).clip(-self._speed, self._speed)
+        rates = ((command.rest_lengths - start) / seconds).clip(-self.winch_speed, self.winch_speed)
         by_tension = command.by_tension
 
         def let_out(now: float) -> Float[np.ndarray, " cables"]:
-            lengths, most = start + now * rates, self._speed * (now - passed)
+            lengths, most = start + now * rates, self.winch_speed * (now - passed)
             if by_tension.any():
                 held = self._chains.lengths_under(command.tensions, now - passed)
                 lengths = np.where(by_tension, self._within(held, most), lengths)
