@@ -286,7 +286,7 @@ def test_a_platform_is_there_within_its_tolerance(catalogue, share, reached_from
 def test_the_bar_counts_poses_and_the_estimate_is_of_all_robots_and_materials(monkeypatch):
     """Two robots with two materials at 12 poses: 48 in all."""
     told, counted = [], []
-    monkeypatch.setattr(checking.available_memory, "refuse_beyond", lambda *asked: told.append(asked))
+    monkeypatch.setattr(checking.free_ram, "refuse_beyond", lambda *asked: told.append(asked))
 
     @contextlib.contextmanager
     def bar(what: str, total: float, *, show: bool = True):

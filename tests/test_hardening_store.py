@@ -217,7 +217,7 @@ def test_what_a_process_that_was_killed_began_is_cleared(tmp_path, monkeypatch):
 
 def test_a_sweep_that_cannot_fit_is_refused_and_one_into_a_store_is_not(tmp_path, monkeypatch):
     """By the memory there is; by the disk where it goes there; never where nothing is computed."""
-    monkeypatch.setattr(sweeping.available_memory, "available", lambda: 1e6)
+    monkeypatch.setattr(sweeping.free_ram, "available", lambda: 1e6)
     with pytest.raises(cdpr.InvalidInput, match=r"10,000 poses would take about .* MB of memory, and 1 MB are"):
         cdpr.sweep("cogiro")
     with pytest.raises(cdpr.InvalidInput, match="expected fewer poses"):
@@ -234,14 +234,14 @@ def test_the_estimate_of_memory_is_right_within_a_factor_of_three():
     """The result alone, as it lies in memory, against what is said of it."""
     dataset = cdpr.sweep("cogiro", (20, 10, 10))
     said = []
-    sweeping.available_memory.refuse_beyond, kept = (
+    sweeping.free_ram.refuse_beyond, kept = (
         (lambda what, need, instead: said.append(need)),
-        sweeping.available_memory.refuse_beyond,
+        sweeping.free_ram.refuse_beyond,
     )
     try:
         cdpr.sweep("cogiro", (20, 10, 10))
     finally:
-        sweeping.available_memory.refuse_beyond = kept
+        sweeping.free_ram.refuse_beyond = kept
     assert 1 < said[-1] / dataset.nbytes < 3  # the first is of the grid's coordinates alone
 
 

@@ -96,7 +96,7 @@ def equilibria(
     as_json: AsJson = False,
 ) -> None:
     """Find all equilibria with the cable lengths of the commanded pose, and which of them the robot reaches."""
-    from cdpr_sim.core import available_memory
+    from cdpr_sim.core import free_ram
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
@@ -104,7 +104,7 @@ def equilibria(
         problem = problem_of(robot, pose, material)
         if starts < 1:
             raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
-        available_memory.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
+        free_ram.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
         with busy("Searching for equilibria"):
             found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
             followed = cdpr.follow_load(problem)

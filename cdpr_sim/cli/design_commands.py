@@ -270,13 +270,13 @@ def _poses(
     import numpy as np
 
     from cdpr_sim.analysis.workspace.grids import as_grid
-    from cdpr_sim.core import available_memory
+    from cdpr_sim.core import free_ram
     from cdpr_sim.core.checks import checked_array
 
     if line is not None:
         if grid is not None:
             raise cdpr.InvalidInput("line: found a line and a grid, expected one of the two")
-        available_memory.refuse_beyond(f"points: {points:,} poses", each * points, "fewer")
+        free_ram.refuse_beyond(f"points: {points:,} poses", each * points, "fewer")
         ends = checked_array("line", line, (6,))
         return np.linspace(ends[:3], ends[3:], points)
     if grid is None:
@@ -284,7 +284,7 @@ def _poses(
         grid = nx, ny, nz
     axes = as_grid(grid, [robot])
     count = math.prod(len(values) for values in axes.values())
-    available_memory.refuse_beyond(f"grid: {count:,} poses", each * count, "fewer")
+    free_ram.refuse_beyond(f"grid: {count:,} poses", each * count, "fewer")
     return np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
 
 

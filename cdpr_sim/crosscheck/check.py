@@ -19,7 +19,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
-from cdpr_sim.core import available_memory, extras
+from cdpr_sim.core import extras, free_ram
 from cdpr_sim.core.checks import FLAG, MOST_THREADS, checked_array, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
@@ -171,7 +171,7 @@ def check(
     size = math.prod(shape)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)
-    available_memory.refuse_beyond(
+    free_ram.refuse_beyond(
         f"grid: a check of {len(group) * len(labels) * size:,.0f} poses",
         size * (BYTES_PER_POSITION + BYTES_PER_POSE * len(group) * len(labels)),
         "fewer poses",

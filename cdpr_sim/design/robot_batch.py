@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from cdpr_sim.core import available_memory
+from cdpr_sim.core import free_ram
 from cdpr_sim.core.cable import ANCHOR, COLUMNS, EXIT, STIFFNESS, WEIGHT, WRAPPED
 from cdpr_sim.core.cable_path import path, wheel_paths, wrapped_lengths
 from cdpr_sim.core.checks import Frozen, checked_array, refuse_unless, shown
@@ -302,7 +302,7 @@ def solve_layouts(layouts: RobotBatch, cases: Cases, threads: int | None = None)
     need = float(len(layouts)) * len(cases) * layouts.robot.cables * BYTES_PER_CABLE
     if need > 1e8:
         what = f"poses: {len(cases):,} of them in each of {len(layouts):,} layouts"
-        available_memory.refuse_beyond(what, need, "fewer poses or layouts")
+        free_ram.refuse_beyond(what, need, "fewer poses or layouts")
     threads = (os.cpu_count() or 1) if threads is None else threads
     pieces = max(1, min(2 * threads, len(layouts), len(layouts) * len(cases) // LEAST_WORK))
     if pieces == 1 or threads == 1:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from cdpr_sim.core import available_memory
+from cdpr_sim.core import free_ram
 from cdpr_sim.core.checks import checked_array, listed, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike
@@ -66,7 +66,7 @@ def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndar
     if poses > MOST_POSES:
         raise InvalidInput(f"grid: found {poses:.1e} positions, expected {MOST_POSES:.0e} at most")
     for name, (lower, upper, count) in spread.items():
-        available_memory.refuse_beyond(f"grid: {count:,} coordinates {name}", LEAST_BYTES * count, "fewer")
+        free_ram.refuse_beyond(f"grid: {count:,} coordinates {name}", LEAST_BYTES * count, "fewer")
         axes[name] = np.linspace(lower, upper, count)
     for robot in robots:
         if robot.mobility == "planar" and axes["y"].any():

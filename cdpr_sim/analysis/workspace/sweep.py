@@ -20,7 +20,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid, as_poses
-from cdpr_sim.core import available_memory, extras
+from cdpr_sim.core import extras, free_ram
 from cdpr_sim.core.checks import FLAG, checked_array, checked_label, listed, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.errors import InvalidInput
@@ -244,13 +244,13 @@ def _refuse_what_cannot_fit(poses: int, cables: int, kinds: Sequence[Quantity], 
     what = f"grid: a sweep of {poses:,.0f} poses"
     if store is None or store.suffix == ".nc":
         copies = MEMORY_COPIES if store is None else MEMORY_COPIES + 1
-        available_memory.refuse_beyond(what, copies * poses * each, "fewer poses, fewer quantities, or a .zarr store")
+        free_ram.refuse_beyond(what, copies * poses * each, "fewer poses, fewer quantities, or a .zarr store")
     else:
         free = shutil.disk_usage(store.parent).free
         if poses * each > COMPRESSION * free:
             raise InvalidInput(
-                f"{what} would take about {available_memory.describe_size(poses * each)} before compression, and "
-                f"{available_memory.describe_size(free)} are free in {store.parent}; expected fewer poses or "
+                f"{what} would take about {free_ram.describe_size(poses * each)} before compression, and "
+                f"{free_ram.describe_size(free)} are free in {store.parent}; expected fewer poses or "
                 "fewer quantities"
             )
 
