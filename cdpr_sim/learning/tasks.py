@@ -61,6 +61,8 @@ class Moment(NamedTuple):
 class Task:
     """Move the platform along a reference motion by actions of the winches; the base of all tasks.
 
+    The motion goes smoothly along straight lines, with zero velocity at both ends.
+
     An **observation** is, for each simulation, in SI units and in the base frame: position (3) and rotation vector (3)
     of the platform, its velocity (3) and angular velocity (3), tensions (cables), rest lengths (cables), and of the
     target at the end of the coming period: position (3), rotation vector (3) and velocity (3).
@@ -334,10 +336,6 @@ class Task:
         )
         tensions = 2 * command.tensions / simulations.largest - 1
         return np.where(simulations.by_tension, tensions, speeds).clip(-1, 1)
-
-
-class Track(Task):
-    """Follow a reference motion: smoothly along straight lines, with zero velocity at both ends."""
 
 
 class Reach(Task):

@@ -267,7 +267,8 @@ class Machine:
         winch_force: ArrayLike | None = np.inf,
     ) -> None:
         self.robot = robot
-        self.model = mujoco.MjModel.from_xml_string(self._model_text(pose, winch_force))
+        text = to_mjcf(without_memory(robot), pose, winches=True, winch_force=winch_force)
+        self.model = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.model)
         self.readings = Readings(self.model, robot)
         self.platform = self.model.body("platform").id
@@ -285,9 +286,6 @@ class Machine:
         self.look()
         self._wind(self.let_out, 0.0)
         self.look()
-
-    def _model_text(self, pose: RigidTransform, winch_force: ArrayLike | None) -> str:
-        return to_mjcf(self.robot, pose, winches=True, winch_force=winch_force)
 
     def _settled(self, pose: RigidTransform) -> RigidTransform:
         """The equilibrium at which a motion begins."""
@@ -418,9 +416,6 @@ class _RopeMachine(Machine):
     Its actuators are constant forces for a time step, those of ``rope_motion``, and the dampers of the cables. A rope
     that slides at its exit under a held tension has no damper, as without memory.
     """
-
-    def _model_text(self, pose: RigidTransform, winch_force: ArrayLike | None) -> str:
-        return to_mjcf(without_memory(self.robot), pose, winches=True, winch_force=winch_force)
 
     def _stiffest(self, springs: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
         cabling = self.robot.cabling
