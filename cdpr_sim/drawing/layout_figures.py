@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, draw_pose_in_space, draw_space, styled
+from cdpr_sim.drawing.axes import canvas, draw_frame, draw_pose, styled
 
 WIDTH, HEIGHT = 9.6, 7.4
 """[inch]"""
@@ -61,11 +61,11 @@ def draw_better_layout(
     image, panels = None, []
     for column, (one, name) in enumerate(zip(equilibria, ("before", "after"), strict=True)):
         space = figure.add_subplot(grid[1, column], projection="3d")
-        draw_space(space, one.robot)
+        draw_frame(space, one.robot)
         _reach(space, robots)
         if column:
             _draw_moves(space, *robots)
-        draw_pose_in_space(space, one, row, shapes[column])
+        draw_pose(space, one, row, shapes[column])
         for drawn in space.get_children():
             drawn.set_clip_on(False)
             drawn.set_in_layout(False)
