@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+import io
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from typing import ParamSpec
@@ -13,6 +14,8 @@ import matplotlib
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
@@ -53,6 +56,18 @@ def canvas(width: float, height: float, title: str, caption: str, kind: type[Fig
     figure.suptitle(textwrap.fill(title, int(width * style.TITLE_LETTERS)), **style.TITLE)
     figure.supxlabel(textwrap.fill(caption, int(width * style.CAPTION_LETTERS)), **style.CAPTION)
     return figure
+
+
+def encoded(figure: Figure, kind: str = "png") -> bytes:
+    """The figure as a file's content, "png" or "svg", reproducible: no dates, no versions, no random ids."""
+    buffer = io.BytesIO()
+    with matplotlib.rc_context(style.RC):  # type: ignore[arg-type]
+        if kind == "svg":
+            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": "cdpr-sim"})
+        else:
+            figure.set_dpi(style.PNG_DPI)
+            FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim"})
+    return buffer.getvalue()
 
 
 # Robots, in 3D or in the x-z plane, as the axes are

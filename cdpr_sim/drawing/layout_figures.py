@@ -33,7 +33,7 @@ MOST_DEGREES = 45.0
 def draw_better_layout(
     equilibria: tuple[EquilibriumBatch, EquilibriumBatch],
     row: int,
-    shapes: tuple[np.ndarray | None, np.ndarray | None],
+    shapes: Sequence[np.ndarray | None],
     maps: tuple[Float[np.ndarray, "x z"], Float[np.ndarray, "x z"]],
     extent: tuple[float, float, float, float],
     asked: Float[np.ndarray, "poses 3"],

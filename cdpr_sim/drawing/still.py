@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from PIL import Image
@@ -22,7 +21,7 @@ from cdpr_sim.core.describe import describe_cables
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, draw_frame, draw_platform, plot, styled
+from cdpr_sim.drawing.axes import canvas, draw_frame, draw_platform, encoded, plot, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 
 STAMP = "Source"
@@ -34,14 +33,6 @@ class Still(Figure):
 
     def _repr_png_(self) -> bytes:
         return encoded(self)
-
-
-def encoded(figure: Figure) -> bytes:
-    """The figure as PNG."""
-    buffer = io.BytesIO()
-    figure.set_dpi(style.PNG_DPI)
-    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim"})
-    return buffer.getvalue()
 
 
 def small(picture: bytes, stamp: str) -> bytes:
@@ -172,9 +163,9 @@ def _color(cable: int) -> str:
 
 
 @styled
-def sheet(robots: Sequence[Robot], columns: int = 6) -> Figure:
+def sheet(robots: Sequence[Robot]) -> Figure:
     """Draw all ``robots`` in one figure, each commanded to the middle of its workspace."""
-    columns = min(columns, len(robots))
+    columns = min(6, len(robots))
     rows = -(-len(robots) // columns)
     figure = canvas(
         2.1 * columns,

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from cdpr_sim.core.checks import FLAG, PROGRESS, checked_path, listed, one_of, refuse_unless
 from cdpr_sim.core.files import make_folder, refuse_existing, write_whole
-from cdpr_sim.drawing import style
+from cdpr_sim.drawing.axes import encoded
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.studies import lines, lines_figures, pretension, real_cables, solvers, tilt_condition, two_cable
 
@@ -194,15 +190,3 @@ def _of_the_papers(name: str) -> list[str]:
     """Figures by their number in the paper: "Fig. 10"."""
     numbers = re.findall(r"\d+", name)
     return [one for one, picture in PICTURES.items() if numbers and re.findall(r"\d+", picture.paper) == numbers]
-
-
-def encoded(figure: Figure, kind: str) -> bytes:
-    """The figure as a file's content, reproducible: no dates, no versions, no random ids."""
-    buffer = io.BytesIO()
-    with matplotlib.rc_context(style.RC):  # type: ignore[arg-type]
-        if kind == "svg":
-            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": "cdpr-sim"})
-        else:
-            figure.set_dpi(style.PNG_DPI)
-            FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim"})
-    return buffer.getvalue()

@@ -22,6 +22,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, points, styled
+from cdpr_sim.drawing.readable_numbers import exponent
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import forces
@@ -300,8 +301,8 @@ def draw_pretension(study: Pretension) -> Figure:
         f"{robot.force_max[0]:.0f} N; platform of {robot.mass:g} kg (assumed) commanded to the middle. Pretension p: "
         "rest lengths whose tensions balance the weight and are closest to p. Rotations are weighted by the distance "
         f"of {1e3 * robot.characteristic_length:.0f} mm from the platform's middle to its anchors. Lines: statics; "
-        f"hollow points: MuJoCo. Differences below {_power(study.method_differences[0])} m and "
-        f"{_power(study.method_differences[1])} of the stiffness.",
+        f"hollow points: MuJoCo. Differences below {exponent(study.method_differences[0])} m and "
+        f"{exponent(study.method_differences[1])} of the stiffness.",
     )
     grid = figure.add_gridspec(2, 3)
     _robot(figure.add_subplot(grid[0, 0], projection="3d"), study)
@@ -439,7 +440,3 @@ def _moved(push: Push, *, turned: bool) -> tuple[np.ndarray, np.ndarray]:
     if turned:
         return np.degrees(push.turns), np.degrees(push.settled_turns)
     return 1e3 * push.shifts, 1e3 * push.settled_shifts
-
-
-def _power(value: float) -> str:
-    return f"1e{int(np.ceil(np.log10(value))):d}"

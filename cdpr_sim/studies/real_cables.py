@@ -23,6 +23,7 @@ from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, points, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
+from cdpr_sim.drawing.readable_numbers import exponent
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics.newton import solve_many
@@ -184,9 +185,7 @@ class Growth:
         return float(np.median(self.shifts[middle]) / self.radii[middle])
 
 
-def growth(
-    case: Case, axis: tuple[float, float, float] = BELOW, *, radii: int = 13, every: int = 4, poses: int = POSES
-) -> Growth:
+def growth(case: Case, axis: tuple[float, float, float] = BELOW, *, poses: int = POSES) -> Growth:
     """Position errors for radii from 0 to three times that of the case.
 
     Raises:
@@ -194,7 +193,7 @@ def growth(
         NotSettled: MuJoCo did not settle at some pose.
     """
     commanded = case.commanded(poses)
-    sizes = np.linspace(0, 3 * case.radius, radii)
+    sizes = np.linspace(0, 3 * case.radius, 13)
 
     def shifts(method, radius: float) -> np.ndarray:
         robot = case.robot.replace(pulley_radius=radius, pulley_axis=axis)
@@ -206,8 +205,8 @@ def growth(
         axis=axis,
         radii=sizes,
         shifts=np.array([shifts(solve_many, radius) for radius in sizes]),
-        settled_radii=sizes[::every],
-        settled=np.array([shifts(settle_many, radius) for radius in sizes[::every]]),
+        settled_radii=sizes[::4],
+        settled=np.array([shifts(settle_many, radius) for radius in sizes[::4]]),
     )
 
 
@@ -324,7 +323,7 @@ def draw_real_cables(study: RealCables) -> Figure:
         f"Pulleys unknown to the winches cause an error of about {np.mean(rates):.1f} mm per mm of radius; cable mass "
         "and nonlinear elasticity have little effect",
         "Settled in MuJoCo; statics differs by less than "
-        f"{_power(max(effect.method_difference for effect in study.effects))} m. DemoBot: 10 mm pulleys, 0.5 g/m, "
+        f"{exponent(max(effect.method_difference for effect in study.effects))} m. DemoBot: 10 mm pulleys, 0.5 g/m, "
         "0.5 m behind the exits; "
         "crane (geometry and 91 kg of CoGiRo, by CASPR): 100 mm pulleys, 4 mm steel rope, 64 g/m, EA = 1 MN, 6 m; "
         "EA doubles at 1 % strain: all these are assumed. Cables arrive from below, up masts, unless stated "
@@ -478,7 +477,3 @@ def _sags(example: CableExample) -> tuple[np.ndarray, np.ndarray]:
     along = np.linspace(0, 1, shapes.shape[1])
     chords = shapes[:, :1] + along[:, None] * (shapes[:, -1:] - shapes[:, :1])
     return along, 1e3 * (chords - shapes)[..., 2]
-
-
-def _power(value: float) -> str:
-    return f"1e{int(np.ceil(np.log10(value))):d}"

@@ -4,7 +4,6 @@
 # matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import matplotlib
@@ -25,7 +24,18 @@ from cdpr_sim.drawing.axes import canvas, points, styled
 from cdpr_sim.drawing.readable_numbers import power_of_ten
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import two_cable_closed_form
-from cdpr_sim.studies.lines import PAPER_HEIGHTS, Line, along_x, equilibria_by_mujoco, equilibria_by_statics, line
+from cdpr_sim.studies.lines import (
+    COLUMNS,
+    PAPER_HEIGHTS,
+    Line,
+    along_x,
+    equilibria_by_mujoco,
+    equilibria_by_statics,
+    line,
+)
+
+STIFFEST, SOFTEST = 1e3, 15.0
+"""[N] EA at both ends of the drift."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,28 +84,18 @@ class ClosedForms:
     balanced: Float[np.ndarray, " poses"]
 
 
-def manifold(
-    robot: Robot | None = None,
-    *,
-    commanded: ArrayLike = ((0.18, 0, 0.3), (0.4, 0, 0.3), (0.58, 0, 0.15)),
-    stiffest: float = 1e3,
-    softest: float = 15.0,
-    drifts: int = 49,
-    settled_every: int = 12,
-    columns: int = 61,
-    heights: int = 41,
-) -> Manifold:
+def manifold(*, drifts: int = 49, settled_every: int = 12, columns: int = 61, heights: int = 41) -> Manifold:
     """The two-cable robot's manifold over its workspace, and its drift with decreasing EA [N].
 
     Raises:
         NotConverged: the static solver found no equilibrium at some pose.
         NotSettled: MuJoCo did not settle at some pose.
     """
-    robot = load_robot("two-cable") if robot is None else robot
+    robot = load_robot("two-cable")
     (left, _, bottom), (right, _, top) = robot.workspace
     x, z = np.linspace(left, right, columns), np.linspace(bottom, top, heights)
-    commanded = np.asarray(commanded, dtype=float)
-    stiffness = 1 / np.linspace(1 / stiffest, 1 / softest, drifts)  # even steps of drift
+    commanded = np.array([[0.18, 0, 0.3], [0.4, 0, 0.3], [0.58, 0, 0.15]])
+    stiffness = 1 / np.linspace(1 / STIFFEST, 1 / SOFTEST, drifts)  # even steps of drift
     robots = [robot.replace(axial_stiffness=EA) for EA in stiffness]
     return Manifold(
         robot=robot,
@@ -109,25 +109,17 @@ def manifold(
     )
 
 
-def closed_forms(
-    robot: Robot | None = None,
-    *,
-    height: float = PAPER_HEIGHTS[0],
-    pose_heights: Sequence[float] = (0.1, 0.22, 0.34),
-    columns: int = 5,
-    static_rows: int = 201,
-    settled_rows: int = 25,
-) -> ClosedForms:
+def closed_forms(*, static_rows: int = 201, settled_rows: int = 25) -> ClosedForms:
     """The two-cable bar commanded across its workspace, compared with its closed forms.
 
     Raises:
         NotConverged: the static solver found no equilibrium at some pose.
         NotSettled: MuJoCo did not settle at some pose.
     """
-    robot = load_robot("two-cable") if robot is None else robot
+    robot = load_robot("two-cable")
     ends = (float(robot.workspace[0, 0]), float(robot.workspace[1, 0]))
-    along = line(robot, height, ends, static_rows=static_rows, settled_rows=settled_rows)
-    poses = np.concatenate([along_x(robot, z, ends, columns) for z in pose_heights])
+    along = line(robot, PAPER_HEIGHTS[0], ends, static_rows=static_rows, settled_rows=settled_rows)
+    poses = np.concatenate([along_x(robot, z, ends, COLUMNS) for z in (0.1, 0.22, 0.34)])
     return ClosedForms(
         line=along,
         closed_form=np.array([_upright(robot, position) for position in along.static.positions]),
