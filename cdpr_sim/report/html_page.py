@@ -232,7 +232,7 @@ def _worst(summary: RobotSummary) -> str:
         )
         + _wide(_worst_table(summary), "The worst poses")
         + f'<div class="controls">{buttons}</div>'
-        + _wide(workspace_tables.check_table(summary.check))
+        + _wide(workspace_tables.check_table(summary.check.dataset))
     )
 
 

@@ -78,13 +78,11 @@ def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
             yield escape(f"Rigid cables hold {robot} {parts}, of {whole:.4g} {unit}.")
 
 
-def check_table(check: Check) -> Table:
-    """A row for each robot and material: numbers of poses by outcome, and the largest differences."""
-    return outcome_table(check.dataset)
+def check_table(dataset: xr.Dataset) -> Table:
+    """A row for each robot and material: numbers of poses by outcome, and the largest differences.
 
-
-def outcome_table(dataset: xr.Dataset) -> Table:
-    """``check_table`` of a check, or of a sweep with the quantity "settled"."""
+    The dataset is that of a check, or of a sweep with the quantity "settled".
+    """
     poses = int(np.prod([size for name, size in dataset["outcome"].sizes.items() if name not in {"robot", "material"}]))
     present = set(np.unique(dataset["outcome"]).tolist())
     always = {"agree", "disagree", "unsettled"}
