@@ -70,6 +70,16 @@ def encoded(figure: Figure, kind: str = "png") -> bytes:
     return buffer.getvalue()
 
 
+def key(label: str, **looks) -> Line2D:
+    """Legend entry of a line or of markers."""
+    return Line2D([], [], label=label, **looks)
+
+
+def slack_key(label: str = "slack cable") -> Line2D:
+    """Legend entry of slack cables."""
+    return key(label, color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH)
+
+
 # Robots, in 3D or in the x-z plane, as the axes are
 
 
@@ -210,10 +220,10 @@ def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
     handles = [
         Patch(fc="none", ec=style.COMMANDED, ls=style.COMMANDED_DASH, label="commanded pose"),
         Patch(fc=style.PLATFORM, ec=style.INK, lw=style.HAIR, label="platform at equilibrium"),
-        Line2D([], [], color=style.INK, lw=style.HAIR + 0.2, label="taut cable"),
+        key("taut cable", color=style.INK, lw=style.HAIR + 0.2),
     ]
     if slack:
-        handles.append(Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack cable"))
+        handles.append(slack_key())
     return handles
 
 

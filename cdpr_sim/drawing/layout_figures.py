@@ -11,13 +11,12 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, draw_frame, draw_pose, styled
+from cdpr_sim.drawing.axes import canvas, draw_frame, draw_pose, key, slack_key, styled
 
 WIDTH, HEIGHT = 9.6, 7.4
 """[inch]"""
@@ -83,22 +82,13 @@ def draw_better_layout(
     figure.colorbar(image, ax=panels, label="tilt [°]", shrink=0.9, pad=0.015)
     _write_numbers(figure.add_subplot(grid[3, :]), numbers)
     handles = [
-        Line2D(
-            [],
-            [],
-            color=style.PURPLE,
-            lw=1.6,
-            marker="o",
-            ms=4,
-            mfc="white",
-            label="exit moved, from its previous position",
-        ),
-        Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack cable"),
-        Line2D([], [], color=style.SKY, ls="none", marker="o", ms=4, label="pose of the optimisation"),
+        key("exit moved, from its previous position", color=style.PURPLE, lw=1.6, marker="o", ms=4, mfc="white"),
+        slack_key(),
+        key("pose of the optimisation", color=style.SKY, ls="none", marker="o", ms=4),
     ]
-    key = figure.add_subplot(grid[0, :])
-    key.axis("off")
-    key.legend(handles=handles, loc="center", ncols=3)
+    legend = figure.add_subplot(grid[0, :])
+    legend.axis("off")
+    legend.legend(handles=handles, loc="center", ncols=3)
     return figure
 
 

@@ -20,7 +20,7 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, points, styled
+from cdpr_sim.drawing.axes import canvas, key, points, styled
 from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_TILT, Line, Width, twins, zones
 
 PAPER_FIGURES = {
@@ -65,9 +65,9 @@ def layouts(homes: Sequence[EquilibriumBatch]) -> Figure:
         ax.set_title(f"({letter}) {robot.name}, {robot.cables} cables, at ({home}) m", loc="left")
     figure.axes[0].legend(
         handles=[
-            Line2D([], [], color=style.LEFT, lw=style.THIN, label="cable to the left"),
-            Line2D([], [], color=style.RIGHT, lw=style.THIN, label="cable to the right"),
-            Line2D([], [], ls="none", marker="o", ms=3.5, color=style.INK, label="exit"),
+            key("cable to the left", color=style.LEFT, lw=style.THIN),
+            key("cable to the right", color=style.RIGHT, lw=style.THIN),
+            key("exit", ls="none", marker="o", ms=3.5, color=style.INK),
             Patch(fc=style.PLATFORM, ec=style.INK, lw=style.HAIR, label="platform"),
         ],
         loc="lower left",
@@ -121,7 +121,7 @@ def spatial(width: Width) -> Figure:
         left.plot(
             *np.vstack([width.workspace, width.workspace[:1]]).T, color=style.GREEN, lw=style.LINE, gid="feasible"
         )
-        handles.append(Line2D([], [], color=style.GREEN, lw=style.LINE, label="static feasible workspace"))
+        handles.append(key("static feasible workspace", color=style.GREEN, lw=style.LINE))
     for row in range(len(equilibria)):
         drawing.draw_pose(left, equilibria, row)
     left.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.06), ncols=2)
@@ -191,8 +191,8 @@ def paper_line(lines: Sequence[Line]) -> Figure:
         for j, material in enumerate(materials):
             color, looks, marker = _series(i, j)
             looks = points(color, marker) | {"ls": "-", "color": color} | looks
-            handles.append(Line2D([], [], **looks, label=f"{layout}, {material}"))
-    handles.append(Line2D([], [], **style.REPORTED, label="reported in the paper's text"))
+            handles.append(key(f"{layout}, {material}", **looks))
+    handles.append(key("reported in the paper's text", **style.REPORTED))
     axes[0, 0].legend(handles=handles, loc="lower center")
     return figure
 
@@ -254,7 +254,7 @@ def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
         ax.plot(commanded, static.tensions[:, group[0]], color=color, ls=line_style, gid=f"static {group[0]}")
         for cable in group:
             ax.plot(settled.problems.positions[:, 0], settled.tensions[:, cable], **marker, gid=f"mujoco {cable}")
-        handles.append(Line2D([], [], **marker | {"ls": line_style, "color": color}, label=label))
+        handles.append(key(label, **marker | {"ls": line_style, "color": color}))
     ax.set(ylabel="tension [N]", title=describe_cables(robot))
     ax.set_xlim(commanded[0], commanded[-1])
     ax.set_ylim(bottom=min(-0.02 * ax.get_ylim()[1], 0))

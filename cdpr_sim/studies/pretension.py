@@ -21,7 +21,7 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, points, styled
+from cdpr_sim.drawing.axes import canvas, key, points, styled
 from cdpr_sim.drawing.readable_numbers import exponent
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
@@ -278,7 +278,7 @@ def _difference(static: EquilibriumBatch, settled: EquilibriumBatch, every: int)
 # The figure
 
 
-SETTLED = Line2D([], [], **points(style.INK), label="MuJoCo, settled")
+SETTLED = key("MuJoCo, settled", **points(style.INK))
 LABEL_SPACING = 1.3
 """Smallest ratio between the heights of two labels on a logarithmic scale."""
 
@@ -417,7 +417,7 @@ def _overload(ax: Axes, study: Pretension) -> None:
     ax.set_ylabel("largest tension [N]")
     ax.set_ylim(bottom=0)
     ax.set_title("Largest tension under this length error")
-    full = Line2D([], [], ls="none", marker="o", color=style.MUTED, ms=6.5, label="from here on it is slack")
+    full = key("from here on it is slack", ls="none", marker="o", color=style.MUTED, ms=6.5)
     ax.legend(handles=[SETTLED, full], loc="lower left")
 
 

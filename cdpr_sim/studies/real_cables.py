@@ -21,7 +21,7 @@ from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, points, styled
+from cdpr_sim.drawing.axes import canvas, key, points, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 from cdpr_sim.drawing.readable_numbers import exponent
 from cdpr_sim.physics.settle import settle_many
@@ -353,9 +353,7 @@ def _pulleys(ax: Axes, example: CableExample) -> None:
     ax.set_ylim(-0.02, 0.56)
     ax.set_title(f"DemoBot with {radius:.0f} mm pulleys unknown to its winches: error of {off:.0f} mm")
     handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
-    handles[0] = Line2D(
-        [], [], color=style.COMMANDED, lw=0.9, ls=style.COMMANDED_DASH, label="commanded, with point exits"
-    )
+    handles[0] = key("commanded, with point exits", color=style.COMMANDED, lw=0.9, ls=style.COMMANDED_DASH)
     ax.legend(handles=[*handles, Patch(**style.WHEEL, label="pulley")], loc="upper center", bbox_to_anchor=(0.5, -0.16),
               ncols=3)  # fmt: skip
     # One exit, closer.
@@ -402,9 +400,8 @@ def _ropes_with_mass(ax: Axes, example: CableExample) -> None:
     near.tick_params(labelsize=7.5)
     near.set_xticks([])
     if equilibria.slack.any():
-        slack = Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack rope")
-        taut = Line2D([], [], color=style.INK, lw=style.HAIR + 0.2, label="taut rope")
-        ax.legend(handles=[taut, slack], loc="lower left", bbox_to_anchor=(0.16, 0.0))
+        taut = key("taut rope", color=style.INK, lw=style.HAIR + 0.2)
+        ax.legend(handles=[taut, drawing.slack_key("slack rope")], loc="lower left", bbox_to_anchor=(0.16, 0.0))
 
 
 def _growth(ax: Axes, growths: tuple[Growth, ...]) -> None:
@@ -454,7 +451,7 @@ def _effects(ax: Axes, effects: tuple[CableEffect, ...]) -> None:
     ax.grid(axis="x")
     ax.set_title("Effect of each property separately, in MuJoCo")
     handles = [
-        Line2D([], [], **points(COLORS[i], style.MARKERS[i], ms=5.5) | {"ls": "-", "color": COLORS[i]}, label=title)
+        key(title, **points(COLORS[i], style.MARKERS[i], ms=5.5) | {"ls": "-", "color": COLORS[i]})
         for i, title in enumerate(titles)
     ]
     ax.legend(handles=handles, loc="upper left")

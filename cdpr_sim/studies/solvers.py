@@ -12,7 +12,6 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
@@ -28,7 +27,7 @@ from cdpr_sim.crosscheck.compare import (
     compare,
 )
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, styled
+from cdpr_sim.drawing.axes import canvas, key, styled
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
 from cdpr_sim.statics import newton
@@ -280,8 +279,8 @@ def draw_agreement(study: Sequence[Differences]) -> Figure:
     axes[0].set_ylabel("poses with a smaller difference [%]")
     handles, _ = axes[0].get_legend_handles_labels()
     handles += [
-        Line2D([], [], color=style.INK, lw=style.THIN, ls=(0, (5, 3)), label="tolerance"),
-        Line2D([], [], color=style.MUTED, ls="none", marker="x", label="neutrally stable"),
+        key("tolerance", color=style.INK, lw=style.THIN, ls=(0, (5, 3))),
+        key("neutrally stable", color=style.MUTED, ls="none", marker="x"),
     ]
     figure.legend(handles=handles, loc="outside right center")
     return figure

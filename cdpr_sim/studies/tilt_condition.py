@@ -11,14 +11,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.describe import newtons
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, styled
+from cdpr_sim.drawing.axes import canvas, key, styled
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics.forces import at, geometry
 from cdpr_sim.statics.given_tensions import cut
@@ -174,10 +173,10 @@ def draw_moment_balances(balances: Sequence[MomentBalance]) -> Figure:
         _draw_balance(ax, balance, letter)
     axes[1, 1].legend(
         handles=[
-            Line2D([], [], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, label="line of a side's force"),
-            Line2D([], [], ls="none", marker="D", color=style.BLUE, mec="white", ms=8, label="intersection"),
-            Line2D([], [], ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION, label="line of the weight"),
-            Line2D([], [], ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, label="slack cable"),
+            key("line of a side's force", ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE),
+            key("intersection", ls="none", marker="D", color=style.BLUE, mec="white", ms=8),
+            key("line of the weight", ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION),
+            drawing.slack_key(),
         ],
         loc="lower right",
         bbox_to_anchor=(0.955, 0),

@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d import Axes3D
 from numpy.typing import ArrayLike
 
@@ -20,7 +19,7 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, points, styled
+from cdpr_sim.drawing.axes import canvas, key, points, styled
 from cdpr_sim.drawing.readable_numbers import power_of_ten
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import two_cable_closed_form
@@ -201,10 +200,10 @@ def draw_manifold(study: Manifold) -> Figure:
     bar.set_label("axial stiffness EA [N]")
     front.legend(
         handles=[
-            Line2D([], [], ls="none", marker="o", color=style.INK, label="commanded, level"),
-            Line2D([], [], ls=":", lw=0.9, color=style.INK, label=f"to the equilibrium with EA = {newtons(stiffest)}"),
-            Line2D([], [], color=colors(0.6), lw=2.6, label="static solver, EA decreasing"),
-            Line2D([], [], **points(style.INK, ms=4.5), label="MuJoCo, settled"),
+            key("commanded, level", ls="none", marker="o", color=style.INK),
+            key(f"to the equilibrium with EA = {newtons(stiffest)}", ls=":", lw=0.9, color=style.INK),
+            key("static solver, EA decreasing", color=colors(0.6), lw=2.6),
+            key("MuJoCo, settled", **points(style.INK, ms=4.5)),
         ],
         loc="upper center",
         bbox_to_anchor=(0.5, -0.14),
@@ -245,10 +244,10 @@ def draw_poses(forms: ClosedForms) -> Figure:
         ax.plot(*anchors[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
     ax.legend(
         handles=[
-            Line2D([], [], color=style.MUTED, lw=2, ls=(0, (1.5, 1)), label="commanded, level"),
-            Line2D([], [], color=style.GREEN, lw=2, ls=(0, (5, 1.5)), label="closed form: equilibrium tilt there"),
-            Line2D([], [], color=style.BLUE, lw=3.4, label="static solver: equilibrium"),
-            Line2D([], [], **points(style.INK, ms=4.5), label="MuJoCo: ends and middle, settled"),
+            key("commanded, level", color=style.MUTED, lw=2, ls=(0, (1.5, 1))),
+            key("closed form: equilibrium tilt there", color=style.GREEN, lw=2, ls=(0, (5, 1.5))),
+            key("static solver: equilibrium", color=style.BLUE, lw=3.4),
+            key("MuJoCo: ends and middle, settled", **points(style.INK, ms=4.5)),
         ],
         loc="upper center",
         bbox_to_anchor=(0.5, -0.1),
