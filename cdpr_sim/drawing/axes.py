@@ -128,12 +128,12 @@ def _draw_frame_in_space(ax: Axes3D, robot: Robot, exits: bool) -> None:
 
 def draw_platform(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, **looks) -> None:
     """Draw the platform: its box, or the section of it."""
-    half = robot.platform_size / 2
-    looks = {"fc": style.PLATFORM, "ec": style.INK, "zorder": 4} | looks
+    half, looks = robot.platform_size / 2, {"fc": style.PLATFORM, "ec": style.INK, "zorder": 4} | looks
     if isinstance(ax, Axes3D):
         corners = position + _corners(-half, half) @ rotation.T
-        looks = {"lw": 0.6, "alpha": 1.0, "shade": False} | looks
-        ax.add_collection3d(Poly3DCollection([corners[list(face)] for face in FACES], **looks))
+        alpha = looks.pop("alpha", 1.0)  # set after the colours, to which it applies
+        faces = [corners[list(face)] for face in FACES]
+        ax.add_collection3d(Poly3DCollection(faces, **{"lw": 0.6, "shade": False} | looks, alpha=alpha))
     else:
         corners = position + half * [[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]] @ rotation.T
         ax.add_patch(Polygon(corners[:, [0, 2]], closed=True, **{"lw": style.HAIR + 0.2} | looks))
