@@ -30,7 +30,7 @@ from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.status import Status
-from cdpr_sim.crosscheck.check import OUTCOMES, Check
+from cdpr_sim.crosscheck.check import OUTCOMES
 from cdpr_sim.crosscheck.compare import Agreement, Verdict
 from cdpr_sim.crosscheck.compensation_check import CompensationCheck
 from cdpr_sim.crosscheck.layout_validation import LayoutValidation, ValidatedRobot
@@ -560,7 +560,7 @@ def test_a_check_is_counted_outcome_by_outcome():
         outcome=[agree, agree, agree, apart], position_error=[1e-9, 2e-9, 3e-9, 1.0],
         rotation_error=np.radians([1e-7, 4e-7, 2e-7, 90.0]), tension_error=[5e-8, 1e-8, 2e-8, 9.0],
     )  # fmt: skip
-    shown = columns(workspace_tables.check_table(Check(dataset, ())))
+    shown = columns(workspace_tables.check_table(dataset))
     assert shown["agree"] == ["3"]
     assert shown["disagree"] == ["[red]1[/]"]
     assert shown["unsettled"] == ["0"]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import cdpr_sim as cdpr
+from cdpr_sim.cli.command_classes import numbers_in
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -97,10 +98,7 @@ def wrenches_of(words: list[str] | None) -> list[list[float]] | None:
     """
     wrenches = []
     for word in words or []:
-        try:
-            numbers = [float(part) for part in word.split(",")]
-        except ValueError:
-            numbers = []
+        numbers = numbers_in(word)
         if len(numbers) != 6:
             raise cdpr.InvalidInput(f"--wrench: found {word!r}, expected six numbers FX,FY,FZ,TX,TY,TZ [N, N m]")
         wrenches.append(numbers)
@@ -125,10 +123,7 @@ def pose_of(word: str | None, option: str = "--pose") -> tuple[float, ...] | Non
     """
     if word is None:
         return None
-    try:
-        numbers = tuple(float(part) for part in word.strip(", ").split(","))
-    except ValueError:
-        numbers = ()
+    numbers = tuple(numbers_in(word.strip(", ")))
     if len(numbers) not in {3, 6}:
         raise cdpr.InvalidInput(
             f"{option}: found {word!r}, expected three numbers X Y Z [m], or six, X Y Z ALPHA BETA GAMMA [m, rad]"

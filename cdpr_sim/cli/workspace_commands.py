@@ -65,7 +65,7 @@ def sweep(
     if settle:
         from cdpr_sim.report import workspace_tables as report
 
-        print_parts(report.outcome_table(dataset))
+        print_parts(report.check_table(dataset))
         raise typer.Exit(0 if report.all_agree(dataset) else DISAGREE)
 
 
@@ -182,5 +182,5 @@ def check(
         )
         if output is not None:
             maps.write(maps.draw_agreement_map(result.across()), output)
-    print_parts(report.check_table(result), *report.check_lines(result))
+    print_parts(report.check_table(result.dataset), *report.check_lines(result))
     raise typer.Exit(0 if result.agrees else DISAGREE)

@@ -45,20 +45,20 @@ def compensation_table(
     deviations = [1e3 * (point.position - commanded.translation) for point in results.values()]
     rotations = [np.degrees((point.rotation * commanded.rotation.inv()).magnitude()) for point in results.values()]
     for axis, name in enumerate("xyz"):
-        table.add_row(escape(f"error {name} [mm]"), *(f"{deviation[axis]:.6f}" for deviation in deviations))
+        table.row(f"error {name} [mm]", *(f"{deviation[axis]:.6f}" for deviation in deviations))
     distances = [float(np.linalg.norm(deviation)) for deviation in deviations]
-    table.add_row(escape("position error [mm]"), *map(_small, distances), style="bold")
-    table.add_row(escape("rotation error [°]"), *map(_small, rotations), style="bold")
-    table.add_row(escape("tilt [°]"), *(f"{np.degrees(point.tilt):.6f}" for point in results.values()))
+    table.row("position error [mm]", *map(_small, distances), style="bold")
+    table.row("rotation error [°]", *map(_small, rotations), style="bold")
+    table.row("tilt [°]", *(f"{np.degrees(point.tilt):.6f}" for point in results.values()))
     table.add_section()
     for cable in range(robot.cables):
         cells = (SLACK if point.slack[cable] else f"{point.tensions[cable]:.3f}" for point in results.values())
-        table.add_row(escape(f"tension {cable + 1} [N]"), *cells)
+        table.row(f"tension {cable + 1} [N]", *cells)
     if any(point.overloaded.any() for point in results.values()):
         counts = (f"{int(point.overloaded.sum())} of {robot.cables}" for point in results.values())
         table.add_row("overloaded cables", *counts, style="red")
     table.add_section()
-    table.add_row(escape("lowest stiffness [N/m]"), *(f"{point.eigenvalues[0]:.3g}" for point in results.values()))
+    table.row("lowest stiffness [N/m]", *(f"{point.eigenvalues[0]:.3g}" for point in results.values()))
     table.add_row("equilibrium", *(point.stability.name.lower() for point in results.values()))
     return table
 

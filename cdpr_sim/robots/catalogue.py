@@ -44,6 +44,11 @@ def _key(meaning: str, unit: str = "", default: Any = ...) -> Any:
     return Field(default, description=meaning, json_schema_extra={"unit": unit} if unit else None)
 
 
+def _of_all(unit: str = "") -> Any:
+    """A key of a cable that the whole robot has as well."""
+    return _key("As for the whole robot.", unit, None)
+
+
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -82,21 +87,21 @@ class CableTable(_Table):
     )
     anchor: Vector = _key("Anchor point B_i in the platform frame.", LENGTH)
     name: str | None = _key("Name of this cable.", "", None)
-    material: str | None = _key("As for the whole robot.", "", None)
-    axial_stiffness: Number | None = _key("As for the whole robot.", "N", None)
-    modulus: Number | None = _key("As for the whole robot.", "Pa", None)
-    diameter: Number | None = _key("As for the whole robot.", LENGTH, None)
-    linear_density: Density | None = _key("As for the whole robot.", "kg/m", None)
-    stiffening: Pair | None = _key("As for the whole robot.", "", None)
-    force_min: Number | None = _key("As for the whole robot.", "N", None)
-    force_max: Number | None = _key("As for the whole robot.", "N", None)
-    breaking_load: Number | None = _key("As for the whole robot.", "N", None)
-    winch_to_exit: Number | None = _key("As for the whole robot.", LENGTH, None)
-    reeving: Number | None = _key("As for the whole robot.", "", None)
-    pulley_friction: Number | None = _key("As for the whole robot.", "", None)
-    hysteresis: Rows | None = _key("As for the whole robot.", "", None)
-    creep: Rows | None = _key("As for the whole robot.", "", None)
-    pulley: PulleyTable | None = _key("As for the whole robot.", "", None)
+    material: str | None = _of_all()
+    axial_stiffness: Number | None = _of_all("N")
+    modulus: Number | None = _of_all("Pa")
+    diameter: Number | None = _of_all(LENGTH)
+    linear_density: Density | None = _of_all("kg/m")
+    stiffening: Pair | None = _of_all()
+    force_min: Number | None = _of_all("N")
+    force_max: Number | None = _of_all("N")
+    breaking_load: Number | None = _of_all("N")
+    winch_to_exit: Number | None = _of_all(LENGTH)
+    reeving: Number | None = _of_all()
+    pulley_friction: Number | None = _of_all()
+    hysteresis: Rows | None = _of_all()
+    creep: Rows | None = _of_all()
+    pulley: PulleyTable | None = _of_all()
 
 
 class BoxTable(_Table):
@@ -161,23 +166,17 @@ class RobotTable(_Table):
     def robot(self) -> Robot:
         """The robot that this file describes."""
         made = [self._made(i, cable) for i, cable in enumerate(self.cables)]
-        names = {material.name for material in made}
-        pulleys = [_own(cable.pulley, self.pulley) for cable in self.cables]
+        names, pulleys = {material.name for material in made}, self._each("pulley")
+        as_given = ("stiffening", "force_min", "reeving", "pulley_friction", "hysteresis", "creep")
         return Robot(
             exits=[self._metres(cable.exit) for cable in self.cables],
             anchors=[self._metres(cable.anchor) for cable in self.cables],
             axial_stiffness=[material.axial_stiffness for material in made],
             mass=self.platform.mass,
             linear_density=[self._density(i, cable, made[i]) for i, cable in enumerate(self.cables)],
-            stiffening=[_own(cable.stiffening, self.stiffening) for cable in self.cables],
-            force_min=[_own(cable.force_min, self.force_min) for cable in self.cables],
-            force_max=[_own(_own(cable.force_max, self.force_max), np.inf) for cable in self.cables],
-            breaking_load=[np.inf if one.breaking_load is None else one.breaking_load for one in made],
-            winch_to_exit=[_own(cable.winch_to_exit, self.winch_to_exit) / METRES[self.units] for cable in self.cables],
-            reeving=[_own(cable.reeving, self.reeving) for cable in self.cables],
-            pulley_friction=[_own(cable.pulley_friction, self.pulley_friction) for cable in self.cables],
-            hysteresis=[_own(cable.hysteresis, self.hysteresis) for cable in self.cables],
-            creep=[_own(cable.creep, self.creep) for cable in self.cables],
+            force_max=[_own(limit, np.inf) for limit in self._each("force_max")],
+            breaking_load=[_own(one.breaking_load, np.inf) for one in made],
+            winch_to_exit=[length / METRES[self.units] for length in self._each("winch_to_exit")],
             pulley_radius=[pulley.radius / METRES[self.units] for pulley in pulleys],
             pulley_axis=[pulley.axis for pulley in pulleys],
             center_of_mass=self._metres(self.platform.center_of_mass),
@@ -186,12 +185,20 @@ class RobotTable(_Table):
             gravity=self.gravity,
             name=self.name,
             platform_size=self.platform.size and self._metres(self.platform.size),
-            frame=self.frame and (self._metres(self.frame.lower), self._metres(self.frame.upper)),
-            workspace=self.workspace and (self._metres(self.workspace.lower), self._metres(self.workspace.upper)),
+            frame=self._corners(self.frame),
+            workspace=self._corners(self.workspace),
             material=names.pop() or None if len(names) == 1 else None,
             description=self.description,
             source=self.source,
+            **{key: self._each(key) for key in as_given},
         )
+
+    def _each(self, key: str) -> list[Any]:
+        """The value of a key for each cable: its own, else the robot's."""
+        return [_own(getattr(cable, key), getattr(self, key)) for cable in self.cables]
+
+    def _corners(self, box: BoxTable | None) -> tuple[Vector, Vector] | None:
+        return box and (self._metres(box.lower), self._metres(box.upper))
 
     def _metres(self, lengths: Vector) -> Vector:
         x, y, z = (length / METRES[self.units] for length in lengths)
@@ -362,9 +369,7 @@ def _sentence(error: ValidationError) -> str:
     path = first["loc"]
     if first["type"] == "extra_forbidden":
         return f"{_place(path)}: unknown key{_meant(str(path[-1]), path[:-1])}"
-    where = _place(
-        tuple(part for part in path if part != "float" and "[" not in str(part))
-    )  # pydantic's names of types
+    where = _place(tuple(part for part in path if part != "float" and "[" not in str(part)))  # names of types
     if first["type"] == "missing":
         return f"{where}: missing"
     return f"{where}: found {shown(first['input'])}: {first['msg']}"
@@ -392,6 +397,5 @@ def _place(path: tuple[int | str, ...]) -> str:
     if path[0] == "cables" and len(path) > 1:
         head, path = f"cable {int(path[1]) + 1}", path[2:]
     keys = ("xyz"[key] if isinstance(key, int) and key < 3 else str(key) for key in path)
-    return ": ".join(
-        filter(None, [head, ".".join(key if len(key) <= LONGEST else f"{key[:LONGEST]}..." for key in keys)])
-    )
+    where = ".".join(key if len(key) <= LONGEST else f"{key[:LONGEST]}..." for key in keys)
+    return ": ".join(filter(None, [head, where]))

@@ -46,26 +46,32 @@ def document() -> str:
     for title, table in TABLES.items():
         parts.append(f"\n## {title}\n\n| key | unit | default | meaning |\n|---|---|---|---|\n")
         parts += [
-            f"| `{key}` | {_unit(field)} | {_default(field)} | {field.description} |\n" for key, field in _keys(table)
+            f"| `{key}` | {_unit(field)} | {_default(field)} | {field.description} |\n"
+            for key, field in table.model_fields.items()
         ]
     parts.append(_MATERIALS)
-    parts += [
-        f"| `{rope.name}` | {rope.modulus / 1e9:g} GPa | {rope.fill:g} | {rope.density:g} kg/m³ | "
-        f"{rope.strength_in_words} | {rope.source} |\n"
-        for rope in ROPES.values()
-    ]
+    parts += [f"| `{name}` | {' | '.join(cells)} |\n" for name, *cells in rope_rows()]
     parts.append(
         "\nCables of one size, without `diameter`:\n\n| `material` | EA | breaks at | source |\n|---|---|---|---|\n"
     )
-    parts += [
-        f"| `{one.name}` | {one.axial_stiffness:g} N | {one.breaking_load_in_words} | {one.source} |\n"
-        for one in MATERIALS.values()
-    ]
+    parts += [f"| `{name}` | {' | '.join(cells)} |\n" for name, *cells in material_rows()]
     return "".join(parts)
 
 
-def _keys(table: type[BaseModel]) -> list[tuple[str, FieldInfo]]:
-    return list(table.model_fields.items())
+def rope_rows() -> list[tuple[str, ...]]:
+    """Name, modulus, fill, density, strength and source of each rope."""
+    return [
+        (one.name, f"{one.modulus / 1e9:g} GPa", f"{one.fill:g}", f"{one.density:g} kg/m³", one.strength_in_words,
+         one.source)
+        for one in ROPES.values()
+    ]  # fmt: skip
+
+
+def material_rows() -> list[tuple[str, ...]]:
+    """Name, EA, breaking load and source of each cable of one size."""
+    return [
+        (one.name, f"{one.axial_stiffness:g} N", one.breaking_load_in_words, one.source) for one in MATERIALS.values()
+    ]
 
 
 def _unit(field: FieldInfo) -> str:
