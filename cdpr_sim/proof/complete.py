@@ -34,7 +34,7 @@ from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Pose, angle_between
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.progress import bar
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot import FREE_DIRECTIONS, Robot
 from cdpr_sim.proof import certificate
 from cdpr_sim.proof.balance import Balance, cables_of
 from cdpr_sim.proof.balls import BITS, Ball, arithmetic, balls, dot, exact, load, lower, matrix, middle, upper
@@ -46,9 +46,6 @@ CHARTS = {
     "spatial": ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)),
 }
 """For each mobility, the signs of the platform's axes before a chart's rotation: the half turns."""
-
-FREE = {"planar": (0, 2, 4), "spatial": (0, 1, 2, 3, 4, 5)}
-"""For each mobility, which of (x, y, z, v) vary."""
 
 SPARE = 1.01
 """Factor by which the domain is larger than the proved box: more than any rounding of it."""
@@ -338,7 +335,7 @@ class _Search:
             self.waiting.append((chart, boxes, tensions))
 
     def _volume(self, box: Float[np.ndarray, "6 2"]) -> float:
-        rows = list(FREE[self.problem.robot.mobility])
+        rows = self.problem.robot.free
         return float(np.prod(box[rows, 1] - box[rows, 0]))
 
     def _save(self, path: Path, seconds: float) -> None:
@@ -405,7 +402,7 @@ def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"], laws: np.nda
         center_of_mass=robot.center_of_mass * signs,
         weight=np.array([np.nextafter(weight, -np.inf), np.nextafter(weight, np.inf)]),
         wrench=problem.external_wrench.copy(),
-        rows=np.array(FREE[robot.mobility], np.int64),
+        rows=np.array(robot.free, np.int64),
         scales=np.repeat([1.0, 2 * robot.characteristic_length], 3),
         newton=NEWTON[robot.mobility] * size,
         near=NEAR * size,
@@ -496,7 +493,7 @@ def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
     box = np.zeros((6, 2))
     box[:3, 0], box[:3, 1] = corners.min(0) - spare, corners.max(0) + spare
     box[3:] = [-1.0, 1.0]
-    fixed = [k for k in range(6) if k not in FREE[robot.mobility]]
+    fixed = [k for k in range(6) if k not in robot.free]
     box[fixed] = 0.0
     return box
 
@@ -584,7 +581,7 @@ def _in_chart(member: _Member, chart: int, planar: bool) -> list[Ball]:
 
 def _in_box(member: _Member, chart: int, box: Float[np.ndarray, "6 3"]) -> bool:
     planar = len(member.balance.axes) == 2
-    rows = FREE["planar" if planar else "spatial"]
+    rows = FREE_DIRECTIONS["planar" if planar else "spatial"]
     at = _in_chart(member, chart, planar)
     return all(bool(at[k] >= exact(box[k, 0])) and bool(at[k] <= exact(box[k, 1])) for k in rows)
 
