@@ -169,7 +169,7 @@ class Cabling(Frozen):
                 f"force_min: found {values['force_min'][cable]:g} N above force_max, {values['force_max'][cable]:g} N, "
                 f"in cable {cable + 1}; expected force_min <= force_max"
             )
-        made = cls(**{name: frozen(value) for name, value in values.items()})
+        made = cls(**values)
         _refuse_falling_law(made.stiffening)
         _refuse_impossible_memory(made)
         return made

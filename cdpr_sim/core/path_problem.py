@@ -55,9 +55,6 @@ class PathProblem(Frozen):
     times: Float[np.ndarray, " steps"]
     memory: Memory
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     @property
     def robot(self) -> Robot:
         """The robot of all rows."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, listed, refuse_far, refuse_unless
+from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, listed, refuse_far, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.plausibility import warn_of_outside
@@ -102,7 +102,7 @@ class Problem(Posed, HtmlRepr):
             )
         if rest_lengths is None:
             warn_where_outside(robot, at.position)
-        return cls(robot, at, frozen(rest), frozen(wrench))
+        return cls(robot, at, rest, wrench)
 
     @property
     def axial_stiffness(self) -> Float[np.ndarray, " cables"]:
@@ -182,9 +182,6 @@ class Problems(Frozen):
     falls: Bool[np.ndarray, "*#batch"]
     singles: tuple[Problem, ...] = ()
     robots: RobotBatch | None = None
-
-    def __post_init__(self) -> None:
-        self._freeze()
 
     @classmethod
     def of(
@@ -359,7 +356,7 @@ class Problems(Frozen):
             changes["mass"] = mass
         pose = Pose(self._at(self.positions, at, 1).copy(), self._at(self.rotations, at, 2).copy())
         rest, wrench = self._at(self.rest_lengths, at, 1).copy(), self._at(self.external_wrench, at, 1).copy()
-        return Problem(robot.replace(**changes) if changes else robot, pose, frozen(rest), frozen(wrench))
+        return Problem(robot.replace(**changes) if changes else robot, pose, rest, wrench)
 
     def _at(self, array: np.ndarray, row: tuple, core: int) -> np.ndarray:
         """One row of an array whose last ``core`` dimensions belong to each row."""

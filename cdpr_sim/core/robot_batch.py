@@ -39,8 +39,8 @@ class RobotBatch(Frozen):
     center_of_mass: Float[np.ndarray, "layouts 3"]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.robot.cabling.refuse_memory("layout")
-        self._freeze()
 
     @classmethod
     def of(cls, robots: Sequence[Robot]) -> RobotBatch:

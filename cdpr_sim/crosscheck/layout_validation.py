@@ -114,7 +114,7 @@ def validate_layout(layout: LayoutResult) -> LayoutValidation:
 
 
 def _validated(robot: Robot, cases: Cases, objective: Objective) -> ValidatedRobot:
-    problems = cases.of_robot(robot)
+    problems = cases.problems(robot)
     solved, settled = solve_many(problems), settle_many(problems)
     columns, within = compare_many(solved, settled)
     for row in np.flatnonzero(~within & solved.converged & settled.converged):
@@ -129,7 +129,7 @@ def _score(robot: Robot, cases: Cases, objective: Objective, settled: Equilibriu
     """The objective at MuJoCo's equilibria."""
     if objective.equilibria and not settled.converged.all():
         return np.nan
-    problems = cases.of_layouts(RobotBatch.of([robot]))
+    problems = cases.layout_problems(RobotBatch.of([robot]))
     equilibria = LayoutEquilibria(
         problems, settled.positions[None], settled.rotations[None], settled.lengths[None], settled.tensions[None],
         settled.residuals[None], settled.iterations[None], settled.status[None], "mujoco", settled.eigenvalues[None],

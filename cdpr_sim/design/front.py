@@ -50,9 +50,6 @@ class Front(Frozen, HtmlRepr):
     cases: Cases
     layouts_evaluated: int
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     def __len__(self) -> int:
         return len(self.scores)
 

@@ -74,7 +74,7 @@ def layout_derivatives(
 
     For cables with mass only by steps that are not known.
     """
-    state = forces.at(cases.of_robot(robot, rest_lengths), positions, rotations)
+    state = forces.at(cases.problems(robot, rest_lengths), positions, rotations)
     by, arms = derivatives.pull_by_parameter(state), state.geometry.arms[:, None]
     arm_moves = np.einsum("cij,nmj->cnmi", rotations, steps.anchors)
     force = np.einsum("cmij,cnmj->cnmi", by["exits"], steps.exits[None] - arm_moves)

@@ -47,9 +47,6 @@ class Cases(Frozen):
     factors: Float[np.ndarray, " cases"]
     shape: tuple[int, ...]
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     @classmethod
     def of(
         cls, robot: Robot, poses: Any, external_wrench: ArrayLike | None = None, stiffness: ArrayLike | None = None
@@ -97,11 +94,11 @@ class Cases(Frozen):
             np.tile(self.wrench[:each], (count, 1)), np.tile(self.factors[:each], count), at.shape[:-1],
         )  # fmt: skip
 
-    def of_layouts(self, layouts: RobotBatch) -> Problems:
+    def layout_problems(self, layouts: RobotBatch) -> Problems:
         """The problems of all layouts, (layouts, cases)."""
         return Problems.of_robots(layouts, self.positions, self.rotations, self.wrench, self.factors)
 
-    def of_robot(self, robot: Robot, rest_lengths: np.ndarray | None = None) -> Problems:
+    def problems(self, robot: Robot, rest_lengths: np.ndarray | None = None) -> Problems:
         """The problems of one robot, (cases,)."""
         return Problems.of(
             robot,
@@ -168,7 +165,7 @@ def solve_layouts(layouts: RobotBatch, cases: Cases, threads: int | None = None)
     if need > 1e8:
         what = f"poses: {len(cases):,} of them in each of {len(layouts):,} layouts"
         available_memory.refuse_beyond(what, need, "fewer poses or layouts")
-    found = solve_many(cases.of_layouts(layouts), threads=threads or 0)
+    found = solve_many(cases.layout_problems(layouts), threads=threads or 0)
     return LayoutEquilibria(**{one.name: getattr(found, one.name) for one in dataclasses.fields(found)}, cases=cases)
 
 

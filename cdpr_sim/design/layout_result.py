@@ -69,9 +69,6 @@ class LayoutResult(Frozen, HtmlRepr):
     values: Float[np.ndarray, " variables"]
     variables: tuple[str, ...]
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     @property
     def largest_displacement(self) -> float:
         """Displacement of the point that moved most [m]."""

@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
-import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -30,6 +28,7 @@ from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.checks import FLAG, checked_path, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput, StoreError
+from cdpr_sim.core.files import appearing
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Pose, angle_between
 from cdpr_sim.core.problem import Problem
@@ -351,11 +350,10 @@ class _Search:
             parts[f"boxes_{chart}"] = np.concatenate([np.empty((0, 6, 2)), *(boxes for _, boxes, _ in mine)])
             parts[f"tensions_{chart}"] = np.concatenate([np.empty((0, m, 2)), *(ranges for _, _, ranges in mine)])
         try:
-            with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+            with appearing(path) as (temporary,), open(temporary, "wb") as file:
                 np.savez(file, allow_pickle=False, **parts)  # type: ignore[arg-type]
-            os.replace(file.name, path)
-        except OSError as error:
-            raise StoreError(f"{path}: {error.strerror or error}") from None
+        except InvalidInput as error:
+            raise StoreError(str(error)) from None
 
     def _resume(self, path: Path) -> None:
         try:
