@@ -142,7 +142,9 @@ def unseen(*unknowns: str) -> float:
     solved = cdpr.solve_many(robot, poses)
     measured = cdpr.Measurements.of(poses, np.hstack([solved.positions, solved.euler]))
     wanted = identification_model.unknowns_of(robot, measured, unknowns)
-    slope = identification_model.Model(robot, measured, wanted).slopes(np.zeros(len(wanted)))[measured.known]
+    slope = identification_model.IdentificationModel(robot, measured, wanted).slopes(np.zeros(len(wanted)))[
+        measured.known
+    ]
     singular = np.linalg.svd(slope / np.linalg.norm(slope, axis=0), compute_uv=False)
     return float(singular[-1] / singular[0])
 

@@ -169,7 +169,7 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
     return [one for name in names for one in found[name]]
 
 
-class Model:
+class IdentificationModel:
     """The equilibria at measured poses as a function of the unknowns, and what the sensors show there.
 
     ``rest_lengths`` are the given ones, (rows, cables); ``errors`` are the standard errors of all numbers, (rows,

@@ -20,7 +20,7 @@ MOST_STEPS = 100_000
 """Largest number of steps between two commands."""
 
 
-def moved(
+def moved_as_commanded(
     positions: Float[np.ndarray, "*batch 3"],
     rotations: Float[np.ndarray, "*batch 3 3"],
     before: Problems,

@@ -21,8 +21,8 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import FLAG, PROGRESS, listed, positive, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.status import Status
@@ -81,8 +81,8 @@ def drive(
 ) -> Trajectory:
     """Drive the platform along ``waypoints`` by its winches while MuJoCo simulates it.
 
-    The command moves along straight lines from waypoint to waypoint as described in ``core.path``: smoothly, with zero
-    velocity at both ends.
+    The command moves along straight lines from waypoint to waypoint as described in ``core.pose_path``: smoothly, with
+    zero velocity at both ends.
 
     Args:
         robot: the robot.
@@ -112,7 +112,7 @@ def drive(
     poses = poses_through(robot, waypoints)
     robot.cabling.refuse_memory("drive")
     whole("states", states, 2, MOST_STATES)
-    path = Path(robot, poses, rest_lengths)
+    path = PosePath(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0], external_wrench=external_wrench)
     if seconds is None:
         seconds = PEAK * path.length / _slow_speed(first) or PAUSE
@@ -182,7 +182,7 @@ def _slow_speed(problem: Problem) -> float:
 
 def _simulate(
     problems: Problems,
-    path: Path,
+    path: PosePath,
     start: RigidTransform,
     seconds: float,
     progress: Callable[[float], None] | None,
@@ -216,7 +216,7 @@ def _simulate(
 
 def _simulate_chains(
     problems: Problems,
-    path: Path,
+    path: PosePath,
     start: RigidTransform,
     seconds: float,
     from_rest: bool,

@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.checks import MOST_THREADS, whole
 from cdpr_sim.core.equilibrium_path import EquilibriumPath
 from cdpr_sim.core.memory import Memory
-from cdpr_sim.core.path_problem import PathProblem, moved
+from cdpr_sim.core.path_problem import PathProblem, moved_as_commanded
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -154,7 +154,7 @@ class _SettledPath:
         """Settle ``paths`` at one row, from the equilibria before, moved as the commands are."""
         starts = commands
         if row > 0:
-            positions, rotations = moved(
+            positions, rotations = moved_as_commanded(
                 self.positions[row - 1, paths], self.rotations[row - 1, paths], before, commands
             )
             starts = replace(commands, positions=positions, rotations=rotations)

@@ -36,7 +36,7 @@ from cdpr_sim.core.progress import bar
 from cdpr_sim.core.robot import FREE_DIRECTIONS, Robot
 from cdpr_sim.proof import certificate
 from cdpr_sim.proof.balance import Balance, cables_of
-from cdpr_sim.proof.balls import BITS, Ball, arithmetic, balls, dot, exact, load, lower, matrix, middle, upper
+from cdpr_sim.proof.balls import BITS, Ball, arithmetic, balls, dot, exact, import_flint, lower, matrix, middle, upper
 from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import Certificate, Enclosure
 
@@ -206,7 +206,7 @@ def certify_all(
 
     Source: branch and prune as in Neumaier, Complete search in continuous global optimization, Acta Numerica 2004.
     """
-    load()
+    import_flint()
     refuse_unless(Robot | Problem, robot=robot)
     refuse_unless(FLAG, progress=progress)
     most = None if time_limit is None else positive("time_limit", time_limit, "s")
