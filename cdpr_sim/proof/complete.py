@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core.cable import MOST_STRAIN
@@ -599,20 +600,9 @@ def _same(one: _Member, other: _Member) -> bool | None:
 
 def _joined(boxes: Float[np.ndarray, "boxes 6 2"], least: float) -> list[np.ndarray]:
     """Groups of boxes that touch each other up to the least width."""
-    clusters, left = [], list(range(len(boxes)))
-    while left:
-        waiting, members = [left.pop()], []
-        while waiting:
-            one = waiting.pop()
-            members.append(one)
-            rest = np.array(left, int)
-            if len(rest):
-                gap = np.maximum(boxes[rest, :, 0] - boxes[one, :, 1], boxes[one, :, 0] - boxes[rest, :, 1]).max(1)
-                near = set(rest[gap <= 4 * least].tolist())
-                waiting += near
-                left = [other for other in left if other not in near]
-        clusters.append(boxes[members])
-    return clusters
+    gaps = (boxes[:, None, :, 0] - boxes[:, :, 1]).max(-1)  # of one box above the other, in any coordinate
+    _, labels = connected_components(np.maximum(gaps, gaps.T) <= 4 * least, directed=False)
+    return [boxes[labels == label] for label in dict.fromkeys(labels[::-1].tolist())]
 
 
 def _covered(search: _Search, chart: int, cluster: np.ndarray, members: list[_Member]) -> list[Undecided]:
