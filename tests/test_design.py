@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.crosscheck.layout_validation import validate_layout
 from cdpr_sim.design import search
 from cdpr_sim.design.constraints import constraints_of
 from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
+from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria, solve_layouts
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES
-from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, RobotBatch, solve_layouts
 from cdpr_sim.design.symmetry import group
 from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.studies.better_layouts import driven

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.identifiability import WORSE
-from cdpr_sim.analysis.identification_model import UNKNOWNS, Model, unknowns_of
+from cdpr_sim.analysis.identification_model import UNKNOWNS, IdentificationModel, unknowns_of
 from cdpr_sim.report.analysis_tables import identification_note
 from cdpr_sim.statics import newton
 from studies.coverage import fitted, held
@@ -86,7 +86,7 @@ def test_derivatives_of_the_residuals_are_exact(robot, left_out, linear_density,
     )
     unknowns = unknowns_of(robot, measurements, [name for name in UNKNOWNS if name not in left_out])
     assert len({one.name for one in unknowns}) == len(unknowns) > 90
-    model, at = Model(robot, measurements, unknowns), np.zeros(len(unknowns))
+    model, at = IdentificationModel(robot, measurements, unknowns), np.zeros(len(unknowns))
     exact = model.slopes(at)
     assert (np.abs(exact).max((0, 1)) > 0).all()
     random = np.random.default_rng(0)

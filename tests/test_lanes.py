@@ -10,8 +10,8 @@ import pytest
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.status import Status
+from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Move, Space
-from cdpr_sim.design.robot_batch import Cases, solve_layouts
 from cdpr_sim.statics import newton
 
 SAME = 1e-9

@@ -22,7 +22,7 @@ from jaxtyping import Float, Int
 from scipy.stats import chi2, norm, t
 
 from cdpr_sim.analysis.identifiability import INVISIBLE, certainty, directions, leverages, too_many
-from cdpr_sim.analysis.identification_model import RANGE, ROUGH, UNKNOWNS, Model, unknowns_of
+from cdpr_sim.analysis.identification_model import RANGE, ROUGH, UNKNOWNS, IdentificationModel, unknowns_of
 from cdpr_sim.analysis.measurements import KINDS, Measurements
 from cdpr_sim.core.checks import checked_array, listed, one_of, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotConverged
@@ -208,7 +208,8 @@ class Identification(HtmlRepr):
         kept = [wanted[name] for name in self.names if name in wanted]
         values = [value for name, value in zip(self.names, self.values, strict=True) if name in wanted]
         x = np.array([one.coordinate(value) for one, value in zip(kept, values, strict=True)])
-        return np.where(measurements.known, Model(self.given, measurements, kept).residuals(x), np.nan)
+        model = IdentificationModel(self.given, measurements, kept)
+        return np.where(measurements.known, model.residuals(x), np.nan)
 
     def __repr__(self) -> str:
         told = [
@@ -290,7 +291,7 @@ def identify(
         )
     scales, floors = _scales(robot)
     scatters = _start_scatters(measurements, judged, scales)
-    model = Model(robot, measurements, wanted, _errors(measurements, scatters))
+    model = IdentificationModel(robot, measurements, wanted, _errors(measurements, scatters))
     x = _scanned(model)
     reweighted = bool(judged) or robust or measurements.rest_length_errors is not None
     if judged and not robust and unstated[known].all() and (model.kinds == model.kinds[0]).all():
@@ -402,7 +403,7 @@ _WEIGHTED_SQUARES = float(1 - 2 * norm.sf(TUNING))
 def _scatters(
     scatters: Float[np.ndarray, " kinds"],
     judged: list[int],
-    model: Model,
+    model: IdentificationModel,
     x: Float[np.ndarray, " unknowns"],
     unstated: np.ndarray,
     scales: Float[np.ndarray, " kinds"],
@@ -445,7 +446,7 @@ def _outliers(
     return tuple(sorted(found, key=lambda one: -abs(one.size)))
 
 
-def _predictions_of_fewer(model: Model, names: tuple[str, ...]) -> dict[tuple[str, ...], float]:
+def _predictions_of_fewer(model: IdentificationModel, names: tuple[str, ...]) -> dict[tuple[str, ...], float]:
     """Prediction errors without one of the unknowns, each in turn, and with one EA in place of one for each cable.
 
     By the weights of the larger fit. Where a smaller one meets a pose without an equilibrium, it predicts nothing.
@@ -455,7 +456,7 @@ def _predictions_of_fewer(model: Model, names: tuple[str, ...]) -> dict[tuple[st
         fewer.append(tuple(name.removesuffix("_each") for name in names))
     found = {}
     for some in fewer:
-        smaller = Model(
+        smaller = IdentificationModel(
             model.robot, model.measurements, unknowns_of(model.robot, model.measurements, some), model.errors
         )
         with suppress(NotConverged):
@@ -467,7 +468,7 @@ def _predictions_of_fewer(model: Model, names: tuple[str, ...]) -> dict[tuple[st
     return found
 
 
-def _nearest_to_known(x: Float[np.ndarray, " unknowns"], model: Model) -> Float[np.ndarray, " unknowns"]:
+def _nearest_to_known(x: Float[np.ndarray, " unknowns"], model: IdentificationModel) -> Float[np.ndarray, " unknowns"]:
     """``x`` without its part along what the data do not see: there, what is known of the robot stays."""
     slopes = model.weighted_slopes(x)
     seen, unseen, _ = directions(slopes)
@@ -496,7 +497,7 @@ def _names(unknowns: Sequence[str]) -> tuple[str, ...]:
     return tuple(unknowns)
 
 
-def _scanned(model: Model) -> Float[np.ndarray, " unknowns"]:
+def _scanned(model: IdentificationModel) -> Float[np.ndarray, " unknowns"]:
     """The best of several stiffnesses to start from, all else as known."""
     start = np.zeros(len(model.unknowns))
     stiff = np.array([one.parameter == "axial_stiffness" for one in model.unknowns], dtype=bool)

@@ -149,18 +149,18 @@ def along(robot: cdpr.Robot, waypoints: Sequence[tuple[float, ...]], count: int)
     Raises:
         InvalidInput: invalid waypoints, or a number of poses that is not from 1 to ``MOST_PATH_POINTS``.
     """
-    from cdpr_sim.core.path import Path
+    from cdpr_sim.core.pose_path import PosePath
 
     if not 1 <= count <= MOST_PATH_POINTS:
         raise cdpr.InvalidInput(f"--path-points: found {count}, expected from 1 to {MOST_PATH_POINTS}")
-    return Path(robot, [robot.pose(waypoint) for waypoint in waypoints]).evenly(count)
+    return PosePath(robot, [robot.pose(waypoint) for waypoint in waypoints]).evenly(count)
 
 
 def stops(robot: cdpr.Robot, waypoints: Sequence[tuple[float, ...]]) -> list[tuple[float, str]]:
     """The fraction of the path at which each waypoint lies, and its position as text; for ``along``'s waypoints."""
-    from cdpr_sim.core.path import Path
+    from cdpr_sim.core.pose_path import PosePath
 
-    path = Path(robot, [robot.pose(waypoint) for waypoint in waypoints])
+    path = PosePath(robot, [robot.pose(waypoint) for waypoint in waypoints])
     names = [", ".join(f"{number:g}" for number in position) for position in path.positions]
     return [(float(at / (path.length or 1.0)), name) for at, name in zip(path.along, names, strict=True)]
 

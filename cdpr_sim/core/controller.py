@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import checked_array, positive, shown, whole
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.path import Path
+from cdpr_sim.core.pose_path import PosePath
 
 INSTANT = 0.01
 """[s] Time step of the second difference for accelerations."""
@@ -32,7 +32,7 @@ class Reference:
         pause: time for which the platform stands still before the motion [s].
     """
 
-    path: Path
+    path: PosePath
     seconds: float
     pause: float = 0.0
 

@@ -80,9 +80,6 @@ class Equilibrium(_Held, Posed, HtmlRepr):
     iterations: int
     source: str
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     @property
     def rotation(self) -> Rotation:
         """Rotation from the platform frame to the base frame."""

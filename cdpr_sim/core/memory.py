@@ -40,9 +40,6 @@ class Memory(Frozen):
     tensions: Float[np.ndarray, "*batch cables"]
     time: float
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     @classmethod
     def fresh(cls, robot: Robot, shape: tuple[int, ...] = ()) -> Memory:
         """The memory of new ropes: no element has yielded, no friction acts, nothing has crept.

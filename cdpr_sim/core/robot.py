@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -72,6 +73,10 @@ MOST_GRAVITY = 1e6
 class Robot(HtmlRepr):
     """A platform on elastic cables. Arrays are stored read-only; ``replace`` makes a changed copy.
 
+    Its attributes have the names and units of the arguments below. What is one number, pair or direction for all cables
+    has a row for each of them, (cables, ...): ``pulley_axis`` unit vectors; ``hysteresis`` (share, yield strain, w) of
+    each element, where a share of 0 is none; ``creep`` its terms, where an infinite EA1 is none.
+
     Args:
         exits: exit points A_i in the base frame, (cables, 3) [m].
         anchors: anchor points B_i in the platform frame, (cables, 3) [m].
@@ -122,6 +127,21 @@ class Robot(HtmlRepr):
     """
 
     cabling: Cabling
+    exits: Float[np.ndarray, "cables 3"]
+    anchors: Float[np.ndarray, "cables 3"]
+    axial_stiffness: Float[np.ndarray, " cables"]
+    linear_density: Float[np.ndarray, " cables"]
+    pulley_radius: Float[np.ndarray, " cables"]
+    pulley_axis: Float[np.ndarray, "cables 3"]
+    stiffening: Float[np.ndarray, "cables 2"]
+    force_min: Float[np.ndarray, " cables"]
+    force_max: Float[np.ndarray, " cables"]
+    breaking_load: Float[np.ndarray, " cables"]
+    winch_to_exit: Float[np.ndarray, " cables"]
+    reeving: Int[np.ndarray, " cables"]
+    pulley_friction: Float[np.ndarray, " cables"]
+    hysteresis: Float[np.ndarray, "cables elements 3"]
+    creep: Float[np.ndarray, "cables terms 2"]
     mass: float
     center_of_mass: Float[np.ndarray, "3"]
     inertia: Float[np.ndarray, "3 3"]
@@ -170,23 +190,7 @@ class Robot(HtmlRepr):
         notes: Sequence[str] = (),
     ) -> None:
         given = {name: value for name, value in locals().items() if name != "self"}
-        cabling = Cabling(
-            exits,
-            anchors,
-            axial_stiffness,
-            linear_density,
-            pulley_radius,
-            pulley_axis,
-            stiffening,
-            force_min,
-            force_max,
-            breaking_load,
-            winch_to_exit,
-            reeving,
-            pulley_friction,
-            hysteresis,
-            creep,
-        )
+        cabling = Cabling.of(given)
         name = checked_name("name", name)
         if material is not None:
             checked_label("material", material)
@@ -223,7 +227,7 @@ class Robot(HtmlRepr):
         if mobility == "planar":
             _refuse_out_of_plane(cabling, center_of_mass)
             workspace[:, 1] = 0.0
-        values = dict(
+        values = {one.name: getattr(cabling, one.name) for one in dataclasses.fields(cabling)} | dict(
             cabling=cabling,
             mass=mass,
             center_of_mass=frozen(center_of_mass),
@@ -250,81 +254,6 @@ class Robot(HtmlRepr):
         if not hasattr(self, "_copied"):
             for sentence in self.warnings:
                 warn(sentence)
-
-    @property
-    def exits(self) -> Float[np.ndarray, "cables 3"]:
-        """Exit points A_i in the base frame, (cables, 3) [m]."""
-        return self.cabling.exits
-
-    @property
-    def anchors(self) -> Float[np.ndarray, "cables 3"]:
-        """Anchor points B_i in the platform frame, (cables, 3) [m]."""
-        return self.cabling.anchors
-
-    @property
-    def axial_stiffness(self) -> Float[np.ndarray, " cables"]:
-        """EA of each cable, (cables,) [N]."""
-        return self.cabling.axial_stiffness
-
-    @property
-    def linear_density(self) -> Float[np.ndarray, " cables"]:
-        """Mass per length of each cable, (cables,) [kg/m]; 0 is a massless cable."""
-        return self.cabling.linear_density
-
-    @property
-    def pulley_radius(self) -> Float[np.ndarray, " cables"]:
-        """Radius of the wheel at each exit, (cables,) [m]; 0 is a point."""
-        return self.cabling.pulley_radius
-
-    @property
-    def pulley_axis(self) -> Float[np.ndarray, "cables 3"]:
-        """The direction in which each cable arrives at its wheel, unit vectors (cables, 3)."""
-        return self.cabling.pulley_axis
-
-    @property
-    def stiffening(self) -> Float[np.ndarray, "cables 2"]:
-        """(a2, a3) of each cable's law tau = EA (eps + a2 eps² + a3 eps³), (cables, 2)."""
-        return self.cabling.stiffening
-
-    @property
-    def force_min(self) -> Float[np.ndarray, " cables"]:
-        """Smallest wanted tension of each cable, (cables,) [N]."""
-        return self.cabling.force_min
-
-    @property
-    def force_max(self) -> Float[np.ndarray, " cables"]:
-        """Largest tension that each cable or its winch allows, (cables,) [N]; infinite without a limit."""
-        return self.cabling.force_max
-
-    @property
-    def breaking_load(self) -> Float[np.ndarray, " cables"]:
-        """Smallest tension at which each cable breaks, (cables,) [N]; infinite if unknown."""
-        return self.cabling.breaking_load
-
-    @property
-    def winch_to_exit(self) -> Float[np.ndarray, " cables"]:
-        """Length of rope between the winch and the exit of each cable, (cables,) [m]."""
-        return self.cabling.winch_to_exit
-
-    @property
-    def reeving(self) -> Int[np.ndarray, " cables"]:
-        """Parts of line between exit and platform of each cable, (cables,)."""
-        return self.cabling.reeving
-
-    @property
-    def pulley_friction(self) -> Float[np.ndarray, " cables"]:
-        """c at the exit of each cable, (cables,)."""
-        return self.cabling.pulley_friction
-
-    @property
-    def hysteresis(self) -> Float[np.ndarray, "cables elements 3"]:
-        """(share, yield strain, w) of each cable's elements, (cables, elements, 3); a share of 0 is none."""
-        return self.cabling.hysteresis
-
-    @property
-    def creep(self) -> Float[np.ndarray, "cables terms 2"]:
-        """(EA1 [N], tau1 [s]) of each cable's terms, (cables, terms, 2); an infinite EA1 is none."""
-        return self.cabling.creep
 
     @property
     def cables(self) -> int:

@@ -12,10 +12,11 @@ from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.crosscheck.check import AGREEING, compared
+from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria
 from cdpr_sim.design.layout_result import PROMISE, LayoutResult
 from cdpr_sim.design.objectives import NO_LIMITS, Objective
-from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, RobotBatch
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.statics.newton import solve_many
 
@@ -127,10 +128,11 @@ def _score(robot: Robot, cases: Cases, objective: Objective, settled: Equilibriu
     """The objective at MuJoCo's equilibria."""
     if objective.equilibria and not settled.converged.all():
         return np.nan
+    problems = cases.layout_problems(RobotBatch.of([robot]))
     equilibria = LayoutEquilibria(
-        settled.problems, settled.positions[None], settled.rotations[None], settled.lengths[None],
-        settled.tensions[None], settled.residuals[None], settled.iterations[None], settled.status[None], "mujoco",
-        settled.eigenvalues[None], RobotBatch.of([robot]), cases,
+        problems, settled.positions[None], settled.rotations[None], settled.lengths[None], settled.tensions[None],
+        settled.residuals[None], settled.iterations[None], settled.status[None], "mujoco", settled.eigenvalues[None],
+        cases,
     )  # fmt: skip
     scores: Float[np.ndarray, " layouts"] = np.asarray(objective.score(equilibria, NO_LIMITS), dtype=float)
     return float(scores[0])

@@ -14,8 +14,8 @@ from cdpr_sim.core.checks import checked_array, listed, one_of, positive, whole
 from cdpr_sim.core.controller import Command, Measurement, Reference
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.learning.domain import Domain
@@ -228,7 +228,7 @@ class Task:
                 if waypoints is not None:
                     raise
                 continue
-            self._follow(row, Reference(Path(self.robot, poses), self.seconds))
+            self._follow(row, Reference(PosePath(self.robot, poses), self.seconds))
             return
         raise InvalidInput(
             f"workspace: found no equilibrium of {self.robot.name!r} at {TRIES} poses in it, expected some"

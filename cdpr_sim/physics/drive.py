@@ -21,8 +21,8 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import FLAG, PROGRESS, listed, positive, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.status import Status
@@ -82,8 +82,8 @@ def drive(
 ) -> Trajectory:
     """Drive the platform along ``waypoints`` by its winches while MuJoCo simulates it.
 
-    The command moves along straight lines from waypoint to waypoint as described in ``core.path``: smoothly, with zero
-    velocity at both ends.
+    The command moves along straight lines from waypoint to waypoint as described in ``core.pose_path``: smoothly, with
+    zero velocity at both ends.
 
     Args:
         robot: the robot.
@@ -113,7 +113,7 @@ def drive(
     poses = poses_through(robot, waypoints)
     robot.cabling.refuse_memory("drive")
     whole("states", states, 2, MOST_STATES)
-    path = Path(robot, poses, rest_lengths)
+    path = PosePath(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0], external_wrench=external_wrench)
     if seconds is None:
         seconds = PEAK * path.length / _slow_speed(first) or PAUSE
@@ -205,7 +205,7 @@ def _slow_speed(problem: Problem) -> float:
     return float(NEARLY_STATIC * np.sqrt(gravity * problem.rest_lengths.mean()) / 2)
 
 
-def _on_tendons(problems: Problems, path: Path, start: RigidTransform, seconds: float) -> Iterator[State]:
+def _on_tendons(problems: Problems, path: PosePath, start: RigidTransform, seconds: float) -> Iterator[State]:
     """The states at each problem's instant, as MuJoCo's coordinates."""
     robot, commanded = problems.robot, problems.poses[0]
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, commanded))
@@ -227,7 +227,7 @@ def _on_tendons(problems: Problems, path: Path, start: RigidTransform, seconds: 
 
 
 def _on_chains(
-    problems: Problems, path: Path, start: RigidTransform, seconds: float, from_rest: bool
+    problems: Problems, path: PosePath, start: RigidTransform, seconds: float, from_rest: bool
 ) -> Iterator[State]:
     """The states at each problem's instant on cables with mass, as pose, lengths and tensions."""
     first = problems[0]

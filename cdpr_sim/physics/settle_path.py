@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.checks import MOST_THREADS, whole
 from cdpr_sim.core.equilibrium_path import EquilibriumPath
 from cdpr_sim.core.memory import Memory
-from cdpr_sim.core.path_problem import PathProblem, moved
+from cdpr_sim.core.path_problem import PathProblem, moved_as_commanded
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -80,7 +80,7 @@ def settle_path(
                 starts = commands.take(going)
                 if before is not None:  # from the equilibria before, moved as the commands are
                     there = last["positions"][going], last["rotations"][going]
-                    positions, rotations = moved(*there, before.take(going), starts)
+                    positions, rotations = moved_as_commanded(*there, before.take(going), starts)
                     starts = replace(starts, positions=positions, rotations=rotations)
                 remembered = Memory(**{name: part[going] for name, part in parts.items()}, time=np.nan)
                 if weighs(robot):

@@ -27,8 +27,8 @@ from cdpr_sim.core.checks import PROGRESS, checked_array, positive, refuse_unles
 from cdpr_sim.core.controller import Command, Controller, Reference, Sensors
 from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.memory import without_memory
-from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell, Trajectory
@@ -83,8 +83,8 @@ def track(
 ) -> Trajectory:
     """Move the platform along ``waypoints`` in MuJoCo by the commands of ``controller``, which gets only measurements.
 
-    The reference moves along straight lines from waypoint to waypoint as described in ``core.path``: smoothly, with
-    zero velocity at both ends. The platform starts in equilibrium on the controller's first lengths.
+    The reference moves along straight lines from waypoint to waypoint as described in ``core.pose_path``: smoothly,
+    with zero velocity at both ends. The platform starts in equilibrium on the controller's first lengths.
 
     Args:
         robot: the true robot; the controller may have another model. Cables with a memory start as new ropes.
@@ -150,7 +150,7 @@ def _course(
     seconds: float | None,
     pause: float,
 ) -> Reference:
-    path = Path(robot, poses_through(robot, waypoints))
+    path = PosePath(robot, poses_through(robot, waypoints))
     if seconds is None:
         seconds = path.length / SPEED or PAUSE
     seconds = positive("seconds", seconds, "s")

@@ -130,14 +130,14 @@ def tension_by_pose(state: State) -> Float[Array, "cables 6"]:
     return -np.hstack([along, np.cross(state.geometry.arms, along)])
 
 
-def pull_by_parameter(state: State) -> dict[str, Float[Array, "cables 3 parameters"]]:
-    """∂(pull)/∂(parameter) of each cable on its anchor at a fixed pose, by its own parameters; of a single pose.
+def pull_by_parameter(state: State) -> dict[str, Float[Array, "*batch cables 3 parameters"]]:
+    """∂(pull)/∂(parameter) of each cable on its anchor at a fixed pose, by its own parameters.
 
     The law is a function of the strain n (l − l0)/(n l0 + g), so that the changes dl0 of the rest length and dg of the
     rope between winch and exit act like the change −(1 + eps) dl0 − eps dg/n of the length.
     """
     robot = state.problem.robot
-    found = {"exits": state.cable_stiffness, "anchors": -state.cable_stiffness @ state.rotation}
+    found = {"exits": state.cable_stiffness, "anchors": -state.cable_stiffness @ state.rotation[..., None, :, :]}
     table, rest_lengths = robot.cable_table(state.problem.axial_stiffness), state.problem.rest_lengths
     by = _pull_slopes(table, rest_lengths, state.pulls, state.cable_stiffness)
     n, idle = robot.reeving[:, None, None], state.tensions == 0

@@ -39,8 +39,7 @@ evaluated at the pose as stored, with its rotation normalised once more, for one
 
 LANES_FROM = 1000
 """Problems of plain cables from which on they are solved eight at a time (``lanes_kernel``). For fewer, loading that
-solver takes longer than it saves. At most half of ``design.robot_batch.LEAST_WORK``, so that the pieces into which
-threads divide a batch are solved as the whole is."""
+solver takes longer than it saves."""
 
 
 def solve(problem: Problem) -> Equilibrium:
@@ -140,17 +139,19 @@ def solve_many(
         return solve_step(problems, Memory.fresh(robot, problems.shape))[0]
     found = solve_table(
         robot,
-        robot.cable_table(problems.axial_stiffness),
+        problems.cable_table(),
         problems.rest_lengths,
         problems.mass * robot.gravity,
         problems.external_wrench,
         np.where(problems.falls[..., None], np.nan, problems.positions) if problems.falls.any() else problems.positions,
         problems.rotations,
+        problems.center_of_mass,
+        problems.characteristic_length,
         threads=threads,
     )
     positions, turned, lengths, tensions, residuals, iterations, status = found
     felt = (status == Status.CONVERGED) & ~(residuals <= FELT * problems.force_scale)
-    if felt.any():
+    if felt.any() and problems.robots is None:
         asked, read = problems.take(felt), poses_of(positions[felt], turned[felt])
         state = forces.at(asked, read.translation, read.rotation.as_matrix())
         positions[felt], turned[felt] = state.position, state.rotation
@@ -250,7 +251,7 @@ def stiffness_of(equilibria: EquilibriumBatch) -> tuple[Float[np.ndarray, "*batc
     Cables count as springs: their own inertia and oscillation are neglected, also where their mass makes them sag.
     """
     problems = equilibria.problems
-    return _stiffness(equilibria, equilibria.robot.cable_table(problems.axial_stiffness), problems.rest_lengths)
+    return _stiffness(equilibria, problems.cable_table(), problems.rest_lengths)
 
 
 def _stiffness(
@@ -263,8 +264,8 @@ def _stiffness(
     kind = _kind(robot, table)
     with np.errstate(all="ignore"):
         return stiffness_gufunc(**kind | {"sagging": not robot.cabling.massless})(
-            table, rest_lengths, problems.mass, robot.gravity, robot.center_of_mass, robot.inertia,
-            np.array(robot.free), robot.characteristic_length, equilibria.positions, equilibria.rotations,
+            table, rest_lengths, problems.mass, robot.gravity, problems.center_of_mass, robot.inertia,
+            np.array(robot.free), problems.characteristic_length, equilibria.positions, equilibria.rotations,
         )  # fmt: skip
 
 

@@ -42,9 +42,6 @@ class Hull(Frozen, HtmlRepr):
     vertices: Float[np.ndarray, "vertices 3"]
     triangles: Int[np.ndarray, "triangles 3"]
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     @property
     def volume(self) -> float:
         """Volume within the surface [m³]."""
