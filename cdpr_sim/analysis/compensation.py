@@ -282,7 +282,7 @@ def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " c
     try:
         rest, _ = cut(robot, pose.translation, pose.rotation.as_matrix(), tensions)
     except InvalidInput as error:
-        raise NotConverged(f"compensate: {error}; other limits of tension may do") from None
+        raise NotConverged(f"compensate: {error}; try other limits of tension") from None
     return Problem(robot, pose, frozen(rest), problem.external_wrench)
 
 

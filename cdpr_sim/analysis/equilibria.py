@@ -192,9 +192,12 @@ def find_equilibria(
         pose = robot.home
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
     if problem.external_wrench[3:].any():
-        raise InvalidInput("external_wrench: found a torque, expected a force only: a torque has no energy to sort by")
+        raise InvalidInput("external_wrench: found a torque, expected a force only: a torque has no potential energy")
     if not problem.load > 0:
-        raise InvalidInput("find_equilibria: found no load, expected weight or force: slack cables hold any pose then")
+        raise InvalidInput(
+            "find_equilibria: found no load, expected weight or force: without load, any pose on slack "
+            "cables is an equilibrium"
+        )
     refuse_unless(FLAG, saddles=saddles)
     whole("starts", starts, 1)
     whole("seed", seed, 0)

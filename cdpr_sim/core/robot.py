@@ -526,7 +526,7 @@ class Robot(HtmlRepr):
         if left > BALANCED * scale:
             raise InvalidInput(
                 f"tensions: found that they leave {left:.3g} N unbalanced at the pose, expected tensions that balance "
-                "the load there; one number gives the nearest, and compensate finds any within limits"
+                "the load there; give one number for the nearest ones, or use compensate for any within limits"
                 if wanted.ndim
                 else f"tensions: found none near {wanted:g} N that balance the load at the pose: cables that pull or "
                 f"push leave {left:.3g} N, expected a pose at which they can carry it"
@@ -538,7 +538,7 @@ class Robot(HtmlRepr):
             raise InvalidInput(
                 f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1} where tensions nearest to {wanted:g} N "
                 f"balance the load at the pose, expected {low[cable]:g} to {high[cable]:g} N; another pretension may "
-                "do, and compensate finds any tensions within limits"
+                "do, and compensate finds tensions within limits"
             )
         return self._cut(at, pulls)[0]
 

@@ -436,9 +436,9 @@ def _strains(
     if pretension < 0:
         raise InvalidInput(f"pretension: found {pretension:g} N, expected 0 or more")
     if len(parts.hung.cables):
-        raise InvalidInput("pretension: found cables with mass, expected massless ones; rest_lengths are for any")
+        raise InvalidInput("pretension: found cables with mass, expected massless ones; use rest_lengths for these")
     if model.tendon_stiffnesspoly[parts.cables].any():
-        raise InvalidInput("pretension: found nonlinear cables, expected linear ones; rest_lengths are for any")
+        raise InvalidInput("pretension: found nonlinear cables, expected linear ones; use rest_lengths for these")
     first = int(model.body_dofadr[parts.platform])
     dofs = np.arange(first, first + int(model.body_dofnum[parts.platform]))
     matrix = -stretching(model, data, dofs, parts.cables) * parts.parts_of_line

@@ -226,7 +226,7 @@ def _run(
         if fell:
             x, y, z = position
             raise PlatformFell(
-                f"{name}: found the platform fallen {time:.4g} s into the motion, when it was wanted at ({x:.3g}, "
+                f"{name}: found the platform fallen {time:.4g} s into the motion, when the reference was at ({x:.3g}, "
                 f"{y:.3g}, {z:.3g}) m: {fell}"
             )
         if progress is not None:

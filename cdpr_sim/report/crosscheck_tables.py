@@ -54,7 +54,7 @@ def path_table(settled: EquilibriumBatch, errors: Mapping[str, np.ndarray], agre
         "tilt [°]",
         "slack",
         "largest [N]",
-        "Newton off by [mm]",
+        "distance to Newton [mm]",
     )
     table = new_table(title, "commanded\n[m]", *headings, "agree", dense=True)
     for row, commanded in enumerate(settled.problems.positions):
