@@ -73,7 +73,7 @@ class Equilibria(HtmlRepr):
     Attributes:
         problem: rest lengths and load; its pose has no effect.
         found: the equilibria, each certified by its own residual and eigenvalues.
-        energies: energy of each [J], zero where gravity's is at z = 0 and all cables are slack.
+        energies: energy of each [J]: that of gravity, zero at z = 0, and that of the cables, zero where slack.
         starts: number of starts.
         saddles: whether unstable ones were searched for.
     """
@@ -227,8 +227,9 @@ def follow_load(
 ) -> LoadPath:
     """The equilibrium that the platform reaches from ``pose`` when its load is applied slowly.
 
-    Gravity and wrench grow from a thousandth to the whole, and each equilibrium is the start of the next. Steps are
-    halved where the platform moves far; if it still does in the shortest step, its equilibrium has disappeared: a jump.
+    Gravity and wrench grow from a thousandth to their full values, and each equilibrium is the start of the next. Steps
+    are halved where the platform moves far; if it still does in the shortest step, its equilibrium has disappeared: a
+    jump.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.

@@ -234,7 +234,7 @@ class Cabling(Frozen):
 
     @cached_property
     def remembers(self) -> Bool[np.ndarray, " cables"]:
-        """Which cables have a memory, (cables,): their tension depends on the way to the pose, or on time."""
+        """Which cables have a memory, (cables,): their tension depends on the path to the pose, or on time."""
         return np.any([self.has(name) for name in MEMORIES], axis=0)
 
     def refuse_memory(self, what: str) -> None:

@@ -82,7 +82,7 @@ class Robot(HtmlRepr):
         pulley_axis: direction in which the cable arrives at its wheel, (3,) or (cables, 3).
         stiffening: (a2, a3) of the nonlinear law tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable;
             defined up to a strain of 20 %, beyond which no equilibrium is accepted.
-        force_min: smallest wanted tension of a cable [N], one number or one per cable.
+        force_min: smallest allowed tension of a cable [N], one number or one per cable.
         force_max: largest tension that a cable or its winch allows [N], one number or one per cable; infinite
             without a limit. Both limits are used by ``compensate`` and ``sweep`` (feasibility); they do not change
             the equilibrium.
@@ -92,8 +92,8 @@ class Robot(HtmlRepr):
             depend on the pose, and it stretches with the rope.
         reeving: parts of line between exit and platform, an integer, one or one per cable. A rope under the tension T
             pulls the platform with ``reeving`` T; ``axial_stiffness`` and ``linear_density`` are those of the rope.
-        pulley_friction: c, the share of the tension that is lost at the exit, one number or one per cable: the tensions
-            before and behind the exit have a ratio of at most (1 + c/2)/(1 − c/2).
+        pulley_friction: c, the fraction of the tension that is lost at the exit, one number or one per cable: the
+            tensions before and behind the exit have a ratio of at most (1 + c/2)/(1 − c/2).
         hysteresis: elements (share, yield strain) or (share, yield strain, w), a sequence for all cables, or one per
             cable: springs of these shares of ``axial_stiffness``, which yield at the smaller of the yield strain, which
             may be infinite, and w times the cable's strain; w is 1 unless given.
@@ -288,7 +288,7 @@ class Robot(HtmlRepr):
 
     @property
     def force_min(self) -> Float[np.ndarray, " cables"]:
-        """Smallest wanted tension of each cable, (cables,) [N]."""
+        """Smallest allowed tension of each cable, (cables,) [N]."""
         return self.cabling.force_min
 
     @property
@@ -366,7 +366,7 @@ class Robot(HtmlRepr):
 
     @cached_property
     def wrapped_lengths(self) -> Float[np.ndarray, " cables"]:
-        """What lies on each cable's wheel with the platform level at ``home``, (cables,) [m]; 0 without a wheel.
+        """Length of each cable on its wheel with the platform level at ``home``, (cables,) [m]; 0 without a wheel.
 
         Of a cable with mass, this first part of the rest length counts as massless at every pose: weight that the wheel
         carries.

@@ -92,7 +92,7 @@ def track(
     zero velocity at both ends. The platform starts in equilibrium on the controller's first lengths.
 
     Args:
-        robot: the true robot; the controller may have another model. Cables with a memory start as new ropes.
+        robot: the simulated robot; the controller may have another model. Cables with a memory start as new ropes.
         waypoints: reference poses in order, at least one: (rows, 3), (rows, 6) or a stack of transforms. A single one
             is held.
         controller: any object with the two methods of ``Controller``; those of ``cdpr_sim.control``, for instance.

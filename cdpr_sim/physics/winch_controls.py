@@ -87,7 +87,7 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
 
 @functools.lru_cache(maxsize=16)
 def _written(robot: Robot, position: bytes, rotation: bytes) -> _Written:
-    """The winches of ``to_mjcf(robot, pose, winches=True)``; cached, since a control loop asks for one model's."""
+    """The winches of ``to_mjcf(robot, pose, winches=True)``; cached, since a control loop uses one model."""
     at = Pose(np.frombuffer(position), np.frombuffer(rotation).reshape(3, 3))
     rigid = Problem.of(robot, at).rest_lengths
     robot.cabling.refuse_memory("a winch in MuJoCo")

@@ -107,7 +107,7 @@ def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray,
 
 
 def kind_of(winches: bool | Kind) -> Kind | None:
-    """What ``winches`` of ``to_mjcf`` asks for: None without winches.
+    """The kind of winches that ``winches`` of ``to_mjcf`` selects: None without winches.
 
     Raises:
         InvalidInput: neither a flag nor a kind.
