@@ -379,7 +379,7 @@ def test_waiting_for_another_threads_import_of_numba_is_said_and_ends(monkeypatc
     unfinished = SimpleNamespace(__spec__=SimpleNamespace(_initializing=True))
     monkeypatch.setitem(sys.modules, "numba", unfinished)  # type: ignore[arg-type]
     monkeypatch.setattr(compiling, "PATIENCE", (0.02, 0.1))
-    with pytest.raises(cdpr.CdprError, match=f"another thread of process {os.getpid()} has not finished to import"):
+    with pytest.raises(cdpr.CdprError, match=f"another thread of process {os.getpid()} has not finished importing"):
         compiling.import_numba()
     assert caplog.messages == [f"cdpr_sim waits for another thread of process {os.getpid()}, which imports Numba"]
 

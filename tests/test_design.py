@@ -435,7 +435,7 @@ REFUSED = {
     "no image in the box": (dict(within=[[0, 0, 0.4], [0.3, 0.5, 0.5]]), "within: found bounds crossed for x of exits"),
     "not the robot's": (dict(within=0.05, symmetry="mirror-z"), "unknown symmetry 'mirror-z'"),
     "no bounds": (dict(), "within: found none for exits"),
-    "nothing": (dict(within=0.0), "within: found nothing that can move"),
+    "nothing": (dict(within=0.0), "within: found no point that can move"),
     "no pulleys": (dict(move="pulleys", within=0.1), "move: found 'pulleys', but 'parallel' has none"),
     "twice": (dict(move=["exits", "exits"], within=0.1), "move: found exits of cable 1 twice"),
     "no such thing": (dict(move="exit", within=0.1), "unknown move 'exit': did you mean exits?"),

@@ -516,7 +516,7 @@ def test_identification_shows_lengths_in_millimetres_and_the_rest_in_its_unit():
     assert "outlier: row 1: tension 1 is 4.6 standard errors off" in note
     assert "estimated from them: 5 mm and 6°" in note
     assert (
-        "\nRows left out are predicted with an error of 3.46 standard errors, and of 1.23 with axial_stiffness alone.\n"
+        "\nOmitted rows are predicted with an error of 3.46 standard errors, and of 1.23 with axial_stiffness alone.\n"
         in note
     )
     assert repr(identification()).endswith("mass = 0.4 ± inf kg; mass is unknown>")

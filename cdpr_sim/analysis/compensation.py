@@ -95,7 +95,7 @@ class Compensation(Frozen, HtmlRepr):
     Attributes:
         commanded: the commanded pose.
         equilibrium: equilibrium on the compensated lengths, by statics: its pose, tensions and stiffness.
-        reach: whether that is the commanded pose.
+        reach: outcome: whether that is the commanded pose.
         distance: distance of the two poses [m], sqrt(|translation|² + (arm·angle)²); 0 where exact.
         arm: factor of rotations in that distance [m].
         reasons: why no lengths hold the commanded pose, a sentence each; empty where exact.
@@ -163,16 +163,17 @@ def compensate(
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments, whose rest lengths have no effect.
-        pose: the wanted pose of the platform.
+        pose: the commanded pose of the platform.
         external_wrench: force [N] and torque [N m] on the platform's origin, base frame, besides gravity.
         tensions: smallest and largest tension [N], each one number or one per cable: the pretension of a robot with
-            cables from below. Default: the robot's ``force_min`` and ``force_max``; where it has none, from 1 % of the
-            load, which keeps every cable taut, or a cable's weight where that is more, to a strain of 5 % or a fifth of
-            the breaking load, whichever is less, and at least three loads.
+            cables from below. Default of the smallest: the robot's ``force_min``; without it, 1 % of the load, or a
+            cable's weight if that is larger. Default of the largest: the tension of 5 % strain or a fifth of the
+            breaking load, whichever is smaller, but at least three times the load, and at most ``force_max``.
         tension_limits: the same argument by its name in ``feasible`` and ``sweep``.
         prefer: of all such tensions, the "smallest" (by norm) or those that make the platform "stiffest".
-        arm: weight of rotation where only a near pose can be held: sqrt(|translation|² + (arm·angle)²) is least. 0 [m]
-            minimises the distance of the position, with a small rotation; default: the robot's characteristic length.
+        arm: weight of rotation where only a nearby pose can be held: sqrt(|translation|² + (arm·angle)²) is least.
+            0 [m] minimises the distance of the position, with a small rotation; default: the robot's characteristic
+            length.
 
     Returns:
         The lengths, their equilibrium, and whether that is the commanded pose; if not, the reasons.
@@ -282,7 +283,7 @@ def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " c
     try:
         rest, _ = cut(robot, pose.translation, pose.rotation.as_matrix(), tensions)
     except InvalidInput as error:
-        raise NotConverged(f"compensate: {error}; other limits of tension may do") from None
+        raise NotConverged(f"compensate: {error}; try other limits of tension") from None
     return Problem(robot, pose, frozen(rest), problem.external_wrench)
 
 

@@ -164,8 +164,8 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
     }  # fmt: skip
     for name in names:
         if not found[name]:
-            lacking = "a robot with pulleys" if name == "pulley_radius" else "measurements of what it belongs to"
-            raise InvalidInput(f"unknowns: found {name}, expected {lacking}, and there is none")
+            lacking = "robot with pulleys" if name == "pulley_radius" else "measurement that depends on it"
+            raise InvalidInput(f"unknowns: found {name} without a {lacking}, expected one")
     return [one for name in names for one in found[name]]
 
 
@@ -323,7 +323,7 @@ class IdentificationModel:
             return
         self.now, self.rest = self.changed(x)
         if not self.rest.min() > 0:
-            raise NotConverged("identify: the fit asked for rest lengths below 0")
+            raise NotConverged("identify: the fit needs rest lengths below 0")
         given = self.measurements.masses
         self.masses = None if given is None else np.where(np.isnan(given), self.now.mass, given)
         solved = newton.solve_many(

@@ -274,7 +274,7 @@ class Measurements:
             InvalidInput: nothing measured, or numbers that are not positive where they must be.
         """
         if not self.known.any():
-            raise InvalidInput(f"{self.source}: found nothing measured, expected some number, such as a height")
+            raise InvalidInput(f"{self.source}: found no measured number, expected at least one, such as a height")
         for name in ("rest_lengths", "frequencies", "masses"):
             found = getattr(self, name)
             if found is not None and (found <= 0).any():
@@ -288,7 +288,7 @@ class Measurements:
         """
         refuse_unless(Robot, robot=robot)
         if self.robot is not None and self.robot != robot.name:
-            raise InvalidInput(f"{self.source}: found measurements of {self.robot!r}, expected of {robot.name!r}")
+            raise InvalidInput(f"{self.source}: found measurements of {self.robot!r}, expected those of {robot.name!r}")
         named = ((self.rest_lengths, "rest lengths"), (self.tensions, "tensions"), (self.swivels, "swivel angles"))
         for numbers, name in named:
             if numbers is not None and numbers.shape[1] != robot.cables:
@@ -390,7 +390,7 @@ def read_measurements(path: str | Path) -> Measurements:
         if name.endswith("_error") and name.removesuffix("_error") not in values:
             raise InvalidInput(f"{path}: found column {name!r}, expected {name.removesuffix('_error')!r} as well")
     if len(robots) > 1:
-        raise InvalidInput(f"{path}: found measurements of {', '.join(sorted(robots))}, expected of one robot")
+        raise InvalidInput(f"{path}: found measurements of {', '.join(sorted(robots))}, expected those of one robot")
     made = Measurements(
         stacked((f"commanded_{name}" for name in COORDINATES), 0.0),
         stacked((f"measured_{name}" for name in COORDINATES), np.nan),

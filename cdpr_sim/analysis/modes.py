@@ -75,7 +75,9 @@ def natural_modes(
     equilibrium = newton.equilibrium_of(equilibrium, pose, rest_lengths, external_wrench)
     problem = equilibrium.problem
     if equilibrium.stability is Stability.UNSTABLE:
-        raise InvalidInput(f"equilibrium: found an unstable one of {problem.robot.name!r}, expected a stable one")
+        raise InvalidInput(
+            f"equilibrium: found an unstable equilibrium of {problem.robot.name!r}, expected a stable one"
+        )
     if problem.external_wrench[3:].any():
         raise InvalidInput(
             "equilibrium: found one under an external torque, expected none: such a torque is not conservative, and "

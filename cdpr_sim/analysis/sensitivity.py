@@ -146,7 +146,7 @@ def sensitivity(
     problem = equilibrium.problem
     if equilibrium.stability is Stability.NEUTRAL:
         raise InvalidInput(
-            f"equilibrium: found a neutral one of {problem.robot.name!r}, expected a stable one: "
+            f"equilibrium: found a neutral equilibrium of {problem.robot.name!r}, expected a stable one: "
             "the slightest change moves the platform without limit"
         )
     free = problem.robot.free

@@ -22,7 +22,9 @@ def compensate(
     material: MaterialName = None,
     limits: Annotated[
         tuple[float, float] | None,
-        typer.Option("--tensions", metavar="MIN MAX", help="Tension limits [N]; default: the robot's."),
+        typer.Option(
+            "--tensions", metavar="MIN MAX", help="Tension limits [N]; default: the robot's, at most 5 % strain."
+        ),
     ] = None,
     prefer: Annotated[str, typer.Option("--prefer", help="smallest (tensions) or stiffest (platform).")] = "smallest",
     arm: Annotated[

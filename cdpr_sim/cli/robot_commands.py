@@ -208,7 +208,7 @@ def _damping_of(word: str) -> Damping:
     """``--damping`` as ``to_mjcf`` takes it.
 
     Raises:
-        InvalidInput: neither a word that it knows nor a number.
+        InvalidInput: neither one of its words nor a number.
     """
     from cdpr_sim.physics.damping import loss_factor
 

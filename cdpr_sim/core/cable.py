@@ -199,7 +199,7 @@ class Cabling(Frozen):
 
     @cached_property
     def remembers(self) -> Bool[np.ndarray, " cables"]:
-        """Which cables have a memory, (cables,): their tension depends on the way to the pose, or on time."""
+        """Which cables have a memory, (cables,): their tension depends on the path to the pose, or on time."""
         return np.any([self.has(name) for name in MEMORIES], axis=0)
 
     def refuse_memory(self, what: str) -> None:
@@ -213,8 +213,8 @@ class Cabling(Frozen):
             names = [name for name in MEMORIES if self.has(name)[cable]]
             raise InvalidInput(
                 f"{what}: found {' and '.join(names)} in cable {cable + 1}, expected cables without: their memory is "
-                "not taken into account here, but in solve, settle, solve_path, settle_path and check, and in track "
-                "where all cables are massless and linear"
+                "not taken into account here; it is in solve, settle, solve_path, settle_path and check, and in track "
+                "if all cables are massless and linear"
             )
 
     def has(self, name: str) -> Bool[np.ndarray, " cables"]:
@@ -384,7 +384,7 @@ def _refuse_impossible_memory(cabling: Cabling) -> None:
     bent = (cabling.linear_density > 0) & cabling.stiffening.any(-1) & cabling.has("hysteresis")
     if bent.any():
         raise InvalidInput(
-            f"hysteresis: found it in cable {int(np.argmax(bent)) + 1}, which has mass and a nonlinear law, "
+            f"hysteresis: found it in cable {int(np.argmax(bent)) + 1} together with mass and a nonlinear law, "
             "expected at most two of the three"
         )
 

@@ -230,7 +230,7 @@ def import_numba() -> None:
             _log.warning("cdpr_sim waits for another thread of process %d, which imports Numba", os.getpid())
         if waited > PATIENCE[1]:
             raise CdprError(
-                f"compiled code: another thread of process {os.getpid()} has not finished to import Numba within "
+                f"compiled code: another thread of process {os.getpid()} has not finished importing Numba within "
                 f"{PATIENCE[1]:g} s; expected `import numba` before threads are started"
             )
         time.sleep(0.01)

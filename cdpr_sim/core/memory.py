@@ -29,8 +29,8 @@ class Memory(Frozen):
         beyond: unstretched length lo between the exit and the anchor, (..., cables) [m]; nan where no equilibrium has
             been reached yet, so that there is no friction force.
         creep: strain of each term, (..., cables, terms).
-        tensions: tensions of the ropes at that moment, from which creep goes on, (..., cables) [N]; where a rope with a
-            memory has mass, at its exit; nan where a path ended before, as a method found no equilibrium.
+        tensions: tensions of the ropes at that moment, from which creep continues, (..., cables) [N]; where a rope with
+            a memory has mass, at its exit; nan where a path ended earlier because no equilibrium was found.
         time: the moment [s]; nan before the first equilibrium.
     """
 

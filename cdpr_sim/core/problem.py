@@ -59,7 +59,7 @@ class Problem(Posed, HtmlRepr):
     ) -> Problem:
         """The problem from users' arguments; rest lengths default to the rigid ones at ``pose`` (paper Eq. 1, 2).
 
-        A ``Problem`` is returned unchanged, and no other argument may be given beside it.
+        A ``Problem`` is returned unchanged, and no other argument may be given with it.
 
         Returns:
             The problem, checked and frozen.

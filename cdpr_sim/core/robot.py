@@ -87,7 +87,7 @@ class Robot(HtmlRepr):
         pulley_axis: direction in which the cable arrives at its wheel, (3,) or (cables, 3).
         stiffening: (a2, a3) of the nonlinear law tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable;
             defined up to a strain of 20 %, beyond which no equilibrium is accepted.
-        force_min: smallest wanted tension of a cable [N], one number or one per cable.
+        force_min: smallest allowed tension of a cable [N], one number or one per cable.
         force_max: largest tension that a cable or its winch allows [N], one number or one per cable; infinite
             without a limit. Both limits are used by ``compensate`` and ``sweep`` (feasibility); they do not change
             the equilibrium.
@@ -97,8 +97,8 @@ class Robot(HtmlRepr):
             depend on the pose, and it stretches with the rope.
         reeving: parts of line between exit and platform, an integer, one or one per cable. A rope under the tension T
             pulls the platform with ``reeving`` T; ``axial_stiffness`` and ``linear_density`` are those of the rope.
-        pulley_friction: c, the share of the tension that is lost at the exit, one number or one per cable: the tensions
-            before and behind the exit have a ratio of at most (1 + c/2)/(1 − c/2).
+        pulley_friction: c, the fraction of the tension that is lost at the exit, one number or one per cable: the
+            tensions before and behind the exit have a ratio of at most (1 + c/2)/(1 − c/2).
         hysteresis: elements (share, yield strain) or (share, yield strain, w), a sequence for all cables, or one per
             cable: springs of these shares of ``axial_stiffness``, which yield at the smaller of the yield strain, which
             may be infinite, and w times the cable's strain; w is 1 unless given.
@@ -295,7 +295,7 @@ class Robot(HtmlRepr):
 
     @cached_property
     def wrapped_lengths(self) -> Float[np.ndarray, " cables"]:
-        """What lies on each cable's wheel with the platform level at ``home``, (cables,) [m]; 0 without a wheel.
+        """Length of each cable on its wheel with the platform level at ``home``, (cables,) [m]; 0 without a wheel.
 
         Of a cable with mass, this first part of the rest length counts as massless at every pose: weight that the wheel
         carries.
@@ -450,7 +450,7 @@ class Robot(HtmlRepr):
         if left > BALANCED * scale:
             raise InvalidInput(
                 f"tensions: found that they leave {left:.3g} N unbalanced at the pose, expected tensions that balance "
-                "the load there; one number gives the nearest, and compensate finds any within limits"
+                "the load there; give one number for the nearest ones, or use compensate for any within limits"
                 if wanted.ndim
                 else f"tensions: found none near {wanted:g} N that balance the load at the pose: cables that pull or "
                 f"push leave {left:.3g} N, expected a pose at which they can carry it"
@@ -462,7 +462,7 @@ class Robot(HtmlRepr):
             raise InvalidInput(
                 f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1} where tensions nearest to {wanted:g} N "
                 f"balance the load at the pose, expected {low[cable]:g} to {high[cable]:g} N; another pretension may "
-                "do, and compensate finds any tensions within limits"
+                "do, and compensate finds tensions within limits"
             )
         return self._cut(at, pulls)[0]
 

@@ -77,7 +77,7 @@ class Disagreement:
 
 @dataclass(frozen=True, eq=False)
 class Check(HtmlRepr):
-    """The two methods over a whole workspace.
+    """Comparison of the two methods over a whole workspace.
 
     Attributes:
         dataset: over (robot, material, x, y, z), or (robot, x, y, z) with each robot's own cables; of single poses,

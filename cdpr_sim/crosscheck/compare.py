@@ -65,7 +65,7 @@ class Agreement(HtmlRepr):
         tension_error: largest difference in a cable [N].
         same_slack: whether the same cables are slack; one within 1e-7 m of its rest length counts as either.
         static_in_mujoco: residual (unbalanced force) of MuJoCo at the static pose [N]; nan for cables with a memory,
-            whose forces depend on the way there.
+            whose forces depend on the path.
         settled_in_statics: residual of statics at the settled pose [N]; nan as well.
     """
 
@@ -174,7 +174,7 @@ def compare(
 
 
 def remembers(robot: Robot) -> bool:
-    """Whether cables have a memory: an equilibrium of a path does not tell from which memory its forces follow.
+    """Whether cables have a memory: an equilibrium of a path does not contain the memory that determines its forces.
 
     So neither method can evaluate its forces at the pose of the other one.
     """

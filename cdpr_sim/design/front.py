@@ -109,8 +109,8 @@ def find_front(
         poses: as for ``find_layout``; so are all arguments without further explanation.
         objectives: two objectives of ``find_layout``.
         move: what may move.
-        within: how far.
-        symmetry: which ties points.
+        within: range of the displacements.
+        symmetry: symmetry that couples points.
         subject_to: constraints.
         external_wrench: one load or several.
         stiffness: one factor or several.

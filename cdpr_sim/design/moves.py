@@ -133,7 +133,9 @@ class Space:
             )
         rows = [row for row in rows if row[2] > row[1] or row[1] != 0]
         if not any(row[2] > row[1] for row in rows):
-            raise InvalidInput("within: found nothing that can move, expected room within the bounds and the symmetry")
+            raise InvalidInput(
+                "within: found no point that can move, expected some that the bounds and the symmetry allow to move"
+            )
         columns = list(zip(*rows, strict=True))
         return cls(robot, columns[0], *(np.array(column, dtype=float) for column in columns[1:]))
 

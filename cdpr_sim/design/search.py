@@ -205,8 +205,8 @@ def find_layout(
         poses: commanded, as ``solve_many`` takes them; the winches command each by the rigid lengths of each layout.
         move: what may move: names of ``MOVABLE``, or ``Move`` objects with their own boxes, lines and cables.
         within: range of what is given by name (see ``Move``).
-        symmetry: which ties points: "detected" for all that the robot has, "none", or "half-turn", "mirror-x" and
-            "mirror-y" about the middle of the exits.
+        symmetry: symmetry that couples points: "detected" for all that the robot has, "none", or "half-turn",
+            "mirror-x" and "mirror-y" about the middle of the exits.
         objective: a name of ``OBJECTIVES``; or a function of the equilibria, of shape (layouts, cases), that returns
             (layouts,), to be minimised.
         subject_to: constraints at every pose: "tensions": (smallest, largest) [N]; "all taut": True; "stable": True;

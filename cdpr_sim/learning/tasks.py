@@ -1,4 +1,4 @@
-"""Tasks of the environments: what is wanted, observed and rewarded, for many simulations at once."""
+"""Tasks of the environments: targets, observations and rewards, for many simulations at once."""
 
 from __future__ import annotations
 
@@ -260,7 +260,7 @@ class Task:
         self._look()
 
     def _look(self) -> None:
-        """Find in the plans what is wanted now."""
+        """Find the present targets in the plans."""
         self._now = self._every.take(self._first + self.ticks, axis=0)
 
     def observe(self) -> Float[np.ndarray, "count size"]:
@@ -309,7 +309,7 @@ class Task:
     # For controllers and pictures.
 
     def target(self, row: int) -> Float[np.ndarray, "7"]:
-        """Where the platform of one simulation is wanted now: position [m], and quaternion w x y z."""
+        """Present target of the platform of one simulation: position [m], and quaternion w x y z."""
         return self._now[row, :7]
 
     def measurement(self, row: int) -> Measurement:

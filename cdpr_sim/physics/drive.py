@@ -92,7 +92,7 @@ def drive(
         seconds: duration of the drive; default: slow enough to be nearly static.
         states: number of states to return, evenly spaced in time, the first and the last included.
         from_rest: start at the equilibrium to which the platform settles from the first waypoint; if False it is
-            released at the waypoint itself, with its cables just not taut, and drops.
+            released at the waypoint itself, where its cables are just not taut, and falls.
         rest_lengths: rest lengths at each waypoint, (waypoints, cables) [m], compensated ones for instance; between two
             waypoints, their difference from the rigid lengths is interpolated linearly. Default: the rigid lengths.
         external_wrench: constant force [N] and torque [N m] on the platform's origin, in the base frame, besides
@@ -184,7 +184,7 @@ def poses_through(robot: Any, waypoints: Any) -> list[RigidTransform]:
 
 
 def problems_at(robot: Robot, commanded: RigidTransform) -> Problems:
-    """What winches are asked that hold each of these poses with the rigid lengths there.
+    """Problems of winches that hold the rigid lengths of each of these poses.
 
     Raises:
         InvalidInput: nothing could hold the platform at one of the poses, or a cable leaves its pulley there.

@@ -84,7 +84,7 @@ class Release:
         verdict = "stays" if self.stays else "leaves" if self.leaves else "neither stays nor leaves"
         return (
             f"<Release: {verdict}: deviates by {1e6 * self.largest_deviation:.3g} µm in {self.seconds:.3g} s, "
-            f"nudged by {1e6 * self.nudge:.3g} µm>"
+            f"displaced by {1e6 * self.nudge:.3g} µm>"
         )
 
 

@@ -44,16 +44,16 @@ def reset(
     its initial value, as by ``mj_resetData``. Wheels face their anchors; winches get the controls, or activations, of
     the rest lengths, and drums their places. In a model without winches, springs get the rest lengths: this changes
     ``model``. Cables with mass hang between exit and anchor, and ``data.xfrc_applied`` corrects the weights of their
-    masses ``node_1_1``, ... and ``end_1`` for the length let out: with it, the model is in equilibrium where cables of
-    these lengths are. The keyframe ``commanded`` becomes this state. ``mj_forward`` has been called at the end.
+    masses ``node_1_1``, ... and ``end_1`` for the length let out, so that the equilibrium of the model is that of
+    cables of these lengths. The keyframe ``commanded`` becomes this state. ``mj_forward`` has been called at the end.
 
     Args:
         model: the model.
         data: its state.
         pose: pose of the platform in the base frame: (x, y, z) [m], a six-vector [m, rad], or a ``RigidTransform``. Of
             a free joint, in the world.
-        rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``, so that the
-            platform sags from there.
+        rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``, from
+            which the platform then deviates.
         pretension: instead, tension [N] of linear cables: their tensions balance the weight at ``pose``, which is then
             an equilibrium, and are as near to this value as possible.
         prefix: of the names, in a model that was attached to another one.
@@ -407,9 +407,9 @@ def _strains(
     if pretension < 0:
         raise InvalidInput(f"pretension: found {pretension:g} N, expected 0 or more")
     if len(parts.hung.cables):
-        raise InvalidInput("pretension: found cables with mass, expected massless ones; rest_lengths are for any")
+        raise InvalidInput("pretension: found cables with mass, expected massless ones; use rest_lengths for these")
     if model.tendon_stiffnesspoly[parts.cables].any():
-        raise InvalidInput("pretension: found nonlinear cables, expected linear ones; rest_lengths are for any")
+        raise InvalidInput("pretension: found nonlinear cables, expected linear ones; use rest_lengths for these")
     first = int(model.body_dofadr[parts.platform])
     dofs = np.arange(first, first + int(model.body_dofnum[parts.platform]))
     matrix = -stretching(model, data, dofs, parts.cables) * parts.parts_of_line

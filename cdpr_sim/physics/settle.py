@@ -50,9 +50,9 @@ def settle(
 ) -> Equilibrium:
     """Equilibrium at which the platform comes to rest in MuJoCo, released at ``pose`` with zero velocity.
 
-    A platform that its cables do not hold there falls until they catch it, however far: there is no other contact.
-    Where cables have mass, the platform is released at the equilibrium with massless cables. Cables with a memory
-    are new ones; ``settle_path`` follows a path.
+    A platform that its cables do not hold there falls until they are taut, however far: there is no contact. Where
+    cables have mass, the platform is released at the equilibrium with massless cables. Cables with a memory start as
+    new ropes; ``settle_path`` follows a path.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
@@ -89,7 +89,7 @@ def settle_trajectory(
 ) -> tuple[Equilibrium, Trajectory]:
     """``settle``, and the motion to the equilibrium, time step by time step (their lengths vary).
 
-    ``settle`` ends with Newton's method; where no cable has mass, here the platform moves all the way.
+    ``settle`` ends with Newton's method; here, if no cable has mass, the motion is simulated to the equilibrium.
 
     Args:
         robot: the robot; all arguments are those of ``settle``.

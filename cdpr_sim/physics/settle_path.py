@@ -34,7 +34,7 @@ def settle_path(
     steps: int = 1,
     threads: int = 0,
 ) -> EquilibriumPath:
-    """Equilibria along a path in MuJoCo, each with the memory that the cables have from the way there.
+    """Equilibria along a path in MuJoCo, each with the memory of the cables from the path so far.
 
     From each equilibrium the winches turn to the next command, and the platform comes to rest. The cables go straight
     from one equilibrium to the next: their memory does not depend on the motion between them. A robot without a memory
@@ -49,8 +49,8 @@ def settle_path(
         rotations: (steps, ..., 3, 3), if ``poses`` are positions; default: level.
         times: time of each command, (steps,) [s], on which creep depends; equal times are a jump. Default: all at once.
         memory: with which the path begins; default: that of new ropes.
-        steps: equilibria from each command to the next, along the commanded poses: elements that slide forth and back
-            between two commands are missed with few.
+        steps: equilibria from each command to the next, along the commanded poses: with few, the slip of elements forth
+            and back between two commands is missed.
         threads: 0 for one per processor.
 
     Returns:

@@ -87,7 +87,7 @@ def track(
     with zero velocity at both ends. The platform starts in equilibrium on the controller's first lengths.
 
     Args:
-        robot: the true robot; the controller may have another model. Cables with a memory start as new ropes.
+        robot: the simulated robot; the controller may have another model. Cables with a memory start as new ropes.
         waypoints: reference poses in order, at least one: (rows, 3), (rows, 6) or a stack of transforms. A single one
             is held.
         controller: any object with the two methods of ``Controller``; those of ``cdpr_sim.control``, for instance.
@@ -221,7 +221,7 @@ def _run(
         if fell:
             x, y, z = position
             raise PlatformFell(
-                f"{name}: found the platform fallen {time:.4g} s into the motion, when it was wanted at ({x:.3g}, "
+                f"{name}: found the platform fallen {time:.4g} s into the motion, when the reference was at ({x:.3g}, "
                 f"{y:.3g}, {z:.3g}) m: {fell}"
             )
         if progress is not None:

@@ -113,7 +113,7 @@ def reach(robot: Robot, written: Float[np.ndarray, " cables"] | None = None) -> 
 
 
 def kind_of(winches: bool | Kind) -> Kind | None:
-    """What ``winches`` of ``to_mjcf`` asks for: None without winches.
+    """The kind of winches that ``winches`` of ``to_mjcf`` selects: None without winches.
 
     Raises:
         InvalidInput: neither a flag nor a kind.

@@ -223,7 +223,10 @@ def certify_all(
     problem.robot.cabling.refuse_weight("certify_all")
     problem.robot.cabling.refuse_memory("certify_all")
     if not _pull(problem) > 0:
-        raise InvalidInput("certify_all: found no load, expected weight or force: slack cables hold any pose then")
+        raise InvalidInput(
+            "certify_all: found no load, expected weight or force: without load, any pose on slack "
+            "cables is an equilibrium"
+        )
     search = _Search(problem, path)
     started = time.monotonic()  # the limit is of the search, without the compilation before the first
     search.run(math.inf if most is None else started + most, threads, progress)

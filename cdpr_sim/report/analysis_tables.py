@@ -206,9 +206,9 @@ def identification_note(result: Identification) -> str:
     error = next(iter(result.predictions.values()))
     fewer, smallest = best_of_fewer(result.predictions)
     if np.isinf(error):
-        head += "\nNo row can be left out: one alone determines an unknown."
+        head += "\nNo prediction of omitted rows: one row alone determines an unknown."
     elif np.isfinite(error):
-        head += f"\nRows left out are predicted with an error of {error:.2f} standard errors"
+        head += f"\nOmitted rows are predicted with an error of {error:.2f} standard errors"
         head += f", and of {smallest:.2f} with {described(fewer)}." if np.isfinite(smallest) else "."
     head += f"\nAICc {result.aicc:.6g}, BIC {result.bic:.6g}: smaller is better, between fits to the same data."
     outliers = [f"[yellow]-[/] outlier: {escape(str(one))}" for one in result.outliers]

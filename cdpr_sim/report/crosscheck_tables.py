@@ -53,7 +53,7 @@ def path_table(settled: EquilibriumBatch, errors: Mapping[str, np.ndarray], agre
     table = new_table(
         f"{platform_and_cables(settled.robot)}, MuJoCo along a path",
         "commanded\n[m]", "x [mm]", "y [mm]", "z [mm]", "deviation [mm]", "tilt [°]", "slack", "largest [N]",
-        "Newton off by [mm]", "agree", dense=True,
+        "distance to Newton [mm]", "agree", dense=True,
     )  # fmt: skip
     for row, commanded in enumerate(settled.problems.positions):
         deviation = 1e3 * np.linalg.norm(settled.positions[row] - commanded)

@@ -28,7 +28,7 @@ _ERRORS = {
     "tension_error": ("tens.", 1.0, "N"),
 }
 
-_FEASIBLE = {"feasible": "as commanded", "wrench_feasible": "under every wrench"}
+_FEASIBLE = {"feasible": "static feasible workspace", "wrench_feasible": "wrench-feasible workspace"}
 """Feasibility with rigid cables, by variable of a sweep."""
 
 _HEADINGS = {
@@ -66,16 +66,16 @@ def sweep_table(dataset: xr.Dataset) -> Table:
 
 def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
     """Size of the feasible workspace with rigid cables, by robot; or why it is left out."""
-    feasible = {name: how for name, how in _FEASIBLE.items() if name in dataset}
+    feasible = {name: what for name, what in _FEASIBLE.items() if name in dataset}
     unit = ("", "m", "m²", "m³")[sum(dataset.sizes.get(name, 1) > 1 for name in AXES)]
     if not feasible:
         yield "The static feasible workspace is left out, since it does not account for the mass of cables."
     elif unit:
         for robot in np.atleast_1d(dataset["robot"].values):
             one = dataset.sel(robot=robot) if "robot" in dataset.dims else dataset
-            parts = ", and ".join(f"{how} in {extent_of(one[name]):.4g}" for name, how in feasible.items())
+            parts = ", ".join(f"{what} {extent_of(one[name]):.4g}" for name, what in feasible.items())
             whole = extent_of(one[next(iter(feasible))] | True)
-            yield escape(f"Rigid cables hold {robot} {parts}, of {whole:.4g} {unit}.")
+            yield escape(f"{robot} with rigid cables: {parts}, of {whole:.4g} {unit}.")
 
 
 def check_table(dataset: xr.Dataset) -> Table:

@@ -115,10 +115,12 @@ class RobotTable(_Table):
     """The whole robot; its keys about cables apply to every cable that does not set them itself."""
 
     name: str = _key("Name of the robot in tables, models and pictures.")
-    description: str = _key("One line.", "", "")
+    description: str = _key("Description of the robot in one line.", "", "")
     source: str = _key("Source of the numbers.", "", "")
-    units: Literal["m", "mm"] = _key("Of every length in the file: exits, anchors, pulleys, diameters, boxes.", "", "m")
-    mobility: Mobility = _key("spatial, or planar: x, z and the rotation about y, all else 0.", "", "spatial")
+    units: Literal["m", "mm"] = _key(
+        "Unit of all lengths in the file: exits, anchors, pulleys, diameters, boxes.", "", "m"
+    )
+    mobility: Mobility = _key("spatial, or planar: motion in x, z and about y only, with all y 0.", "", "spatial")
     gravity: Number = _key("Acceleration downwards, along -z.", "m/s²", STANDARD_GRAVITY)
     cable_name: str | None = _key("Name of the cables; by default their material.", "", None)
     material: str | None = _key(
@@ -127,26 +129,32 @@ class RobotTable(_Table):
         "",
         None,
     )
-    axial_stiffness: Number | None = _key("EA.", "N", None)
-    modulus: Number | None = _key("E over the full circle of `diameter`: EA = E π d²/4.", "Pa", None)
-    diameter: Number | None = _key("Of cables given by a rope's `material` or by `modulus`.", LENGTH, None)
+    axial_stiffness: Number | None = _key("Axial stiffness EA.", "N", None)
+    modulus: Number | None = _key("Modulus E over the full circle of `diameter`: EA = E π d²/4.", "Pa", None)
+    diameter: Number | None = _key(
+        "Diameter of cables that are given by a rope's `material` or by `modulus`.", LENGTH, None
+    )
     linear_density: Density = _key(
         'Mass per length; 0 is a massless cable, `"material"` the rope\'s own.',
         "kg/m",
         0.0,
     )
-    stiffening: Pair = _key("(a2, a3) of tension = EA (eps + a2 eps² + a3 eps³), for eps up to 0.2.", "", (0.0, 0.0))
+    stiffening: Pair = _key(
+        "Coefficients (a2, a3) of tension = EA (eps + a2 eps² + a3 eps³), for eps up to 0.2.", "", (0.0, 0.0)
+    )
     force_min: Number = _key("Smallest tension that `compensate` and `sweep` keep in a cable.", "N", 0.0)
     force_max: Number | None = _key("Largest tension that a cable or its winch allows; by default no limit.", "N", None)
     breaking_load: Number | None = _key(
         "Smallest tension at which a cable breaks; by default that of its material, if known.", "N", None
     )
-    winch_to_exit: Number = _key("Rope between the winch and the exit, which stretches too.", LENGTH, 0.0)
+    winch_to_exit: Number = _key(
+        "Length of rope between the winch and the exit; it stretches with the cable.", LENGTH, 0.0
+    )
     reeving: Number = _key("Parts of line between exit and platform, a whole number.", "", 1)
-    pulley_friction: Number = _key("Share c of the tension that is lost at the exit.", "", 0.0)
+    pulley_friction: Number = _key("Fraction c of the tension that is lost at the exit.", "", 0.0)
     hysteresis: Rows = _key(
-        "Elements [share of EA, yield strain] or [share, yield strain, w], which yield at the smaller of the yield "
-        "strain, which may be `inf`, and w times the cable's strain; w is 1 unless given.",
+        "Elements [fraction of EA, yield strain] or [fraction, yield strain, w], which yield at the smaller of the "
+        "yield strain, which may be `inf`, and w times the cable's strain; w is 1 unless given.",
         "",
         [],
     )
@@ -157,7 +165,7 @@ class RobotTable(_Table):
     platform: PlatformTable = _key("The platform: its mass, size, centre of mass and inertia: `[platform]`.")
     frame: BoxTable | None = _key("The drawn frame; by default the box around the exits, down to the floor.", "", None)
     workspace: BoxTable | None = _key(
-        "Box of commanded positions, its middle the default pose; by default the middle of the frame.",
+        "Box of commanded positions; its middle is the default pose. By default the middle of the frame.",
         "",
         None,
     )

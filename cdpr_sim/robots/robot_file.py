@@ -96,12 +96,12 @@ it, like every command and function that takes a robot. `cdpr-sim schema > robot
 which editors check and complete robot files (in VS Code with Even Better TOML: first line `#:schema
 robot.schema.json`).
 
-The base frame has z up; gravity acts along -z. Lengths are in metres, or in millimetres with `units = "mm"`; all else
-is in kg, N, Pa and kg m². An error in a file is reported in one sentence: `mine.toml: EA: unknown key, did you mean
+The base frame has z up; gravity acts along -z. Lengths are in metres, or in millimetres with `units = "mm"`; other
+units are kg, N, Pa and kg m². An error in a file is reported in one sentence: `mine.toml: EA: unknown key, did you mean
 'axial_stiffness'?`
 
-The cables are given in one of three ways, for all of them or for one in its `[[cables]]`: by `material` (and
-`diameter`), by `axial_stiffness`, or by `modulus` and `diameter`.
+The stiffness of the cables is given in one of three ways, for all cables or for one cable in its `[[cables]]`: by
+`material` (and `diameter`), by `axial_stiffness`, or by `modulus` and `diameter`.
 
 `cdpr-sim schema --document` prints this page.
 """
@@ -112,9 +112,9 @@ _MATERIALS = """
 `material = "steel-rope"` with `diameter = 0.004`, or `material = "steel-rope-4mm"`; or, on the command line,
 `--material steel-rope-4mm`, or `robot.replace(material="steel-rope-4mm")`. EA is the modulus times the filled part
 of the circle, EA = E fill π d²/4; the mass per length, used with `linear_density = "material"`, is the density
-times the same section. A rope's stiffness depends on its make, its load and its age: a maker's figure, or
-the result of `cdpr-sim identify`, is better than these. The breaking load of a new rope is its strength times the
-square of the diameter.
+times the same section. A rope's stiffness depends on its construction, its load and its age: a manufacturer's
+value, or the result of `cdpr-sim identify`, is better than these. The breaking load of a new rope is its strength
+times the square of the diameter.
 
 | `material` | modulus | fill | density | strength | source |
 |---|---|---|---|---|---|

@@ -51,7 +51,7 @@ def solve_path(
         steps: number of steps from each command to the next, along the commanded poses.
 
     Returns:
-        (steps, ...) equilibria with their status, and ``memory`` at the end, from which a path can go on. A step
+        (steps, ...) equilibria with their status, and ``memory`` at the end, with which another path can start. A step
         without an equilibrium ends its path: all later steps have its status.
 
     Raises:

@@ -97,7 +97,7 @@ def feasible(
     wrenches: ArrayLike | None = None,
     threads: int = 1,
 ) -> Bool[Array, "*batch"]:
-    """Whether rigid cables hold the platform there, with tensions within limits, against its weight and ``wrenches``.
+    """Whether rigid cables can hold the platform there, within limits of tension, against its weight and ``wrenches``.
 
     Arguments and errors as in ``shortfall``. Without wrenches this is the static feasible workspace (what ARACHNIS
     computes); with a set of them, the wrench-feasible workspace of their convex hull.

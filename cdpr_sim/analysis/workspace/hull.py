@@ -85,7 +85,7 @@ def workspace_hull(
     reach: float | None = None,
     tolerance: float = 1e-4,
 ) -> Hull:
-    """The border of where rigid cables hold the platform with tensions within limits, against its weight and wrenches.
+    """Border of the workspace where rigid cables hold the platform with tensions within limits, against all loads.
 
     Args:
         robot: the robot, spatial.

@@ -271,9 +271,7 @@ def as_robots(robots: str | Robot | Sequence[str | Robot]) -> list[Robot]:
         raise InvalidInput("robots: found none, expected at least one")
     for name in names:
         if names.count(name) > 1:
-            raise InvalidInput(
-                f"robots: found {names.count(name)} called {name!r}, expected a name of its own for each"
-            )
+            raise InvalidInput(f"robots: found {names.count(name)} called {name!r}, expected a different name for each")
     return group
 
 
