@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -196,9 +197,10 @@ def _problem(problem: Problem) -> dict[str, Any]:
 def _robot(robot: Robot) -> dict[str, Any]:
     """The robot's name, mass and cables; with those properties of cables in which one of them is not as by default."""
     cabling, properties = robot.cabling, {}
-    for name, parameter in inspect.signature(Cabling).parameters.items():
-        values, usual = getattr(cabling, name), parameter.default
-        if usual is parameter.empty:
+    usual_values = inspect.signature(type(robot)).parameters
+    for name in (field.name for field in dataclasses.fields(Cabling)):
+        values, usual = getattr(cabling, name), usual_values[name].default
+        if usual is inspect.Parameter.empty:
             continue
         given = cabling.has(name) if name in MEMORIES else cabling.pulleys if name == "pulley_axis" else values != usual
         if given.any():

@@ -244,8 +244,8 @@ def _turned_by_weight(
 
 
 def rest_lengths_under(
-    robot: Robot, apart: Float[np.ndarray, "cables 3"], tensions: Float[np.ndarray, " cables"]
-) -> Float[np.ndarray, " cables"]:
+    robot: Robot, apart: Float[np.ndarray, "*batch cables 3"], tensions: Float[np.ndarray, "*batch cables"]
+) -> Float[np.ndarray, "*batch cables"]:
     """Rest lengths with which cables have these tensions at their anchors [m]; nan below what their weight alone gives.
 
     Tension falls as the rest length grows, and is convex: Newton's method from the massless length, which is too short.
@@ -253,8 +253,8 @@ def rest_lengths_under(
 
     Args:
         robot: of these cables.
-        apart: from exits to anchors, base frame, (cables, 3) [m].
-        tensions: of the ropes, (cables,) [N].
+        apart: from exits to anchors, base frame, (..., cables, 3) [m].
+        tensions: of the ropes, (..., cables) [N].
     """
     cabling, table = robot.cabling, robot.cable_table()
     rest = cable_law.rest_length_for(
@@ -262,7 +262,7 @@ def rest_lengths_under(
     )
     rest = np.where(rest > 0, rest, np.nan)
     pulls = cabling.reeving * tensions
-    done = np.zeros(len(rest), bool)
+    done = np.zeros(rest.shape, bool)
     for _ in range(LENGTH_STEPS):
         found = any_cables(table, apart, rest)
         by_length = _pulls_by_length(table, found.pull, found.stiffness)
