@@ -270,6 +270,9 @@ class Problems(Frozen):
             rotations: commanded rotation matrices.
             external_wrench: external wrenches [N, N m].
             factors: by which the axial stiffness of each row is multiplied.
+
+        Returns:
+            (robots, rows) problems.
         """
         robot, exits, anchors = robots.robot, robots.exits[:, None], robots.anchors[:, None]
         factors = factors[:1] if (factors == factors[0]).all() else factors
@@ -363,7 +366,11 @@ class Problems(Frozen):
         return np.broadcast_to(array, self.shape + array.shape[array.ndim - core :])[row]
 
     def cable_table(self) -> Float[np.ndarray, "*batch cables columns"]:
-        """``Robot.cable_table`` of all rows."""
+        """The cables of all rows, or of each robot, as a table for compiled code.
+
+        Returns:
+            ``Robot.cable_table``.
+        """
         return (self.robots or self.robot).cable_table(self.axial_stiffness)
 
     @property

@@ -98,7 +98,7 @@ def layout_derivatives(
     pose = np.full(wrench.shape, np.nan)
     pose[held] = 0.0
     found = -np.linalg.solve(slope[held], wrench[held][..., free].swapaxes(-1, -2))
-    pose[np.ix_(held, np.arange(pose.shape[1]), free)] = found.swapaxes(-1, -2)
+    pose[np.ix_(np.flatnonzero(held), np.arange(len(steps.center)), np.array(free))] = found.swapaxes(-1, -2)
     anchors = pose[..., None, :3] + np.cross(pose[..., None, 3:], arms)
     force -= np.einsum("cmij,cnmj->cnmi", state.cable_stiffness, anchors)
     return LayoutDerivatives(pose, (state.pull_directions[:, None] * force).sum(-1) / robot.reeving)
