@@ -160,12 +160,16 @@ def lengths(
     By default with the exits and anchors of ``cabling``.
     """
     exits, anchors = cabling.exits if exits is None else exits, cabling.anchors if anchors is None else anchors
-    a, b, c = np.moveaxis(anchors, -1, 0)[..., None, :]
     at, turn = np.asarray(positions)[..., None], rotations[..., None]
-    # The same order of additions as SciPy's RigidTransform.apply: identical to the last bit, for one pose or many.
-    apart = turn[..., 1, :] * b + at
-    apart += turn[..., 0, :] * a + turn[..., 2, :] * c
-    apart = np.subtract(np.swapaxes(exits, -1, -2), apart, out=apart)
+    many = at.ndim > 2 and rotations.shape[:-2] in ((), at.shape[:-2])
+    if many and (rotations == np.eye(3)).all():  # the same numbers, sooner
+        apart = at + anchors.swapaxes(-1, -2)
+    else:
+        a, b, c = (anchors[..., None, :, axis] for axis in range(3))
+        # The same order of additions as SciPy's RigidTransform.apply: identical to the last bit, for one pose or many.
+        apart = turn[..., 1, :] * b + at
+        apart += turn[..., 0, :] * a + turn[..., 2, :] * c
+    np.subtract(exits.swapaxes(-1, -2), apart, out=apart)
     coordinates = apart[..., 0, :], apart[..., 1, :], apart[..., 2, :]
     found = path(*coordinates)[0]
     if cabling.bent and cabling.pulleys.any():

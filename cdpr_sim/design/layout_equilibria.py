@@ -25,7 +25,7 @@ from cdpr_sim.statics.balance_kernel import BALANCED, shortfall_gufunc
 from cdpr_sim.statics.newton import solve_many, stiffness_of
 
 BYTES_PER_CABLE = 120
-"""Memory of one equilibrium per cable: 87 measured with eight cables, 117 with four
+"""Memory of one equilibrium per cable: 73 measured with eight cables, 101 with four
 (``scripts/measure_constants.py``)."""
 
 
