@@ -17,6 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import cdpr_sim as cdpr
+from cdpr_sim.core import compiling
 from cdpr_sim.physics import dynamic_relaxation
 from cdpr_sim.statics import newton, seecr
 
@@ -121,10 +122,10 @@ def lanes(poses: int) -> None:
         positions = np.random.default_rng(SEED).uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
         found, seconds = {}, {np.inf: [], 1: []}
         for _ in range(REPETITIONS):
-            for newton.LANES_FROM in seconds:
+            for compiling.LANES_FROM in seconds:
                 start = time.process_time()
-                found[newton.LANES_FROM] = newton.solve_many(robot, positions)
-                seconds[newton.LANES_FROM].append(time.process_time() - start)
+                found[compiling.LANES_FROM] = newton.solve_many(robot, positions)
+                seconds[compiling.LANES_FROM].append(time.process_time() - start)
         one, eight = found[np.inf], found[1]
         apart = np.abs(one.positions - eight.positions).max(-1) > APART
         apart |= np.abs(one.rotations - eight.rotations).max((-1, -2)) > TURNED

@@ -238,11 +238,19 @@ def _descent(unpack: Callable) -> Callable:
     return descend
 
 
+def _many(*given):
+    from cdpr_sim.statics import lanes_kernel  # which imports Numba
+
+    return lanes_kernel.solve(*given)
+
+
 _KERNELS = ck.kernels(
     "static solver",
     _descent,
     "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(m),(),(),()",
     ("iterations", "status"),
+    _many,
+    ("free",),
 )
 
 
