@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.core import compiling
 from cdpr_sim.core.status import Status
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.robot_batch import Cases, solve_layouts
 from cdpr_sim.statics import forces
+from cdpr_sim.statics.balance_kernel import BALANCED
 from cdpr_sim.statics.newton import stiffness_of
 
 SAME = 1e-9
@@ -156,6 +158,25 @@ def test_stiffness_of_layouts_on_lanes_is_that_of_each(catalogue, on_lanes):
     lanes, one = on_lanes(lambda: dataclasses.replace(found).modes)
     np.testing.assert_allclose(lanes[0], one[0], rtol=0, atol=EIGENVALUES * one[0].max())
     np.testing.assert_allclose(lanes[1], one[1], rtol=1e-6, equal_nan=True)
+
+
+@pytest.mark.parametrize("limits", [None, (0.1, 3.0)])
+def test_balance_of_forces_on_lanes_is_that_of_linear_programming(catalogue, on_lanes, limits):
+    """Of every plain robot, against two loads; a row without numbers has none, and disturbs no other."""
+    held = set()
+    for name, robot in catalogue.items():
+        if robot.cabling.bent or not robot.cabling.massless:
+            continue
+        poses, loads = poses_in(robot, 13), 0.1 * robot.weight * np.array([[0.0] * 6, [1, 0, 0.3, 0, 0.01, 0]])
+        poses[4] = np.nan
+        lanes, one = on_lanes(cdpr.shortfall, robot, poses, tension_limits=limits, wrenches=loads)
+        np.testing.assert_allclose(lanes, one, rtol=0, atol=1e-13, err_msg=name)
+        assert np.isnan(lanes[4])
+        for row in (0, 1, 12):
+            expected = feasible_by_linprog(robot, poses[row], tension_limits=limits, wrenches=loads)
+            assert (lanes[row] <= BALANCED) == expected, name
+            held.add(expected)
+    assert held == {True, False}
 
 
 def test_a_lane_that_computes_something_else_is_noticed(catalogue, on_lanes, monkeypatch):
