@@ -193,10 +193,10 @@ def test_without_avx_the_answers_are_the_same(catalogue, tmp_path):
     poses = poses_in(robot, compiling.LANES_FROM)
     np.save(tmp_path / "poses.npy", poses)
     code = (
-        "import numpy as np, cdpr_sim as cdpr; from cdpr_sim.statics import newton_kernel; "
+        "import numpy as np, cdpr_sim as cdpr; from cdpr_sim.statics import gufuncs; "
         "found = cdpr.solve_many(cdpr.load_robot('cogiro'), np.load('poses.npy')); "
         "np.save('found.npy', found.positions); "
-        "assert found.converged.all() and newton_kernel.equilibrium_gufunc()._compiled is None"
+        "assert found.converged.all() and gufuncs.equilibrium_gufunc()._compiled is None"
     )
     place = os.environ | {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE)}
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=place, check=True)

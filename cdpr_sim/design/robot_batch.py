@@ -27,9 +27,9 @@ from cdpr_sim.core.problem import Problems, positions_and_rotations, refuse_wren
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import forces
-from cdpr_sim.statics.balance_kernel import BALANCED, shortfall_gufunc
+from cdpr_sim.statics.balance_kernel import BALANCED
+from cdpr_sim.statics.gufuncs import shortfall_gufunc, stiffness_gufunc
 from cdpr_sim.statics.newton import solve_table
-from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 BYTES_PER_CABLE = 120
 """Memory of one equilibrium per cable: 87 measured with eight cables, 117 with four

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cdpr_sim.core.cable import PARTS
-from cdpr_sim.core.compiling import Kernel, inline, nowhere, where
+from cdpr_sim.core.compiling import inline, nowhere, where
 from cdpr_sim.statics import cable_kernel as ck
 
 ROUNDING = 1e-12
@@ -66,10 +66,10 @@ def _memory(m):
     )  # fmt: skip
 
 
-def _shortfall(unpack: Callable) -> Callable:
+def shortfall(unpack: Callable) -> Callable:
     """An element of the gufunc, for cables of the type that ``unpack`` makes of the table."""
 
-    def shortfall(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
+    def unbalanced(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
         """Unbalanced part of the worst load."""
         cables, memory = unpack(table, np.ones(len(lower))), _memory(len(lower))  # rest lengths have no effect here
         state = ck.new_state(cables)
@@ -85,7 +85,7 @@ def _shortfall(unpack: Callable) -> Callable:
             if left[0] == np.inf:
                 return
 
-    return shortfall
+    return unbalanced
 
 
 @inline
@@ -100,10 +100,10 @@ def least_part(lower, upper, weight, com, free, scale, rotation, memory):
     return _least_squares(load, free, memory)
 
 
-def _margin(unpack: Callable) -> Callable:
+def margin(unpack: Callable) -> Callable:
     """The same."""
 
-    def least_distance(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
+    def least_distance(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, distance):
         """Largest distance of the tensions from their limits: cutting planes, from above.
 
         Where tensions at least t from their limits do not balance the load, the residual r of the least squares is a
@@ -116,9 +116,9 @@ def _margin(unpack: Callable) -> Callable:
         state = ck.new_state(cables)
         ck.measure(cables, position, rotation, state)
         if not fill_pulls(state, table[:, PARTS], scale, memory):
-            margin[0] = np.nan
+            distance[0] = np.nan
             return
-        margin[0] = np.inf
+        distance[0] = np.inf
         for k in range(len(wrenches)):
             for a in range(6):
                 memory.wrench[a] = wrenches[k, a]
@@ -135,7 +135,7 @@ def _margin(unpack: Callable) -> Callable:
                         shifted[a] += J[i, free[a]] * (lower[i] / norm + t)
                 left = _least_squares(shifted, free, memory)
                 if left == np.inf:
-                    margin[0] = np.nan
+                    distance[0] = np.nan
                     return
                 if left <= BALANCED:
                     break
@@ -158,32 +158,9 @@ def _margin(unpack: Callable) -> Callable:
                 if not following < t:
                     break
                 t = following
-            margin[0] = min(margin[0], t * norm)
+            distance[0] = min(distance[0], t * norm)
 
     return least_distance
-
-
-_LAYOUT = "(m,n),(m),(m),(),(c),(k,d),(f),(),(c),(c,c)->()"
-
-
-def _many(*given):
-    from cdpr_sim.statics import lockstep_kernel  # which imports Numba
-
-    return lockstep_kernel.shortfalls(*given)
-
-
-_SHORTFALLS = ck.kernels("balance of forces", _shortfall, _LAYOUT, ("free",), _many, ("free",))
-_MARGINS = ck.kernels("margins of tensions", _margin, _LAYOUT, ("free",))
-
-
-def shortfall_gufunc(*, bent: bool = False) -> Kernel:
-    """Gufunc of the unbalanced part of the load: inf where the active sets cycle, nan where the input is not finite."""
-    return _SHORTFALLS[bent]
-
-
-def margin_gufunc(*, bent: bool = False) -> Kernel:
-    """Gufunc of the largest distance of tensions from limits [N]: nan for cycles and input that is not finite."""
-    return _MARGINS[bent]
 
 
 @inline

@@ -286,7 +286,7 @@ _SOLVE = Compiled(
 def solve(
     kernel: Kernel, tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations
 ) -> tuple[np.ndarray, ...]:
-    """Results of ``kernel``, the gufunc of ``newton_kernel`` for plain cables, at (rows, columns) of problems.
+    """Results of ``kernel``, ``gufuncs.equilibrium_gufunc`` for plain cables, at (rows, columns) of problems.
 
     The arguments are those of the gufunc, all with these two axes before their own, except ``free``. What is left to
     the gufunc is solved by it.

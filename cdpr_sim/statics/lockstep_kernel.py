@@ -65,7 +65,7 @@ _MODES = Compiled(
 def modes(
     kernel: Kernel, tables, rest_lengths, masses, gravity, centers_of_mass, inertia, free, scales, positions, rotations
 ) -> tuple[np.ndarray, ...]:
-    """Results of ``stiffness_kernel.stiffness_gufunc`` for (rows, columns) of poses: plain cables.
+    """Results of ``gufuncs.stiffness_gufunc`` for (rows, columns) of poses: plain cables.
 
     The arguments are those of the gufunc, all with these two axes before their own, except ``gravity``, ``inertia`` and
     ``free``.
@@ -133,7 +133,7 @@ _SHORTFALLS = Compiled(
 def shortfalls(
     kernel: Kernel, tables, lower, upper, weights, centers_of_mass, wrenches, free, scales, positions, rotations
 ) -> tuple[np.ndarray, ...]:
-    """Results of ``balance_kernel.shortfall_gufunc`` for (rows, columns) of poses: plain cables.
+    """Results of ``gufuncs.shortfall_gufunc`` for (rows, columns) of poses: plain cables.
 
     The arguments are those of the gufunc, all with these two axes before their own, except ``free``.
     """

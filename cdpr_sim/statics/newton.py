@@ -25,9 +25,8 @@ from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
-from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
+from cdpr_sim.statics.gufuncs import equilibrium_gufunc, stiffness_gufunc
 from cdpr_sim.statics.remembering_law import RememberingLaw
-from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 Start: TypeAlias = tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3 3"]]
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cdpr_sim.core.compiling import Kernel, inline, nowhere, where
+from cdpr_sim.core.compiling import inline, nowhere, where
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.matrix_kernel import Tridiagonal, eigenvalues_of, factorise
@@ -29,7 +29,7 @@ class Memory(NamedTuple):
     tridiagonal: Tridiagonal
 
 
-def _element(unpack: Callable) -> Callable:
+def element(unpack: Callable) -> Callable:
     """An element of the gufunc, for cables of the type that ``unpack`` makes of the table."""
 
     def modes(
@@ -106,29 +106,6 @@ def _reduce(S, L, n):
             for c in range(k + 1, i):
                 value -= L[i, c] * S[c, k]
             S[i, k] = value / L[i, i]
-
-
-def _many(*given):
-    from cdpr_sim.statics import lockstep_kernel  # which imports Numba
-
-    return lockstep_kernel.modes(*given)
-
-
-_KERNELS = ck.kernels(
-    "stiffness and frequencies", _element, "(m,k),(m),(),(),(c),(c,c),(f),(),(c),(c,c)->(f),()", ("free",), _many,
-    ("gravity", "inertia", "free"),
-)  # fmt: skip
-
-
-def stiffness_gufunc(*, bent: bool = False, sagging: bool = False, remembering: bool = False) -> Kernel:
-    """Stiffness and lowest natural frequency, as a NumPy generalised ufunc.
-
-    Arguments: ``Robot.cable_table`` (m,k), rest lengths (m), mass, gravity, centre of mass (3), inertia (3,3), indices
-    of the free directions (f), characteristic length, position (3), rotation matrix (3,3).
-    Results: eigenvalues of the stiffness matrix, ascending, rotations in characteristic lengths (f) [N/m]; the lowest
-    natural frequency [Hz], 0 where a direction is unconstrained and nan at a saddle.
-    """
-    return _KERNELS[2 if sagging else 3 if remembering else bent]
 
 
 @inline
