@@ -37,8 +37,8 @@ from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.statics import derivatives, forces, newton
-from cdpr_sim.statics.balance_kernel import shortfall_gufunc
 from cdpr_sim.statics.given_tensions import cut
+from cdpr_sim.statics.gufuncs import shortfall_gufunc
 
 Prefer = Literal["smallest", "stiffest"]
 

@@ -21,7 +21,8 @@ from cdpr_sim.core.problem import Problems, positions_and_rotations, refuse_wren
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.statics import forces
-from cdpr_sim.statics.balance_kernel import BALANCED, shortfall_gufunc
+from cdpr_sim.statics.balance_kernel import BALANCED
+from cdpr_sim.statics.gufuncs import shortfall_gufunc
 from cdpr_sim.statics.newton import solve_many, stiffness_of
 
 BYTES_PER_CABLE = 120

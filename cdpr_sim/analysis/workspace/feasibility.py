@@ -35,7 +35,8 @@ from cdpr_sim.core.on_threads import checked_threads, on_threads
 from cdpr_sim.core.problem import Problem, positions_and_rotations
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
-from cdpr_sim.statics.balance_kernel import BALANCED, margin_gufunc, shortfall_gufunc
+from cdpr_sim.statics.balance_kernel import BALANCED
+from cdpr_sim.statics.gufuncs import margin_gufunc, shortfall_gufunc
 
 Array = np.ndarray
 

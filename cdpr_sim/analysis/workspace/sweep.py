@@ -443,7 +443,7 @@ def rotation_vectors(rotations: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Rotation matrices (..., 3, 3) as axis times angle [rad], (..., 3); nan where they are not ``known``."""
     vectors = np.full(rotations.shape[:-1], np.nan)
     if known.any():
-        vectors[known] = Rotation.from_matrix(rotations[known]).as_rotvec()
+        vectors[known] = Rotation.from_matrix(rotations[known], assume_valid=True).as_rotvec()  # twice as fast
     return vectors
 
 
