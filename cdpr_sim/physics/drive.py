@@ -225,12 +225,8 @@ def _simulate_chains(
     """Poses, lengths and tensions at each problem's instant on cables with mass; the reason, if the platform fell."""
     first = problems[0]
     robot, intervals = problems.robot, len(problems) - 1
-    if from_rest:
-        simulation = settle_chains.at_rest(first, start)
-    else:
-        given = first.rest_lengths, robot.axial_stiffness, first.external_wrench
-        simulation = settle_chains.ChainSimulation(robot, *given, start)
-    longest = max(TIMESTEP, SMOOTH / simulation.swing)
+    simulation = settle_chains.at_rest(first, start) if from_rest else settle_chains.single(first, start)
+    longest = max(TIMESTEP, SMOOTH / simulation.swing[0])
     motion = ChainMotion(simulation, longest, viscosity=air_viscosity(Problem.of(robot, first.pose)))
     interval = seconds / intervals
     pieces = max(1, int(np.ceil(interval / longest)))
@@ -239,15 +235,15 @@ def _simulate_chains(
         if k > 0:
             let_out = path.winches((k - 1 + np.linspace(0, 1, pieces + 1)) / intervals)
             motion.advance(interval, lambda passed, rows=let_out: _between(rows, passed / interval))
-        motion.look()
-        seen.append(simulation.seen())
-        fell = fallen(problems.positions[k], problems.rotations[k], rest_lengths, simulation.data, platform)
+        seen.append(motion.look())
+        fell = fallen(problems.positions[k], problems.rotations[k], rest_lengths, motion.data, platform)
         if fell:
             break
         if progress is not None:
             progress(k / intervals)
-    poses, lengths, tensions = zip(*seen, strict=True)
-    return (RigidTransform.concatenate(list(poses)), np.array(lengths), np.array(tensions)), fell
+    poses = RigidTransform.concatenate([one.poses for one in seen])
+    lengths, tensions = (np.concatenate([getattr(one, name) for one in seen]) for name in ("lengths", "tensions"))
+    return (poses, lengths, tensions), fell
 
 
 def _between(rows: Float[np.ndarray, "steps cables"], fraction: float) -> Float[np.ndarray, " cables"]:

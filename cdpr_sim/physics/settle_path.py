@@ -205,19 +205,12 @@ def _settled_with_mass(
 ) -> tuple[dict[str, np.ndarray], Memory]:
     """The same where some cables have mass; the first of a path starts where massless cables rest."""
     at = settled_without_mass(starts, threads) if first else starts.poses
-    readings, steps, status = released(starts, at, memory=(memory, duration))
-    poses = RigidTransform.concatenate([reading.pose for reading in readings])
-    found = dict(positions=poses.translation, rotations=poses.rotation.as_matrix())
-    for name in ("lengths", "tensions", "eigenvalues"):
-        found[name] = np.array([getattr(reading, name) for reading in readings])
-    found["residuals"] = np.array([reading.residual for reading in readings])
-    found |= dict(iterations=np.array(steps), status=np.array([one.value for one in status]))
-    after = [reading.memory for reading in readings]
-    if after[0] is None:
-        rest = np.broadcast_to(starts.rest_lengths, found["tensions"].shape)
-        return found, replace(memory, beyond=rest, tensions=found["tensions"])
-    parts = {name: np.array([getattr(one, name) for one in after]) for name in _parts(starts.robot)}
-    return found, Memory(**parts, time=np.nan)
+    settled = released(starts, at, memory=(memory, duration), threads=threads)
+    found = {name: getattr(settled, name) for name in READ} | dict(iterations=settled.steps, status=settled.status)
+    if settled.memory is None:
+        rest = np.broadcast_to(starts.rest_lengths, settled.tensions.shape)
+        return found, replace(memory, beyond=rest, tensions=settled.tensions)
+    return found, settled.memory
 
 
 def _parts(robot: Robot) -> dict[str, tuple[int, ...]]:
