@@ -1,6 +1,6 @@
 """Benchmark: speed and reliability of the static solvers and of MuJoCo in one run.
 
-Run: python scripts/benchmark.py [--quick] [--lanes [POSES]] [--settling [POSES]] [--calls]
+Run: python scripts/benchmark.py [--quick] [--lanes [POSES]] [--settling [POSES]] [--sagging [POSES]] [--calls]
 Times are medians over repetitions on one core unless stated otherwise. Timings vary between runs: compare ratios.
 """
 
@@ -26,6 +26,7 @@ POSES = 100_000  # random commanded positions in the robot's workspace
 SCIPY_POSES = 60  # the first of these positions, for the paper's solvers
 SETTLES = 300  # one by one
 BATCH = 2_000  # side by side
+SAGGING = 128  # on cables with mass
 LINES = 100  # lines through the workspace along x, with a pose every millimetre
 REPETITIONS = 3
 APART, TURNED = 1e-9, 1e-7  # [m], entries of rotation matrices: different answers of two solvers
@@ -46,20 +47,27 @@ def main() -> None:
         "--settling", type=int, nargs="?", const=BATCH, metavar="POSES",
         help="only: settling with and without Newton's method at its end, and checks, at this many poses per robot",
     )  # fmt: skip
+    parser.add_argument(
+        "--sagging", type=int, nargs="?", const=SAGGING, metavar="POSES",
+        help="only: settling on cables with mass, at this many poses per robot",
+    )  # fmt: skip
     parser.add_argument("--calls", action="store_true", help="only: what single calls and large batches take")
     asked = parser.parse_args()
     share = 10 if asked.quick else 1
-    if asked.lanes or asked.settling or asked.calls:
+    if asked.lanes or asked.settling or asked.sagging or asked.calls:
         if asked.lanes:
             lanes(asked.lanes)
         if asked.settling:
             settling(asked.settling)
+        if asked.sagging:
+            sagging(asked.sagging)
         if asked.calls:
             calls(share)
         return
     static(POSES // share, max(SCIPY_POSES // share, 10))
     neighbours(LINES // share)
     physics(SETTLES // share, BATCH // share)
+    sagging(SAGGING // share)
     calls(share)
 
 
@@ -314,6 +322,45 @@ def settling(poses: int) -> None:
             name, f"{found[0.0].iterations.mean():.1f}", f"{rates[0.0]:,.0f}", f"{found[ready].iterations.mean():.1f}",
             f"{rates[ready]:,.0f}", f"{apart:.0e}", f"{checks:,.0f}",
         )  # fmt: skip
+    console.print(rows)
+
+
+def sagging(poses: int) -> None:
+    """Time to settle on cables with mass, one by one and side by side on threads."""
+    rows = table(
+        f"MuJoCo, cables with mass, {poses} random poses in the middle half of the workspace",
+        "robot", "ms per settle", "settles/s, 1 thread", "1/s of processor", "2 threads", "settled", "most steps",
+    )  # fmt: skip
+    robots = {
+        "cogiro": cdpr.load_robot("cogiro").replace(linear_density=5e-3),
+        "parallel": cdpr.load_robot("parallel").replace(linear_density=5e-3),
+        "cogiro over wheels": cdpr.load_robot("cogiro").replace(
+            linear_density=5e-3, pulley_radius=0.01, pulley_axis=(0, 0, -1)
+        ),
+        "cogiro-crane": cdpr.load_robot("cogiro-crane").replace(linear_density=0.064),
+        "cogiro-crane-built": cdpr.load_robot("cogiro-crane-built"),
+    }
+    for name, robot in robots.items():
+        middle, quarter = robot.workspace.mean(0), np.ptp(robot.workspace, axis=0) / 4
+        positions = np.random.default_rng(SEED).uniform(middle - quarter, middle + quarter, (poses, 3))
+        cdpr.settle(robot, positions[0])  # compile the model
+        single = [timed(cdpr.settle, robot, position) for position in positions[: max(poses // 8, 4)]]
+        one, two = (
+            min(timed(cdpr.settle_many, robot, positions, threads=threads) for _ in range(REPETITIONS))
+            for threads in (1, 2)
+        )
+        start = time.process_time()
+        many = cdpr.settle_many(robot, positions, threads=1)
+        processor = time.process_time() - start
+        rows.add_row(
+            name,
+            f"{1e3 * np.median(single):.1f}",
+            f"{poses / one:,.0f}",
+            f"{poses / processor:,.0f}",
+            f"{poses / two:,.0f}",
+            f"{many.converged.sum():,} of {poses:,}",
+            f"{many.iterations.max()}",
+        )
     console.print(rows)
 
 
