@@ -50,15 +50,14 @@ def wound(name: str, *, slack: float = 1.0, as_written: bool = False) -> tuple[n
     problem = Problem.of(robot, start, robot.rest_lengths(start) * np.where(np.arange(robot.cables) == 2, slack, 1.0))
     lengths = robot.rest_lengths(goal)
     simulation = at_rest(problem, problem.pose)
-    masses = simulation.model.body_mass.copy()
-    motion = ChainMotion(simulation, max(0.002, 0.01 / simulation.swing), viscosity=air_viscosity(problem))
+    masses = simulation.masses.copy()
+    motion = ChainMotion(simulation, max(0.002, 0.01 / simulation.swing[0]), viscosity=air_viscosity(problem))
     change = lengths - problem.rest_lengths
     motion.advance(2.0, lambda passed: problem.rest_lengths + min(passed / 2.0, 1.0) * change)
     if as_written:
-        simulation.model.body_mass[:] = masses
+        simulation.masses[:] = masses
     motion.advance(hold)
-    motion.look()
-    return simulation.seen()[0].translation, cdpr.solve(robot, goal, lengths)
+    return motion.look().positions[0], cdpr.solve(robot, goal, lengths)
 
 
 @pytest.mark.parametrize("name", WOUND)

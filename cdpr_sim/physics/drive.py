@@ -232,12 +232,8 @@ def _on_chains(
     """The states at each problem's instant on cables with mass, as pose, lengths and tensions."""
     first = problems[0]
     robot, intervals = problems.robot, len(problems) - 1
-    if from_rest:
-        simulation = settle_chains.at_rest(first, start)
-    else:
-        given = first.rest_lengths, robot.axial_stiffness, first.external_wrench
-        simulation = settle_chains.ChainSimulation(robot, *given, start)
-    longest = max(TIMESTEP, SMOOTH / simulation.swing)
+    simulation = settle_chains.at_rest(first, start) if from_rest else settle_chains.single(first, start)
+    longest = max(TIMESTEP, SMOOTH / simulation.swing[0])
     motion = ChainMotion(simulation, longest, viscosity=air_viscosity(Problem.of(robot, first.pose)))
     interval = seconds / intervals
     pieces = max(1, int(np.ceil(interval / longest)))
@@ -245,9 +241,8 @@ def _on_chains(
         if k > 0:
             let_out = path.winches((k - 1 + np.linspace(0, 1, pieces + 1)) / intervals)
             motion.advance(interval, lambda passed, rows=let_out: _between(rows, passed / interval))
-        motion.look()
-        pose, lengths, tensions = simulation.seen()
-        yield (pose, lengths[None], tensions[None]), simulation.data, simulation.platform
+        seen = motion.look()
+        yield (seen.poses, seen.lengths, seen.tensions), motion.data, simulation.platform
 
 
 def _between(rows: Float[np.ndarray, "steps cables"], fraction: float) -> Float[np.ndarray, " cables"]:

@@ -188,7 +188,7 @@ def to_mjcf(
     elif factor:
         add_damped_cables(root, robot, springs, uneven, times)
     keyframes = ET.SubElement(root, "keyframe")
-    swivels = pulleys.facing(robot, problem.pose)[1] if robot.mobility == "spatial" else []
+    swivels = pulleys.facing(robot, problem.pose.apply(robot.anchors))[1] if robot.mobility == "spatial" else []
     at = coordinates(robot, problem.pose)
     if kind and robot.mobility == "spatial":
         at = since_written(at, at[3:])

@@ -76,7 +76,7 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
     coordinate its angle from a direction that depends only on the axis, and is the same in all models of a robot.
     """
     cabling = robot.cabling
-    load, directions, angles = _load(robot), *facing(robot, pose)
+    load, directions, angles = _load(robot), *facing(robot, pose.apply(robot.anchors))
     for cable, outwards, angle in zip(np.flatnonzero(cabling.pulleys), directions, angles, strict=True):
         i, radius = cable + 1, cabling.pulley_radius[cable]
         exit_, axis = cabling.exits[cable], cabling.pulley_axis[cable]
@@ -103,41 +103,43 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
         wheel.set("rgba", text(color))
 
 
-def facing(robot: Robot, pose: RigidTransform) -> tuple[Float[np.ndarray, "pulleys 3"], Float[np.ndarray, " pulleys"]]:
-    """Unit vectors from the exits to the centres of the wheels, turned towards the anchors; the swivels' angles [rad].
+def facing(
+    robot: Robot, anchors: Float[np.ndarray, "*rows cables 3"]
+) -> tuple[Float[np.ndarray, "*rows pulleys 3"], Float[np.ndarray, "*rows pulleys"]]:
+    """Unit vectors from the exits to the centres of the wheels, turned towards ``anchors``; the swivels' angles [rad].
 
     For the cables that have a pulley. The angles are rounded to 1e-12, since the last digit of an arc tangent
     differs between processors. For an anchor on the axis the angle is 0.
     """
     cabling = robot.cabling
     over = np.flatnonzero(cabling.pulleys)
-    away = pose.apply(robot.anchors)[over] - robot.exits[over]
+    away = anchors[..., over, :] - robot.exits[over]
     sides = np.array([_sides(*axis) for axis in cabling.pulley_axis[over]]).reshape(-1, 2, 3)
-    x, y = (sides * away[:, None]).sum(-1).T
+    x, y = np.moveaxis((sides * away[..., None, :]).sum(-1), -1, 0)
     if robot.mobility == "planar":
         y = np.zeros_like(y)
     size = np.sqrt(x * x + y * y)
     x = np.where(size > 0, x, 1.0) / np.where(size > 0, size, 1.0)
     y = y / np.where(size > 0, size, 1.0)
-    return x[:, None] * sides[:, 0] + y[:, None] * sides[:, 1], np.round(np.arctan2(y, x), 12)
+    return x[..., None] * sides[:, 0] + y[..., None] * sides[:, 1], np.round(np.arctan2(y, x), 12)
 
 
-def departures(robot: Robot, pose: RigidTransform) -> Float[np.ndarray, "cables 3"]:
-    """Points where the cables leave their wheels on the tangents to their anchors at ``pose``, (cables, 3) [m].
+def departures(robot: Robot, anchors: Float[np.ndarray, "*rows cables 3"]) -> Float[np.ndarray, "*rows cables 3"]:
+    """Points where the cables leave their wheels on the tangents to ``anchors`` [m].
 
     The exits of cables without a pulley, and of those whose anchors are inside their wheels.
     """
-    cabling, points = robot.cabling, robot.exits.copy()
+    cabling, points = robot.cabling, np.broadcast_to(robot.exits, anchors.shape).copy()
     over = np.flatnonzero(cabling.pulleys)
-    radius, axis, (outwards, _) = cabling.pulley_radius[over, None], cabling.pulley_axis[over], facing(robot, pose)
+    radius, axis, (outwards, _) = cabling.pulley_radius[over, None], cabling.pulley_axis[over], facing(robot, anchors)
     centers = robot.exits[over] + radius * outwards
-    away = pose.apply(robot.anchors)[over] - centers
-    aside, ahead = ((away * direction).sum(1, keepdims=True) for direction in (outwards, axis))
+    away = anchors[..., over, :] - centers
+    aside, ahead = ((away * direction).sum(-1, keepdims=True) for direction in (outwards, axis))
     square = aside * aside + ahead * ahead
     free = square - radius * radius
     turned = aside * axis - ahead * outwards
     tangent = centers + radius / square * (radius * away + np.sqrt(np.maximum(free, 0)) * turned)
-    points[over] = np.where(free > 0, tangent, points[over])
+    points[..., over, :] = np.where(free > 0, tangent, points[..., over, :])
     return points
 
 

@@ -144,12 +144,13 @@ def _release_chains(equilibrium: Equilibrium, seconds: float) -> Release:
     problem, pose = equilibrium.problem, equilibrium.pose
     robot = problem.robot
     simulation = settle_chains.held_at(problem, pose)
-    simulation.residual()
-    derivatives = ChainDerivatives.of(simulation)
+    row = simulation.all
+    simulation.residuals(row)
+    derivatives = ChainDerivatives.of(simulation, row)
     nudge = NUDGE * derivatives.stiffness()[1]
-    step = simulation.in_dofs(nudge)
-    step[simulation.slides] = derivatives.following(nudge)
-    mujoco.mj_integratePos(simulation.model, simulation.data.qpos, step, 1)
+    step = simulation.in_dofs(row, nudge)
+    step[:, simulation.slides] = derivatives.following(nudge)
+    simulation.qpos[:] = simulation.displaced(simulation.qpos, step)
     springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
     longest = min(COARSEST / _fastest(springs, equilibrium), WATCHED)
     motion = ChainMotion(simulation, longest, ahead=LEAST_AHEAD)
@@ -158,8 +159,7 @@ def _release_chains(equilibrium: Equilibrium, seconds: float) -> Release:
         if largest_deviation >= LEAVES * NUDGE:
             break
         motion.advance(WATCHED)
-        motion.look()
-        away = distance(simulation.pose, pose, robot.characteristic_length)
+        away = distance(motion.look().poses[0], pose, robot.characteristic_length)
         largest_deviation = max(largest_deviation, away)
     return Release(largest_deviation, NUDGE, motion.time)
 

@@ -21,6 +21,9 @@ from cdpr_sim.physics.batch import Simulations, simulations_of
 from cdpr_sim.physics.sagging.settle_chains import released
 from cdpr_sim.physics.settle import come_to_rest, refused, settled_without_mass, weighs
 
+READ = ("positions", "rotations", "lengths", "tensions", "residuals")
+"""What is read of the equilibria, by the names of ``SimulationReading`` and of ``EquilibriumPath``."""
+
 
 def settle_path(
     robot: Robot | Problems,
@@ -85,7 +88,7 @@ def settle_path(
                 remembered = Memory(**{name: part[going] for name, part in parts.items()}, time=np.nan)
                 if weighs(robot):
                     at = settled_without_mass(starts, threads) if before is None else starts.poses
-                    read, status[going], after = _settled_with_mass(starts, at, remembered, duration)
+                    read, status[going], after = _settled_with_mass(starts, at, remembered, duration, threads)
                 else:
                     if simulations is None or len(simulations.qpos) != len(going):
                         opened.close()
@@ -124,23 +127,20 @@ def _settled_without_mass(
 ) -> tuple[dict[str, np.ndarray], Int[np.ndarray, " rows"], Memory]:
     """Equilibria with massless cables, their status, and the memory there."""
     relaxation, reading = come_to_rest(simulations)
-    read = {name: getattr(reading, name) for name in ("positions", "rotations", "lengths", "tensions", "residuals")}
+    read = {name: getattr(reading, name) for name in READ}
     read |= dict(stiffness=reading.eigenvalues, iterations=relaxation.steps)
     return read, relaxation.status, simulations.remembered(reading)
 
 
 def _settled_with_mass(
-    problems: Problems, at: RigidTransform, memory: Memory, duration: float
+    problems: Problems, at: RigidTransform, memory: Memory, duration: float, threads: int
 ) -> tuple[dict[str, np.ndarray], Int[np.ndarray, " rows"], Memory]:
     """The same where some cables have mass, from the poses ``at``, ``duration`` [s] after ``memory``."""
-    readings, steps, status = released(problems, at, memory=(memory, duration))
-    poses = RigidTransform.concatenate([reading.pose for reading in readings])
-    read = dict(positions=poses.translation, rotations=poses.rotation.as_matrix(), iterations=np.array(steps))
-    for name, of in dict(lengths="lengths", tensions="tensions", stiffness="eigenvalues", residuals="residual").items():
-        read[name] = np.array([getattr(reading, of) for reading in readings])
-    status, after = np.array([one.value for one in status]), [reading.memory for reading in readings]
-    if after[0] is None:
-        rest = np.broadcast_to(problems.rest_lengths, read["tensions"].shape)
-        return read, status, replace(memory, beyond=rest, tensions=read["tensions"])
-    parts = {name: np.array([getattr(one, name) for one in after]) for name in memory.arrays}
-    return read, status, Memory(**parts, time=np.nan)
+    settled = released(problems, at, memory=(memory, duration), threads=threads)
+    read = {name: getattr(settled, name) for name in READ} | dict(
+        stiffness=settled.eigenvalues, iterations=settled.steps
+    )
+    if settled.memory is None:
+        rest = np.broadcast_to(problems.rest_lengths, settled.tensions.shape)
+        return read, settled.status, replace(memory, beyond=rest, tensions=settled.tensions)
+    return read, settled.status, settled.memory

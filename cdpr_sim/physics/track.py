@@ -42,8 +42,7 @@ from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_drag, to_mjcf
 from cdpr_sim.physics.rope_motion import RopeMotion
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
-from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
-from cdpr_sim.physics.sagging.settle_chains import at_rest
+from cdpr_sim.physics.sagging.settle_chains import at_rest, single
 from cdpr_sim.physics.sensing import Readings, Seen, Sensing, recorded
 from cdpr_sim.physics.settle import settle, weighs, weightless
 from cdpr_sim.physics.settle_path import settle_path
@@ -467,14 +466,10 @@ class _ChainMachine(Machine):
         first = Problem.of(robot, pose, self.checked(lengths).rest_lengths)
         refuse_short(robot, first.rest_lengths)
         start = settle(first).pose
-        if weighs(robot):
-            simulation = at_rest(first, start)
-        else:
-            stiffness, wrench = robot.axial_stiffness, first.external_wrench
-            simulation = ChainSimulation(robot, first.rest_lengths, stiffness, wrench, start)
+        simulation = at_rest(first, start) if weighs(robot) else single(first, start)
         inertia = inertias(robot)
-        simulation.residual()
-        stiffest = float(np.abs(ChainDerivatives.of(simulation).stiffness()[0]).max())
+        simulation.residuals(simulation.all)
+        stiffest = float(np.abs(ChainDerivatives.of(simulation, simulation.all).stiffness()[0]).max())
         fastest = np.sqrt(stiffest / float((inertia / robot.units[robot.free] ** 2).min()))
         calm = 2 * cable_damping or TIMESTEP  # steps that damp no more than the cables
         self._longest = min(TIMESTEP, 2 * np.pi / fastest / STEPS, calm)
@@ -485,18 +480,17 @@ class _ChainMachine(Machine):
             ahead=LEAST_AHEAD,
             cable_damping=cable_damping,
         )
-        self.data, self.platform = simulation.data, simulation.platform
+        self.data, self.platform = self._chains.data, simulation.platform
         self.let_out = self._chains.let_out
         self.look()
 
     def look(self) -> None:
-        self._chains.look()
-        self._seen = self._chains.simulation.seen()
+        self._seen = self._chains.look()
 
     def seen(self) -> Seen:
-        pose, lengths, tensions = self._seen
+        pose = self._seen.poses[0]
         read = np.concatenate([pose.translation, pose.rotation.as_quat(scalar_first=True)])
-        return read, lengths, tensions, self.let_out.copy()
+        return read, self._seen.lengths[0], self._seen.tensions[0], self.let_out.copy()
 
     def follow(self, command: Command, seconds: float) -> Iterator[float]:
         start, passed = self.let_out, 0.0
