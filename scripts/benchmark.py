@@ -1,336 +1,298 @@
-"""Benchmark: speed and reliability of the static solvers and of MuJoCo in one run.
+"""Benchmark: what users wait for, with its targets, compared with another checkout.
 
-Run: python scripts/benchmark.py [--quick] [--lanes [POSES]] [--settling [POSES]] [--calls]
-Times are medians over repetitions on one core unless stated otherwise. Timings vary between runs: compare ratios.
+Run: python scripts/benchmark.py [peak] [first] [start] [call] [batch] [answers] [threads] [video] [--beside FOLDER]
+Numbers are medians over processes, after one that fills the caches. Both checkouts are measured alternately. Timings
+vary between runs: compare ratios.
 """
 
 import argparse
+import json
 import os
+import statistics
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
-from functools import partial
+from pathlib import Path
 
 import numpy as np
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 import cdpr_sim as cdpr
-from cdpr_sim.physics import dynamic_relaxation
-from cdpr_sim.statics import newton, seecr
+from cdpr_sim.core.robot_batch import RobotBatch
+from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
+from cdpr_sim.design.moves import Move, Space
+from cdpr_sim.statics import newton
 
-ROBOTS = ["cogiro", "parallel"]
-STIFFNESSES = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7]  # [N] EA
-POSES = 100_000  # random commanded positions in the robot's workspace
-SCIPY_POSES = 60  # the first of these positions, for the paper's solvers
-SETTLES = 300  # one by one
-BATCH = 2_000  # side by side
-LINES = 100  # lines through the workspace along x, with a pose every millimetre
-REPETITIONS = 3
-APART, TURNED = 1e-9, 1e-7  # [m], entries of rotation matrices: different answers of two solvers
-NOWHERE_HELD = {"cogiro": (0.05, 0.05, 0.3), "parallel": (0.17, 0.25, 0.1)}  # [m] no lengths hold the platform there
-SEED = 2024
+TARGETS = {
+    "peak": {
+        "a plain loop of products and sums, one core [GFLOP/s]": "",
+        "solve_many, cogiro, share of it [%]": "",
+        "solve_many, parallel, share of it [%]": "",
+    },
+    "first": {
+        "first answer, nothing compiled: processor [s]": "a quarter",
+        "first answer, nothing compiled [s]": "a quarter",
+        "first hundred answers, nothing compiled: processor [s]": "4",
+        "first hundred answers, nothing compiled [s]": "4",
+    },
+    "start": {
+        "cdpr-sim --help: processor [s]": "",
+        "cdpr-sim --help [s]": "0.35",
+        "cdpr-sim settle parallel: processor [s]": "",
+        "cdpr-sim settle parallel [s]": "1.0",
+    },
+    "call": {
+        "solve(robot, pose) [µs]": "120",
+        "solve(problem) [µs]": "60",
+        "settle(robot, pose) [µs]": "1,000",
+        "compare(static, settled) [µs]": "200",
+    },
+    "batch": {
+        "solve_many, cogiro, each pose: processor [µs]": "0.7",
+        "solve_many, parallel, each pose: processor [µs]": "1.2",
+        "stiffness and frequency, parallel, each pose: processor [µs]": "",
+        "feasible, parallel, each pose: processor [µs]": "",
+        "sweep of a million poses, cogiro, all quantities: processor [s]": "5",
+        "sweep of a million poses, parallel, all quantities: processor [s]": "5",
+        "layouts x 18 poses, near the given one, each second of processor": "60,000",
+        "layouts x 18 poses, anywhere, each second of processor": "30,000",
+        "settle_many, cogiro, each second of processor": "5,000",
+        "settle_many, parallel, each second of processor": "4,000",
+        "settle_many, sagging cables, each second of processor": "120",
+        "check of 10,000 poses, parallel: processor [s]": "3",
+    },
+    "answers": {
+        "find_equilibria with saddles, cogiro: processor [s]": "1",
+        "find_equilibria with saddles, parallel: processor [s]": "4",
+        "compensate, no exact answer, cogiro: processor [ms]": "30",
+        "compensate, no exact answer, parallel: processor [ms]": "30",
+        "winch_controls: processor [µs]": "20",
+        "rest_lengths: processor [µs]": "15",
+    },
+    "threads": {
+        "solve_many, two threads beside one: times as fast": "",
+        "shortfall, two threads beside one: times as fast": "",
+        "layouts, two threads beside one: times as fast": "",
+        "settle_many, two threads beside one: times as fast": "",
+        "settle_many, sagging cables, two threads beside one: times as fast": "",
+    },
+    "video": {
+        "two robots, 300 frames, no OpenGL: processor [s]": "",
+        "two robots, 300 frames, no OpenGL [s]": "12",
+    },
+}
+"""Targets by group, in the order in which the group's function returns its numbers."""
 
-console = Console(width=110)
+ROUNDS = {"peak": 3, "first": 3, "start": 9, "call": 5, "batch": 3, "answers": 3, "threads": 3, "video": 3}
+CALLS = 200  # poses, each solved once
+BATCH, SETTLES, SAGGING, REPEATS = 50_000, 500, 40, 3  # poses in a batch
+LAYOUTS = 2_000
+STEP = 2_000  # floating-point operations of a Newton step
+SEED = 2026
+
+COMMAND = "from cdpr_sim.cli import main; main()"
+HUNDRED = "import cdpr_sim as cdpr; robot = cdpr.load_robot('parallel'); cdpr.solve_many(robot, [robot.home] * 100)"
+VIDEO = "video cogiro parallel --renderer raycast --force -o"  # 1280 x 720, 10 s at 30 frames a second
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="a tenth of the poses")
-    parser.add_argument(
-        "--lanes", type=int, nargs="?", const=POSES, metavar="POSES",
-        help="only: eight poses at once beside one, their speed and their answers at this many random poses per robot",
-    )  # fmt: skip
-    parser.add_argument(
-        "--settling", type=int, nargs="?", const=BATCH, metavar="POSES",
-        help="only: settling with and without Newton's method at its end, and checks, at this many poses per robot",
-    )  # fmt: skip
-    parser.add_argument("--calls", action="store_true", help="only: what single calls and large batches take")
+    parser.add_argument("groups", nargs="*", metavar="GROUP", help=f"{', '.join(TARGETS)}; default: all")
+    parser.add_argument("--beside", metavar="FOLDER", help="another checkout, measured alternately with this one")
+    parser.add_argument("--inside", choices=MEASURES, help=argparse.SUPPRESS)
     asked = parser.parse_args()
-    share = 10 if asked.quick else 1
-    if asked.lanes or asked.settling or asked.calls:
-        if asked.lanes:
-            lanes(asked.lanes)
-        if asked.settling:
-            settling(asked.settling)
-        if asked.calls:
-            calls(share)
+    if asked.inside:  # in a process of its own, whose PYTHONPATH selects the checkout
+        print(json.dumps(MEASURES[asked.inside]()))
         return
-    static(POSES // share, max(SCIPY_POSES // share, 10))
-    neighbours(LINES // share)
-    physics(SETTLES // share, BATCH // share)
-    calls(share)
-
-
-def static(poses: int, scipy_poses: int) -> None:
-    """Solved poses, iterations and time of Newton's method, and of the paper's solvers for the same poses."""
-    ours = table(
-        f"Newton, {poses:,} random poses per row",
-        "robot", "EA [N]", "solved", "stable", "neutral", "largest residual [N]", "iterations", "most", "µs per pose",
-    )  # fmt: skip
-    theirs = table(
-        f"SEECR, the first {scipy_poses} of those poses",
-        "robot", "EA [N]", "fsolve fails", "ms per pose", "least_squares fails", "ms per pose",
-        "Newton fails", "ms per pose",
-    )  # fmt: skip
-    for name in ROBOTS:
-        robot = cdpr.load_robot(name)
-        lower, upper = robot.workspace
-        positions = np.random.default_rng(SEED).uniform(lower, upper, (poses, 3))
-        newton.solve_many(robot, positions[:100])  # compile
-        for stiffness in STIFFNESSES:
-            stiff = robot.replace(axial_stiffness=stiffness)
-            seconds = [timed(newton.solve_many, stiff, positions) for _ in range(REPETITIONS)]
-            solutions = newton.solve_many(stiff, positions)
-            stability = solutions.stability
-            ours.add_row(
-                name,
-                f"{stiffness:.0e}",
-                f"{solutions.converged.sum():,}",
-                f"{(stability == cdpr.Stability.STABLE).mean():.1%}",
-                f"{(stability == cdpr.Stability.NEUTRAL).mean():.1%}",
-                f"{solutions.residuals.max():.1e}",
-                f"{solutions.iterations.mean():.1f}",
-                f"{solutions.iterations.max()}",
-                f"{1e6 * np.median(seconds) / poses:.2f}",
+    if not set(asked.groups) <= set(TARGETS):
+        parser.error(f"groups: found {' '.join(asked.groups)}, expected some of {', '.join(TARGETS)}")
+    trees = [str(Path(tree).resolve()) for tree in (Path(cdpr.__file__).parents[1], asked.beside) if tree]
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in ("", "target", "here", *(["beside", "here / beside"] if asked.beside else [])):
+        table.add_column(column, justify="right" if column else "left")
+    for group in asked.groups or TARGETS:
+        rounds = [[measured(group, tree) for tree in trees] for _ in range(ROUNDS[group] + 1)][1:]
+        for row, (what, target) in enumerate(TARGETS[group].items()):
+            found = [statistics.median(one[tree][row] for one in rounds) for tree in range(len(trees))]
+            ratio = [f"{found[0] / found[1]:.2f}"] if asked.beside else []
+            table.add_row(
+                what.replace("[", r"\["),
+                target,
+                *(f"{value:,.3g}" if value < 1e3 else f"{value:,.0f}" for value in found),
+                *ratio,
             )
-            some = [cdpr.Problem.of(stiff, position) for position in positions[:scipy_poses]]
-            theirs.add_row(
-                name,
-                f"{stiffness:.0e}",
-                *failures(partial(seecr.solve, solver="fsolve"), some),
-                *failures(partial(seecr.solve, solver="least_squares"), some),
-                *failures(newton.solve, some),
-            )
-    console.print(ours)
-    console.print(theirs)
+    Console(width=110).print(table)
 
 
-def lanes(poses: int) -> None:
-    """Speed of the solver for eight poses at once beside that for one, and all poses where their answers differ."""
-    rows = table(
-        f"Eight poses at once beside one, {poses:,} random poses per robot; processor time; "
-        f"this machine multiplies and adds {peak():,.0f} times in a nanosecond",
-        "robot", "µs, one", "µs, eight", "ratio", "same iterations", "not stable", "further apart", "of those stable",
-    )  # fmt: skip
-    for name in cdpr.list_robots():
-        robot = cdpr.load_robot(name)
-        if robot.cabling.bent or not robot.cabling.massless:
-            continue
-        positions = np.random.default_rng(SEED).uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
-        found, seconds = {}, {np.inf: [], 1: []}
-        for _ in range(REPETITIONS):
-            for newton.LANES_FROM in seconds:
-                start = time.process_time()
-                found[newton.LANES_FROM] = newton.solve_many(robot, positions)
-                seconds[newton.LANES_FROM].append(time.process_time() - start)
-        one, eight = found[np.inf], found[1]
-        apart = np.abs(one.positions - eight.positions).max(-1) > APART
-        apart |= np.abs(one.rotations - eight.rotations).max((-1, -2)) > TURNED
-        apart |= one.status != eight.status
-        stable = (one.stability == cdpr.Stability.STABLE) & (eight.stability == cdpr.Stability.STABLE)
-        same = (one.iterations == eight.iterations).mean()
-        slow, fast = (1e6 * min(seconds[number]) / poses for number in (np.inf, 1))
-        rows.add_row(
-            name, f"{slow:.2f}", f"{fast:.2f}", f"{slow / fast:.1f}", f"{same:.2%}",
-            f"{(~stable).mean():.1%}", f"{apart.sum():,}", f"{(apart & stable).sum():,}",
-        )  # fmt: skip
-        for row in np.flatnonzero(apart & stable)[:5]:
-            console.print(
-                name, positions[row], "apart by", np.abs(one.positions[row] - eight.positions[row]).max(),
-                "eigenvalues", one.eigenvalues[row][[0, -1]], "residuals", one.residuals[row], eight.residuals[row],
-            )  # fmt: skip
-    console.print(rows)
+def measured(group: str, tree: str) -> list[float]:
+    """The numbers of a group, measured by a process that imports this checkout."""
+    words = [sys.executable, __file__, "--inside", group]
+    done = subprocess.run(words, env=os.environ | {"PYTHONPATH": tree}, capture_output=True, text=True)
+    if done.returncode:
+        raise SystemExit(f"{tree}: {done.stderr}")
+    return json.loads(done.stdout)
 
 
-def calls(share: int) -> None:
-    """Processor time of calls whose speed users notice, and how much faster two threads are than one."""
-    rows = table(
-        f"Single calls and large batches; least processor time of {REPETITIONS}; "
-        f"this machine multiplies and adds {peak():,.0f} times in a nanosecond",
-        "call", "robot", "unit", "time", "two threads: speed-up",
-    )  # fmt: skip
-    for name, nearest in NOWHERE_HELD.items():
-        robot = cdpr.load_robot(name)
-        poses = np.random.default_rng(SEED).uniform(robot.workspace[0], robot.workspace[1], (POSES // share, 3))
-        for call, unit, count, function in calls_of(robot, nearest, poses):
-            function()
-            seconds = []
-            for _ in range(REPETITIONS):
-                start = time.process_time()
-                function()
-                seconds.append(time.process_time() - start)
-            speed_up = ""
-            if isinstance(function, partial):
-                one, two = (min(timed(function, threads=n) for _ in range(REPETITIONS)) for n in (1, 2))
-                speed_up = f"{one / two:.2f}"
-            rows.add_row(call, name, unit, f"{min(seconds) / count:.3g}", speed_up)
-    console.print(rows)
+def first() -> list[float]:
+    with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as other:
+        return process(COMMAND, "settle", "parallel", NUMBA_CACHE_DIR=one) + process(HUNDRED, NUMBA_CACHE_DIR=other)
 
 
-def calls_of(
-    robot: cdpr.Robot, nearest: tuple[float, float, float], poses: np.ndarray
-) -> list[tuple[str, str, float, Callable[..., object]]]:
-    """Name, unit and how many of it one call takes per second; those that take threads are ``partial``."""
-    few, lengths = poses[:200], [robot.rest_lengths(pose) for pose in poses[:200]]
-    single, each = len(few) * 1e-6, len(poses) * 1e-6
+def start() -> list[float]:
+    return process(COMMAND, "--help") + process(COMMAND, "settle", "parallel")
+
+
+def video() -> list[float]:
+    with tempfile.TemporaryDirectory() as folder:
+        return process(COMMAND, *VIDEO.split(), f"{folder}/video.mp4")
+
+
+def process(code: str, *words: str, **environment: str) -> list[float]:
+    """Processor time and wall time [s]."""
+    before, begun = os.times(), time.perf_counter()
+    command = [sys.executable, "-P", "-c", code, *words]  # -P: PYTHONPATH comes first
+    subprocess.run(command, env=os.environ | environment, capture_output=True, check=True)
+    after, taken = os.times(), time.perf_counter() - begun
+    return [sum(after[2:4]) - sum(before[2:4]), taken]
+
+
+def call() -> list[float]:
+    robot = cdpr.load_robot("parallel")
+    poses = positions(robot, CALLS)
+    problems = [cdpr.Problem.of(robot, pose) for pose in poses]
+    static, settled = [cdpr.solve(one) for one in problems], [cdpr.settle(one) for one in problems]
     return [
-        ("rest_lengths", "µs", single, lambda: [robot.rest_lengths(pose) for pose in few]),
-        ("winch_controls", "µs", single, lambda: [cdpr.winch_controls(robot, robot.home, rest) for rest in lengths]),
-        ("compensate, no exact answer", "ms", 1e-3, lambda: cdpr.compensate(robot, nearest)),
-        ("find_equilibria, saddles", "s", 1.0, lambda: cdpr.find_equilibria(robot, robot.home, saddles=True)),
-        ("solve_many", "µs a pose", each, partial(cdpr.solve_many, robot, poses)),
-        ("shortfall", "µs a pose", each, partial(cdpr.shortfall, robot, poses)),
-        ("sweep, all quantities", "µs a pose", each, lambda: cdpr.sweep(robot, poses=poses)),
+        1e6 * each(lambda row: cdpr.solve(robot, poses[row])),
+        1e6 * each(lambda row: cdpr.solve(problems[row])),
+        1e6 * each(lambda row: cdpr.settle(robot, poses[row])),
+        1e6 * each(lambda row: cdpr.compare(static[row], settled[row])),
     ]
 
 
-def peak() -> float:
-    """Largest number of products with sums per nanosecond of one core: a plain loop, vectorised by the compiler."""
+def batch() -> list[float]:
+    cogiro, parallel = (cdpr.load_robot(name) for name in ("cogiro", "parallel"))
+    cases, layouts = layouts_of(parallel)
+    solved = cdpr.solve_many(parallel, positions(parallel, BATCH))
+    few, per_pose, per_million = positions(parallel, 2_000), 1e6 / BATCH, 1e6 / 50_000
+    return [
+        *(per_pose * often(lambda one=one: cdpr.solve_many(one, positions(one, BATCH))) for one in (cogiro, parallel)),
+        per_pose * often(lambda: newton.stiffness_of(solved)),
+        per_pose * often(lambda: cdpr.feasible(parallel, positions(parallel, BATCH))),
+        *(per_million * often(lambda one=one: cdpr.sweep(one, (50, 40, 25), chunk=None)) for one in (cogiro, parallel)),
+        *(LAYOUTS / often(lambda some=some: solve_layouts(some, cases, 1).tilt.max(-1)) for some in layouts),
+        *(SETTLES / often(lambda one=one: settled(one, SETTLES, 1)) for one in (cogiro, parallel)),
+        SAGGING / often(lambda: settled(sagging(cogiro), SAGGING, 1)),
+        10_000 / len(few) * often(lambda: cdpr.check(parallel, poses=few, threads=1)),
+    ]
+
+
+def answers() -> list[float]:
+    cogiro, parallel = (cdpr.load_robot(name) for name in ("cogiro", "parallel"))
+    poses = positions(parallel, CALLS)
+    lengths = [parallel.rest_lengths(pose) for pose in poses]
+    return [
+        *(often(lambda one=one: cdpr.find_equilibria(one, one.home, saddles=True)) for one in (cogiro, parallel)),
+        1e3 * often(lambda: cdpr.compensate(cogiro, (0.05, 0.05, 0.3))),  # [m] where no lengths hold the platform
+        1e3 * often(lambda: cdpr.compensate(parallel, (0.17, 0.25, 0.1))),
+        1e6 / CALLS * often(lambda: [cdpr.winch_controls(parallel, parallel.home, rest) for rest in lengths]),
+        1e6 / CALLS * often(lambda: [parallel.rest_lengths(pose) for pose in poses]),
+    ]
+
+
+def threads() -> list[float]:
+    cogiro, parallel = (cdpr.load_robot(name) for name in ("cogiro", "parallel"))
+    poses, (cases, (near, _)) = positions(parallel, BATCH), layouts_of(parallel)
+    calls: list[Callable[[int], object]] = [
+        lambda count: cdpr.solve_many(parallel, poses, threads=count),
+        lambda count: cdpr.shortfall(parallel, poses, threads=count),
+        lambda count: solve_layouts(near, cases, count),
+        lambda count: settled(parallel, SETTLES, count),
+        lambda count: settled(sagging(cogiro), SAGGING, count),
+    ]
+    return [once(lambda ask=ask: ask(1)) / once(lambda ask=ask: ask(2)) for ask in calls]
+
+
+def settled(robot: cdpr.Robot, count: int, threads: int) -> cdpr.EquilibriumBatch:
+    return cdpr.settle_many(robot, positions(robot, count), threads=threads)
+
+
+def sagging(robot: cdpr.Robot) -> cdpr.Robot:
+    return robot.replace(linear_density=2e-3)
+
+
+def layouts_of(robot: cdpr.Robot) -> tuple[Cases, list[RobotBatch]]:
+    """The paper's line in 18 poses; random layouts within 50 mm of the given one, and anywhere in the frame's top."""
+    cases = Cases.of(robot, [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 18)])
+    layouts = []
+    for where in (0.05, [[0.0, 0.0, 0.4], [0.8, 0.5, 0.5]]):  # m
+        space = Space.of(robot, [Move("exits", where)])
+        tried = np.random.default_rng(SEED).uniform(space.lower, space.upper, (LAYOUTS, len(space)))
+        layouts.append(space.layouts(tried))
+    return cases, layouts
+
+
+def peak() -> list[float]:
+    """The loop is vectorised by the compiler: 64 independent sums. Newton steps count, what lanes solve besides not."""
     import numba
 
     @numba.njit(fastmath=True)
     def chains(times, factor):
         sums = np.ones(64)
-        for i in range(64):
-            sums[i] = i
         for _ in range(times):
             for i in range(64):
                 sums[i] = sums[i] * factor + 0.001
         return sums
 
-    rates, times = [], 2_000_000
-    chains(1, 0.999)
-    for _ in range(REPETITIONS):
-        start = time.process_time()
-        chains(times, 0.999)
-        rates.append(64e-9 * times / (time.process_time() - start))
-    return max(rates)
-
-
-def neighbours(lines: int) -> None:
-    """Iterations from the neighbour's solution instead of the commanded pose, and how often the solution differs."""
-    rows = table(
-        f"Newton along {lines} lines, a pose every millimetre, from the commanded pose or from the previous solution",
-        "robot", "poses", "iterations", "from the neighbour", "other solutions",
-    )  # fmt: skip
-    for name in ROBOTS:
+    times = 1_000_000
+    most = 2 * 64e-9 * times / often(lambda: chains(times, 0.999))
+    shares = []
+    for name in ("cogiro", "parallel"):
         robot = cdpr.load_robot(name)
-        lower, upper = robot.workspace
-        starts = np.random.default_rng(SEED).uniform(lower, upper, (lines, 3))
-        along = np.arange(lower[0], upper[0], 1e-3)
-        counts, iterations, others = [], [], 0
-        before = found = None
-        for x in along:
-            starts[:, 0] = x
-            own = cdpr.solve_many(robot, starts)
-            if before is not None:
-                lengths = own.rest_lengths
-                found = cdpr.solve_many(robot, before.positions, rotations=before.rotations, rest_lengths=lengths)
-                turned = np.linalg.norm(found.rotations - own.rotations, axis=(-1, -2))
-                moved = np.linalg.norm(found.positions - own.positions, axis=-1)
-                others += int(((moved > 1e-6) | (turned > 1e-5)).sum())
-                counts.append(own.iterations.mean())
-                iterations.append(found.iterations.mean())
-            before = own if before is None else found
-        poses = lines * (len(along) - 1)
-        rows.add_row(
-            name, f"{poses:,}", f"{np.mean(counts):.2f}", f"{np.mean(iterations):.2f}", f"{others / poses:.1%}"
+        poses = positions(robot, BATCH)
+        steps = cdpr.solve_many(robot, poses).iterations.sum()
+        shares.append(
+            1e-7 * STEP * steps / often(lambda robot=robot, poses=poses: cdpr.solve_many(robot, poses)) / most
         )
-    console.print(rows)
+    return [most, *shares]
 
 
-def failures(solve: Callable[[cdpr.Problem], object], problems: list[cdpr.Problem]) -> tuple[str, str]:
-    """Fraction of problems without an equilibrium, and the median time of a single solve."""
-    failed, seconds = 0, []
-    for problem in problems:
-        start = time.perf_counter()
-        try:
-            solve(problem)
-        except cdpr.NotConverged:
-            failed += 1
-        seconds.append(time.perf_counter() - start)
-    return f"{failed / len(problems):.0%}", f"{1e3 * np.median(seconds):.2f}"
+def often(work: Callable[[], object]) -> float:
+    """Processor time of all cores [s]; the median of a few runs, without the first."""
+    taken = []
+    for _ in range(REPEATS + 1):
+        begun = time.process_time()
+        work()
+        taken.append(time.process_time() - begun)
+    return statistics.median(taken[1:])
 
 
-def physics(settles: int, batch: int) -> None:
-    """Time to settle poses one by one, and in batches on threads."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    rows = table(
-        f"MuJoCo, {settles} poses settled one by one and a batch of {batch:,} per row",
-        "robot", "EA [N]", "settled", "steps", "most", "ms per settle", "settles/s, 1 thread",
-        f"per core, {cores} threads", "residual/weight",
-    )  # fmt: skip
-    for name in ROBOTS:
-        for material in cdpr.MATERIALS:
-            robot = cdpr.load_robot(name).replace(material=material)
-            lower, upper = robot.workspace
-            positions = np.random.default_rng(SEED).uniform(lower, upper, (batch, 3))
-            cdpr.settle(robot, positions[0])  # compile the model
-            single = [timed(cdpr.settle, robot, position) for position in positions[:settles]]
-            one, all_cores = (
-                np.median([timed(cdpr.settle_many, robot, positions, threads=threads) for _ in range(REPETITIONS)])
-                for threads in (1, 0)
-            )
-            many = cdpr.settle_many(robot, positions)
-            rows.add_row(
-                name,
-                f"{robot.axial_stiffness[0]:.0e}",
-                f"{many.converged.sum():,} of {batch:,}",
-                f"{np.median(many.iterations):.0f}",
-                f"{many.iterations.max()}",
-                f"{1e3 * np.median(single):.2f}",
-                f"{batch / one:,.0f}",
-                f"{batch / all_cores / cores:,.0f}",
-                f"{many.residuals.max() / robot.weight:.1e}",
-            )
-    console.print(rows)
+def positions(robot: cdpr.Robot, count: int) -> np.ndarray:
+    """Random positions in the workspace, the same in each run."""
+    lower, upper = robot.workspace
+    return np.random.default_rng(SEED).uniform(lower, upper, (count, 3))
 
 
-def settling(poses: int) -> None:
-    """Processor time to settle with and without Newton's method, how far the equilibria differ, and to check."""
-    rows = table(
-        f"Settling {poses:,} random poses on one thread, by motion alone and with Newton's method; processor time",
-        "robot", "steps, motion", "1/s", "steps, Newton", "1/s", "apart [m]", "checks, 1/s",
-    )  # fmt: skip
-    for name in [*ROBOTS, "ipanema-1", "falcon-7"]:
-        robot = cdpr.load_robot(name)
-        positions = np.random.default_rng(SEED).uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
-        cdpr.check(robot, poses=positions[:200], threads=1)  # compile
-        found, rates, ready = {}, {}, dynamic_relaxation.READY
-        for dynamic_relaxation.READY in (0.0, ready):
-            seconds = []
-            for _ in range(REPETITIONS):
-                start = time.process_time()
-                found[dynamic_relaxation.READY] = cdpr.settle_many(robot, positions, threads=1)
-                seconds.append(time.process_time() - start)
-            rates[dynamic_relaxation.READY] = poses / min(seconds)
-        start = time.process_time()
-        cdpr.check(robot, poses=positions, threads=1)
-        checks = poses / (time.process_time() - start)
-        apart = np.nanmax(np.abs(found[0.0].positions - found[ready].positions))
-        rows.add_row(
-            name, f"{found[0.0].iterations.mean():.1f}", f"{rates[0.0]:,.0f}", f"{found[ready].iterations.mean():.1f}",
-            f"{rates[ready]:,.0f}", f"{apart:.0e}", f"{checks:,.0f}",
-        )  # fmt: skip
-    console.print(rows)
+def each(ask: Callable[[int], object]) -> float:
+    """Time of one call [s], the median over these poses."""
+    return statistics.median(once(lambda row=row: ask(row)) for row in range(CALLS))
 
 
-def timed(call: Callable[..., object], *arguments: object, **keywords: object) -> float:
-    """Time of a call [s]."""
-    start = time.perf_counter()
-    call(*arguments, **keywords)
-    return time.perf_counter() - start
+def once(work: Callable[[], object]) -> float:
+    """Time [s], without the first call."""
+    work()
+    begun = time.perf_counter()
+    work()
+    return time.perf_counter() - begun
 
 
-def table(title: str, *columns: str) -> Table:
-    """Return an empty table with these columns."""
-    made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
-        made.add_column(escape(column), justify="right")
-    return made
-
+MEASURES = {
+    "peak": peak, "first": first, "start": start, "call": call, "batch": batch, "answers": answers, "threads": threads,
+    "video": video,
+}  # fmt: skip
 
 if __name__ == "__main__":
     main()

@@ -11,9 +11,10 @@ from typing import Literal
 import numpy as np
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.design import search
+from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Move, Space
-from cdpr_sim.design.robot_batch import Cases, RobotBatch, solve_layouts
 
 ROBOT = "parallel"
 POSES = [(x, 0.25, 0.1) for x in np.linspace(0.17, 0.63, 18)]  # m, along the paper's line

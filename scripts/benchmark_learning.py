@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from cdpr_sim.learning import register
-from cdpr_sim.learning.tasks import LEVEL, NEAR, Track
+from cdpr_sim.learning.tasks import LEVEL, NEAR, Task
 from cdpr_sim.physics.drive import FALLEN
 
 ROBOTS = ("cogiro", "caroca", "planar-vertical")
@@ -28,7 +28,7 @@ ACTION = 0.02  # of the winches' speed
 
 def by_hand(robot: str, actions: np.ndarray) -> float:
     """Seconds of a loop over ``mj_step`` for as many periods as there are actions."""
-    task = Track(robot)
+    task = Task(robot)
     task.begin(0, np.random.default_rng(0))
     simulations = task.simulations
     machine, batch = simulations.machine, simulations.batch
@@ -94,7 +94,7 @@ def main() -> None:
     register()
     print(f"{'steps per second':18}{'by hand':>10}{'environment':>13}{'ratio':>8}{'64, 1 thread':>14}{'2 threads':>11}")
     for robot in ROBOTS:
-        cables = Track(robot).robot.cables
+        cables = Task(robot).robot.cables
         actions = (ACTION * np.random.default_rng(1).uniform(-1, 1, (PERIODS, cables))).astype(np.float32)
         turns = np.array([[way(robot, actions) for way in (by_hand, in_environment)] for _ in range(TURNS)])
         ratio = np.median(turns[:, 0] / turns[:, 1])

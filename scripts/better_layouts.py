@@ -11,10 +11,10 @@ from rich.console import Console
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
+from cdpr_sim.drawing.axes import encoded
 from cdpr_sim.drawing.layout_figures import draw_front
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.studies.better_layouts import picture
-from cdpr_sim.studies.gallery import encoded
 from studies.layout_studies import FRAME_TOP, LINE, crane_masts, frame_numbers, level_parallel
 
 SHOWN = 0.16  # m, the largest displacement of an exit of the drawn layout
@@ -75,8 +75,8 @@ def main() -> None:
     shown = next(proof for proof in proofs if proof.layout.largest_displacement > SHOWN - 1e-3)
     FOLDER.mkdir(exist_ok=True)
     write_whole({
-        FOLDER / "layout-front.png": encoded(figure, "png"),
-        FOLDER / "better-layout.png": encoded(picture(shown), "png"),
+        FOLDER / "layout-front.png": encoded(figure),
+        FOLDER / "better-layout.png": encoded(picture(shown)),
     })  # fmt: skip
 
     table = new_table(

@@ -20,7 +20,7 @@ from rich.progress import Progress
 import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.materials import PAPER_MATERIALS
-from cdpr_sim.studies.gallery import encoded
+from cdpr_sim.drawing.axes import encoded
 from studies.controller_comparison import LAYOUTS, PAUSE, Run, Task, held, rms, rope_runs, runs
 from studies.controller_comparison_figures import controllers
 from studies.controller_tables import ropes_table, runs_table, summary_table
@@ -60,7 +60,7 @@ def main() -> None:
             console.print(f"{layout}: the platform can be held level along {part:.0%} of the {path}.")
     console.print(f"{len(found)} runs, {time.process_time() - begun:.0f} s of one core")
     FOLDER.mkdir(exist_ok=True)
-    write_whole({FOLDER / "controllers.png": encoded(controllers(found), "png")})
+    write_whole({FOLDER / "controllers.png": encoded(controllers(found))})
     filmed = sorted(
         (
             one

@@ -12,7 +12,8 @@ import sys
 from decimal import Decimal
 from pathlib import Path
 
-from cdpr_sim.studies.problem_set import EACH, FORMAT, LEVELS, draw_problems, read_problems, solutions
+from cdpr_sim.studies.problem_set import FORMAT, LEVELS, read_problems
+from studies.problem_drawing import EACH, draw_problems, solutions
 
 FOLDER = Path(__file__).parents[1] / "problems"
 

@@ -34,9 +34,10 @@ from cdpr_sim.analysis.workspace.feasibility import shortfall
 from cdpr_sim.cli.analysis_commands import BYTES_PER_START
 from cdpr_sim.control import pose_feedback
 from cdpr_sim.core.pose import distance
+from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.core.status import ACCEPTABLE, NEUTRAL
 from cdpr_sim.crosscheck.compare import CROSS_TOLERANCE, POSITION_TOLERANCE
-from cdpr_sim.design import robot_batch
+from cdpr_sim.design import layout_equilibria
 from cdpr_sim.physics import chains
 from cdpr_sim.physics.release import STAYS
 from cdpr_sim.physics.settle import residual_of
@@ -141,7 +142,9 @@ def unseen(*unknowns: str) -> float:
     solved = cdpr.solve_many(robot, poses)
     measured = cdpr.Measurements.of(poses, np.hstack([solved.positions, solved.euler]))
     wanted = identification_model.unknowns_of(robot, measured, unknowns)
-    slope = identification_model.Model(robot, measured, wanted).slopes(np.zeros(len(wanted)))[measured.known]
+    slope = identification_model.IdentificationModel(robot, measured, wanted).slopes(np.zeros(len(wanted)))[
+        measured.known
+    ]
     singular = np.linalg.svd(slope / np.linalg.norm(slope, axis=0), compute_uv=False)
     return float(singular[-1] / singular[0])
 
@@ -345,16 +348,16 @@ def sizes() -> Iterator[Row]:
     yield Row(f"BYTES_PER_START = {BYTES_PER_START}", "of 1,000 starts", f"{most:.0f}", most < BYTES_PER_START)
     for name in ("parallel", "planar-vertical"):
         robot = cdpr.load_robot(name)
-        cases = robot_batch.Cases.of(robot, random_poses(robot, 2000))
-        asked = robot_batch.RobotBatch.of([robot] * 20)
+        cases = layout_equilibria.Cases.of(robot, random_poses(robot, 2000))
+        asked = RobotBatch.of([robot] * 20)
         most = (
-            bytes_of(lambda asked=asked, cases=cases: robot_batch.solve_layouts(asked, cases).tilt)
+            bytes_of(lambda asked=asked, cases=cases: layout_equilibria.solve_layouts(asked, cases).tilt)
             / 40_000
             / robot.cables
         )
         yield Row(
-            f"BYTES_PER_CABLE = {robot_batch.BYTES_PER_CABLE}", f"of 40,000 equilibria of {name}", f"{most:.0f}",
-            most < robot_batch.BYTES_PER_CABLE,
+            f"BYTES_PER_CABLE = {layout_equilibria.BYTES_PER_CABLE}", f"of 40,000 equilibria of {name}", f"{most:.0f}",
+            most < layout_equilibria.BYTES_PER_CABLE,
         )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"

@@ -9,9 +9,8 @@ from pathlib import Path
 from rich.console import Console
 
 from cdpr_sim.core.files import write_whole
-from cdpr_sim.studies.gallery import encoded
-from cdpr_sim.studies.pretension import pretension
-from cdpr_sim.studies.pretension_figures import pretension as draw
+from cdpr_sim.drawing.axes import encoded
+from cdpr_sim.studies.pretension import draw_pretension, pretension
 from studies.pretension_tables import conclusions, pretension_table
 
 POINTS = 121  # pretensions, from the smallest without slack cables to the largest of the winches
@@ -24,7 +23,7 @@ def main() -> None:
     for sentence in conclusions(study):
         console.print(sentence, highlight=False)
     OUTPUT.parent.mkdir(exist_ok=True)
-    write_whole({OUTPUT: encoded(draw(study), "png")})
+    write_whole({OUTPUT: encoded(draw_pretension(study))})
     print(OUTPUT.name)
 
 

@@ -10,10 +10,9 @@ import numpy as np
 from rich.console import Console
 
 from cdpr_sim.core.files import write_whole
-from cdpr_sim.studies.gallery import encoded
+from cdpr_sim.drawing.axes import encoded
 from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_TILT
-from cdpr_sim.studies.real_cables import BELOW, cases, real_cables
-from cdpr_sim.studies.real_cables_figures import real_cables as draw
+from cdpr_sim.studies.real_cables import BELOW, cases, draw_real_cables, real_cables
 from studies.crane_as_built import together
 from studies.paper_ends import ends_table, paper_ends
 from studies.real_cable_tables import effects_table, left_out
@@ -48,7 +47,7 @@ def main() -> None:
         highlight=False,
     )
     OUTPUT.parent.mkdir(exist_ok=True)
-    write_whole({OUTPUT: encoded(draw(study), "png")})
+    write_whole({OUTPUT: encoded(draw_real_cables(study))})
     print(OUTPUT.name)
 
 

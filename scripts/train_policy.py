@@ -5,8 +5,8 @@
 
 Minutes are the processor's, on all cores together divided by their number, so that other programs cost no training.
 Ctrl-C ends the training sooner; the score is of what was learnt until then.
-The task is ``Track`` with randomised robots: EA by 20 %, the mass by 10 %, exits by 3 mm in each coordinate. All get
-the same episodes; the controllers' model is the nominal robot.
+The task is that of ``Track-v0`` with randomised robots: EA by 20 %, the mass by 10 %, exits by 3 mm in each coordinate.
+All get the same episodes; the controllers' model is the nominal robot.
 """
 
 # pyright: reportMissingImports=false
@@ -24,7 +24,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.extras import require
 from cdpr_sim.learning import register
 from cdpr_sim.learning.controllers import run
-from cdpr_sim.learning.tasks import Task, Track
+from cdpr_sim.learning.tasks import Task
 
 require("gym", "training")
 import gymnasium  # noqa: E402
@@ -103,7 +103,7 @@ def trained(seconds: float, cores: int, steps: int):
     """A function from observations to actions, and the number of steps it was trained for."""
     torch.set_num_threads(1)  # the networks are too small for more
     environment = VecNormalize(
-        VecMonitor(Simulations(Track(count=SIMULATIONS, threads=cores, **SETTINGS), seed=0)), gamma=0.97
+        VecMonitor(Simulations(Task(count=SIMULATIONS, threads=cores, **SETTINGS), seed=0)), gamma=0.97
     )
     model = stable_baselines3.PPO(
         "MlpPolicy",

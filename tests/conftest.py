@@ -12,7 +12,7 @@ DOORS = {
     "core.cable", "core.checks", "core.controller", "core.limits", "core.pose", "core.problem", "core.robot",
     "robots.catalogue", "robots.importing", "robots.importers.draft", "statics.solve", "statics.two_cable_closed_form",
     "analysis.compensation", "analysis.workspace.feasibility", "analysis.workspace.grids", "analysis.workspace.hull",
-    "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.robot_batch", "design.moves",
+    "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.layout_equilibria", "design.moves",
     "design.search",
     "drawing.video.film", "physics.damping", "physics.mjcf", "physics.reset", "physics.track", "physics.winches",
     "jax",
@@ -33,7 +33,7 @@ COMPILED = {
 }  # fmt: skip
 """Whose functions Numba compiles, beside the kernels."""
 
-AT_EVERY_STEP = {"core.path", "physics.tendons", "statics.forces", "statics.derivatives"}
+AT_EVERY_STEP = {"core.pose_path", "physics.tendons", "statics.forces", "statics.derivatives"}
 """Or at every step of a search: called so often that a check takes longer than what they do."""
 
 

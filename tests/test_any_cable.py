@@ -12,7 +12,7 @@ from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFENING, STIFF
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
-from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
+from cdpr_sim.statics.gufuncs import equilibrium_gufunc
 from cdpr_sim.statics.profiles import catenary
 
 ROBOTS = 40

@@ -12,7 +12,7 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.compare import Verdict
 from cdpr_sim.physics.chains import SEGMENTS
-from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+from cdpr_sim.physics.sagging.settle_chains import single
 
 AGREE = 1e-9
 """[m] Largest distance between both equilibria: 1e-13 m on the crane and 3e-12 m on DemoBot, measured. With Gauss and
@@ -114,11 +114,12 @@ def test_a_load_acts_again_after_a_motion_that_diverged():
     """MuJoCo resets a motion that diverges, and its load with it; the next attempt is of the same problem."""
     robot = cdpr.load_robot("cogiro").replace(linear_density=5e-4)
     problem = Problem.of(robot, robot.home, external_wrench=[0.3, 0.2, -0.5, 0, 0, 0])
-    given = problem.rest_lengths, robot.axial_stiffness, problem.external_wrench, problem.pose
-    simulation = ChainSimulation(robot, *given)
-    mujoco.mj_resetData(simulation.model, simulation.data)
-    simulation.let_go(problem.pose)
-    assert (simulation.data.body("origin").xfrc_applied == problem.external_wrench).all()
+    simulation = single(problem, problem.pose)
+    loads = simulation.batch.body("origin")
+    simulation.batch.reset()
+    assert not loads.xfrc_applied.any()
+    simulation.let_go(simulation.all)
+    assert (loads.xfrc_applied[0] == problem.external_wrench).all()
 
 
 def test_many_settle_as_one_by_one_and_a_motion_ends_where_it_settles():

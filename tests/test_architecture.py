@@ -178,10 +178,10 @@ def test_annotated_shapes_are_checked_at_the_first_calls_of_a_test():
     """Arrays of another shape are found, however many right ones were given before in other tests; then it is quick."""
     right, wrong = np.zeros((4, 3)), np.zeros((4, 3, 1))
     for _ in range(typechecker.CHECKED - 1):
-        dynamic_relaxation._parallel(right, right)
-    with pytest.raises(jaxtyping.TypeCheckError, match="_parallel"):
-        dynamic_relaxation._parallel(wrong, wrong)
-    assert dynamic_relaxation._parallel(wrong, wrong).shape == (4, 3)
+        dynamic_relaxation.parallel(right, right)
+    with pytest.raises(jaxtyping.TypeCheckError, match="parallel"):
+        dynamic_relaxation.parallel(wrong, wrong)
+    assert dynamic_relaxation.parallel(wrong, wrong).shape == (4, 3)
 
 
 def test_every_public_name_resolves():

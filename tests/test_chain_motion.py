@@ -9,7 +9,7 @@ from test_any_cable_physics import LAW, LIGHT, MIXED, UP
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.controller import Reference
-from cdpr_sim.core.path import Path
+from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.physics.mjcf import air_viscosity
 from cdpr_sim.physics.sagging.chain_motion import ChainMotion
@@ -50,15 +50,14 @@ def wound(name: str, *, slack: float = 1.0, as_written: bool = False) -> tuple[n
     problem = Problem.of(robot, start, robot.rest_lengths(start) * np.where(np.arange(robot.cables) == 2, slack, 1.0))
     lengths = robot.rest_lengths(goal)
     simulation = at_rest(problem, problem.pose)
-    masses = simulation.model.body_mass.copy()
-    motion = ChainMotion(simulation, max(0.002, 0.01 / simulation.swing), viscosity=air_viscosity(problem))
+    masses = simulation.masses.copy()
+    motion = ChainMotion(simulation, max(0.002, 0.01 / simulation.swing[0]), viscosity=air_viscosity(problem))
     change = lengths - problem.rest_lengths
     motion.advance(2.0, lambda passed: problem.rest_lengths + min(passed / 2.0, 1.0) * change)
     if as_written:
-        simulation.model.body_mass[:] = masses
+        simulation.masses[:] = masses
     motion.advance(hold)
-    motion.look()
-    return simulation.seen()[0].translation, cdpr.solve(robot, goal, lengths)
+    return motion.look().positions[0], cdpr.solve(robot, goal, lengths)
 
 
 @pytest.mark.parametrize("name", WOUND)
@@ -196,7 +195,7 @@ def test_a_trace_of_mass_does_not_change_which_cables_are_held_by_tension():
     for density in (0.0, 1e-6):
         robot = cdpr.load_robot("cogiro").replace(linear_density=density)
         controller = cdpr.LengthsAndTensions(robot)
-        controller.start(Reference(Path(robot, [robot.pose((0.3, 0.2, 0.15))]), 1.0, 0.0))
+        controller.start(Reference(PosePath(robot, [robot.pose((0.3, 0.2, 0.15))]), 1.0, 0.0))
         command = controller.command(0.0, robot.pose((0.3, 0.2, 0.15)), at_pose)
         chosen.append(np.flatnonzero(command.by_tension).tolist())
     assert chosen == [[4, 5]] * 2

@@ -126,7 +126,7 @@ def test_a_check_counts_the_poses_whose_equilibria_are_proved(monkeypatch):
     neutral = check.dataset["outcome"] == OUTCOMES.index("agree_except_neutral")
     assert 0 < neutral.sum() < 12
     np.testing.assert_array_equal(check.dataset["proved"], ~neutral)
-    counts = list(check_table(check).columns[-1].cells)
+    counts = list(check_table(check.dataset).columns[-1].cells)
     assert counts == ["12", str(12 - int(neutral.sum()))]
     settle = checking.settle_many
 
@@ -148,7 +148,7 @@ def test_cables_of_robots_own_files_are_called_by_their_names():
     ):
         found = result.dataset if isinstance(result, cdpr.Check) else result
         assert found["material"].to_series().to_dict() == {"parallel": "vectran-0.7mm", "nameless": "EA = 2 kN"}
-        table = check_table(result) if isinstance(result, cdpr.Check) else sweep_table(result)
+        table = check_table(result.dataset) if isinstance(result, cdpr.Check) else sweep_table(result)
         assert list(table.columns[1].cells) == ["vectran-0.7mm", "EA = 2 kN"]
         draw = maps.draw_agreement_map if isinstance(result, cdpr.Check) else maps.draw_elastic_map
         assert {"vectran-0.7mm", "EA = 2 kN"} <= {text.get_text() for text in draw(found).texts}
@@ -286,7 +286,7 @@ def test_a_platform_is_there_within_its_tolerance(catalogue, share, reached_from
 def test_the_bar_counts_poses_and_the_estimate_is_of_all_robots_and_materials(monkeypatch):
     """Two robots with two materials at 12 poses: 48 in all."""
     told, counted = [], []
-    monkeypatch.setattr(checking.available_memory, "refuse_beyond", lambda *asked: told.append(asked))
+    monkeypatch.setattr(checking.free_ram, "refuse_beyond", lambda *asked: told.append(asked))
 
     @contextlib.contextmanager
     def bar(what: str, total: float, *, show: bool = True):

@@ -116,7 +116,7 @@ def test_identify_reads_a_file_and_finds_the_stiffness(tmp_path):
     result = run("identify", "cogiro", str(path), "--unknown", "axial_stiffness", "--unknown", "mass")
     assert result.exit_code == 1
     assert result.stdout.count("undetermined") == 2
-    assert "cannot tell axial_stiffness and mass apart" in result.stdout
+    assert "cannot distinguish axial_stiffness and mass" in result.stdout
 
 
 @pytest.mark.parametrize(

@@ -192,6 +192,23 @@ def test_the_nearest_pose_is_found_by_few_evaluations_of_the_geometry(catalogue,
     assert len(calls) < MOST_EVALUATIONS
 
 
+def test_searches_for_a_stable_pose_that_run_away_are_given_up(monkeypatch):
+    """Three cables cannot hold this pose; half the searches with a constraint of stability lead out of the frame."""
+    robot = cdpr.Robot(
+        exits=[[-0.79, 0.74, 1.14], [0.05, 0.72, 1.41], [0.41, -0.57, 0.8]], mass=10.4,
+        anchors=[[0.013, -0.113, -0.003], [-0.087, 0.089, -0.098], [-0.147, 0.074, 0.078]],
+        axial_stiffness=[4800.0, 4700.0, 4000.0],
+    )  # fmt: skip
+    calls, geometry = [], forces.geometry
+    monkeypatch.setattr(forces, "geometry", lambda *given: calls.append(given) or geometry(*given))
+    found = cdpr.compensate(robot, (-0.08, 0.12, 0.38, 0.03, 0.1, 0.22))
+    assert found.equilibrium.stable
+    assert found.distance == pytest.approx(
+        0.36770672822860, abs=NEAREST_ROUNDING
+    )  # with up to 300 steps for each search
+    assert len(calls) < 10_000  # 123,672 with them
+
+
 def test_two_cables_reach_the_nearest_pose_of_the_closed_form(catalogue):
     """At the two-cable robot's nearest pose the closed form has that tilt too; elasticity plays no part there."""
     robot = catalogue["two-cable"]

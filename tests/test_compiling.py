@@ -23,7 +23,7 @@ from numba.core import config
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import code_cache, compiling
-from cdpr_sim.statics import newton_kernel
+from cdpr_sim.statics import gufuncs
 
 PACKAGE = Path(cdpr.__file__).parent
 
@@ -95,7 +95,7 @@ def test_first_answers_need_no_numba():
 def test_interpreted_and_compiled_answers_are_the_same(catalogue, name, monkeypatch):
     """To the last bit; over pulleys to rounding, since NumPy has an arctan2 of its own."""
     robot = catalogue[name]
-    solver = newton_kernel.equilibrium_gufunc(bent=robot.cabling.bent)
+    solver = gufuncs.equilibrium_gufunc(bent=robot.cabling.bent)
     at = np.random.default_rng(0).uniform(robot.exits.min(0), robot.exits.max(0), (30, 3)) - [0, 0, 0.1]
     monkeypatch.setattr(solver, "_left", 0)
     compiled = cdpr.solve_many(robot, at)
@@ -379,7 +379,7 @@ def test_waiting_for_another_threads_import_of_numba_is_said_and_ends(monkeypatc
     unfinished = SimpleNamespace(__spec__=SimpleNamespace(_initializing=True))
     monkeypatch.setitem(sys.modules, "numba", unfinished)  # type: ignore[arg-type]
     monkeypatch.setattr(compiling, "PATIENCE", (0.02, 0.1))
-    with pytest.raises(cdpr.CdprError, match=f"another thread of process {os.getpid()} has not finished to import"):
+    with pytest.raises(cdpr.CdprError, match=f"another thread of process {os.getpid()} has not finished importing"):
         compiling.import_numba()
     assert caplog.messages == [f"cdpr_sim waits for another thread of process {os.getpid()}, which imports Numba"]
 
@@ -406,7 +406,10 @@ def test_the_sources_are_all_that_compiled_code_is_made_of():
     """What is compiled, and all that it imports from this package, however far; and nothing beside it."""
     uses_numba = re.compile(r"^\s*(import numba|from numba)", re.MULTILINE)
     compiled = {path for path in PACKAGE.rglob("*.py") if uses_numba.search(path.read_text(encoding="utf-8"))}
-    others = {PACKAGE / "statics" / "catenary.py", PACKAGE / "drawing" / "video" / "raycast.py"}
+    others = {
+        PACKAGE / "drawing" / "video" / "raycast.py",
+        *(PACKAGE / "statics" / f"{x}.py" for x in ("catenary", "gufuncs")),
+    }
     kernels = {*PACKAGE.glob("*/*_kernel.py"), *others, PACKAGE / "core" / "lanes.py"}
     assert compiled - {PACKAGE / "core" / "compiling.py", PACKAGE / "core" / "code_cache.py"} <= kernels
     reached, waiting = set(), list(kernels)

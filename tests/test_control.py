@@ -10,8 +10,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
 from cdpr_sim import ElasticLengths, HeldTensions, LengthsAndTensions, PoseFeedback, RigidLengths
-from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import moved
+from cdpr_sim.core.pose_path import PosePath
 
 POSE = [0.3, 0.25, 0.1]
 
@@ -215,7 +215,7 @@ def test_controllers_are_controllers():
 
 def reference(robot: cdpr.Robot, *positions: list[float]) -> cdpr.Reference:
     """A line through these positions in a second."""
-    return cdpr.Reference(Path(robot, [RigidTransform.from_translation(one) for one in positions]), seconds=1.0)
+    return cdpr.Reference(PosePath(robot, [RigidTransform.from_translation(one) for one in positions]), seconds=1.0)
 
 
 def seen(time: float, pose: RigidTransform) -> cdpr.Measurement:

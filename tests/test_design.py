@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.crosscheck.layout_validation import validate_layout
 from cdpr_sim.design import search
 from cdpr_sim.design.constraints import constraints_of
 from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
+from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria, solve_layouts
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES
-from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, RobotBatch, solve_layouts
 from cdpr_sim.design.symmetry import group
 from cdpr_sim.robots.writing import as_toml
 from cdpr_sim.studies.better_layouts import driven
@@ -434,7 +435,7 @@ REFUSED = {
     "no image in the box": (dict(within=[[0, 0, 0.4], [0.3, 0.5, 0.5]]), "within: found bounds crossed for x of exits"),
     "not the robot's": (dict(within=0.05, symmetry="mirror-z"), "unknown symmetry 'mirror-z'"),
     "no bounds": (dict(), "within: found none for exits"),
-    "nothing": (dict(within=0.0), "within: found nothing that can move"),
+    "nothing": (dict(within=0.0), "within: found no point that can move"),
     "no pulleys": (dict(move="pulleys", within=0.1), "move: found 'pulleys', but 'parallel' has none"),
     "twice": (dict(move=["exits", "exits"], within=0.1), "move: found exits of cable 1 twice"),
     "no such thing": (dict(move="exit", within=0.1), "unknown move 'exit': did you mean exits?"),

@@ -23,8 +23,9 @@ from cdpr_sim.analysis.workspace.feasibility import (
 )
 from cdpr_sim.core.describe import describe_properties
 from cdpr_sim.core.pose import moved
+from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
-from cdpr_sim.design.robot_batch import Cases, RobotBatch, feasible_share, solve_layouts
+from cdpr_sim.design.layout_equilibria import Cases, feasible_share, solve_layouts
 from cdpr_sim.report.as_json import solution
 from cdpr_sim.report.crosscheck_tables import equilibrium_notes
 from cdpr_sim.robots.writing import as_toml

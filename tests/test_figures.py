@@ -14,13 +14,12 @@ from matplotlib.text import Text
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.drawing import axes, cable_curves, style
-from cdpr_sim.studies import gallery, two_cable_figures
+from cdpr_sim.studies import gallery
 from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import lines_figures as figures
 from cdpr_sim.studies import pretension as pretension_studies
 from cdpr_sim.studies import real_cables as real_cables_studies
 from cdpr_sim.studies import solvers as solver_studies
-from cdpr_sim.studies import solvers_figures as solver_figures
 from cdpr_sim.studies import tilt_condition as balance
 from cdpr_sim.studies import two_cable as two_cable_studies
 
@@ -208,7 +207,8 @@ def test_a_turned_platform_and_its_slack_cables_are_drawn_where_they_are():
     position, c, s = np.array([0.5, 0, 0.4]), np.sqrt(3) / 2, 0.5
     rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
     ax = Figure().add_subplot()
-    outline = axes.draw_platform(ax, robot, position, rotation).get_xy()[:-1]
+    axes.draw_platform(ax, robot, position, rotation)
+    outline = ax.patches[0].get_xy()[:-1]
     corners = [(x, z) for x in (-0.2, 0.2) for z in (-0.1, 0.1)]
     expected = [(0.5 + c * x + s * z, 0.4 - s * x + c * z) for x, z in corners]
     np.testing.assert_allclose(sorted(outline.tolist()), sorted(expected))
@@ -229,11 +229,11 @@ def test_a_pose_in_space_is_drawn_where_it_is(monkeypatch):
     robot, row = cdpr.load_robot("parallel").replace(material="fishing-0.4mm"), 1
     equilibria = cdpr.solve_many(robot, [(0.4, 0.25, 0.2), (0.2, 0.25, 0.1)])
     ax = Figure().add_subplot(projection="3d")
-    axes.draw_space(ax, robot, exits=False)
+    axes.draw_frame(ax, robot, exits=False)
     assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == ("x [m]", "y [m]", "z [m]")
     np.testing.assert_allclose([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()], robot.frame.T)
     drawn.clear()
-    axes.draw_pose_in_space(ax, equilibria, row)
+    axes.draw_pose(ax, equilibria, row)
     half = robot.platform_size / 2
     signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
     expected = {
@@ -280,7 +280,7 @@ def test_the_papers_line_is_drawn_from_both_methods(results):
 def test_manifold_shows_each_drift_and_mujocos_points_on_it(results):
     """Fig. 3: a curve per command through the solver's positions, and MuJoCo's among them."""
     study = results["two-cable-manifold"]
-    figure = two_cable_figures.manifold(study)
+    figure = two_cable_studies.draw_manifold(study)
     drift = np.array([equilibria.positions for equilibria in study.static])
     shown = np.concatenate([line.get_xydata() for ax in figure.axes for line in ax.lines if line.get_gid() == "mujoco"])
     for command in range(len(study.commanded)):
@@ -295,7 +295,7 @@ def test_manifold_shows_each_drift_and_mujocos_points_on_it(results):
 def test_closed_forms_are_drawn_against_the_solver(results):
     """Eq. 5, 6: the errors that are drawn are those of the results."""
     forms = results["two-cable-closed-form"]
-    figure = two_cable_figures.closed_form(forms)
+    figure = two_cable_studies.draw_closed_form(forms)
     error = np.degrees(forms.short_bar - forms.line.static.euler[:, 1])
     assert artist(figure, "short-bar error").get_ydata() == pytest.approx(error, abs=1e-12)
     assert distance_from_line(artist(figure, "mujoco"), artist(figure, "static")) < ON_LINE
@@ -304,7 +304,7 @@ def test_closed_forms_are_drawn_against_the_solver(results):
 def test_tilt_condition_marks_where_the_forces_meet(results):
     """Fig. 9: one meeting point per case, at its place, and the moment in words."""
     cases = results["tilt-condition"]
-    figure = figures.tilt_condition(cases)
+    figure = balance.draw_moment_balances(cases)
     for ax, case in zip(figure.axes, cases, strict=True):
         point = next(a for a in ax.lines if a.get_gid() == "meeting point")
         assert point.get_xydata()[0] == pytest.approx(case.intersection[[0, 2]])
@@ -327,7 +327,7 @@ def test_static_feasible_workspace_is_drawn_where_linear_programming_finds_it(re
 def test_convergence_is_drawn_as_counted(results):
     """Shares in per cent, medians in milliseconds."""
     study = results["convergence"]
-    figure = solver_figures.convergence(study)
+    figure = solver_studies.draw_convergence(study)
     for method, solved in study.solved.items():
         assert np.array_equal(artist(figure, method).get_ydata(), 100 * solved / study.poses)
     assert "EA = 10 kN, Newton solves 100 %, fsolve" in figure.get_suptitle()
@@ -337,7 +337,7 @@ def test_convergence_is_drawn_as_counted(results):
 def test_agreement_is_drawn_as_measured_and_named_as_judged(results):
     """Every held pose is in a curve; and where the methods disagree the title says so."""
     measured = results["agreement"]
-    figure = solver_figures.agreement(measured)
+    figure = solver_studies.draw_agreement(measured)
     for one in measured:
         curve = artist(figure, one.name)
         assert np.array_equal(curve.get_xdata(), np.sort(one.position_errors[~one.neutral]))
@@ -349,4 +349,4 @@ def test_agreement_is_drawn_as_measured_and_named_as_judged(results):
         ([free] * 4 + [disagree, *[agree] * 7], "agree at 19 of 24 poses; 4 are neutrally stable; at 1 they disagree"),
     ):
         other = dataclasses.replace(measured[0], verdicts=tuple(verdicts))
-        assert title in solver_figures.agreement([other, measured[1]]).get_suptitle().replace("\n", " ")
+        assert title in solver_studies.draw_agreement([other, measured[1]]).get_suptitle().replace("\n", " ")

@@ -221,8 +221,10 @@ def test_sweep_and_map_take_wrenches_and_say_volumes(tmp_path):
     result = run(app, ["sweep", "ipanema-1", "--grid", "5", "5", "5", "--wrench", "0,0,-300,0,0,0"])
     assert result.exit_code == 0, result.output
     swept = cdpr.sweep("ipanema-1", (5, 5, 5), wrenches=[0, 0, -300.0, 0, 0, 0], quantities=["feasible"])
-    each = [f"{extent_of(swept[name]):.4g}" for name in ("feasible", "wrench_feasible")]
-    told = f"Rigid cables hold ipanema-1 as commanded in {each[0]}, and under every wrench in {each[1]}, of 3 m³."
+    static, loaded = (f"{extent_of(swept[name]):.4g}" for name in ("feasible", "wrench_feasible"))
+    told = (
+        f"ipanema-1 with rigid cables: static feasible workspace {static}, wrench-feasible workspace {loaded}, of 3 m³."
+    )
     assert told in " ".join(result.stdout.split())
     picture = tmp_path / "map.png"
     result = run(

@@ -18,8 +18,8 @@ from typer.testing import CliRunner
 import cdpr_sim as cdpr
 from cdpr_sim.cli import COMMANDS, app, terminal, workspace_commands
 from cdpr_sim.design import search
+from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Space
-from cdpr_sim.design.robot_batch import Cases, solve_layouts
 from cdpr_sim.drawing.video import film
 from cdpr_sim.report import table_style
 from cdpr_sim.report.analysis_tables import compensation_table

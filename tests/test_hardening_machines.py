@@ -15,7 +15,7 @@ import pytest
 
 import cdpr_sim as cdpr
 from cdpr_sim.core import checks, code_cache
-from cdpr_sim.design.robot_batch import Cases
+from cdpr_sim.design.layout_equilibria import Cases
 
 SOUND = dict(
     exits=[[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]],

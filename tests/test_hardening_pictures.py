@@ -242,7 +242,7 @@ def test_a_feasible_line_is_drawn_as_a_line(under_actuated):
 
 def test_names_of_meeting_points_stand_beside_them():
     """H and V within 50 mm of their points on the drawing."""
-    figure = lines_figures.tilt_condition(tilt_condition.moment_balances())
+    figure = tilt_condition.draw_moment_balances(tilt_condition.moment_balances())
     renderer = drawn(figure)
     for ax in figure.axes:
         point = next(a for a in ax.lines if a.get_gid() == "meeting point").get_xydata()[0]
@@ -254,7 +254,7 @@ def test_names_of_meeting_points_stand_beside_them():
 
 def test_legend_of_the_tilt_condition_is_clear_of_the_frame():
     """It used to end on the line."""
-    figure = lines_figures.tilt_condition(tilt_condition.moment_balances())
+    figure = tilt_condition.draw_moment_balances(tilt_condition.moment_balances())
     renderer, ax = drawn(figure), figure.axes[3]
     right = ax.get_legend().get_window_extent(renderer).transformed(ax.transData.inverted()).x1
     assert right < 0.79

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 import cdpr_sim as cdpr
 from cdpr_sim.analysis.identifiability import WORSE
-from cdpr_sim.analysis.identification_model import UNKNOWNS, Model, unknowns_of
+from cdpr_sim.analysis.identification_model import UNKNOWNS, IdentificationModel, unknowns_of
 from cdpr_sim.report.analysis_tables import identification_note
 from cdpr_sim.statics import newton
 from studies.coverage import fitted, held
@@ -86,7 +86,7 @@ def test_derivatives_of_the_residuals_are_exact(robot, left_out, linear_density,
     )
     unknowns = unknowns_of(robot, measurements, [name for name in UNKNOWNS if name not in left_out])
     assert len({one.name for one in unknowns}) == len(unknowns) > 90
-    model, at = Model(robot, measurements, unknowns), np.zeros(len(unknowns))
+    model, at = IdentificationModel(robot, measurements, unknowns), np.zeros(len(unknowns))
     exact = model.slopes(at)
     assert (np.abs(exact).max((0, 1)) > 0).all()
     random = np.random.default_rng(0)
@@ -192,7 +192,7 @@ def test_stiffness_and_mass_cannot_be_told_apart_and_it_says_so(robot):
     found = cdpr.identify(robot, measurements, ("axial_stiffness", "mass"))
     assert np.isinf(found.standard_errors).all()
     assert found.values[0] / found.values[1] == pytest.approx(800.0 / 0.4, rel=FITTED)
-    assert "cannot tell axial_stiffness and mass apart" in found.reasons[0]
+    assert "cannot distinguish axial_stiffness and mass" in found.reasons[0]
     # Negative control: either alone is determined.
     for name in ("axial_stiffness", "mass"):
         alone = cdpr.identify(robot, measurements, (name,))
@@ -259,7 +259,7 @@ def test_measurements_of_another_robot_are_refused(catalogue):
     """By name, by the number of cables, and by what a planar robot cannot do."""
     positions = commanded(2)
     named = cdpr.Measurements.of(positions, np.zeros((2, 6)), robot="cogiro")
-    with pytest.raises(cdpr.InvalidInput, match="found measurements of 'cogiro', expected of 'parallel'"):
+    with pytest.raises(cdpr.InvalidInput, match="found measurements of 'cogiro', expected those of 'parallel'"):
         cdpr.identify(catalogue["parallel"], named)
     lengths = cdpr.Measurements.of(positions, np.zeros((2, 6)), rest_lengths=np.ones((2, 4)))
     with pytest.raises(cdpr.InvalidInput, match="found 4 rest lengths, expected 8"):
@@ -317,8 +317,8 @@ def test_more_unknowns_than_the_data_hold_are_said_to_be_so(robot):
     found = cdpr.identify(robot, cdpr.Measurements.of(commanded(), angles, coordinates=("alpha", "beta")), asked)
     worse = found.predictions[asked] / found.predictions[alone]
     assert worse > 2 * WORSE
-    said = f"more unknowns than the data hold: rows left out are predicted {worse:.2g} times better by"
-    assert [one for one in found.reasons if "more unknowns" in one] == [f"{said} axial_stiffness alone"]
+    said = f"the data do not determine so many unknowns: omitted rows are predicted {worse:.2g} times better by"
+    assert [one for one in found.reasons if "so many unknowns" in one] == [f"{said} axial_stiffness alone"]
     rng = np.random.default_rng(2)
     for offsets in (1e-4 * rng.normal(size=8), np.zeros(8)):
         poses = noisy(true, exact_poses(true, commanded(), offsets), rng)
@@ -333,7 +333,7 @@ def test_one_stiffness_predicts_better_than_eight_that_the_data_do_not_hold(robo
     measurements = cdpr.Measurements.of(commanded(), heights, coordinates=["z"])
     found = cdpr.identify(robot, measurements, "axial_stiffness_each")
     assert list(found.predictions) == [("axial_stiffness_each",), (), ("axial_stiffness",)]
-    assert any("more unknowns than the data hold" in reason for reason in found.reasons)
+    assert any("the data do not determine so many unknowns" in reason for reason in found.reasons)
 
 
 @pytest.mark.parametrize("asked", [("axial_stiffness",), ("axial_stiffness", "center_of_mass")])
@@ -355,12 +355,12 @@ def test_a_row_that_cannot_be_left_out_is_said(robot):
     """One row predicts nothing; two of positions do not hold EA and a centre of mass without each other."""
     one = cdpr.identify(robot, cdpr.Measurements.of(commanded(1), exact_poses(robot, commanded(1))))
     assert np.isnan(list(one.predictions.values())).all()
-    assert "left out" not in identification_note(one)
+    assert "omitted" not in identification_note(one).lower()
     positions = exact_poses(robot, commanded(2))[:, :3]
     measurements = cdpr.Measurements.of(commanded(2), positions, coordinates="xyz")
     two = cdpr.identify(robot, measurements, ("axial_stiffness", "center_of_mass"), position_error=NOISE)
     assert two.predictions["axial_stiffness", "center_of_mass"] == np.inf
-    assert "No row can be left out" in identification_note(two)
+    assert "No prediction of omitted rows" in identification_note(two)
 
 
 def test_a_centre_of_mass_that_the_data_hardly_determine_is_said(robot):

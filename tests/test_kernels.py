@@ -186,9 +186,11 @@ def test_matrices_are_factorised_as_by_numpy():
         matrix_kernel.substitute(L, rhs, x)
         np.testing.assert_allclose(S @ x, rhs, atol=1e-9)
         other = half + half.T
-        d, e = np.empty(6), np.empty(6)
-        for symmetric in (other, np.diag(np.diag(half)) + np.eye(6, k=1) + np.eye(6, k=-1)):
-            matrix_kernel.eigenvalues_of(symmetric.copy(), d, e)
+        d, memory = np.empty(6), matrix_kernel.Tridiagonal(np.empty(6), np.empty(6), np.empty(6))
+        apart = np.kron(np.eye(2), half[:3, :3] + half[:3, :3].T)  # each eigenvalue twice
+        tridiagonal = np.diag(np.diag(half)) + np.eye(6, k=1) + np.eye(6, k=-1)
+        for symmetric in (other, tridiagonal, apart, np.diag(np.diag(half)), half[:, :2] @ half[:, :2].T, 0 * half):
+            matrix_kernel.eigenvalues_of(np.tril(symmetric), memory, d)
             np.testing.assert_allclose(d, np.linalg.eigvalsh(symmetric), atol=1e-12)
         assert not matrix_kernel.factorise(other.copy(), 6)
 

@@ -1,5 +1,6 @@
 """Eight problems at once: lanes compute what one number would, and batches get the answers of the solver for one."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -9,14 +10,24 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
+from cdpr_sim.core import compiling
 from cdpr_sim.core.status import Status
+from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Move, Space
-from cdpr_sim.design.robot_batch import Cases, solve_layouts
-from cdpr_sim.statics import newton
+from cdpr_sim.statics import forces
+from cdpr_sim.statics.balance_kernel import BALANCED
+from cdpr_sim.statics.newton import stiffness_of
 
 SAME = 1e-9
 """Largest difference between a position on lanes and from the solver for one problem [m]: both stop where an unbalanced
 force of 2e-9 of the load is left, and roundings differ."""
+
+EIGENVALUES = 1e-12
+"""Largest difference between an eigenvalue and LAPACK's, as a fraction of the largest: 4e-15 measured."""
+
+KINK = 1e-12
+"""[m] A cable closer to its rest length is taut or slack by rounding alone, and the stiffness jumps there."""
 
 PACKAGE = Path(cdpr.__file__).parents[1]
 
@@ -31,7 +42,7 @@ def on_lanes(monkeypatch):
     def both(function, *arguments, **keywords):
         found = []
         for least in (1, np.inf):
-            monkeypatch.setattr(newton, "LANES_FROM", least)
+            monkeypatch.setattr(compiling, "LANES_FROM", least)
             found.append(function(*arguments, **keywords))
         return found
 
@@ -117,6 +128,57 @@ def test_what_is_rare_is_left_to_the_solver_for_one(on_lanes):
     np.testing.assert_array_equal(spun.positions, alone.positions)
 
 
+def test_eigenvalues_and_frequencies_on_lanes_are_numpys(catalogue, on_lanes):
+    """Of every plain robot, spatial or planar, beside LAPACK; a row without numbers has none, and disturbs no other."""
+    for name, robot in catalogue.items():
+        if robot.cabling.bent or not robot.cabling.massless:
+            continue
+        poses = poses_in(robot, 13)
+        poses[4] = np.nan
+        equilibria = cdpr.solve_many(robot, poses)
+        lanes, one = on_lanes(stiffness_of, equilibria)
+        known = equilibria.converged & (np.abs(equilibria.lengths - equilibria.rest_lengths).min(-1) > KINK)
+        assert np.isnan(lanes[0][4]).all()
+        assert np.isnan(lanes[1][4])
+        assert known.any()
+        found = equilibria.problems.take(known)
+        state = forces.at(found, equilibria.positions[known], equilibria.rotations[known])
+        largest = np.abs(state.eigenvalues).max(-1, keepdims=True)
+        assert np.abs((lanes[0][known] - state.eigenvalues) / largest).max() <= EIGENVALUES, name
+        np.testing.assert_allclose(lanes[1][known], one[1][known], rtol=1e-6, atol=0, err_msg=name)
+
+
+def test_stiffness_of_layouts_on_lanes_is_that_of_each(catalogue, on_lanes):
+    """Tables, centres of mass and characteristic lengths differ from row to row, and are shared along columns."""
+    robot = catalogue["parallel"]
+    cases = Cases.of(robot, [(x, 0.25, 0.1) for x in np.linspace(0.25, 0.55, 6)], stiffness=[1.0, 0.5])
+    space = Space.of(robot, [Move("exits", 0.02), Move("anchors", 0.005), Move("center_of_mass", 0.01)])
+    tried = np.random.default_rng(2).uniform(space.lower, space.upper, (5, len(space)))
+    found = solve_layouts(space.layouts(tried), cases, threads=1)
+    lanes, one = on_lanes(lambda: dataclasses.replace(found).modes)
+    np.testing.assert_allclose(lanes[0], one[0], rtol=0, atol=EIGENVALUES * one[0].max())
+    np.testing.assert_allclose(lanes[1], one[1], rtol=1e-6, equal_nan=True)
+
+
+@pytest.mark.parametrize("limits", [None, (0.1, 3.0)])
+def test_balance_of_forces_on_lanes_is_that_of_linear_programming(catalogue, on_lanes, limits):
+    """Of every plain robot, against two loads; a row without numbers has none, and disturbs no other."""
+    held = set()
+    for name, robot in catalogue.items():
+        if robot.cabling.bent or not robot.cabling.massless:
+            continue
+        poses, loads = poses_in(robot, 13), 0.1 * robot.weight * np.array([[0.0] * 6, [1, 0, 0.3, 0, 0.01, 0]])
+        poses[4] = np.nan
+        lanes, one = on_lanes(cdpr.shortfall, robot, poses, tension_limits=limits, wrenches=loads)
+        np.testing.assert_allclose(lanes, one, rtol=0, atol=1e-13, err_msg=name)
+        assert np.isnan(lanes[4])
+        for row in (0, 1, 12):
+            expected = feasible_by_linprog(robot, poses[row], tension_limits=limits, wrenches=loads)
+            assert (lanes[row] <= BALANCED) == expected, name
+            held.add(expected)
+    assert held == {True, False}
+
+
 def test_a_lane_that_computes_something_else_is_noticed(catalogue, on_lanes, monkeypatch):
     """Negative control: problems that differ by a millionth of their stiffness are further apart than ``SAME``."""
     robot = catalogue["parallel"]
@@ -128,13 +190,13 @@ def test_a_lane_that_computes_something_else_is_noticed(catalogue, on_lanes, mon
 def test_without_avx_the_answers_are_the_same(catalogue, tmp_path):
     """A processor of 2003: the compiler makes four instructions of one; in a process of its own."""
     robot = catalogue["cogiro"]
-    poses = poses_in(robot, newton.LANES_FROM)
+    poses = poses_in(robot, compiling.LANES_FROM)
     np.save(tmp_path / "poses.npy", poses)
     code = (
-        "import numpy as np, cdpr_sim as cdpr; from cdpr_sim.statics import newton_kernel; "
+        "import numpy as np, cdpr_sim as cdpr; from cdpr_sim.statics import gufuncs; "
         "found = cdpr.solve_many(cdpr.load_robot('cogiro'), np.load('poses.npy')); "
         "np.save('found.npy', found.positions); "
-        "assert found.converged.all() and newton_kernel.equilibrium_gufunc()._compiled is None"
+        "assert found.converged.all() and gufuncs.equilibrium_gufunc()._compiled is None"
     )
     place = os.environ | {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE)}
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=place, check=True)

@@ -51,7 +51,7 @@ def test_rest_lengths_are_read_in_the_order_of_their_numbers(tmp_path):
         ("92.3", "92,3", "line 3: found 7 cells, expected 6"),
         ("92.3", "high", "line 3, column 'measured_z': found 'high'"),
         ("170,", ",", "line 3, column 'commanded_x': found nothing"),
-        (", parallel\n400", ", cogiro\n400", "found measurements of cogiro, parallel, expected of one robot"),
+        (", parallel\n400", ", cogiro\n400", "found measurements of cogiro, parallel, expected those of one robot"),
     ],
 )
 def test_what_is_wrong_is_said_with_line_and_column(tmp_path, old, new, message):
@@ -81,7 +81,7 @@ def test_a_file_that_is_missing_empty_or_no_text_is_said(tmp_path):
     [
         ({"commanded": [[0, 0, 0]], "measured": [[0, 0]]}, "measured: found an array of shape"),
         ({"commanded": [[0, 0]], "measured": [[0] * 6]}, "commanded: found 2 columns"),
-        ({"commanded": [[0, 0, 0]], "measured": [[np.nan] * 6]}, "found nothing measured"),
+        ({"commanded": [[0, 0, 0]], "measured": [[np.nan] * 6]}, "found no measured number"),
         ({"commanded": [[0, 0, 0]], "measured": [[0]], "coordinates": ["h"]}, "unknown coordinate 'h'"),
     ],
 )
@@ -126,7 +126,7 @@ def test_all_that_robots_measure_is_read_with_its_errors(tmp_path):
         (",2.5,400", ",-2.5,400", "frequencies: found -2.5, expected positive numbers"),
         ("mass [g]", "mass [m]", "column 'mass': found unit 'm', expected one of kg, g"),
         ("force_z [N]", "force_w [N]", "unknown column 'force_w \\[N\\]': did you mean 'force_"),
-        ("0.03,2,90,2.5", ",,,", "found nothing measured"),
+        ("0.03,2,90,2.5", ",,,", "found no measured number"),
     ],
 )
 def test_what_is_wrong_with_sensors_is_said(tmp_path, old, new, message):

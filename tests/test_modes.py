@@ -100,7 +100,7 @@ def test_a_platform_does_not_swing_about_a_saddle(catalogue):
     """It would leave: one sentence."""
     robot = catalogue["planar-horizontal"]
     (saddle,) = cdpr.find_equilibria(robot, robot.home, saddles=True, starts=50).unstable
-    with pytest.raises(cdpr.InvalidInput, match="found an unstable one of 'planar-horizontal'"):
+    with pytest.raises(cdpr.InvalidInput, match="found an unstable equilibrium of 'planar-horizontal'"):
         cdpr.natural_modes(saddle)
 
 

@@ -14,7 +14,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 import cdpr_sim as cdpr
 from cdpr_sim.core import pose as core_pose
 from cdpr_sim.statics import forces, newton
-from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, ROUNDING, equilibrium_gufunc
+from cdpr_sim.statics.gufuncs import equilibrium_gufunc
+from cdpr_sim.statics.newton_kernel import FORCE_TOLERANCE, ROUNDING
 
 SAME = 1e-13
 """[m] The same kernel on rest lengths that were rounded in two ways."""

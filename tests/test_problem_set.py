@@ -11,6 +11,7 @@ from test_cli_answers import run
 
 import cdpr_sim as cdpr
 from cdpr_sim.studies import problem_set, score
+from studies import problem_drawing
 
 pytest.importorskip("flint")
 
@@ -38,7 +39,7 @@ def test_the_set_has_its_levels_and_every_answer_has_the_digits_of_a_double(prob
     """A hundred of each level, three starts each, names of their own, a stable equilibrium each."""
     assert len({one.name for one in problems}) == len(problems)
     for level in problem_set.LEVELS:
-        assert sum(one.level == level for one in problems) == problem_set.EACH
+        assert sum(one.level == level for one in problems) == problem_drawing.EACH
     told = [
         one for level in problem_set.LEVELS for one in json.loads((FOLDER / f"{level}.json").read_text())["problems"]
     ]
@@ -61,7 +62,7 @@ def test_answers_of_the_set_are_proved_again(problems):
 def test_solutions_follow_from_what_the_files_state(problems):
     """What ``scripts/generate_problems.py`` writes: equilibria, their number and order, and whether they are all."""
     for one in problems[::ALL_AGAIN]:
-        solved = problem_set.solutions(one)
+        solved = problem_drawing.solutions(one)
         assert solved["complete"] == one.complete, one.name
         assert tuple(each["unstable_directions"] for each in solved["equilibria"]) == one.index
         positions = np.array([[float(v) for v in each["position"]] for each in solved["equilibria"]])

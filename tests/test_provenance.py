@@ -357,9 +357,8 @@ def test_a_video_is_of_mujocos_motion_with_the_solvers_outline(monkeypatch, tmp_
 
 def test_a_tracked_trajectory_is_what_mujocos_sensors_say(monkeypatch):
     """Poses, lengths and tensions; what the controller commands shows in the rest lengths alone."""
-    monkeypatch.setattr(sensing.Readings, "pose", lambda self, data: np.array([1.0, 2.0, 3.0, 1.0, 0, 0, 0]))
-    monkeypatch.setattr(sensing.Readings, "lengths", lambda self, data: 10.0 + np.arange(8))
-    monkeypatch.setattr(sensing.Readings, "tensions", lambda self, data: 20.0 + np.arange(8))
+    read = np.array([1.0, 2.0, 3.0, 1.0, 0, 0, 0]), 10.0 + np.arange(8), 20.0 + np.arange(8)
+    monkeypatch.setattr(sensing.Readings, "of", lambda self, sensed: read)
     robot = cdpr.load_robot("cogiro")
     tracked = cdpr.track(robot, [robot.home], RigidLengths(robot), seconds=0.03)
     assert tracked.source == "mujoco"

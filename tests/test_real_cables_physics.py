@@ -22,8 +22,7 @@ from cdpr_sim.physics.pulleys import toward_anchors
 from cdpr_sim.physics.release import grow_gravity, release
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_relaxation import ChainRelaxation
-from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
-from cdpr_sim.physics.sagging.settle_chains import at_rest
+from cdpr_sim.physics.sagging.settle_chains import at_rest, single
 from cdpr_sim.physics.settle import residual_of, settle, settle_many, settle_trajectory
 from cdpr_sim.physics.tendons import let_out
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS, load_robot
@@ -442,12 +441,12 @@ def test_what_is_left_over_is_counted_with_the_true_springs():
     """Softer ones, which are as good on the way to rest, must not be those that say that it has come."""
     robot = heavy("cogiro")
     rest = settle(robot, robot.home)
-    hanging = ChainSimulation(robot, rest.rest_lengths, robot.axial_stiffness, np.zeros(6), rest.pose)
-    right = hanging.residual()
-    hanging.model.tendon_stiffness[:] *= 0.5
-    assert not hanging.true
-    assert hanging.residual() == right
-    assert hanging.true
+    hanging = single(rest.problem, rest.pose)
+    right = hanging.residuals(hanging.all)
+    hanging.stiffnesses[:] *= 0.5
+    assert not hanging.true(hanging.all)
+    assert hanging.residuals(hanging.all) == right
+    assert hanging.true(hanging.all)
 
 
 def test_stiffness_of_heavy_cables_is_how_the_held_platforms_force_changes():
@@ -459,12 +458,12 @@ def test_stiffness_of_heavy_cables_is_how_the_held_platforms_force_changes():
     def forces(move: np.ndarray) -> np.ndarray:
         turn = Rotation.from_rotvec([0, move[2] / robot.characteristic_length, 0]) * rest.rotation
         at = RigidTransform.from_components(rest.position + np.array([move[0], 0, move[1]]), turn)
-        held = ChainSimulation(robot, rest.rest_lengths, robot.axial_stiffness, np.zeros(6), at)
+        held = single(rest.problem, at)
         held.hold()
         relaxation = ChainRelaxation(held)
-        relaxation.run()
-        assert relaxation.status is Status.CONVERGED
-        return held.forces()[0]
+        relaxation.run(held.all)
+        assert relaxation.status == Status.CONVERGED
+        return held.forces(held.all)[0][0]
 
     columns = [(forces(-step * one) - forces(step * one)) / (2 * step) for one in np.eye(3)]
     stiffness = np.array(columns)
@@ -617,18 +616,18 @@ def test_displacing_all_masses_at_once_gives_the_derivatives_of_each(name):
     robot = load_robot(name).replace(pulley_radius=0.01, linear_density=5e-4, axial_stiffness=100.0)
     problem = Problem.of(robot, robot.workspace.mean(0) + 0.05 * np.ptp(robot.workspace, axis=0))
     simulation = at_rest(problem, problem.pose)
-    simulation.residual()
-    found = ChainDerivatives.of(simulation).within
-    model, data, step = simulation.model, simulation.data, 1e-7
-    qpos, nodes = data.qpos.copy(), []
+    simulation.residuals(simulation.all)
+    found = ChainDerivatives.of(simulation, simulation.all).within[0]
+    model, step = simulation.model, 1e-7
+    qpos, nodes = simulation.qpos[0].copy(), []
     for column in range(found.shape[2]):
         for way in (-1, 1):
             move = np.zeros(model.nv)
             move[simulation.slides[:, column]] = way * step
-            data.qpos[:] = qpos
-            mujoco.mj_integratePos(model, data.qpos, move, 1)
-            simulation.residual()
-            nodes.append(simulation.forces()[1])
+            simulation.qpos[0] = qpos
+            mujoco.mj_integratePos(model, simulation.qpos[0], move, 1)
+            simulation.residuals(simulation.all)
+            nodes.append(simulation.forces(simulation.all)[1][0])
     one_by_one = np.stack(
         [(before - after) / (2 * step) for before, after in zip(nodes[::2], nodes[1::2], strict=True)], axis=-1
     )

@@ -25,7 +25,7 @@ from cdpr_sim.drawing.video.film import _captions, _footnote
 from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.physics.model_files import model_files
 from cdpr_sim.statics import two_cable_closed_form
-from cdpr_sim.studies import real_cables, real_cables_figures, tilt_condition
+from cdpr_sim.studies import real_cables, tilt_condition
 from studies import crane_as_built, paper_ends
 from studies import real_cable_tables as tables
 
@@ -168,7 +168,7 @@ def test_in_space_a_cable_leaves_its_wheel_on_the_tangent(real):
     equilibria = cdpr.settle_many(real["pulley"], [POSE])
     robot = equilibria.robot
     ax = Figure().add_subplot(projection="3d")
-    drawing.draw_pose_in_space(ax, equilibria, 0)
+    drawing.draw_pose(ax, equilibria, 0)
     curves = [np.array(line.get_data_3d()).T for line in ax.lines]
     cables, wheels = curves[::2], curves[1::2]
     expected = np.where(equilibria.slack[0], equilibria.rest_lengths[0], equilibria.lengths[0])
@@ -279,7 +279,7 @@ def test_heavy_cables_are_not_drawn_without_their_shape(real):
     with pytest.raises(cdpr.InvalidInput, match=message):
         drawing.draw_cables(ax, robot, np.array(POSE), np.eye(3), [False] * 8)
     with pytest.raises(cdpr.InvalidInput, match=message):
-        drawing.draw_pose_in_space(Figure().add_subplot(projection="3d"), trajectory, 0)
+        drawing.draw_pose(Figure().add_subplot(projection="3d"), trajectory, 0)
     with pytest.raises(cdpr.InvalidInput, match=message):
         Stage(trajectory, largest_tension=2.0)
     with pytest.raises(cdpr.InvalidInput, match="expected 2 states of 8 cables"):
@@ -446,7 +446,7 @@ def test_nothing_explains_the_papers_15_mm(ends):
 
 def test_the_figure_shows_the_studys_numbers(study):
     """Medians and 95 % read back from the picture, MuJoCo's points on the lines."""
-    figure = real_cables_figures.real_cables(study)
+    figure = real_cables.draw_real_cables(study)
     lines = {line.get_gid(): line for ax in figure.axes for line in ax.lines if line.get_gid()}
     for effect in study.effects:
         median, high = 1e3 * np.quantile(effect.shifts, [0.5, 0.95])

@@ -10,7 +10,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.cable import WEIGHT, WRAPPED
 from cdpr_sim.core.status import Status
 from cdpr_sim.robots.catalogue import PAPER_ROBOTS
-from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
+from cdpr_sim.statics.gufuncs import equilibrium_gufunc
 from cdpr_sim.statics.profiles import catenary
 
 ROBOTS = 300

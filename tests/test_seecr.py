@@ -66,7 +66,7 @@ def test_what_scipy_calls_a_success_is_checked(catalogue, method, monkeypatch):
 
     monkeypatch.setattr(seecr.optimize, method, stops)
     problem = cdpr.Problem.of(catalogue["parallel"], (0.17, 0.25, 0.1))
-    with pytest.raises(cdpr.NotConverged, match="SciPy says: converged") as failure:
+    with pytest.raises(cdpr.NotConverged, match="SciPy: converged") as failure:
         cdpr.solve(problem, method=method)
     assert failure.value.equilibrium is not None
     guess = problem.position + seecr.initial_deviation(problem)[:3]

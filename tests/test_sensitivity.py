@@ -126,7 +126,7 @@ def test_tilt_grows_as_the_solver_says(catalogue):
 def test_a_platform_that_turns_freely_has_no_derivatives():
     """One sentence instead of infinite numbers."""
     problem = hanging_mass()
-    with pytest.raises(cdpr.InvalidInput, match="found a neutral one of 'hanging mass'"):
+    with pytest.raises(cdpr.InvalidInput, match="found a neutral equilibrium of 'hanging mass'"):
         cdpr.sensitivity(problem)
 
 

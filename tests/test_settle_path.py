@@ -11,7 +11,7 @@ from slow_winding import Winding
 
 import cdpr_sim as cdpr
 from cdpr_sim.core.status import Status
-from cdpr_sim.learning.tasks import Track
+from cdpr_sim.learning.tasks import Task
 from cdpr_sim.physics.rope_memory import RopeStep
 
 WEIGHT, LENGTH, STIFFNESS = 9.81, 2.0, 1e4
@@ -236,7 +236,7 @@ def test_what_does_not_know_memory_refuses_it():
         "release": lambda: cdpr.release(found),
         "a winch in MuJoCo": lambda: cdpr.winch_controls(robot, robot.home, found.rest_lengths),
         "model": lambda: cdpr.settle(robot, robot.home, model=model),
-        "cdpr_sim.learning": lambda: Track(robot),
+        "cdpr_sim.learning": lambda: Task(robot),
     }
     for name, refused in refusals.items():
         with pytest.raises(cdpr.InvalidInput, match=f"^{name}: found hysteresis in cable 1, expected") as caught:

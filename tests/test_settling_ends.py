@@ -63,9 +63,9 @@ def test_steps_tried_near_rest_are_bounded_in_all(beside_a_folded_chain, monkeyp
     tried, approach = [], chain_relaxation.approach
 
     def counting(*args):
-        _, count = approach(*args)
-        tried.append(count)
-        return False, count
+        reached, count = approach(*args)
+        tried.append(count.sum())
+        return np.zeros_like(reached), count
 
     monkeypatch.setattr(chain_relaxation, "approach", counting)
     monkeypatch.setattr(chain_relaxation, "MOST_APPROACHES", 7)
@@ -106,11 +106,11 @@ def test_an_interrupt_ends_settling_and_leaves_nothing_changed(taut, monkeypatch
     advance, steps = Stepping.advance, []
     started = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background processes ignore it
 
-    def interrupted(self, longest):
+    def interrupted(self, at, longest):
         steps.append(longest)
         if len(steps) == 3:
             signal.raise_signal(signal.SIGINT)
-        return advance(self, longest)
+        return advance(self, at, longest)
 
     with monkeypatch.context() as patch:
         patch.setattr(Stepping, "advance", interrupted)

@@ -26,14 +26,10 @@ from cdpr_sim.studies import (
     lines,
     lines_figures,
     pretension,
-    pretension_figures,
     real_cables,
-    real_cables_figures,
     solvers,
-    solvers_figures,
     tilt_condition,
     two_cable,
-    two_cable_figures,
 )
 from studies import compensated_line, compensation_figures, controller_comparison, controller_comparison_figures
 
@@ -202,7 +198,7 @@ def test_layouts_have_their_cables_to_the_left_and_right():
 
 def test_the_tilt_condition_says_how_far_and_how_much():
     """Beside the middle the midlines of upright pairs meet 25 mm beside the weight's line: similar triangles."""
-    figure = lines_figures.tilt_condition(tilt_condition.moment_balances())
+    figure = tilt_condition.draw_moment_balances(tilt_condition.moment_balances())
     half, drop, reach, beside = 0.0515, 0.468 - 0.2, 0.36, 0.15  # m: exits at 0.04 and 0.76 m, platform at 0.25 m
     share = half / (reach - half)
     arm = share * beside  # beyond the anchors, both midlines go on by that share of their way
@@ -242,7 +238,7 @@ def forms() -> two_cable.ClosedForms:
 
 def test_four_witnesses_of_the_bars_tilt_are_drawn_under_their_names(forms):
     """In degrees, over the x where the bar rests; below, what the closed forms differ by from the solver."""
-    figure = two_cable_figures.closed_form(forms)
+    figure = two_cable.draw_closed_form(forms)
     top, bottom = figure.axes
     static, settled = forms.line.static, forms.line.settled
     beta = np.degrees(static.euler[:, 1])
@@ -264,7 +260,7 @@ def test_four_witnesses_of_the_bars_tilt_are_drawn_under_their_names(forms):
 
 def test_the_bars_three_poses_are_drawn_under_their_names(forms):
     """Level where it was commanded, as it would have to tilt there, and where and how it rests by either method."""
-    figure = two_cable_figures.poses(forms)
+    figure = two_cable.draw_poses(forms)
     (ax,) = figure.axes
     names, equilibria = legend(ax), forms.poses
     commanded = equilibria.problems.positions
@@ -294,7 +290,7 @@ def test_the_drifts_colours_are_the_bars():
     methods = [tuple(made_up(robot, commanded) for _ in stiffness) for _ in range(2)]
     x, z = np.linspace(0.1, 0.7, 4), np.linspace(0.1, 0.4, 3)
     study = two_cable.Manifold(robot, x, z, RANDOM.uniform(-1, 1, (3, 4)), commanded, stiffness, *methods)
-    figure = two_cable_figures.manifold(study)
+    figure = two_cable.draw_manifold(study)
     front = next(ax for ax in figure.axes if "front view" in ax.get_title(loc="left"))
     bar = next(ax for ax in figure.axes if ax.get_ylabel() == "axial stiffness EA [N]")
     places = {float(label.get_text()): at for label, at in zip(bar.get_yticklabels(), bar.get_yticks(), strict=True)}
@@ -317,7 +313,7 @@ def test_each_solver_is_drawn_under_its_name():
     seconds = {method: RANDOM.uniform(1, 2, (2, 11)) * 10.0**-i for i, method in enumerate(methods)}
     robot = cdpr.load_robot("parallel")
     study = solvers.Convergence(robot, np.array([1e2, 1e4]), 10, solved, solved, seconds, np.array([1e-5, 2e-5]))
-    figure = solvers_figures.convergence(study)
+    figure = solvers.draw_convergence(study)
     left, right = figure.axes
     names = dict(zip(("Newton (ours)", "SEECR, fsolve", "SEECR, least_squares"), methods, strict=True))
     bars = {str(container[0].get_gid()): container for container in right.containers}
@@ -348,7 +344,7 @@ def test_each_difference_of_the_methods_is_drawn_in_its_panel():
                             (agree, agree, agree, free))
         for name in ("first", "second")
     ]  # fmt: skip
-    figure = solvers_figures.agreement(study)
+    figure = solvers.draw_agreement(study)
     panels = {
         "difference in position [m]": ("position_errors", 1.0, 1e-6),
         "difference in rotation [°]": ("rotation_errors", 180 / np.pi, np.degrees(1e-5)),
@@ -401,7 +397,7 @@ def stretched() -> pretension.Pretension:
 
 def test_stiffnesses_and_pushes_are_drawn_in_their_units(stretched):
     """kN/m by direction, mm by forces, degrees by torques; MuJoCo's points are MuJoCo's."""
-    figure = pretension_figures.pretension(stretched)
+    figure = pretension.draw_pretension(stretched)
     _, stiffness, forces, torques, *_ = figure.axes
     one, drawn = stretched.stiffening, by_gid(stiffness)
     for mode, name in enumerate(one.directions):
@@ -442,7 +438,7 @@ def test_stiffnesses_and_pushes_are_drawn_in_their_units(stretched):
 
 def test_a_wrong_length_is_told_of_the_right_cable(stretched):
     """Where the platform is, in mm, and how hard the tightest cable pulls, in N, by each method; too short is left."""
-    figure = pretension_figures.pretension(stretched)
+    figure = pretension.draw_pretension(stretched)
     misses, overload = figure.axes[4:6]
     names = legend(misses)
     assert list(names) == ["upper cable", "lower cable"]
@@ -525,10 +521,10 @@ def test_what_real_cables_do_is_drawn_in_its_row_and_under_its_name():
     effects = tuple(
         real_cables.CableEffect(robot, what, RANDOM.uniform(1e-3, 9e-3, 21), RANDOM.uniform(0, 1, 21), 1e-9, 0)
         for robot in robots
-        for what in real_cables_figures.ROWS
+        for what in real_cables.ROWS
     )
     ax = Figure().add_subplot()
-    real_cables_figures._effects(ax, effects)
+    real_cables._effects(ax, effects)
     rows = {label.get_text(): at for label, at in zip(ax.get_yticklabels(), ax.get_yticks(), strict=True)}
     called = {name: name for name in ("elasticity", "mass of the cables", "nonlinear elasticity")}
     names, drawn = legend(ax), by_gid(ax)
@@ -555,7 +551,7 @@ def test_errors_that_grow_with_the_pulleys_are_drawn_as_each_method_has_them():
                             ("crane of 15 m", real_cables.BELOW))
     )  # fmt: skip
     ax = Figure().add_subplot()
-    real_cables_figures._growth(ax, growths)
+    real_cables._growth(ax, growths)
     names = legend(ax)
     rates = [np.median(one.shifts[1]) / 0.01 for one in growths]
     for one, rate, arriving in zip(growths[:2], rates, ("from below", "from above"), strict=False):
@@ -576,7 +572,7 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     equilibria = made_up(robot, [(0.3, 0.25, 0.1)])
     equilibria = dataclasses.replace(equilibria, positions=np.array([[0.303, 0.25, 0.096]]))
     ax = Figure().add_subplot()
-    real_cables_figures._pulleys(ax, real_cables.CableExample(equilibria, np.zeros((8, 2, 3))))
+    real_cables._pulleys(ax, real_cables.CableExample(equilibria, np.zeros((8, 2, 3))))
     assert ax.get_title() == "DemoBot with 20 mm pulleys unknown to its winches: error of 5 mm"
     names = legend(ax)
     believed = [line for line in ax.lines if looks(line) == looks(names["commanded, with point exits"])]
@@ -588,7 +584,7 @@ def test_the_robots_that_real_cables_move_are_drawn_as_they_hang():
     anchors = equilibria.positions[0] + heavy.anchors @ equilibria.rotations[0].T
     middles = (heavy.exits + anchors) / 2 - sags[:, None] * np.array([0, 0, 1])
     ax = Figure().add_subplot()
-    real_cables_figures._ropes_with_mass(
+    real_cables._ropes_with_mass(
         ax, real_cables.CableExample(equilibria, np.stack([heavy.exits, middles, anchors], axis=1))
     )
     assert ax.get_title() == "The crane on steel ropes, with a sag of 3 to 10 mm"

@@ -30,7 +30,7 @@ from cdpr_sim.core.cable import Cabling
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.status import Status
-from cdpr_sim.crosscheck.check import OUTCOMES, Check
+from cdpr_sim.crosscheck.check import OUTCOMES
 from cdpr_sim.crosscheck.compare import Agreement, Verdict
 from cdpr_sim.crosscheck.compensation_check import CompensationCheck
 from cdpr_sim.crosscheck.layout_validation import LayoutValidation, ValidatedRobot
@@ -516,7 +516,7 @@ def test_identification_shows_lengths_in_millimetres_and_the_rest_in_its_unit():
     assert "outlier: row 1: tension 1 is 4.6 standard errors off" in note
     assert "estimated from them: 5 mm and 6°" in note
     assert (
-        "\nRows left out are predicted with an error of 3.46 standard errors, and of 1.23 with axial_stiffness alone.\n"
+        "\nOmitted rows are predicted with an error of 3.46 standard errors, and of 1.23 with axial_stiffness alone.\n"
         in note
     )
     assert repr(identification()).endswith("mass = 0.4 ± inf kg; mass is unknown>")
@@ -560,7 +560,7 @@ def test_a_check_is_counted_outcome_by_outcome():
         outcome=[agree, agree, agree, apart], position_error=[1e-9, 2e-9, 3e-9, 1.0],
         rotation_error=np.radians([1e-7, 4e-7, 2e-7, 90.0]), tension_error=[5e-8, 1e-8, 2e-8, 9.0],
     )  # fmt: skip
-    shown = columns(workspace_tables.check_table(Check(dataset, ())))
+    shown = columns(workspace_tables.check_table(dataset))
     assert shown["agree"] == ["3"]
     assert shown["disagree"] == ["[red]1[/]"]
     assert shown["unsettled"] == ["0"]
@@ -578,8 +578,9 @@ def test_json_says_why_there_is_none_and_what_cables_take():
 
 def test_json_has_every_property_of_cables_that_is_not_as_by_default():
     """Whatever properties there are, each with a value of its own, and no property that is as by default."""
-    parameters = inspect.signature(Cabling).parameters.items()
-    usual = {name: one.default for name, one in parameters if one.default is not one.empty}
+    parameters = inspect.signature(cdpr.Robot).parameters
+    of_cables = (parameters[field.name] for field in dataclasses.fields(Cabling))
+    usual = {one.name: one.default for one in of_cables if one.default is not one.empty}
     memories = {"pulley_friction": 0.05, "hysteresis": [(0.1, 1e-3, 0.5)], "creep": [(4e4, 60.0)]}
     given = {name: np.where(np.isinf(value), 50.0, np.add(value, 1.0)) for name, value in usual.items() if value != ()}
     given |= memories

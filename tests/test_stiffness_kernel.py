@@ -5,7 +5,7 @@ from sample_problems import grid, hanging_mass, random_problems
 
 import cdpr_sim as cdpr
 from cdpr_sim.statics import forces
-from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
+from cdpr_sim.statics.gufuncs import stiffness_gufunc
 
 ROUNDING = 1e-11
 """Relative to the largest eigenvalue: 1e-14 measured on DemoBot, 1e-12 where cables are stiff and tensions large."""

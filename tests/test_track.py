@@ -10,8 +10,8 @@ from scipy.spatial.transform import RigidTransform
 
 import cdpr_sim as cdpr
 from cdpr_sim import HeldTensions, PoseFeedback, RigidLengths
-from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import moved
+from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell
 from cdpr_sim.physics.track import Machine
 
@@ -208,7 +208,7 @@ class Pushed:
 
     def start(self, reference: cdpr.Reference) -> np.ndarray:
         robot, beside = reference.path.robot, moved(reference.pose(0.0), np.array([0.02, 0, 0, 0, 0, 0]))
-        aside = cdpr.Reference(Path(robot, [beside]), 1.0)
+        aside = cdpr.Reference(PosePath(robot, [beside]), 1.0)
         first = np.asarray(self.inner.start(aside))
         self.inner.start(reference)
         return first
@@ -344,7 +344,7 @@ def test_a_motion_ends_with_its_course(rate, times):
 def test_what_is_wanted_accelerates_as_minimum_jerk_says():
     """x'' = L/T² (60 s − 180 s² + 120 s³) (Flash and Hogan 1985), and nothing before and after."""
     robot = demobot()
-    reference = cdpr.Reference(Path(robot, [robot.pose(one) for one in LINE]), seconds=2.0, pause=1.0)
+    reference = cdpr.Reference(PosePath(robot, [robot.pose(one) for one in LINE]), seconds=2.0, pause=1.0)
     for time in (1.5, 2.0, 2.7):
         s = (time - 1.0) / 2.0
         expected = 0.06 / 4 * (60 * s - 180 * s**2 + 120 * s**3)

@@ -286,7 +286,7 @@ def test_controls_cover_the_workspace_and_say_the_lengths():
 def test_a_control_loop_computes_the_winches_of_its_model_once(monkeypatch):
     """Controls for one pose of a model need its ranges once; a pose that is changed in place is another pose."""
     module, calls = sys.modules[cdpr.winch_controls.__module__], []
-    monkeypatch.setattr(module, "reach", lambda robot: calls.append(robot) or reach(robot))
+    monkeypatch.setattr(module, "reach", lambda *given: calls.append(given) or reach(*given))
     robot = cdpr.load_robot("cogiro")
     pose, lengths = robot.home.copy(), robot.rest_lengths(robot.home + AWAY)
     first = [cdpr.winch_controls(robot, pose, lengths) for _ in range(5)]

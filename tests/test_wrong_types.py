@@ -126,7 +126,7 @@ def wrong_values(annotation: str, default: object) -> Iterator[tuple[str, object
 
 def right_values(folder: Path) -> dict[str, tuple[Callable, Mapping[str, object]]]:
     """Each function with arguments that it takes; what is not given has a default."""
-    from cdpr_sim.core.path import Path as Along
+    from cdpr_sim.core.pose_path import PosePath as Along
 
     robot, pose = cdpr.load_robot("cogiro"), (0.4, 0.25, 0.2)
     poses = np.add(pose, np.linspace(0, 0.02, 3)[:, None] * [1, 0, 0])

@@ -17,8 +17,8 @@ def cable_profiles(equilibria: EquilibriumBatch, points: int = 25) -> Float[np.n
     """Points along each cable from exit to anchor, with the platforms at the poses of ``equilibria`` [m], base frame.
 
     They are equally spaced on the unstretched cable. A massless taut cable is straight; a massless slack one has the
-    profile of the limit of small weight; nan for massless cables over pulleys, which drawing leads over their wheels
-    itself. Profiles of cables with mass over pulleys begin where the cable leaves its wheel.
+    profile of the limit of small weight; nan for massless cables over pulleys, whose path over the wheel
+    the drawing functions compute. Profiles of cables with mass over pulleys begin where the cable leaves its wheel.
 
     Args:
         equilibria: equilibria by either method.

@@ -61,9 +61,6 @@ class Clearances(Frozen, HtmlRepr):
     cable_platform: Float[np.ndarray, "*batch cables"]
     cable_frame: Float[np.ndarray, "*batch cables"]
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     @property
     def pairs(self) -> Int[np.ndarray, "pairs 2"]:
         """The two cables of each distance of ``cable_cable``, counted from 0."""

@@ -73,7 +73,7 @@ class Equilibria(HtmlRepr):
     Attributes:
         problem: rest lengths and load; its pose has no effect.
         found: the equilibria, each certified by its own residual and eigenvalues.
-        energies: energy of each [J], zero where gravity's is at z = 0 and all cables are slack.
+        energies: energy of each [J]: that of gravity, zero at z = 0, and that of the cables, zero where slack.
         starts: number of starts.
         saddles: whether unstable ones were searched for.
     """
@@ -192,9 +192,12 @@ def find_equilibria(
         pose = robot.home
     problem = Problem.of(robot, pose, rest_lengths, external_wrench)
     if problem.external_wrench[3:].any():
-        raise InvalidInput("external_wrench: found a torque, expected a force only: a torque has no energy to sort by")
+        raise InvalidInput("external_wrench: found a torque, expected a force only: a torque has no potential energy")
     if not problem.load > 0:
-        raise InvalidInput("find_equilibria: found no load, expected weight or force: slack cables hold any pose then")
+        raise InvalidInput(
+            "find_equilibria: found no load, expected weight or force: without load, any pose on slack "
+            "cables is an equilibrium"
+        )
     refuse_unless(FLAG, saddles=saddles)
     whole("starts", starts, 1)
     whole("seed", seed, 0)
@@ -224,8 +227,9 @@ def follow_load(
 ) -> LoadPath:
     """The equilibrium that the platform reaches from ``pose`` when its load is applied slowly.
 
-    Gravity and wrench grow from a thousandth to the whole, and each equilibrium is the start of the next. Steps are
-    halved where the platform moves far; if it still does in the shortest step, its equilibrium has disappeared: a jump.
+    Gravity and wrench grow from a thousandth to their full values, and each equilibrium is the start of the next. Steps
+    are halved where the platform moves far; if it still does in the shortest step, its equilibrium has disappeared: a
+    jump.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.

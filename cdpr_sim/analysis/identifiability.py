@@ -16,7 +16,7 @@ which have exactly the same effect, measure 6e-11; EA, offsets and centre of mas
 (``scripts/measure_constants.py``)."""
 
 ALIKE = 0.99
-"""Correlation above which two unknowns are hardly told apart."""
+"""Correlation above which the data hardly distinguish two unknowns."""
 
 UNCERTAIN = 1 / 3
 """Standard error of a positive unknown, as a fraction of it, above which the data hardly say how large it is: twice
@@ -91,7 +91,7 @@ def prediction_error(
 def certainty(
     slope: Float[np.ndarray, "numbers unknowns"], names: list[str], sizes: list[tuple[float, str]]
 ) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unknowns unknowns"], list[str]]:
-    """Standard errors of the unknowns, correlations, and in words what the data cannot tell.
+    """Standard errors of the unknowns, correlations, and sentences about what the data do not determine.
 
     Args:
         slope: of the residuals.
@@ -105,7 +105,9 @@ def certainty(
         together = np.flatnonzero(np.abs(direction) > 1e-3)
         if len(together) > 1:
             listed = " and ".join([", ".join(names[i] for i in together[:-1]), names[together[-1]]])
-            reasons.append(f"the data cannot tell {listed} apart: they can change together without moving the platform")
+            reasons.append(
+                f"the data cannot distinguish {listed}: they can change together without moving the platform"
+            )
     sensitivities = np.linalg.norm((slope / seen) @ kept.T, axis=0)
     covariance = (kept.T / sensitivities**2) @ kept / np.outer(seen, seen)
     errors = np.sqrt(np.diag(covariance))
@@ -115,7 +117,9 @@ def certainty(
     correlations[blurred] = correlations[:, blurred] = np.nan
     for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
         if abs(correlations[i, j]) > ALIKE:
-            reasons.append(f"{names[i]} and {names[j]} are hardly told apart: correlation {correlations[i, j]:+.4f}")
+            reasons.append(
+                f"the data hardly distinguish {names[i]} and {names[j]}: correlation {correlations[i, j]:+.4f}"
+            )
     reasons += [
         f"the data hardly determine {name}: its standard error is {error / size:.0%} of {what}"
         for name, error, (size, what) in zip(names, errors, sizes, strict=True)
@@ -135,7 +139,7 @@ def too_many(predictions: Mapping[tuple[str, ...], float]) -> list[str]:
     if not asked > max(WORSE * least, INVISIBLE):
         return []
     better = f"{asked / least:.2g} times better by" if 0 < least < asked < np.inf else "only by"
-    return [f"more unknowns than the data hold: rows left out are predicted {better} {described(best)}"]
+    return [f"the data do not determine so many unknowns: omitted rows are predicted {better} {described(best)}"]
 
 
 def best_of_fewer(predictions: Mapping[tuple[str, ...], float]) -> tuple[tuple[str, ...], float]:

@@ -22,7 +22,7 @@ from jaxtyping import Float, Int
 from scipy.stats import chi2, norm, t
 
 from cdpr_sim.analysis.identifiability import INVISIBLE, certainty, directions, leverages, too_many
-from cdpr_sim.analysis.identification_model import RANGE, ROUGH, UNKNOWNS, Model, unknowns_of
+from cdpr_sim.analysis.identification_model import RANGE, ROUGH, UNKNOWNS, IdentificationModel, unknowns_of
 from cdpr_sim.analysis.measurements import KINDS, Measurements
 from cdpr_sim.core.checks import checked_array, listed, one_of, positive, refuse_unless
 from cdpr_sim.core.equilibrium import NotConverged
@@ -91,24 +91,23 @@ class Identification(HtmlRepr):
         values: value of each.
         standard_errors: standard error of each; ``inf`` where the data do not determine it.
         correlations: between them, (unknowns, unknowns); nan where undetermined.
-        residuals: what the sensors would show, at the corrected rest lengths if these have errors, less what they did,
-            (rows, numbers) as ``Measurements.values`` [m, rad,
-            N, rad, Hz]; nan where not measured.
+        residuals: computed minus measured numbers, at the corrected rest lengths if these have errors, (rows, numbers)
+            as ``Measurements.values`` [m, rad, N, rad, Hz]; nan where not measured.
         spread: root mean square of residuals over their stated error; 1 if model and errors are right, and by
-            construction where errors were judged.
-        scatters: standard error of each kind of measurement that there is, as stated (root mean square) or judged:
+            construction where errors were estimated.
+        scatters: standard error of each kind of measurement, as stated (root mean square) or estimated:
             "position" [m], "rotation" [rad], "tension" [N], "swivel" [rad], "frequency" [Hz].
-        judged: which of them were judged from the residuals.
-        predictions: root mean square of what fits to all other rows miss of each row's numbers, over ``scatters``: of
-            the unknowns that were asked for, first, and of fewer, by their names; nan of a single row, inf where one
-            row alone determines an unknown.
-        reasons: what the data cannot tell, and whether the model explains them, a sentence each.
-        freedom: count of measured numbers less that of unknowns which they determine.
-        deviance: −2 log of the likelihood of normally distributed errors, judged ones included.
+        judged: which of them were estimated from the residuals.
+        predictions: root mean square error of predictions of each row by fits to all other rows, over ``scatters``, by
+            the names of the unknowns: first all that were requested, then fewer; nan with a single row, inf where
+            one row alone determines an unknown.
+        reasons: what the data do not determine, and whether the model explains them, a sentence each.
+        freedom: degrees of freedom: the count of measured numbers minus that of the unknowns which they determine.
+        deviance: −2 log of the likelihood of normally distributed errors, estimated ones included.
         outliers: numbers that the others do not explain, the worst first.
         kinds: index into ``KINDS`` of each column of ``residuals``.
         given: the robot as it was given.
-        asked: the unknowns that were asked for.
+        asked: the unknowns that were requested.
     """
 
     robot: Robot
@@ -140,11 +139,11 @@ class Identification(HtmlRepr):
         return float(self.values[index]), float(self.standard_errors[index])
 
     def intervals(self, coverage: float = 0.95) -> Float[np.ndarray, "unknowns 2"]:
-        """Intervals that hold the true values with this probability, if model and errors are right.
+        """Intervals that contain the true values with this probability, if model and errors are right.
 
-        To first order in the errors: Student's t where errors were judged, with all degrees of freedom, otherwise the
-        normal distribution; in the logarithm of positive unknowns. ``scripts/interval_coverage.py`` measures how often
-        they do.
+        To first order in the errors: Student's t where errors were estimated, with all degrees of freedom, otherwise
+        the normal distribution; in the logarithm of positive unknowns. ``scripts/interval_coverage.py`` measures how
+        often they do.
 
         Args:
             coverage: the probability, between 0 and 1.
@@ -171,7 +170,7 @@ class Identification(HtmlRepr):
     def aicc(self) -> float:
         """Akaike's information criterion, corrected for few numbers: smaller is better, for fits to the same data.
 
-        Hurvich and Tsai 1989 (doi:10.1093/biomet/76.2.297); judged scatters count as unknowns. inf with too few
+        Hurvich and Tsai 1989 (doi:10.1093/biomet/76.2.297); estimated scatters count as unknowns. inf with too few
         numbers.
         """
         count, k = self._counts
@@ -190,7 +189,7 @@ class Identification(HtmlRepr):
         return count, count - self.freedom + len(self.judged)
 
     def predict(self, measurements: Measurements) -> Float[np.ndarray, "rows numbers"]:
-        """What the sensors would show in other rows less what they did, with all unknowns as identified.
+        """Computed minus measured numbers of other rows, with all unknowns as identified.
 
         Args:
             measurements: with columns of the same kinds; offsets, gains and zeros count as of the same sensors.
@@ -208,7 +207,8 @@ class Identification(HtmlRepr):
         kept = [wanted[name] for name in self.names if name in wanted]
         values = [value for name, value in zip(self.names, self.values, strict=True) if name in wanted]
         x = np.array([one.coordinate(value) for one, value in zip(kept, values, strict=True)])
-        return np.where(measurements.known, Model(self.given, measurements, kept).residuals(x), np.nan)
+        model = IdentificationModel(self.given, measurements, kept)
+        return np.where(measurements.known, model.residuals(x), np.nan)
 
     def __repr__(self) -> str:
         told = [
@@ -240,7 +240,8 @@ def identify(
 ) -> Identification:
     """Fit ``unknowns`` to what was measured in equilibrium.
 
-    Errors count where the measurements state none. A kind of measurement without any error is judged by its residuals.
+    The error arguments apply where the measurements state no errors. If a kind of measurement has no error at all, its
+    error is estimated from the residuals.
 
     Args:
         robot: the known values, and the start of the fit.
@@ -290,7 +291,7 @@ def identify(
         )
     scales, floors = _scales(robot)
     scatters = _start_scatters(measurements, judged, scales)
-    model = Model(robot, measurements, wanted, _errors(measurements, scatters))
+    model = IdentificationModel(robot, measurements, wanted, _errors(measurements, scatters))
     x = _scanned(model)
     reweighted = bool(judged) or robust or measurements.rest_length_errors is not None
     if judged and not robust and unstated[known].all() and (model.kinds == model.kinds[0]).all():
@@ -402,7 +403,7 @@ _WEIGHTED_SQUARES = float(1 - 2 * norm.sf(TUNING))
 def _scatters(
     scatters: Float[np.ndarray, " kinds"],
     judged: list[int],
-    model: Model,
+    model: IdentificationModel,
     x: Float[np.ndarray, " unknowns"],
     unstated: np.ndarray,
     scales: Float[np.ndarray, " kinds"],
@@ -445,7 +446,7 @@ def _outliers(
     return tuple(sorted(found, key=lambda one: -abs(one.size)))
 
 
-def _predictions_of_fewer(model: Model, names: tuple[str, ...]) -> dict[tuple[str, ...], float]:
+def _predictions_of_fewer(model: IdentificationModel, names: tuple[str, ...]) -> dict[tuple[str, ...], float]:
     """Prediction errors without one of the unknowns, each in turn, and with one EA in place of one for each cable.
 
     By the weights of the larger fit. Where a smaller one meets a pose without an equilibrium, it predicts nothing.
@@ -455,7 +456,7 @@ def _predictions_of_fewer(model: Model, names: tuple[str, ...]) -> dict[tuple[st
         fewer.append(tuple(name.removesuffix("_each") for name in names))
     found = {}
     for some in fewer:
-        smaller = Model(
+        smaller = IdentificationModel(
             model.robot, model.measurements, unknowns_of(model.robot, model.measurements, some), model.errors
         )
         with suppress(NotConverged):
@@ -467,7 +468,7 @@ def _predictions_of_fewer(model: Model, names: tuple[str, ...]) -> dict[tuple[st
     return found
 
 
-def _nearest_to_known(x: Float[np.ndarray, " unknowns"], model: Model) -> Float[np.ndarray, " unknowns"]:
+def _nearest_to_known(x: Float[np.ndarray, " unknowns"], model: IdentificationModel) -> Float[np.ndarray, " unknowns"]:
     """``x`` without its part along what the data do not see: there, what is known of the robot stays."""
     slopes = model.weighted_slopes(x)
     seen, unseen, _ = directions(slopes)
@@ -496,7 +497,7 @@ def _names(unknowns: Sequence[str]) -> tuple[str, ...]:
     return tuple(unknowns)
 
 
-def _scanned(model: Model) -> Float[np.ndarray, " unknowns"]:
+def _scanned(model: IdentificationModel) -> Float[np.ndarray, " unknowns"]:
     """The best of several stiffnesses to start from, all else as known."""
     start = np.zeros(len(model.unknowns))
     stiff = np.array([one.parameter == "axial_stiffness" for one in model.unknowns], dtype=bool)

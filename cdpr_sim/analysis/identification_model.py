@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg import eigh
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.identifiability import prediction_error
 from cdpr_sim.analysis.measurements import KINDS, Measurements
+from cdpr_sim.analysis.modes import modes_of
 from cdpr_sim.core.cable_path import swivel_angles
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput
@@ -164,12 +164,12 @@ def unknowns_of(robot: Robot, measurements: Measurements, names: Sequence[str]) 
     }  # fmt: skip
     for name in names:
         if not found[name]:
-            lacking = "a robot with pulleys" if name == "pulley_radius" else "measurements of what it belongs to"
-            raise InvalidInput(f"unknowns: found {name}, expected {lacking}, and there is none")
+            lacking = "robot with pulleys" if name == "pulley_radius" else "measurement that depends on it"
+            raise InvalidInput(f"unknowns: found {name} without a {lacking}, expected one")
     return [one for name in names for one in found[name]]
 
 
-class Model:
+class IdentificationModel:
     """The equilibria at measured poses as a function of the unknowns, and what the sensors show there.
 
     ``rest_lengths`` are the given ones, (rows, cables); ``errors`` are the standard errors of all numbers, (rows,
@@ -323,7 +323,7 @@ class Model:
             return
         self.now, self.rest = self.changed(x)
         if not self.rest.min() > 0:
-            raise NotConverged("identify: the fit asked for rest lengths below 0")
+            raise NotConverged("identify: the fit needs rest lengths below 0")
         given = self.measurements.masses
         self.masses = None if given is None else np.where(np.isnan(given), self.now.mass, given)
         solved = newton.solve_many(
@@ -358,7 +358,7 @@ class Model:
             angles, _ = swivel_angles(self.now.cabling, solved.positions, solved.rotations)
             parts.append(angles + self._of.get("swivel_zeros", 0.0))
         if data.frequencies is not None:
-            parts.append(np.array([_frequencies(state)[: data.frequencies.shape[1]] for state in self._states()]))
+            parts.append(np.array([modes_of(state)[0][: data.frequencies.shape[1]] for state in self._states()]))
         return np.hstack(parts)
 
     def residuals(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows numbers"]:
@@ -477,15 +477,6 @@ def _points(unknowns: Sequence[Unknown], cables: int, rotation: Float[np.ndarray
             cable, axis = divmod(index, 3)
             found[cable, :, column] += rotation[:, axis] if one.parameter == "anchors" else -np.eye(3)[axis]
     return found
-
-
-def _frequencies(state: forces.State) -> Float[np.ndarray, " free"]:
-    """Natural frequencies [Hz], slowest first; 0 of directions that are neutral or unstable."""
-    assert isinstance(state.problem, Problem)
-    free = state.problem.robot.free
-    mass = forces.mass_matrix(state.problem, state.rotation)
-    squares = eigh(state.stiffness_matrix[np.ix_(free, free)], mass[np.ix_(free, free)], eigvals_only=True)
-    return np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
 
 
 def _angle_rates(angles: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -20,7 +20,7 @@ from __future__ import annotations
 import csv
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
@@ -274,7 +274,7 @@ class Measurements:
             InvalidInput: nothing measured, or numbers that are not positive where they must be.
         """
         if not self.known.any():
-            raise InvalidInput(f"{self.source}: found nothing measured, expected some number, such as a height")
+            raise InvalidInput(f"{self.source}: found no measured number, expected at least one, such as a height")
         for name in ("rest_lengths", "frequencies", "masses"):
             found = getattr(self, name)
             if found is not None and (found <= 0).any():
@@ -288,7 +288,7 @@ class Measurements:
         """
         refuse_unless(Robot, robot=robot)
         if self.robot is not None and self.robot != robot.name:
-            raise InvalidInput(f"{self.source}: found measurements of {self.robot!r}, expected of {robot.name!r}")
+            raise InvalidInput(f"{self.source}: found measurements of {self.robot!r}, expected those of {robot.name!r}")
         named = ((self.rest_lengths, "rest lengths"), (self.tensions, "tensions"), (self.swivels, "swivel angles"))
         for numbers, name in named:
             if numbers is not None and numbers.shape[1] != robot.cables:
@@ -370,12 +370,14 @@ def read_measurements(path: str | Path) -> Measurements:
         if needed not in values:
             raise InvalidInput(f"{path}: found no column {needed!r}, expected one, as '{needed} [mm]'")
     count = len(rows) - 1
-    commanded = np.stack([values.get(f"commanded_{name}", np.zeros(count)) for name in COORDINATES], axis=1)
-    measured = np.stack([values.get(f"measured_{name}", np.full(count, np.nan)) for name in COORDINATES], axis=1)
+
+    def stacked(names: Iterable[str], missing: float) -> Float[np.ndarray, "rows columns"]:
+        return np.stack([values.get(name, np.full(count, missing)) for name in names], axis=1)
+
     numbered = {
         kind: _numbered(path, kind, values, count) for kind in ("rest_length", "tension", "swivel", "frequency")
     }
-    wrenches = np.stack([np.nan_to_num(values.get(name, np.zeros(count))) for name in WRENCH], axis=1)
+    wrenches = np.nan_to_num(stacked(WRENCH, 0.0))
     for name, column in [*values.items()]:
         if name.startswith(("commanded_", "rest_length_")) and not name.endswith("_error") and np.isnan(column).any():
             line = lines[1 + int(np.argmax(np.isnan(column)))]
@@ -388,10 +390,10 @@ def read_measurements(path: str | Path) -> Measurements:
         if name.endswith("_error") and name.removesuffix("_error") not in values:
             raise InvalidInput(f"{path}: found column {name!r}, expected {name.removesuffix('_error')!r} as well")
     if len(robots) > 1:
-        raise InvalidInput(f"{path}: found measurements of {', '.join(sorted(robots))}, expected of one robot")
+        raise InvalidInput(f"{path}: found measurements of {', '.join(sorted(robots))}, expected those of one robot")
     made = Measurements(
-        commanded,
-        measured,
+        stacked((f"commanded_{name}" for name in COORDINATES), 0.0),
+        stacked((f"measured_{name}" for name in COORDINATES), np.nan),
         numbered["rest_length"],
         next(iter(robots), None),
         str(path),
@@ -402,17 +404,13 @@ def read_measurements(path: str | Path) -> Measurements:
         wrenches=wrenches if wrenches.any() else None,
     )
     made._check()
-    columns = [_column_of(name) for name in made.names]
     if not any(name.endswith("_error") for name in values):
         return made
-    unstated = np.full(count, np.nan)
-    stated = np.stack([values.get(f"{name}_error", unstated) for name in columns], axis=1)
-    lengths = None
-    if made.rest_lengths is not None:
-        known = [values.get(f"rest_length_{i + 1}_error", unstated) for i in range(made.rest_lengths.shape[1])]
-        lengths = np.nan_to_num(np.stack(known, axis=1))
+    stated = stacked((f"{_column_of(name)}_error" for name in made.names), np.nan)
+    cables = 0 if made.rest_lengths is None else made.rest_lengths.shape[1]
+    lengths = [np.nan_to_num(values.get(f"rest_length_{i + 1}_error", np.zeros(count))) for i in range(cables)]
     return replace(
-        made, stated_errors=stated, rest_length_errors=None if lengths is None or not lengths.any() else lengths
+        made, stated_errors=stated, rest_length_errors=np.stack(lengths, axis=1) if np.any(lengths) else None
     )
 
 

@@ -75,20 +75,26 @@ def natural_modes(
     equilibrium = newton.equilibrium_of(equilibrium, pose, rest_lengths, external_wrench)
     problem = equilibrium.problem
     if equilibrium.stability is Stability.UNSTABLE:
-        raise InvalidInput(f"equilibrium: found an unstable one of {problem.robot.name!r}, expected a stable one")
+        raise InvalidInput(
+            f"equilibrium: found an unstable equilibrium of {problem.robot.name!r}, expected a stable one"
+        )
     if problem.external_wrench[3:].any():
         raise InvalidInput(
             "equilibrium: found one under an external torque, expected none: such a torque is not conservative, and "
             "the platform need not oscillate about the equilibrium"
         )
-    free = problem.robot.free
-    stiffness = forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix()).stiffness_matrix
-    mass = forces.mass_matrix(problem, equilibrium.rotation.as_matrix())
-    squares, vectors = eigh(stiffness[np.ix_(free, free)], mass[np.ix_(free, free)])
+    frequencies, shapes = modes_of(forces.at(problem, equilibrium.position, equilibrium.rotation.as_matrix()))
+    return Modes(equilibrium, frequencies, shapes)
+
+
+def modes_of(state: forces.State) -> tuple[Float[np.ndarray, " free"], Float[np.ndarray, "free 6"]]:
+    """Frequencies [Hz], 0 of directions that are neutral or unstable, and shapes at a state of a single problem."""
+    free = state.problem.robot.free
+    mass = forces.mass_matrix(state.problem, state.rotation)
+    squares, vectors = eigh(state.stiffness_matrix[np.ix_(free, free)], mass[np.ix_(free, free)])
     shapes = np.zeros((len(free), 6))
     shapes[:, free] = np.sqrt(2) * vectors.T
-    frequencies = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
-    return Modes(equilibrium, frequencies, shapes)
+    return np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi), shapes
 
 
 def neutral_directions(equilibrium: Equilibrium) -> Float[np.ndarray, "neutral 6"]:

@@ -146,7 +146,7 @@ def sensitivity(
     problem = equilibrium.problem
     if equilibrium.stability is Stability.NEUTRAL:
         raise InvalidInput(
-            f"equilibrium: found a neutral one of {problem.robot.name!r}, expected a stable one: "
+            f"equilibrium: found a neutral equilibrium of {problem.robot.name!r}, expected a stable one: "
             "the slightest change moves the platform without limit"
         )
     free = problem.robot.free
@@ -167,37 +167,26 @@ def sensitivity(
 
 def _unit(parameter: str, index: int, equilibrium: Equilibrium) -> tuple[str, float]:
     """The unit of change, and its size in SI units."""
-    robot = equilibrium.problem.robot
-    if parameter == "axial_stiffness":
-        return "%", 0.01 * float(robot.axial_stiffness[index])
-    if parameter == "mass":
-        return "%", 0.01 * robot.mass
-    if parameter == "linear_density":
-        return "%", 0.01 * float(robot.linear_density[index])
-    if parameter == "stiffening":
-        return "%", 0.01 * abs(float(robot.stiffening.flat[index]))
+    if parameter in ("axial_stiffness", "mass", "linear_density", "stiffening"):
+        value = np.ravel(getattr(equilibrium.problem.robot, parameter))[index]
+        return "%", 0.01 * abs(float(value))
     if parameter == "external_wrench":
         return ("N", 1.0) if index < 3 else ("N mm", 1e-3)
     return "mm", 1e-3
 
 
+_NAMES = {
+    "exits": "exit {row} {axis}", "anchors": "anchor {row} {axis}", "rest_lengths": "rest length {number}",
+    "axial_stiffness": "EA of cable {number}", "mass": "mass", "center_of_mass": "centre of mass {axis}",
+    "pulley_radius": "pulley radius {number}", "winch_to_exit": "winch to exit {number}",
+    "linear_density": "mass per length of cable {number}", "stiffening": "a{coefficient} of cable {pair}",
+    "external_wrench": "{load} {axis}",
+}  # fmt: skip
+
+
 def _name(parameter: str, index: int) -> str:
-    if parameter in ("exits", "anchors"):
-        return f"{parameter[:-1]} {index // 3 + 1} {'xyz'[index % 3]}"
-    if parameter == "pulley_radius":
-        return f"pulley radius {index + 1}"
-    if parameter == "winch_to_exit":
-        return f"winch to exit {index + 1}"
-    if parameter == "rest_lengths":
-        return f"rest length {index + 1}"
-    if parameter == "axial_stiffness":
-        return f"EA of cable {index + 1}"
-    if parameter == "linear_density":
-        return f"mass per length of cable {index + 1}"
-    if parameter == "stiffening":
-        return f"a{index % 2 + 2} of cable {index // 2 + 1}"
-    if parameter == "mass":
-        return "mass"
-    if parameter == "center_of_mass":
-        return f"centre of mass {'xyz'[index]}"
-    return f"{'force' if index < 3 else 'torque'} {'xyz'[index % 3]}"
+    """The name of a number, such as "exit 3 z"."""
+    return _NAMES[parameter].format(
+        number=index + 1, row=index // 3 + 1, axis="xyz"[index % 3], pair=index // 2 + 1, coefficient=index % 2 + 2,
+        load="force" if index < 3 else "torque",
+    )  # fmt: skip

@@ -138,7 +138,7 @@ def stiffest(demand: Demand, floor: float = -np.inf) -> Float[Array, " cables"] 
         if program.status == 3:
             raise InvalidInput(
                 "tension_limits: found no upper limit, expected one: this platform's cables pull against one another, "
-                "and more tension makes it stiffer without end"
+                "and its stiffness grows without limit with the tensions"
             )
         if not program.success:
             break

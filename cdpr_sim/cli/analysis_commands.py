@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -22,7 +22,9 @@ def compensate(
     material: MaterialName = None,
     limits: Annotated[
         tuple[float, float] | None,
-        typer.Option("--tensions", metavar="MIN MAX", help="Tension limits [N]; default: the robot's."),
+        typer.Option(
+            "--tensions", metavar="MIN MAX", help="Tension limits [N]; default: the robot's, at most 5 % strain."
+        ),
     ] = None,
     prefer: Annotated[str, typer.Option("--prefer", help="smallest (tensions) or stiffest (platform).")] = "smallest",
     arm: Annotated[
@@ -96,7 +98,7 @@ def equilibria(
     as_json: AsJson = False,
 ) -> None:
     """Find all equilibria with the cable lengths of the commanded pose, and which of them the robot reaches."""
-    from cdpr_sim.core import available_memory
+    from cdpr_sim.core import free_ram
     from cdpr_sim.report import analysis_tables as report
     from cdpr_sim.report import as_json as json_of
 
@@ -104,7 +106,7 @@ def equilibria(
         problem = problem_of(robot, pose, material)
         if starts < 1:
             raise cdpr.InvalidInput(f"starts: found {starts}, expected at least 1")
-        available_memory.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
+        free_ram.refuse_beyond(f"--starts {starts}", starts * BYTES_PER_START, "fewer starts")
         with busy("Searching for equilibria"):
             found = cdpr.find_equilibria(problem, saddles=saddles, starts=starts)
             followed = cdpr.follow_load(problem)
@@ -134,6 +136,10 @@ def equilibria(
     raise typer.Exit(0 if by_mujoco == reached else DISAGREE)
 
 
+def _error(name: str, of: str) -> Any:
+    return typer.Option(name, help=f"Standard error of {of}.")
+
+
 def identify(
     robot: RobotName,
     file: Annotated[Path, typer.Argument(metavar="MEASUREMENTS", help="CSV with named columns and units.")],
@@ -142,24 +148,12 @@ def identify(
         typer.Option("--unknown", help="axial_stiffness (default), mass, force_gains, ...; repeatable."),
     ] = None,
     material: MaterialName = None,
-    position_error: Annotated[
-        float | None, typer.Option("--position-error", help="Standard error of a measured coordinate [mm].")
-    ] = None,
-    rotation_error: Annotated[
-        float | None, typer.Option("--rotation-error", help="Standard error of a measured angle [°].")
-    ] = None,
-    tension_error: Annotated[
-        float | None, typer.Option("--tension-error", help="Standard error of a measured tension [N].")
-    ] = None,
-    swivel_error: Annotated[
-        float | None, typer.Option("--swivel-error", help="Standard error of a measured swivel angle [°].")
-    ] = None,
-    frequency_error: Annotated[
-        float | None, typer.Option("--frequency-error", help="Standard error of a measured natural frequency [Hz].")
-    ] = None,
-    rest_length_error: Annotated[
-        float | None, typer.Option("--rest-length-error", help="Standard error of a rest length [mm].")
-    ] = None,
+    position_error: Annotated[float | None, _error("--position-error", "a measured coordinate [mm]")] = None,
+    rotation_error: Annotated[float | None, _error("--rotation-error", "a measured angle [°]")] = None,
+    tension_error: Annotated[float | None, _error("--tension-error", "a measured tension [N]")] = None,
+    swivel_error: Annotated[float | None, _error("--swivel-error", "a measured swivel angle [°]")] = None,
+    frequency_error: Annotated[float | None, _error("--frequency-error", "a measured natural frequency [Hz]")] = None,
+    rest_length_error: Annotated[float | None, _error("--rest-length-error", "a rest length [mm]")] = None,
     robust: Annotated[bool, typer.Option("--robust", help="Count outliers less, by Huber's weights.")] = False,
     as_json: AsJson = False,
 ) -> None:

@@ -35,7 +35,8 @@ class CommandWithHelp(TyperCommand):
         lists = {name for one in self.params if one.nargs == 1 and " " in (one.metavar or "") for name in one.opts}
         joined: list[str] = []
         for word in args:
-            if len(joined) > 1 and joined[-2] in lists and _are_numbers(joined[-1]) and _are_numbers(word):
+            in_list = len(joined) > 1 and joined[-2] in lists
+            if in_list and all(numbers_in(one.strip(", ")) for one in (joined[-1], word)):
                 joined[-1] = f"{joined[-1].rstrip(', ')},{word}"
             else:
                 joined.append(word)
@@ -55,8 +56,9 @@ class CommandWithHelp(TyperCommand):
         return self.short_help or f"{' '.join(first.split()).rstrip('.')}."
 
 
-def _are_numbers(word: str) -> bool:
+def numbers_in(word: str) -> list[float]:
+    """Numbers separated by commas; none of them if one is no number."""
     try:
-        return bool([float(part) for part in word.strip(", ").split(",")])
+        return [float(part) for part in word.split(",")]
     except ValueError:
-        return False
+        return []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import cdpr_sim as cdpr
+from cdpr_sim.cli.command_classes import numbers_in
 from cdpr_sim.cli.options import AsJson, MaterialName, RobotName, robot_of
 from cdpr_sim.cli.terminal import DISAGREE, busy, errors_as_sentences, print_json, print_parts, progress_bars
 
@@ -182,10 +183,10 @@ def front(
 ) -> None:
     """Compute the Pareto front of two objectives: layouts as a table, a figure and robot files."""
     from cdpr_sim.core.files import new_folder, refuse_existing, write_whole
+    from cdpr_sim.drawing.axes import encoded
     from cdpr_sim.report import design_tables as report
     from cdpr_sim.robots.writing import as_toml
     from cdpr_sim.studies.better_layouts import pareto_picture
-    from cdpr_sim.studies.gallery import encoded
 
     with errors_as_sentences(), new_folder(output):
         machine = robot_of(robot, material)
@@ -202,7 +203,7 @@ def front(
             population=max(most, 100),
             progress=True,
         ).thinned(most)
-        files = {picture: encoded(pareto_picture(pareto), "png")}
+        files = {picture: encoded(pareto_picture(pareto))}
         files |= {
             output / f"robot-{row + 1}.toml": as_toml(pareto.robot(row)).encode() for row in range(len(pareto))
         }  # fmt: skip
@@ -270,13 +271,13 @@ def _poses(
     import numpy as np
 
     from cdpr_sim.analysis.workspace.grids import as_grid
-    from cdpr_sim.core import available_memory
+    from cdpr_sim.core import free_ram
     from cdpr_sim.core.checks import checked_array
 
     if line is not None:
         if grid is not None:
             raise cdpr.InvalidInput("line: found a line and a grid, expected one of the two")
-        available_memory.refuse_beyond(f"points: {points:,} poses", each * points, "fewer")
+        free_ram.refuse_beyond(f"points: {points:,} poses", each * points, "fewer")
         ends = checked_array("line", line, (6,))
         return np.linspace(ends[:3], ends[3:], points)
     if grid is None:
@@ -284,20 +285,16 @@ def _poses(
         grid = nx, ny, nz
     axes = as_grid(grid, [robot])
     count = math.prod(len(values) for values in axes.values())
-    available_memory.refuse_beyond(f"grid: {count:,} poses", each * count, "fewer")
+    free_ram.refuse_beyond(f"grid: {count:,} poses", each * count, "fewer")
     return np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1)
 
 
 def _limit(word: str) -> tuple[str, float]:
     name, _, value = word.partition("=")
-    return name.strip(), _number("limit", word, value)
-
-
-def _number(option: str, word: str, value: str) -> float:
     try:
-        return float(value)
+        return name.strip(), float(value)
     except ValueError:
-        raise cdpr.InvalidInput(f"{option}: found {word!r}, expected a name, = and a number") from None
+        raise cdpr.InvalidInput(f"limit: found {word!r}, expected a name, = and a number") from None
 
 
 def _move(word: str, within: str, along: tuple[float, float, float] | None) -> cdpr.Move:
@@ -307,10 +304,7 @@ def _move(word: str, within: str, along: tuple[float, float, float] | None) -> c
 
 def _reach(option: str, word: str, reach: str) -> Any:
     """A range of ``cdpr.Move``: one distance or factor, two, three, or the two corners of a box."""
-    try:
-        numbers = [float(part) for part in reach.split(",")]
-    except ValueError:
-        numbers = []
+    numbers = numbers_in(reach)
     if len(numbers) == 6:
         return numbers[:3], numbers[3:]
     if len(numbers) not in (1, 2, 3):
@@ -321,6 +315,7 @@ def _reach(option: str, word: str, reach: str) -> Any:
 
 def _film(validation: cdpr.LayoutValidation, path: Path, force: bool) -> None:
     from cdpr_sim.studies.better_layouts import driven
+    from cdpr_sim.studies.robot_summary import shapes_of
 
     with progress_bars() as bar:
         trajectories = driven(validation, round(VIDEO_SECONDS * VIDEO_FPS), VIDEO_SECONDS)
@@ -328,7 +323,7 @@ def _film(validation: cdpr.LayoutValidation, path: Path, force: bool) -> None:
             path,
             trajectories,
             [cdpr.solve_trajectory(trajectory).poses for trajectory in trajectories],
-            shapes=[None if one.robot.cabling.massless else cdpr.cable_profiles(one) for one in trajectories],
+            shapes=[shapes_of(trajectory) for trajectory in trajectories],
             seconds=VIDEO_SECONDS,
             fps=VIDEO_FPS,
             force=force,

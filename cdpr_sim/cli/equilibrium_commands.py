@@ -25,9 +25,11 @@ from cdpr_sim.cli.options import (
     waypoints_of,
     wrench_of,
 )
-from cdpr_sim.cli.terminal import DISAGREE, Output, busy, errors_as_sentences, print_json, print_parts
+from cdpr_sim.cli.terminal import DISAGREE, busy, errors_as_sentences, print_json, print_parts
 
 if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
     from cdpr_sim.report.crosscheck_tables import Outcome
 
 METHODS = "newton", "fsolve", "least_squares"
@@ -66,7 +68,11 @@ def settle(
     from cdpr_sim.report import proof_tables
 
     if waypoint:
-        _settle_along(robot, waypoint, path_points, pose, material, pretension, mass, wrench, certify, as_json)
+        with errors_as_sentences():
+            if pose is not None or certify:
+                raise cdpr.InvalidInput("--waypoint: found waypoints and --pose or --certify, expected one of them")
+            machine, load = robot_of(robot, material, mass), wrench_of(wrench)
+            _settle_along(machine, along(machine, waypoints_of(waypoint), path_points), pretension, load, as_json)
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension, mass, wrench)
         if problem.robot.cabling.remembers.any():
@@ -86,7 +92,6 @@ def settle(
         answer = json_of.crosscheck(problem, outcomes, agreement, proved)
         print_json(answer if complete is None else answer | json_of.complete(complete))
     else:
-        console = Output()
         middle = next((one.midpoint for one in proved if certify and one.equilibrium is newton), None)
         shown = outcomes if middle is None else [middle, *outcomes]
         table = report.settle_table(problem, shown)
@@ -94,17 +99,14 @@ def settle(
             cells = {one.equilibrium.source: proof_tables.proof_cell(one) for one in proved}
             sources = ["" if point is None else point.source for point in map(report.best_point, shown)]
             table.add_row(escape("proved within [mm]"), "", *(cells.get(source, "") for source in sources))
-        console.print(table)
-        for line in proof_tables.reasons(proved):
-            console.print(line, highlight=False)
-        if complete is not None:
-            console.print(proof_tables.complete_note(complete), highlight=False)
-        for outcome in outcomes:
-            if isinstance(outcome, cdpr.NotConverged):
-                console.print(outcome.reason, style="dim", markup=False, highlight=False)
-        for note in report.equilibrium_notes(newton):
-            console.print(note, highlight=False)
-        console.print(report.verdict(agreement), highlight=False)
+        print_parts(
+            table,
+            *proof_tables.reasons(proved),
+            *([] if complete is None else [proof_tables.complete_note(complete)]),
+            *(f"[dim]{escape(one.reason)}[/]" for one in outcomes if isinstance(one, cdpr.NotConverged)),
+            *report.equilibrium_notes(newton),
+            report.verdict(agreement),
+        )
     raise typer.Exit(0 if agreement.agrees else DISAGREE)
 
 
@@ -161,34 +163,20 @@ def certify(
 
 
 def _settle_along(
-    name: str,
-    waypoint: list[str],
-    points: int,
-    pose: str | None,
-    material: str | None,
-    pretension: float | None,
-    mass: float | None,
-    wrench: str | None,
-    certify: bool | None,
-    as_json: bool,
+    robot: cdpr.Robot, poses: RigidTransform, pretension: float | None, load: list[float] | None, as_json: bool
 ) -> NoReturn:
     """``settle`` at each pose of a path."""
     from cdpr_sim.crosscheck.check import both, compare_many
     from cdpr_sim.report import as_json as json_of
     from cdpr_sim.report import crosscheck_tables as report
 
-    with errors_as_sentences():
-        if pose is not None or certify:
-            raise cdpr.InvalidInput("--waypoint: found waypoints and --pose or --certify, expected one of them")
-        robot, load = robot_of(name, material, mass), wrench_of(wrench)
-        poses = along(robot, waypoints_of(waypoint), points)
-        lengths = None
-        if pretension is not None:
-            lengths = [robot.rest_lengths(one, pretension, external_wrench=load) for one in poses]
-        problems = cdpr.Problems.of(robot, poses, lengths, load)
-        with busy("Solving and settling"):
-            solved, settled = both(problems, path=bool(robot.cabling.remembers.any()))
-            errors, agree = compare_many(solved, settled)
+    lengths = None
+    if pretension is not None:
+        lengths = [robot.rest_lengths(one, pretension, external_wrench=load) for one in poses]
+    problems = cdpr.Problems.of(robot, poses, lengths, load)
+    with busy("Solving and settling"):
+        solved, settled = both(problems, path=bool(robot.cabling.remembers.any()))
+        errors, agree = compare_many(solved, settled)
     if as_json:
         print_json(json_of.path(solved, settled, agree))
     else:

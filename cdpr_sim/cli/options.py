@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import cdpr_sim as cdpr
+from cdpr_sim.cli.command_classes import numbers_in
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -97,10 +98,7 @@ def wrenches_of(words: list[str] | None) -> list[list[float]] | None:
     """
     wrenches = []
     for word in words or []:
-        try:
-            numbers = [float(part) for part in word.split(",")]
-        except ValueError:
-            numbers = []
+        numbers = numbers_in(word)
         if len(numbers) != 6:
             raise cdpr.InvalidInput(f"--wrench: found {word!r}, expected six numbers FX,FY,FZ,TX,TY,TZ [N, N m]")
         wrenches.append(numbers)
@@ -125,10 +123,7 @@ def pose_of(word: str | None, option: str = "--pose") -> tuple[float, ...] | Non
     """
     if word is None:
         return None
-    try:
-        numbers = tuple(float(part) for part in word.strip(", ").split(","))
-    except ValueError:
-        numbers = ()
+    numbers = tuple(numbers_in(word.strip(", ")))
     if len(numbers) not in {3, 6}:
         raise cdpr.InvalidInput(
             f"{option}: found {word!r}, expected three numbers X Y Z [m], or six, X Y Z ALPHA BETA GAMMA [m, rad]"
@@ -154,18 +149,18 @@ def along(robot: cdpr.Robot, waypoints: Sequence[tuple[float, ...]], count: int)
     Raises:
         InvalidInput: invalid waypoints, or a number of poses that is not from 1 to ``MOST_PATH_POINTS``.
     """
-    from cdpr_sim.core.path import Path
+    from cdpr_sim.core.pose_path import PosePath
 
     if not 1 <= count <= MOST_PATH_POINTS:
         raise cdpr.InvalidInput(f"--path-points: found {count}, expected from 1 to {MOST_PATH_POINTS}")
-    return Path(robot, [robot.pose(waypoint) for waypoint in waypoints]).evenly(count)
+    return PosePath(robot, [robot.pose(waypoint) for waypoint in waypoints]).evenly(count)
 
 
 def stops(robot: cdpr.Robot, waypoints: Sequence[tuple[float, ...]]) -> list[tuple[float, str]]:
     """The fraction of the path at which each waypoint lies, and its position as text; for ``along``'s waypoints."""
-    from cdpr_sim.core.path import Path
+    from cdpr_sim.core.pose_path import PosePath
 
-    path = Path(robot, [robot.pose(waypoint) for waypoint in waypoints])
+    path = PosePath(robot, [robot.pose(waypoint) for waypoint in waypoints])
     names = [", ".join(f"{number:g}" for number in position) for position in path.positions]
     return [(float(at / (path.length or 1.0)), name) for at, name in zip(path.along, names, strict=True)]
 

@@ -79,8 +79,8 @@ def video(
         float | None,
         typer.Option(
             "--drive-seconds",
-            help="Duration of the drive [s]; default: quasi-static (cables with mass or a memory: settled state by "
-            "state, and --compensate drives within the duration of the video).",
+            help="Duration of the drive [s]; default: quasi-static. By default, robots on cables with mass or a memory "
+            "are settled state by state; with --compensate they are driven within the duration of the video.",
         ),
     ] = None,
     seconds: Annotated[float, typer.Option("--seconds", help="Duration of the video [s].")] = 10.0,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 def robots() -> None:
     """List the robots of the catalogue and the cable materials."""
     from cdpr_sim.report.table_style import new_table
+    from cdpr_sim.robots import robot_file
 
     for kind, machines in _by_kind().items():
         table = new_table(f"Robots: {kind}", "robot", "mobility", "cables", "mass", text_columns=2)
@@ -32,24 +33,15 @@ def robots() -> None:
         print_parts(table)
     table = new_table("Cables of fixed diameter", "material", "EA", "breaks at")
     table.add_column("source")
-    for material in cdpr.MATERIALS.values():
-        table.add_row(
-            material.name, f"{material.axial_stiffness:g} N", material.breaking_load_in_words, material.source
-        )
+    for row in robot_file.material_rows():
+        table.add_row(*row)
     print_parts(table)
     table = new_table(
         "Ropes of any diameter, for example steel-rope-4mm", "material", "modulus", "fill", "density", "strength"
     )
     table.add_column("source")
-    for rope in cdpr.ROPES.values():
-        table.add_row(
-            rope.name,
-            f"{rope.modulus / 1e9:g} GPa",
-            f"{rope.fill:g}",
-            f"{rope.density:g} kg/m³",
-            rope.strength_in_words,
-            rope.source,
-        )
+    for row in robot_file.rope_rows():
+        table.add_row(*row)
     print_parts(table)
 
 
@@ -216,7 +208,7 @@ def _damping_of(word: str) -> Damping:
     """``--damping`` as ``to_mjcf`` takes it.
 
     Raises:
-        InvalidInput: neither a word that it knows nor a number.
+        InvalidInput: neither one of its words nor a number.
     """
     from cdpr_sim.physics.damping import loss_factor
 

@@ -9,7 +9,7 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import AsJson
-from cdpr_sim.cli.terminal import DISAGREE, Output, errors_as_sentences, print_json
+from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences, print_json, print_parts
 
 
 def score(
@@ -57,6 +57,6 @@ def score(
     if as_json:
         print_json(score_tables.scores_json(scores))
     else:
-        Output().print(score_tables.score_table(scores))
+        print_parts(score_tables.score_table(scores))
     wrong = any(one.claimed and not one.solved for each in scores for one in each.outcomes)
     raise typer.Exit(DISAGREE if wrong else 0)

@@ -53,7 +53,8 @@ def sweep(
     limits: Limits = None,
     wrench: Wrenches = None,
     settle: Annotated[
-        bool, typer.Option("--settle", help="Settle every pose in MuJoCo, too, and compare. Exit status 1 as check.")
+        bool,
+        typer.Option("--settle", help="Also settle every pose in MuJoCo, and compare. Exit status 1 on disagreement."),
     ] = False,
 ) -> None:
     """Solve for the static equilibria of a grid: tilt, deviation, slack cables, feasibility."""
@@ -65,7 +66,7 @@ def sweep(
     if settle:
         from cdpr_sim.report import workspace_tables as report
 
-        print_parts(report.outcome_table(dataset))
+        print_parts(report.check_table(dataset))
         raise typer.Exit(0 if report.all_agree(dataset) else DISAGREE)
 
 
@@ -96,7 +97,7 @@ def draw_map(
         typer.Option(
             "--external-wrench",
             metavar="FX,FY,FZ,TX,TY,TZ",
-            help="[N, N m] External wrench at the platform's origin, under which the equilibria are.",
+            help="[N, N m] External wrench at the platform's origin, for the equilibria.",
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
@@ -182,5 +183,5 @@ def check(
         )
         if output is not None:
             maps.write(maps.draw_agreement_map(result.across()), output)
-    print_parts(report.check_table(result), *report.check_lines(result))
+    print_parts(report.check_table(result.dataset), *report.check_lines(result))
     raise typer.Exit(0 if result.agrees else DISAGREE)

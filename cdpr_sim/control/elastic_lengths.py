@@ -16,7 +16,7 @@ from cdpr_sim.core.robot import Robot
 
 @dataclass
 class ElasticLengths:
-    """Winches let out rigid lengths less the stretch by the tensions: the lengths of ``compensate``, or its nearest.
+    """Winches let out the lengths of ``compensate`` for the reference pose, or for the nearest pose that can be held.
 
     Attributes:
         robot: the controller's model of the robot, with its elastic cables.

@@ -28,9 +28,9 @@ more."""
 class HeldTensions:
     """Winches control the smallest tensions within limits that carry and accelerate the platform along the reference.
 
-    Where none do, those that leave the smallest part of its weight and inertia unbalanced. Cables whose tension does
-    not depend on their length are no springs: only the change of the cables' directions returns the platform to its
-    pose.
+    If there are none, these tensions leave the smallest part of its weight and inertia unbalanced. Cables whose tension
+    does not depend on their length are no springs: only the change of the cables' directions returns the platform to
+    its pose.
 
     Attributes:
         robot: the controller's model of the robot.

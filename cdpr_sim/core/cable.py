@@ -7,10 +7,10 @@ Each method codes the behaviour of cables itself: the mathematics in ``core.cabl
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -79,41 +79,13 @@ Rows: TypeAlias = Sequence[Sequence[float]] | Sequence[Sequence[Sequence[float]]
 """Rows of numbers for all cables, or such rows for each cable."""
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class Cabling(Frozen):
-    """The cables of one robot; arrays are read-only.
+    """The cables of one robot: what ``Robot`` is given of them, checked, with a row for each; arrays are read-only.
 
-    Args:
-        exits: exit points A_i in the base frame, (cables, 3) [m]; for a cable over a pulley, the point where it first
-            touches the wheel.
-        anchors: anchor points B_i in the platform frame, (cables, 3) [m].
-        axial_stiffness: EA [N], one number or one per cable.
-        linear_density: mass per length [kg/m], one number or one per cable; 0 is a massless cable.
-        pulley_radius: radius of the swivelling wheel at the exit [m], one number or one per cable; 0 is a point.
-        pulley_axis: direction in which the cable arrives at the wheel and about which the wheel swivels, (3,) or
-            (cables, 3); normalised to a unit vector.
-        stiffening: (a2, a3) of the nonlinear law tau = EA (eps + a2 eps² + a3 eps³) for a strain eps > 0, one pair or
-            one per cable.
-        force_min: smallest wanted tension [N], one number or one per cable. Force limits do not change the equilibrium:
-            they decide which tensions are chosen, and which poses are feasible. All limits are limits of the rope's
-            tension.
-        force_max: largest tension that the cable or its winch allows [N], one number or one per cable; infinite without
-            a limit.
-        breaking_load: smallest tension at which a cable breaks [N], one number or one per cable; infinite if unknown.
-        winch_to_exit: length of rope between the winch and the exit [m], one number or one per cable; it does not
-            depend on the pose, and it stretches with the rope.
-        reeving: parts of line between exit and platform, an integer, one or one per cable: a rope under the tension T
-            pulls the platform with ``reeving`` T, and ``linear_density`` is the mass per length of one part.
-        pulley_friction: c, the share of the tension that is lost where the cable runs over its exit, one number or one
-            per cable: the tensions before and behind the exit have a ratio of at most (1 + c/2)/(1 − c/2).
-        hysteresis: elements (share, yield strain) or (share, yield strain, w), a sequence for all cables, or one
-            sequence per cable: springs of these shares of ``axial_stiffness``, each of which yields at the smaller of
-            its yield strain, which may be infinite, and w times the cable's strain, 0 < w <= 1, by default 1.
-        creep: terms (EA1 [N], tau1 [s]), a sequence for all cables, or one sequence per cable: under the constant
-            tension T a cable gets longer by the strain Σ T/EA1 (1 − exp(−t/tau1)).
-
-    Raises:
-        InvalidInput: a field is invalid; the message names it.
+    Attributes have the names and units of the arguments of ``Robot``. ``pulley_axis`` are unit vectors. Cables with
+    fewer elements of ``hysteresis`` or terms of ``creep`` than others are filled up with ``NO_ELEMENT`` and
+    ``NO_TERM``.
     """
 
     exits: Float[np.ndarray, "cables 3"]
@@ -132,46 +104,39 @@ class Cabling(Frozen):
     hysteresis: Float[np.ndarray, "cables elements 3"]
     creep: Float[np.ndarray, "cables terms 2"]
 
-    def __init__(
-        self,
-        exits: ArrayLike,
-        anchors: ArrayLike,
-        axial_stiffness: ArrayLike,
-        linear_density: ArrayLike = 0.0,
-        pulley_radius: ArrayLike = 0.0,
-        pulley_axis: ArrayLike = DOWN,
-        stiffening: ArrayLike = (0.0, 0.0),
-        force_min: ArrayLike = 0.0,
-        force_max: ArrayLike = np.inf,
-        breaking_load: ArrayLike = np.inf,
-        winch_to_exit: ArrayLike = 0.0,
-        reeving: ArrayLike = 1,
-        pulley_friction: ArrayLike = 0.0,
-        hysteresis: Rows = (),
-        creep: Rows = (),
-    ) -> None:
-        exits = checked_array("exits", exits, (None, 3))
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Cabling:
+        """The cables of a robot with these arguments, by name.
+
+        Raises:
+            InvalidInput: a field is invalid; the message names it.
+        """
+        exits = checked_array("exits", given["exits"], (None, 3))
         cables = len(exits)
         if cables < 1:
             raise InvalidInput("exits: found no cable, expected at least one row (x, y, z)")
         if cables > MOST_CABLES:
             raise InvalidInput(f"exits: found {cables} cables, expected at most {MOST_CABLES}")
+
+        def each(name: str, *core: int) -> Float[np.ndarray, "..."]:
+            return _per_cable(name, given[name], core, cables)
+
         values = {
             "exits": exits,
-            "anchors": checked_array("anchors", anchors, (cables, 3)),
-            "axial_stiffness": _per_cable("axial_stiffness", axial_stiffness, (), cables),
-            "linear_density": _per_cable("linear_density", linear_density, (), cables),
-            "pulley_radius": _per_cable("pulley_radius", pulley_radius, (), cables),
-            "pulley_axis": _unit(_per_cable("pulley_axis", pulley_axis, (3,), cables)),
-            "stiffening": _per_cable("stiffening", stiffening, (2,), cables),
-            "force_min": _per_cable("force_min", force_min, (), cables),
-            "force_max": _limit_per_cable("force_max", force_max, cables),
-            "breaking_load": _limit_per_cable("breaking_load", breaking_load, cables),
-            "winch_to_exit": _per_cable("winch_to_exit", winch_to_exit, (), cables),
-            "reeving": _parts_of_line(reeving, cables),
-            "pulley_friction": _per_cable("pulley_friction", pulley_friction, (), cables),
-            "hysteresis": _rows_per_cable("hysteresis", hysteresis, NO_ELEMENT, 2, cables),
-            "creep": _rows_per_cable("creep", creep, NO_TERM, 2, cables),
+            "anchors": checked_array("anchors", given["anchors"], (cables, 3)),
+            "axial_stiffness": each("axial_stiffness"),
+            "linear_density": each("linear_density"),
+            "pulley_radius": each("pulley_radius"),
+            "pulley_axis": _unit(each("pulley_axis", 3)),
+            "stiffening": each("stiffening", 2),
+            "force_min": each("force_min"),
+            "force_max": _limit_per_cable("force_max", given["force_max"], cables),
+            "breaking_load": _limit_per_cable("breaking_load", given["breaking_load"], cables),
+            "winch_to_exit": each("winch_to_exit"),
+            "reeving": _parts_of_line(each("reeving")),
+            "pulley_friction": each("pulley_friction"),
+            "hysteresis": _rows_per_cable("hysteresis", given["hysteresis"], NO_ELEMENT, 2, cables),
+            "creep": _rows_per_cable("creep", given["creep"], NO_TERM, 2, cables),
         }
         in_range("exits", exits, -MOST_LENGTH, MOST_LENGTH, "m")
         in_range("anchors", values["anchors"], -MOST_LENGTH, MOST_LENGTH, "m")
@@ -204,10 +169,10 @@ class Cabling(Frozen):
                 f"force_min: found {values['force_min'][cable]:g} N above force_max, {values['force_max'][cable]:g} N, "
                 f"in cable {cable + 1}; expected force_min <= force_max"
             )
-        for name, value in values.items():
-            object.__setattr__(self, name, frozen(value))
-        _refuse_falling_law(self.stiffening)
-        _refuse_impossible_memory(self)
+        made = cls(**values)
+        _refuse_falling_law(made.stiffening)
+        _refuse_impossible_memory(made)
+        return made
 
     def __len__(self) -> int:
         return len(self.exits)
@@ -234,7 +199,7 @@ class Cabling(Frozen):
 
     @cached_property
     def remembers(self) -> Bool[np.ndarray, " cables"]:
-        """Which cables have a memory, (cables,): their tension depends on the way to the pose, or on time."""
+        """Which cables have a memory, (cables,): their tension depends on the path to the pose, or on time."""
         return np.any([self.has(name) for name in MEMORIES], axis=0)
 
     def refuse_memory(self, what: str) -> None:
@@ -248,8 +213,8 @@ class Cabling(Frozen):
             names = [name for name in MEMORIES if self.has(name)[cable]]
             raise InvalidInput(
                 f"{what}: found {' and '.join(names)} in cable {cable + 1}, expected cables without: their memory is "
-                "not taken into account here, but in solve, settle, solve_path, settle_path and check, and in track "
-                "where all cables are massless and linear"
+                "not taken into account here; it is in solve, settle, solve_path, settle_path and check, and in track "
+                "if all cables are massless and linear"
             )
 
     def has(self, name: str) -> Bool[np.ndarray, " cables"]:
@@ -354,9 +319,8 @@ def _per_cable(field: str, value: ArrayLike, core: tuple[int, ...], cables: int)
     return np.broadcast_to(array, (cables, *core)).copy()
 
 
-def _parts_of_line(value: ArrayLike, cables: int) -> Int[np.ndarray, " cables"]:
-    """``reeving``: a whole number for each cable."""
-    parts = _per_cable("reeving", value, (), cables)
+def _parts_of_line(parts: Float[np.ndarray, " cables"]) -> Int[np.ndarray, " cables"]:
+    """``reeving``, checked to be a whole number for each cable."""
     wrong = (parts != np.round(parts)) | (parts < 1) | (parts > MOST_REEVING)
     if wrong.any():
         cable = int(np.argmax(wrong))
@@ -420,7 +384,7 @@ def _refuse_impossible_memory(cabling: Cabling) -> None:
     bent = (cabling.linear_density > 0) & cabling.stiffening.any(-1) & cabling.has("hysteresis")
     if bent.any():
         raise InvalidInput(
-            f"hysteresis: found it in cable {int(np.argmax(bent)) + 1}, which has mass and a nonlinear law, "
+            f"hysteresis: found it in cable {int(np.argmax(bent)) + 1} together with mass and a nonlinear law, "
             "expected at most two of the three"
         )
 

@@ -64,12 +64,6 @@ def stiffened(strain, a2, a3):
     return curved * curved * (a2 + curved * a3) + (strain - curved) * (curved * (2.0 * a2 + curved * (3.0 * a3)))
 
 
-def per_axial_stiffness(stretch, rest_length, a2, a3):
-    """∂tau/∂EA of a taut cable."""
-    strain = stretch / rest_length
-    return strain + stiffened(strain, a2, a3)
-
-
 def rest_length_for(length, pull, axial_stiffness, a2, a3, behind: float | np.ndarray = 0.0):
     """l0 = (l − eps c)/(1 + eps): unstretched length of a cable that has length l under the tension ``pull`` (Eq. 10).
 

@@ -149,15 +149,27 @@ def wrench_matrix(
 
 
 def lengths(
-    cabling: Cabling, positions: Float[np.ndarray, "*#batch 3"], rotations: Float[np.ndarray, "*#batch 3 3"]
+    cabling: Cabling,
+    positions: Float[np.ndarray, "*#batch 3"],
+    rotations: Float[np.ndarray, "*#batch 3 3"],
+    exits: Float[np.ndarray, "*#batch cables 3"] | None = None,
+    anchors: Float[np.ndarray, "*#batch cables 3"] | None = None,
 ) -> Float[np.ndarray, "*batch cables"]:
-    """Length of each cable's path with the platform at these poses, (..., cables) [m] (paper Eq. 1, 2)."""
-    a, b, c = cabling.anchors.T
+    """Length of each cable's path with the platform at these poses, (..., cables) [m] (paper Eq. 1, 2).
+
+    By default with the exits and anchors of ``cabling``.
+    """
+    exits, anchors = cabling.exits if exits is None else exits, cabling.anchors if anchors is None else anchors
     at, turn = np.asarray(positions)[..., None], rotations[..., None]
-    # The same order of additions as SciPy's RigidTransform.apply: identical to the last bit, for one pose or many.
-    apart = turn[..., 1, :] * b + at
-    apart += turn[..., 0, :] * a + turn[..., 2, :] * c
-    np.subtract(cabling.exits.T, apart, out=apart)
+    many = at.ndim > 2 and rotations.shape[:-2] in ((), at.shape[:-2])
+    if many and (rotations == np.eye(3)).all():  # the same numbers, sooner
+        apart = at + anchors.swapaxes(-1, -2)
+    else:
+        a, b, c = (anchors[..., None, :, axis] for axis in range(3))
+        # The same order of additions as SciPy's RigidTransform.apply: identical to the last bit, for one pose or many.
+        apart = turn[..., 1, :] * b + at
+        apart += turn[..., 0, :] * a + turn[..., 2, :] * c
+    np.subtract(exits.swapaxes(-1, -2), apart, out=apart)
     coordinates = apart[..., 0, :], apart[..., 1, :], apart[..., 2, :]
     found = path(*coordinates)[0]
     if cabling.bent and cabling.pulleys.any():

@@ -259,7 +259,10 @@ def whole(field: str, value: object, least: int, most: int = LARGEST_COUNT) -> i
 
 
 class Frozen:
-    """Base of values whose arrays are read-only, also in copies and after unpickling."""
+    """Base of dataclasses whose arrays are read-only, also in copies and after unpickling."""
+
+    def __post_init__(self) -> None:
+        self._freeze()
 
     def _freeze(self) -> None:
         for value in vars(self).values():

@@ -32,6 +32,11 @@ PARTS, WHOLE = 1, 2
 """Optimisation levels of LLVM: each function that a kernel calls is compiled separately first, and again within the
 kernel. Higher levels take longer to compile, and the kernels are no faster."""
 
+LANES_FROM = 1000
+"""Elements from which on they are evaluated eight at a time (``lanes``), of kernels that can. For fewer, loading that
+code takes longer than it saves. At most half of ``design.robot_batch.LEAST_WORK``, so that the pieces into which
+threads divide a batch are evaluated as the whole is."""
+
 PATIENCE = 2.0, 60.0
 """Seconds to wait for another thread's import of Numba: after the first a warning is logged, after the second an error
 is raised."""
@@ -91,7 +96,10 @@ class Compiled:
 class Kernel(Compiled):
     """A function of one element as a NumPy generalised ufunc: it broadcasts and, compiled, releases the GIL."""
 
-    def __init__(self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = (),
+        many: Callable | None = None, alike: tuple[str, ...] = (),
+    ) -> None:  # fmt: skip
         """Stores the arguments; nothing is compiled yet.
 
         Args:
@@ -99,25 +107,37 @@ class Kernel(Compiled):
             function: of one element's inputs and results, which it fills in; scalars are arrays of one entry.
             layout: core dimensions in NumPy's notation: "(m,k),(m),()->(m),()".
             integers: names of the integer arguments; all others are floats.
+            many: what evaluates ``LANES_FROM`` elements and more, on lanes: a function of this kernel and of its
+                inputs, each with two axes of elements, which may be broadcast. The results have these axes, too.
+            alike: names of inputs that are the same for all elements, which ``many`` takes without these axes.
         """
         super().__init__(what, function, layout)
-        self._left = FEW
+        self._left, self._many, self._alike = FEW, many, alike
         # Numba names machine code after this: with one name, code that two processes compiled counts as the same code.
         function.__qualname__ = f"{function.__name__}_{_as_name(what)}"
         kinds = ["int64" if name in integers else "float64" for name in inspect.signature(function).parameters]
         core = [re.findall(r"\w+", dims) for dims in re.findall(r"\(.*?\)", layout)]
         arguments, inputs = list(zip(kinds, core, strict=True)), layout.split("->")[0].count("(")
+        self._names = list(inspect.signature(function).parameters)[:inputs]
         self._inputs, self._results = arguments[:inputs], arguments[inputs:]
 
     def __call__(self, *inputs: Any) -> Any:
-        """Evaluate each element: interpreted for the first few, then compiled, or loaded from the cache."""
-        if self._compiled is None:
-            pairs = zip(inputs, self._inputs, strict=True)
-            loop = np.broadcast_shapes(*(np.shape(value)[: np.ndim(value) - len(dims)] for value, (_, dims) in pairs))
-            if math.prod(loop) <= self._left:
-                self._left -= math.prod(loop)
+        """Evaluate each element: interpreted for the first few, on lanes if there are many, else compiled."""
+        if self._compiled is None or self._many is not None:
+            pairs = zip(inputs, self.axes, strict=True)
+            loop = np.broadcast_shapes(*(np.shape(value)[: np.ndim(value) - axes] for value, axes in pairs))
+            count = math.prod(loop)
+            if self._many is not None and count >= LANES_FROM:
+                return self._on_lanes(self._many, loop, *inputs)
+            if self._compiled is None and count <= self._left:
+                self._left -= count
                 return self._interpreted(loop, *inputs)
         return self.compiled(*inputs)
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Number of axes that each input has for one element."""
+        return tuple(len(dims) for _, dims in self._inputs)
 
     def _build(self) -> Any:
         import numba
@@ -129,6 +149,18 @@ class Kernel(Compiled):
             gufunc.add(f"void({', '.join(types)})")
         with _optimised(WHOLE):
             return gufunc.build_ufunc().ufunc
+
+    def _on_lanes(self, many: Callable, loop: tuple[int, ...], *inputs: Any) -> Any:
+        import_numba()
+        whole = []
+        for name, value, (kind, dims) in zip(self._names, inputs, self._inputs, strict=True):
+            array = np.asarray(value, kind)
+            if name not in self._alike:
+                core = array.shape[array.ndim - len(dims) :]
+                array = np.broadcast_to(array, loop + core).reshape(math.prod(loop[:-1]), loop[-1], *core)
+            whole.append(array)
+        results = tuple(column.reshape(loop + column.shape[2:]) for column in many(self, *whole))
+        return results if len(results) > 1 else results[0]
 
     def _interpreted(self, loop: tuple[int, ...], *inputs: Any) -> Any:
         sizes, elements = {"one": 1}, []
@@ -230,7 +262,7 @@ def import_numba() -> None:
             _log.warning("cdpr_sim waits for another thread of process %d, which imports Numba", os.getpid())
         if waited > PATIENCE[1]:
             raise CdprError(
-                f"compiled code: another thread of process {os.getpid()} has not finished to import Numba within "
+                f"compiled code: another thread of process {os.getpid()} has not finished importing Numba within "
                 f"{PATIENCE[1]:g} s; expected `import numba` before threads are started"
             )
         time.sleep(0.01)

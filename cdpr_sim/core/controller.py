@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import checked_array, positive, shown, whole
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.path import Path
+from cdpr_sim.core.pose_path import PosePath
 
 INSTANT = 0.01
 """[s] Time step of the second difference for accelerations."""
@@ -32,7 +32,7 @@ class Reference:
         pause: time for which the platform stands still before the motion [s].
     """
 
-    path: Path
+    path: PosePath
     seconds: float
     pause: float = 0.0
 
@@ -105,7 +105,7 @@ class Command:
 
     Attributes:
         rest_lengths: unstretched lengths to be let out, (cables,) [m].
-        tensions: (cables,) [N]; behind the exit, where friction there makes a difference.
+        tensions: (cables,) [N]; with friction at the exit, the tensions behind it.
         by_tension: (cables,) which winches control their tension, at any length; the others control their length.
     """
 
@@ -153,7 +153,7 @@ class Controller(Protocol):
         """Begin a new run, without any state of an earlier one.
 
         Returns:
-            The rest lengths (cables,) [m] on which the platform hangs in equilibrium when the run begins.
+            The rest lengths (cables,) [m] with which the platform is in equilibrium when the run begins.
         """
         ...
 

@@ -46,19 +46,19 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
     cabling, words = robot.cabling, []
     if not cabling.massless:
         with_mass = cabling.linear_density > 0
-        words.append(f"{_span(1e3 * cabling.linear_density[with_mass])} g/m{_some(with_mass)}")
+        words.append(f"{span(1e3 * cabling.linear_density[with_mass])} g/m{_some(with_mass)}")
     if not cabling.linear:
         nonlinear = np.asarray(cabling.stiffening.any(-1))
         a2, a3 = cabling.stiffening[nonlinear].T
-        words.append(f"nonlinear with a2 = {_span(a2)}, a3 = {_span(a3)}{_some(nonlinear)}")
+        words.append(f"nonlinear with a2 = {span(a2)}, a3 = {span(a3)}{_some(nonlinear)}")
     if cabling.pulleys.any():
         radius = 1e3 * cabling.pulley_radius[cabling.pulleys]
-        words.append(f"over pulleys of {_span(radius)} mm radius{_some(cabling.pulleys)}")
+        words.append(f"over pulleys of {span(radius)} mm radius{_some(cabling.pulleys)}")
     behind, several = cabling.winch_to_exit > 0, cabling.reeving > 1
     if behind.any():
-        words.append(f"{_span(cabling.winch_to_exit[behind])} m from winch to exit{_some(behind)}")
+        words.append(f"{span(cabling.winch_to_exit[behind])} m from winch to exit{_some(behind)}")
     if several.any():
-        words.append(f"{_span(cabling.reeving[several].astype(float))} parts of line{_some(several)}")
+        words.append(f"{span(cabling.reeving[several].astype(float))} parts of line{_some(several)}")
     for name, unit, shares in (
         ("pulley_friction", "% friction at the exit", cabling.pulley_friction),
         ("hysteresis", "% of EA with hysteresis", cabling.hysteresis[..., 0].sum(-1)),
@@ -66,7 +66,7 @@ def describe_properties(robot: Robot) -> tuple[str, ...]:
     ):
         which = cabling.has(name)
         if which.any():
-            words.append(f"{_span(100 * shares[which])} {unit}{_some(which)}")
+            words.append(f"{span(100 * shares[which])} {unit}{_some(which)}")
     return tuple(words)
 
 
@@ -86,7 +86,7 @@ def describe_twist(twist: Float[np.ndarray, "6"], robot: Robot) -> str:
     return ", ".join(parts[i] for i in some)
 
 
-def _span(values: Float[np.ndarray, " some"]) -> str:
+def span(values: Float[np.ndarray, " some"]) -> str:
     """The value 20, or the range 10 to 20."""
     return " to ".join(f"{end:g}" for end in sorted({float(values.min()), float(values.max())}))
 

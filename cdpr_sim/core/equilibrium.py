@@ -21,10 +21,10 @@ from cdpr_sim.core.status import NEUTRAL, Status
 
 
 class Stability(enum.Enum):
-    """Behaviour of the platform after a small push."""
+    """Behaviour of the platform after a small displacement."""
 
     STABLE = "it returns"
-    NEUTRAL = "it stays where it was pushed: some direction is unconstrained"
+    NEUTRAL = "it stays displaced: some direction is unconstrained"
     UNSTABLE = "it moves away: the point is a saddle or a maximum of the energy"
 
 
@@ -79,9 +79,6 @@ class Equilibrium(_Held, Posed, HtmlRepr):
     eigenvalues: EigenvaluesField
     iterations: int
     source: str
-
-    def __post_init__(self) -> None:
-        self._freeze()
 
     @property
     def rotation(self) -> Rotation:

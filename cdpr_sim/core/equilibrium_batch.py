@@ -52,9 +52,6 @@ class EquilibriumBatch(Frozen, HtmlRepr):
     source: str
     stiffness: Float[np.ndarray, "*batch free"] | Callable[[EquilibriumBatch], Float[np.ndarray, "*batch free"]]
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     @property
     def robot(self) -> Robot:
         """The robot of all rows."""

@@ -17,7 +17,7 @@ class EquilibriumPath(EquilibriumBatch):
 
     Attributes:
         times: time of each step, (steps,) [s].
-        memory: the memory at the end, with which ``solve_path`` and ``settle_path`` go on.
+        memory: the memory at the end, with which ``solve_path`` and ``settle_path`` can continue.
     """
 
     times: Float[np.ndarray, " steps"]

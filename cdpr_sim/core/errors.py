@@ -10,7 +10,7 @@ LONGEST = 60
 
 
 class CdprError(Exception):
-    """The base of every error that cdpr_sim raises on purpose."""
+    """Base class of all errors that cdpr_sim raises deliberately."""
 
 
 class InvalidInput(CdprError, ValueError):

@@ -34,7 +34,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from llvmlite import ir
@@ -45,7 +45,7 @@ from numba.core.typing import templates
 from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import models, register_model
 
-from cdpr_sim.core.compiling import compile_as, nowhere, where
+from cdpr_sim.core.compiling import compile_as, inline, nowhere, where
 
 # Numba's annotations of these are wrong.
 intrinsic = cast(Any, extending.intrinsic)
@@ -264,8 +264,54 @@ def _new(entry: Many, columns: int, name: str) -> Any:
     return intrinsic(at)
 
 
-vector_at, matrix3_at, matrix6_at = (_new(LANES, columns, f"lanes_{columns}") for columns in (0, 3, 6))
-masks_at = _new(MASK, 0, "masks")
+_vector_at, _matrix3_at, _matrix6_at = (_new(LANES, columns, f"lanes_{columns}") for columns in (0, 3, 6))
+_masks_at = _new(MASK, 0, "masks")
+
+
+class Room(NamedTuple):
+    """Memory of lane arrays, and how many rows of it are taken: of numbers, and of masks.
+
+    Made by ``room_for``, outside compiled code, and longer-lived than the arrays.
+    """
+
+    numbers: np.ndarray
+    flags: np.ndarray
+    taken: np.ndarray
+
+
+def room_for(entries: int, masks: int = 0) -> Room:
+    """Memory for so many entries of arrays of lanes, and of masks; entries begin at multiples of their size."""
+    numbers = np.ones((entries + 1) * WIDTH)
+    numbers = numbers[-(numbers.ctypes.data // 8) % WIDTH :]
+    return Room(numbers, np.zeros(masks, np.uint8), np.zeros(2, np.int64))
+
+
+@inline
+def vector(room, length):
+    """A vector of lanes."""
+    room.taken[0] += length
+    return _vector_at(room.numbers, room.taken[0] - length, length)
+
+
+@inline
+def matrix3(room, length):
+    """A matrix of lanes with three columns."""
+    room.taken[0] += 3 * length
+    return _matrix3_at(room.numbers, room.taken[0] - 3 * length, length)
+
+
+@inline
+def matrix6(room, length):
+    """A matrix of lanes with six columns."""
+    room.taken[0] += 6 * length
+    return _matrix6_at(room.numbers, room.taken[0] - 6 * length, length)
+
+
+@inline
+def masks(room, length):
+    """A vector of masks."""
+    room.taken[1] += length
+    return _masks_at(room.flags, room.taken[1] - length, length)
 
 
 def _index_of(array: Any, index: Any) -> tuple[Any, Any]:

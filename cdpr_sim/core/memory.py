@@ -19,8 +19,6 @@ from cdpr_sim.core.checks import Frozen, listed, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
 
-ARRAYS = ("strains", "beyond", "creep", "tensions")
-
 
 @dataclass(frozen=True, eq=False)
 class Memory(Frozen):
@@ -31,8 +29,8 @@ class Memory(Frozen):
         beyond: unstretched length lo between the exit and the anchor, (..., cables) [m]; nan where no equilibrium has
             been reached yet, so that there is no friction force.
         creep: strain of each term, (..., cables, terms).
-        tensions: tensions of the ropes at that moment, from which creep goes on, (..., cables) [N]; where a rope with a
-            memory has mass, at its exit; nan where a path ended before, as a method found no equilibrium.
+        tensions: tensions of the ropes at that moment, from which creep continues, (..., cables) [N]; where a rope with
+            a memory has mass, at its exit; nan where a path ended earlier because no equilibrium was found.
         time: the moment [s]; nan before the first equilibrium.
     """
 
@@ -41,9 +39,6 @@ class Memory(Frozen):
     creep: Float[np.ndarray, "*batch cables terms"]
     tensions: Float[np.ndarray, "*batch cables"]
     time: float
-
-    def __post_init__(self) -> None:
-        self._freeze()
 
     @classmethod
     def fresh(cls, robot: Robot, shape: tuple[int, ...] = ()) -> Memory:
@@ -70,14 +65,18 @@ class Memory(Frozen):
         )
 
     @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The numbers of all cables, by name: all but the time."""
+        return {name: getattr(self, name) for name in ("strains", "beyond", "creep", "tensions")}
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """(...), the paths side by side."""
         return self.tensions.shape[:-1]
 
     def __getitem__(self, row: SupportsIndex | tuple[SupportsIndex, ...] | None) -> Memory:
         """The memory of one of the paths, or with another dimension for ``None``."""
-        arrays = {name: getattr(self, name)[row].copy() for name in ARRAYS}
-        return dataclasses.replace(self, **arrays)
+        return dataclasses.replace(self, **{name: array[row].copy() for name, array in self.arrays.items()})
 
     def broadcast(self, robot: Robot, shape: tuple[int, ...]) -> Memory:
         """This memory for paths of ``robot`` side by side.
@@ -90,8 +89,8 @@ class Memory(Frozen):
         """
         fresh = Memory.fresh(robot, shape)
         parts = {}
-        for name in ARRAYS:
-            mine, wanted = getattr(self, name), getattr(fresh, name)
+        for name, mine in self.arrays.items():
+            wanted = getattr(fresh, name)
             try:
                 parts[name] = np.broadcast_to(mine, wanted.shape).copy()
             except ValueError:

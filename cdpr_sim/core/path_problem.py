@@ -20,7 +20,7 @@ MOST_STEPS = 100_000
 """Largest number of steps between two commands."""
 
 
-def moved(
+def moved_as_commanded(
     positions: Float[np.ndarray, "*batch 3"],
     rotations: Float[np.ndarray, "*batch 3 3"],
     before: Problems,
@@ -54,9 +54,6 @@ class PathProblem(Frozen):
     durations: Float[np.ndarray, " fine"]
     times: Float[np.ndarray, " steps"]
     memory: Memory
-
-    def __post_init__(self) -> None:
-        self._freeze()
 
     @property
     def robot(self) -> Robot:
@@ -120,31 +117,30 @@ def _divided(problems: Problems, steps: int) -> Problems:
     turns = rotations[1:] @ np.swapaxes(rotations[:-1], -1, -2)
     known = np.isfinite(turns).all((-1, -2), keepdims=True)
     turns = Rotation.from_matrix(np.where(known, turns, np.eye(3)).reshape(-1, 3, 3)).as_rotvec()
-    rows: list[list[np.ndarray]] = [[positions[:1]], [rotations[:1]], [given[:1]], [wrenches[:1]]]
-    part = np.arange(1, steps) / steps
-    for row in range(shape[0] - 1):
-        fraction = part.reshape(-1, *np.ones(len(shape), int))
-        at = positions[row] + fraction * (positions[row + 1] - positions[row])
-        here = turns.reshape(-1, *shape[1:], 3)[row]
-        vectors = (fraction * here).reshape(-1, 3)
-        turned = Rotation.from_rotvec(vectors).as_matrix().reshape(-1, *shape[1:], 3, 3) @ rotations[row]
-        rest = cable_path.lengths(robot.cabling, at, turned) + more[row] + fraction * (more[row + 1] - more[row])
-        wrench = wrenches[row] + fraction * (wrenches[row + 1] - wrenches[row])
-        for made, between, command in zip(
-            rows, (at, turned, rest, wrench), (positions, rotations, given, wrenches), strict=True
-        ):
-            made += [between, command[row + 1 : row + 2]]
-    at, turned, rest, wrench = (np.concatenate(made) for made in rows)
+    part = (np.arange(1, steps) / steps).reshape(-1, *np.ones(len(shape), int))
+
+    def between(commands: np.ndarray) -> np.ndarray:
+        """Interpolated linearly, (steps, steps between them, ...)."""
+        return commands[:-1, None] + part * (commands[1:] - commands[:-1])[:, None]
+
+    def in_order(inner: np.ndarray, commands: np.ndarray) -> np.ndarray:
+        """The first command, and then for each step those before it and itself."""
+        return np.concatenate([commands[:1], *np.concatenate([inner, commands[1:, None]], axis=1)])
+
+    vectors = part * turns.reshape(shape[0] - 1, 1, *shape[1:], 3)
+    turned = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*vectors.shape, 3) @ rotations[:-1, None]
+    at = between(positions)
+    rest = cable_path.lengths(robot.cabling, at, turned) + between(more)
     falls = np.broadcast_to(problems.falls, shape)
     return Problems(
         robot=robot,
-        positions=at,
-        rotations=turned,
-        rest_lengths=rest,
-        external_wrench=wrench,
+        positions=in_order(at, positions),
+        rotations=in_order(turned, rotations),
+        rest_lengths=in_order(rest, given),
+        external_wrench=in_order(between(wrenches), wrenches),
         axial_stiffness=problems.axial_stiffness,
         mass=problems.mass,
-        shape=(len(at), *shape[1:]),
+        shape=(1 + steps * (shape[0] - 1), *shape[1:]),
         falls=np.concatenate([falls[:1], np.repeat(falls[1:], steps, axis=0)]),
     )
 

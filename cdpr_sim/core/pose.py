@@ -36,9 +36,6 @@ class Pose(Frozen):
     position: Float[np.ndarray, "3"]
     rotation_matrix: Float[np.ndarray, "3 3"]
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     @classmethod
     def of(cls, pose: PoseLike) -> Pose:
         """The pose that ``pose`` describes.

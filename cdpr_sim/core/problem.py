@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core import cable_path
-from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, frozen, listed, refuse_far, refuse_unless
+from cdpr_sim.core.checks import Frozen, as_numbers, checked_array, listed, refuse_far, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.plausibility import warn_of_outside
 from cdpr_sim.core.pose import Pose, Posed, PoseField, PoseLike, as_pose, poses_of
 from cdpr_sim.core.robot import IN_PLANE, Robot
+from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.core.status import IDLE_STRAIN, Status
 
 ORTHOGONAL = 1e-6
@@ -58,7 +59,7 @@ class Problem(Posed, HtmlRepr):
     ) -> Problem:
         """The problem from users' arguments; rest lengths default to the rigid ones at ``pose`` (paper Eq. 1, 2).
 
-        A ``Problem`` is returned unchanged, and no other argument may be given beside it.
+        A ``Problem`` is returned unchanged, and no other argument may be given with it.
 
         Returns:
             The problem, checked and frozen.
@@ -92,14 +93,16 @@ class Problem(Posed, HtmlRepr):
             )
         wrench = checked_array("external_wrench", np.zeros(6) if external_wrench is None else external_wrench, (6,))
         refuse_wrench_out_of_plane(robot, wrench)
-        if rest_lengths is None and _falls(robot, robot.weight, wrench, at.position, at.rotation_matrix):
+        if rest_lengths is None and _falls(
+            robot.exits, robot.anchors, robot.weight, wrench, at.position, at.rotation_matrix
+        ):
             raise InvalidInput(
                 f"pose: found every exit of {robot.name!r} below the platform, which falls since cables cannot "
                 "push; expected at least one exit above its anchor"
             )
         if rest_lengths is None:
             warn_where_outside(robot, at.position)
-        return cls(robot, at, frozen(rest), frozen(wrench))
+        return cls(robot, at, rest, wrench)
 
     @property
     def axial_stiffness(self) -> Float[np.ndarray, " cables"]:
@@ -164,6 +167,8 @@ class Problems(Frozen):
         shape: shape to which all of them broadcast.
         falls: (...) where every exit lies below the platform, which then falls.
         singles: the stacked problems, if there are any.
+        robots: the robots of (robots, rows), where they differ in more than stiffness and mass; ``robot`` has their
+            common parameters.
     """
 
     robot: Robot
@@ -176,9 +181,7 @@ class Problems(Frozen):
     shape: tuple[int, ...]
     falls: Bool[np.ndarray, "*#batch"]
     singles: tuple[Problem, ...] = ()
-
-    def __post_init__(self) -> None:
-        self._freeze()
+    robots: RobotBatch | None = None
 
     @classmethod
     def of(
@@ -235,7 +238,7 @@ class Problems(Frozen):
             _fitting({"poses": at.shape[:-1], "external_wrench": wrench.shape[:-1], "mass": masses.shape})
             rest = cable_path.lengths(robot.cabling, at, turned)
             warn_where_outside(robot, at)
-            falls = _falls(robot, masses * robot.gravity, wrench, at, turned)
+            falls = _falls(robot.exits, robot.anchors, masses * robot.gravity, wrench, at, turned)
         else:
             rest = _with_last("rest_lengths", rest_lengths, (cables,), least=0.0, unit="m")
         parts = {
@@ -249,6 +252,42 @@ class Problems(Frozen):
                 f"(1, {cables}) for one per cable, or ({cables}, 1) for one per row"
             )
         return cls(robot, at, turned, rest, wrench, stiffness, masses, _fitting(parts), falls)
+
+    @classmethod
+    def of_robots(
+        cls,
+        robots: RobotBatch,
+        positions: Float[np.ndarray, "rows 3"],
+        rotations: Float[np.ndarray, "rows 3 3"],
+        external_wrench: Float[np.ndarray, "rows 6"],
+        factors: Float[np.ndarray, " rows"],
+    ) -> Problems:
+        """Each of many robots, commanded to the same poses by the rigid lengths of its own geometry: (robots, rows).
+
+        Args:
+            robots: the robots.
+            positions: commanded positions [m].
+            rotations: commanded rotation matrices.
+            external_wrench: external wrenches [N, N m].
+            factors: by which the axial stiffness of each row is multiplied.
+
+        Returns:
+            (robots, rows) problems.
+        """
+        robot, exits, anchors = robots.robot, robots.exits[:, None], robots.anchors[:, None]
+        factors = factors[:1] if (factors == factors[0]).all() else factors
+        return cls(
+            robot=robot,
+            positions=positions,
+            rotations=rotations,
+            rest_lengths=cable_path.lengths(robot.cabling, positions, rotations, exits, anchors),
+            external_wrench=external_wrench,
+            axial_stiffness=robots.axial_stiffness[:, None] * factors[:, None],
+            mass=np.array(robot.mass),
+            shape=(len(robots), len(positions)),
+            falls=_falls(exits, anchors, robot.weight, external_wrench, positions, rotations),
+            robots=robots,
+        )
 
     @classmethod
     def stack(cls, problems: Sequence[Problem]) -> Problems:
@@ -282,7 +321,12 @@ class Problems(Frozen):
 
         Returns:
             (some, ...) problems.
+
+        Raises:
+            InvalidInput: problems of several robots.
         """
+        if self.robots is not None:
+            raise InvalidInput("problems: found those of several robots, expected of one")
         positions = self._at(self.positions, (rows,), 1)
         return Problems(
             robot=self.robot,
@@ -308,18 +352,36 @@ class Problems(Frozen):
             return self.singles[row]
         at = np.index_exp[row] if not isinstance(row, tuple) else row
         stiffness, mass = self._at(self.axial_stiffness, at, 1), float(self._at(self.mass, at, 0))
-        robot, changes = self.robot, {}
+        robot, changes = self.robot if self.robots is None else self.robots.robot_at(int(at[0])), {}
         if not np.array_equal(stiffness, robot.axial_stiffness):
             changes["axial_stiffness"] = stiffness
         if mass != robot.mass:
             changes["mass"] = mass
         pose = Pose(self._at(self.positions, at, 1).copy(), self._at(self.rotations, at, 2).copy())
         rest, wrench = self._at(self.rest_lengths, at, 1).copy(), self._at(self.external_wrench, at, 1).copy()
-        return Problem(robot.replace(**changes) if changes else robot, pose, frozen(rest), frozen(wrench))
+        return Problem(robot.replace(**changes) if changes else robot, pose, rest, wrench)
 
     def _at(self, array: np.ndarray, row: tuple, core: int) -> np.ndarray:
         """One row of an array whose last ``core`` dimensions belong to each row."""
         return np.broadcast_to(array, self.shape + array.shape[array.ndim - core :])[row]
+
+    def cable_table(self) -> Float[np.ndarray, "*batch cables columns"]:
+        """The cables of all rows, or of each robot, as a table for compiled code.
+
+        Returns:
+            ``Robot.cable_table``.
+        """
+        return (self.robots or self.robot).cable_table(self.axial_stiffness)
+
+    @property
+    def center_of_mass(self) -> Float[np.ndarray, "*batch 3"]:
+        """In the platform frame, of all rows or of each robot [m]."""
+        return self.robot.center_of_mass if self.robots is None else self.robots.center_of_mass[:, None]
+
+    @property
+    def characteristic_length(self) -> float | Float[np.ndarray, "*batch"]:
+        """``Robot.characteristic_length``, of all rows or of each robot [m]."""
+        return self.robot.characteristic_length if self.robots is None else self.robots.characteristic_lengths[:, None]
 
     @cached_property
     def finite(self) -> Bool[np.ndarray, "*batch"]:
@@ -490,13 +552,14 @@ def _shortest(robot: Robot, positions: Float[np.ndarray, "*batch 3"]) -> Float[n
 
 
 def _falls(
-    robot: Robot,
+    exits: Float[np.ndarray, "*#batch cables 3"],
+    anchors: Float[np.ndarray, "*#batch cables 3"],
     weight: float | Float[np.ndarray, "*#batch"],
     wrench: Float[np.ndarray, "*#batch 6"],
     positions: Float[np.ndarray, "*#batch 3"],
     rotations: Float[np.ndarray, "*#batch 3 3"],
 ) -> Bool[np.ndarray, "*batch"]:
     """Whether the platform falls: every exit is below its anchor, and the load pushes down."""
-    turn, (a, b, c) = rotations[..., 2, :, None], robot.anchors.T
-    highest = (robot.exits[:, 2] - (turn[..., 0, :] * a + turn[..., 1, :] * b + turn[..., 2, :] * c)).max(-1)
+    turn, (a, b, c) = rotations[..., 2, :, None], np.moveaxis(anchors, -1, 0)
+    highest = (exits[..., 2] - (turn[..., 0, :] * a + turn[..., 1, :] * b + turn[..., 2, :] * c)).max(-1)
     return (weight > wrench[..., 2]) & (positions[..., 2] >= highest)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -72,6 +73,10 @@ MOST_GRAVITY = 1e6
 class Robot(HtmlRepr):
     """A platform on elastic cables. Arrays are stored read-only; ``replace`` makes a changed copy.
 
+    Its attributes have the names and units of the arguments below. What is one number, pair or direction for all cables
+    has a row for each of them, (cables, ...): ``pulley_axis`` unit vectors; ``hysteresis`` (share, yield strain, w) of
+    each element, where a share of 0 is none; ``creep`` its terms, where an infinite EA1 is none.
+
     Args:
         exits: exit points A_i in the base frame, (cables, 3) [m].
         anchors: anchor points B_i in the platform frame, (cables, 3) [m].
@@ -82,7 +87,7 @@ class Robot(HtmlRepr):
         pulley_axis: direction in which the cable arrives at its wheel, (3,) or (cables, 3).
         stiffening: (a2, a3) of the nonlinear law tau = EA (eps + a2 eps² + a3 eps³), one pair or one per cable;
             defined up to a strain of 20 %, beyond which no equilibrium is accepted.
-        force_min: smallest wanted tension of a cable [N], one number or one per cable.
+        force_min: smallest allowed tension of a cable [N], one number or one per cable.
         force_max: largest tension that a cable or its winch allows [N], one number or one per cable; infinite
             without a limit. Both limits are used by ``compensate`` and ``sweep`` (feasibility); they do not change
             the equilibrium.
@@ -92,8 +97,8 @@ class Robot(HtmlRepr):
             depend on the pose, and it stretches with the rope.
         reeving: parts of line between exit and platform, an integer, one or one per cable. A rope under the tension T
             pulls the platform with ``reeving`` T; ``axial_stiffness`` and ``linear_density`` are those of the rope.
-        pulley_friction: c, the share of the tension that is lost at the exit, one number or one per cable: the tensions
-            before and behind the exit have a ratio of at most (1 + c/2)/(1 − c/2).
+        pulley_friction: c, the fraction of the tension that is lost at the exit, one number or one per cable: the
+            tensions before and behind the exit have a ratio of at most (1 + c/2)/(1 − c/2).
         hysteresis: elements (share, yield strain) or (share, yield strain, w), a sequence for all cables, or one per
             cable: springs of these shares of ``axial_stiffness``, which yield at the smaller of the yield strain, which
             may be infinite, and w times the cable's strain; w is 1 unless given.
@@ -122,6 +127,21 @@ class Robot(HtmlRepr):
     """
 
     cabling: Cabling
+    exits: Float[np.ndarray, "cables 3"]
+    anchors: Float[np.ndarray, "cables 3"]
+    axial_stiffness: Float[np.ndarray, " cables"]
+    linear_density: Float[np.ndarray, " cables"]
+    pulley_radius: Float[np.ndarray, " cables"]
+    pulley_axis: Float[np.ndarray, "cables 3"]
+    stiffening: Float[np.ndarray, "cables 2"]
+    force_min: Float[np.ndarray, " cables"]
+    force_max: Float[np.ndarray, " cables"]
+    breaking_load: Float[np.ndarray, " cables"]
+    winch_to_exit: Float[np.ndarray, " cables"]
+    reeving: Int[np.ndarray, " cables"]
+    pulley_friction: Float[np.ndarray, " cables"]
+    hysteresis: Float[np.ndarray, "cables elements 3"]
+    creep: Float[np.ndarray, "cables terms 2"]
     mass: float
     center_of_mass: Float[np.ndarray, "3"]
     inertia: Float[np.ndarray, "3 3"]
@@ -170,23 +190,7 @@ class Robot(HtmlRepr):
         notes: Sequence[str] = (),
     ) -> None:
         given = {name: value for name, value in locals().items() if name != "self"}
-        cabling = Cabling(
-            exits,
-            anchors,
-            axial_stiffness,
-            linear_density,
-            pulley_radius,
-            pulley_axis,
-            stiffening,
-            force_min,
-            force_max,
-            breaking_load,
-            winch_to_exit,
-            reeving,
-            pulley_friction,
-            hysteresis,
-            creep,
-        )
+        cabling = Cabling.of(given)
         name = checked_name("name", name)
         if material is not None:
             checked_label("material", material)
@@ -223,7 +227,7 @@ class Robot(HtmlRepr):
         if mobility == "planar":
             _refuse_out_of_plane(cabling, center_of_mass)
             workspace[:, 1] = 0.0
-        values = dict(
+        values = {one.name: getattr(cabling, one.name) for one in dataclasses.fields(cabling)} | dict(
             cabling=cabling,
             mass=mass,
             center_of_mass=frozen(center_of_mass),
@@ -250,81 +254,6 @@ class Robot(HtmlRepr):
         if not hasattr(self, "_copied"):
             for sentence in self.warnings:
                 warn(sentence)
-
-    @property
-    def exits(self) -> Float[np.ndarray, "cables 3"]:
-        """Exit points A_i in the base frame, (cables, 3) [m]."""
-        return self.cabling.exits
-
-    @property
-    def anchors(self) -> Float[np.ndarray, "cables 3"]:
-        """Anchor points B_i in the platform frame, (cables, 3) [m]."""
-        return self.cabling.anchors
-
-    @property
-    def axial_stiffness(self) -> Float[np.ndarray, " cables"]:
-        """EA of each cable, (cables,) [N]."""
-        return self.cabling.axial_stiffness
-
-    @property
-    def linear_density(self) -> Float[np.ndarray, " cables"]:
-        """Mass per length of each cable, (cables,) [kg/m]; 0 is a massless cable."""
-        return self.cabling.linear_density
-
-    @property
-    def pulley_radius(self) -> Float[np.ndarray, " cables"]:
-        """Radius of the wheel at each exit, (cables,) [m]; 0 is a point."""
-        return self.cabling.pulley_radius
-
-    @property
-    def pulley_axis(self) -> Float[np.ndarray, "cables 3"]:
-        """The direction in which each cable arrives at its wheel, unit vectors (cables, 3)."""
-        return self.cabling.pulley_axis
-
-    @property
-    def stiffening(self) -> Float[np.ndarray, "cables 2"]:
-        """(a2, a3) of each cable's law tau = EA (eps + a2 eps² + a3 eps³), (cables, 2)."""
-        return self.cabling.stiffening
-
-    @property
-    def force_min(self) -> Float[np.ndarray, " cables"]:
-        """Smallest wanted tension of each cable, (cables,) [N]."""
-        return self.cabling.force_min
-
-    @property
-    def force_max(self) -> Float[np.ndarray, " cables"]:
-        """Largest tension that each cable or its winch allows, (cables,) [N]; infinite without a limit."""
-        return self.cabling.force_max
-
-    @property
-    def breaking_load(self) -> Float[np.ndarray, " cables"]:
-        """Smallest tension at which each cable breaks, (cables,) [N]; infinite if unknown."""
-        return self.cabling.breaking_load
-
-    @property
-    def winch_to_exit(self) -> Float[np.ndarray, " cables"]:
-        """Length of rope between the winch and the exit of each cable, (cables,) [m]."""
-        return self.cabling.winch_to_exit
-
-    @property
-    def reeving(self) -> Int[np.ndarray, " cables"]:
-        """Parts of line between exit and platform of each cable, (cables,)."""
-        return self.cabling.reeving
-
-    @property
-    def pulley_friction(self) -> Float[np.ndarray, " cables"]:
-        """c at the exit of each cable, (cables,)."""
-        return self.cabling.pulley_friction
-
-    @property
-    def hysteresis(self) -> Float[np.ndarray, "cables elements 3"]:
-        """(share, yield strain, w) of each cable's elements, (cables, elements, 3); a share of 0 is none."""
-        return self.cabling.hysteresis
-
-    @property
-    def creep(self) -> Float[np.ndarray, "cables terms 2"]:
-        """(EA1 [N], tau1 [s]) of each cable's terms, (cables, terms, 2); an infinite EA1 is none."""
-        return self.cabling.creep
 
     @property
     def cables(self) -> int:
@@ -366,7 +295,7 @@ class Robot(HtmlRepr):
 
     @cached_property
     def wrapped_lengths(self) -> Float[np.ndarray, " cables"]:
-        """What lies on each cable's wheel with the platform level at ``home``, (cables,) [m]; 0 without a wheel.
+        """Length of each cable on its wheel with the platform level at ``home``, (cables,) [m]; 0 without a wheel.
 
         Of a cable with mass, this first part of the rest length counts as massless at every pose: weight that the wheel
         carries.
@@ -451,12 +380,7 @@ class Robot(HtmlRepr):
         """
         at = Pose.of(pose)
         if self.mobility == "planar":
-            y, sine = at.position[1], max(abs(at.rotation_matrix[1, 0]), abs(at.rotation_matrix[1, 2]))
-            if abs(y) > IN_PLANE or sine > IN_PLANE:
-                found = f"y = {y:g} m" if abs(y) > IN_PLANE else "a rotation about x or z"
-                raise InvalidInput(
-                    f"pose: found {found}, but {self.name!r} is planar: expected y = 0 and a rotation about y only"
-                )
+            refuse_out_of_plane(at, repr(self.name))
         return at
 
     def rest_lengths(
@@ -526,7 +450,7 @@ class Robot(HtmlRepr):
         if left > BALANCED * scale:
             raise InvalidInput(
                 f"tensions: found that they leave {left:.3g} N unbalanced at the pose, expected tensions that balance "
-                "the load there; one number gives the nearest, and compensate finds any within limits"
+                "the load there; give one number for the nearest ones, or use compensate for any within limits"
                 if wanted.ndim
                 else f"tensions: found none near {wanted:g} N that balance the load at the pose: cables that pull or "
                 f"push leave {left:.3g} N, expected a pose at which they can carry it"
@@ -538,7 +462,7 @@ class Robot(HtmlRepr):
             raise InvalidInput(
                 f"tensions: found {pulls[cable]:.4g} N in cable {cable + 1} where tensions nearest to {wanted:g} N "
                 f"balance the load at the pose, expected {low[cable]:g} to {high[cable]:g} N; another pretension may "
-                "do, and compensate finds any tensions within limits"
+                "do, and compensate finds tensions within limits"
             )
         return self._cut(at, pulls)[0]
 
@@ -623,6 +547,18 @@ def _refuse_out_of_plane(cabling: Cabling, center_of_mass: Float[np.ndarray, "3"
             raise InvalidInput(
                 f"{where}: found y = {rows[row, 1]:g} m, expected 0: a planar robot moves in the x-z plane"
             )
+
+
+def refuse_out_of_plane(pose: Pose, name: str) -> None:
+    """Refuse a pose of the planar robot ``name`` that is out of its plane.
+
+    Raises:
+        InvalidInput: y is not 0, or a rotation about another axis than y.
+    """
+    y, sine = pose.position[1], np.abs(pose.rotation_matrix[1, [0, 2]]).max()
+    if abs(y) > IN_PLANE or sine > IN_PLANE:
+        found = f"y = {y:g} m" if abs(y) > IN_PLANE else "a rotation about x or z"
+        raise InvalidInput(f"pose: found {found}, but {name} is planar: expected y = 0 and a rotation about y only")
 
 
 def _corners(field: str, value: ArrayLike) -> Float[np.ndarray, "2 3"]:

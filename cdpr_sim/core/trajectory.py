@@ -74,7 +74,7 @@ class Trajectory(EquilibriumBatch):
         away = 1e3 * np.linalg.norm(self.deviation, axis=-1).max()
         return (
             f"<Trajectory of {self.robot.name!r} by {self.source}: {len(self)} states in {np.ptp(self.times):.3g} s, "
-            f"tilt up to {np.degrees(self.tilt.max()):.3g}°, up to {away:.3g} mm from where it was commanded>"
+            f"tilt up to {np.degrees(self.tilt.max()):.3g}°, deviation up to {away:.3g} mm>"
         )
 
 

@@ -1,4 +1,4 @@
-"""What data asks about cables with mass and statics computes; the package's ``__init__`` sets the function."""
+"""A function about cables with mass that data needs and statics computes; the package's ``__init__`` sets it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,6 @@ from typing import Any, ClassVar
 
 
 class WithMass:
-    """The answer of ``statics.given_tensions``, which this folder must not import."""
+    """The function of ``statics.given_tensions``, which this folder must not import."""
 
     cut: ClassVar[Callable[..., tuple[Any, Any]]]

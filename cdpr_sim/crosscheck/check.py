@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.analysis.workspace import grids
 from cdpr_sim.analysis.workspace.grids import GridLike
 from cdpr_sim.analysis.workspace.sweep import as_robots, axial_stiffnesses
-from cdpr_sim.core import available_memory, extras
+from cdpr_sim.core import extras, free_ram
 from cdpr_sim.core.checks import FLAG, MOST_THREADS, checked_array, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
@@ -77,7 +77,7 @@ class Disagreement:
 
 @dataclass(frozen=True, eq=False)
 class Check(HtmlRepr):
-    """The two methods over a whole workspace.
+    """Comparison of the two methods over a whole workspace.
 
     Attributes:
         dataset: over (robot, material, x, y, z), or (robot, x, y, z) with each robot's own cables; of single poses,
@@ -165,21 +165,17 @@ def check(
     for robot in group:
         refuse_wrench_out_of_plane(robot, wrench)
         robot.pose(np.r_[robot.home, turn])
-    stack = None
-    if poses is None:
-        axes = grids.as_grid(grid, group)
-        size = math.prod(len(values) for values in axes.values())
-    else:
-        stack = grids.as_poses(poses, group[0], grid, turn)
-        axes, size = {"pose": np.arange(len(stack))}, len(stack)
+    stack = None if poses is None else grids.as_poses(poses, group[0], grid, turn)
+    axes = grids.as_grid(grid, group) if stack is None else {"pose": np.arange(len(stack))}
+    shape = tuple(len(values) for values in axes.values())
+    size = math.prod(shape)
     stiffnesses = axial_stiffnesses(group, materials)
     labels = [None] if materials is None else list(materials)
-    available_memory.refuse_beyond(
+    free_ram.refuse_beyond(
         f"grid: a check of {len(group) * len(labels) * size:,.0f} poses",
         size * (BYTES_PER_POSITION + BYTES_PER_POSE * len(group) * len(labels)),
         "fewer poses",
     )
-    shape = tuple(len(values) for values in axes.values())
     if stack is None:
         rows = np.stack(np.meshgrid(*axes.values(), indexing="ij"), axis=-1).reshape(-1, 3)
         matrices = np.broadcast_to(Rotation.from_euler("xyz", turn).as_matrix(), (len(rows), 3, 3))
@@ -322,25 +318,24 @@ def compare_many(
     if not compare.remembers(problems.robot):
         errors["static_in_mujoco"] = residuals_of(problems, poses_of(*static), threads=threads)
         errors["settled_in_statics"] = np.asarray(forces.at(problems, *at_rest).residual)
+    tolerances = _tolerances(problems)
+    within[rows] = np.all([error <= tolerances[name] for name, error in errors.items()], axis=0)
+    within &= ~compare.slack_differs(solved, settled).any(-1)
+    for name, column in errors.items():
+        columns[name][rows] = column
+    return columns, within
+
+
+def _tolerances(problems: Problems) -> dict[str, float | Float[np.ndarray, " rows"]]:
+    """Of the errors and cross residuals, by name."""
     cross = compare.CROSS_TOLERANCE * problems.force_scale
-    tolerances = {
+    return {
         "position_error": compare.POSITION_TOLERANCE,
         "rotation_error": compare.ROTATION_TOLERANCE,
         "tension_error": compare.TENSION_TOLERANCE,
         "static_in_mujoco": cross,
         "settled_in_statics": cross,
     }
-    within[rows] = np.all([error <= tolerances[name] for name, error in errors.items()], axis=0)
-    within[rows] &= _same_slack(solved, settled)[rows]
-    for name, column in errors.items():
-        columns[name][rows] = column
-    return columns, within
-
-
-def _same_slack(solved: EquilibriumBatch, settled: EquilibriumBatch) -> Bool[np.ndarray, " rows"]:
-    """Where the same cables are slack; one at its rest length counts as either."""
-    near = [np.abs(one.lengths - one.rest_lengths) <= compare.REST_LENGTH_TOLERANCE for one in (solved, settled)]
-    return ~((solved.slack != settled.slack) & ~near[0] & ~near[1]).any(-1)
 
 
 def _neutral(
@@ -353,10 +348,9 @@ def _neutral(
     neutral = np.zeros(len(solved), dtype=bool)
     if not asked.any() or compare.remembers(solved.problems.robot):
         return neutral
-    cross = compare.CROSS_TOLERANCE * solved.problems.force_scale
-    same = asked & _same_slack(solved, settled) & (columns["tension_error"] <= compare.TENSION_TOLERANCE)
-    same &= (columns["static_in_mujoco"] <= cross) & (columns["settled_in_statics"] <= cross)
-    rows = np.flatnonzero(same)
+    tolerances, apart = _tolerances(solved.problems), ("position_error", "rotation_error")
+    same = [columns[name] <= tolerance for name, tolerance in tolerances.items() if name not in apart]
+    rows = np.flatnonzero(asked & np.all(same, axis=0) & ~compare.slack_differs(solved, settled).any(-1))
     if rows.size:
         poses = (poses_of(one.positions[rows], one.rotations[rows]) for one in (solved, settled))
         neutral[rows] = compare.connected(solved.problems.take(rows), *poses)

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import positive, refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import angle_between
@@ -64,7 +65,7 @@ class Agreement(HtmlRepr):
         tension_error: largest difference in a cable [N].
         same_slack: whether the same cables are slack; one within 1e-7 m of its rest length counts as either.
         static_in_mujoco: residual (unbalanced force) of MuJoCo at the static pose [N]; nan for cables with a memory,
-            whose forces depend on the way there.
+            whose forces depend on the path.
         settled_in_statics: residual of statics at the settled pose [N]; nan as well.
     """
 
@@ -131,15 +132,15 @@ def compare(
         cross = dict(
             zip(cross, (residual_of(problem, static.at), float(forces.at(problem, *at).residual)), strict=True)
         )
-    slack_differs = (static.slack != settled.slack) & ~(_at_rest_length(static) | _at_rest_length(settled))
+    other_slack = slack_differs(static, settled)
 
     deviations = [
         f"{name} differs by {error:.1e} {unit} (tolerance {tolerance:.0e})"
         for name, (error, tolerance, unit) in differences.items()
         if not error <= tolerance
     ]
-    if slack_differs.any():
-        cables = ", ".join(str(i + 1) for i in np.flatnonzero(slack_differs))
+    if other_slack.any():
+        cables = ", ".join(str(i + 1) for i in np.flatnonzero(other_slack))
         deviations.append(f"cable {cables} is slack by one method only")
     unbalanced = [
         f"{where} has a residual of {force:.1e} N (tolerance {CROSS_TOLERANCE * problem.force_scale:.0e})"
@@ -150,7 +151,7 @@ def compare(
         verdict = Verdict.DISAGREE
     elif not deviations:
         verdict = Verdict.AGREE
-    elif not slack_differs.any() and differences["tension"][0] <= tension_tolerance and _connected(static, settled):
+    elif not other_slack.any() and differences["tension"][0] <= tension_tolerance and _connected(static, settled):
         verdict = Verdict.AGREE_EXCEPT_NEUTRAL
         deviations.append("the energy is constant between the two poses: the platform is neutrally stable")
     else:
@@ -166,22 +167,26 @@ def compare(
         position_error=float(differences["position"][0]),
         rotation_error=float(differences["rotation"][0]),
         tension_error=float(differences["tension"][0]),
-        same_slack=not slack_differs.any(),
+        same_slack=not other_slack.any(),
         static_in_mujoco=cross["MuJoCo at the static pose"],
         settled_in_statics=cross["statics at the settled pose"],
     )
 
 
 def remembers(robot: Robot) -> bool:
-    """Whether cables have a memory: an equilibrium of a path does not tell from which memory its forces follow.
+    """Whether cables have a memory: an equilibrium of a path does not contain the memory that determines its forces.
 
     So neither method can evaluate its forces at the pose of the other one.
     """
     return bool(robot.cabling.remembers.any())
 
 
-def _at_rest_length(equilibrium: Equilibrium) -> Bool[np.ndarray, " cables"]:
-    return np.abs(equilibrium.lengths - equilibrium.rest_lengths) <= REST_LENGTH_TOLERANCE
+def slack_differs(
+    static: Equilibrium | EquilibriumBatch, settled: Equilibrium | EquilibriumBatch
+) -> Bool[np.ndarray, "*rows cables"]:
+    """Which cables are slack by one method only; one at its rest length counts as either."""
+    near = [np.abs(one.lengths - one.rest_lengths) <= REST_LENGTH_TOLERANCE for one in (static, settled)]
+    return (static.slack != settled.slack) & ~near[0] & ~near[1]
 
 
 def _connected(static: Equilibrium, settled: Equilibrium) -> bool:

@@ -8,14 +8,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from cdpr_sim.core.checks import refuse_unless
+from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.crosscheck.check import compare_many
-from cdpr_sim.crosscheck.compare import compare
+from cdpr_sim.core.robot_batch import RobotBatch
+from cdpr_sim.crosscheck.check import AGREEING, compared
+from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria
 from cdpr_sim.design.layout_result import PROMISE, LayoutResult
 from cdpr_sim.design.objectives import NO_LIMITS, Objective
-from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, RobotBatch
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.statics.newton import solve_many
 
@@ -115,23 +116,23 @@ def validate_layout(layout: LayoutResult) -> LayoutValidation:
 def _validated(robot: Robot, cases: Cases, objective: Objective) -> ValidatedRobot:
     problems = cases.problems(robot)
     solved, settled = solve_many(problems), settle_many(problems)
-    columns, within = compare_many(solved, settled)
-    for row in np.flatnonzero(~within & solved.converged & settled.converged):
-        within[row] = compare(solved[row], settled[row]).agrees
+    columns, _ = compared(solved, settled, cables_name(robot))
+    agrees = np.isin(columns.pop("outcome"), list(AGREEING))
     errors = {
         name: float(np.nanmax(column)) if np.isfinite(column).any() else np.nan for name, column in columns.items()
     }
-    return ValidatedRobot(robot, solved, settled, errors, within, _score(robot, cases, objective, settled))
+    return ValidatedRobot(robot, solved, settled, errors, agrees, _score(robot, cases, objective, settled))
 
 
 def _score(robot: Robot, cases: Cases, objective: Objective, settled: EquilibriumBatch) -> float:
     """The objective at MuJoCo's equilibria."""
     if objective.equilibria and not settled.converged.all():
         return np.nan
+    problems = cases.layout_problems(RobotBatch.of([robot]))
     equilibria = LayoutEquilibria(
-        settled.problems, settled.positions[None], settled.rotations[None], settled.lengths[None],
-        settled.tensions[None], settled.residuals[None], settled.iterations[None], settled.status[None], "mujoco",
-        settled.eigenvalues[None], RobotBatch.of([robot]), cases,
+        problems, settled.positions[None], settled.rotations[None], settled.lengths[None], settled.tensions[None],
+        settled.residuals[None], settled.iterations[None], settled.status[None], "mujoco", settled.eigenvalues[None],
+        cases,
     )  # fmt: skip
     scores: Float[np.ndarray, " layouts"] = np.asarray(objective.score(equilibria, NO_LIMITS), dtype=float)
     return float(scores[0])

@@ -15,8 +15,8 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.limits import checked_limits
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL
+from cdpr_sim.design.layout_equilibria import LayoutEquilibria
 from cdpr_sim.design.objectives import NO_LIMITS, OBJECTIVES, Limits
-from cdpr_sim.design.robot_batch import LayoutEquilibria
 
 KNOWN = ("tensions", "all taut", "stable", "clearance")
 

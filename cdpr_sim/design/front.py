@@ -17,10 +17,11 @@ from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot_batch import RobotBatch
+from cdpr_sim.design.layout_equilibria import Cases
 from cdpr_sim.design.layout_result import outside_frame
 from cdpr_sim.design.moves import Move
 from cdpr_sim.design.objectives import Objective
-from cdpr_sim.design.robot_batch import Cases, RobotBatch
 from cdpr_sim.design.search import CONSTRAINT_TOLERANCE, LayoutEvaluator, named
 
 UNSOLVED = 10.0
@@ -48,9 +49,6 @@ class Front(Frozen, HtmlRepr):
     layouts: RobotBatch
     cases: Cases
     layouts_evaluated: int
-
-    def __post_init__(self) -> None:
-        self._freeze()
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -111,8 +109,8 @@ def find_front(
         poses: as for ``find_layout``; so are all arguments without further explanation.
         objectives: two objectives of ``find_layout``.
         move: what may move.
-        within: how far.
-        symmetry: which ties points.
+        within: range of the displacements.
+        symmetry: symmetry that couples points.
         subject_to: constraints.
         external_wrench: one load or several.
         stiffness: one factor or several.
@@ -143,13 +141,7 @@ def find_front(
     )  # fmt: skip
     goals = (evaluator.objective, Objective.of(objectives[1]))
     whole("seed", seed, 0)
-    space = evaluator.space
-    free = space.upper > space.lower
-
-    def full(values: np.ndarray) -> np.ndarray:
-        whole_rows = np.tile(space.given, (len(values), 1))
-        whole_rows[:, free] = values
-        return whole_rows
+    space, free = evaluator.space, evaluator.space.free
 
     def scored(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         equilibria = evaluator.equilibria(values)
@@ -170,7 +162,7 @@ def find_front(
             )  # fmt: skip
 
         def _evaluate(self, x, out, *args, **kwargs) -> None:
-            scores, violations = scored(full(x))
+            scores, violations = scored(space.completed(x))
             out["F"], out["G"] = np.nan_to_num(scores * signs), violations - CONSTRAINT_TOLERANCE
 
     first = np.random.default_rng(seed).uniform(
@@ -192,7 +184,7 @@ def find_front(
             "subject_to: found no layout that satisfies all constraints and has an equilibrium at every pose among "
             f"{evaluator.layouts_evaluated:,} evaluated; find_layout reports the constraint violated most"
         )
-    values = full(np.atleast_2d(result.X))
+    values = space.completed(np.atleast_2d(result.X))
     scores, _ = scored(values)
     order = np.argsort(signs[0] * scores[:, 0])
     layouts = space.layouts(values[order])

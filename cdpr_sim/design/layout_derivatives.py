@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from cdpr_sim.core import cable_law
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.design.robot_batch import Cases
+from cdpr_sim.design.layout_equilibria import Cases
 from cdpr_sim.statics import derivatives, forces
+
+CONDITION = 1e12
+"""Largest condition number; beyond it some direction is neutrally stable within rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,29 +72,20 @@ def layout_derivatives(
 ) -> LayoutDerivatives:
     """Derivatives of the equilibria of ``robot`` by ``steps``; nan in neutrally stable cases.
 
-    For cables with mass only by steps that are not known, and without those of the tensions, which are nan.
+    For cables with mass only by steps that are not known.
     """
-    problems = cases.problems(robot, rest_lengths)
-    state = forces.at(problems, positions, rotations)
-    n, whole = robot.reeving, rest_lengths + robot.cabling.behind
-    u, arms = state.geometry.directions[:, None], state.geometry.arms[:, None]
-    elastic = n * state.tangent_stiffness[:, None]  # tension by the length of one part of line
-    # Exit minus anchor of each cable at equilibrium.
+    state = forces.at(cases.problems(robot, rest_lengths), positions, rotations)
+    by, arms = derivatives.pull_by_parameter(state), state.geometry.arms[:, None]
     arm_moves = np.einsum("cij,nmj->cnmi", rotations, steps.anchors)
-    ends = steps.exits[None] - arm_moves
-    force = np.einsum("cmij,cnmj->cnmi", state.cable_stiffness, ends)
-    pulled = elastic * (u * ends).sum(-1)
+    force = np.einsum("cmij,cnmj->cnmi", by["exits"], steps.exits[None] - arm_moves)
     if steps.known:
         commanded = forces.geometry(robot, cases.positions, cases.rotations).directions[:, None]
         length_changes = (
             commanded * (steps.exits[None] - np.einsum("cij,nmj->cnmi", cases.rotations, steps.anchors))
         ).sum(-1)
-        stretch = state.lengths - rest_lengths
-        per_stiffness = cable_law.per_axial_stiffness(stretch, whole, *robot.cabling.stiffening.T)
-        per_stiffness = np.where(state.tensions > 0, per_stiffness, 0.0) * cases.factors[:, None]
-        per_length = ((state.lengths + robot.cabling.behind) / whole)[:, None]
-        further = per_stiffness[:, None] * steps.axial_stiffness[None] - elastic * per_length * length_changes
-        pulled, force = pulled + further, force + (n * further)[..., None] * u
+        stiffness_changes = cases.factors[:, None, None] * steps.axial_stiffness
+        force += by["rest_lengths"][:, None, ..., 0] * length_changes[..., None]
+        force += by["axial_stiffness"][:, None, ..., 0] * stiffness_changes[..., None]
     torque = np.cross(arms, force) + np.cross(arm_moves, state.pulls[:, None])
     weight = np.array([0.0, 0.0, -robot.weight])
     center = np.cross(np.einsum("cij,nj->cni", rotations, steps.center), weight)
@@ -104,14 +97,8 @@ def layout_derivatives(
     held[held] = np.linalg.cond(scaled[held]) < CONDITION
     pose = np.full(wrench.shape, np.nan)
     pose[held] = 0.0
-    if held.any():
-        found = -np.linalg.solve(slope[held], wrench[held][..., free].swapaxes(-1, -2)).swapaxes(-1, -2)
-        moved = np.zeros((int(held.sum()), *wrench.shape[1:]))
-        moved[..., free] = found
-        pose[held] = moved
-    along = np.einsum("cim,cni->cnm", state.wrench_matrix, pose)
-    return LayoutDerivatives(pose, pulled - state.tangent_stiffness[:, None] * along)
-
-
-CONDITION = 1e12
-"""Largest condition number; beyond it some direction is neutrally stable within rounding."""
+    found = -np.linalg.solve(slope[held], wrench[held][..., free].swapaxes(-1, -2))
+    pose[np.ix_(np.flatnonzero(held), np.arange(len(steps.center)), np.array(free))] = found.swapaxes(-1, -2)
+    anchors = pose[..., None, :3] + np.cross(pose[..., None, 3:], arms)
+    force -= np.einsum("cmij,cnmj->cnmi", state.cable_stiffness, anchors)
+    return LayoutDerivatives(pose, (state.pull_directions[:, None] * force).sum(-1) / robot.reeving)

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from cdpr_sim.core.checks import Frozen
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria
 from cdpr_sim.design.objectives import Objective
-from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria
 
 PROMISE = (
     "The layout was optimised for these poses and loads only: elsewhere, under other loads, with other cables or by "
@@ -68,9 +68,6 @@ class LayoutResult(Frozen, HtmlRepr):
     message: str
     values: Float[np.ndarray, " variables"]
     variables: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        self._freeze()
 
     @property
     def largest_displacement(self) -> float:

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import checked_array, listed, one_of, refuse_far, whole
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.design.robot_batch import RobotBatch
+from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.design.symmetry import Symmetry, group
 
 POINTS = ("exits", "pulleys", "anchors", "center_of_mass")
@@ -133,7 +133,9 @@ class Space:
             )
         rows = [row for row in rows if row[2] > row[1] or row[1] != 0]
         if not any(row[2] > row[1] for row in rows):
-            raise InvalidInput("within: found nothing that can move, expected room within the bounds and the symmetry")
+            raise InvalidInput(
+                "within: found no point that can move, expected some that the bounds and the symmetry allow to move"
+            )
         columns = list(zip(*rows, strict=True))
         return cls(robot, columns[0], *(np.array(column, dtype=float) for column in columns[1:]))
 
@@ -163,6 +165,17 @@ class Space:
     def given(self) -> Float[np.ndarray, " variables"]:
         """Values of the given robot, clipped to the bounds."""
         return np.zeros(len(self)).clip(self.lower, self.upper)
+
+    @property
+    def free(self) -> Bool[np.ndarray, " variables"]:
+        """Which variables have room between their bounds."""
+        return self.upper > self.lower
+
+    def completed(self, values: Float[np.ndarray, "layouts free"]) -> Float[np.ndarray, "layouts variables"]:
+        """Values of all variables, from those of the free ones; the others are the given robot's."""
+        whole_rows = np.tile(self.given, (len(values), 1))
+        whole_rows[:, self.free] = values
+        return whole_rows
 
 
 def _cables(robot: Robot, move: Move) -> list[int]:
@@ -202,11 +215,10 @@ def _factors(
         one = np.zeros(robot.cables)
         one[tied] = 1.0
         name = f"{move.what.replace('_', ' ')} of {_listed(tied)}"
+        by = {"axial_stiffness": one}
         if move.what == "diameter":
-            bounds = (float(np.log(least)), float(np.log(most)))
-            rows.append(_row(robot, name, bounds, axial_stiffness=2 * one, linear_density=2 * one))
-        else:
-            rows.append(_row(robot, name, (float(np.log(least)), float(np.log(most))), axial_stiffness=one))
+            by = {"axial_stiffness": 2 * one, "linear_density": 2 * one}
+        rows.append(_row(robot, name, (float(np.log(least)), float(np.log(most))), **by))
     return rows
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from cdpr_sim.core.checks import as_numbers, shown
 from cdpr_sim.core.errors import InvalidInput, UnknownName
 from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
-from cdpr_sim.design.robot_batch import LayoutEquilibria, feasible_share
+from cdpr_sim.design.layout_equilibria import LayoutEquilibria, feasible_share
 
 Limits = tuple[np.ndarray, np.ndarray]
 Scores = Float[np.ndarray, " layouts"]

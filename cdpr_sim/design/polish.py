@@ -14,9 +14,9 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 
 from cdpr_sim.design.layout_derivatives import Steps, layout_derivatives
+from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Space
 from cdpr_sim.design.objectives import Limits, Objective
-from cdpr_sim.design.robot_batch import Cases, solve_layouts
 
 STEPS = 100
 UNSOLVED = 1e6
@@ -36,7 +36,7 @@ def polished(
 ) -> Float[np.ndarray, "candidates variables"]:
     """Candidate layouts between ``start`` and the local optimum, the optimum first; the caller evaluates them."""
     path = _Path(space, cases, objective, limits, reach)
-    free = space.upper > space.lower
+    free = space.free
     width = (space.upper - space.lower)[free]
     here = path.values(start)
     scale = float(np.abs(here).max()) or 1.0

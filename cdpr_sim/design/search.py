@@ -22,11 +22,11 @@ from cdpr_sim.core.files import appearing, check_place
 from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.design.constraints import Constraint, constraints_of
+from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria, solve_layouts
 from cdpr_sim.design.layout_result import LayoutResult
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.design.objectives import Limits, Objective
 from cdpr_sim.design.polish import polished
-from cdpr_sim.design.robot_batch import Cases, LayoutEquilibria, solve_layouts
 
 LEG = 20
 """Generations per call to SciPy. The population is stored after each call, and each call has its own random numbers, so
@@ -205,8 +205,8 @@ def find_layout(
         poses: commanded, as ``solve_many`` takes them; the winches command each by the rigid lengths of each layout.
         move: what may move: names of ``MOVABLE``, or ``Move`` objects with their own boxes, lines and cables.
         within: range of what is given by name (see ``Move``).
-        symmetry: which ties points: "detected" for all that the robot has, "none", or "half-turn", "mirror-x" and
-            "mirror-y" about the middle of the exits.
+        symmetry: symmetry that couples points: "detected" for all that the robot has, "none", or "half-turn",
+            "mirror-x" and "mirror-y" about the middle of the exits.
         objective: a name of ``OBJECTIVES``; or a function of the equilibria, of shape (layouts, cases), that returns
             (layouts,), to be minimised.
         subject_to: constraints at every pose: "tensions": (smallest, largest) [N]; "all taut": True; "stable": True;
@@ -293,8 +293,7 @@ def _evolve(
     say: Callable[[str], None],
 ) -> str:
     """Run the generations; return how the search ended, in a sentence."""
-    space = evaluator.space
-    free = space.upper > space.lower
+    space, free = evaluator.space, evaluator.space.free
     bounds = list(zip(space.lower[free], space.upper[free], strict=True))
     size = (
         max(LEAST_POPULATION, POPULATION_PER_VARIABLE * len(bounds))
@@ -303,14 +302,8 @@ def _evolve(
     )
     whole("seed", seed, 0)
 
-    def full(columns: Float[np.ndarray, "free layouts"]) -> Float[np.ndarray, "layouts variables"]:
-        values = np.tile(space.given, (columns.shape[1], 1))
-        values[:, free] = columns.T
-        return values
-
     def energies(columns: np.ndarray) -> np.ndarray:
-        columns = columns.reshape(len(bounds), -1)
-        return evaluator.energies(full(columns))
+        return evaluator.energies(space.completed(columns.reshape(len(bounds), -1).T))
 
     identity = _identity(evaluator, seed, size)
     done, members = 0, None
@@ -334,7 +327,7 @@ def _evolve(
         say(f"generation {len(history)} of {generations}, {count:,} layouts: {evaluator.describe_best()}")
 
     if done >= generations:  # a finished search: only the best layout has to be determined again
-        evaluator.energies(full(members.T))
+        evaluator.energies(space.completed(members))
     while done < generations:
         length = min(LEG, generations - done)
         result = differential_evolution(

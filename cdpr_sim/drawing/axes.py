@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+import io
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from typing import ParamSpec
@@ -13,6 +14,8 @@ import matplotlib
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon, Rectangle
@@ -55,11 +58,41 @@ def canvas(width: float, height: float, title: str, caption: str, kind: type[Fig
     return figure
 
 
-# In the x-z plane
+def encoded(figure: Figure, kind: str = "png") -> bytes:
+    """The figure as a file's content, "png" or "svg", reproducible: no dates, no versions, no random ids."""
+    buffer = io.BytesIO()
+    with matplotlib.rc_context(style.RC):  # type: ignore[arg-type]
+        if kind == "svg":
+            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": "cdpr-sim"})
+        else:
+            figure.set_dpi(style.PNG_DPI)
+            FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim"})
+    return buffer.getvalue()
 
 
-def draw_front(ax: Axes, robot: Robot, *, exits: bool = True) -> None:
-    """Draw the frame and the exits in the x-z plane, to scale [m], with labelled axes."""
+def key(label: str, **looks) -> Line2D:
+    """Legend entry of a line or of markers."""
+    return Line2D([], [], label=label, **looks)
+
+
+def slack_key(label: str = "slack cable") -> Line2D:
+    """Legend entry of slack cables."""
+    return key(label, color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH)
+
+
+# Robots, in 3D or in the x-z plane, as the axes are
+
+
+def plot(ax: Axes, points: Float[np.ndarray, "points 3"], **looks) -> None:
+    """Draw a curve [m]."""
+    ax.plot(*(points.T if isinstance(ax, Axes3D) else points[:, [0, 2]].T), **looks)
+
+
+def draw_frame(ax: Axes, robot: Robot, *, exits: bool = True) -> None:
+    """Draw the frame and the exits, to scale [m], with labelled axes."""
+    if isinstance(ax, Axes3D):
+        _draw_frame_in_space(ax, robot, exits)
+        return
     (left, _, bottom), (right, _, top) = robot.frame
     ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, ec=style.FAINT, lw=style.THIN))
     if exits:
@@ -71,20 +104,51 @@ def draw_front(ax: Axes, robot: Robot, *, exits: bool = True) -> None:
         spine.set_visible(False)
 
 
-def draw_platform(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, **looks) -> Polygon:
-    """Draw the platform in the x-z plane: a section of its box."""
-    x, _, z = robot.platform_size / 2
-    corners = np.array([[-x, 0, -z], [x, 0, -z], [x, 0, z], [-x, 0, z]])
-    looks = {"fc": style.PLATFORM, "ec": style.INK, "lw": style.HAIR + 0.2, "zorder": 4} | looks
-    outline = Polygon((position + corners @ rotation.T)[:, [0, 2]], closed=True, **looks)
-    ax.add_patch(outline)
-    return outline
+def _draw_frame_in_space(ax: Axes3D, robot: Robot, exits: bool) -> None:
+    lower, upper = robot.frame
+    ax.add_collection3d(Line3DCollection(_edges(_corners(lower, upper)), colors=style.FAINT, lw=style.THIN))
+    if exits:
+        ax.plot(*robot.exits.T, "o", ms=3, color=style.INK)
+    ax.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    ax.set_xlim(lower[0], upper[0])
+    ax.set_ylim(lower[1], upper[1])
+    ax.set_zlim(lower[2], upper[2])
+    ax.set_box_aspect(tuple(upper - lower), zoom=1.0)
+    ax.set_proj_type("persp", focal_length=0.6)
+    ax.view_init(elev=14, azim=-72)
+    # Each axis omits the tick label at the corner that it shares with the next axis.
+    ax.xaxis.set_major_locator(MaxNLocator(8, prune="upper"))
+    ax.set_yticks(np.linspace(lower[1], upper[1], 3)[1:])
+    ax.zaxis.set_major_locator(MaxNLocator(5, prune="lower"))
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.pane.fill = False
+        axis.pane.set_edgecolor("white")
+    ax.grid(visible=False)
 
 
-def draw_commanded(ax: Axes, robot: Robot, position: np.ndarray) -> Polygon:
-    """Draw the commanded pose as an outline, above the platform, since both may coincide."""
-    looks = {"fc": "none", "ec": style.COMMANDED, "lw": style.THIN, "ls": style.COMMANDED_DASH, "zorder": 4.5}
-    return draw_platform(ax, robot, position, np.eye(3), **looks)
+def draw_platform(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, **looks) -> None:
+    """Draw the platform: its box, or the section of it."""
+    half, looks = robot.platform_size / 2, {"fc": style.PLATFORM, "ec": style.INK, "zorder": 4} | looks
+    if isinstance(ax, Axes3D):
+        corners = position + _corners(-half, half) @ rotation.T
+        alpha = looks.pop("alpha", 1.0)  # set after the colours, to which it applies
+        faces = [corners[list(face)] for face in FACES]
+        ax.add_collection3d(Poly3DCollection(faces, **{"lw": 0.6, "shade": False} | looks, alpha=alpha))
+    else:
+        corners = position + half * [[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]] @ rotation.T
+        ax.add_patch(Polygon(corners[:, [0, 2]], closed=True, **{"lw": style.HAIR + 0.2} | looks))
+
+
+def draw_commanded(ax: Axes, robot: Robot, position: np.ndarray) -> None:
+    """Draw the commanded level pose as an outline; in the plane above the platform, since both may coincide."""
+    if isinstance(ax, Axes3D):
+        half = robot.platform_size / 2
+        box = position + _corners(-half, half)
+        dashed = {"colors": style.COMMANDED, "lw": 0.7, "ls": style.COMMANDED_DASH}
+        ax.add_collection3d(Line3DCollection(_edges(box), **dashed))
+    else:
+        looks = {"fc": "none", "ec": style.COMMANDED, "lw": style.THIN, "ls": style.COMMANDED_DASH, "zorder": 4.5}
+        draw_platform(ax, robot, position, np.eye(3), **looks)
 
 
 def draw_cables(
@@ -105,19 +169,50 @@ def draw_cables(
     Raises:
         InvalidInput: cables with mass without ``shapes``.
     """
+    in_space = isinstance(ax, Axes3D)
+    dotted = {"color": style.SLACK_CABLE, "ls": style.SLACK_DASH}
+    dotted |= {"lw": 1.2} if in_space else {"lw": 1.4, "zorder": 3}
+    line = {"color": style.INK} | ({"lw": 0.6} if in_space else {"lw": style.HAIR + 0.2, "zorder": 2.5}) | looks
     anchors = position + robot.anchors @ rotation.T
     lengths = [None] * robot.cables if rest_lengths is None else rest_lengths
     for cable, (anchor, is_slack, rest_length) in enumerate(zip(anchors, slack, lengths, strict=True)):
         length = float(rest_length) if is_slack and rest_length is not None else None
-        points = cable_curve(robot.cabling, cable, anchor, length, None if shapes is None else shapes[cable])
-        if is_slack:
-            ax.plot(*points[:, [0, 2]].T, ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, zorder=3)
-        else:
-            line = {"color": style.INK, "lw": style.HAIR + 0.2, "zorder": 2.5} | looks
-            ax.plot(*points[:, [0, 2]].T, **line)
+        curve = cable_curve(robot.cabling, cable, anchor, length, None if shapes is None else shapes[cable])
+        plot(ax, curve, **dotted if is_slack else line)
         wheel = wheel_of(robot.cabling, cable, anchor)
-        if wheel is not None:
+        if wheel is not None and in_space:
+            plot(ax, wheel.arc(), color=style.WHEEL["ec"], lw=style.WHEEL["lw"])
+        elif wheel is not None:
             ax.add_patch(Polygon(wheel.arc()[:, [0, 2]], closed=True, **style.WHEEL, zorder=2.4))
+
+
+def draw_pose(
+    ax: Axes, equilibria: EquilibriumBatch, row: int, shapes: Float[np.ndarray, "cables points 3"] | None = None
+) -> None:
+    """Draw one equilibrium with the outline of its commanded pose, taut and slack cables, and pulley wheels.
+
+    Raises:
+        InvalidInput: cables with mass without ``shapes`` from ``cable_profiles``.
+    """
+    robot, position, rotation = equilibria.robot, equilibria.positions[row], equilibria.rotations[row]
+    draw_commanded(ax, robot, equilibria.problems.positions[row])
+    draw_platform(ax, robot, position, rotation)
+    draw_cables(ax, robot, position, rotation, equilibria.slack[row], equilibria.rest_lengths[row], shapes)
+
+
+def seen(ax: Axes3D, point: np.ndarray) -> tuple[float, float]:
+    """Projection of a 3D point to the 2D coordinates of the axes."""
+    x, y, _ = proj_transform(*point, ax.get_proj())
+    return float(x), float(y)
+
+
+def _corners(lower: np.ndarray, upper: np.ndarray) -> Float[np.ndarray, "8 3"]:
+    choice = (np.arange(8)[:, None] >> np.array([2, 1, 0])) & 1
+    return np.where(choice, upper, lower)
+
+
+def _edges(corners: Float[np.ndarray, "8 3"]) -> list[Float[np.ndarray, "2 3"]]:
+    return [corners[list(edge)] for edge in EDGES]
 
 
 def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
@@ -125,10 +220,10 @@ def pose_legend(*, slack: bool) -> list[Patch | Line2D]:
     handles = [
         Patch(fc="none", ec=style.COMMANDED, ls=style.COMMANDED_DASH, label="commanded pose"),
         Patch(fc=style.PLATFORM, ec=style.INK, lw=style.HAIR, label="platform at equilibrium"),
-        Line2D([], [], color=style.INK, lw=style.HAIR + 0.2, label="taut cable"),
+        key("taut cable", color=style.INK, lw=style.HAIR + 0.2),
     ]
     if slack:
-        handles.append(Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack cable"))
+        handles.append(slack_key())
     return handles
 
 
@@ -152,88 +247,3 @@ def draw_zones(ax: Axes, zones: Sequence[tuple[float, float, int]], cables: int)
 def points(color: str, marker: str = "o", **looks) -> dict:
     """Marker style of MuJoCo's points: hollow."""
     return {"ls": "none", "marker": marker, "mfc": "white", "mec": color, "mew": 1.1, "zorder": 6} | looks
-
-
-# In space
-
-
-def draw_space(ax: Axes3D, robot: Robot, *, exits: bool = True) -> None:
-    """Draw the frame and the exits in 3D, to scale [m]."""
-    lower, upper = robot.frame
-    box = _corners(lower, upper)
-    ax.add_collection3d(Line3DCollection([box[list(edge)] for edge in EDGES], colors=style.FAINT, lw=style.THIN))
-    if exits:
-        ax.plot(*robot.exits.T, "o", ms=3, color=style.INK)
-    ax.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    ax.set_xlim(lower[0], upper[0])
-    ax.set_ylim(lower[1], upper[1])
-    ax.set_zlim(lower[2], upper[2])
-    ax.set_box_aspect(tuple(upper - lower), zoom=1.0)
-    ax.set_proj_type("persp", focal_length=0.6)
-    ax.view_init(elev=14, azim=-72)
-    # Each axis omits the tick label at the corner that it shares with the next axis.
-    ax.xaxis.set_major_locator(MaxNLocator(8, prune="upper"))
-    ax.set_yticks(np.linspace(lower[1], upper[1], 3)[1:])
-    ax.zaxis.set_major_locator(MaxNLocator(5, prune="lower"))
-    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
-        axis.pane.fill = False
-        axis.pane.set_edgecolor("white")
-    ax.grid(visible=False)
-
-
-def seen(ax: Axes3D, point: np.ndarray) -> tuple[float, float]:
-    """Projection of a 3D point to the 2D coordinates of the axes."""
-    x, y, _ = proj_transform(*point, ax.get_proj())
-    return float(x), float(y)
-
-
-def draw_pose_in_space(
-    ax: Axes3D, equilibria: EquilibriumBatch, row: int, shapes: Float[np.ndarray, "cables points 3"] | None = None
-) -> None:
-    """Draw one pose with the outline of its commanded pose, taut and slack cables, and pulley wheels.
-
-    Raises:
-        InvalidInput: cables with mass without ``shapes`` from ``cable_profiles``.
-    """
-    robot, position, rotation = equilibria.robot, equilibria.positions[row], equilibria.rotations[row]
-    half = robot.platform_size / 2
-    box = _corners(-half, half)
-    ghost = equilibria.problems.positions[row] + box
-    ax.add_collection3d(
-        Line3DCollection([ghost[list(edge)] for edge in EDGES], colors=style.COMMANDED, lw=0.7, ls=style.COMMANDED_DASH)
-    )
-    draw_platform_in_space(ax, robot, position, rotation)
-    anchors = position + robot.anchors @ rotation.T
-    for cable in range(robot.cables):
-        slack = bool(equilibria.slack[row, cable])
-        length = float(equilibria.rest_lengths[row, cable]) if slack else None
-        curve = cable_curve(robot.cabling, cable, anchors[cable], length, None if shapes is None else shapes[cable])
-        looks = {"color": style.SLACK_CABLE, "lw": 1.2, "ls": style.SLACK_DASH} if slack else {"color": style.INK}
-        ax.plot(*curve.T, **{"lw": 0.6} | looks)
-        wheel = wheel_of(robot.cabling, cable, anchors[cable])
-        if wheel is not None:
-            ax.plot(*wheel.arc().T, color=style.WHEEL["ec"], lw=style.WHEEL["lw"])
-
-
-def draw_platform_in_space(
-    ax: Axes3D, robot: Robot, position: np.ndarray, rotation: np.ndarray, alpha: float = 1.0
-) -> None:
-    """Draw the platform in 3D."""
-    half = robot.platform_size / 2
-    corners = position + _corners(-half, half) @ rotation.T
-    ax.add_collection3d(
-        Poly3DCollection(
-            [corners[list(face)] for face in FACES],
-            fc=style.PLATFORM,
-            ec=style.INK,
-            lw=0.6,
-            alpha=alpha,
-            shade=False,
-            zorder=4,
-        )
-    )
-
-
-def _corners(lower: np.ndarray, upper: np.ndarray) -> Float[np.ndarray, "8 3"]:
-    choice = (np.arange(8)[:, None] >> np.array([2, 1, 0])) & 1
-    return np.where(choice, upper, lower)

@@ -11,13 +11,12 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, draw_pose_in_space, draw_space, styled
+from cdpr_sim.drawing.axes import canvas, draw_frame, draw_pose, key, slack_key, styled
 
 WIDTH, HEIGHT = 9.6, 7.4
 """[inch]"""
@@ -33,7 +32,7 @@ MOST_DEGREES = 45.0
 def draw_better_layout(
     equilibria: tuple[EquilibriumBatch, EquilibriumBatch],
     row: int,
-    shapes: tuple[np.ndarray | None, np.ndarray | None],
+    shapes: Sequence[np.ndarray | None],
     maps: tuple[Float[np.ndarray, "x z"], Float[np.ndarray, "x z"]],
     extent: tuple[float, float, float, float],
     asked: Float[np.ndarray, "poses 3"],
@@ -61,11 +60,11 @@ def draw_better_layout(
     image, panels = None, []
     for column, (one, name) in enumerate(zip(equilibria, ("before", "after"), strict=True)):
         space = figure.add_subplot(grid[1, column], projection="3d")
-        draw_space(space, one.robot)
+        draw_frame(space, one.robot)
         _reach(space, robots)
         if column:
             _draw_moves(space, *robots)
-        draw_pose_in_space(space, one, row, shapes[column])
+        draw_pose(space, one, row, shapes[column])
         for drawn in space.get_children():
             drawn.set_clip_on(False)
             drawn.set_in_layout(False)
@@ -83,22 +82,13 @@ def draw_better_layout(
     figure.colorbar(image, ax=panels, label="tilt [°]", shrink=0.9, pad=0.015)
     _write_numbers(figure.add_subplot(grid[3, :]), numbers)
     handles = [
-        Line2D(
-            [],
-            [],
-            color=style.PURPLE,
-            lw=1.6,
-            marker="o",
-            ms=4,
-            mfc="white",
-            label="exit moved, from its previous position",
-        ),
-        Line2D([], [], color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH, label="slack cable"),
-        Line2D([], [], color=style.SKY, ls="none", marker="o", ms=4, label="pose of the optimisation"),
+        key("exit moved, from its previous position", color=style.PURPLE, lw=1.6, marker="o", ms=4, mfc="white"),
+        slack_key(),
+        key("pose of the optimisation", color=style.SKY, ls="none", marker="o", ms=4),
     ]
-    key = figure.add_subplot(grid[0, :])
-    key.axis("off")
-    key.legend(handles=handles, loc="center", ncols=3)
+    legend = figure.add_subplot(grid[0, :])
+    legend.axis("off")
+    legend.legend(handles=handles, loc="center", ncols=3)
     return figure
 
 

@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -29,8 +29,25 @@ if TYPE_CHECKING:
 SUFFIXES = (".png", ".svg", ".pdf")
 """File formats of a map."""
 
-QUANTITIES = ("tilt", "distance", "slack_count", "feasible", "capacity_margin")
+ELASTIC = ("tilt", "distance", "slack_count", "feasible")
+"""Rows of an elastic map."""
+
+QUANTITIES = (*ELASTIC, "capacity_margin")
 """Variables of ``sweep`` for an elastic map; the last gives the border of the feasible workspace between the poses."""
+
+TITLES = {
+    "tilt": "tilt [°]",
+    "distance": "deviation [mm]",
+    "slack_count": "slack cables",
+    "feasible": "feasible",
+    "wrench_feasible": "feasible for\nall wrenches",
+    "outcome": "outcome",
+    "position_error": "difference [mm]",
+}
+"""Title of a row, by its variable."""
+
+FACTORS = {"tilt": 180 / np.pi, "distance": 1e3}
+"""Factors from SI units to those of the titles."""
 
 MOST_CABLES = len(style.MAP_SLACK) - 1
 """Largest number of slack cables with a colour of its own."""
@@ -100,10 +117,6 @@ class _Row:
             yield ax, panel[horizontal].values, panel[vertical].values, panel.values
 
 
-ELASTIC = ("tilt", "distance", "slack_count", "feasible")
-"""Rows of an elastic map."""
-
-
 def draw_elastic_map(dataset: xr.Dataset, *, names: Sequence[str] = ELASTIC) -> Figure:
     """Tilt, deviation, slack cables and feasibility over a plane of the workspace, on shared scales.
 
@@ -115,7 +128,7 @@ def draw_elastic_map(dataset: xr.Dataset, *, names: Sequence[str] = ELASTIC) -> 
     Raises:
         InvalidInput: a dataset that is not a plane, or lacks a variable.
     """
-    return _draw(dataset, {name: _ELASTIC[name] for name in names})
+    return _draw(dataset, names)
 
 
 def draw_agreement_map(dataset: xr.Dataset) -> Figure:
@@ -127,7 +140,7 @@ def draw_agreement_map(dataset: xr.Dataset) -> Figure:
     Raises:
         InvalidInput: a dataset that is not a plane.
     """
-    return _draw(dataset, {"outcome": _draw_outcome, "position_error": _draw_error})
+    return _draw(dataset, ("outcome", "position_error"))
 
 
 def write(figure: Figure, path: Path) -> None:
@@ -140,7 +153,7 @@ def write(figure: Figure, path: Path) -> None:
         figure.savefig(temporary, dpi=style.PNG_DPI, format=path.suffix[1:].lower())
 
 
-def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure:
+def _draw(dataset: xr.Dataset, rows: Sequence[str]) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -150,45 +163,46 @@ def _draw(dataset: xr.Dataset, rows: dict[str, Callable[[_Row], str]]) -> Figure
     normal, horizontal, vertical = _plane(dataset)
     flat = dataset.isel({normal: 0}).transpose(..., vertical, horizontal, "axis")
     columns = variants_of(flat)
-    (left, right), (low, high) = (_ends(flat[name].values) for name in (horizontal, vertical))
+    (left, right), (low, high) = (outer_edges(flat[name].values) for name in (horizontal, vertical))
     layout = _Layout(len(rows), len(columns), _panel_size((high - low) / (right - left)))
     figure = Figure(figsize=layout.size, facecolor=style.MAP_BACKGROUND)
     FigureCanvasAgg(figure)
     shown = {name: [c for c, _ in enumerate(columns) if _differs(flat[name], columns, c)] for name in rows}
-    for r, (name, draw) in enumerate(rows.items()):
+    border = next((name for name in ("capacity_margin", "feasible") if name in flat), "")  # by its zero level or step
+    for r, name in enumerate(rows):
         axes = []
         for c in shown[name]:
             ax = figure.add_axes(layout.box(r, c), label="panel")
             ax.set_xlim(left, right)
             ax.set_ylim(low, high)
-            below = [later for later in list(rows)[r + 1 :] if c in shown[later]]
+            below = [later for later in rows[r + 1 :] if c in shown[later]]
             last = layout.lowest(r) or (layout.blocks == 1 and not below)
             _furnish(ax, (horizontal, vertical), last, c == 0)
             axes.append(ax)
-        panels = [panel_of(flat[name], columns[c][1]) for c in shown[name]]
-        margins = [panel_of(flat[_border(flat)], columns[c][1]) if _border(flat) else None for c in shown[name]]
+        panels = [columns[c].data[name] for c in shown[name]]
+        margins = [columns[c].data[border] if border else None for c in shown[name]]
         bar = figure.add_axes(layout.box(r, len(columns)), label="bar")
-        title = draw(_Row(figure, axes, bar, panels, margins))
+        _ROWS[name](_Row(figure, axes, bar, panels, margins))
         if name != "feasible":
             for ax, margin in zip(axes, margins, strict=True):
                 if margin is not None:
                     _outline_feasible(ax, margin, linestyles="dashed")
         x, y, _, height = layout.box(r, 0)
-        _write(figure, x - 0.78 / layout.size[0], y + height / 2, title, 2, rotation=90, va="center", weight="bold")
+        _write(
+            figure, x - 0.78 / layout.size[0], y + height / 2, TITLES[name], 2, rotation=90, va="center", weight="bold"
+        )
         for c in set(range(len(columns))) - set(shown[name]):
             x, y, wide, height = layout.box(r, c)
             same = "rigid cables:\nthe same for every material"
             _write(figure, x + wide / 2, y + height / 3, same, -0.5, va="center", color=style.MAP_MUTED)
-    _head(figure, layout, [names for names, _ in columns])
+    _head(figure, layout, columns)
     _locate(figure, layout, flat, columns, (horizontal, vertical))
-    border = ""
-    if _border(flat) and set(rows) != {"feasible"}:
-        border = "Dashed: border of the static feasible workspace."
-        if _border(flat) == "capacity_margin" and any(
-            _thin(panel_of(flat["capacity_margin"], one)) for _, one in columns
-        ):
-            border = "Green: static feasible workspace, which for an under-actuated robot is a line."
-    _say_where(figure, layout, dataset, (normal, horizontal, vertical), border)
+    note = ""
+    if border and set(rows) != {"feasible"}:
+        note = "Dashed: border of the static feasible workspace."
+        if border == "capacity_margin" and any(_thin(one.data[border]) for one in columns):
+            note = "Green: static feasible workspace, which for an under-actuated robot is a line."
+    _say_where(figure, layout, dataset, (normal, horizontal, vertical), note)
     _thin_ticks(figure)
     return figure
 
@@ -201,20 +215,10 @@ def _panel_size(slope: float) -> tuple[float, float]:
     return width, max(width * slope, least)
 
 
-def _differs(values: xr.DataArray, columns: Sequence[tuple[tuple[str, str], dict[str, str]]], column: int) -> bool:
+def _differs(values: xr.DataArray, columns: Sequence[Variant], column: int) -> bool:
     """Whether a column differs from the previous one: feasibility with rigid cables does not depend on the material."""
-    robots = [names[0] for names, _ in columns]
+    robots = [one.robot for one in columns]
     return "material" in values.dims or robots.index(robots[column]) == column
-
-
-def panel_of(values: xr.DataArray, choice: dict[str, str]) -> xr.DataArray:
-    """The values of one robot and material of ``variants_of``."""
-    return values.sel({k: v for k, v in choice.items() if k in values.dims})
-
-
-def _border(flat: xr.Dataset) -> str:
-    """The variable whose zero level, or whose step, is the border of the feasible workspace."""
-    return next((name for name in ("capacity_margin", "feasible") if name in flat), "")
 
 
 def _say_where(figure: Figure, layout: _Layout, dataset: xr.Dataset, axes: tuple[str, str, str], border: str) -> None:
@@ -265,18 +269,26 @@ def _plane(dataset: xr.Dataset) -> tuple[str, str, str]:
     return across[0], horizontal, vertical
 
 
-def variants_of(flat: xr.Dataset) -> list[tuple[tuple[str, str], dict[str, str]]]:
-    """Per column, the names of its robot and material, and its selection."""
+class Variant(NamedTuple):
+    """Names of a robot and a material, and their part of a dataset."""
+
+    robot: str
+    material: str
+    data: xr.Dataset
+
+
+def variants_of(dataset: xr.Dataset) -> list[Variant]:
+    """Each robot of a dataset with each material."""
     result = []
-    for robot in np.atleast_1d(flat["robot"].values):
-        one = flat.sel(robot=robot) if "robot" in flat.dims else flat
+    for robot in np.atleast_1d(dataset["robot"].values):
+        one = dataset.sel(robot=robot) if "robot" in dataset.dims else dataset
         for material in np.atleast_1d(one["material"].values):
-            choice = {k: v for k, v in (("robot", robot), ("material", material)) if k in flat.dims}
-            result.append(((str(robot), str(material)), choice))
+            chosen = one.sel(material=material) if "material" in one.dims else one
+            result.append(Variant(str(robot), str(material), chosen))
     return result
 
 
-def _ends(coordinates: np.ndarray) -> tuple[float, float]:
+def outer_edges(coordinates: np.ndarray) -> tuple[float, float]:
     """Outer edges of the cells that ``pcolormesh`` draws around the coordinates."""
     first, last = coordinates[1] - coordinates[0], coordinates[-1] - coordinates[-2]
     return float(coordinates[0] - first / 2), float(coordinates[-1] + last / 2)
@@ -298,14 +310,14 @@ def _locate(
     figure: Figure,
     layout: _Layout,
     flat: xr.Dataset,
-    columns: Sequence[tuple[tuple[str, str], dict[str, str]]],
+    columns: Sequence[Variant],
     names: tuple[str, str],
 ) -> None:
     """Draw frame, exits and the region of the maps above each robot's name; all robots on one scale."""
     from matplotlib.patches import Rectangle
 
     i, j = ("xyz".index(name) for name in names)
-    (x, x_end), (y, y_end) = (_ends(flat[name].values) for name in names)
+    (x, x_end), (y, y_end) = (outer_edges(flat[name].values) for name in names)
     frames = flat["frame"].values.reshape(-1, 2, 3)
     lower = np.minimum(frames[:, 0].min(0)[[i, j]], (x, y))
     upper = np.maximum(frames[:, 1].max(0)[[i, j]], (x_end, y_end))
@@ -313,7 +325,7 @@ def _locate(
     scale = min(layout.panel[0] / wide, style.MAP_LOCATOR / high)  # inches per metre
     width, height = scale * wide / layout.size[0], scale * high / layout.size[1]
     foot = 1 - (layout.top - 0.8) / layout.size[1]
-    for robot, middle in _middles(layout, [robot for (robot, _), _ in columns]).items():
+    for robot, middle in _middles(layout, columns).items():
         one = flat.sel(robot=robot) if "robot" in flat.dims else flat
         ax = figure.add_axes((middle - width / 2, foot, width, height), label="locator")
         ax.set_axis_off()
@@ -329,9 +341,9 @@ def _locate(
             ax.plot(exits[:, i], exits[:, j], "o", markersize=2.6, color=style.MAP_INK, zorder=5, clip_on=False)
 
 
-def _middles(layout: _Layout, robots: Sequence[str]) -> dict[str, float]:
+def _middles(layout: _Layout, columns: Sequence[Variant]) -> dict[str, float]:
     """Horizontal middle of each robot's columns, in figure coordinates."""
-    middles = {}
+    middles, robots = {}, [one.robot for one in columns]
     for robot in robots:
         first = robots.index(robot)
         start, *_ = layout.box(0, first)
@@ -340,14 +352,14 @@ def _middles(layout: _Layout, robots: Sequence[str]) -> dict[str, float]:
     return middles
 
 
-def _head(figure: Figure, layout: _Layout, columns: Sequence[tuple[str, str]]) -> None:
+def _head(figure: Figure, layout: _Layout, columns: Sequence[Variant]) -> None:
     """Write the names of robots above their columns, and of materials below them."""
     _, y, width, height = layout.box(0, 0)
-    for c, (_, material) in enumerate(columns):
+    for c, (_, material, _) in enumerate(columns):
         for block in range(layout.blocks):
             x = layout.box(block, c)[0]
             _write(figure, x + width / 2, y + height + 0.23 / layout.size[1], material, 1)
-    for robot, middle in _middles(layout, [robot for robot, _ in columns]).items():
+    for robot, middle in _middles(layout, columns).items():
         _write(figure, middle, y + height + 0.46 / layout.size[1], robot, 4, weight="bold")
 
 
@@ -411,24 +423,13 @@ def _label_places(
     return places
 
 
-def _draw_tilt(row: _Row) -> str:
-    _draw_smooth(row, 180 / np.pi, "°", style.MAP_TILT)
-    return "tilt [°]"
-
-
-def _draw_distance(row: _Row) -> str:
-    _draw_smooth(row, 1e3, " mm", style.MAP_DISTANCE)
-    return "deviation [mm]"
-
-
-def _draw_slack(row: _Row) -> str:
+def _draw_slack(row: _Row) -> None:
     counts = [np.minimum(values, MOST_CABLES) for _, _, _, values in row.each()]
     most = int(max((np.nanmax(count) for count in counts if np.isfinite(count).any()), default=0))
     _draw_discrete(row, counts, style.MAP_SLACK[: most + 1], [str(n) for n in range(most + 1)])
-    return "slack cables"
 
 
-def _draw_feasible(row: _Row) -> str:
+def _draw_feasible(row: _Row) -> None:
     masks = [values.astype(float) for _, _, _, values in row.each()]
     smooth = [margin is not None and margin.dtype != bool and min(margin.shape) > 1 for margin in row.margins]
     colors = [style.MAP_INFEASIBLE, style.MAP_FEASIBLE]
@@ -442,33 +443,17 @@ def _draw_feasible(row: _Row) -> str:
                 ax.contourf(*_to_edges(x, y, _finite(margin)), levels=[0, np.inf], colors=[style.MAP_FEASIBLE])
             _outline_feasible(ax, margin, linestyles="solid")
         _note(ax, share)
-    return "feasible"
 
 
-def _draw_wrench_feasible(row: _Row) -> str:
-    _draw_feasible(replace(row, margins=row.panels))
-    return "feasible for\nall wrenches"
-
-
-_ELASTIC: dict[str, Callable[[_Row], str]] = {
-    "tilt": _draw_tilt,
-    "distance": _draw_distance,
-    "slack_count": _draw_slack,
-    "feasible": _draw_feasible,
-    "wrench_feasible": _draw_wrench_feasible,
-}
-
-
-def _draw_outcome(row: _Row) -> str:
+def _draw_outcome(row: _Row) -> None:
     names = row.panels[0].attrs["flag_meanings"].split()
     present = sorted({int(code) for panel in row.panels for code in np.unique(panel.values)})
     codes = [np.searchsorted(present, panel.values).astype(float) for panel in row.panels]
     labels = [names[code].replace("_", "\n", 1).replace("_", " ") for code in present]
     _draw_discrete(row, codes, [style.MAP_OUTCOMES[names[code]] for code in present], labels)
-    return "outcome"
 
 
-def _draw_error(row: _Row) -> str:
+def _draw_error(row: _Row) -> None:
     """Draw the difference of the two methods [mm] on a logarithmic scale."""
     from matplotlib.colors import LogNorm
 
@@ -483,7 +468,17 @@ def _draw_error(row: _Row) -> str:
         if error.count():
             _note(ax, f"at most {power_of_ten(float(error.max()))} mm")
     _bar(row, image)
-    return "difference [mm]"
+
+
+_ROWS: dict[str, Callable[[_Row], None]] = {
+    "tilt": lambda row: _draw_smooth(row, FACTORS["tilt"], "°", style.MAP_TILT),
+    "distance": lambda row: _draw_smooth(row, FACTORS["distance"], " mm", style.MAP_DISTANCE),
+    "slack_count": _draw_slack,
+    "feasible": _draw_feasible,
+    "wrench_feasible": lambda row: _draw_feasible(replace(row, margins=row.panels)),
+    "outcome": _draw_outcome,
+    "position_error": _draw_error,
+}
 
 
 def _draw_discrete(row: _Row, codes: Sequence[np.ndarray], colors: Sequence[str], labels: Sequence[str]) -> None:
@@ -525,7 +520,7 @@ def _outline_feasible(ax: Axes, margin: xr.DataArray, **looks: Any) -> None:
 
 def _to_edges(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Extend the values to the edges of the outermost cells, half a step beyond the outermost poses."""
-    (left, right), (low, high) = _ends(x), _ends(y)
+    (left, right), (low, high) = outer_edges(x), outer_edges(y)
     return np.array([left, *x, right]), np.array([low, *y, high]), np.pad(values, 1, mode="edge")
 
 

@@ -11,19 +11,13 @@ from matplotlib.ticker import MaxNLocator
 
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.axes import canvas, styled
-from cdpr_sim.drawing.maps import panel_of, variants_of
+from cdpr_sim.drawing.maps import ELASTIC, FACTORS, TITLES, variants_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
-SMOOTH = {"tilt": ("tilt [°]", 180 / np.pi), "distance": ("deviation [mm]", 1e3)}
-"""Rows of continuous quantities: titles, and factors from SI units."""
-
-HELD = {"feasible": "feasible", "wrench_feasible": "feasible for\nall wrenches"}
+HELD = ("feasible", "wrench_feasible")
 """Rows of yes or no: what rigid cables could do."""
-
-QUANTITIES = (*SMOOTH, "slack_count", *HELD)
-"""Variables of ``sweep`` that are drawn, those that a dataset has."""
 
 
 @styled
@@ -34,29 +28,28 @@ def draw_path_map(dataset: xr.Dataset, waypoints: Sequence[tuple[float, str]]) -
         dataset: of ``sweep``, over poses at equal distances along the path.
         waypoints: of each, the fraction of the path at which it lies, and its name.
     """
-    names = [name for name in QUANTITIES if name in dataset]
+    names = [name for name in (*ELASTIC, "wrench_feasible") if name in dataset]
     fraction = np.linspace(0, 1, dataset.sizes["pose"])
     variants = variants_of(dataset)
-    robots = " and ".join(dict.fromkeys(robot for (robot, _), _ in variants))
+    robots = " and ".join(dict.fromkeys(one.robot for one in variants))
     caption = "Static equilibria (Newton) at equal distances along straight lines through the waypoints, x, y, z [m]."
     if "feasible" in names:
         caption += " Feasible: rigid cables could hold the platform at the commanded pose."
     figure = canvas(8.5, 1.6 + 1.35 * len(names), f"{robots}: equilibria along a path", caption)
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for ax, name in zip(panels, names, strict=True):
-        title, factor = SMOOTH.get(name, (HELD.get(name, "slack cables"), 1.0))
-        for number, ((robot, material), choice) in enumerate(variants):
+        for number, (robot, material, data) in enumerate(variants):
             looks = {"color": style.CABLES[number % len(style.CABLES)], "ls": style.DASHES[number % len(style.DASHES)]}
-            values = factor * panel_of(dataset[name], choice).values
-            step = "default" if name in SMOOTH else "steps-mid"
+            values = FACTORS.get(name, 1.0) * data[name].values
+            step = "default" if name in FACTORS else "steps-mid"
             ax.plot(fraction, values, **looks, drawstyle=step, label=f"{robot}, {material}", gid=name)
-        ax.set_ylabel(title)
+        ax.set_ylabel(TITLES[name])
         for at, _ in waypoints:
             ax.axvline(at, color=style.FAINT, lw=style.HAIR, zorder=0)
         if name in HELD:
             ax.set_ylim(-0.15, 1.15)
             ax.set_yticks([0, 1], ["no", "yes"])
-        elif name in SMOOTH:
+        elif name in FACTORS:
             ax.set_ylim(bottom=0)
         else:
             ax.set_ylim(-0.15, max(1.15, ax.get_ylim()[1]))

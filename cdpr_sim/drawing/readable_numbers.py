@@ -17,6 +17,11 @@ def power_of_ten(value: float) -> str:
     return "10" + f"{math.ceil(math.log10(value) - 1e-9)}".translate(_SUPERSCRIPTS) if value > 0 else "0"
 
 
+def exponent(value: float) -> str:
+    """The next power of ten above, as on a keyboard: 1e-7 for 8e-8."""
+    return f"1e{math.ceil(math.log10(value)):d}"
+
+
 def per_cent(share: float) -> str:
     """A share in per cent; 100 and 0 are used for all and none only."""
     if share in (0, 1):

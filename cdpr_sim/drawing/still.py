@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from PIL import Image
@@ -21,9 +20,8 @@ from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.describe import describe_cables
 from cdpr_sim.core.pose import PoseLike
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, styled
+from cdpr_sim.drawing.axes import canvas, draw_frame, draw_platform, encoded, plot, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 
 STAMP = "Source"
@@ -35,14 +33,6 @@ class Still(Figure):
 
     def _repr_png_(self) -> bytes:
         return encoded(self)
-
-
-def encoded(figure: Figure) -> bytes:
-    """The figure as PNG."""
-    buffer = io.BytesIO()
-    figure.set_dpi(style.PNG_DPI)
-    FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim"})
-    return buffer.getvalue()
 
 
 def small(picture: bytes, stamp: str) -> bytes:
@@ -111,10 +101,14 @@ def draw(robot: Robot, pose: PoseLike | None = None) -> Figure:
 
 def draw_robot(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, width: float = style.THIN) -> None:
     """Draw frame, exits, cables and platform, in 3D or in the x-z plane."""
-    in_space = robot.mobility == "spatial"
-    (drawing.draw_space if in_space else drawing.draw_front)(ax, _with_room(robot))
-    _cables(ax, robot, position, rotation, width)
-    (drawing.draw_platform_in_space if in_space else drawing.draw_platform)(ax, robot, position, rotation)
+    draw_frame(ax, _with_room(robot))
+    straight = robot.replace(linear_density=0.0).cabling  # sagging is a result
+    for cable, anchor in enumerate(position + robot.anchors @ rotation.T):
+        plot(ax, cable_curve(straight, cable, anchor), color=_color(cable), lw=width, zorder=3)
+        wheel = wheel_of(straight, cable, anchor)
+        if wheel is not None:
+            plot(ax, wheel.arc(), color=style.WHEEL["ec"], lw=style.WHEEL["lw"])
+    draw_platform(ax, robot, position, rotation)
 
 
 def _with_room(robot: Robot) -> Robot:
@@ -125,31 +119,22 @@ def _with_room(robot: Robot) -> Robot:
     return robot.replace(frame=[lower - pad, upper + pad]) if pad.any() else robot
 
 
-def _cables(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray, width: float) -> None:
-    straight = robot.replace(linear_density=0.0).cabling  # sagging is a result
-    for cable, anchor in enumerate(position + robot.anchors @ rotation.T):
-        _plot(ax, robot, cable_curve(straight, cable, anchor), color=_color(cable), lw=width, zorder=3)
-        wheel = wheel_of(straight, cable, anchor)
-        if wheel is not None:
-            _plot(ax, robot, wheel.arc(), color=style.WHEEL["ec"], lw=style.WHEEL["lw"])
-
-
 def _close_up(ax: Axes, robot: Robot, position: np.ndarray, rotation: np.ndarray) -> None:
     """Draw the platform in its own frame, with the last part of each cable."""
     exits, origin, level = (robot.exits - position) @ rotation, np.zeros(3), np.eye(3)
     half = 1.4 * max(float(np.abs(robot.anchors).max()), float(robot.platform_size.max()) / 2)
     around = robot.replace(frame=[(-half, -half, -half), (half, half, half)])
-    in_space = robot.mobility == "spatial"
-    (drawing.draw_space if in_space else drawing.draw_front)(ax, around, exits=False)
+    draw_frame(ax, around, exits=False)
     for cable, (exit_, anchor) in enumerate(zip(exits, robot.anchors, strict=True)):
         away = exit_ - anchor
         end = anchor + away * min(1.0, 0.5 * half / max(float(np.linalg.norm(away)), 1e-12))
-        _plot(ax, robot, np.stack([anchor, end]), color=_color(cable), lw=style.LINE, zorder=3)
-    (drawing.draw_platform_in_space if in_space else drawing.draw_platform)(ax, robot, origin, level, alpha=0.6)
-    _plot(ax, robot, robot.anchors, ls="none", marker="o", ms=3.5, color=style.INK, zorder=6)
-    _plot(ax, robot, robot.center_of_mass[None], ls="none", marker="+", ms=9, color=style.INK, zorder=6)
+        plot(ax, np.stack([anchor, end]), color=_color(cable), lw=style.LINE, zorder=3)
+    draw_platform(ax, robot, origin, level, alpha=0.6)
+    plot(ax, robot.anchors, ls="none", marker="o", ms=3.5, color=style.INK, zorder=6)
+    plot(ax, robot.center_of_mass[None], ls="none", marker="+", ms=9, color=style.INK, zorder=6)
     _label(ax, robot, robot.anchors, origin, 2 * half, beside=0.08)
     ax.set_title("the platform, in its own frame", loc="left")
+    in_space = robot.mobility == "spatial"
     for axis in (ax.xaxis, ax.yaxis, *([ax.zaxis] if in_space else [])):
         axis.set_major_locator(MaxNLocator(3, prune="both" if in_space else None))
 
@@ -173,18 +158,14 @@ def _label(ax: Axes, robot: Robot, points: np.ndarray, middle: np.ndarray, size:
             ax.text(at[0], at[2], numbers, **looks)
 
 
-def _plot(ax: Axes, robot: Robot, points: np.ndarray, **looks) -> None:
-    ax.plot(*(points.T if robot.mobility == "spatial" else points[:, [0, 2]].T), **looks)
-
-
 def _color(cable: int) -> str:
     return style.CABLES[cable % len(style.CABLES)]
 
 
 @styled
-def sheet(robots: Sequence[Robot], columns: int = 6) -> Figure:
+def sheet(robots: Sequence[Robot]) -> Figure:
     """Draw all ``robots`` in one figure, each commanded to the middle of its workspace."""
-    columns = min(columns, len(robots))
+    columns = min(6, len(robots))
     rows = -(-len(robots) // columns)
     figure = canvas(
         2.1 * columns,

@@ -8,10 +8,9 @@ import numpy as np
 
 from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.controller import Command, Controller
-from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.learning.environments import Environment
-from cdpr_sim.physics.sensing import pose_of
+from cdpr_sim.physics.sensing import pose_of, recorded
 
 
 def run(
@@ -40,21 +39,13 @@ def run(
     reference = task.references[0]
     lengths = Command.of(controller.start(reference), task.robot.cables).rest_lengths
     task.restart(0, lengths, pose_of(task.simulations.poses[0]))
-    wanted = reference.poses(task.period * np.arange(task.periods + 1))
-    states, total, over = [_state(task)], 0.0, False
+    times = task.period * np.arange(task.periods + 1)
+    wanted = reference.poses(times)
+    seen, total, over = [task.simulations.seen(0)], 0.0, False
     while not over:
-        tick = len(states)
+        tick = len(seen)
         command = controller.command(tick * task.period, wanted[tick], task.measurement(0))
         _, reward, fallen, ended, _ = environment.step(task.action_of(0, command))
-        states.append(_state(task))
+        seen.append(task.simulations.seen(0))
         total, over = total + float(reward), fallen or ended
-    poses, lengths, tensions, rest_lengths = (np.array(column) for column in zip(*states, strict=True))
-    rows = np.arange(len(states))
-    problems = Problems.of(task.robot, wanted[rows], rest_lengths)
-    return Trajectory.of(problems, task.period * rows, pose_of(poses), lengths, tensions), total
-
-
-def _state(task: Any) -> tuple[np.ndarray, ...]:
-    simulations = task.simulations
-    parts = simulations.poses, simulations.lengths, simulations.tensions, simulations.rest_lengths
-    return tuple(part[0].copy() for part in parts)
+    return recorded(task.robot, wanted, times, seen), total

@@ -216,9 +216,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
 
 
 class Track(Environment):
-    """Follow a reference motion through three poses in the workspace: ``tasks.Track``."""
-
-    kind = tasks.Track
+    """Follow a reference motion through three poses in the workspace: ``tasks.Task``."""
 
 
 class Reach(Environment):
@@ -229,8 +227,6 @@ class Reach(Environment):
 
 class TrackVector(VectorEnvironment):
     """``Track`` in many simulations."""
-
-    kind = tasks.Track
 
 
 class ReachVector(VectorEnvironment):

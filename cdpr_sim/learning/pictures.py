@@ -9,14 +9,13 @@ import numpy as np
 from jaxtyping import UInt8
 
 from cdpr_sim.core.checks import whole
-from cdpr_sim.core.problem import Problems
+from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.drawing.video.render import Renderer, open_renderer
 from cdpr_sim.drawing.video.scene import Stage
 from cdpr_sim.learning.tasks import Task
-from cdpr_sim.physics.mjcf import scene_mjcf, to_mjcf
-from cdpr_sim.physics.sensing import pose_of
-from cdpr_sim.physics.viewer import FILE, refuse_without_display
+from cdpr_sim.physics.sensing import pose_of, recorded
+from cdpr_sim.physics.viewer import refuse_without_display, scene_with_winches
 from cdpr_sim.physics.winches import hang
 
 DARK = 1.5
@@ -25,14 +24,8 @@ DARK = 1.5
 
 def state_of(task: Task, row: int) -> Trajectory:
     """The present state of a simulation, as a motion of one state; its commanded pose is the target."""
-    simulations, rows = task.simulations, slice(row, row + 1)
-    position, quaternion = task.target(row)
-    wanted = pose_of(np.concatenate([position, quaternion])[None])
-    problems = Problems.of(task.robot, wanted, simulations.rest_lengths[rows].copy())
-    times = task.period * task.ticks[rows].astype(float)
-    return Trajectory.of(
-        problems, times, pose_of(simulations.poses[rows]), simulations.lengths[rows], simulations.tensions[rows]
-    )
+    wanted, times = pose_of(task.target(row)[None]), task.period * task.ticks[[row]].astype(float)
+    return recorded(task.robot, wanted, times, [task.simulations.seen(row)])
 
 
 class Camera:
@@ -69,9 +62,7 @@ class Window:
         refuse_without_display()
         from mujoco import viewer
 
-        robot = task.robot
-        assets = {FILE: to_mjcf(robot, robot.home, winches=True).encode()}
-        self._task, self._model = task, mujoco.MjModel.from_xml_string(scene_mjcf(robot, FILE), assets)
+        self._task, self._model = task, scene_with_winches(Problem.of(task.robot, task.robot.home))
         self._data = mujoco.MjData(self._model)
         self._viewer = viewer.launch_passive(self._model, self._data, show_left_ui=False, show_right_ui=False)
 

@@ -1,4 +1,4 @@
-"""Tasks of the environments: what is wanted, observed and rewarded, for many simulations at once."""
+"""Tasks of the environments: targets, observations and rewards, for many simulations at once."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from cdpr_sim.core.checks import checked_array, listed, one_of, positive, whole
 from cdpr_sim.core.controller import Command, Measurement, Reference
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.learning.domain import Domain
-from cdpr_sim.learning.simulations import Simulations, rotation_vectors
+from cdpr_sim.learning.task_simulations import TaskSimulations, rotation_vectors
 from cdpr_sim.physics.drive import FALLEN, poses_through
 from cdpr_sim.physics.sensing import pose_of
-from cdpr_sim.physics.track import CABLE_DAMPING, DAMPING
-from cdpr_sim.physics.winches import SPEED, largest_forces
+from cdpr_sim.physics.track import CABLE_DAMPING, DAMPING, Machine
+from cdpr_sim.physics.winches import WINCH_SPEED, largest_forces
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import newton
 
@@ -60,6 +60,8 @@ class Moment(NamedTuple):
 
 class Task:
     """Move the platform along a reference motion by actions of the winches; the base of all tasks.
+
+    The motion goes smoothly along straight lines, with zero velocity at both ends.
 
     An **observation** is, for each simulation, in SI units and in the base frame: position (3) and rotation vector (3)
     of the platform, its velocity (3) and angular velocity (3), tensions (cables), rest lengths (cables), and of the
@@ -100,7 +102,7 @@ class Task:
         seconds: float | None = None,
         domain: Domain | Mapping[str, float] | None = None,
         rewards: Mapping[str, float] | None = None,
-        winch_speed: float = SPEED,
+        winch_speed: float = WINCH_SPEED,
         winch_force: ArrayLike | None = None,
         damping: float = DAMPING,
         cable_damping: float = CABLE_DAMPING,
@@ -123,26 +125,27 @@ class Task:
         for name in rewards or {}:
             one_of("term of the reward", name, REWARDS)
         self.weights = REWARDS | {name: float(checked_array(name, of, ())) for name, of in (rewards or {}).items()}
-        self.winch_speed = positive("winch_speed", winch_speed, "m/s")
-        self.simulations = Simulations(
+        by_tension, largest = self._by_tension(control), largest_forces(robot, winch_force)
+        machine = Machine(
             robot,
-            count,
-            period=period,
-            by_tension=self._by_tension(control),
-            largest=largest_forces(robot, winch_force),
-            winch_speed=self.winch_speed,
+            robot.pose(robot.home),
+            robot.rest_lengths(robot.home),
+            winch_speed=positive("winch_speed", winch_speed, "m/s"),
             damping=damping,
             cable_damping=cable_damping,
-            threads=threads,
+            winch_force=largest,
         )
-        rows, states = count, self.periods + 1
-        self.references: list[Reference | None] = [None] * rows
-        self.robots = [robot] * rows
-        self.frictions = np.zeros((rows, robot.cables))
-        self.ticks = np.zeros(rows, dtype=int)
+        self.simulations = TaskSimulations(
+            machine, count, period=period, by_tension=by_tension, largest=largest, threads=threads
+        )
+        states = self.periods + 1
+        self.references: list[Reference | None] = [None] * count
+        self.robots = [robot] * count
+        self.frictions = np.zeros((count, robot.cables))
+        self.ticks = np.zeros(count, dtype=int)
         # Of each period: where the platform is wanted (position, quaternion), and what is observed of the next period.
-        self._plan = np.zeros((rows, states, 16))
-        self._every, self._first = self._plan.reshape(-1, 16), states * np.arange(rows)
+        self._plan = np.zeros((count, states, 16))
+        self._every, self._first = self._plan.reshape(-1, 16), states * np.arange(count)
         self._look()
         speeds = ~self.simulations.by_tension
         self._effort = speeds / -max(1, speeds.sum())
@@ -225,7 +228,7 @@ class Task:
                 if waypoints is not None:
                     raise
                 continue
-            self._follow(row, Reference(Path(self.robot, poses), self.seconds))
+            self._follow(row, Reference(PosePath(self.robot, poses), self.seconds))
             return
         raise InvalidInput(
             f"workspace: found no equilibrium of {self.robot.name!r} at {TRIES} poses in it, expected some"
@@ -257,7 +260,7 @@ class Task:
         self._look()
 
     def _look(self) -> None:
-        """Find in the plans what is wanted now."""
+        """Find the present targets in the plans."""
         self._now = self._every.take(self._first + self.ticks, axis=0)
 
     def observe(self) -> Float[np.ndarray, "count size"]:
@@ -305,19 +308,14 @@ class Task:
 
     # For controllers and pictures.
 
-    def target(self, row: int) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "4"]]:
-        """Where the platform of one simulation is wanted now: position [m], and quaternion w x y z."""
-        return self._now[row, :3], self._now[row, 3:7]
+    def target(self, row: int) -> Float[np.ndarray, "7"]:
+        """Present target of the platform of one simulation: position [m], and quaternion w x y z."""
+        return self._now[row, :7]
 
     def measurement(self, row: int) -> Measurement:
         """What exact sensors without delay measure in one simulation."""
-        simulations = self.simulations
-        return Measurement(
-            float(self.ticks[row] * self.period),
-            pose_of(simulations.poses[row]),
-            simulations.tensions[row].copy(),
-            simulations.rest_lengths[row].copy(),
-        )
+        pose, _, tensions, rest_lengths = self.simulations.seen(row)
+        return Measurement(float(self.ticks[row] * self.period), pose_of(pose), tensions, rest_lengths)
 
     def action_of(self, row: int, answer: Command | ArrayLike) -> Float[np.ndarray, " cables"]:
         """The action by which winches come nearest to a controller's command.
@@ -333,13 +331,11 @@ class Task:
                 f"control: found winches {ours.tolist()} that control tensions, and a command of the tensions of "
                 f"{found.tolist()}; expected control={found.tolist()}"
             )
-        speeds = (command.rest_lengths - simulations.rest_lengths[row]) / (self.winch_speed * self.period)
+        speeds = (command.rest_lengths - simulations.rest_lengths[row]) / (
+            simulations.machine.winch_speed * self.period
+        )
         tensions = 2 * command.tensions / simulations.largest - 1
         return np.where(simulations.by_tension, tensions, speeds).clip(-1, 1)
-
-
-class Track(Task):
-    """Follow a reference motion: smoothly along straight lines, with zero velocity at both ends."""
 
 
 class Reach(Task):

@@ -216,7 +216,7 @@ class Simulations:
         self.follow(rows)
         self.batch.forward(at)
         net = (self._smooth[at, : self.free] - self._damper[at, : self.free]) * self.unit
-        return self._in_base_frame(net, self._xmat[at, self._platform].reshape(-1, 3, 3))
+        return in_base_frame(net, self._xmat[at, self._platform].reshape(-1, 3, 3), self.length)
 
     @property
     def accelerating(self) -> Float[np.ndarray, "rows free"]:
@@ -241,16 +241,7 @@ class Simulations:
 
         Torques are divided by the robot's characteristic length.
         """
-        return self._in_base_frame(self.accelerating, self.rotations)
-
-    def _in_base_frame(
-        self, forces: Float[np.ndarray, "*batch free"], rotations: Float[np.ndarray, "*batch 3 3"]
-    ) -> Float[np.ndarray, "*batch free"]:
-        """``forces`` from ``accelerating``, which is overwritten, for platforms with these rotations."""
-        if self.robot.mobility == "spatial":  # a free joint's torque is in the body frame
-            forces[..., 3:] = (rotations @ forces[..., 3:, None])[..., 0]
-        forces[..., self.angular] /= self.length
-        return forces
+        return in_base_frame(self.accelerating, self.rotations, self.length)
 
     @property
     def pull(self) -> Float[np.ndarray, " rows"]:
@@ -288,20 +279,7 @@ class Simulations:
             there[:, : self.free] += moves / np.r_[1.0, 1.0, self.length]
             return there
         there[:, :3] += moves[:, :3]
-        half = moves[:, 3:] / (2 * self.length)
-        angle = np.sqrt(np.vecdot(half, half))
-        cosine, (x, y, z) = np.cos(angle), half.T * np.sinc(angle / np.pi)
-        a, b, c, d = qpos[:, 3:7].T
-        turned = np.stack(
-            (
-                cosine * a - x * b - y * c - z * d,
-                cosine * b + x * a + y * d - z * c,
-                cosine * c + y * a + z * b - x * d,
-                cosine * d + z * a + x * c - y * b,
-            ),
-            axis=1,
-        )
-        there[:, 3:7] = turned / np.sqrt(np.vecdot(turned, turned))[:, None]
+        there[:, 3:7] = turned(qpos[:, 3:7], moves[:, 3:] / self.length)
         return there
 
     def read(self, qpos: Float[np.ndarray, "rows coordinates"]) -> SimulationReading:
@@ -374,13 +352,13 @@ class Simulations:
         directions, ways = np.tile(np.arange(free), 2), np.repeat([1.0, -1.0], free)
         moves = np.zeros((2 * free, len(rest), free))
         moves[np.arange(2 * free), :, directions] = ways[:, None] * step
-        pushed, turned = np.empty((2 * free, len(rest), free)), np.empty((2 * free, len(rest), 3, 3))
+        pushed, rotations = np.empty((2 * free, len(rest), free)), np.empty((2 * free, len(rest), 3, 3))
         for i, displaced in enumerate(moves):
             self.qpos[:] = self.displaced(rest, displaced)
             self.turn_wheels()
             self.batch.forward()
-            pushed[i], turned[i] = self.accelerating, self.rotations
-        forces = self._in_base_frame(pushed, turned)
+            pushed[i], rotations[i] = self.accelerating, self.rotations
+        forces = in_base_frame(pushed, rotations, self.length)
         stiffness = np.moveaxis((forces[free:] - forces[:free]) / (2 * step[:, None]), 0, -1)
         self.qpos[:], self.band[:], self.springs[:], self.polynomials[:] = rest, band, springs, polynomials
         self._elements.stiffnesses[:] = elements
@@ -389,6 +367,60 @@ class Simulations:
         values, vectors = np.linalg.eigh((stiffness + stiffness.transpose(0, 2, 1))[known] / 2)
         eigenvalues[known], directions[known] = values, vectors[:, :, 0]
         return eigenvalues, directions
+
+
+def in_base_frame(
+    forces: Float[np.ndarray, "*batch free"], rotations: Float[np.ndarray, "*batch 3 3"], length: float
+) -> Float[np.ndarray, "*batch free"]:
+    """Forces, and torques over ``length``, of platforms with these rotations from MuJoCo's generalised forces [N]."""
+    forces = forces.copy()
+    if forces.shape[-1] == 6:  # a free joint's torque is in the body frame
+        forces[..., 3:] = (rotations @ forces[..., 3:, None])[..., 0]
+    forces[..., slice(3, 6) if forces.shape[-1] == 6 else slice(2, 3)] /= length
+    return forces
+
+
+def matrices(quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """Rotation matrices of unit quaternions (w, x, y, z)."""
+    w, x, y, z = (quaternions[..., i] for i in range(4))
+    whole = np.empty((*w.shape, 3, 3))
+    whole[..., 0, 0], whole[..., 0, 1], whole[..., 0, 2] = (
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - w * z),
+        2 * (x * z + w * y),
+    )
+    whole[..., 1, 0], whole[..., 1, 1], whole[..., 1, 2] = (
+        2 * (x * y + w * z),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x),
+    )
+    whole[..., 2, 0], whole[..., 2, 1], whole[..., 2, 2] = (
+        2 * (x * z - w * y),
+        2 * (y * z + w * x),
+        1 - 2 * (x * x + y * y),
+    )
+    return whole
+
+
+def turned(
+    quaternions: Float[np.ndarray, "*#batch 4"], angles: Float[np.ndarray, "*#batch 3"]
+) -> Float[np.ndarray, "*batch 4"]:
+    """Orientations (w, x, y, z) after rotations by these vectors in the base frame [rad]."""
+    half = angles / 2
+    angle = np.sqrt(np.vecdot(half, half))
+    sine = half * np.sinc(angle / np.pi)[..., None]
+    cosine, (x, y, z) = np.cos(angle), (sine[..., i] for i in range(3))
+    a, b, c, d = (quaternions[..., i] for i in range(4))
+    product = np.stack(
+        (
+            cosine * a - x * b - y * c - z * d,
+            cosine * b + x * a + y * d - z * c,
+            cosine * c + y * a + z * b - x * d,
+            cosine * d + z * a + x * c - y * b,
+        ),
+        axis=-1,
+    )
+    return product / np.sqrt(np.vecdot(product, product))[..., None]
 
 
 def refuse_own_masses(problems: Problems) -> None:

@@ -79,8 +79,6 @@ chain touches it."""
 FLAT = 1e-12
 """Least sine of the angle between a wheel's axis and a chain that leaves it: along the axis, none is outwards."""
 
-SHORTEST_FREE = 0.1
-"""Least free length of a first segment that damping assumes, in radii of its wheel."""
 
 STRETCHINGS, LEAST_SLOPE = 30, 0.01
 """Largest number of Newton steps to the stretch of a nonlinear segment, of which a handful suffice; and the least slope
@@ -126,8 +124,8 @@ class ChainDivision(NamedTuple):
     As fractions of the cable that has mass. The missing mass would be at the exit.
     """
 
-    lengths: Float[np.ndarray, "#chains segments"]
-    masses: Float[np.ndarray, "#chains points"]
+    lengths: Float[np.ndarray, "*rows #chains segments"]
+    masses: Float[np.ndarray, "*rows #chains points"]
 
 
 def straight(at_exit: Bool[np.ndarray, " chains"]) -> ChainDivision:
@@ -137,7 +135,9 @@ def straight(at_exit: Bool[np.ndarray, " chains"]) -> ChainDivision:
 
 
 def divisions(
-    level: Float[np.ndarray, " chains"], bend: Float[np.ndarray, " chains"], at_exit: Bool[np.ndarray, " chains"]
+    level: Float[np.ndarray, "*rows chains"],
+    bend: Float[np.ndarray, "*rows chains"],
+    at_exit: Bool[np.ndarray, " chains"],
 ) -> ChainDivision:
     """Divisions of chains with bends: by the quadrature in u, with level + bend sinh(u) the position along the cable.
 
@@ -149,11 +149,11 @@ def divisions(
         at_exit: which chains are ``felt_at_exit``.
     """
     points, weights = _quadrature(at_exit)
-    level, bend = level[:, None], np.maximum(bend, SHARPEST)[:, None]
+    level, bend = level[..., None], np.maximum(bend, SHARPEST)[..., None]
     first, last = np.arcsinh(-level / bend), np.arcsinh((1 - level) / bend)
     u = (first + last + (last - first) * points) / 2
     lengths = weights * np.cosh(u)
-    bent = ChainDivision(lengths / lengths.sum(1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
+    bent = ChainDivision(lengths / lengths.sum(-1, keepdims=True), np.diff(level + bend * np.sinh(u), append=1.0))
     return ChainDivision(*(np.where(bend < STRAIGHT, *both) for both in zip(bent, straight(at_exit), strict=True)))
 
 
@@ -184,14 +184,14 @@ def _quadratures() -> tuple[Float[np.ndarray, "2 points"], Float[np.ndarray, "2 
 def cut(
     robot: Robot,
     cables: Int[np.ndarray, " chains"],
-    rest_lengths: Float[np.ndarray, " cables"],
+    rest_lengths: Float[np.ndarray, "*rows cables"],
     division: ChainDivision,
-) -> tuple[Float[np.ndarray, "chains segments"], Float[np.ndarray, "chains points"]]:
+) -> tuple[Float[np.ndarray, "*rows chains segments"], Float[np.ndarray, "*rows chains points"]]:
     """Rest lengths [m] of the segments from exit to anchor, what lies on the wheel included; and the masses [kg]."""
     wrapped = robot.wrapped_lengths[cables]
-    weighing = (rest_lengths[cables] - wrapped)[:, None]
+    weighing = (rest_lengths[..., cables] - wrapped)[..., None]
     lengths = division.lengths * weighing
-    lengths[:, 0] += wrapped
+    lengths[..., 0] += wrapped
     densities = robot.cabling.reeving * robot.cabling.linear_density  # with all parts of line
     return lengths, densities[cables, None] * weighing * division.masses
 
@@ -199,43 +199,43 @@ def cut(
 def segment_springs(
     cabling: Cabling,
     cables: Int[np.ndarray, " chains"],
-    axial_stiffness: Float[np.ndarray, " chains"],
-    lengths: Float[np.ndarray, "chains segments"],
-) -> tuple[Float[np.ndarray, "chains segments"], Float[np.ndarray, "chains segments 2"]]:
+    axial_stiffness: Float[np.ndarray, "*rows chains"],
+    lengths: Float[np.ndarray, "*rows chains segments"],
+) -> tuple[Float[np.ndarray, "*rows chains segments"], Float[np.ndarray, "*rows chains segments 2"]]:
     """``stiffness`` and ``stiffnesspoly`` of segments of these lengths; the first stretches with the rope behind it."""
     parts = cabling.reeving[cables, None]
     ropes = parts * lengths
-    ropes[:, 0] += cabling.winch_to_exit[cables]
-    stiffness = axial_stiffness[:, None]
+    ropes[..., 0] += cabling.winch_to_exit[cables]
+    stiffness = axial_stiffness[..., None]
     further = tendons.polynomial(stiffness, cabling.stiffening[cables, None], ropes, parts)
     return tendons.spring(stiffness, ropes, parts), further
 
 
 def shape(
-    starts: Float[np.ndarray, "chains 3"],
-    ends: Float[np.ndarray, "chains 3"],
-    rest_lengths: Float[np.ndarray, " chains"],
-    parts: Float[np.ndarray, "chains segments"],
-) -> Float[np.ndarray, "chains segments 3"]:
+    starts: Float[np.ndarray, "*rows chains 3"],
+    ends: Float[np.ndarray, "*rows chains 3"],
+    rest_lengths: Float[np.ndarray, "*rows chains"],
+    parts: Float[np.ndarray, "*#rows chains segments"],
+) -> Float[np.ndarray, "*rows chains segments 3"]:
     """Initial profiles of chains: their segments, from exits or wheels to anchors, straight or along parabolas.
 
     Their lengths are approximately those of the cables; MuJoCo then computes the true profiles.
     """
-    s = np.cumsum(np.insert(parts, 0, 0.0, axis=1), axis=1)
+    s = np.cumsum(np.insert(parts, 0, 0.0, axis=-1), axis=-1)
     spans = ends - starts
-    chords = np.sqrt((spans * spans).sum(1))  # without BLAS: models are written with these digits
+    chords = np.sqrt((spans * spans).sum(-1))  # without BLAS: models are written with these digits
     sags = np.sqrt(3 / 8 * np.maximum(rest_lengths - chords, 0) * np.maximum(chords, SHALLOWEST * rest_lengths))
-    places = starts[:, None] + s[..., None] * spans[:, None]
-    places[..., 2] -= 4 * sags[:, None] * s * (1 - s)
-    return np.diff(places, axis=1)
+    places = starts[..., None, :] + s[..., None] * spans[..., None, :]
+    places[..., 2] -= 4 * sags[..., None] * s * (1 - s)
+    return np.diff(places, axis=-2)
 
 
 def expected_pulls(
-    spans: Float[np.ndarray, "chains 3"],
-    strains: Float[np.ndarray, " chains"],
-    stiffness: Float[np.ndarray, " chains"],
-    weights: Float[np.ndarray, "chains 3"],
-) -> Float[np.ndarray, "chains 3"]:
+    spans: Float[np.ndarray, "*rows chains 3"],
+    strains: Float[np.ndarray, "*rows chains"],
+    stiffness: Float[np.ndarray, "*rows chains"],
+    weights: Float[np.ndarray, "*rows chains 3"],
+) -> Float[np.ndarray, "*rows chains 3"]:
     """Approximate pulls of chains on their anchors [N], with which to begin to lay them out: those of flat parabolas.
 
     T, the tension in the middle, stretches a cable by T/EA and lets it sag by (weight across/T)²/24, as fractions of
@@ -247,24 +247,31 @@ def expected_pulls(
         stiffness: EA [N].
         weights: of the cables [N].
     """
-    along = spans / np.linalg.norm(spans, axis=1, keepdims=True)
-    across = weights - np.vecdot(weights, along)[:, None] * along
+    along = spans / np.linalg.norm(spans, axis=-1, keepdims=True)
+    across = weights - np.vecdot(weights, along)[..., None] * along
     sagging = np.vecdot(across, across) / 24
     just_taut = np.cbrt(stiffness * sagging)
     looser = np.sqrt(sagging / np.where(strains < 0, -strains, 1.0))
     tensions = np.where(strains < 0, np.minimum(looser, just_taut), np.maximum(stiffness * strains, just_taut))
-    return tensions[:, None] * along + weights / 2
+    return tensions[..., None] * along + weights / 2
 
 
 def extents(
     robot: Robot, pose: RigidTransform, rest_lengths: Float[np.ndarray, " cables"]
 ) -> Float[np.ndarray, "chains nodes 3"]:
     """The slides' coordinates with the platform at ``pose``: per cable with mass, from anchor to first mass."""
-    cables = np.flatnonzero(robot.cabling.linear_density)
-    starts, anchors = pulleys.departures(robot, pose)[cables], pose.apply(robot.anchors)[cables]
-    free = (rest_lengths - robot.wrapped_lengths)[cables]
-    inwards = -shape(starts, anchors, free, straight(felt_at_exit(robot.cabling, cables)).lengths)[:, :0:-1]
+    inwards = profiles(robot, pose.apply(robot.anchors), rest_lengths)
     return pose.rotation.inv().apply(inwards.reshape(-1, 3)).reshape(inwards.shape)
+
+
+def profiles(
+    robot: Robot, anchors: Float[np.ndarray, "*rows cables 3"], rest_lengths: Float[np.ndarray, "*rows cables"]
+) -> Float[np.ndarray, "*rows chains nodes 3"]:
+    """Extents of initial profiles from anchor to first mass, base frame, of cables with mass to these ``anchors``."""
+    cables = np.flatnonzero(robot.cabling.linear_density)
+    starts, ends = pulleys.departures(robot, anchors)[..., cables, :], anchors[..., cables, :]
+    free = (rest_lengths - robot.wrapped_lengths)[..., cables]
+    return -shape(starts, ends, free, straight(felt_at_exit(robot.cabling, cables)).lengths)[..., :0:-1, :]
 
 
 def add_chains(
@@ -442,7 +449,9 @@ def _run(tendon: ET.Element, i: int, sites: list[str], over_wheel: bool = False)
 
 
 def plucked(
-    step: float, tension: float | Float[np.ndarray, "*#n"], length: float | Float[np.ndarray, "*#n"]
+    step: float | Float[np.ndarray, "*#n"],
+    tension: float | Float[np.ndarray, "*#n"],
+    length: float | Float[np.ndarray, "*#n"],
 ) -> Float[np.ndarray, "*n"]:
     """Damping [N s/m] with the same effect in a time step as the transverse stiffness of a segment of this length."""
     return np.asarray(step * tension / length)
@@ -522,71 +531,17 @@ class Chains:
             axes=cabling.pulley_axis[cables],
         )
 
-    def let_out(
-        self,
-        model: mujoco.MjModel,
-        robot: Robot,
-        axial_stiffness: Float[np.ndarray, " cables"],
-        rest_lengths: Float[np.ndarray, " cables"],
-        division: ChainDivision,
-    ) -> None:
-        """Set a model's cables with mass to these rest lengths: springs and masses.
-
-        Of the constants that MuJoCo derives from masses, forces use only the sums of masses of subtrees, and only to
-        choose points of reference.
-        """
-        lengths, masses = cut(robot, self.cables, rest_lengths, division)
-        model.tendon_lengthspring[self.segments, 1] = lengths
-        model.tendon_lengthspring[self.segments[:, 0], 1] += self.entries
-        springs = segment_springs(robot.cabling, self.cables, axial_stiffness[self.cables], lengths)
-        model.tendon_stiffness[self.segments], model.tendon_stiffnesspoly[self.segments] = springs
-        model.body_mass[self.nodes] = masses[:, -2::-1]
-        model.body_mass[self.ends] = masses[:, -1]
-        sums = model.body_mass.tolist()
-        for body, parent in reversed(list(enumerate(model.body_parentid.tolist()))[1:]):
-            sums[parent] += sums[body]
-        model.body_subtreemass[:] = sums
-
     def place(self, model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, pose: RigidTransform) -> None:
         """Put the chains of one simulation in an approximate profile, with the platform at ``pose``."""
         lengths = np.zeros(robot.cables)
-        lengths[self.cables] = self.rest_lengths(model).sum(1)
+        lengths[self.cables] = self.rest_lengths(model.tendon_lengthspring).sum(1)
         data.qpos[self.coordinates] = extents(robot, pose, lengths)
 
-    def rest_lengths(self, model: mujoco.MjModel) -> Float[np.ndarray, "chains segments"]:
-        """Rest lengths of the segments [m], what lies on the wheel included."""
-        lengths = model.tendon_lengthspring[self.segments, 1]
-        lengths[:, 0] -= self.entries
+    def rest_lengths(self, bands: Float[np.ndarray, "*rows tendons 2"]) -> Float[np.ndarray, "*rows chains segments"]:
+        """Rest lengths of the segments [m], what lies on the wheel included, from MuJoCo's ``tendon_lengthspring``."""
+        lengths = bands[..., self.segments, 1]
+        lengths[..., 0] -= self.entries
         return lengths
-
-    def free(self, model: mujoco.MjModel, data: mujoco.MjData) -> Float[np.ndarray, "chains segments"]:
-        """Lengths of the segments that are free to turn [m]: at rest; of the first over a wheel, what is beyond it."""
-        lengths = self.rest_lengths(model)
-        away = data.xpos[self.first] - data.geom_xpos[self.grooves]
-        squares = self.radii[self.over] ** 2
-        lengths[self.over, 0] = np.sqrt(np.maximum((away * away).sum(1) - squares, SHORTEST_FREE**2 * squares))
-        return lengths
-
-    def hung(
-        self, model: mujoco.MjModel, pulls: Float[np.ndarray, "chains 3"], spans: Float[np.ndarray, "chains 3"]
-    ) -> tuple[Float[np.ndarray, "chains nodes 3"], Bool[np.ndarray, " chains"]]:
-        """Extents from anchor to first mass, base frame, of hanging chains, and whether they reach their exits.
-
-        Each segment is parallel to its own pull, which changes from segment to segment by the weights of the masses,
-        and is stretched by it; Newton's method finds the pulls on the anchors with which the chains reach their exits.
-        A first segment over a wheel begins where its direction is a tangent of the wheel, and is shorter by the arc
-        from the exit to there. These are only initial positions of the masses: whether they are in equilibrium there is
-        decided in MuJoCo. A folded chain, with a segment that is not taut, has no such pulls and is not computed.
-
-        Args:
-            model: with springs and masses.
-            pulls: approximate pulls on the anchors [N].
-            spans: vectors from anchors to exits [m].
-        """
-        masses = np.concatenate([model.body_mass[self.ends, None], model.body_mass[self.nodes]], axis=1)
-        law = model.tendon_stiffness[self.segments], *np.moveaxis(model.tendon_stiffnesspoly[self.segments], -1, 0)
-        weights = masses[:, ::-1, None] * model.opt.gravity
-        return hang(weights, self.rest_lengths(model), law, self.radii, self.axes, pulls, spans)
 
 
 def hang(
@@ -598,10 +553,17 @@ def hang(
     pulls: Float[np.ndarray, "chains 3"],
     spans: Float[np.ndarray, "chains 3"],
 ) -> tuple[Float[np.ndarray, "chains nodes 3"], Bool[np.ndarray, " chains"]]:
-    """``Chains.hung`` of any chains, with numbers from exit to anchor.
+    """Extents from anchor to first mass, base frame, of hanging chains, and whether they reach their exits.
+
+    Each segment is parallel to its own pull, which changes from segment to segment by the weights of the masses, and is
+    stretched by it; Newton's method finds the pulls on the anchors with which the chains reach their exits. A first
+    segment over a wheel begins where its direction is a tangent of the wheel, and is shorter by the arc from the exit
+    to there. These are only initial positions of the masses: whether they are in equilibrium there is decided in
+    MuJoCo. A folded chain, with a segment that is not taut, has no such pulls and is not computed. No chain has an
+    effect on another one.
 
     Args:
-        weights: of the masses between segments, and of that at the anchor [N].
+        weights: of the masses between segments, and of that at the anchor [N]; from exit to anchor, as all numbers.
         rest_lengths: of the segments [m], the first with what lies on the wheel.
         law: MuJoCo's stiffness and polynomial of each segment.
         radii: of the wheels, 0 without [m].
@@ -635,30 +597,31 @@ def hang(
     # The pulls are the least of a convex function, whose slope jumps by a segment's length where nothing pulls the
     # segment: it is least there where the others leave no more than that length to span.
     folded = (laid(-np.moveaxis(hanging, 1, 0))[2] <= rest[..., 0].T).any(0)
-    found, here = np.zeros(len(pulls), dtype=bool), laid(pulls)
+    here, close = laid(pulls), CLOSED * rest.sum(1)[:, 0]
+    sought = ~folded
     for _ in range(LAYINGS):
         _, off, apart, along, turning, give, swivelling, outwards = here
-        found = apart <= CLOSED * rest.sum(1)[:, 0]
-        if (found | folded).all():
-            break
+        sought &= apart > close
         slope = turning.sum(1)[..., None] * np.eye(3)
         slope += ((give[..., None] - turning) * along).swapaxes(1, 2) @ along
         sideways = turned @ outwards[..., None]
         slope += swivelling[..., None] * sideways * sideways.swapaxes(1, 2)
-        if not (np.linalg.det(slope) > 0).all():  # a chain whose first segment would not reach beyond its wheel
+        sought &= np.linalg.det(slope) > 0  # else the first segment would not reach beyond its wheel
+        if not sought.any():
             break
-        step = np.linalg.solve(slope, off[..., None])[..., 0]
+        step = np.zeros_like(pulls)
+        step[sought] = np.linalg.solve(slope[sought], off[sought, :, None])[..., 0]
         for _ in range(SHORTER):
             here = laid(pulls + step)
-            worse = here[2] > apart
-            if not (worse & ~folded).any():
+            worse = sought & (here[2] > apart)
+            if not worse.any():
                 break
             step[worse] *= 0.5
         else:
             here = laid(pulls + step)
         pulls = pulls + step
-    segments = here[0]
-    return segments[:, :-1], found
+    segments, _, apart = here[:3]
+    return segments[:, :-1], apart <= close
 
 
 def _point(parent: ET.Element, name: str, position: Float[np.ndarray, "3"], mass: float) -> ET.Element:
@@ -684,11 +647,13 @@ def stretched(
 ) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*#batch"]]:
     """Stretch [m] of springs with MuJoCo's polynomials under these pulls, and its slope [m/N], by Newton's method."""
     stretch, slope = pulls / stiffness, stiffness
+    sought = np.ones(np.shape(stretch), dtype=bool)  # no spring has an effect on another one
     for _ in range(STRETCHINGS if square.any() or cube.any() else 0):
-        force, slope = tendons.force(stretch, stiffness, square, cube)
-        slope = np.maximum(slope, LEAST_SLOPE * stiffness)
-        step = (force - pulls) / slope
+        force, slopes = tendons.force(stretch, stiffness, square, cube)
+        slope = np.where(sought, np.maximum(slopes, LEAST_SLOPE * stiffness), slope)
+        step = np.where(sought, (force - pulls) / slope, 0.0)
         stretch = np.maximum(stretch - step, 0)
-        if (np.abs(step) <= CLOSED * stretch).all():
+        sought &= np.abs(step) > CLOSED * stretch
+        if not sought.any():
             break
     return stretch, 1 / slope

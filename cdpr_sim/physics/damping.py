@@ -73,10 +73,13 @@ def relaxation_times(
     return factor * np.sqrt(robot.mass / springs)
 
 
-def fastest(model: mujoco.MjModel, robot: Robot, springs: Float[np.ndarray, " cables"]) -> float:
-    """Angular frequency of the platform's fastest oscillation where the model is written, with all cables taut [rad/s].
+def stiffest(
+    model: mujoco.MjModel, robot: Robot, springs: Float[np.ndarray, " cables"]
+) -> tuple[float, Float[np.ndarray, "free free"]]:
+    """Square of the angular frequency of the platform's fastest oscillation [rad²/s²], and its mass matrix [kg, kg m²].
 
-    By the tendons' velocities and the mass matrix in MuJoCo. Cables with mass are as stiff as along their chords.
+    Where the model is written, with all cables taut, by the tendons' velocities and the mass matrix in MuJoCo. Cables
+    with mass are as stiff as along their chords.
     """
     data, free = mujoco.MjData(model), np.arange(len(robot.free))
     names = np.where(robot.cabling.linear_density > 0, "chord", "cable")
@@ -84,7 +87,8 @@ def fastest(model: mujoco.MjModel, robot: Robot, springs: Float[np.ndarray, " ca
     stretch, mass = stretching(model, data, free, cables), np.zeros((len(free), model.nv))
     for coordinate, unit in enumerate(np.eye(len(free), model.nv)):
         mujoco.mj_mulM(model, data, mass[coordinate], unit)
-    return float(np.sqrt(eigh(stretch * springs @ stretch.T, mass[:, free], eigvals_only=True)[-1]))
+    mass = mass[:, free]
+    return float(eigh(stretch * springs @ stretch.T, mass, eigvals_only=True)[-1]), mass
 
 
 def stretching(

@@ -10,7 +10,7 @@ tensions are read out of MuJoCo. Cables with mass are wound as ``sagging.chain_m
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import mujoco
@@ -21,8 +21,8 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import FLAG, PROGRESS, listed, positive, refuse_unless, whole
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.status import Status
@@ -62,7 +62,8 @@ SMOOTH = 0.01
 """Time step of a platform on cables with mass, as a fraction of 1/omega of its slowest oscillation, if more than that
 of the model: an oscillation ten times as fast is damped by a twentieth of the critical damping."""
 
-Seen = tuple[RigidTransform, Float[np.ndarray, "steps cables"], Float[np.ndarray, "steps cables"]]
+State = tuple[Any, mujoco.MjData, int]
+"""What is recorded of a state, MuJoCo's data, and the platform's body."""
 
 ROWS = 128
 """States that are read out of MuJoCo side by side; this limits the memory."""
@@ -81,8 +82,8 @@ def drive(
 ) -> Trajectory:
     """Drive the platform along ``waypoints`` by its winches while MuJoCo simulates it.
 
-    The command moves along straight lines from waypoint to waypoint as described in ``core.path``: smoothly, with zero
-    velocity at both ends.
+    The command moves along straight lines from waypoint to waypoint as described in ``core.pose_path``: smoothly, with
+    zero velocity at both ends.
 
     Args:
         robot: the robot.
@@ -91,7 +92,7 @@ def drive(
         seconds: duration of the drive; default: slow enough to be nearly static.
         states: number of states to return, evenly spaced in time, the first and the last included.
         from_rest: start at the equilibrium to which the platform settles from the first waypoint; if False it is
-            released at the waypoint itself, with its cables just not taut, and drops.
+            released at the waypoint itself, where its cables are just not taut, and falls.
         rest_lengths: rest lengths at each waypoint, (waypoints, cables) [m], compensated ones for instance; between two
             waypoints, their difference from the rigid lengths is interpolated linearly. Default: the rigid lengths.
         external_wrench: constant force [N] and torque [N m] on the platform's origin, in the base frame, besides
@@ -112,13 +113,11 @@ def drive(
     poses = poses_through(robot, waypoints)
     robot.cabling.refuse_memory("drive")
     whole("states", states, 2, MOST_STATES)
-    path = Path(robot, poses, rest_lengths)
+    path = PosePath(robot, poses, rest_lengths)
     first = Problem.of(robot, poses[0], external_wrench=external_wrench)
     if seconds is None:
         seconds = PEAK * path.length / _slow_speed(first) or PAUSE
-    seconds = positive("seconds", seconds, "s")
-    if not seconds <= MOST_SECONDS:
-        raise InvalidInput(f"seconds: found {seconds:g}, expected more than 0 and at most {MOST_SECONDS:g}")
+    seconds = duration(seconds)
     fractions = np.linspace(0, 1, states)
     commanded = path.at(fractions)
     problems_at(robot, commanded)  # refuses poses that no rest lengths can hold
@@ -128,13 +127,28 @@ def drive(
         if weighs(robot):
             for lengths in problems.rest_lengths:
                 refuse_short(robot, lengths)
-            seen, fell = _simulate_chains(problems, path, start, seconds, from_rest, progress)
+            motion = _on_chains(problems, path, start, seconds, from_rest)
         else:
-            massless = without_weight(problems)
-            qpos, fell = _simulate(massless, path, start, seconds, progress)
-            seen = _read(massless.take(np.arange(len(qpos))), qpos)
-    rows = np.arange(len(seen[1]))
-    trajectory = Trajectory.of(problems.take(rows), seconds * fractions[: len(rows)], *seen)
+            motion = _on_tendons(without_weight(problems), path, start, seconds)
+        seen, fell = [], None
+        for row, (state, data, platform) in enumerate(motion):
+            seen.append(state)
+            fell = fallen(problems.positions[row], problems.rotations[row], problems.rest_lengths[row], data, platform)
+            if fell:
+                break
+            if progress is not None:
+                progress(row / (states - 1))
+        rows = np.arange(len(seen))
+        if not weighs(robot):
+            seen = _read(without_weight(problems).take(rows), np.array(seen))
+    poses, lengths, tensions = zip(*seen, strict=True)
+    trajectory = Trajectory.of(
+        problems.take(rows),
+        seconds * fractions[rows],
+        RigidTransform.concatenate(list(poses)),
+        np.concatenate(lengths),
+        np.concatenate(tensions),
+    )
     if fell:
         x, y, z = trajectory.commanded.translation[-1]
         raise PlatformFell(
@@ -143,6 +157,17 @@ def drive(
             trajectory,
         )
     return trajectory
+
+
+def duration(seconds: float) -> float:
+    """A duration of a motion [s].
+
+    Raises:
+        InvalidInput: not a number above 0, or too long.
+    """
+    if positive("seconds", seconds, "s") > MOST_SECONDS:
+        raise InvalidInput(f"seconds: found {seconds:g}, expected more than 0 and at most {MOST_SECONDS:g}")
+    return float(seconds)
 
 
 def poses_through(robot: Any, waypoints: Any) -> list[RigidTransform]:
@@ -159,7 +184,7 @@ def poses_through(robot: Any, waypoints: Any) -> list[RigidTransform]:
 
 
 def problems_at(robot: Robot, commanded: RigidTransform) -> Problems:
-    """What winches are asked that hold each of these poses with the rigid lengths there.
+    """Problems of winches that hold the rigid lengths of each of these poses.
 
     Raises:
         InvalidInput: nothing could hold the platform at one of the poses, or a cable leaves its pulley there.
@@ -180,14 +205,8 @@ def _slow_speed(problem: Problem) -> float:
     return float(NEARLY_STATIC * np.sqrt(gravity * problem.rest_lengths.mean()) / 2)
 
 
-def _simulate(
-    problems: Problems,
-    path: Path,
-    start: RigidTransform,
-    seconds: float,
-    progress: Callable[[float], None] | None,
-) -> tuple[Float[np.ndarray, "steps coordinates"], str | None]:
-    """MuJoCo's coordinates at each problem's instant, and the reason if the platform has fallen at the last."""
+def _on_tendons(problems: Problems, path: PosePath, start: RigidTransform, seconds: float) -> Iterator[State]:
+    """The states at each problem's instant, as MuJoCo's coordinates."""
     robot, commanded = problems.robot, problems.poses[0]
     model = mujoco.MjModel.from_xml_string(to_mjcf(robot, commanded))
     data = mujoco.MjData(model)
@@ -197,57 +216,33 @@ def _simulate(
     model.opt.timestep = seconds / intervals / steps
     platform = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "platform")
     data.body("origin").xfrc_applied[:] = problems[0].external_wrench
-    qpos = np.empty((len(problems), model.nq))
-    for k, rest_lengths in enumerate(problems.rest_lengths):
+    for k in range(len(problems)):
         if k > 0:
             # The lengths at the end of each time step, as an implicit integrator requires.
             rest = path.winches((k - 1 + np.arange(1, steps + 1) / steps) / intervals)
             for _ in let_out(model, robot.cabling, rest):
                 mujoco.mj_step(model, data)
-        qpos[k] = data.qpos
         mujoco.mj_kinematics(model, data)
-        fell = fallen(problems.positions[k], problems.rotations[k], rest_lengths, data, platform)
-        if fell:
-            return qpos[: k + 1], fell
-        if progress is not None:
-            progress(k / intervals)
-    return qpos, None
+        yield data.qpos.copy(), data, platform
 
 
-def _simulate_chains(
-    problems: Problems,
-    path: Path,
-    start: RigidTransform,
-    seconds: float,
-    from_rest: bool,
-    progress: Callable[[float], None] | None,
-) -> tuple[Seen, str | None]:
-    """Poses, lengths and tensions at each problem's instant on cables with mass; the reason, if the platform fell."""
+def _on_chains(
+    problems: Problems, path: PosePath, start: RigidTransform, seconds: float, from_rest: bool
+) -> Iterator[State]:
+    """The states at each problem's instant on cables with mass, as pose, lengths and tensions."""
     first = problems[0]
     robot, intervals = problems.robot, len(problems) - 1
-    if from_rest:
-        simulation = settle_chains.at_rest(first, start)
-    else:
-        given = first.rest_lengths, robot.axial_stiffness, first.external_wrench
-        simulation = settle_chains.ChainSimulation(robot, *given, start)
-    longest = max(TIMESTEP, SMOOTH / simulation.swing)
+    simulation = settle_chains.at_rest(first, start) if from_rest else settle_chains.single(first, start)
+    longest = max(TIMESTEP, SMOOTH / simulation.swing[0])
     motion = ChainMotion(simulation, longest, viscosity=air_viscosity(Problem.of(robot, first.pose)))
     interval = seconds / intervals
     pieces = max(1, int(np.ceil(interval / longest)))
-    platform, seen, fell = simulation.platform, [], None
-    for k, rest_lengths in enumerate(problems.rest_lengths):
+    for k in range(len(problems)):
         if k > 0:
             let_out = path.winches((k - 1 + np.linspace(0, 1, pieces + 1)) / intervals)
             motion.advance(interval, lambda passed, rows=let_out: _between(rows, passed / interval))
-        motion.look()
-        seen.append(simulation.seen())
-        fell = fallen(problems.positions[k], problems.rotations[k], rest_lengths, simulation.data, platform)
-        if fell:
-            break
-        if progress is not None:
-            progress(k / intervals)
-    poses, lengths, tensions = zip(*seen, strict=True)
-    return (RigidTransform.concatenate(list(poses)), np.array(lengths), np.array(tensions)), fell
+        seen = motion.look()
+        yield (seen.poses, seen.lengths, seen.tensions), motion.data, simulation.platform
 
 
 def _between(rows: Float[np.ndarray, "steps cables"], fraction: float) -> Float[np.ndarray, " cables"]:
@@ -275,15 +270,14 @@ def fallen(
     return None
 
 
-def _read(problems: Problems, qpos: Float[np.ndarray, "steps coordinates"]) -> Seen:
+def _read(
+    problems: Problems, qpos: Float[np.ndarray, "steps coordinates"]
+) -> list[tuple[RigidTransform, np.ndarray, np.ndarray]]:
     """Poses, lengths and tensions of these states, from MuJoCo."""
     seen = []
     for first in range(0, len(problems), ROWS):
         rows = np.arange(first, min(first + ROWS, len(problems)))
         with simulations_of(problems.take(rows)) as simulations:
-            seen.append(simulations.observe(qpos[rows]))
-    return (
-        RigidTransform.concatenate([one.poses for one in seen]),
-        np.concatenate([one.lengths for one in seen]),
-        np.concatenate([one.tensions for one in seen]),
-    )
+            read = simulations.observe(qpos[rows])
+        seen.append((read.poses, read.lengths, read.tensions))
+    return seen

@@ -249,7 +249,7 @@ class Relaxation:
         slow = ~better
         if slow.any():
             force = self.simulations.accelerating / self.root_inertia
-            slow &= _parallel(force, velocity) & _parallel(velocity, self.velocity)
+            slow &= parallel(force, velocity) & parallel(velocity, self.velocity)
         self.velocity = velocity
         going = better | slow
         self.patience = np.where(going, 0, self.patience + 1)
@@ -278,7 +278,8 @@ class Relaxation:
         self.root_inertia, self.twice_inertia = np.sqrt(self.inertia), 2 * self.inertia / simulations.unit
 
 
-def _parallel(a: Float[np.ndarray, "rows free"], b: Float[np.ndarray, "rows free"]) -> Bool[np.ndarray, " rows"]:
+def parallel(a: Float[np.ndarray, "rows free"], b: Float[np.ndarray, "rows free"]) -> Bool[np.ndarray, " rows"]:
+    """Whether vectors have nearly the same direction."""
     return np.vecdot(a, b) > ALONG * np.sqrt(np.vecdot(a, a) * np.vecdot(b, b))
 
 

@@ -22,17 +22,17 @@ from cdpr_sim.physics import chains, pulleys, tendons
 from cdpr_sim.physics.damping import (
     STEPS,
     Damping,
-    fastest,
     loss_factor,
     refuse_undamped,
     relaxation_times,
     rounded_down,
+    stiffest,
 )
 from cdpr_sim.physics.number_format import magnitude, text
 from cdpr_sim.physics.winches import (
-    DAMPING,
     LEAST_SPARE,
-    SPEED,
+    RELAXATION_TIME,
+    WINCH_SPEED,
     Kind,
     add_damped_cables,
     add_drums,
@@ -69,7 +69,7 @@ def to_mjcf(
     winches: bool | Kind = False,
     damping: Damping = "settle",
     winch_force: ArrayLike | None = None,
-    winch_speed: float = SPEED,
+    winch_speed: float = WINCH_SPEED,
     contact: bool = False,
 ) -> str:
     """The robot with its platform at ``pose``, as MJCF text.
@@ -80,9 +80,9 @@ def to_mjcf(
     ``qpos``; a cable over a pulley has a body ``pulley_1`` and, in space, its joint ``swivel_1``. A cable with mass is
     a chain of tendons ``cable_1_1``, ... with masses ``node_1_1``, ... between them; ``length_1`` is its chord.
 
-    With the default ``damping`` the air is so viscous that the platform's slowest oscillation does not overshoot: no
-    real platform has that damping, it makes the model come to rest soon, and does not change the equilibrium. A free
-    platform of ``cogiro`` falls with 1.05 m/s after 0.5 s, instead of 4.91 in vacuum. To learn or test motions, choose
+    With the default ``damping`` the air is so viscous that the platform's slowest oscillation does not overshoot. No
+    real platform has that damping; it brings the model to rest quickly, and does not change the equilibrium. A free
+    platform of ``cogiro`` falls at 1.05 m/s after 0.5 s, instead of 4.91 in vacuum. To simulate motions, choose
     another: ``"none"``, or the loss factor of the cables (``physics.damping``); then the integrator is one without
     numerical damping, with a shorter time step.
 
@@ -92,10 +92,10 @@ def to_mjcf(
     ``position`` [m] and ``orientation`` (quaternion w x y z) of the platform in the frame of the site ``base``. The air
     has no effect; it is replaced by damping on the platform's joints, in space ``x``, ``y``, ``z`` and the ball joint
     ``rotation``, whose zero is the written orientation. So nothing is lost when the model is attached to another one,
-    and any body can be its parent. No winch of linear cables pulls more than its largest force, so that any controls
-    leave the simulation finite; the time step is shorter where this force could turn the platform by a radian within
-    it. One control winds all segments of a cable with mass, whose masses keep the weights of the written lengths
-    (``reset`` corrects them); its ``tension_1`` is the mean along the cable.
+    and any body can be its parent. The force of winches of linear cables is limited, so that the simulation remains
+    finite with any controls; the time step is shorter where this force could turn the platform by a radian within it.
+    One control winds all segments of a cable with mass, whose masses keep the weights of the written lengths (``reset``
+    corrects them); its ``tension_1`` is the mean along the cable.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
@@ -162,7 +162,7 @@ def to_mjcf(
     resisting = step if masses and not whole else None  # this integrator does not know springs
     uneven = chains.uneven(robot, problem.pose, problem.rest_lengths)
     if factor is None:
-        times = np.full(robot.cables, step if masses else DAMPING)
+        times = np.full(robot.cables, step if masses else RELAXATION_TIME)
     else:
         times = relaxation_times(robot, springs, factor)
     nodes_of = chains.add_nodes if whole else None
@@ -188,7 +188,7 @@ def to_mjcf(
     elif factor:
         add_damped_cables(root, robot, springs, uneven, times)
     keyframes = ET.SubElement(root, "keyframe")
-    swivels = pulleys.facing(robot, problem.pose)[1] if robot.mobility == "spatial" else []
+    swivels = pulleys.facing(robot, problem.pose.apply(robot.anchors))[1] if robot.mobility == "spatial" else []
     at = coordinates(robot, problem.pose)
     if kind and robot.mobility == "spatial":
         at = since_written(at, at[3:])
@@ -198,7 +198,7 @@ def to_mjcf(
     if whole:
         chains.add_proportions(root, _compiled(root), robot, problem.rest_lengths)
     if not settling:
-        period = 2 * np.pi / fastest(_compiled(root), robot, springs)
+        period = 2 * np.pi / np.sqrt(stiffest(_compiled(root), robot, springs)[0])
         swings = chains.swinging(robot, problem.rest_lengths, pulls)
         longest = min(period / STEPS, RESOLVED / swings if swings else np.inf)
         option.set("timestep", text(min(step, rounded_down(longest))))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cdpr_sim.core.describe import describe_properties
+from cdpr_sim.core.describe import describe_properties, describe_stiffness, span
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.files import appearing
 from cdpr_sim.core.pose import PoseLike
@@ -14,7 +14,7 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.damping import Damping, loss_factor
 from cdpr_sim.physics.mjcf import scene_mjcf, settling_drag, to_mjcf
-from cdpr_sim.physics.winches import SPEED, largest_forces
+from cdpr_sim.physics.winches import WINCH_SPEED, largest_forces
 
 PICTURE, INDEX = "robot.png", "robots.png"
 """Pictures beside a robot's models, and beside the folders of all; they are drawn elsewhere."""
@@ -166,7 +166,7 @@ print(data.sensor("cdpr/tension_1").data, data.sensor("cdpr/position").data)  # 
   them silently to `ctrlrange`, which covers the workspace. Change them gradually.
 - Limits: a winch pulls with at most {_limits(robot)}; beyond, its cable slips. The rest length follows the
   control at once, however fast. In `winch_speed.xml` the control is a speed [m/s] that MuJoCo integrates into the
-  activation w, with l0 = L/(1 + w/L): the rope runs at (l0/L)² of the control, at most {SPEED:g} m/s.
+  activation w, with l0 = L/(1 + w/L): the rope runs at (l0/L)² of the control, at most {WINCH_SPEED:g} m/s.
 - Reset: `cdpr.reset(model, data, pose)` puts the platform, the winches and the keyframe at any pose.
 - Read: sensors `tension_i` [N], `length_i` [m], `position` [m] and `orientation` (quaternion w x y z).
 - Attach: any body can be the parent. Damping is on joints and actuators and is kept; integrator, time step and gravity
@@ -215,16 +215,12 @@ def _touching(contact: bool) -> str:
 def _limits(robot: Robot) -> str:
     if not robot.cabling.linear:
         return "a force without limit, as its cables are nonlinear"
-    forces = robot.reeving * largest_forces(robot)
-    lowest, highest = forces.min(), forces.max()
-    return f"{lowest:g} N" if lowest == highest else f"{lowest:g} to {highest:g} N"
+    return f"{span(robot.reeving * largest_forces(robot))} N"
 
 
 def _cables(robot: Robot) -> str:
-    lowest, highest = robot.axial_stiffness.min(), robot.axial_stiffness.max()
-    stiffness = f"EA = {lowest:g} N" if lowest == highest else f"EA = {lowest:g} to {highest:g} N"
-    cables = f"{robot.material}, {stiffness}" if robot.material else stiffness
-    return ", ".join([cables, *describe_properties(robot)])
+    material = [robot.material] if robot.material else []
+    return ", ".join([*material, describe_stiffness(robot, "N"), *describe_properties(robot)])
 
 
 def _law(robot: Robot) -> str:

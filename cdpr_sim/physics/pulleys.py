@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import functools
 import xml.etree.ElementTree as ET
+from collections.abc import Sized
 from dataclasses import dataclass
 
 import mujoco
@@ -75,7 +76,7 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
     coordinate its angle from a direction that depends only on the axis, and is the same in all models of a robot.
     """
     cabling = robot.cabling
-    load, directions, angles = _load(robot), *facing(robot, pose)
+    load, directions, angles = _load(robot), *facing(robot, pose.apply(robot.anchors))
     for cable, outwards, angle in zip(np.flatnonzero(cabling.pulleys), directions, angles, strict=True):
         i, radius = cable + 1, cabling.pulley_radius[cable]
         exit_, axis = cabling.exits[cable], cabling.pulley_axis[cable]
@@ -102,41 +103,43 @@ def add_pulleys(world: ET.Element, robot: Robot, pose: RigidTransform, color: tu
         wheel.set("rgba", text(color))
 
 
-def facing(robot: Robot, pose: RigidTransform) -> tuple[Float[np.ndarray, "pulleys 3"], Float[np.ndarray, " pulleys"]]:
-    """Unit vectors from the exits to the centres of the wheels, turned towards the anchors; the swivels' angles [rad].
+def facing(
+    robot: Robot, anchors: Float[np.ndarray, "*rows cables 3"]
+) -> tuple[Float[np.ndarray, "*rows pulleys 3"], Float[np.ndarray, "*rows pulleys"]]:
+    """Unit vectors from the exits to the centres of the wheels, turned towards ``anchors``; the swivels' angles [rad].
 
     For the cables that have a pulley. The angles are rounded to 1e-12, since the last digit of an arc tangent
     differs between processors. For an anchor on the axis the angle is 0.
     """
     cabling = robot.cabling
     over = np.flatnonzero(cabling.pulleys)
-    away = pose.apply(robot.anchors)[over] - robot.exits[over]
+    away = anchors[..., over, :] - robot.exits[over]
     sides = np.array([_sides(*axis) for axis in cabling.pulley_axis[over]]).reshape(-1, 2, 3)
-    x, y = (sides * away[:, None]).sum(-1).T
+    x, y = np.moveaxis((sides * away[..., None, :]).sum(-1), -1, 0)
     if robot.mobility == "planar":
         y = np.zeros_like(y)
     size = np.sqrt(x * x + y * y)
     x = np.where(size > 0, x, 1.0) / np.where(size > 0, size, 1.0)
     y = y / np.where(size > 0, size, 1.0)
-    return x[:, None] * sides[:, 0] + y[:, None] * sides[:, 1], np.round(np.arctan2(y, x), 12)
+    return x[..., None] * sides[:, 0] + y[..., None] * sides[:, 1], np.round(np.arctan2(y, x), 12)
 
 
-def departures(robot: Robot, pose: RigidTransform) -> Float[np.ndarray, "cables 3"]:
-    """Points where the cables leave their wheels on the tangents to their anchors at ``pose``, (cables, 3) [m].
+def departures(robot: Robot, anchors: Float[np.ndarray, "*rows cables 3"]) -> Float[np.ndarray, "*rows cables 3"]:
+    """Points where the cables leave their wheels on the tangents to ``anchors`` [m].
 
     The exits of cables without a pulley, and of those whose anchors are inside their wheels.
     """
-    cabling, points = robot.cabling, robot.exits.copy()
+    cabling, points = robot.cabling, np.broadcast_to(robot.exits, anchors.shape).copy()
     over = np.flatnonzero(cabling.pulleys)
-    radius, axis, (outwards, _) = cabling.pulley_radius[over, None], cabling.pulley_axis[over], facing(robot, pose)
+    radius, axis, (outwards, _) = cabling.pulley_radius[over, None], cabling.pulley_axis[over], facing(robot, anchors)
     centers = robot.exits[over] + radius * outwards
-    away = pose.apply(robot.anchors)[over] - centers
-    aside, ahead = ((away * direction).sum(1, keepdims=True) for direction in (outwards, axis))
+    away = anchors[..., over, :] - centers
+    aside, ahead = ((away * direction).sum(-1, keepdims=True) for direction in (outwards, axis))
     square = aside * aside + ahead * ahead
     free = square - radius * radius
     turned = aside * axis - ahead * outwards
     tangent = centers + radius / square * (radius * away + np.sqrt(np.maximum(free, 0)) * turned)
-    points[over] = np.where(free > 0, tangent, points[over])
+    points[..., over, :] = np.where(free > 0, tangent, points[..., over, :])
     return points
 
 
@@ -168,27 +171,23 @@ class Swivels:
     radii: Float[np.ndarray, " pulleys"]
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, cabling: Cabling) -> Swivels:
-        """The indices, by name."""
-        cables = np.flatnonzero(cabling.pulleys)
-
-        def ids(kind: mujoco.mjtObj, name: str, chain: str = "") -> Int[np.ndarray, " pulleys"]:
-            names = [chain if chain and cabling.linear_density[cable] > 0 else name for cable in cables]
-            found = [
-                mujoco.mj_name2id(model, kind.value, each.format(cable + 1))
-                for each, cable in zip(names, cables, strict=True)
-            ]
-            return np.array([one for one in found if one >= 0], dtype=int)
-
-        joints = ids(mujoco.mjtObj.mjOBJ_JOINT, "swivel_{}")
+    def of(cls, model: mujoco.MjModel, cables: Sized, prefix: str = "") -> Swivels:
+        """The indices, by name, in a model of so many ``cables``; all names begin with ``prefix``."""
+        kinds, count = mujoco.mjtObj, len(cables)
+        grooves = numbered(model, kinds.mjOBJ_GEOM, prefix + "groove_{}", count)
+        anchors = numbered(model, kinds.mjOBJ_SITE, prefix + "anchor_{}", count)
+        masses = numbered(model, kinds.mjOBJ_SITE, prefix + "node_{}_1", count)
+        over = np.flatnonzero(grooves >= 0)
+        joints = numbered(model, kinds.mjOBJ_JOINT, prefix + "swivel_{}", count)[over]
+        joints = joints[joints >= 0]
         return cls(
-            cables=cables,
-            bodies=ids(mujoco.mjtObj.mjOBJ_BODY, "pulley_{}"),
-            anchors=ids(mujoco.mjtObj.mjOBJ_SITE, "anchor_{}"),
-            faced=ids(mujoco.mjtObj.mjOBJ_SITE, "anchor_{}", "node_{}_1"),
+            cables=over,
+            bodies=numbered(model, kinds.mjOBJ_BODY, prefix + "pulley_{}", count)[over],
+            anchors=anchors[over],
+            faced=np.where(masses >= 0, masses, anchors)[over],
             coordinates=model.jnt_qposadr[joints],
             dofs=model.jnt_dofadr[joints],
-            radii=model.geom_size[ids(mujoco.mjtObj.mjOBJ_GEOM, "groove_{}"), 0],
+            radii=model.geom_size[grooves[over], 0],
         )
 
     def __len__(self) -> int:
@@ -232,6 +231,12 @@ class Swivels:
         away = seen - positions[..., self.bodies, :]
         axes = matrices[..., self.bodies, :].reshape(*away.shape, 3)
         return (away[..., None, :] @ axes)[..., 0, :]
+
+
+def numbered(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str, count: int) -> Int[np.ndarray, " count"]:
+    """Indices of the elements ``name`` of cables 1, 2, ...; -1 where there is none."""
+    names = [name.format(cable) for cable in range(1, count + 1)]
+    return np.array([mujoco.mj_name2id(model, kind.value, each) for each in names], dtype=int)
 
 
 def toward_anchors(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.cable import MOST_STRAIN
-from cdpr_sim.core.checks import positive, refuse_unless
+from cdpr_sim.core.checks import refuse_unless
 from cdpr_sim.core.equilibrium import Equilibrium, NotSettled
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike, distance, moved
@@ -26,7 +26,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.batch import quiet, simulations_of
 from cdpr_sim.physics.chains import refuse_short
-from cdpr_sim.physics.drive import MOST_SECONDS
+from cdpr_sim.physics.drive import duration
 from cdpr_sim.physics.mjcf import place, to_mjcf
 from cdpr_sim.physics.sagging import settle_chains
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
@@ -84,7 +84,7 @@ class Release:
         verdict = "stays" if self.stays else "leaves" if self.leaves else "neither stays nor leaves"
         return (
             f"<Release: {verdict}: deviates by {1e6 * self.largest_deviation:.3g} µm in {self.seconds:.3g} s, "
-            f"nudged by {1e6 * self.nudge:.3g} µm>"
+            f"displaced by {1e6 * self.nudge:.3g} µm>"
         )
 
 
@@ -112,7 +112,7 @@ def release(equilibrium: Equilibrium, *, seconds: float = 10.0) -> Release:
     robot.cabling.refuse_memory("release")
     if problem.external_wrench.any():
         raise InvalidInput("equilibrium: found one under an external wrench, expected gravity only")
-    seconds, arm = _duration(seconds), robot.characteristic_length
+    seconds, arm = duration(seconds), robot.characteristic_length
     if weighs(robot):
         refuse_short(robot, problem.rest_lengths)
         with quiet():
@@ -144,12 +144,13 @@ def _release_chains(equilibrium: Equilibrium, seconds: float) -> Release:
     problem, pose = equilibrium.problem, equilibrium.pose
     robot = problem.robot
     simulation = settle_chains.held_at(problem, pose)
-    simulation.residual()
-    derivatives = ChainDerivatives.of(simulation)
+    row = simulation.all
+    simulation.residuals(row)
+    derivatives = ChainDerivatives.of(simulation, row)
     nudge = NUDGE * derivatives.stiffness()[1]
-    step = simulation.in_dofs(nudge)
-    step[simulation.slides] = derivatives.following(nudge)
-    mujoco.mj_integratePos(simulation.model, simulation.data.qpos, step, 1)
+    step = simulation.in_dofs(row, nudge)
+    step[:, simulation.slides] = derivatives.following(nudge)
+    simulation.qpos[:] = simulation.displaced(simulation.qpos, step)
     springs = tendons.springs(robot.cabling, robot.axial_stiffness, problem.rest_lengths)
     longest = min(COARSEST / _fastest(springs, equilibrium), WATCHED)
     motion = ChainMotion(simulation, longest, ahead=LEAST_AHEAD)
@@ -158,8 +159,7 @@ def _release_chains(equilibrium: Equilibrium, seconds: float) -> Release:
         if largest_deviation >= LEAVES * NUDGE:
             break
         motion.advance(WATCHED)
-        motion.look()
-        away = distance(simulation.pose, pose, robot.characteristic_length)
+        away = distance(motion.look().poses[0], pose, robot.characteristic_length)
         largest_deviation = max(largest_deviation, away)
     return Release(largest_deviation, NUDGE, motion.time)
 
@@ -191,7 +191,7 @@ def grow_gravity(
     problem = Problem.of(robot, pose, rest_lengths)
     if problem.external_wrench.any():
         raise InvalidInput("external_wrench: found one, expected gravity only, which grows")
-    seconds, robot = _duration(seconds), problem.robot
+    seconds, robot = duration(seconds), problem.robot
     massless = robot.replace(linear_density=0.0)
     model = mujoco.MjModel.from_xml_string(to_mjcf(massless, problem.pose, problem.rest_lengths))
     data = mujoco.MjData(model)
@@ -204,12 +204,6 @@ def grow_gravity(
     if any(warning.number for warning in data.warning):
         raise NotSettled(f"{robot.name}: the simulation in MuJoCo became unstable while gravity grew")
     return settle(robot, _pose(data), problem.rest_lengths)
-
-
-def _duration(seconds: float) -> float:
-    if positive("seconds", seconds, "s") > MOST_SECONDS:
-        raise InvalidInput(f"seconds: found {seconds:g}, expected more than 0 and at most {MOST_SECONDS:g}")
-    return float(seconds)
 
 
 def _pose(data: mujoco.MjData) -> RigidTransform:

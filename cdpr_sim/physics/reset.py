@@ -4,6 +4,7 @@
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import mujoco
@@ -15,11 +16,11 @@ from scipy.spatial.transform import Rotation
 from cdpr_sim.core.checks import checked_array, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import Pose, PoseLike
-from cdpr_sim.core.robot import IN_PLANE
+from cdpr_sim.core.robot import refuse_out_of_plane
 from cdpr_sim.physics.chains import SEGMENTS, expected_pulls, hang, shape, straight
 from cdpr_sim.physics.damping import stretching
-from cdpr_sim.physics.pulleys import ENTRY, Swivels
-from cdpr_sim.physics.winches import LEAST_SPARE
+from cdpr_sim.physics.pulleys import ENTRY, Swivels, numbered
+from cdpr_sim.physics.winches import LEAST_SPARE, controls
 
 LEAST_GRAVITY = 1e-100
 """[m/s²] Gravity that has a direction."""
@@ -43,16 +44,16 @@ def reset(
     its initial value, as by ``mj_resetData``. Wheels face their anchors; winches get the controls, or activations, of
     the rest lengths, and drums their places. In a model without winches, springs get the rest lengths: this changes
     ``model``. Cables with mass hang between exit and anchor, and ``data.xfrc_applied`` corrects the weights of their
-    masses ``node_1_1``, ... and ``end_1`` for the length let out: with it, the model is in equilibrium where cables of
-    these lengths are. The keyframe ``commanded`` becomes this state. ``mj_forward`` has been called at the end.
+    masses ``node_1_1``, ... and ``end_1`` for the length let out, so that the equilibrium of the model is that of
+    cables of these lengths. The keyframe ``commanded`` becomes this state. ``mj_forward`` has been called at the end.
 
     Args:
         model: the model.
         data: its state.
         pose: pose of the platform in the base frame: (x, y, z) [m], a six-vector [m, rad], or a ``RigidTransform``. Of
             a free joint, in the world.
-        rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``, so that the
-            platform sags from there.
+        rest_lengths: unstretched cable lengths, (cables,) [m]; default: the rigid ones at ``pose``, from
+            which the platform then deviates.
         pretension: instead, tension [N] of linear cables: their tensions balance the weight at ``pose``, which is then
             an equilibrium, and are as near to this value as possible.
         prefix: of the names, in a model that was attached to another one.
@@ -164,72 +165,56 @@ class _Parts:
         """
         kinds = mujoco.mjtObj
         platform = _id(model, kinds.mjOBJ_BODY, f"{prefix}platform")
-        exits = _numbered(model, kinds.mjOBJ_SITE, f"{prefix}exit_")
-        if platform < 0 or not len(exits):
+        count = next(i for i in itertools.count() if _id(model, kinds.mjOBJ_SITE, f"{prefix}exit_{i + 1}") < 0)
+        if platform < 0 or not count:
             raise InvalidInput(
                 f"model: found no body '{prefix}platform' with cables, expected a model of to_mjcf and the prefix of "
                 "its names"
             )
-        names = range(1, len(exits) + 1)
 
         def ids(kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " cables"]:
-            whole = name if "{}" in name else f"{name}_{{}}"
-            return np.array([_id(model, kind, prefix + whole.format(i)) for i in names])
+            return numbered(model, kind, prefix + name, count)
 
-        cables, winches = ids(kinds.mjOBJ_TENDON, "cable"), ids(kinds.mjOBJ_ACTUATOR, "winch")
+        cables, winches = ids(kinds.mjOBJ_TENDON, "cable_{}"), ids(kinds.mjOBJ_ACTUATOR, "winch_{}")
         if (cables < 0).any():
             raise InvalidInput(
                 f"model: found no tendon '{prefix}cable_{np.argmax(cables < 0) + 1}', expected massless cables, or "
                 "those with mass in a model with winches or with a damping other than 'settle'"
             )
-        dampers, drums = ids(kinds.mjOBJ_ACTUATOR, "damped"), ids(kinds.mjOBJ_JOINT, "drum")
-        grooves, anchors = ids(kinds.mjOBJ_GEOM, "groove"), ids(kinds.mjOBJ_SITE, "anchor")
-        wheels = np.flatnonzero(grooves >= 0)
-        swivelling = ids(kinds.mjOBJ_JOINT, "swivel")[wheels]
-        swivelling = swivelling[swivelling >= 0]
-        chords, first = ids(kinds.mjOBJ_TENDON, "chord"), ids(kinds.mjOBJ_SITE, "node_{}_1")
-        swivels = Swivels(
-            cables=wheels,
-            bodies=ids(kinds.mjOBJ_BODY, "pulley")[wheels],
-            anchors=anchors[wheels],
-            faced=np.where(first >= 0, first, anchors)[wheels],
-            coordinates=model.jnt_qposadr[swivelling],
-            dofs=model.jnt_dofadr[swivelling],
-            radii=model.geom_size[grooves[wheels], 0],
-        )
-        offsets = np.zeros(len(exits))
-        offsets[wheels] = ENTRY * swivels.radii
-        coiled = np.flatnonzero(drums >= 0)
+        dampers, drums = ids(kinds.mjOBJ_ACTUATOR, "damped_{}"), ids(kinds.mjOBJ_JOINT, "drum_{}")
+        exits, chords = ids(kinds.mjOBJ_SITE, "exit_{}"), ids(kinds.mjOBJ_TENDON, "chord_{}")
+        swivels = Swivels.of(model, exits, prefix)
+        radii = np.zeros(count)
+        radii[swivels.cables] = swivels.radii
+        offsets, coiled = ENTRY * radii, np.flatnonzero(drums >= 0)
         coils = model.body_pos[model.jnt_bodyid[drums[coiled]]] - model.site_pos[exits[coiled]]
         offsets[coiled] = np.linalg.norm(coils, axis=1)
-        user = np.zeros((len(exits), 3))
+        user = np.zeros((count, 3))
         user[:, : min(3, model.nuser_tendon)] = model.tendon_user[cables, :3]
         parts_of_line, shared, uneven = np.maximum(user[:, 0], 1), user[:, 1], user[:, 2]
         acting = np.where(winches >= 0, winches, dampers)
         linear = (acting >= 0) & (drums < 0)
-        bias = model.actuator_biasprm[acting] if model.nu else np.zeros((len(exits), 2))
+        bias = model.actuator_biasprm[acting] if model.nu else np.zeros((count, 2))
         springs = np.where(linear, -bias[:, 1], model.tendon_stiffness[cables])
         begin = np.where(linear, -bias[:, 0] / springs, model.tendon_lengthspring[cables, 1])
         written = begin - (offsets - shared + uneven)
-        radii = np.zeros(len(exits))
-        radii[wheels] = swivels.radii
-        heavy = np.flatnonzero(first >= 0)
+        heavy = np.flatnonzero(chords >= 0)
         hung = _Hung(
             cables=heavy,
             nodes=np.array([ids(kinds.mjOBJ_BODY, f"node_{{}}_{k}")[heavy] for k in range(1, SEGMENTS)]).T,
-            ends=ids(kinds.mjOBJ_BODY, "end")[heavy],
+            ends=ids(kinds.mjOBJ_BODY, "end_{}")[heavy],
             segments=np.array([ids(kinds.mjOBJ_TENDON, f"cable_{{}}_{k}")[heavy] for k in range(1, SEGMENTS + 1)]).T,
             exits=exits[heavy],
-            pulleys=ids(kinds.mjOBJ_BODY, "pulley")[heavy],
+            pulleys=ids(kinds.mjOBJ_BODY, "pulley_{}")[heavy],
             radii=radii[heavy],
         )
         return cls(
             platform=platform,
             joints=[int(model.body_jntadr[platform]) + i for i in range(int(model.body_jntnum[platform]))],
             base=_id(model, kinds.mjOBJ_SITE, f"{prefix}base"),
-            anchors=anchors,
+            anchors=ids(kinds.mjOBJ_SITE, "anchor_{}"),
             cables=cables,
-            lines=np.maximum(ids(kinds.mjOBJ_TENDON, "line"), ids(kinds.mjOBJ_TENDON, "rope")),
+            lines=np.maximum(ids(kinds.mjOBJ_TENDON, "line_{}"), ids(kinds.mjOBJ_TENDON, "rope_{}")),
             winches=winches,
             dampers=dampers,
             drums=drums,
@@ -267,7 +252,7 @@ class _Parts:
             return np.zeros(len(ropes))
         by_speed = model.actuator_dyntype[self.winches] == mujoco.mjtDyn.mjDYN_INTEGRATOR
         units = np.where(self.drums >= 0, lengths, np.where(by_speed, self.written, 1.0))
-        inputs = units * (self.written / ropes - 1)
+        inputs = units * controls(self.written, ropes)
         ranges = np.where(
             by_speed[:, None], model.actuator_actrange[self.winches], model.actuator_ctrlrange[self.winches]
         )
@@ -368,10 +353,8 @@ class _Hung:
         found, reached = hang(written + added, rest, law, self.radii, axes, guess, spans)
         folded = ~reached  # near where they hang
         found[folded] = shape(-spans[folded], 0 * spans[folded], rest[folded].sum(1), fractions[folded, ::-1])[:, :-1]
-        for k, body in enumerate(self.nodes[:, ::-1].T):
-            for axis in range(3):
-                slides = model.jnt_qposadr[model.body_jntadr[body] + axis]
-                data.qpos[slides] = (found[:, k] @ rotation)[:, axis]
+        slides = model.body_jntadr[self.nodes[:, ::-1]][..., None] + np.arange(3)
+        data.qpos[model.jnt_qposadr[slides]] = found @ rotation
         mujoco.mj_forward(model, data)
         per_length = np.linalg.norm(whole, axis=1) / (beyond * scale)
         rise = -spans @ model.opt.gravity / max(float(np.linalg.norm(model.opt.gravity)), LEAST_GRAVITY)
@@ -381,14 +364,6 @@ class _Hung:
 
 def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
     return mujoco.mj_name2id(model, kind.value, name)
-
-
-def _numbered(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " found"]:
-    """Ids of all elements ``name`` 1, 2, ..."""
-    found: list[int] = []
-    while (number := _id(model, kind, f"{name}{len(found) + 1}")) >= 0:
-        found.append(number)
-    return np.array(found, dtype=int)
 
 
 def _place(model: mujoco.MjModel, data: mujoco.MjData, parts: _Parts, at: Pose) -> None:
@@ -407,11 +382,7 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, parts: _Parts, at: Pose) 
         frame, body = (Rotation.from_quat(quat, scalar_first=True) for quat in (base, model.body_quat[parts.platform]))
         data.qpos[adr[3] : adr[3] + 4] = (body.inv() * frame * rotation).as_quat(scalar_first=True)
     else:
-        if abs(position[1]) > IN_PLANE or np.abs(at.rotation_matrix[1, [0, 2]]).max() > IN_PLANE:
-            found = f"y = {position[1]:g} m" if abs(position[1]) > IN_PLANE else "a rotation about x or z"
-            raise InvalidInput(
-                f"pose: found {found}, but the robot is planar: expected y = 0 and a rotation about y only"
-            )
+        refuse_out_of_plane(at, "the robot")
         data.qpos[adr] = position[0], position[2], np.arctan2(-at.rotation_matrix[2, 0], at.rotation_matrix[0, 0])
     if len(parts.swivels):
         parts.swivels.face(model, data, anchors=True)
@@ -436,9 +407,9 @@ def _strains(
     if pretension < 0:
         raise InvalidInput(f"pretension: found {pretension:g} N, expected 0 or more")
     if len(parts.hung.cables):
-        raise InvalidInput("pretension: found cables with mass, expected massless ones; rest_lengths are for any")
+        raise InvalidInput("pretension: found cables with mass, expected massless ones; use rest_lengths for these")
     if model.tendon_stiffnesspoly[parts.cables].any():
-        raise InvalidInput("pretension: found nonlinear cables, expected linear ones; rest_lengths are for any")
+        raise InvalidInput("pretension: found nonlinear cables, expected linear ones; use rest_lengths for these")
     first = int(model.body_dofadr[parts.platform])
     dofs = np.arange(first, first + int(model.body_dofnum[parts.platform]))
     matrix = -stretching(model, data, dofs, parts.cables) * parts.parts_of_line

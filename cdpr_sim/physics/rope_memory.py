@@ -235,11 +235,6 @@ class RopeStep:
         """Which cables have a nonlinear law, (cables,)."""
         return np.asarray(self.cabling.stiffening.any(-1))
 
-    @cached_property
-    def exact(self) -> bool:
-        """Whether each pull is linear between kinks."""
-        return not self.curved.any()
-
     def softer(self, springs: Springs) -> Float[np.ndarray, "rows cables"]:
         """Stiffness with creep over that without it, (rows, cables), where no element slides."""
         stiff = springs.slope + springs.elements.sum(-1)
@@ -330,7 +325,7 @@ class RopeStep:
         beyond = np.maximum(lengths - self.taut, 0)
         if not (self.compliance.any() or self.beside.any()):
             return beyond
-        if not self.exact:
+        if self.curved.any():
             return self._searched(beyond)
         # e + compliance pull(e) = beyond, increasing and piecewise linear in e: the piece between two kinks is found.
         compliance = self.compliance - self.beside / self._law[0]

@@ -46,18 +46,17 @@ class RopeState:
 
     def where(self, cables: Bool[np.ndarray, " cables"], other: RopeState) -> RopeState:
         """This state, with that of the ``other`` in some ``cables``."""
-        mine, others = self.memory, other.memory
-        strains, creep = (
-            np.where(cables[:, None], getattr(others, name), getattr(mine, name)) for name in ("strains", "creep")
-        )
-        beyond, tensions = (
-            np.where(cables, getattr(others, name), getattr(mine, name)) for name in ("beyond", "tensions")
-        )
+
+        def mixed(mine: np.ndarray, others: np.ndarray) -> np.ndarray:
+            mask = cables if mine.ndim < 3 else cables[:, None]  # (1, cables, elements)
+            return np.where(mask, others, mine)
+
+        arrays = {name: mixed(mine, other.memory.arrays[name]) for name, mine in self.memory.arrays.items()}
         return RopeState(
-            np.where(cables, other.pulls, self.pulls),
-            np.where(cables, other.rest_lengths, self.rest_lengths),
-            np.where(cables, other.sticks, self.sticks),
-            replace(mine, strains=strains, beyond=beyond, creep=creep, tensions=tensions),
+            mixed(self.pulls, other.pulls),
+            mixed(self.rest_lengths, other.rest_lengths),
+            mixed(self.sticks, other.sticks),
+            replace(self.memory, **arrays),
         )
 
 

@@ -5,53 +5,48 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import TypeAlias
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from cdpr_sim.core.controller import Measurement, Sensors
 from cdpr_sim.core.pose import moved
+from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.physics import pulleys
 
 INSTANT = 1e-9
 """[s] Tolerance of equal times."""
 
 
+Seen: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""One state: position [m] and quaternion w x y z of the platform, (7,); lengths of the cables from their exits [m],
+tensions of the ropes [N] and rest lengths that winches have let out [m], (cables,) each."""
+
+
 class Readings:
-    """Exact readings of a model's own sensors; after ``mj_forward``."""
+    """Exact readings of a model's own sensors, of one simulation or of many; after ``mj_forward``."""
 
     def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
-        def addresses(*names: str) -> Int[np.ndarray, " numbers"]:
-            sensors = [model.sensor(name) for name in names]
-            return np.concatenate([np.arange(one.adr[0], one.adr[0] + one.dim[0]) for one in sensors])
-
         cables = range(1, robot.cables + 1)
-        self._pose = addresses("position", "orientation")
-        self._lengths = addresses(*(f"length_{i}" for i in cables))
-        self._tensions = addresses(*(f"tension_{i}" for i in cables))
-        self._entries, self._parts = pulleys.entries(robot.cabling), robot.reeving
-        self._every = np.concatenate([self._pose, self._lengths, self._tensions])
-        self._scale = np.concatenate([np.ones(7 + robot.cables), 1 / self._parts])
-        self._offset = np.concatenate([np.zeros(7), self._entries, np.zeros(robot.cables)])
+        names = "position", "orientation", *(f"length_{i}" for i in cables), *(f"tension_{i}" for i in cables)
+        sensors = [model.sensor(name) for name in names]
+        self._numbers = np.concatenate([np.arange(one.adr[0], one.adr[0] + one.dim[0]) for one in sensors])
+        self._offsets = np.concatenate([np.zeros(7), pulleys.entries(robot.cabling), np.zeros(robot.cables)])
+        # The sensors read the pulls of all parts of line.
+        self._parts = np.concatenate([np.ones(7 + robot.cables), robot.reeving])
 
-    def all(self, sensed: Float[np.ndarray, "*rows numbers"]) -> Float[np.ndarray, "*rows together"]:
-        """Pose, lengths and tensions, one after the other, from the ``sensordata`` of one simulation or of many."""
-        return sensed.take(self._every, axis=-1) * self._scale - self._offset
-
-    def pose(self, data: mujoco.MjData) -> Float[np.ndarray, "7"]:
-        """Pose of the platform: position [m], and quaternion w x y z."""
-        return data.sensordata[self._pose]
-
-    def lengths(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
-        """Lengths of the cables, from their exits [m]."""
-        return data.sensordata[self._lengths] - self._entries
-
-    def tensions(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
-        """Tensions of the ropes [N]: the sensors read the pulls of all parts of line."""
-        return data.sensordata[self._tensions] / self._parts
+    def of(
+        self, sensed: Float[np.ndarray, "*rows numbers"]
+    ) -> tuple[Float[np.ndarray, "*rows 7"], Float[np.ndarray, "*rows cables"], Float[np.ndarray, "*rows cables"]]:
+        """The first three numbers of ``Seen``, from MuJoCo's ``sensordata``."""
+        read = sensed.take(self._numbers, axis=-1) / self._parts - self._offsets
+        end = (7 + read.shape[-1]) // 2  # of the lengths
+        return read[..., :7], read[..., 7:end], read[..., end:]
 
 
 def pose_of(reading: Float[np.ndarray, "*rows 7"]) -> RigidTransform:
@@ -59,11 +54,19 @@ def pose_of(reading: Float[np.ndarray, "*rows 7"]) -> RigidTransform:
     return RigidTransform.from_components(reading[..., :3], Rotation.from_quat(reading[..., 3:], scalar_first=True))
 
 
+def recorded(robot: Robot, wanted: RigidTransform, times: Float[np.ndarray, " ticks"], seen: list[Seen]) -> Trajectory:
+    """The motion of which these states have been ``seen`` at the first of ``times`` [s], with the ``wanted`` poses."""
+    poses, lengths, tensions, rest_lengths = (np.array(column) for column in zip(*seen, strict=True))
+    rows = np.arange(len(seen))
+    problems = Problems.of(robot, wanted[rows], rest_lengths)
+    return Trajectory.of(problems, times[rows], pose_of(poses), lengths, tensions)
+
+
 class Sensing:
     """Queue of samples from the sensors to the controller."""
 
-    def __init__(self, sensors: Sensors, readings: Readings) -> None:
-        self._sensors, self._readings = sensors, readings
+    def __init__(self, sensors: Sensors) -> None:
+        self._sensors = sensors
         self._random = np.random.default_rng(sensors.seed)
         self._taken = 0
         self._waiting: deque[Measurement] = deque()
@@ -73,14 +76,13 @@ class Sensing:
         """Whether it is time for another sample."""
         return time >= self._taken * self._sensors.period - INSTANT
 
-    def sample(self, data: mujoco.MjData, time: float, rest_lengths: Float[np.ndarray, " cables"]) -> None:
-        """Take a sample; after ``mj_forward``."""
-        sensors, tensions = self._sensors, self._readings.tensions(data)
+    def sample(self, time: float, seen: Seen) -> None:
+        """Take a sample of this state."""
+        sensors, (read, _, tensions, rest_lengths) = self._sensors, seen
         noise = self._random.standard_normal(6 + len(tensions))
         step = noise[:6] * np.repeat([sensors.position_noise, sensors.rotation_noise], 3)
-        pose = pose_of(self._readings.pose(data))
-        pose = moved(pose, step) if step.any() else pose
-        self._waiting.append(Measurement(time, pose, tensions + sensors.tension_noise * noise[6:], rest_lengths.copy()))
+        pose = moved(pose_of(read), step) if step.any() else pose_of(read)
+        self._waiting.append(Measurement(time, pose, tensions + sensors.tension_noise * noise[6:], rest_lengths))
         self._taken += 1
 
     def newest(self, time: float) -> Measurement:

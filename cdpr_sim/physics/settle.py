@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -50,9 +49,9 @@ def settle(
 ) -> Equilibrium:
     """Equilibrium at which the platform comes to rest in MuJoCo, released at ``pose`` with zero velocity.
 
-    A platform that its cables do not hold there falls until they catch it, however far: there is no other contact.
-    Where cables have mass, the platform is released at the equilibrium with massless cables. Cables with a memory
-    are new ones; ``settle_path`` follows a path.
+    A platform that its cables do not hold there falls until they are taut, however far: there is no contact. Where
+    cables have mass, the platform is released at the equilibrium with massless cables. Cables with a memory start as
+    new ropes; ``settle_path`` follows a path.
 
     Args:
         robot: the robot; or a ``Problem``, without other arguments.
@@ -89,7 +88,7 @@ def settle_trajectory(
 ) -> tuple[Equilibrium, Trajectory]:
     """``settle``, and the motion to the equilibrium, time step by time step (their lengths vary).
 
-    ``settle`` ends with Newton's method; where no cable has mass, here the platform moves all the way.
+    ``settle`` ends with Newton's method; here, if no cable has mass, the motion is simulated to the equilibrium.
 
     Args:
         robot: the robot; all arguments are those of ``settle``.
@@ -109,7 +108,9 @@ def settle_trajectory(
     if weighs(problem.robot, model):
         refuse_short(problem.robot, problem.rest_lengths)
         motion: heavy.Frames = []
-        equilibrium = _settled_heavy(Problems.stack([problem]), model=model, frames=motion)[0]
+        one = Problems.stack([problem])
+        settled = heavy.released(one, settled_without_mass(one), model=model, frames=motion)
+        equilibrium = _batch_of(one, settled, settled.steps, settled.status)[0]
         times, poses, lengths, tensions = zip(*motion, strict=True)
         commands = Problems.stack([problem] * len(times))
         at = RigidTransform.concatenate(list(poses))
@@ -224,7 +225,7 @@ def _residuals(
     threads: int,
 ) -> Float[np.ndarray, " rows"]:
     if weighs(problems.robot, model):
-        return heavy.unbalanced(problems, poses_of(positions, rotations), model=model)
+        return heavy.unbalanced(problems, poses_of(positions, rotations), model=model, threads=threads)
     with simulations_of(without_weight(problems), model, threads) as simulations:
         simulations.place(positions, rotations)
         return simulations.residuals()
@@ -243,20 +244,35 @@ def _settled(
     if model is not None:
         problems.robot.cabling.refuse_memory("model")
     if weighs(problems.robot, model):
+        starts = settled_without_mass(problems, threads)
         with saying(progress) as say:
-            return _settled_heavy(problems, model=model, threads=threads, say=say)
-    asked, problems = problems, without_weight(problems)
-    with simulations_of(problems, model, threads) as simulations:
+
+            def told(words: str) -> None:
+                say(f"MuJoCo settles the platform: {words}")
+
+            settled = heavy.released(problems, starts, model=model, say=told if progress else None, threads=threads)
+        return _batch_of(problems, settled, settled.steps, settled.status)
+    with simulations_of(without_weight(problems), model, threads) as simulations:
         relaxation, reading = come_to_rest(simulations, frames)
+    return _batch_of(problems, reading, relaxation.steps, relaxation.status)
+
+
+def _batch_of(
+    problems: Problems,
+    reading: SimulationReading,
+    steps: Int[np.ndarray, " rows"],
+    status: Int[np.ndarray, " rows"],
+) -> EquilibriumBatch:
+    """What was read after these time steps."""
     return EquilibriumBatch(
-        problems=asked,
+        problems=problems,
         positions=reading.positions,
         rotations=reading.rotations,
         lengths=reading.lengths,
         tensions=reading.tensions,
         residuals=reading.residuals,
-        iterations=relaxation.steps,
-        status=relaxation.status,
+        iterations=steps,
+        status=status,
         source="mujoco",
         stiffness=reading.eigenvalues,
     )
@@ -297,41 +313,12 @@ def _saddle(relaxation: Relaxation, reading: SimulationReading) -> Bool[np.ndarr
     return relaxation.settled & (reading.eigenvalues[:, 0] < -NEUTRAL * np.abs(reading.eigenvalues).max(1))
 
 
-def _settled_heavy(
-    problems: Problems,
-    *,
-    model: mujoco.MjModel | None = None,
-    threads: int = 1,
-    frames: heavy.Frames | None = None,
-    say: Callable[[str], None] = lambda words: None,
-) -> EquilibriumBatch:
-    """``_settled`` where cables have mass: released at the equilibrium with massless cables."""
-    starts = settled_without_mass(problems, threads)
-    readings, steps, status = heavy.released(
-        problems, starts, model=model, frames=frames, say=lambda words: say(f"MuJoCo settles the platform: {words}")
-    )
-    poses = RigidTransform.concatenate([reading.pose for reading in readings])
-    equilibria = EquilibriumBatch(
-        problems=problems,
-        positions=np.array(poses.translation),
-        rotations=poses.rotation.as_matrix(),
-        lengths=np.array([reading.lengths for reading in readings]),
-        tensions=np.array([reading.tensions for reading in readings]),
-        residuals=np.array([reading.residual for reading in readings]),
-        iterations=np.array(steps),
-        status=np.array([one.value for one in status]),
-        source="mujoco",
-        stiffness=np.array([reading.eigenvalues for reading in readings]),
-    )
-    equilibria.__dict__["poses"] = poses
-    return equilibria
-
-
 def settled_without_mass(problems: Problems, threads: int = 1) -> RigidTransform:
     """Poses (rows,) at which platforms on massless cables come to rest; the commanded ones where they do not."""
     light = _settled(without_weight(problems), threads=threads)
-    finite = np.isfinite(light.residuals)
-    return RigidTransform.concatenate([(light if finite[row] else problems).poses[row] for row in range(len(problems))])
+    rested = np.isfinite(light.residuals)[:, None]
+    positions = np.where(rested, light.positions, problems.positions)
+    return poses_of(positions, np.where(rested[..., None], light.rotations, problems.rotations))
 
 
 def refused(problems: Problems) -> Int[np.ndarray, " rows"]:

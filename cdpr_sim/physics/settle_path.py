@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
-from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import MOST_THREADS, whole
 from cdpr_sim.core.equilibrium_path import EquilibriumPath
 from cdpr_sim.core.memory import Memory
-from cdpr_sim.core.path_problem import PathProblem, moved
+from cdpr_sim.core.path_problem import PathProblem, moved_as_commanded
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -24,11 +21,8 @@ from cdpr_sim.physics.batch import Simulations, simulations_of
 from cdpr_sim.physics.sagging.settle_chains import released
 from cdpr_sim.physics.settle import come_to_rest, refused, settled_without_mass, weighs
 
-READ = ("positions", "rotations", "lengths", "tensions", "residuals", "eigenvalues")
-
-RowSettling: TypeAlias = Callable[[Problems, Memory, float, bool], tuple[dict[str, np.ndarray], Memory]]
-"""Settles one row of a path from these poses, with the memory before and the time since then [s]; whether the row is
-the first of its path. Returns what was read, and the memory there."""
+READ = ("positions", "rotations", "lengths", "tensions", "residuals")
+"""What is read of the equilibria, by the names of ``SimulationReading`` and of ``EquilibriumPath``."""
 
 
 def settle_path(
@@ -43,7 +37,7 @@ def settle_path(
     steps: int = 1,
     threads: int = 0,
 ) -> EquilibriumPath:
-    """Equilibria along a path in MuJoCo, each with the memory that the cables have from the way there.
+    """Equilibria along a path in MuJoCo, each with the memory of the cables from the path so far.
 
     From each equilibrium the winches turn to the next command, and the platform comes to rest. The cables go straight
     from one equilibrium to the next: their memory does not depend on the motion between them. A robot without a memory
@@ -58,8 +52,8 @@ def settle_path(
         rotations: (steps, ..., 3, 3), if ``poses`` are positions; default: level.
         times: time of each command, (steps,) [s], on which creep depends; equal times are a jump. Default: all at once.
         memory: with which the path begins; default: that of new ropes.
-        steps: equilibria from each command to the next, along the commanded poses: elements that slide forth and back
-            between two commands are missed with few.
+        steps: equilibria from each command to the next, along the commanded poses: with few, the slip of elements forth
+            and back between two commands is missed.
         threads: 0 for one per processor.
 
     Returns:
@@ -73,154 +67,80 @@ def settle_path(
         robot, poses, rest_lengths, external_wrench, rotations=rotations, times=times, memory=memory, steps=steps
     )
     whole("threads", threads, 0, MOST_THREADS)
-    return _SettledPath(path, threads).result()
+    robot, shape, kept = path.robot, path.problems.shape[1:], set(path.kept.tolist())
+    count = int(np.prod(shape))
+    parts = {name: part.reshape(count, *part.shape[len(shape) :]).copy() for name, part in path.memory.arrays.items()}
+    status, here, before, found = np.full(count, Status.CONVERGED.value), {}, None, []
+    with ExitStack() as opened:
+        simulations = None  # of the paths that go on
+        for row, duration in enumerate(path.durations.tolist()):
+            which = np.zeros(path.fine.shape, dtype=bool)
+            which[row] = True
+            commands, last, here = path.fine.take(which), here, _unread(robot, count)
+            status = np.where(status == Status.CONVERGED, refused(commands), status)
+            going = np.flatnonzero(status == Status.PENDING)
+            if len(going):
+                starts = commands.take(going)
+                if before is not None:  # from the equilibria before, moved as the commands are
+                    there = last["positions"][going], last["rotations"][going]
+                    positions, rotations = moved_as_commanded(*there, before.take(going), starts)
+                    starts = replace(starts, positions=positions, rotations=rotations)
+                remembered = Memory(**{name: part[going] for name, part in parts.items()}, time=np.nan)
+                if weighs(robot):
+                    at = settled_without_mass(starts, threads) if before is None else starts.poses
+                    read, status[going], after = _settled_with_mass(starts, at, remembered, duration, threads)
+                else:
+                    if simulations is None or len(simulations.qpos) != len(going):
+                        opened.close()
+                        simulations = opened.enter_context(simulations_of(starts, threads=threads))
+                    simulations.start(starts, own_springs=False, memory=remembered, duration=duration)
+                    read, status[going], after = _settled_without_mass(simulations)
+                for arrays, values in ((here, read), (parts, after.arrays)):
+                    for name, part in values.items():
+                        arrays[name][going] = part
+            before = commands
+            if row in kept:
+                found.append(here | {"status": status})
+    for part in parts.values():
+        part[status != Status.CONVERGED] = np.nan
+    shaped = {name: part.reshape(*shape, *part.shape[1:]) for name, part in parts.items()}
+    columns = {name: np.stack([one[name] for one in found]) for name in found[0]}
+    return EquilibriumPath(
+        problems=path.problems,
+        **{name: column.reshape(len(found), *shape, *column.shape[2:]) for name, column in columns.items()},
+        source="mujoco",
+        times=path.times,
+        memory=Memory(**shaped, time=float(path.times[-1])),
+    )
 
 
-class _SettledPath:
-    """Equilibria at all rows of a path, of which those of the commands are kept."""
-
-    def __init__(self, path: PathProblem, threads: int) -> None:
-        self.path, self.threads, robot = path, threads, path.robot
-        rows, self.shape = len(path.fine), path.problems.shape[1:]
-        count = int(np.prod(self.shape))
-
-        def empty(*core: int) -> np.ndarray:
-            return np.full((rows, count, *core), np.nan)
-
-        self.positions, self.rotations = empty(3), empty(3, 3)
-        self.lengths, self.tensions = empty(robot.cables), empty(robot.cables)
-        self.residuals, self.eigenvalues = empty(), empty(len(robot.free))
-        self.iterations = np.zeros((rows, count), dtype=int)
-        self.status = np.full((rows, count), Status.PENDING.value)
-        self.memory = {
-            name: getattr(path.memory, name).reshape(count, *core).copy() for name, core in _parts(robot).items()
-        }
-
-    def result(self) -> EquilibriumPath:
-        """The equilibria at the commands."""
-        row, alive = 0, np.ones(self.status.shape[1], dtype=bool)
-        while row < len(self.status) and alive.any():
-            row, alive = self._go_on(row, alive)
-        for part in self.memory.values():
-            part[~alive] = np.nan
-        memory = {name: self.memory[name].reshape(*self.shape, *core) for name, core in _parts(self.path.robot).items()}
-        kept = self.path.kept
-
-        def shaped(array: np.ndarray) -> np.ndarray:
-            return array[kept].reshape(len(kept), *self.shape, *array.shape[2:])
-
-        return EquilibriumPath(
-            problems=self.path.problems,
-            positions=shaped(self.positions),
-            rotations=shaped(self.rotations),
-            lengths=shaped(self.lengths),
-            tensions=shaped(self.tensions),
-            residuals=shaped(self.residuals),
-            iterations=shaped(self.iterations),
-            status=shaped(self.status),
-            source="mujoco",
-            stiffness=shaped(self.eigenvalues),
-            times=self.path.times,
-            memory=Memory(**memory, time=float(self.path.times[-1])),
-        )
-
-    def _commands(self, row: int) -> Problems:
-        """The problems of one row of the path, (paths,)."""
-        which = np.zeros(self.path.fine.shape, dtype=bool)
-        which[row] = True
-        return self.path.fine.take(which)
-
-    def _go_on(self, row: int, alive: Bool[np.ndarray, " paths"]) -> tuple[int, Bool[np.ndarray, " paths"]]:
-        """Go on from ``row`` until a path ends: the row to go on with, and which paths go on."""
-        paths = np.flatnonzero(alive)
-        before, commands = (self._commands(max(row - 1, 0)).take(paths), self._commands(row).take(paths))
-        failed = refused(commands)
-        if (failed != Status.PENDING).any():
-            return row, self._end(row, alive, paths, failed)
-        with _settling(commands, self.threads) as settle_row:
-            while True:
-                self._settle(settle_row, row, paths, before, commands)
-                failed, row = self.status[row, paths], row + 1
-                failed = np.where(failed == Status.CONVERGED, Status.PENDING.value, failed)
-                if row < len(self.status) and (failed == Status.PENDING).all():
-                    before, commands = commands, self._commands(row).take(paths)
-                    failed = refused(commands)
-                if row == len(self.status) or (failed != Status.PENDING).any():
-                    return row, self._end(row, alive, paths, failed)
-
-    def _settle(
-        self, settle_row: RowSettling, row: int, paths: Int[np.ndarray, " some"], before: Problems, commands: Problems
-    ) -> None:
-        """Settle ``paths`` at one row, from the equilibria before, moved as the commands are."""
-        starts = commands
-        if row > 0:
-            positions, rotations = moved(
-                self.positions[row - 1, paths], self.rotations[row - 1, paths], before, commands
-            )
-            starts = replace(commands, positions=positions, rotations=rotations)
-        memory = Memory(**{name: part[paths] for name, part in self.memory.items()}, time=np.nan)
-        found, after = settle_row(starts, memory, float(self.path.durations[row]), row == 0)
-        for name, part in found.items():
-            getattr(self, name)[row, paths] = part
-        for name, part in self.memory.items():
-            part[paths] = getattr(after, name)
-
-    def _end(
-        self,
-        row: int,
-        alive: Bool[np.ndarray, " paths"],
-        paths: Int[np.ndarray, " some"],
-        status: Int[np.ndarray, " some"],
-    ) -> Bool[np.ndarray, " paths"]:
-        """End those of ``paths`` with another status than ``PENDING`` from ``row`` on; which paths go on."""
-        ended = status != Status.PENDING
-        self.status[row:, paths[ended]] = status[ended]
-        going = alive.copy()
-        going[paths[ended]] = False
-        return going
-
-
-@contextmanager
-def _settling(problems: Problems, threads: int) -> Iterator[RowSettling]:
-    """What settles rows of a path, for the robot and as many paths as these problems are."""
-    if weighs(problems.robot):
-        yield partial(_settled_with_mass, threads)
-        return
-    with simulations_of(problems, threads=threads) as simulations:
-        yield partial(_settled_without_mass, simulations)
+def _unread(robot: Robot, count: int) -> dict[str, np.ndarray]:
+    """Arrays for the equilibria of so many paths at one row, where none has been read yet."""
+    sizes = dict(positions=(3,), rotations=(3, 3), lengths=(robot.cables,), tensions=(robot.cables,), residuals=())
+    sizes["stiffness"] = (len(robot.free),)
+    unread = {name: np.full((count, *size), np.nan) for name, size in sizes.items()}
+    return unread | {"iterations": np.zeros(count, dtype=int)}
 
 
 def _settled_without_mass(
-    simulations: Simulations, starts: Problems, memory: Memory, duration: float, first: bool
-) -> tuple[dict[str, np.ndarray], Memory]:
-    """Equilibria with massless cables, from the poses of ``starts``, and the memory there."""
-    simulations.start(starts, own_springs=False, memory=memory, duration=duration)
+    simulations: Simulations,
+) -> tuple[dict[str, np.ndarray], Int[np.ndarray, " rows"], Memory]:
+    """Equilibria with massless cables, their status, and the memory there."""
     relaxation, reading = come_to_rest(simulations)
-    found = {name: getattr(reading, name) for name in READ}
-    return found | dict(iterations=relaxation.steps, status=relaxation.status), simulations.remembered(reading)
+    read = {name: getattr(reading, name) for name in READ}
+    read |= dict(stiffness=reading.eigenvalues, iterations=relaxation.steps)
+    return read, relaxation.status, simulations.remembered(reading)
 
 
 def _settled_with_mass(
-    threads: int, starts: Problems, memory: Memory, duration: float, first: bool
-) -> tuple[dict[str, np.ndarray], Memory]:
-    """The same where some cables have mass; the first of a path starts where massless cables rest."""
-    at = settled_without_mass(starts, threads) if first else starts.poses
-    readings, steps, status = released(starts, at, memory=(memory, duration))
-    poses = RigidTransform.concatenate([reading.pose for reading in readings])
-    found = dict(positions=poses.translation, rotations=poses.rotation.as_matrix())
-    for name in ("lengths", "tensions", "eigenvalues"):
-        found[name] = np.array([getattr(reading, name) for reading in readings])
-    found["residuals"] = np.array([reading.residual for reading in readings])
-    found |= dict(iterations=np.array(steps), status=np.array([one.value for one in status]))
-    after = [reading.memory for reading in readings]
-    if after[0] is None:
-        rest = np.broadcast_to(starts.rest_lengths, found["tensions"].shape)
-        return found, replace(memory, beyond=rest, tensions=found["tensions"])
-    parts = {name: np.array([getattr(one, name) for one in after]) for name in _parts(starts.robot)}
-    return found, Memory(**parts, time=np.nan)
-
-
-def _parts(robot: Robot) -> dict[str, tuple[int, ...]]:
-    """The arrays of a ``Memory`` of one path, by their shapes."""
-    fresh = Memory.fresh(robot)
-    return {name: getattr(fresh, name).shape for name in ("strains", "beyond", "creep", "tensions")}
+    problems: Problems, at: RigidTransform, memory: Memory, duration: float, threads: int
+) -> tuple[dict[str, np.ndarray], Int[np.ndarray, " rows"], Memory]:
+    """The same where some cables have mass, from the poses ``at``, ``duration`` [s] after ``memory``."""
+    settled = released(problems, at, memory=(memory, duration), threads=threads)
+    read = {name: getattr(settled, name) for name in READ} | dict(
+        stiffness=settled.eigenvalues, iterations=settled.steps
+    )
+    if settled.memory is None:
+        rest = np.broadcast_to(problems.rest_lengths, settled.tensions.shape)
+        return read, settled.status, replace(memory, beyond=rest, tensions=settled.tensions)
+    return read, settled.status, settled.memory

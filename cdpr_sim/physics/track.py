@@ -21,32 +21,32 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.linalg import eigh
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.checks import PROGRESS, checked_array, positive, refuse_unless
 from cdpr_sim.core.controller import Command, Controller, Reference, Sensors
 from cdpr_sim.core.errors import CdprError, InvalidInput
 from cdpr_sim.core.memory import without_memory
-from cdpr_sim.core.path import Path
 from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.pose_path import PosePath
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import BadCommand, PlatformFell, Trajectory
 from cdpr_sim.physics import tendons, winches
 from cdpr_sim.physics.batch import quiet
 from cdpr_sim.physics.chains import refuse_short
+from cdpr_sim.physics.damping import STEPS, stiffest
 from cdpr_sim.physics.drive import MOST_SECONDS, MOST_STATES, PAUSE, fallen, poses_through, problems_at
 from cdpr_sim.physics.dynamic_relaxation import inertias
 from cdpr_sim.physics.mjcf import TIMESTEP, place, settling_drag, to_mjcf
 from cdpr_sim.physics.rope_motion import RopeMotion
 from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_motion import LEAST_AHEAD, ChainMotion
-from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
-from cdpr_sim.physics.sagging.settle_chains import at_rest
-from cdpr_sim.physics.sensing import Readings, Sensing, pose_of
+from cdpr_sim.physics.sagging.settle_chains import at_rest, single
+from cdpr_sim.physics.sensing import Readings, Seen, Sensing, recorded
 from cdpr_sim.physics.settle import settle, weighs, weightless
 from cdpr_sim.physics.settle_path import settle_path
+from cdpr_sim.physics.winches import WINCH_SPEED
 
 SPEED = 0.05
 """[m/s] Default of the mean speed along the waypoints."""
@@ -58,12 +58,6 @@ some periods, as platforms on cables do."""
 CABLE_DAMPING = 2.5e-4
 """[s] Assumed: a loss factor of 2 % at the 10 Hz of ``cogiro``'s motion of least stiffness on fishing line, of 5 % at
 Vectran's 33 Hz."""
-
-STEPS = 20
-"""Least number of time steps per period of the platform's fastest oscillation. The model's own integrator, which is
-implicit in the springs, is stable with far fewer: but it damps them, so that unstable feedback looked stable, and peaks
-of tension were far too high. This one is velocity Verlet: of second order, and without damping beyond that of the
-model."""
 
 ROUNDING = 1e-9
 """Rounding of a length or a number of steps, as a fraction."""
@@ -81,18 +75,18 @@ def track(
     pause: float = 0.0,
     rate: float = 100.0,
     sensors: Sensors = EXACT,
-    winch_speed: float = 1.0,
+    winch_speed: float = WINCH_SPEED,
     damping: float = DAMPING,
     cable_damping: float = CABLE_DAMPING,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Move the platform along ``waypoints`` in MuJoCo by the commands of ``controller``, which gets only measurements.
 
-    The reference moves along straight lines from waypoint to waypoint as described in ``core.path``: smoothly, with
-    zero velocity at both ends. The platform starts in equilibrium on the controller's first lengths.
+    The reference moves along straight lines from waypoint to waypoint as described in ``core.pose_path``: smoothly,
+    with zero velocity at both ends. The platform starts in equilibrium on the controller's first lengths.
 
     Args:
-        robot: the true robot; the controller may have another model. Cables with a memory start as new ropes.
+        robot: the simulated robot; the controller may have another model. Cables with a memory start as new ropes.
         waypoints: reference poses in order, at least one: (rows, 3), (rows, 6) or a stack of transforms. A single one
             is held.
         controller: any object with the two methods of ``Controller``; those of ``cdpr_sim.control``, for instance.
@@ -140,13 +134,13 @@ def track(
             damping=_from_zero("damping", damping),
             cable_damping=_from_zero("cable_damping", cable_damping),
         )
-        motion = _Motion(machine.readings)
+        seen: list[Seen] = []
         try:
-            _run(machine, controller, Sensing(sensors, machine.readings), times, held, motion, progress)
+            _run(machine, controller, Sensing(sensors), times, held, seen, progress)
         except (PlatformFell, BadCommand) as stopped:
-            stopped.trajectory = motion.trajectory(robot, wanted, times)
+            stopped.trajectory = recorded(robot, wanted, times, seen)
             raise
-    return motion.trajectory(robot, wanted, times)
+    return recorded(robot, wanted, times, seen)
 
 
 def _course(
@@ -155,7 +149,7 @@ def _course(
     seconds: float | None,
     pause: float,
 ) -> Reference:
-    path = Path(robot, poses_through(robot, waypoints))
+    path = PosePath(robot, poses_through(robot, waypoints))
     if seconds is None:
         seconds = path.length / SPEED or PAUSE
     seconds = positive("seconds", seconds, "s")
@@ -209,10 +203,10 @@ def _run(
     sensing: Sensing,
     times: Float[np.ndarray, " ticks"],
     wanted: Problems,
-    motion: _Motion,
+    seen: list[Seen],
     progress: Callable[[float], None] | None,
 ) -> None:
-    """Run from the first of ``times`` to the last.
+    """Run from the first of ``times`` to the last; the state at each is appended to ``seen``.
 
     Raises:
         PlatformFell: the platform fell during the motion.
@@ -220,13 +214,13 @@ def _run(
     """
     name, last = machine.robot.name, len(times) - 1
     for tick, time in enumerate(times.tolist()):
-        motion.see(machine)
+        seen.append(machine.seen())
         position, rotation = wanted.positions[tick], wanted.rotations[tick]
         fell = fallen(position, rotation, machine.let_out, machine.data, machine.platform)
         if fell:
             x, y, z = position
             raise PlatformFell(
-                f"{name}: found the platform fallen {time:.4g} s into the motion, when it was wanted at ({x:.3g}, "
+                f"{name}: found the platform fallen {time:.4g} s into the motion, when the reference was at ({x:.3g}, "
                 f"{y:.3g}, {z:.3g}) m: {fell}"
             )
         if progress is not None:
@@ -234,35 +228,15 @@ def _run(
         if tick == last:
             return
         if sensing.due(time):
-            sensing.sample(machine.data, time, machine.let_out)
+            sensing.sample(time, machine.seen())
         then = float(times[tick + 1])
         with _blamed(machine.robot, f"controller: {time:.4g} s into the motion"):
             command = machine.checked(controller.command(then, wanted.poses[tick + 1], sensing.newest(time)))
         for passed in machine.follow(command, then - time):
             if sensing.due(time + passed):
                 machine.look()
-                sensing.sample(machine.data, time + passed, machine.let_out)
+                sensing.sample(time + passed, machine.seen())
         machine.look()
-
-
-class _Motion:
-    """Record of the state at each control instant."""
-
-    def __init__(self, readings: Readings) -> None:
-        self._readings = readings
-        self._seen: list[tuple[np.ndarray, ...]] = []
-
-    def see(self, machine: Machine) -> None:
-        """Record the present state of the platform, its cables and its winches."""
-        read, data = self._readings, machine.data
-        self._seen.append((read.pose(data), read.lengths(data), read.tensions(data), machine.let_out.copy()))
-
-    def trajectory(self, robot: Robot, wanted: RigidTransform, times: Float[np.ndarray, " ticks"]) -> Trajectory:
-        """The recorded motion."""
-        poses, lengths, tensions, rest_lengths = (np.array(column) for column in zip(*self._seen, strict=True))
-        rows = np.arange(len(self._seen))
-        problems = Problems.of(robot, wanted[rows], rest_lengths)
-        return Trajectory.of(problems, times[rows], pose_of(poses), lengths, tensions)
 
 
 class Machine:
@@ -273,6 +247,7 @@ class Machine:
         model, data: in MuJoCo, with the platform and the cables damped.
         readings: of the model's sensors.
         platform: number of the platform's body.
+        winch_speed: largest rate at which a rest length changes [m/s].
         fastest: angular frequency of the fastest oscillation [rad/s].
         damping_time: of that oscillation [s].
         reach: shortest and longest lengths that the winches can let out, (2, cables) [m].
@@ -291,17 +266,17 @@ class Machine:
         winch_force: ArrayLike | None = np.inf,
     ) -> None:
         self.robot = robot
-        self.model = mujoco.MjModel.from_xml_string(self._model_text(pose, winch_force))
+        text = to_mjcf(without_memory(robot), pose, winches=True, winch_force=winch_force)
+        self.model = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.model)
         self.readings = Readings(self.model, robot)
         self.platform = self.model.body("platform").id
-        self._rigid, self._shared = robot.rest_lengths(pose), winches.shared(robot)
-        self._written = self._rigid + self._shared
+        self._written = robot.rest_lengths(pose)
         self.fastest, self.damping_time = self._damp(damping, cable_damping)
         self._longest = min(TIMESTEP, 2 * np.pi / self.fastest / STEPS)
-        self._speed = winch_speed
+        self.winch_speed = winch_speed
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
-        self.reach = (self._written[:, None] / (1 + self.model.actuator_ctrlrange)).T[::-1] - self._shared
+        self.reach = winches.reach(robot, self._written)
         self._springs = self.model.actuator_gainprm.copy(), self.model.actuator_biasprm.copy()
         self._motors = np.zeros(robot.cables, dtype=bool)
         self._acceleration = np.zeros(self.model.nv)
@@ -310,9 +285,6 @@ class Machine:
         self.look()
         self._wind(self.let_out, 0.0)
         self.look()
-
-    def _model_text(self, pose: RigidTransform, winch_force: ArrayLike | None) -> str:
-        return to_mjcf(self.robot, pose, winches=True, winch_force=winch_force)
 
     def _settled(self, pose: RigidTransform) -> RigidTransform:
         """The equilibrium at which a motion begins."""
@@ -329,21 +301,14 @@ class Machine:
         Returns:
             For the fastest oscillation: its angular frequency [rad/s], and its damping time [s].
         """
-        model, data, free = self.model, self.data, len(self.robot.free)
-        mass, stretch = np.zeros((free, model.nv)), np.zeros((free, model.nu))
-        for coordinate, unit in enumerate(np.eye(free, model.nv)):
-            data.qvel[:] = unit
-            mujoco.mj_forward(model, data)
-            mujoco.mj_mulM(model, data, mass[coordinate], unit)
-            stretch[coordinate] = data.actuator_velocity
-        data.qvel[:] = 0
-        critical = model.dof_damping[0] / self.robot.mass  # [1/s], the damping written in the model
-        model.dof_damping[:free] = damping * critical * mass.diagonal()
-        springs = tendons.springs(self.robot.cabling, self.robot.axial_stiffness, self._rigid)
+        model, robot = self.model, self.robot
+        springs = tendons.springs(robot.cabling, robot.axial_stiffness, self._written)
+        square, mass = stiffest(model, robot, self._stiffest(springs))
+        critical = model.dof_damping[0] / robot.mass  # [1/s], the damping written in the model
+        model.dof_damping[: len(mass)] = damping * critical * mass.diagonal()
         model.actuator_biasprm[:, 2] = -cable_damping * springs
-        stiffest = eigh(stretch * self._stiffest(springs) @ stretch.T, mass[:, :free], eigvals_only=True)[-1]
-        damped = damping * critical + cable_damping * stiffest
-        return float(np.sqrt(stiffest)), float(1 / damped) if damped else np.inf
+        damped = damping * critical + cable_damping * square
+        return float(np.sqrt(square)), float(1 / damped) if damped else np.inf
 
     def _stiffest(self, springs: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
         """The largest stiffness of each cable at the first lengths [N/m], from that of elastic ones."""
@@ -368,13 +333,16 @@ class Machine:
 
     def controls(self, rest_lengths: Float[np.ndarray, "*rows cables"]) -> Float[np.ndarray, "*rows cables"]:
         """Controls of the actuators that let out ``rest_lengths`` [m] (``winch_controls``)."""
-        return self._written / (rest_lengths + self._shared) - 1
+        extra = winches.shared(self.robot)
+        return winches.controls(self._written + extra, rest_lengths + extra)
 
-    def lengths_at(
-        self, strains: Float[np.ndarray, "*rows cables"], lengths: Float[np.ndarray, "*rows cables"]
-    ) -> Float[np.ndarray, "*rows cables"]:
-        """Rest lengths of cables with these ``strains`` that are ``lengths`` [m] long."""
-        return (lengths - strains * self._shared) / (1 + strains)
+    def seen(self) -> Seen:
+        """The state as of the last look, with the lengths let out now."""
+        return *self.readings.of(self.data.sensordata), self.let_out.copy()
+
+    def _within(self, wanted: Float[np.ndarray, " cables"], most: float) -> Float[np.ndarray, " cables"]:
+        """The lengths [m] in reach that are nearest to those ``wanted``, at most ``most`` [m] from those let out."""
+        return wanted.clip(self.let_out - most, self.let_out + most).clip(*self.reach)
 
     def look(self) -> None:
         """Update MuJoCo's sensors, which otherwise have the values before the step."""
@@ -385,13 +353,15 @@ class Machine:
 
         A step is one of velocity Verlet, so that positions, velocities and winches belong to the same instant: the
         velocity changes by half a step of the acceleration at its beginning, the position by that velocity, the
-        velocity by half a step of the acceleration at its end.
+        velocity by half a step of the acceleration at its end. The model's own integrator, which is implicit in the
+        springs, is stable with far fewer steps: but it damps the springs, so that unstable feedback looked stable, and
+        peaks of tension were far too high. This one is of second order, and without damping beyond that of the model.
         """
         model, data, by_tension = self.model, self.data, command.by_tension
         some = bool(by_tension.any())
         steps = max(1, int(np.ceil(seconds / self._longest - ROUNDING)))
         step = seconds / steps
-        half, most = step / 2, self._speed * step
+        half, most = step / 2, self.winch_speed * step
         model.opt.timestep = max(half, step - self.damping_time)
         advance = ((command.rest_lengths - self.let_out) / steps).clip(-most, most)
         if some or self._motors.any():
@@ -429,8 +399,8 @@ class Machine:
         A winch that can reach the length of its tension becomes a constant force, the others are springs.
         """
         strains = command.tensions / self.robot.axial_stiffness
-        wanted = self.lengths_at(strains, self.readings.lengths(self.data))
-        near = wanted.clip(self.let_out - most, self.let_out + most).clip(*self.reach)
+        wanted = winches.lengths_at(self.robot, strains, self.seen()[1])
+        near = self._within(wanted, most)
         self._motors = command.by_tension & (near == wanted)
         gain, bias = self.model.actuator_gainprm, self.model.actuator_biasprm
         gain[:], bias[:] = self._springs
@@ -446,12 +416,9 @@ class _RopeMachine(Machine):
     that slides at its exit under a held tension has no damper, as without memory.
     """
 
-    def _model_text(self, pose: RigidTransform, winch_force: ArrayLike | None) -> str:
-        return to_mjcf(without_memory(self.robot), pose, winches=True, winch_force=winch_force)
-
     def _stiffest(self, springs: Float[np.ndarray, " cables"]) -> Float[np.ndarray, " cables"]:
         cabling = self.robot.cabling
-        stuck = tendons.spring(cabling.axial_stiffness, cabling.reeving * self._rigid, cabling.reeving)
+        stuck = tendons.spring(cabling.axial_stiffness, cabling.reeving * self._written, cabling.reeving)
         return np.where(cabling.has("pulley_friction"), stuck, springs)
 
     def _settled(self, pose: RigidTransform) -> RigidTransform:
@@ -460,16 +427,16 @@ class _RopeMachine(Machine):
         return first[0].pose
 
     def _held_tensions(self, command: Command, most: float, seconds: float) -> Float[np.ndarray, " cables"]:
-        self._held = self._ropes.under(self.readings.lengths(self.data), command.tensions, seconds)
+        self._held = self._ropes.under(self.seen()[1], command.tensions, seconds)
         wanted = self._held.rest_lengths
-        near = wanted.clip(self.let_out - most, self.let_out + most).clip(*self.reach)
+        near = self._within(wanted, most)
         self._motors = command.by_tension & (near == wanted)
         return near
 
     def _wind(self, lengths: Float[np.ndarray, " cables"], seconds: float) -> None:
         rates = (lengths - self.let_out) / seconds if seconds else np.zeros_like(lengths)
         self.let_out = lengths
-        state = self._ropes.at(self.readings.lengths(self.data), lengths, seconds)
+        state = self._ropes.at(self.seen()[1], lengths, seconds)
         if self._held is not None:
             state = state.where(self._motors, self._held)
         self._ropes.memory = state.memory
@@ -478,28 +445,6 @@ class _RopeMachine(Machine):
         gain, bias = self.model.actuator_gainprm, self.model.actuator_biasprm
         gain[:] = bias[:] = 0.0
         bias[:, 0], bias[:, 2] = state.pulls + dampers * rates, dampers
-
-
-class _ChainReadings(Readings):
-    """The readings of ``Readings`` on cables with mass, as of the last look."""
-
-    def __init__(self, motion: ChainMotion) -> None:
-        self._motion = motion
-        self.look()
-
-    def look(self) -> None:
-        self._motion.look()
-        self._seen = self._motion.simulation.seen()
-
-    def pose(self, data: mujoco.MjData) -> Float[np.ndarray, "7"]:
-        pose = self._seen[0]
-        return np.concatenate([pose.translation, pose.rotation.as_quat(scalar_first=True)])
-
-    def lengths(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
-        return self._seen[1]
-
-    def tensions(self, data: mujoco.MjData) -> Float[np.ndarray, " cables"]:
-        return self._seen[2]
 
 
 class _ChainMachine(Machine):
@@ -515,21 +460,16 @@ class _ChainMachine(Machine):
         damping: float,
         cable_damping: float,
     ) -> None:
-        self.robot, self._speed = robot, winch_speed
+        self.robot, self.winch_speed = robot, winch_speed
         written = Problem.of(robot, pose)
-        shortest, longest = winches.reach(robot)
-        self.reach = np.array([np.minimum(shortest, written.rest_lengths), np.maximum(longest, written.rest_lengths)])
+        self.reach = winches.reach(robot, written.rest_lengths)
         first = Problem.of(robot, pose, self.checked(lengths).rest_lengths)
         refuse_short(robot, first.rest_lengths)
         start = settle(first).pose
-        if weighs(robot):
-            simulation = at_rest(first, start)
-        else:
-            stiffness, wrench = robot.axial_stiffness, first.external_wrench
-            simulation = ChainSimulation(robot, first.rest_lengths, stiffness, wrench, start)
+        simulation = at_rest(first, start) if weighs(robot) else single(first, start)
         inertia = inertias(robot)
-        simulation.residual()
-        stiffest = float(np.abs(ChainDerivatives.of(simulation).stiffness()[0]).max())
+        simulation.residuals(simulation.all)
+        stiffest = float(np.abs(ChainDerivatives.of(simulation, simulation.all).stiffness()[0]).max())
         fastest = np.sqrt(stiffest / float((inertia / robot.units[robot.free] ** 2).min()))
         calm = 2 * cable_damping or TIMESTEP  # steps that damp no more than the cables
         self._longest = min(TIMESTEP, 2 * np.pi / fastest / STEPS, calm)
@@ -540,24 +480,28 @@ class _ChainMachine(Machine):
             ahead=LEAST_AHEAD,
             cable_damping=cable_damping,
         )
-        self.data, self.platform = simulation.data, simulation.platform
+        self.data, self.platform = self._chains.data, simulation.platform
         self.let_out = self._chains.let_out
-        self.readings = self._looked = _ChainReadings(self._chains)
+        self.look()
 
     def look(self) -> None:
-        self._looked.look()
+        self._seen = self._chains.look()
+
+    def seen(self) -> Seen:
+        pose = self._seen.poses[0]
+        read = np.concatenate([pose.translation, pose.rotation.as_quat(scalar_first=True)])
+        return read, self._seen.lengths[0], self._seen.tensions[0], self.let_out.copy()
 
     def follow(self, command: Command, seconds: float) -> Iterator[float]:
         start, passed = self.let_out, 0.0
-        rates = ((command.rest_lengths - start) / seconds).clip(-self._speed, self._speed)
+        rates = ((command.rest_lengths - start) / seconds).clip(-self.winch_speed, self.winch_speed)
         by_tension = command.by_tension
 
         def let_out(now: float) -> Float[np.ndarray, " cables"]:
-            lengths, most = start + now * rates, self._speed * (now - passed)
+            lengths, most = start + now * rates, self.winch_speed * (now - passed)
             if by_tension.any():
                 held = self._chains.lengths_under(command.tensions, now - passed)
-                held = held.clip(self.let_out - most, self.let_out + most).clip(*self.reach)
-                lengths = np.where(by_tension, held, lengths)
+                lengths = np.where(by_tension, self._within(held, most), lengths)
             return lengths
 
         while (left := seconds - passed) > ROUNDING * self._longest:

@@ -22,8 +22,7 @@ def open_viewer(problem: Problem) -> None:
     Raises:
         InvalidInput: there is no display.
     """
-    scene = scene_mjcf(problem.robot, FILE)
-    model = mujoco.MjModel.from_xml_string(scene, {FILE: to_mjcf(problem, winches=True).encode()})
+    model = scene_with_winches(problem)
     refuse_without_display()
     from mujoco import viewer
 
@@ -32,6 +31,12 @@ def open_viewer(problem: Problem) -> None:
         viewer.launch(model, mujoco.MjData(model))
     finally:
         mujoco.set_mjcb_control(None)
+
+
+def scene_with_winches(problem: Problem) -> mujoco.MjModel:
+    """The model that is driven by its winches, in its scene."""
+    assets = {FILE: to_mjcf(problem, winches=True).encode()}
+    return mujoco.MjModel.from_xml_string(scene_mjcf(problem.robot, FILE), assets)
 
 
 def refuse_without_display() -> None:

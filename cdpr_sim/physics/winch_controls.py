@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.checks import checked_array, refuse_unless
+from cdpr_sim.core.checks import checked_array, frozen, refuse_unless
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import Pose, PoseLike
 from cdpr_sim.core.problem import Problem
@@ -17,23 +16,7 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics import chains
 from cdpr_sim.physics.settle import settle
 from cdpr_sim.physics.tendons import springs
-from cdpr_sim.physics.winches import SERVO, reach, shared
-
-
-class _Written(NamedTuple):
-    """Winches of a model that is written at some pose, (cables,) each [m].
-
-    Attributes:
-        rest_lengths: at control 0.
-        lowest: the shortest rest lengths.
-        highest: the longest ones.
-        extra: length of rope between winch and exit, for each part of line.
-    """
-
-    rest_lengths: Float[np.ndarray, " cables"]
-    lowest: Float[np.ndarray, " cables"]
-    highest: Float[np.ndarray, " cables"]
-    extra: Float[np.ndarray, " cables"]
+from cdpr_sim.physics.winches import SERVO, controls, reach, shared
 
 
 def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Float[np.ndarray, "*rows cables"]:
@@ -55,7 +38,7 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
     """
     refuse_unless(Robot, robot=robot)
     at = Pose.of(pose)
-    rigid, lowest, highest, extra = _written(robot, at.position.tobytes(), at.rotation_matrix.tobytes())
+    rigid, lowest, highest = _written(robot, at.position.tobytes(), at.rotation_matrix.tobytes())
     wanted = checked_array("rest_lengths", rest_lengths, None)
     if wanted.shape[-1:] != (robot.cables,):
         raise InvalidInput(f"rest_lengths: found an array of shape {wanted.shape}, expected (..., {robot.cables})")
@@ -66,7 +49,8 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
             f"rest_lengths: found {wanted[place]:g} m for cable {cable + 1}, expected {lowest[cable]:.4g} to "
             f"{highest[cable]:.4g} m, which its winch can let out"
         )
-    controls = (rigid + extra) / (wanted + extra) - 1
+    extra = shared(robot)
+    found = controls(rigid + extra, wanted + extra)
     if not robot.cabling.linear:
         nonlinear = robot.cabling.stiffening.any(1)
         servos = SERVO * springs(robot.cabling, robot.axial_stiffness, rigid)
@@ -80,16 +64,18 @@ def winch_controls(robot: Robot, pose: PoseLike, rest_lengths: ArrayLike) -> Flo
                 pull = rest.pulls[[cable]] + robot.cable_weights[cable] * rise / 2
                 strain = chains.strains(robot.cabling, np.array([cable]), pull)[0]
                 lengths[cable] = (wanted[row][cable] + extra[cable]) * (1 + strain)
-            drawn_in = lengths * controls[row] + rest.pulls / servos  # plus the servos' displacement
-            controls[row][nonlinear] = drawn_in[nonlinear]
-    return controls
+            drawn_in = lengths * found[row] + rest.pulls / servos  # plus the servos' displacement
+            found[row][nonlinear] = drawn_in[nonlinear]
+    return found
 
 
 @functools.lru_cache(maxsize=16)
-def _written(robot: Robot, position: bytes, rotation: bytes) -> _Written:
-    """The winches of ``to_mjcf(robot, pose, winches=True)``; cached, since a control loop asks for one model's."""
+def _written(robot: Robot, position: bytes, rotation: bytes) -> Float[np.ndarray, "3 cables"]:
+    """Rest lengths that winches of ``to_mjcf(robot, pose, winches=True)`` let out: at control 0, at least, at most [m].
+
+    Cached, since a control loop asks for those of one model.
+    """
     at = Pose(np.frombuffer(position), np.frombuffer(rotation).reshape(3, 3))
     rigid = Problem.of(robot, at).rest_lengths
     robot.cabling.refuse_memory("a winch in MuJoCo")
-    lowest, highest = reach(robot)
-    return _Written(rigid, np.minimum(lowest, rigid), np.maximum(highest, rigid), shared(robot))
+    return frozen(np.array([rigid, *reach(robot, rigid)]))

@@ -56,8 +56,8 @@ from cdpr_sim.physics.number_format import text
 Kind: TypeAlias = Literal["ratio", "speed"]
 """What the controls of winches are: L/l0 - 1, or a speed."""
 
-SPEED = 1.0
-"""[m/s] Default of the largest rope speed of winches of kind ``speed``: that of ``track``."""
+WINCH_SPEED = 1.0
+"""[m/s] Default of the largest rope speed: of winches of kind ``speed``, and in ``track``."""
 
 STRENGTH = 0.015
 """Largest force as a fraction of EA, where neither ``force_max`` nor a breaking load is known. The fibre and steel
@@ -66,7 +66,7 @@ ropes of the catalogue break at 0.0156 to 0.0177 of their EA."""
 LEAST_CAPACITY = 10.0
 """Least of that largest force, as a multiple of the platform's weight, so that cables of rubber carry platforms."""
 
-DAMPING = 1e-4
+RELAXATION_TIME = 1e-4
 """[s] A cable's resistance to stretching, as a multiple of its stiffness: large enough to damp oscillations, and too
 small to reduce the time steps of integrators that treat it explicitly."""
 
@@ -96,18 +96,24 @@ SHORTEST = 0.02
 """Shortest length of a winch's range, as a fraction of its longest, where the workspace reaches to the exit."""
 
 
-def reach(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
-    """Shortest and longest rest length that each winch can let out [m]: those of the workspace, and some more."""
+def reach(robot: Robot, written: Float[np.ndarray, " cables"] | None = None) -> Float[np.ndarray, "2 cables"]:
+    """Shortest and longest rest length that each winch can let out [m]: those of the workspace, and some more.
+
+    Also those that are ``written`` in its model [m].
+    """
     lower, upper = robot.workspace
     ends = robot.exits - robot.anchors  # the origin of a level platform for which a length is zero
     nearest = np.linalg.norm(ends - np.clip(ends, lower, upper), axis=1)
     furthest = np.linalg.norm(np.maximum(np.abs(ends - lower), np.abs(ends - upper)), axis=1)
     longest = (1 + SPARE) * (furthest + 2 * np.pi * robot.cabling.pulley_radius)
-    return np.maximum((1 - SPARE) * nearest, SHORTEST * longest), longest
+    shortest = np.maximum((1 - SPARE) * nearest, SHORTEST * longest)
+    if written is None:
+        return np.array([shortest, longest])
+    return np.array([np.minimum(shortest, written), np.maximum(longest, written)])
 
 
 def kind_of(winches: bool | Kind) -> Kind | None:
-    """What ``winches`` of ``to_mjcf`` asks for: None without winches.
+    """The kind of winches that ``winches`` of ``to_mjcf`` selects: None without winches.
 
     Raises:
         InvalidInput: neither a flag nor a kind.
@@ -166,6 +172,27 @@ def shared(robot: Robot) -> Float[np.ndarray, " cables"]:
     return robot.winch_to_exit / robot.reeving
 
 
+def controls(
+    written: Float[np.ndarray, "*#rows cables"], ropes: Float[np.ndarray, "*#rows cables"]
+) -> Float[np.ndarray, "*rows cables"]:
+    """Controls u that let out ``ropes`` = l0 + c [m], of winches that are ``written`` with L + c [m]."""
+    return written / ropes - 1
+
+
+def strains_of(
+    robot: Robot, lengths: Float[np.ndarray, "*rows cables"], rest_lengths: Float[np.ndarray, "*rows cables"]
+) -> Float[np.ndarray, "*rows cables"]:
+    """Strains of cables that are ``lengths`` long and of which winches have let out ``rest_lengths`` [m]."""
+    return (lengths - rest_lengths) / (rest_lengths + shared(robot))
+
+
+def lengths_at(
+    robot: Robot, strains: Float[np.ndarray, "*rows cables"], lengths: Float[np.ndarray, "*rows cables"]
+) -> Float[np.ndarray, "*rows cables"]:
+    """Rest lengths of cables with these ``strains`` that are ``lengths`` long [m]."""
+    return (lengths - strains * shared(robot)) / (1 + strains)
+
+
 def behind(robot: Robot) -> Float[np.ndarray, " cables"]:
     """Difference between the length of each tendon and its cable at control 0 [m]: the part behind the exit."""
     _, longest = reach(robot)
@@ -218,8 +245,7 @@ def add_winches(
         damping: resistance of cables to stretching, as a multiple of their stiffness, (cables,) [s].
     """
     actuators, sensors = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
-    bounds = np.array([np.minimum(reach(robot)[0], rest_lengths), np.maximum(reach(robot)[1], rest_lengths)])
-    extra, offsets = shared(robot), _offsets(robot, uneven)
+    bounds, extra, offsets = reach(robot, rest_lengths), shared(robot), _offsets(robot, uneven)
     for cable, slope in enumerate(springs):
         i, length = cable + 1, rest_lengths[cable] + extra[cable]
         shortest, longest = bounds[:, cable] + extra[cable]
@@ -234,7 +260,7 @@ def add_winches(
             unit = 1.0 if kind == "ratio" else length  # of the input: u, or w = u L
             law = slope, offsets[cable], damping[cable]
             winch = _add_cable(actuators, f"winch_{i}", cable, robot, *law, 1 / unit, forces[cable])
-            ends = [unit * (length / longest - 1), unit * (length / shortest - 1)]
+            ends = unit * controls(length, bounds[::-1, cable] + extra[cable])
             fastest = speed * (length / longest) ** 2
         if kind == "ratio":
             winch.set("ctrlrange", text(ends))

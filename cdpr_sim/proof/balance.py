@@ -93,14 +93,6 @@ class Balance:
         """R, (3, 3)."""
         return self._turned(x)[0]
 
-    def energy(self, x: Sequence[Ball]) -> Ball:
-        """V [J] of massless cables without a torque, by a separate sum that tests differentiate."""
-        p, R = self.position(x), self.rotation(x)
-        total = self.weight * (p[2] + dot(R[2], self.center_of_mass)) - dot(self.force, p)
-        for cable in self.cables:
-            total += cable.energy([p[i] + dot(R[i], cable.anchor) for i in range(3)])
-        return total
-
     def at(self, x: Sequence[Ball], taken_as: dict[int, bool] | None = None) -> At:
         """The balance at x, a point or a box.
 

@@ -31,12 +31,12 @@ def arithmetic(bits: int = BITS) -> Iterator[Any]:
     Raises:
         MissingExtra: python-flint is not installed.
     """
-    flint = load()
+    flint = import_flint()
     with flint.ctx.workprec(bits):
         yield flint
 
 
-def load() -> Any:
+def import_flint() -> Any:
     """The module ``flint``.
 
     Raises:

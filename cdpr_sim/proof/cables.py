@@ -135,18 +135,6 @@ class Cable:
         slope = [[-(stiffness * along[i] * along[j] + pulled * curvature[i][j]) for j in range(3)] for i in range(3)]
         return Pull(force, slope, taut, tension, stretch)
 
-    def energy(self, at: Sequence[Ball]) -> Ball:
-        """∫ τ dl [J] of a massless cable with its anchor at ``at``; by another derivation than ``pull``, for tests."""
-        apart = [b - a for b, a in zip(at, self.exit, strict=True)]
-        length = self._over_wheel(apart).v if self.over_pulley else dot(apart, apart).sqrt()
-        strain = ((length - self.rest_length) * self.parts / self._rope()).max(exact(0))
-        curved = strain.min(exact(MOST_STRAIN))
-        over = strain - curved
-        tension = curved + self.a2 * curved**2 + self.a3 * curved**3
-        slope = 1 + 2 * self.a2 * curved + 3 * self.a3 * curved**2
-        work = curved**2 / 2 + self.a2 * curved**3 / 3 + self.a3 * curved**4 / 4 + over * tension + over**2 * slope / 2
-        return self.axial_stiffness * self._rope() * work
-
     def tension_near(self, at: Sequence[float] | np.ndarray) -> list[Ball]:
         """Balls of radius 0 near the unknowns of a cable with mass with its anchor at ``at``; proves nothing."""
         apart = [exact(b) - a for b, a in zip(at, self.exit, strict=True)]

@@ -300,13 +300,8 @@ def _monotone(balance: Balance, centre: list[Ball], point: At, radius: float) ->
     kinks = [i for i, pull in enumerate(over.pulls) if pull.taut is None]
     if not kinks or len(kinks) > MOST_KINKS or not all(over.pulls[i].stretch.is_finite() for i in kinks):
         return None
-    least = math.inf
-    slopes = []
-    for choice in itertools.product((True, False), repeat=len(kinks)):
-        slope = balance.at(box, dict(zip(kinks, choice, strict=True))).slope
-        slopes.append(slope)
-        middle_slope = middles(slope)
-        least = min(least, float(np.linalg.eigvalsh((middle_slope + middle_slope.T) / 2)[0]))
+    slopes = _slopes(balance, box, kinks)
+    least = min(float(np.linalg.eigvalsh((one + one.T) / 2)[0]) for one in map(middles, slopes))
     if not least > 0:
         return None
     mu = exact(least / 2)
@@ -319,6 +314,12 @@ def _monotone(balance: Balance, centre: list[Ball], point: At, radius: float) ->
         return None
     image = [x + arb(0, 1) * distance for x in centre]
     return Enclosure(box, image, balance.at(image), radius, monotone=True)
+
+
+def _slopes(balance: Balance, box: list[Ball], kinks: Sequence[int]) -> list[list[list[Ball]]]:
+    """Derivatives over a box, with every choice of taut and slack of the cables that may be either."""
+    choices = itertools.product((True, False), repeat=len(kinks))
+    return [balance.at(box, dict(zip(kinks, choice, strict=True))).slope for choice in choices]
 
 
 def index_of(slope: Sequence[Sequence[Ball]]) -> int | None:
@@ -367,12 +368,8 @@ def index_over(balance: Balance, found: Enclosure) -> int | None:
                 slope[k][m] -= factor * slope[unknown][m]
     kinks = [i for i, pull in enumerate(found.state.pulls) if pull.taut is None]
     if kinks and not balance.with_mass and len(kinks) <= MOST_KINKS:
-        choices = itertools.product((True, False), repeat=len(kinks))
-        every = [
-            index_of([row[:n] for row in balance.at(found.image, dict(zip(kinks, c, strict=True))).slope[:n]])
-            for c in choices
-        ]
-        return every[0] if len(set(every)) == 1 else None
+        every = {index_of([row[:n] for row in one[:n]]) for one in _slopes(balance, found.image, kinks)}
+        return every.pop() if len(every) == 1 else None
     return index_of([row[:n] for row in slope[:n]])
 
 

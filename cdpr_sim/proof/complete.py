@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
-import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -24,20 +22,22 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core.cable import MOST_STRAIN
 from cdpr_sim.core.checks import FLAG, checked_path, positive, refuse_unless, whole
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput, StoreError
+from cdpr_sim.core.files import appearing
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Pose, angle_between
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.progress import bar
-from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.robot import FREE_DIRECTIONS, Robot
 from cdpr_sim.proof import certificate
 from cdpr_sim.proof.balance import Balance, cables_of
-from cdpr_sim.proof.balls import BITS, Ball, arithmetic, balls, dot, exact, load, lower, matrix, middle, upper
+from cdpr_sim.proof.balls import BITS, Ball, arithmetic, balls, dot, exact, import_flint, lower, matrix, middle, upper
 from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import Certificate, Enclosure
 
@@ -46,9 +46,6 @@ CHARTS = {
     "spatial": ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)),
 }
 """For each mobility, the signs of the platform's axes before a chart's rotation: the half turns."""
-
-FREE = {"planar": (0, 2, 4), "spatial": (0, 1, 2, 3, 4, 5)}
-"""For each mobility, which of (x, y, z, v) vary."""
 
 SPARE = 1.01
 """Factor by which the domain is larger than the proved box: more than any rounding of it."""
@@ -210,7 +207,7 @@ def certify_all(
 
     Source: branch and prune as in Neumaier, Complete search in continuous global optimization, Acta Numerica 2004.
     """
-    load()
+    import_flint()
     refuse_unless(Robot | Problem, robot=robot)
     refuse_unless(FLAG, progress=progress)
     most = None if time_limit is None else positive("time_limit", time_limit, "s")
@@ -226,7 +223,10 @@ def certify_all(
     problem.robot.cabling.refuse_weight("certify_all")
     problem.robot.cabling.refuse_memory("certify_all")
     if not _pull(problem) > 0:
-        raise InvalidInput("certify_all: found no load, expected weight or force: slack cables hold any pose then")
+        raise InvalidInput(
+            "certify_all: found no load, expected weight or force: without load, any pose on slack "
+            "cables is an equilibrium"
+        )
     search = _Search(problem, path)
     started = time.monotonic()  # the limit is of the search, without the compilation before the first
     search.run(math.inf if most is None else started + most, threads, progress)
@@ -338,7 +338,7 @@ class _Search:
             self.waiting.append((chart, boxes, tensions))
 
     def _volume(self, box: Float[np.ndarray, "6 2"]) -> float:
-        rows = list(FREE[self.problem.robot.mobility])
+        rows = self.problem.robot.free
         return float(np.prod(box[rows, 1] - box[rows, 0]))
 
     def _save(self, path: Path, seconds: float) -> None:
@@ -354,11 +354,10 @@ class _Search:
             parts[f"boxes_{chart}"] = np.concatenate([np.empty((0, 6, 2)), *(boxes for _, boxes, _ in mine)])
             parts[f"tensions_{chart}"] = np.concatenate([np.empty((0, m, 2)), *(ranges for _, _, ranges in mine)])
         try:
-            with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+            with appearing(path) as (temporary,), open(temporary, "wb") as file:
                 np.savez(file, allow_pickle=False, **parts)  # type: ignore[arg-type]
-            os.replace(file.name, path)
-        except OSError as error:
-            raise StoreError(f"{path}: {error.strerror or error}") from None
+        except InvalidInput as error:
+            raise StoreError(str(error)) from None
 
     def _resume(self, path: Path) -> None:
         try:
@@ -405,7 +404,7 @@ def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"], laws: np.nda
         center_of_mass=robot.center_of_mass * signs,
         weight=np.array([np.nextafter(weight, -np.inf), np.nextafter(weight, np.inf)]),
         wrench=problem.external_wrench.copy(),
-        rows=np.array(FREE[robot.mobility], np.int64),
+        rows=np.array(robot.free, np.int64),
         scales=np.repeat([1.0, 2 * robot.characteristic_length], 3),
         newton=NEWTON[robot.mobility] * size,
         near=NEAR * size,
@@ -496,7 +495,7 @@ def _domain(problem: Problem) -> Float[np.ndarray, "6 2"]:
     box = np.zeros((6, 2))
     box[:3, 0], box[:3, 1] = corners.min(0) - spare, corners.max(0) + spare
     box[3:] = [-1.0, 1.0]
-    fixed = [k for k in range(6) if k not in FREE[robot.mobility]]
+    fixed = [k for k in range(6) if k not in robot.free]
     box[fixed] = 0.0
     return box
 
@@ -584,7 +583,7 @@ def _in_chart(member: _Member, chart: int, planar: bool) -> list[Ball]:
 
 def _in_box(member: _Member, chart: int, box: Float[np.ndarray, "6 3"]) -> bool:
     planar = len(member.balance.axes) == 2
-    rows = FREE["planar" if planar else "spatial"]
+    rows = FREE_DIRECTIONS["planar" if planar else "spatial"]
     at = _in_chart(member, chart, planar)
     return all(bool(at[k] >= exact(box[k, 0])) and bool(at[k] <= exact(box[k, 1])) for k in rows)
 
@@ -604,20 +603,9 @@ def _same(one: _Member, other: _Member) -> bool | None:
 
 def _joined(boxes: Float[np.ndarray, "boxes 6 2"], least: float) -> list[np.ndarray]:
     """Groups of boxes that touch each other up to the least width."""
-    clusters, left = [], list(range(len(boxes)))
-    while left:
-        waiting, members = [left.pop()], []
-        while waiting:
-            one = waiting.pop()
-            members.append(one)
-            rest = np.array(left, int)
-            if len(rest):
-                gap = np.maximum(boxes[rest, :, 0] - boxes[one, :, 1], boxes[one, :, 0] - boxes[rest, :, 1]).max(1)
-                near = set(rest[gap <= 4 * least].tolist())
-                waiting += near
-                left = [other for other in left if other not in near]
-        clusters.append(boxes[members])
-    return clusters
+    gaps = (boxes[:, None, :, 0] - boxes[:, :, 1]).max(-1)  # of one box above the other, in any coordinate
+    _, labels = connected_components(np.maximum(gaps, gaps.T) <= 4 * least, directed=False)
+    return [boxes[labels == label] for label in dict.fromkeys(labels[::-1].tolist())]
 
 
 def _covered(search: _Search, chart: int, cluster: np.ndarray, members: list[_Member]) -> list[Undecided]:

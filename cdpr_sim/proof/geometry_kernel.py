@@ -38,18 +38,8 @@ from cdpr_sim.proof.interval_kernel import (
 )
 
 LENGTH, DIRECTION, MOMENT, ARM, APART, FREE, WRAP, BEYOND, ACROSS, BEND, COLUMNS = (
-    0,
-    1,
-    4,
-    7,
-    10,
-    13,
-    14,
-    15,
-    16,
-    19,
-    20,
-)
+    0, 1, 4, 7, 10, 13, 14, 15, 16, 19, 20
+)  # fmt: skip
 """Columns of a cable's geometry: its length, n, u × n, u, and anchor minus exit; the length s that is free, and of a
 cable over a wheel θ, a, the unit vector across the wheel's plane, and sin θ/ρ − 1/s, by which it bends more there."""
 

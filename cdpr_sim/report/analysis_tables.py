@@ -45,20 +45,20 @@ def compensation_table(
     deviations = [1e3 * (point.position - commanded.translation) for point in results.values()]
     rotations = [np.degrees((point.rotation * commanded.rotation.inv()).magnitude()) for point in results.values()]
     for axis, name in enumerate("xyz"):
-        table.add_row(escape(f"error {name} [mm]"), *(f"{deviation[axis]:.6f}" for deviation in deviations))
+        table.row(f"error {name} [mm]", *(f"{deviation[axis]:.6f}" for deviation in deviations))
     distances = [float(np.linalg.norm(deviation)) for deviation in deviations]
-    table.add_row(escape("position error [mm]"), *map(_small, distances), style="bold")
-    table.add_row(escape("rotation error [°]"), *map(_small, rotations), style="bold")
-    table.add_row(escape("tilt [°]"), *(f"{np.degrees(point.tilt):.6f}" for point in results.values()))
+    table.row("position error [mm]", *map(_small, distances), style="bold")
+    table.row("rotation error [°]", *map(_small, rotations), style="bold")
+    table.row("tilt [°]", *(f"{np.degrees(point.tilt):.6f}" for point in results.values()))
     table.add_section()
     for cable in range(robot.cables):
         cells = (SLACK if point.slack[cable] else f"{point.tensions[cable]:.3f}" for point in results.values())
-        table.add_row(escape(f"tension {cable + 1} [N]"), *cells)
+        table.row(f"tension {cable + 1} [N]", *cells)
     if any(point.overloaded.any() for point in results.values()):
         counts = (f"{int(point.overloaded.sum())} of {robot.cables}" for point in results.values())
         table.add_row("overloaded cables", *counts, style="red")
     table.add_section()
-    table.add_row(escape("lowest stiffness [N/m]"), *(f"{point.eigenvalues[0]:.3g}" for point in results.values()))
+    table.row("lowest stiffness [N/m]", *(f"{point.eigenvalues[0]:.3g}" for point in results.values()))
     table.add_row("equilibrium", *(point.stability.name.lower() for point in results.values()))
     return table
 
@@ -206,9 +206,9 @@ def identification_note(result: Identification) -> str:
     error = next(iter(result.predictions.values()))
     fewer, smallest = best_of_fewer(result.predictions)
     if np.isinf(error):
-        head += "\nNo row can be left out: one alone determines an unknown."
+        head += "\nNo prediction of omitted rows: one row alone determines an unknown."
     elif np.isfinite(error):
-        head += f"\nRows left out are predicted with an error of {error:.2f} standard errors"
+        head += f"\nOmitted rows are predicted with an error of {error:.2f} standard errors"
         head += f", and of {smallest:.2f} with {described(fewer)}." if np.isfinite(smallest) else "."
     head += f"\nAICc {result.aicc:.6g}, BIC {result.bic:.6g}: smaller is better, between fits to the same data."
     outliers = [f"[yellow]-[/] outlier: {escape(str(one))}" for one in result.outliers]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cdpr_sim.core.cable import MEMORIES, Cabling
+from cdpr_sim.core.cable import MEMORIES
 from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.report.crosscheck_tables import Outcome, best_point
 
@@ -195,10 +196,10 @@ def _problem(problem: Problem) -> dict[str, Any]:
 
 def _robot(robot: Robot) -> dict[str, Any]:
     """The robot's name, mass and cables; with those properties of cables in which one of them is not as by default."""
-    cabling, properties = robot.cabling, {}
-    for name, parameter in inspect.signature(Cabling).parameters.items():
-        values, usual = getattr(cabling, name), parameter.default
-        if usual is parameter.empty:
+    cabling, properties, parameters = robot.cabling, {}, inspect.signature(type(robot)).parameters
+    for name in (field.name for field in dataclasses.fields(cabling)):
+        values, usual = getattr(cabling, name), parameters[name].default
+        if usual is inspect.Parameter.empty:
             continue
         given = cabling.has(name) if name in MEMORIES else cabling.pulleys if name == "pulley_axis" else values != usual
         if given.any():

@@ -14,6 +14,7 @@ from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.pose import euler, tilt
 from cdpr_sim.core.problem import Problem
+from cdpr_sim.core.robot import Robot
 from cdpr_sim.crosscheck.compare import Agreement
 from cdpr_sim.report.table_style import new_table
 
@@ -42,21 +43,18 @@ def heading(point: Equilibrium | None) -> str:
     return "" if point is None else HEADINGS.get(point.source, point.source)
 
 
+def platform_and_cables(robot: Robot) -> str:
+    """Title of a table: the robot, its cables and its platform."""
+    return f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg"
+
+
 def path_table(settled: EquilibriumBatch, errors: Mapping[str, np.ndarray], agree: np.ndarray) -> Table:
     """A row for each pose of a path: MuJoCo's equilibrium, its distance from the static one, and whether they agree."""
-    robot = settled.robot
-    title = f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg, MuJoCo along a path"
-    headings = (
-        "x [mm]",
-        "y [mm]",
-        "z [mm]",
-        "deviation [mm]",
-        "tilt [°]",
-        "slack",
-        "largest [N]",
-        "Newton off by [mm]",
-    )
-    table = new_table(title, "commanded\n[m]", *headings, "agree", dense=True)
+    table = new_table(
+        f"{platform_and_cables(settled.robot)}, MuJoCo along a path",
+        "commanded\n[m]", "x [mm]", "y [mm]", "z [mm]", "deviation [mm]", "tilt [°]", "slack", "largest [N]",
+        "distance to Newton [mm]", "agree", dense=True,
+    )  # fmt: skip
     for row, commanded in enumerate(settled.problems.positions):
         deviation = 1e3 * np.linalg.norm(settled.positions[row] - commanded)
         table.add_row(
@@ -75,8 +73,7 @@ def path_table(settled: EquilibriumBatch, errors: Mapping[str, np.ndarray], agre
 def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
     """A column per method; a method that found no equilibrium shows its best point, marked."""
     robot = problem.robot
-    title = f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg"
-    table = new_table(title, "", "commanded", methods=True)
+    table = new_table(platform_and_cables(robot), "", "commanded", methods=True)
     points = [best_point(outcome) for outcome in outcomes]
     for outcome, point in zip(outcomes, points, strict=True):
         style = "" if isinstance(outcome, Equilibrium) else "dim"
@@ -84,7 +81,7 @@ def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
 
     def row(label: str, commanded: str, show: Callable[[Equilibrium], str]) -> None:
         cells = ("" if point is None else show(point) for point in points)
-        table.add_row(escape(label), commanded, *cells)
+        table.row(label, commanded, *cells)
 
     start = problem.pose
     row("x [mm]", f"{1e3 * start.translation[0]:.3f}", lambda e: f"{1e3 * e.position[0]:.3f}")
@@ -111,35 +108,35 @@ def settle_table(problem: Problem, outcomes: Sequence[Outcome]) -> Table:
 def problem_table(problem: Problem) -> Table:
     """The problem: commanded pose, rest lengths and load."""
     robot, wrench = problem.robot, problem.external_wrench
-    table = new_table(f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg", "", "commanded")
+    table = new_table(platform_and_cables(robot), "", "commanded")
     for axis, value in zip("xyz", problem.pose.translation, strict=True):
-        table.add_row(escape(f"{axis} [mm]"), f"{1e3 * value:.3f}")
+        table.row(f"{axis} [mm]", f"{1e3 * value:.3f}")
     for axis, angle in zip("xyz", euler(problem.pose.rotation), strict=True):
-        table.add_row(escape(f"about {axis} [°]"), f"{np.degrees(angle):.3f}")
+        table.row(f"about {axis} [°]", f"{np.degrees(angle):.3f}")
     table.add_section()
     for cable, length in enumerate(problem.rest_lengths, start=1):
-        table.add_row(escape(f"rest length {cable} [mm]"), f"{1e3 * length:.3f}")
+        table.row(f"rest length {cable} [mm]", f"{1e3 * length:.3f}")
     table.add_section()
-    table.add_row(escape("weight [N]"), f"{robot.weight:.4f}")
+    table.row("weight [N]", f"{robot.weight:.4f}")
     if wrench.any():
         for axis, force, torque in zip("xyz", wrench[:3], wrench[3:], strict=True):
-            table.add_row(escape(f"force along {axis} [N]"), f"{force:.4f}")
-            table.add_row(escape(f"torque about {axis} [N m]"), f"{torque:.4f}")
+            table.row(f"force along {axis} [N]", f"{force:.4f}")
+            table.row(f"torque about {axis} [N m]", f"{torque:.4f}")
     return table
 
 
 def agreement_table(agreement: Agreement) -> Table:
     """Differences between the two methods, and the residual of each at the other's equilibrium."""
     table = new_table("Statics and MuJoCo", "", "difference")
-    table.add_row(escape("position [mm]"), f"{1e3 * agreement.position_error:.1e}")
-    table.add_row(escape("rotation [°]"), f"{np.degrees(agreement.rotation_error):.1e}")
-    table.add_row(escape("tension [N]"), f"{agreement.tension_error:.1e}")
+    table.row("position [mm]", f"{1e3 * agreement.position_error:.1e}")
+    table.row("rotation [°]", f"{np.degrees(agreement.rotation_error):.1e}")
+    table.row("tension [N]", f"{agreement.tension_error:.1e}")
     table.add_row("slack cables", "the same" if agreement.same_slack else "[red]different[/]")
     if np.isnan(agreement.static_in_mujoco):  # cables with a memory
         return table
     table.add_section()
-    table.add_row(escape("MuJoCo's residual at the static equilibrium [N]"), f"{agreement.static_in_mujoco:.1e}")
-    table.add_row(escape("static residual at MuJoCo's equilibrium [N]"), f"{agreement.settled_in_statics:.1e}")
+    table.row("MuJoCo's residual at the static equilibrium [N]", f"{agreement.static_in_mujoco:.1e}")
+    table.row("static residual at MuJoCo's equilibrium [N]", f"{agreement.settled_in_statics:.1e}")
     return table
 
 

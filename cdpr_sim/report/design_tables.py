@@ -23,21 +23,17 @@ def changes_table(result: LayoutResult) -> Table:
         if one.name.startswith(("EA", "linear")):
             unit = "N" if one.name.startswith("EA") else "kg/m"
             change = f"{100 * (one.after / one.before - 1):+.3g} %"
-            table.add_row(escape(one.name), f"{one.before:.4g} {unit}", f"{one.after:.4g} {unit}", change)
+            table.row(one.name, f"{one.before:.4g} {unit}", f"{one.after:.4g} {unit}", change)
         else:
             before, after = 1e3 * one.before, 1e3 * one.after
-            table.add_row(escape(one.name), f"{before:.2f} mm", f"{after:.2f} mm", f"{after - before:+.2f} mm")
+            table.row(one.name, f"{before:.2f} mm", f"{after:.2f} mm", f"{after - before:+.2f} mm")
     return table
 
 
 def numbers_table(result: LayoutResult, numbers: Sequence[tuple[str, str, str]]) -> Table:
     """Figures of merit before and after."""
-    table = new_table(
-        f"{result.given.name}: {result.objective.name}, {result.layouts_evaluated:,} layouts evaluated",
-        "",
-        "before",
-        "after",
-    )
+    title = f"{result.given.name}: {result.objective.name}, {result.layouts_evaluated:,} layouts evaluated"
+    table = new_table(title, "", "before", "after")
     for row in numbers:
         table.add_row(*map(escape, row))
     return table
@@ -45,19 +41,13 @@ def numbers_table(result: LayoutResult, numbers: Sequence[tuple[str, str, str]])
 
 def clearance_table(clearances: Clearances) -> Table:
     """The ten poses with the smallest distances."""
-    table = new_table(
-        f"{clearances.equilibria.robot.name}: smallest distances",
-        "x [mm]",
-        "y [mm]",
-        "z [mm]",
-        "smallest",
-        text_columns=0,
-    )
-    least = clearances.least.ravel()
-    order = np.argsort(np.where(np.isnan(least), np.inf, least))[:10]
-    at = np.broadcast_to(clearances.equilibria.problems.positions, (*clearances.equilibria.shape, 3)).reshape(-1, 3)
+    equilibria, least = clearances.equilibria, clearances.least.ravel()
+    title = f"{equilibria.robot.name}: smallest distances"
+    table = new_table(title, "x [mm]", "y [mm]", "z [mm]", "smallest", text_columns=0)
+    order = np.argsort(least)[:10]  # without an equilibrium, nan: last
+    at = np.broadcast_to(equilibria.problems.positions, (*equilibria.shape, 3)).reshape(-1, 3)
     for row in order[np.isfinite(least[order])]:
-        index = tuple(int(i) for i in np.unravel_index(row, clearances.equilibria.shape))
+        index = tuple(int(i) for i in np.unravel_index(row, equilibria.shape))
         table.add_row(*(f"{1e3 * x:.1f}" for x in at[row]), escape(clearances.nearest(index)))
     return table
 

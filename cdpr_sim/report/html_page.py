@@ -175,7 +175,7 @@ def _scene(summary: RobotSummary, views: tuple[View, ...]) -> str:
         f'<div data-view="{number}"{" hidden" if number else ""}>{_answer(view)}</div>'
         for number, view in enumerate(views)
     )
-    method = crosscheck_tables.heading(crosscheck_tables.best_point(views[0].settled))
+    method = _heading(views[0].settled)
     return f"""
 <div class="side"><figure>
 <canvas id="robot" tabindex="0" role="img" aria-label="{escape(_description(summary.robot, views[0]))}"
@@ -232,23 +232,14 @@ def _worst(summary: RobotSummary) -> str:
         )
         + _wide(_worst_table(summary), "The worst poses")
         + f'<div class="controls">{buttons}</div>'
-        + _wide(workspace_tables.check_table(summary.check))
+        + _wide(workspace_tables.check_table(summary.check.dataset))
     )
 
 
 def _worst_table(summary: RobotSummary) -> Table:
     """A row for each pose, with a column for each method, headed by the source of its result."""
-    methods = [
-        next(
-            (
-                crosscheck_tables.heading(point)
-                for view in summary.worst
-                if (point := crosscheck_tables.best_point(pick(view)))
-            ),
-            "",
-        )
-        for pick in (lambda view: view.settled, lambda view: view.solved)
-    ]
+    outcomes = zip(*((view.settled, view.solved) for view in summary.worst), strict=True)
+    methods = [next(filter(None, map(_heading, of_method)), "") for of_method in outcomes]
     shown: dict[str, Callable[[Equilibrium], str]] = {
         "deviation\n[mm]": lambda point: f"{1e3 * np.linalg.norm(point.deviation):.3f}",
         "tilt\n[°]": lambda point: f"{np.degrees(point.tilt):.3f}",
@@ -267,6 +258,10 @@ def _worst_table(summary: RobotSummary) -> Table:
     return table
 
 
+def _heading(outcome: crosscheck_tables.Outcome) -> str:
+    return crosscheck_tables.heading(crosscheck_tables.best_point(outcome))
+
+
 def _verdict(view: View) -> str:
     if view.agreement is None:
         return "[red]no result[/]"
@@ -275,17 +270,17 @@ def _verdict(view: View) -> str:
 
 
 def _maps(summary: RobotSummary) -> str:
-    figures, note = [], ""
     dataset, data = summary.plane, summary.check.dataset
-    if dataset is not None:
-        place = f" at y = {_short(1e3 * float(dataset['y'][0]))} mm" * (summary.robot.mobility == "spatial")
-        if place and summary.worst:
-            note = f"Maps{place}, where the first of the worst poses lies."
-        for name, (title, explanation) in _MAPS.items():
-            if name in dataset:
-                figure = maps.draw_elastic_map(dataset, names=[name])
-                figures.append(_figure(figure, f"{title}{place}, {_range(dataset, name)}", explanation))
-    if dataset is not None and min(data.sizes["x"], data.sizes["z"]) > 1:
+    if dataset is None:
+        return ""
+    place = f" at y = {_short(1e3 * float(dataset['y'][0]))} mm" * (summary.robot.mobility == "spatial")
+    note = f"Maps{place}, where the first of the worst poses lies." if place and summary.worst else ""
+    figures = [
+        _figure(maps.draw_elastic_map(dataset, names=[name]), f"{title}{place}, {_range(dataset, name)}", explanation)
+        for name, (title, explanation) in _MAPS.items()
+        if name in dataset
+    ]
+    if min(data.sizes["x"], data.sizes["z"]) > 1:
         across = summary.check.across()
         agree = int((data["outcome"] == OUTCOMES.index("agree")).sum())
         title = (
@@ -295,7 +290,7 @@ def _maps(summary: RobotSummary) -> str:
             "Worst outcome along y over the poses settled in MuJoCo, and the difference between the two methods."
         )
         figures.append(_figure(maps.draw_agreement_map(across), title, explanation, "both"))
-    return f'{html.sentences(note)}<div class="maps">{"".join(figures)}</div>' if figures else ""
+    return f'{html.sentences(note)}<div class="maps">{"".join(figures)}</div>'
 
 
 def _range(dataset: Any, name: str) -> str:
@@ -390,7 +385,7 @@ def _short(value: float) -> str:
 
 def _data(robot: Robot, views: tuple[View, ...]) -> dict[str, Any]:
     """Data of the 3D view."""
-    anchors = views[0].problem.pose.translation + robot.anchors @ views[0].problem.pose.rotation.as_matrix().T
+    anchors = views[0].problem.pose.apply(robot.anchors)
     wheels = [wheel_of(robot.cabling, cable, anchor) for cable, anchor in enumerate(anchors)]
     return {
         "robot": {
@@ -406,7 +401,7 @@ def _data(robot: Robot, views: tuple[View, ...]) -> dict[str, Any]:
 def _drawn(robot: Robot, view: View) -> dict[str, Any]:
     settled = _settled(view)
     pose = view.problem.pose if settled is None else settled.pose
-    anchors = pose.translation + robot.anchors @ pose.rotation.as_matrix().T
+    anchors = pose.apply(robot.anchors)
     # Without an equilibrium there is no cable profile: cables are drawn straight.
     cabling = robot.cabling if settled is not None else robot.replace(linear_density=0.0).cabling
     cables = []

@@ -91,7 +91,7 @@ _CONTENT: dict[type, Callable[[Any], Content]] = {
         crosscheck.verdict_sentence(agreement),
         *map(html.plain, agreement.reasons),
     ],
-    Check: lambda check: [workspace_tables.check_table(check), *workspace_tables.check_lines(check)],
+    Check: lambda check: [workspace_tables.check_table(check.dataset), *workspace_tables.check_lines(check)],
     Compensation: lambda found: [
         analysis.compensation_table(found, [], [found.equilibrium]),
         analysis.compensation_lengths(found),

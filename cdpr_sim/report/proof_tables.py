@@ -9,10 +9,9 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from cdpr_sim.core.describe import describe_cables
 from cdpr_sim.proof.certificate import Certificate
 from cdpr_sim.proof.complete import CompleteEquilibria
-from cdpr_sim.report.crosscheck_tables import SLACK, heading
+from cdpr_sim.report.crosscheck_tables import SLACK, heading, platform_and_cables
 from cdpr_sim.report.table_style import new_table
 
 MOST_DIGITS = 15
@@ -22,29 +21,26 @@ MOST_DIGITS = 15
 def certificate_table(proofs: Sequence[Certificate]) -> Table:
     """A column per method: the proved equilibrium, and the largest error of the computed one."""
     robot = proofs[0].equilibrium.problem.robot
-    title = f"{robot.name}, {describe_cables(robot, 'N')}, platform of {robot.mass:g} kg: certificates"
-    table = new_table(title, "", methods=True)
+    table = new_table(f"{platform_and_cables(robot)}: certificates", "", methods=True)
     for one in proofs:
         style = "" if one.proved else "dim"
         table.add_column(escape(heading(one.equilibrium)), justify="right", no_wrap=True, style=style)
     for axis in range(3):
-        table.add_row(
-            escape(f"{'xyz'[axis]} [mm]"), *(_interval(1e3 * one.position[:, axis], one.exists) for one in proofs)
-        )
+        table.row(f"{'xyz'[axis]} [mm]", *(_interval(1e3 * one.position[:, axis], one.exists) for one in proofs))
     table.add_section()
     for cable in range(robot.cables):
         cells = (SLACK if one.slack[cable] else _interval(one.tensions[:, cable], one.exists) for one in proofs)
-        table.add_row(escape(f"tension {cable + 1} [N]"), *cells)
+        table.row(f"tension {cable + 1} [N]", *cells)
     table.add_section()
     table.add_row("equilibrium", *("exists, unique" if one.exists else "[red]not proved[/]" for one in proofs))
     table.add_row("stability", *map(describe_stability, proofs))
     table.add_row("slack cables", *map(describe_slack, proofs))
     table.add_row("digits", *(f"{one.digits:.0f}" if one.exists else "" for one in proofs))
-    table.add_row(escape("unique within [mm]"), *(_bound(1e3 * one.radius, ROUND_FLOOR) for one in proofs))
+    table.row("unique within [mm]", *(_bound(1e3 * one.radius, ROUND_FLOOR) for one in proofs))
     table.add_section()
-    table.add_row(escape("position error at most [mm]"), *(_bound(1e3 * one.position_error) for one in proofs))
-    table.add_row(escape("rotation error at most [°]"), *(_bound(np.degrees(one.rotation_error)) for one in proofs))
-    table.add_row(escape("tension error at most [N]"), *(_bound(one.tension_error) for one in proofs))
+    table.row("position error at most [mm]", *(_bound(1e3 * one.position_error) for one in proofs))
+    table.row("rotation error at most [°]", *(_bound(np.degrees(one.rotation_error)) for one in proofs))
+    table.row("tension error at most [N]", *(_bound(one.tension_error) for one in proofs))
     table.add_row("proved", *("[bold green]yes[/]" if one.proved else "[bold red]no[/]" for one in proofs))
     return table
 

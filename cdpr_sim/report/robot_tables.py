@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
@@ -40,20 +42,10 @@ def robot_table(robot: Robot) -> Table:
 
 def cables_table(robot: Robot) -> Table:
     """Exit point, anchor point and axial stiffness of each cable."""
-    table = new_table(
-        "Cables",
-        "cable",
-        "exit\nx [mm]",
-        "\ny [mm]",
-        "\nz [mm]",
-        "anchor\nx [mm]",
-        "\ny [mm]",
-        "\nz [mm]",
-        "EA\n[N]",
-    )
-    for number, (exit_, anchor, stiffness) in enumerate(
-        zip(robot.exits, robot.anchors, robot.axial_stiffness, strict=True), start=1
-    ):
+    headings = (heading for end in ("exit", "anchor") for heading in (f"{end}\nx [mm]", "\ny [mm]", "\nz [mm]"))
+    table = new_table("Cables", "cable", *headings, "EA\n[N]")
+    cables = zip(robot.exits, robot.anchors, robot.axial_stiffness, strict=True)
+    for number, (exit_, anchor, stiffness) in enumerate(cables, start=1):
         table.add_row(str(number), *(f"{1e3 * value:.1f}" for value in (*exit_, *anchor)), f"{stiffness:.6g}")
     return table
 
@@ -67,17 +59,11 @@ def batch_table(equilibria: EquilibriumBatch) -> Table:
     for status in Status:
         count = int((equilibria.status == status).sum())
         if count and status is not Status.CONVERGED:
-            table.add_row(escape(f"none: {status.sentence}"), "", f"{count:,}", style="red")
+            table.row(f"none: {status.sentence}", "", f"{count:,}", style="red")
     if done.any():
-        for label, values in {
-            "deviation [mm]": 1e3 * np.linalg.norm(equilibria.deviation[done], axis=-1),
-            "deviation -z [mm]": -1e3 * equilibria.deviation[done][:, 2],
-            "tilt [°]": np.degrees(equilibria.tilt[done]),
-            "largest tension [N]": equilibria.tensions[done].max(-1),
-            "unbalanced [N]": equilibria.residuals[done],
-        }.items():
+        for label, values in (_numbers(equilibria, done) | {"unbalanced [N]": equilibria.residuals[done]}).items():
             form = ".1e" if "unbalanced" in label else ".3f"
-            table.add_row(escape(label), f"{np.median(values):{form}}", f"{values.max():{form}}")
+            table.row(label, f"{np.median(values):{form}}", f"{values.max():{form}}")
         slack = equilibria.slack[done].sum(-1)
         table.add_row("slack cables", f"{np.median(slack):g}", f"{slack.max()} of {equilibria.robot.cables}")
     return table
@@ -90,21 +76,26 @@ def trajectory_table(motion: Trajectory) -> Table:
         "", "at the start", "at the end", "worst", "after [s]",
     )  # fmt: skip
     start, taut = motion.times[0], np.where(motion.slack, np.inf, motion.tensions).min(-1)
-    for label, values in {
-        "deviation [mm]": 1e3 * np.linalg.norm(motion.deviation, axis=-1),
-        "deviation -z [mm]": -1e3 * motion.deviation[:, 2],
-        "tilt [°]": np.degrees(motion.tilt),
-        "largest tension [N]": motion.tensions.max(-1),
-        "slack cables": motion.slack.sum(-1),
-    }.items():
+    for label, values in (_numbers(motion, ...) | {"slack cables": motion.slack.sum(-1)}).items():
         worst, form = int(np.argmax(values)), "d" if label == "slack cables" else ".3f"
         shown = (f"{values[row]:{form}}" for row in (0, -1, worst))
-        table.add_row(escape(label), *shown, f"{motion.times[worst] - start:.3g}")
+        table.row(label, *shown, f"{motion.times[worst] - start:.3g}")
     least = int(np.argmin(taut))
     if np.isfinite(taut[least]):
         shown = (f"{taut[row]:.3f}" if np.isfinite(taut[row]) else "" for row in (0, -1, least))
-        table.add_row(escape("smallest tension of a taut cable [N]"), *shown, f"{motion.times[least] - start:.3g}")
+        table.row("smallest tension of a taut cable [N]", *shown, f"{motion.times[least] - start:.3g}")
     return table
+
+
+def _numbers(equilibria: EquilibriumBatch, rows: Any) -> dict[str, np.ndarray]:
+    """Quantities of some rows, (rows,) each, in the units of their labels."""
+    deviation = equilibria.deviation[rows]
+    return {
+        "deviation [mm]": 1e3 * np.linalg.norm(deviation, axis=-1),
+        "deviation -z [mm]": -1e3 * deviation[:, 2],
+        "tilt [°]": np.degrees(equilibria.tilt[rows]),
+        "largest tension [N]": equilibria.tensions[rows].max(-1),
+    }
 
 
 def _method(equilibria: EquilibriumBatch) -> str:

@@ -27,6 +27,10 @@ class Sheet(Table):
     text_columns = 1
     methods = False
 
+    def row(self, label: str, *cells: str, style: str | None = None) -> None:
+        """Add a row with a label, which is no markup."""
+        self.add_row(escape(label), *cells, style=style)
+
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Render the table or its records."""
         drawn = self._drawn(console, options)

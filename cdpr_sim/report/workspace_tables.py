@@ -13,6 +13,7 @@ from cdpr_sim.analysis.workspace.grids import AXES, extent_of
 from cdpr_sim.analysis.workspace.hull import Hull
 from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import AGREEING, OUTCOMES, REFUSED, Check
+from cdpr_sim.drawing.maps import variants_of
 from cdpr_sim.report.table_style import new_table
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _ERRORS = {
     "tension_error": ("tens.", 1.0, "N"),
 }
 
-_FEASIBLE = {"feasible": "as commanded", "wrench_feasible": "under every wrench"}
+_FEASIBLE = {"feasible": "static feasible workspace", "wrench_feasible": "wrench-feasible workspace"}
 """Feasibility with rigid cables, by variable of a sweep."""
 
 _HEADINGS = {
@@ -50,7 +51,7 @@ def sweep_table(dataset: xr.Dataset) -> Table:
         "robot", "cables", "solved\n%", "median\ntilt °", "worst\ntilt °", "median\ndev. mm", "worst\ndev. mm",
         "slack\n%", "feas\n%", text_columns=2, dense=True,
     )  # fmt: skip
-    for robot, material, one in _variants(dataset.assign(solved=solved)):
+    for robot, material, one in variants_of(dataset.assign(solved=solved)):
         table.add_row(
             escape(robot),
             escape(material),
@@ -65,25 +66,23 @@ def sweep_table(dataset: xr.Dataset) -> Table:
 
 def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
     """Size of the feasible workspace with rigid cables, by robot; or why it is left out."""
-    feasible = {name: how for name, how in _FEASIBLE.items() if name in dataset}
+    feasible = {name: what for name, what in _FEASIBLE.items() if name in dataset}
     unit = ("", "m", "m²", "m³")[sum(dataset.sizes.get(name, 1) > 1 for name in AXES)]
     if not feasible:
         yield "The static feasible workspace is left out, since it does not account for the mass of cables."
     elif unit:
         for robot in np.atleast_1d(dataset["robot"].values):
             one = dataset.sel(robot=robot) if "robot" in dataset.dims else dataset
-            parts = ", and ".join(f"{how} in {extent_of(one[name]):.4g}" for name, how in feasible.items())
+            parts = ", ".join(f"{what} {extent_of(one[name]):.4g}" for name, what in feasible.items())
             whole = extent_of(one[next(iter(feasible))] | True)
-            yield escape(f"Rigid cables hold {robot} {parts}, of {whole:.4g} {unit}.")
+            yield escape(f"{robot} with rigid cables: {parts}, of {whole:.4g} {unit}.")
 
 
-def check_table(check: Check) -> Table:
-    """A row for each robot and material: numbers of poses by outcome, and the largest differences."""
-    return outcome_table(check.dataset)
+def check_table(dataset: xr.Dataset) -> Table:
+    """A row for each robot and material: numbers of poses by outcome, and the largest differences.
 
-
-def outcome_table(dataset: xr.Dataset) -> Table:
-    """``check_table`` of a check, or of a sweep with the quantity "settled"."""
+    The dataset is that of a check, or of a sweep with the quantity "settled".
+    """
     poses = int(np.prod([size for name, size in dataset["outcome"].sizes.items() if name not in {"robot", "material"}]))
     present = set(np.unique(dataset["outcome"]).tolist())
     always = {"agree", "disagree", "unsettled"}
@@ -91,7 +90,7 @@ def outcome_table(dataset: xr.Dataset) -> Table:
     headings = [_HEADINGS[name] for name in outcomes] + [f"{name}\n≤ {unit}" for name, _, unit in _ERRORS.values()]
     headings += ["proved"] if "proved" in dataset else []
     table = new_table(f"MuJoCo and Newton at {poses:,} poses", "robot", "cables", *headings, text_columns=2, dense=True)
-    for robot, material, one in _variants(dataset):
+    for robot, material, one in variants_of(dataset):
         counts = [int((one["outcome"] == OUTCOMES.index(name)).sum()) for name in outcomes]
         agree = one["outcome"] == OUTCOMES.index("agree")
         largest = [float(one[name].where(agree).max()) * factor for name, (_, factor, _) in _ERRORS.items()]
@@ -128,9 +127,9 @@ def check_lines(check: Check) -> Iterator[str]:
 def hull_table(hull: Hull) -> Table:
     """Volume, surface and centroid of a workspace."""
     table = new_table("Boundary of a workspace", "", "")
-    table.add_row(escape("volume [m³]"), f"{hull.volume:.6g}")
-    table.add_row(escape("surface [m²]"), f"{hull.surface:.6g}")
-    table.add_row(escape("centroid [m]"), ", ".join(f"{value:.4g}" for value in hull.centroid))
+    table.row("volume [m³]", f"{hull.volume:.6g}")
+    table.row("surface [m²]", f"{hull.surface:.6g}")
+    table.row("centroid [m]", ", ".join(f"{value:.4g}" for value in hull.centroid))
     table.add_row("triangles", f"{len(hull.triangles):,}")
     return table
 
@@ -139,12 +138,3 @@ def _median_and_worst(values: xr.DataArray) -> tuple[float, float]:
     """Median and largest value over the poses that have an equilibrium."""
     known = values.values[np.isfinite(values.values)]
     return (float(np.median(known)), float(known.max())) if known.size else (np.nan, np.nan)
-
-
-def _variants(dataset: xr.Dataset) -> Iterator[tuple[str, str, xr.Dataset]]:
-    """Each robot with each material, by name."""
-    for robot in np.atleast_1d(dataset["robot"].values):
-        one = dataset.sel(robot=robot) if "robot" in dataset.dims else dataset
-        for material in np.atleast_1d(one["material"].values):
-            chosen = one.sel(material=material) if "material" in one.dims else one
-            yield str(robot), str(material), chosen

@@ -44,6 +44,11 @@ def _key(meaning: str, unit: str = "", default: Any = ...) -> Any:
     return Field(default, description=meaning, json_schema_extra={"unit": unit} if unit else None)
 
 
+def _of_all(unit: str = "") -> Any:
+    """A key of a cable that the whole robot has as well."""
+    return _key("As for the whole robot.", unit, None)
+
+
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -82,21 +87,21 @@ class CableTable(_Table):
     )
     anchor: Vector = _key("Anchor point B_i in the platform frame.", LENGTH)
     name: str | None = _key("Name of this cable.", "", None)
-    material: str | None = _key("As for the whole robot.", "", None)
-    axial_stiffness: Number | None = _key("As for the whole robot.", "N", None)
-    modulus: Number | None = _key("As for the whole robot.", "Pa", None)
-    diameter: Number | None = _key("As for the whole robot.", LENGTH, None)
-    linear_density: Density | None = _key("As for the whole robot.", "kg/m", None)
-    stiffening: Pair | None = _key("As for the whole robot.", "", None)
-    force_min: Number | None = _key("As for the whole robot.", "N", None)
-    force_max: Number | None = _key("As for the whole robot.", "N", None)
-    breaking_load: Number | None = _key("As for the whole robot.", "N", None)
-    winch_to_exit: Number | None = _key("As for the whole robot.", LENGTH, None)
-    reeving: Number | None = _key("As for the whole robot.", "", None)
-    pulley_friction: Number | None = _key("As for the whole robot.", "", None)
-    hysteresis: Rows | None = _key("As for the whole robot.", "", None)
-    creep: Rows | None = _key("As for the whole robot.", "", None)
-    pulley: PulleyTable | None = _key("As for the whole robot.", "", None)
+    material: str | None = _of_all()
+    axial_stiffness: Number | None = _of_all("N")
+    modulus: Number | None = _of_all("Pa")
+    diameter: Number | None = _of_all(LENGTH)
+    linear_density: Density | None = _of_all("kg/m")
+    stiffening: Pair | None = _of_all()
+    force_min: Number | None = _of_all("N")
+    force_max: Number | None = _of_all("N")
+    breaking_load: Number | None = _of_all("N")
+    winch_to_exit: Number | None = _of_all(LENGTH)
+    reeving: Number | None = _of_all()
+    pulley_friction: Number | None = _of_all()
+    hysteresis: Rows | None = _of_all()
+    creep: Rows | None = _of_all()
+    pulley: PulleyTable | None = _of_all()
 
 
 class BoxTable(_Table):
@@ -110,10 +115,12 @@ class RobotTable(_Table):
     """The whole robot; its keys about cables apply to every cable that does not set them itself."""
 
     name: str = _key("Name of the robot in tables, models and pictures.")
-    description: str = _key("One line.", "", "")
+    description: str = _key("Description of the robot in one line.", "", "")
     source: str = _key("Source of the numbers.", "", "")
-    units: Literal["m", "mm"] = _key("Of every length in the file: exits, anchors, pulleys, diameters, boxes.", "", "m")
-    mobility: Mobility = _key("spatial, or planar: x, z and the rotation about y, all else 0.", "", "spatial")
+    units: Literal["m", "mm"] = _key(
+        "Unit of all lengths in the file: exits, anchors, pulleys, diameters, boxes.", "", "m"
+    )
+    mobility: Mobility = _key("spatial, or planar: motion in x, z and about y only, with all y 0.", "", "spatial")
     gravity: Number = _key("Acceleration downwards, along -z.", "m/s²", STANDARD_GRAVITY)
     cable_name: str | None = _key("Name of the cables; by default their material.", "", None)
     material: str | None = _key(
@@ -122,26 +129,32 @@ class RobotTable(_Table):
         "",
         None,
     )
-    axial_stiffness: Number | None = _key("EA.", "N", None)
-    modulus: Number | None = _key("E over the full circle of `diameter`: EA = E π d²/4.", "Pa", None)
-    diameter: Number | None = _key("Of cables given by a rope's `material` or by `modulus`.", LENGTH, None)
+    axial_stiffness: Number | None = _key("Axial stiffness EA.", "N", None)
+    modulus: Number | None = _key("Modulus E over the full circle of `diameter`: EA = E π d²/4.", "Pa", None)
+    diameter: Number | None = _key(
+        "Diameter of cables that are given by a rope's `material` or by `modulus`.", LENGTH, None
+    )
     linear_density: Density = _key(
         'Mass per length; 0 is a massless cable, `"material"` the rope\'s own.',
         "kg/m",
         0.0,
     )
-    stiffening: Pair = _key("(a2, a3) of tension = EA (eps + a2 eps² + a3 eps³), for eps up to 0.2.", "", (0.0, 0.0))
+    stiffening: Pair = _key(
+        "Coefficients (a2, a3) of tension = EA (eps + a2 eps² + a3 eps³), for eps up to 0.2.", "", (0.0, 0.0)
+    )
     force_min: Number = _key("Smallest tension that `compensate` and `sweep` keep in a cable.", "N", 0.0)
     force_max: Number | None = _key("Largest tension that a cable or its winch allows; by default no limit.", "N", None)
     breaking_load: Number | None = _key(
         "Smallest tension at which a cable breaks; by default that of its material, if known.", "N", None
     )
-    winch_to_exit: Number = _key("Rope between the winch and the exit, which stretches too.", LENGTH, 0.0)
+    winch_to_exit: Number = _key(
+        "Length of rope between the winch and the exit; it stretches with the cable.", LENGTH, 0.0
+    )
     reeving: Number = _key("Parts of line between exit and platform, a whole number.", "", 1)
-    pulley_friction: Number = _key("Share c of the tension that is lost at the exit.", "", 0.0)
+    pulley_friction: Number = _key("Fraction c of the tension that is lost at the exit.", "", 0.0)
     hysteresis: Rows = _key(
-        "Elements [share of EA, yield strain] or [share, yield strain, w], which yield at the smaller of the yield "
-        "strain, which may be `inf`, and w times the cable's strain; w is 1 unless given.",
+        "Elements [fraction of EA, yield strain] or [fraction, yield strain, w], which yield at the smaller of the "
+        "yield strain, which may be `inf`, and w times the cable's strain; w is 1 unless given.",
         "",
         [],
     )
@@ -152,7 +165,7 @@ class RobotTable(_Table):
     platform: PlatformTable = _key("The platform: its mass, size, centre of mass and inertia: `[platform]`.")
     frame: BoxTable | None = _key("The drawn frame; by default the box around the exits, down to the floor.", "", None)
     workspace: BoxTable | None = _key(
-        "Box of commanded positions, its middle the default pose; by default the middle of the frame.",
+        "Box of commanded positions; its middle is the default pose. By default the middle of the frame.",
         "",
         None,
     )
@@ -161,23 +174,17 @@ class RobotTable(_Table):
     def robot(self) -> Robot:
         """The robot that this file describes."""
         made = [self._made(i, cable) for i, cable in enumerate(self.cables)]
-        names = {material.name for material in made}
-        pulleys = [_own(cable.pulley, self.pulley) for cable in self.cables]
+        names, pulleys = {material.name for material in made}, self._each("pulley")
+        as_given = ("stiffening", "force_min", "reeving", "pulley_friction", "hysteresis", "creep")
         return Robot(
             exits=[self._metres(cable.exit) for cable in self.cables],
             anchors=[self._metres(cable.anchor) for cable in self.cables],
             axial_stiffness=[material.axial_stiffness for material in made],
             mass=self.platform.mass,
             linear_density=[self._density(i, cable, made[i]) for i, cable in enumerate(self.cables)],
-            stiffening=[_own(cable.stiffening, self.stiffening) for cable in self.cables],
-            force_min=[_own(cable.force_min, self.force_min) for cable in self.cables],
-            force_max=[_own(_own(cable.force_max, self.force_max), np.inf) for cable in self.cables],
-            breaking_load=[np.inf if one.breaking_load is None else one.breaking_load for one in made],
-            winch_to_exit=[_own(cable.winch_to_exit, self.winch_to_exit) / METRES[self.units] for cable in self.cables],
-            reeving=[_own(cable.reeving, self.reeving) for cable in self.cables],
-            pulley_friction=[_own(cable.pulley_friction, self.pulley_friction) for cable in self.cables],
-            hysteresis=[_own(cable.hysteresis, self.hysteresis) for cable in self.cables],
-            creep=[_own(cable.creep, self.creep) for cable in self.cables],
+            force_max=[_own(limit, np.inf) for limit in self._each("force_max")],
+            breaking_load=[_own(one.breaking_load, np.inf) for one in made],
+            winch_to_exit=[length / METRES[self.units] for length in self._each("winch_to_exit")],
             pulley_radius=[pulley.radius / METRES[self.units] for pulley in pulleys],
             pulley_axis=[pulley.axis for pulley in pulleys],
             center_of_mass=self._metres(self.platform.center_of_mass),
@@ -186,12 +193,20 @@ class RobotTable(_Table):
             gravity=self.gravity,
             name=self.name,
             platform_size=self.platform.size and self._metres(self.platform.size),
-            frame=self.frame and (self._metres(self.frame.lower), self._metres(self.frame.upper)),
-            workspace=self.workspace and (self._metres(self.workspace.lower), self._metres(self.workspace.upper)),
+            frame=self._corners(self.frame),
+            workspace=self._corners(self.workspace),
             material=names.pop() or None if len(names) == 1 else None,
             description=self.description,
             source=self.source,
+            **{key: self._each(key) for key in as_given},
         )
+
+    def _each(self, key: str) -> list[Any]:
+        """The value of a key for each cable: its own, else the robot's."""
+        return [_own(getattr(cable, key), getattr(self, key)) for cable in self.cables]
+
+    def _corners(self, box: BoxTable | None) -> tuple[Vector, Vector] | None:
+        return box and (self._metres(box.lower), self._metres(box.upper))
 
     def _metres(self, lengths: Vector) -> Vector:
         x, y, z = (length / METRES[self.units] for length in lengths)
@@ -362,9 +377,7 @@ def _sentence(error: ValidationError) -> str:
     path = first["loc"]
     if first["type"] == "extra_forbidden":
         return f"{_place(path)}: unknown key{_meant(str(path[-1]), path[:-1])}"
-    where = _place(
-        tuple(part for part in path if part != "float" and "[" not in str(part))
-    )  # pydantic's names of types
+    where = _place(tuple(part for part in path if part != "float" and "[" not in str(part)))  # names of types
     if first["type"] == "missing":
         return f"{where}: missing"
     return f"{where}: found {shown(first['input'])}: {first['msg']}"
@@ -392,6 +405,5 @@ def _place(path: tuple[int | str, ...]) -> str:
     if path[0] == "cables" and len(path) > 1:
         head, path = f"cable {int(path[1]) + 1}", path[2:]
     keys = ("xyz"[key] if isinstance(key, int) and key < 3 else str(key) for key in path)
-    return ": ".join(
-        filter(None, [head, ".".join(key if len(key) <= LONGEST else f"{key[:LONGEST]}..." for key in keys)])
-    )
+    where = ".".join(key if len(key) <= LONGEST else f"{key[:LONGEST]}..." for key in keys)
+    return ": ".join(filter(None, [head, where]))

@@ -46,26 +46,32 @@ def document() -> str:
     for title, table in TABLES.items():
         parts.append(f"\n## {title}\n\n| key | unit | default | meaning |\n|---|---|---|---|\n")
         parts += [
-            f"| `{key}` | {_unit(field)} | {_default(field)} | {field.description} |\n" for key, field in _keys(table)
+            f"| `{key}` | {_unit(field)} | {_default(field)} | {field.description} |\n"
+            for key, field in table.model_fields.items()
         ]
     parts.append(_MATERIALS)
-    parts += [
-        f"| `{rope.name}` | {rope.modulus / 1e9:g} GPa | {rope.fill:g} | {rope.density:g} kg/m³ | "
-        f"{rope.strength_in_words} | {rope.source} |\n"
-        for rope in ROPES.values()
-    ]
+    parts += [f"| `{name}` | {' | '.join(cells)} |\n" for name, *cells in rope_rows()]
     parts.append(
         "\nCables of one size, without `diameter`:\n\n| `material` | EA | breaks at | source |\n|---|---|---|---|\n"
     )
-    parts += [
-        f"| `{one.name}` | {one.axial_stiffness:g} N | {one.breaking_load_in_words} | {one.source} |\n"
-        for one in MATERIALS.values()
-    ]
+    parts += [f"| `{name}` | {' | '.join(cells)} |\n" for name, *cells in material_rows()]
     return "".join(parts)
 
 
-def _keys(table: type[BaseModel]) -> list[tuple[str, FieldInfo]]:
-    return list(table.model_fields.items())
+def rope_rows() -> list[tuple[str, ...]]:
+    """Name, modulus, fill, density, strength and source of each rope."""
+    return [
+        (one.name, f"{one.modulus / 1e9:g} GPa", f"{one.fill:g}", f"{one.density:g} kg/m³", one.strength_in_words,
+         one.source)
+        for one in ROPES.values()
+    ]  # fmt: skip
+
+
+def material_rows() -> list[tuple[str, ...]]:
+    """Name, EA, breaking load and source of each cable of one size."""
+    return [
+        (one.name, f"{one.axial_stiffness:g} N", one.breaking_load_in_words, one.source) for one in MATERIALS.values()
+    ]
 
 
 def _unit(field: FieldInfo) -> str:
@@ -90,12 +96,12 @@ it, like every command and function that takes a robot. `cdpr-sim schema > robot
 which editors check and complete robot files (in VS Code with Even Better TOML: first line `#:schema
 robot.schema.json`).
 
-The base frame has z up; gravity acts along -z. Lengths are in metres, or in millimetres with `units = "mm"`; all else
-is in kg, N, Pa and kg m². An error in a file is reported in one sentence: `mine.toml: EA: unknown key, did you mean
+The base frame has z up; gravity acts along -z. Lengths are in metres, or in millimetres with `units = "mm"`; other
+units are kg, N, Pa and kg m². An error in a file is reported in one sentence: `mine.toml: EA: unknown key, did you mean
 'axial_stiffness'?`
 
-The cables are given in one of three ways, for all of them or for one in its `[[cables]]`: by `material` (and
-`diameter`), by `axial_stiffness`, or by `modulus` and `diameter`.
+The stiffness of the cables is given in one of three ways, for all cables or for one cable in its `[[cables]]`: by
+`material` (and `diameter`), by `axial_stiffness`, or by `modulus` and `diameter`.
 
 `cdpr-sim schema --document` prints this page.
 """
@@ -106,9 +112,9 @@ _MATERIALS = """
 `material = "steel-rope"` with `diameter = 0.004`, or `material = "steel-rope-4mm"`; or, on the command line,
 `--material steel-rope-4mm`, or `robot.replace(material="steel-rope-4mm")`. EA is the modulus times the filled part
 of the circle, EA = E fill π d²/4; the mass per length, used with `linear_density = "material"`, is the density
-times the same section. A rope's stiffness depends on its make, its load and its age: a maker's figure, or
-the result of `cdpr-sim identify`, is better than these. The breaking load of a new rope is its strength times the
-square of the diameter.
+times the same section. A rope's stiffness depends on its construction, its load and its age: a manufacturer's
+value, or the result of `cdpr-sim identify`, is better than these. The breaking load of a new rope is its strength
+times the square of the diameter.
 
 | `material` | modulus | fill | density | strength | source |
 |---|---|---|---|---|---|

@@ -125,7 +125,7 @@ def _one(table, apart, rest_length, pull, stiffness, energy, exit_tension, ancho
     stiffness[1, 2] = stiffness[2, 1] = yz
 
 
-_ANY = Kernel("cables of any kind", _one, "(k),(c),()->(c),(c,c),(),(),()")
+_ANY = Kernel("laws of cables of any kind", _one, "(k),(c),()->(c),(c,c),(),(),()")
 
 
 def any_cable_gufunc() -> Kernel:

@@ -5,12 +5,14 @@ The active-set method of Stark and Parker (1995, "Bounded-variable least squares
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from cdpr_sim.core.cable import PARTS
-from cdpr_sim.core.compiling import Kernel, inline
+from cdpr_sim.core.compiling import inline, nowhere, where
 from cdpr_sim.statics import cable_kernel as ck
 
 ROUNDING = 1e-12
@@ -19,9 +21,8 @@ ROUNDING = 1e-12
 DEPENDENT = 1e-10
 """A column whose length after projection is a smaller fraction of its own length depends on the others."""
 
-MOST_CHANGES = 100
-"""Largest number of changes of the active set. Eight cables need about ten; where rounding makes the sets cycle, HiGHS
-decides."""
+MOST_CHANGES = 200
+"""Largest number of active sets. Eight cables need about ten; where rounding makes the sets cycle, HiGHS decides."""
 
 BALANCED = 1e-9
 """Unbalanced force, as a fraction of the load, that still counts as balance. Where forces balance, the rounding left is
@@ -34,51 +35,94 @@ MOST_GIVEN = 1e3
 """Largest change of the limits, in loads. If no smaller change helps, no tensions balance the load."""
 
 
-def _shortfall(unpack: Callable) -> Callable:
+class Memory(NamedTuple):
+    """Memory of ``fill_pulls`` and ``least_squares`` for m cables.
+
+    J, Q: (m, 6); U: (m m); wrench, load, r, q, b: (6); height, t, target: (m); free, upper, blocked: (m), truth values.
+    """
+
+    J: np.ndarray
+    Q: np.ndarray
+    U: np.ndarray
+    wrench: np.ndarray
+    load: np.ndarray
+    r: np.ndarray
+    q: np.ndarray
+    b: np.ndarray
+    height: np.ndarray
+    t: np.ndarray
+    target: np.ndarray
+    free: np.ndarray
+    upper: np.ndarray
+    blocked: np.ndarray
+
+
+@inline
+def _memory(m):
+    return Memory(
+        np.empty((m, 6)), np.empty((m, 6)), np.empty(m * m), np.empty(6), np.empty(6), np.empty(6), np.empty(6),
+        np.empty(6), np.empty(m), np.empty(m), np.empty(m), np.empty(m, np.bool_), np.empty(m, np.bool_),
+        np.empty(m, np.bool_),
+    )  # fmt: skip
+
+
+def shortfall(unpack: Callable) -> Callable:
     """An element of the gufunc, for cables of the type that ``unpack`` makes of the table."""
 
-    def shortfall(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
+    def unbalanced(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
         """Unbalanced part of the worst load."""
-        cables = unpack(table, np.ones(len(lower)))  # rest lengths have no effect here
-        m, n = len(lower), len(free)
-        on_free, load, height, r = np.empty((n, m)), np.empty(n), np.empty(m), np.empty(n)
-        if not _fill_pulls(table, cables, free, scale, position, rotation, on_free):
+        cables, memory = unpack(table, np.ones(len(lower))), _memory(len(lower))  # rest lengths have no effect here
+        state = ck.new_state(cables)
+        ck.measure(cables, position, rotation, state)
+        if not fill_pulls(state, table[:, PARTS], scale, memory):
             left[0] = np.nan
             return
         left[0] = 0.0
         for k in range(len(wrenches)):
-            norm = _fill_load(wrenches[k], weight, com, rotation, free, scale, load)
-            for i in range(m):
-                height[i] = (upper[i] - lower[i]) / norm
-                for a in range(n):
-                    load[a] += on_free[a, i] * (lower[i] / norm)
-            left[0] = max(left[0], _least_squares(on_free, load, height, r))
+            for a in range(6):
+                memory.wrench[a] = wrenches[k, a]
+            left[0] = max(left[0], least_part(lower, upper, weight, com, free, scale, rotation, memory))
             if left[0] == np.inf:
                 return
 
-    return shortfall
+    return unbalanced
 
 
-def _margin(unpack: Callable) -> Callable:
+@inline
+def least_part(lower, upper, weight, com, free, scale, rotation, memory):
+    """Unbalanced part of the load ``memory.wrench``; inf where the active sets cycle."""
+    load, height, J = memory.load, memory.height, memory.J
+    norm = _fill_load(weight, com, rotation, free, scale, memory)
+    for i in range(len(height)):
+        height[i] = (upper[i] - lower[i]) / norm
+        for a in range(len(free)):
+            load[a] += J[i, free[a]] * (lower[i] / norm)
+    return _least_squares(load, free, memory)
+
+
+def margin(unpack: Callable) -> Callable:
     """The same."""
 
-    def least_distance(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, margin):
+    def least_distance(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, distance):
         """Largest distance of the tensions from their limits: cutting planes, from above.
 
         Where tensions at least t from their limits do not balance the load, the residual r of the least squares is a
         direction in which they pull too little. The most that they can pull along r is linear in t: the t at which it
         suffices is the next iterate. There are finitely many such directions, and every step excludes one.
         """
-        cables = unpack(table, np.ones(len(lower)))  # rest lengths have no effect here
-        m, n = len(lower), len(free)
-        on_free, load, shifted = np.empty((n, m)), np.empty(n), np.empty(n)
-        height, r = np.empty(m), np.empty(n)
-        if not _fill_pulls(table, cables, free, scale, position, rotation, on_free):
-            margin[0] = np.nan
+        m, n, shifted = len(lower), len(free), np.empty(6)
+        cables, memory = unpack(table, np.ones(m)), _memory(m)  # rest lengths have no effect here
+        load, height, J, r = memory.load, memory.height, memory.J, memory.r
+        state = ck.new_state(cables)
+        ck.measure(cables, position, rotation, state)
+        if not fill_pulls(state, table[:, PARTS], scale, memory):
+            distance[0] = np.nan
             return
-        margin[0] = np.inf
+        distance[0] = np.inf
         for k in range(len(wrenches)):
-            norm = _fill_load(wrenches[k], weight, com, rotation, free, scale, load)
+            for a in range(6):
+                memory.wrench[a] = wrenches[k, a]
+            norm = _fill_load(weight, com, rotation, free, scale, memory)
             t = 1.0
             for i in range(m):
                 t = min(t, (upper[i] - lower[i]) / (2 * norm))
@@ -88,10 +132,10 @@ def _margin(unpack: Callable) -> Callable:
                 for i in range(m):
                     height[i] = max(0.0, (upper[i] - lower[i]) / norm - 2 * t)
                     for a in range(n):
-                        shifted[a] += on_free[a, i] * (lower[i] / norm + t)
-                left = _least_squares(on_free, shifted, height, r)
+                        shifted[a] += J[i, free[a]] * (lower[i] / norm + t)
+                left = _least_squares(shifted, free, memory)
                 if left == np.inf:
-                    margin[0] = np.nan
+                    distance[0] = np.nan
                     return
                 if left <= BALANCED:
                     break
@@ -102,7 +146,7 @@ def _margin(unpack: Callable) -> Callable:
                 for i in range(m):
                     along = 0.0
                     for a in range(n):
-                        along += r[a] * on_free[a, i]
+                        along += r[a] * J[i, free[a]]
                     if along <= 0.0 and upper[i] == np.inf:
                         continue  # rounding: without an upper limit the pull along r is unbounded
                     pull += abs(along)
@@ -114,185 +158,168 @@ def _margin(unpack: Callable) -> Callable:
                 if not following < t:
                     break
                 t = following
-            margin[0] = min(margin[0], t * norm)
+            distance[0] = min(distance[0], t * norm)
 
     return least_distance
 
 
-_LAYOUT = "(m,n),(m),(m),(),(c),(k,d),(f),(),(c),(c,c)->()"
-_SHORTFALLS = ck.kernels("balance of forces", _shortfall, _LAYOUT, ("free",))
-_MARGINS = ck.kernels("margins of tensions", _margin, _LAYOUT, ("free",))
-
-
-def shortfall_gufunc(*, bent: bool = False) -> Kernel:
-    """Gufunc of the unbalanced part of the load: inf where the active sets cycle, nan where the input is not finite."""
-    return _SHORTFALLS[bent]
-
-
-def margin_gufunc(*, bent: bool = False) -> Kernel:
-    """Gufunc of the largest distance of tensions from limits [N]: nan for cycles and input that is not finite."""
-    return _MARGINS[bent]
-
-
 @inline
-def _fill_pulls(table, cables, free, scale, position, rotation, on_free):
-    """Force of each cable on the free directions per newton in its rope, into (free, cables).
-
-    False where it is not finite.
-    """
-    m, n = on_free.shape[1], len(free)
-    state, J = ck.new_state(cables), np.empty((m, 6))
-    ck.measure(cables, position, rotation, state)
+def fill_pulls(state, parts, scale, memory):
+    """Force of each cable on the six directions per newton in its rope, into ``memory.J``; False where not finite."""
+    J = memory.J
     ck.fill_jacobian(state, scale, J)
-    for i in range(m):
-        if not np.isfinite(state.l[i]) or state.l[i] == 0.0 or not ck.on_wheels(state):
-            return False
-        for a in range(n):
-            on_free[a, i] = -table[i, PARTS] * J[i, free[a]]
-    return True
+    known = ck.on_wheels(state)
+    for i in range(len(J)):
+        known &= (state.l[i] > 0.0) & (state.l[i] < np.inf)
+        for a in range(6):
+            J[i, a] *= -parts[i]
+    return known
 
 
 @inline
-def _fill_load(wrench, weight, com, rotation, free, scale, load):
-    """The weight and an external wrench on the free directions, as fractions of their size [N]; returns that size."""
-    n, w, c = len(free), np.empty(6), np.empty(3)
-    for a in range(3):
-        c[a] = rotation[a, 0] * com[0] + rotation[a, 1] * com[1] + rotation[a, 2] * com[2]
-    w[0], w[1], w[2] = wrench[0], wrench[1], wrench[2] - weight
-    w[3] = (wrench[3] - c[1] * weight) / scale
-    w[4] = (wrench[4] + c[0] * weight) / scale
-    w[5] = wrench[5] / scale
+def _fill_load(weight, com, rotation, free, scale, memory):
+    """The weight and ``memory.wrench`` on the free directions, as fractions of their size [N], into ``memory.load``.
+
+    Returns:
+        That size; 1 where there is no load.
+    """
+    w, load, R = memory.wrench, memory.load, rotation
+    w[2] -= weight
+    w[3] -= (R[1, 0] * com[0] + R[1, 1] * com[1] + R[1, 2] * com[2]) * weight
+    w[4] += (R[0, 0] * com[0] + R[0, 1] * com[1] + R[0, 2] * com[2]) * weight
     norm2 = 0.0
-    for a in range(n):
-        norm2 += w[free[a]] ** 2
-    norm = np.sqrt(norm2) if norm2 > 0 else 1.0
-    for a in range(n):
-        load[a] = w[free[a]] / norm
+    for a in range(len(free)):
+        load[a] = w[free[a]] / scale if free[a] >= 3 else w[free[a]]
+        norm2 += load[a] * load[a]
+    norm = math.sqrt(where(norm2 > 0.0, norm2, 1.0))
+    for a in range(len(free)):
+        load[a] /= norm
     return norm
 
 
 @inline
-def _least_squares(W, w, height, r):
-    """The least ‖W t + w‖ over 0 ≤ t ≤ height: Stark and Parker's active-set method; inf where it does not end.
+def _least_squares(w, free, memory):
+    """The least ‖J t + w‖ over 0 ≤ t ≤ height, on the directions ``free``; inf where the active sets cycle.
 
-    The residual W t + w is written into ``r``.
+    Stark and Parker's active-set method: a tension whose change reduces the residual enters the set of free ones; where
+    the least squares over the set leave the limits, the step ends there, and what reaches its limit leaves the set. In
+    each pass of the loop, least squares are solved once. The residual J t + w is written into ``memory.r``.
     """
-    n, m = W.shape
-    t, target = np.zeros(m), np.zeros(m)
-    state = np.zeros(m, np.int64)  # 0 at its lower limit, 1 at its upper, 2 free
-    blocked = np.zeros(m, np.bool_)
-    Q, U, order = np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64)
-    size = 1.0
+    J, height, r, t, target = memory.J, memory.height, memory.r, memory.t, memory.target
+    inside, upper, blocked = memory.free, memory.upper, memory.blocked
+    m, n, size = len(height), len(free), 1.0
+    for i in range(m):
+        t[i], inside[i], upper[i], blocked[i] = 0.0, False, False, False
     for a in range(n):
         size = max(size, abs(w[a]))
+    runs = size == size  # all of them
+    chooses, left = runs, where(runs, np.inf, size)
     for _ in range(MOST_CHANGES):
         norm2 = 0.0
         for a in range(n):
             r[a] = w[a]
             for i in range(m):
-                r[a] += W[a, i] * t[i]
-            norm2 += r[a] ** 2
-        if norm2 <= (ROUNDING * size) ** 2:
-            return np.sqrt(norm2)
-        enter, steepest = -1, ROUNDING * size
+                r[a] += J[i, free[a]] * t[i]
+            norm2 += r[a] * r[a]
+        enters, steepest = -1.0, ROUNDING * size
         for i in range(m):
-            if state[i] == 2 or blocked[i] or height[i] == 0.0:
-                continue
             slope = 0.0
             for a in range(n):
-                slope -= W[a, i] * r[a]
-            if state[i] == 1:
-                slope = -slope
-            if slope > steepest:
-                enter, steepest = i, slope
-        if enter < 0:
-            return np.sqrt(norm2)
-        came_from = state[enter]
-        state[enter] = 2
-        first = True
-        while True:
-            independent = _solve_free(W, w, height, state, enter if first else -1, Q, U, order, target)
-            backwards = first and (target[enter] <= 0.0 if came_from == 0 else target[enter] >= height[enter])
-            if first and (not independent or backwards):  # only by rounding did this tension seem to help
-                state[enter] = came_from
-                blocked[enter] = True
-                break
-            first = False
-            step, stop = 1.0, -1
-            for i in range(m):
-                if state[i] != 2:
-                    continue
-                limit = 0.0 if target[i] < 0.0 else height[i]
-                if target[i] < 0.0 or target[i] > height[i]:
-                    fraction = (limit - t[i]) / (target[i] - t[i])
-                    if fraction < step or stop < 0:
-                        step, stop = min(fraction, step), i
-            for i in range(m):
-                if state[i] == 2:
-                    t[i] += step * (target[i] - t[i])
-            if stop < 0:
-                blocked[:] = False
-                break
-            state[stop] = 0 if target[stop] < 0.0 else 1
-            t[stop] = 0.0 if state[stop] == 0 else height[stop]
-            for i in range(m):  # other tensions that reach a limit in the same step
-                if state[i] == 2 and (t[i] <= 0.0 and target[i] < 0.0):
-                    state[i], t[i] = 0, 0.0
-                elif state[i] == 2 and (t[i] >= height[i] and target[i] > height[i]):
-                    state[i], t[i] = 1, height[i]
-    return np.inf
+                slope -= J[i, free[a]] * r[a]
+            slope = where(inside[i] | blocked[i] | (height[i] == 0.0), 0.0, where(upper[i], -slope, slope))
+            enters = where(slope > steepest, i, enters)
+            steepest = max(steepest, slope)
+        ends = runs & chooses & ((enters < 0.0) | (norm2 <= (ROUNDING * size) * (ROUNDING * size)))
+        left = where(ends, math.sqrt(norm2), left)
+        runs = where(ends, False, runs)
+        if nowhere(runs):
+            break
+        chooses &= runs
+        for i in range(m):
+            inside[i] = inside[i] | (chooses & (enters == i))
+        wrong = _solve_free(w, free, memory)
+        for i in range(m):  # only by rounding did this tension seem to help
+            backwards = where(upper[i], target[i] >= height[i], target[i] <= 0.0)
+            wrong = wrong | ((enters == i) & backwards)
+        wrong = wrong & chooses
+        for i in range(m):
+            out = wrong & (enters == i)
+            inside[i] = where(out, False, inside[i])
+            blocked[i] = blocked[i] | out
+        step, stops = 1.0, -1.0
+        for i in range(m):
+            beyond = inside[i] & ((target[i] < 0.0) | (target[i] > height[i]))
+            fraction = (where(target[i] < 0.0, 0.0, height[i]) - t[i]) / where(beyond, target[i] - t[i], 1.0)
+            nearest = beyond & ((fraction < step) | (stops < 0.0))
+            step, stops = where(nearest, min(fraction, step), step), where(nearest, i, stops)
+        goes = where(wrong, False, runs)
+        whole = goes & (stops < 0.0)
+        for i in range(m):
+            moves = goes & inside[i]
+            t[i] = where(moves, t[i] + step * (target[i] - t[i]), t[i])
+            low = moves & (target[i] < 0.0) & ((stops == i) | (t[i] <= 0.0))
+            high = moves & (target[i] > height[i]) & ((stops == i) | (t[i] >= height[i]))
+            t[i] = where(low, 0.0, where(high, height[i], t[i]))
+            inside[i] = where(low | high, False, inside[i])
+            upper[i] = where(low | high, high, upper[i])
+            blocked[i] = where(whole, False, blocked[i])
+        chooses = wrong | whole
+    return left
 
 
 @inline
-def _solve_free(W, w, height, state, newest, Q, U, order, target):
-    """Least squares over the free tensions, the others at their limits; False where the newest column is dependent.
+def _solve_free(w, free, memory):
+    """Least squares over the tensions inside, the others at their limits, into ``target``; True where dependent.
 
-    Gram-Schmidt, twice, which makes the columns orthogonal to rounding; the newest column is the last.
+    Gram-Schmidt, twice, which makes the columns orthogonal to rounding.
     """
-    n, m = W.shape
-    b, q = np.empty(n), np.empty(n)
+    J, Q, U, q, b, target = memory.J, memory.Q, memory.U, memory.q, memory.b, memory.target
+    inside, upper, height = memory.free, memory.upper, memory.height
+    m, n = len(height), len(free)
+    dependent = inside[0] != inside[0]
     for a in range(n):
         b[a] = -w[a]
-        for i in range(m):
-            if state[i] == 1:
-                b[a] -= W[a, i] * height[i]
-    columns = 0
-    for turn in range(2):
-        for i in range(m):
-            if state[i] != 2 or (i == newest) != (turn == 1):
-                continue
-            if columns == n:
-                return False
-            before = 0.0
+    for i in range(m):
+        target[i] = 0.0
+        full = where(upper[i], where(inside[i], 0.0, height[i]), 0.0)
+        if not nowhere(full > 0.0):
             for a in range(n):
-                q[a] = W[a, i]
-                before += q[a] ** 2
-            for c in range(columns):
-                U[c, columns] = 0.0
-            for _ in range(2):
-                for c in range(columns):
-                    along = 0.0
-                    for a in range(n):
-                        along += Q[a, c] * q[a]
-                    U[c, columns] += along
-                    for a in range(n):
-                        q[a] -= along * Q[a, c]
-            after = 0.0
-            for a in range(n):
-                after += q[a] ** 2
-            if not after > DEPENDENT**2 * before:
-                return False
-            norm = np.sqrt(after)
-            U[columns, columns] = norm
-            for a in range(n):
-                Q[a, columns] = q[a] / norm
-            order[columns] = i
-            columns += 1
-    for c in range(columns - 1, -1, -1):
+                b[a] -= J[i, free[a]] * full
+        if nowhere(inside[i]):
+            continue
+        before, after = 0.0, 0.0
+        for a in range(n):
+            q[a] = J[i, free[a]]
+            before += q[a] * q[a]
+        for c in range(i):
+            U[c * m + i] = 0.0
+        for _ in range(2):
+            for c in range(i):
+                if nowhere(inside[c]):
+                    continue
+                along = 0.0
+                for a in range(n):
+                    along += Q[c, a] * q[a]
+                U[c * m + i] += along
+                for a in range(n):
+                    q[a] -= along * Q[c, a]
+        for a in range(n):
+            after += q[a] * q[a]
+        lost = inside[i] & (after <= DEPENDENT * DEPENDENT * before)
+        dependent = dependent | lost
+        norm = math.sqrt(where(lost, 1.0, where(inside[i], after, 1.0)))
+        U[i * m + i] = norm
+        for a in range(n):
+            Q[i, a] = where(inside[i], q[a] / norm, 0.0)
+    for c in range(m - 1, -1, -1):
+        if nowhere(inside[c]):
+            continue
         value = 0.0
         for a in range(n):
-            value += Q[a, c] * b[a]
-        for later in range(c + 1, columns):
-            value -= U[c, later] * target[order[later]]
-        target[order[c]] = value / U[c, c]
-    return True
+            value += Q[c, a] * b[a]
+        for later in range(c + 1, m):
+            if nowhere(inside[later]):
+                continue
+            value -= U[c * m + later] * target[later]
+        target[c] = where(inside[c], value / U[c * m + c], 0.0)
+    return dependent

@@ -200,9 +200,18 @@ TYPES = {
 """By what follows the name of a kernel that is compiled for a type of cables."""
 
 
-def kernels(what: str, element: Callable, layout: str, integers: tuple[str, ...]) -> list[Kernel]:
-    """A kernel for each of ``TYPES``; ``element`` makes its code for one ``unpack``."""
-    return [Kernel(what + name, element(unpacked), layout, integers) for name, unpacked in TYPES.items()]
+def kernels(
+    what: str, element: Callable, layout: str, integers: tuple[str, ...], many: Callable | None = None,
+    alike: tuple[str, ...] = (),
+) -> list[Kernel]:  # fmt: skip
+    """A kernel for each of ``TYPES``; ``element`` makes its code for one ``unpack``.
+
+    Plain cables are also evaluated on lanes, by ``many`` with the inputs ``alike`` (``compiling.Kernel``).
+    """
+    return [
+        Kernel(what + name, element(unpacked), layout, integers, many if unpacked is unpack else None, alike)
+        for name, unpacked in TYPES.items()
+    ]
 
 
 def _new_plain_state(cables):
@@ -556,12 +565,14 @@ def add_weight_curvature(weight, com, R, scale, K):
 @inline
 def add_springs(state, J, K):
     """Add Σ k Jᵀ J of the taut cables to the lower half of K."""
-    for a in range(6):
-        for b in range(a + 1):
-            for i in range(len(state.e)):
-                if nowhere(state.e[i] > 0):
-                    continue
-                K[a, b] += where(state.e[i] > 0, state.k[i], 0.0) * J[i, a] * J[i, b]
+    for i in range(len(state.e)):
+        if nowhere(state.e[i] > 0):
+            continue
+        stiffness = where(state.e[i] > 0, state.k[i], 0.0)
+        for a in range(6):
+            slope = stiffness * J[i, a]
+            for b in range(a + 1):
+                K[a, b] += slope * J[i, b]
 
 
 @inline

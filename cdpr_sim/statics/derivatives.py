@@ -130,14 +130,14 @@ def tension_by_pose(state: State) -> Float[Array, "cables 6"]:
     return -np.hstack([along, np.cross(state.geometry.arms, along)])
 
 
-def pull_by_parameter(state: State) -> dict[str, Float[Array, "cables 3 parameters"]]:
-    """∂(pull)/∂(parameter) of each cable on its anchor at a fixed pose, by its own parameters; of a single pose.
+def pull_by_parameter(state: State) -> dict[str, Float[Array, "*batch cables 3 parameters"]]:
+    """∂(pull)/∂(parameter) of each cable on its anchor at a fixed pose, by its own parameters.
 
     The law is a function of the strain n (l − l0)/(n l0 + g), so that the changes dl0 of the rest length and dg of the
     rope between winch and exit act like the change −(1 + eps) dl0 − eps dg/n of the length.
     """
     robot = state.problem.robot
-    found = {"exits": state.cable_stiffness, "anchors": -state.cable_stiffness @ state.rotation}
+    found = {"exits": state.cable_stiffness, "anchors": -state.cable_stiffness @ state.rotation[..., None, :, :]}
     table, rest_lengths = robot.cable_table(state.problem.axial_stiffness), state.problem.rest_lengths
     by = _pull_slopes(table, rest_lengths, state.pulls, state.cable_stiffness)
     n, idle = robot.reeving[:, None, None], state.tensions == 0
@@ -244,8 +244,8 @@ def _turned_by_weight(
 
 
 def rest_lengths_under(
-    robot: Robot, apart: Float[np.ndarray, "cables 3"], tensions: Float[np.ndarray, " cables"]
-) -> Float[np.ndarray, " cables"]:
+    robot: Robot, apart: Float[np.ndarray, "*batch cables 3"], tensions: Float[np.ndarray, "*batch cables"]
+) -> Float[np.ndarray, "*batch cables"]:
     """Rest lengths with which cables have these tensions at their anchors [m]; nan below what their weight alone gives.
 
     Tension falls as the rest length grows, and is convex: Newton's method from the massless length, which is too short.
@@ -253,8 +253,8 @@ def rest_lengths_under(
 
     Args:
         robot: of these cables.
-        apart: from exits to anchors, base frame, (cables, 3) [m].
-        tensions: of the ropes, (cables,) [N].
+        apart: from exits to anchors, base frame, (..., cables, 3) [m].
+        tensions: of the ropes, (..., cables) [N].
     """
     cabling, table = robot.cabling, robot.cable_table()
     rest = cable_law.rest_length_for(
@@ -262,7 +262,7 @@ def rest_lengths_under(
     )
     rest = np.where(rest > 0, rest, np.nan)
     pulls = cabling.reeving * tensions
-    done = np.zeros(len(rest), bool)
+    done = np.zeros(rest.shape, bool)
     for _ in range(LENGTH_STEPS):
         found = any_cables(table, apart, rest)
         by_length = _pulls_by_length(table, found.pull, found.stiffness)

@@ -15,11 +15,13 @@ from cdpr_sim.statics.derivatives import rest_lengths_under
 
 def cut(
     robot: Robot,
-    position: Float[np.ndarray, "3"],
-    rotation: Float[np.ndarray, "3 3"],
-    tensions: Float[np.ndarray, " cables"],
-) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, "6 cables"]]:
+    position: Float[np.ndarray, "*batch 3"],
+    rotation: Float[np.ndarray, "*batch 3 3"],
+    tensions: Float[np.ndarray, "*batch cables"],
+) -> tuple[Float[np.ndarray, "*batch cables"], Float[np.ndarray, "*batch 6 cables"]]:
     """Rest lengths with which the ropes have these tensions at their anchors [m]; and the wrench matrix then.
+
+    At a pose, or at many, each with its own tensions.
 
     A cable with mass pulls along its own end, whose direction depends on its tension.
 
@@ -31,24 +33,26 @@ def cut(
     if robot.cabling.massless:
         rest, matrix = forces.rest_lengths_for(robot, cables.lengths, tensions), cables.wrench_matrix
     else:
-        apart = position + cables.arms - robot.exits
+        apart = position[..., None, :] + cables.arms - robot.exits
         rest = rest_lengths_under(robot, apart, tensions)
         pulls = any_cables(robot.cable_table(), apart, rest).pull
-        sizes = np.linalg.norm(pulls, axis=1, keepdims=True)  # without the rounding of rest lengths of stiff cables
-        pulling = (tensions > 0)[:, None]  # of a massless cable without tension, the direction of its path
+        sizes = np.linalg.norm(pulls, axis=-1, keepdims=True)  # without the rounding of rest lengths of stiff cables
+        pulling = (tensions > 0)[..., None]  # of a massless cable without tension, the direction of its path
         directions = np.where(pulling, pulls / np.where(sizes > 0, sizes, 1.0), cables.directions)
-        matrix = robot.reeving * np.concatenate([directions, np.cross(cables.arms, directions)], axis=1).T
+        wrenches = np.concatenate([directions, np.cross(cables.arms, directions)], axis=-1)
+        matrix = robot.reeving * np.swapaxes(wrenches, -1, -2)
     if not rest.min() > 0:  # also if one is nan
-        cable = int(np.argmin(np.where(rest > 0, np.inf, 0.0)))
-        length, stretched = cables.lengths[cable], robot.cabling.behind[cable]
-        strain = 1 / cable_law.rest_length_for(1.0, tensions[cable], *(one[cable] for one in robot.cabling.law)) - 1
+        row = np.unravel_index(np.argmin(np.where(rest > 0, np.inf, 0.0)), rest.shape)
+        cable = int(row[-1])
+        length, tension, stretched = cables.lengths[row], tensions[row], robot.cabling.behind[cable]
+        strain = 1 / cable_law.rest_length_for(1.0, tension, *(one[cable] for one in robot.cabling.law)) - 1
         if stretched * strain >= length:
             raise InvalidInput(
-                f"tensions: found {tensions[cable]:.4g} N in cable {cable + 1}, under which the rope between winch and "
+                f"tensions: found {tension:.4g} N in cable {cable + 1}, under which the rope between winch and "
                 f"exit stretches by more than the {length:.4g} m from exit to anchor, expected a smaller one"
             )
         raise InvalidInput(
-            f"tensions: found {tensions[cable]:.4g} N in cable {cable + 1}, which weighs "
+            f"tensions: found {tension:.4g} N in cable {cable + 1}, which weighs "
             f"{robot.cable_weights[cable] * length:.4g} N, expected at least what its weight alone gives"
         )
     return rest, matrix

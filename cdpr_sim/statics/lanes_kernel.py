@@ -14,28 +14,28 @@ A lane that has ended gets the next problem at once, so that none waits for its 
 starts is a trial pose that is accepted in any case. A lane to which a formula does not apply computes the same numbers
 as before, or numbers that nothing uses.
 
-What is rare is left to ``newton_kernel``, with the status PENDING: saddles, stalls, the limit of iterations, rotations
+What is rare is left to ``newton_kernel``: saddles, stalls, the limit of iterations, rotations
 by more than ``LARGEST_TURN`` in one step, and numbers that are not finite.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cdpr_sim.core.cable import ANCHOR, BEHIND, EXIT, STIFFNESS
-from cdpr_sim.core.compiling import Compiled, inline, nowhere, where
+from cdpr_sim.core.compiling import Compiled, Kernel, inline, nowhere, where
 from cdpr_sim.core.lanes import (
     WIDTH,
+    Room,
     bits_of,
     everywhere,
     mask_of,
-    masks_at,
-    matrix3_at,
-    matrix6_at,
+    masks,
+    matrix3,
+    matrix6,
     of_lanes,
-    vector_at,
+    room_for,
+    vector,
 )
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import cable_kernel as ck
@@ -49,13 +49,6 @@ LARGEST_TURN = 2.4
 shorter (``newton_kernel.MAX_ROTATION``), but for retractions, which can be long where they are rejected."""
 
 _CONVERGED, _PENDING = int(Status.CONVERGED), int(Status.PENDING)
-
-
-class _Room(NamedTuple):
-    """Memory of lane arrays, and how many rows of it are taken."""
-
-    numbers: np.ndarray
-    taken: np.ndarray
 
 
 @of_lanes(nk.turn)
@@ -76,15 +69,15 @@ def _solve(
     """Equilibria of (rows, columns) of problems; the arguments are those of ``newton_kernel``, and memory."""
     in_a_row, m = rest_lengths.shape[1:]
     problems = rest_lengths.shape[0] * in_a_row
-    room = _Room(numbers, np.zeros(1, np.int64))
-    cables = Cables(_matrix3(room, m), _matrix3(room, m), _vector(room, m), _vector(room, m))
-    com, wrench, platform = _vector(room, 3), _vector(room, 6), _vector(room, 2)
+    room = Room(numbers, flags, np.zeros(2, np.int64))
+    cables = new_cables(room, m)
+    com, wrench, platform = vector(room, 3), vector(room, 6), vector(room, 2)
     here, trial = _new_point(room, cables), _new_point(room, cables)
-    model = Model(_matrix6(room, m), _vector(room, 6), _matrix6(room, 6), _matrix6(room, 6), _vector(room, 6))
-    x, other = _vector(room, 6), _vector(room, 6)
-    tau, predicted, other_predicted = _vector(room, m), _vector(room, m), _vector(room, m)
-    found = _vector(room, 2)
-    taut, other_taut = masks_at(flags, 0, m), masks_at(flags, m, m)
+    model = Model(matrix6(room, m), vector(room, 6), matrix6(room, 6), matrix6(room, 6), vector(room, 6))
+    x, other = vector(room, 6), vector(room, 6)
+    tau, predicted, other_predicted = vector(room, m), vector(room, m), vector(room, m)
+    found = vector(room, 2)
+    taut, other_taut = masks(room, m), masks(room, m)
 
     zero, none = everywhere(0.0), mask_of(0)
     V, decrease, work, shift, count, trials, sets, retractions = zero, zero, zero, zero, zero, zero, zero, zero
@@ -96,14 +89,11 @@ def _solve(
         for w in range(WIDTH):
             if given < problems and not (active >> w) & 1:
                 at = given // in_a_row, given % in_a_row
-                _load_cables(tables[at], rest_lengths[at], w, cables)
+                load_cables(tables[at], rest_lengths[at], w, cables)
                 platform[0, w], platform[1, w] = weights[at], scales_of_length[at]
+                load_pose(starts[at], start_rotations[at], centers_of_mass[at], w, trial.p, trial.R, com)
                 for a in range(6):
                     wrench[a, w] = wrenches[at][a]
-                for a in range(3):
-                    com[a, w], trial.p[a, w] = centers_of_mass[at][a], starts[at][a]
-                    for b in range(3):
-                        trial.R[a, b, w] = start_rotations[at][a, b]
                 begun |= 1 << w
                 who[w] = given
                 given += 1
@@ -207,39 +197,41 @@ def _solve(
 
 
 @inline
-def _vector(room, length):
-    room.taken[0] += length
-    return vector_at(room.numbers, room.taken[0] - length, length)
+def new_cables(room, m):
+    """Cables that are to be loaded."""
+    return Cables(matrix3(room, m), matrix3(room, m), vector(room, m), vector(room, m))
 
 
 @inline
-def _matrix3(room, length):
-    room.taken[0] += 3 * length
-    return matrix3_at(room.numbers, room.taken[0] - 3 * length, length)
-
-
-@inline
-def _matrix6(room, length):
-    room.taken[0] += 6 * length
-    return matrix6_at(room.numbers, room.taken[0] - 6 * length, length)
+def new_state(room, cables):
+    """A state of cables that is to be measured."""
+    m = len(cables.l0)
+    lengths = vector(room, m)
+    return CableState(matrix3(room, m), matrix3(room, m), lengths, lengths, cables.k, vector(room, m))
 
 
 @inline
 def _new_point(room, cables):
-    m = len(cables.l0)
-    lengths = _vector(room, m)
-    state = CableState(_matrix3(room, m), _matrix3(room, m), lengths, lengths, cables.k, _vector(room, m))
-    return Point(_vector(room, 3), _matrix3(room, 3), state)
+    return Point(vector(room, 3), matrix3(room, 3), new_state(room, cables))
 
 
 @inline
-def _load_cables(table, rest_lengths, lane, cables):
+def load_cables(table, rest_lengths, lane, cables):
     """Write the cables of one problem into its lane."""
     for i in range(len(rest_lengths)):
         for a in range(3):
             cables.A[i, a, lane], cables.B[i, a, lane] = table[i, EXIT + a], table[i, ANCHOR + a]
         cables.l0[i, lane] = rest_lengths[i]
         cables.k[i, lane] = table[i, STIFFNESS] / (rest_lengths[i] + table[i, BEHIND])
+
+
+@inline
+def load_pose(position, rotation, center_of_mass, lane, p, R, com):
+    """Write a pose and the centre of mass of one problem into its lane."""
+    for a in range(3):
+        p[a, lane], com[a, lane] = position[a], center_of_mass[a]
+        for b in range(3):
+            R[a, b, lane] = rotation[a, b]
 
 
 @inline
@@ -274,14 +266,17 @@ def _chosen(mask, one, other):
     )  # fmt: skip
 
 
-_GIVEN = {axes: f"Array(float64, {axes}, 'A', readonly=True)" for axes in (1, 2, 3, 4)}
+GIVEN = {axes: f"Array(float64, {axes}, 'A', readonly=True)" for axes in (1, 2, 3, 4)}
 """Types of arguments: they may be broadcast."""
+
+MEMORY = "float64[::1], uint8[::1]"
+"""Types of the arrays of a ``Room``."""
 
 _SOLVE = Compiled(
     "static solver for eight problems at once",
     _solve,
-    f"void({_GIVEN[4]}, {_GIVEN[3]}, {_GIVEN[2]}, {_GIVEN[3]}, {_GIVEN[3]}, {_GIVEN[1]}, {_GIVEN[2]}, {_GIVEN[3]}, "
-    f"{_GIVEN[4]}, float64[::1], uint8[::1], float64[:, :, ::1], float64[:, :, :, ::1], float64[:, :, ::1], "
+    f"void({GIVEN[4]}, {GIVEN[3]}, {GIVEN[2]}, {GIVEN[3]}, {GIVEN[3]}, {GIVEN[1]}, {GIVEN[2]}, {GIVEN[3]}, "
+    f"{GIVEN[4]}, {MEMORY}, float64[:, :, ::1], float64[:, :, :, ::1], float64[:, :, ::1], "
     "float64[:, :, ::1], float64[:, ::1], int64[:, ::1], int64[:, ::1])",
     error_model="numpy",
     nogil=True,
@@ -289,21 +284,25 @@ _SOLVE = Compiled(
 
 
 def solve(
-    tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations
+    kernel: Kernel, tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations
 ) -> tuple[np.ndarray, ...]:
-    """Results of ``newton_kernel.equilibrium_gufunc`` for (rows, columns) of problems: plain cables.
+    """Results of ``kernel``, ``gufuncs.equilibrium_gufunc`` for plain cables, at (rows, columns) of problems.
 
-    The arguments are those of the gufunc, all with these two axes before their own, except ``free``. Rows that are left
-    to the gufunc have the status PENDING.
+    The arguments are those of the gufunc, all with these two axes before their own, except ``free``. What is left to
+    the gufunc is solved by it.
     """
     loop, m = rest_lengths.shape[:2], rest_lengths.shape[2]
     shapes = (3,), (3, 3), (m,), (m,), ()
     results = *(np.empty(loop + shape) for shape in shapes), np.empty(loop, np.int64), np.empty(loop, np.int64)
-    memory = np.ones((41 * m + 200 + 1) * WIDTH)
-    memory = memory[-(memory.ctypes.data // 8) % WIDTH :]  # entries begin at multiples of their size
-    flags = np.zeros(2 * m, np.uint8)
+    room = room_for(41 * m + 200, 2 * m)
     _SOLVE.compiled(
-        tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations, memory, flags,
-        *results,
+        tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations, room.numbers,
+        room.flags, *results,
     )  # fmt: skip
+    left = results[-1] == _PENDING
+    if left.any():
+        some = (one[left] for one in (tables, rest_lengths, weights, centers_of_mass, wrenches))
+        found = kernel.compiled(*some, free, *(one[left] for one in (scales, starts, start_rotations)))
+        for column, one in zip(results, found, strict=True):
+            column[left] = one
     return results

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Sequence
 from functools import partial
 from typing import TypeAlias
 
@@ -27,20 +25,14 @@ from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
-from cdpr_sim.statics.newton_kernel import equilibrium_gufunc
+from cdpr_sim.statics.gufuncs import equilibrium_gufunc, stiffness_gufunc
 from cdpr_sim.statics.remembering_law import RememberingLaw
-from cdpr_sim.statics.stiffness_kernel import stiffness_gufunc
 
 Start: TypeAlias = tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3 3"]]
 
 FELT = 1e-2 * ACCEPTABLE
 """Unbalanced force at convergence, as a fraction of the load, above which rounding matters: then the residual is
 evaluated at the pose as stored, with its rotation normalised once more, for one problem and in a batch."""
-
-LANES_FROM = 1000
-"""Problems of plain cables from which on they are solved eight at a time (``lanes_kernel``). For fewer, loading that
-solver takes longer than it saves. At most half of ``design.robot_batch.LEAST_WORK``, so that the pieces into which
-threads divide a batch are solved as the whole is."""
 
 
 def solve(problem: Problem) -> Equilibrium:
@@ -140,17 +132,19 @@ def solve_many(
         return solve_step(problems, Memory.fresh(robot, problems.shape))[0]
     found = solve_table(
         robot,
-        robot.cable_table(problems.axial_stiffness),
+        problems.cable_table(),
         problems.rest_lengths,
         problems.mass * robot.gravity,
         problems.external_wrench,
         np.where(problems.falls[..., None], np.nan, problems.positions) if problems.falls.any() else problems.positions,
         problems.rotations,
+        problems.center_of_mass,
+        problems.characteristic_length,
         threads=threads,
     )
     positions, turned, lengths, tensions, residuals, iterations, status = found
     felt = (status == Status.CONVERGED) & ~(residuals <= FELT * problems.force_scale)
-    if felt.any():
+    if felt.any() and problems.robots is None:
         asked, read = problems.take(felt), poses_of(positions[felt], turned[felt])
         state = forces.at(asked, read.translation, read.rotation.as_matrix())
         positions[felt], turned[felt] = state.position, state.rotation
@@ -250,7 +244,7 @@ def stiffness_of(equilibria: EquilibriumBatch) -> tuple[Float[np.ndarray, "*batc
     Cables count as springs: their own inertia and oscillation are neglected, also where their mass makes them sag.
     """
     problems = equilibria.problems
-    return _stiffness(equilibria, equilibria.robot.cable_table(problems.axial_stiffness), problems.rest_lengths)
+    return _stiffness(equilibria, problems.cable_table(), problems.rest_lengths)
 
 
 def _stiffness(
@@ -263,8 +257,8 @@ def _stiffness(
     kind = _kind(robot, table)
     with np.errstate(all="ignore"):
         return stiffness_gufunc(**kind | {"sagging": not robot.cabling.massless})(
-            table, rest_lengths, problems.mass, robot.gravity, robot.center_of_mass, robot.inertia,
-            np.array(robot.free), robot.characteristic_length, equilibria.positions, equilibria.rotations,
+            table, rest_lengths, problems.mass, robot.gravity, problems.center_of_mass, robot.inertia,
+            np.array(robot.free), problems.characteristic_length, equilibria.positions, equilibria.rotations,
         )  # fmt: skip
 
 
@@ -310,10 +304,7 @@ def solve_table(
         robot.characteristic_length if characteristic_length is None else characteristic_length,
     )  # fmt: skip
     given = (table, rest_lengths, *platform, positions, rotations)
-    loop = _loop(given)
-    kind = _kind(robot, table)
-    plain = cabling.massless and not any(kind.values())
-    solver = _on_lanes if plain and math.prod(loop) >= LANES_FROM else equilibrium_gufunc(**kind)
+    solver = equilibrium_gufunc(**_kind(robot, table))
 
     def solved(*given: np.ndarray | float) -> tuple[np.ndarray, ...]:
         with np.errstate(all="ignore"):
@@ -324,7 +315,9 @@ def solve_table(
         *found, iterations, status = map(np.asarray, found)
         return *found, np.asarray(iterations + before), status
 
-    at, turned, lengths, pulls, residuals, iterations, status = on_threads(solved, given, _AXES, threads, LANES_FROM)
+    at, turned, lengths, pulls, residuals, iterations, status = on_threads(
+        solved, given, solver.axes, threads, compiling.LANES_FROM
+    )
     with np.errstate(all="ignore"):
         tensions = pulls / cabling.reeving
         if not cabling.linear:
@@ -338,36 +331,3 @@ def _kind(robot: Robot, table: Float[np.ndarray, "*#batch cables columns"]) -> d
     """Which kernel takes the cables of a table, without their mass."""
     remembering = table.shape[-1] > COLUMNS
     return {"remembering": remembering, "bent": robot.cabling.bent and not remembering}
-
-
-_AXES = 2, 1, 0, 1, 1, 1, 0, 1, 2
-"""Of one problem, in each argument of ``equilibrium_gufunc``."""
-
-_FREE = 5
-"""The argument in which all problems are alike: the free directions."""
-
-
-def _loop(given: Sequence[np.ndarray | float]) -> tuple[int, ...]:
-    """The shape of the batch."""
-    return np.broadcast_shapes(*(np.shape(one)[: np.ndim(one) - own] for one, own in zip(given, _AXES, strict=True)))
-
-
-def _on_lanes(*given: np.ndarray | float) -> tuple[np.ndarray, ...]:
-    """Results of ``equilibrium_gufunc`` for plain cables, solved eight at a time as far as possible."""
-    compiling.import_numba()
-    from cdpr_sim.statics import lanes_kernel
-
-    loop, whole = _loop(given), []
-    for one, axes in zip(given, _AXES, strict=True):
-        core = np.shape(one)[np.ndim(one) - axes :]
-        broadcast = np.broadcast_to(np.asarray(one, float), loop + core)
-        whole.append(broadcast.reshape((math.prod(loop[:-1]), loop[-1], *core)))
-    alike = list(whole)
-    alike[_FREE] = np.asarray(given[_FREE], float)
-    found = lanes_kernel.solve(*alike)
-    left = found[-1] == Status.PENDING
-    if left.any():
-        rest = equilibrium_gufunc()(*(one[left] for one in whole))
-        for column, some in zip(found, rest, strict=True):
-            column[left] = some
-    return tuple(column.reshape(loop + column.shape[2:]) for column in found)

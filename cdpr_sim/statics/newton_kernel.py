@@ -36,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cdpr_sim.core.cable import WEIGHT
-from cdpr_sim.core.compiling import Kernel, by_type, inline, nowhere, of_one_number, outlined, where
+from cdpr_sim.core.compiling import by_type, inline, nowhere, of_one_number, outlined, where
 from cdpr_sim.core.status import ACCEPTABLE, IDLE_STRAIN, NEUTRAL, Status
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.cable_kernel import (
@@ -142,7 +142,7 @@ class Scales(NamedTuple):
     energy: float
 
 
-def _descent(unpack: Callable) -> Callable:
+def descent(unpack: Callable) -> Callable:
     """The solver of one problem, for cables of the type that ``unpack`` makes of the table."""
 
     def descend(
@@ -236,25 +236,6 @@ def _descent(unpack: Callable) -> Callable:
         ck.fill_tensions(cables, here.c, table, tensions)
 
     return descend
-
-
-_KERNELS = ck.kernels(
-    "static solver",
-    _descent,
-    "(m,k),(m),(),(c),(d),(d),(),(c),(c,c)->(c),(c,c),(m),(m),(),(),()",
-    ("iterations", "status"),
-)
-
-
-def equilibrium_gufunc(*, bent: bool = False, sagging: bool = False, remembering: bool = False) -> Kernel:
-    """The solver as a NumPy generalised ufunc, for cables of one type (``cable_kernel``).
-
-    Arguments: ``Robot.cable_table`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
-    directions as 0 or 1 (6), characteristic length, starting position (3), starting rotation matrix (3,3).
-    Results: position (3), rotation matrix (3,3), lengths of the massless paths (m), tensions at the anchors of all
-    parts of line (m), residual, iterations, status.
-    """
-    return _KERNELS[2 if sagging else 3 if remembering else bent]
 
 
 @inline

@@ -61,9 +61,7 @@ def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
     result = forces.equilibrium_at(problem, pose_at(deviation), iterations=int(evaluations or 0), source=source)
     if not result.residual <= RESIDUAL_TOLERANCE * problem.force_scale:
         said = " ".join(str(message).split()).rstrip(".")
-        raise NotConverged(
-            f"seecr/{solver}: stopped with {result.residual:.1e} N unbalanced (SciPy says: {said})", result
-        )
+        raise NotConverged(f"seecr/{solver}: stopped with {result.residual:.1e} N unbalanced (SciPy: {said})", result)
     if problem.robot.cabling.beyond_law(result.lengths, result.rest_lengths).any():
         raise NotConverged.because(Status.OVERSTRAINED, result)
     return result

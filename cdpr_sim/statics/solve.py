@@ -38,7 +38,7 @@ def solve(
         The equilibrium, with the residual [N] and the stiffness [N/m] that certify it.
 
     Raises:
-        InvalidInput: an invalid argument; a robot with mass on some cables and pulleys or nonlinear laws on others.
+        InvalidInput: an invalid argument.
         UnknownName: no such method.
         NotConverged: the solver stopped away from equilibrium, or where a nonlinear cable is strained by more than
             20 %; carries the best point.

@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.equilibrium_path import EquilibriumPath
 from cdpr_sim.core.memory import Memory
-from cdpr_sim.core.path_problem import PathProblem, moved
+from cdpr_sim.core.path_problem import PathProblem, moved_as_commanded
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
@@ -51,7 +51,7 @@ def solve_path(
         steps: number of steps from each command to the next, along the commanded poses.
 
     Returns:
-        (steps, ...) equilibria with their status, and ``memory`` at the end, from which a path can go on. A step
+        (steps, ...) equilibria with their status, and ``memory`` at the end, with which another path can start. A step
         without an equilibrium ends its path: all later steps have its status.
 
     Raises:
@@ -88,7 +88,7 @@ def follow(path: PathProblem) -> EquilibriumPath:
 
 def _moved(here: EquilibriumBatch, problems: Problems) -> newton.Start:
     """The last equilibria, moved as their commands move; nan where a path has ended."""
-    positions, turned = moved(here.positions, here.rotations, here.problems, problems)
+    positions, turned = moved_as_commanded(here.positions, here.rotations, here.problems, problems)
     return np.where(here.converged[..., None], positions, np.nan), turned
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from cdpr_sim.analysis.cable_profiles import cable_profiles
 from cdpr_sim.analysis.clearance import SEARCH_POINTS, clearances
 from cdpr_sim.analysis.workspace.grids import plane
 from cdpr_sim.analysis.workspace.sweep import sweep
@@ -16,8 +15,10 @@ from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.crosscheck.layout_validation import LayoutValidation, ValidatedRobot
 from cdpr_sim.design.front import Front
 from cdpr_sim.drawing.layout_figures import draw_better_layout, draw_clearance_map, draw_front
+from cdpr_sim.drawing.maps import outer_edges
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
+from cdpr_sim.studies.robot_summary import shapes_of
 
 MAP_POINTS = 121
 """Poses along the longer side of a map of tilt."""
@@ -73,32 +74,20 @@ def picture(validation: LayoutValidation) -> Figure:
     across = float(np.median(asked[:, 1]))
     axes = plane("xz", across, MAP_POINTS, [found.given])
     maps = [sweep(robot, axes, quantities=["tilt"], chunk=None)["tilt"].values for robot in robots]
-    half = [np.diff(axes[name][:2])[0] / 2 for name in ("x", "z")]
-    extent = (axes["x"][0] - half[0], axes["x"][-1] + half[0], axes["z"][0] - half[1], axes["z"][-1] + half[1])
-    row = _worst_row(validation.before)
+    tilts = _tilt(validation.before)
+    row = 0 if np.isnan(tilts).all() else int(np.nanargmax(tilts))
+    shapes = [shapes_of(one) for one in equilibria]
+    of, score = found.objective, (validation.before.score, validation.after.score)
     return draw_better_layout(
-        equilibria, row, (_shapes(equilibria[0], row), _shapes(equilibria[1], row)),
-        (maps[0].squeeze(), maps[1].squeeze()), extent,
-        asked, numbers(validation), _title(validation),
+        equilibria, row, [None if one is None else one[row] for one in shapes],
+        (maps[0].squeeze(), maps[1].squeeze()), (*outer_edges(axes["x"]), *outer_edges(axes["z"])),
+        asked, numbers(validation),
+        f"{found.given.name}: {of.name} {of.shown(score[0])} → {of.shown(score[1])}",
         "Robots settled in MuJoCo at the pose where the given one tilts most. Maps: statics, commanded level at "
         f"y = {across:.4g} m; grey: no equilibrium; the scale ends at 45° at most. Numbers: MuJoCo, at the poses of "
         f"the optimisation and midway between them, {len(validation.cases)} cases. They do not hold for other poses, "
         "loads and cables.",
     )  # fmt: skip
-
-
-def _title(validation: LayoutValidation) -> str:
-    of, found = validation.layout.objective, validation.layout
-    return f"{found.given.name}: {of.name} {of.shown(validation.before.score)} → {of.shown(validation.after.score)}"
-
-
-def _worst_row(side: ValidatedRobot) -> int:
-    tilts = _tilt(side)
-    return 0 if np.isnan(tilts).all() else int(np.nanargmax(tilts))
-
-
-def _shapes(equilibria: EquilibriumBatch, row: int) -> np.ndarray | None:
-    return None if equilibria.robot.cabling.massless else cable_profiles(equilibria)[row]
 
 
 def pareto_picture(front: Front) -> Figure:
@@ -124,17 +113,13 @@ def clearance_map(robot: Robot, name: str, at: float | None, enough: float, fitt
     across = next(i for i, axis in enumerate("xyz") if axis not in name)
     least = np.take(distances.least, 0, axis=across)
     first, second = sorted(name)
-    ends = [
-        (axes[axis][0] - np.diff(axes[axis][:2])[0] / 2, axes[axis][-1] + np.diff(axes[axis][:2])[0] / 2)
-        for axis in (first, second)
-    ]  # fmt: skip
     if np.isnan(distances.least).all():
         raise InvalidInput(f"plane: found no pose with an equilibrium of {robot.name!r}, expected one within its reach")
     free = distances.free(enough)
     nearest = tuple(int(i) for i in np.unravel_index(np.nanargmin(distances.least), distances.least.shape))
     where = f"{'xyz'[across]} = {float(axes['xyz'[across]][0]):.4g} m"
     return draw_clearance_map(
-        least, (*ends[0], *ends[1]), (first, second), enough,
+        least, (*outer_edges(axes[first]), *outer_edges(axes[second])), (first, second), enough,
         f"{robot.name}: interference-free at {free.mean():.0%} of these poses",
         "Smallest distance between centre lines of cables, the platform and the frame at equilibrium, at "
         f"{where}; {1e3 * distances.fitting:.3g} mm at both ends of each cable ignored. "

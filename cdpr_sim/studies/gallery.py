@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from cdpr_sim.core.checks import FLAG, PROGRESS, checked_path, listed, one_of, refuse_unless
 from cdpr_sim.core.files import make_folder, refuse_existing, write_whole
-from cdpr_sim.drawing import style
+from cdpr_sim.drawing.axes import encoded
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.studies import (
-    lines,
-    lines_figures,
-    pretension,
-    pretension_figures,
-    real_cables,
-    real_cables_figures,
-    solvers,
-    solvers_figures,
-    tilt_condition,
-    two_cable,
-    two_cable_figures,
-)
+from cdpr_sim.studies import lines, lines_figures, pretension, real_cables, solvers, tilt_condition, two_cable
 
 
 @dataclass(frozen=True)
@@ -59,19 +43,19 @@ PICTURES: dict[str, Picture] = {
         "Fig. 3",
         "all equilibria of a bar on two cables, and its drift on that surface with decreasing stiffness",
         two_cable.manifold,
-        two_cable_figures.manifold,
+        two_cable.draw_manifold,
     ),
     "two-cable-poses": Picture(
         "Fig. 4",
         "commanded poses of the bar, the tilt of equilibrium at these positions, and its equilibria",
         two_cable.closed_forms,
-        two_cable_figures.poses,
+        two_cable.draw_poses,
     ),
     "two-cable-closed-form": Picture(
         "Eq. 5, 6",
         "the bar's tilt by closed form, solver and MuJoCo, and the error of the paper's short-bar formula",
         two_cable.closed_forms,
-        two_cable_figures.closed_form,
+        two_cable.draw_closed_form,
     ),
     "layouts": Picture(
         "Fig. 6",
@@ -95,7 +79,7 @@ PICTURES: dict[str, Picture] = {
         "Fig. 9",
         "cause of the tilt: intersections H and V of the pairs' midlines, and the moment of the weight about them",
         tilt_condition.moment_balances,
-        lines_figures.tilt_condition,
+        tilt_condition.draw_moment_balances,
     ),
     "cogiro": Picture(
         "Fig. 10",
@@ -119,25 +103,25 @@ PICTURES: dict[str, Picture] = {
         "",
         "success rate and time of each solver over the cables' stiffness",
         solvers.convergence,
-        solvers_figures.convergence,
+        solvers.draw_convergence,
     ),
     "agreement": Picture(
         "",
         "differences between static solver and MuJoCo, for the paper's robots",
         solvers.differences,
-        solvers_figures.agreement,
+        solvers.draw_agreement,
     ),
     "real-cables": Picture(
         "",
         "effect of pulleys, cable mass and nonlinear elasticity on DemoBot and a large crane",
         real_cables.real_cables,
-        real_cables_figures.real_cables,
+        real_cables.draw_real_cables,
     ),
     "fully-constrained": Picture(
         "",
         "stiffness of IPAnema 1 over pretension, slack cables, and the effect of one length error",
         pretension.pretension,
-        pretension_figures.pretension,
+        pretension.draw_pretension,
     ),
 }
 """Every figure by name, in the paper's order."""
@@ -206,15 +190,3 @@ def _of_the_papers(name: str) -> list[str]:
     """Figures by their number in the paper: "Fig. 10"."""
     numbers = re.findall(r"\d+", name)
     return [one for one, picture in PICTURES.items() if numbers and re.findall(r"\d+", picture.paper) == numbers]
-
-
-def encoded(figure: Figure, kind: str) -> bytes:
-    """The figure as a file's content, reproducible: no dates, no versions, no random ids."""
-    buffer = io.BytesIO()
-    with matplotlib.rc_context(style.RC):  # type: ignore[arg-type]
-        if kind == "svg":
-            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": "cdpr-sim"})
-        else:
-            figure.set_dpi(style.PNG_DPI)
-            FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": "cdpr-sim"})
-    return buffer.getvalue()

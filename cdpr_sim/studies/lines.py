@@ -31,6 +31,9 @@ PAPER_TILT, PAPER_DEVIATION = np.radians(20.0), 0.015
 """[rad], [m] Tilt and deviation in z at both ends of the paper's lines, parallel layout, either cable: "approximately
 20°" and "about 15 mm". Read from the paper's text (section IV), not from its data."""
 
+COLUMNS = 5
+"""Poses drawn side by side across a workspace."""
+
 _SAME_HEIGHT = 1e-9
 """[m]"""
 
@@ -59,15 +62,13 @@ def equilibria_by_mujoco(robot: Robot, commanded: ArrayLike) -> EquilibriumBatch
     return all_solved(settle_many(robot, commanded))
 
 
-def homes(
-    layouts: Sequence[str] = ("planar-vertical", "planar-horizontal", "parallel", "cogiro"),
-) -> tuple[EquilibriumBatch, ...]:
-    """Equilibrium of each layout at the middle of its workspace, by the static method (Fig. 6).
+def homes() -> tuple[EquilibriumBatch, ...]:
+    """Equilibrium of each of the four layouts at the middle of its workspace, by the static method (Fig. 6).
 
     Raises:
         NotConverged: some layout has no equilibrium.
     """
-    robots = [load_robot(name) for name in layouts]
+    robots = [load_robot(name) for name in ("planar-vertical", "planar-horizontal", "parallel", "cogiro")]
     return tuple(equilibria_by_statics(robot, robot.home[None]) for robot in robots)
 
 
@@ -171,22 +172,19 @@ def line(
 def across_the_width(
     robot: Robot,
     *,
-    materials: Sequence[str] = PAPER_MATERIALS,
-    height: float = PAPER_HEIGHTS[0],
     pose_heights: Sequence[float] = (0.28, 0.1),
-    columns: int = 5,
     static_rows: int = 1201,
     settled_rows: int = 25,
 ) -> Width:
-    """``robot`` commanded across its whole workspace along x, with each of ``materials``.
+    """``robot`` commanded across its whole workspace along x, with each of the paper's materials.
 
     Raises:
         NotConverged: the static solver found no equilibrium at some pose.
         NotSettled: MuJoCo did not settle at some pose.
     """
-    robots = [robot.replace(material=name) for name in materials]
+    robots, height = [robot.replace(material=name) for name in PAPER_MATERIALS], PAPER_HEIGHTS[0]
     ends = (float(robot.workspace[0, 0]), float(robot.workspace[1, 0]))
-    poses = np.concatenate([along_x(robot, z, ends, columns) for z in pose_heights])
+    poses = np.concatenate([along_x(robot, z, ends, COLUMNS) for z in pose_heights])
     softest = min(robots, key=lambda one: one.axial_stiffness.min())
     return Width(
         poses=equilibria_by_statics(softest, poses),
@@ -222,14 +220,7 @@ def _crossing(positions: np.ndarray, margin: np.ndarray, inside: int, outside: i
     return positions[inside] + share * (positions[outside] - positions[inside])
 
 
-def paper_lines(
-    layouts: Sequence[str] = ("parallel", "cogiro"),
-    materials: Sequence[str] = PAPER_MATERIALS,
-    heights: Sequence[float] = PAPER_HEIGHTS,
-    *,
-    static_rows: int = 601,
-    settled_rows: int = 13,
-) -> tuple[Line, ...]:
+def paper_lines(*, static_rows: int = 601, settled_rows: int = 13) -> tuple[Line, ...]:
     """The paper's experiment (section IV): every layout with every material at every height.
 
     Raises:
@@ -237,16 +228,10 @@ def paper_lines(
         NotSettled: MuJoCo did not settle at some pose.
     """
     return tuple(
-        line(
-            load_robot(layout).replace(material=material),
-            height,
-            PAPER_LINE,
-            static_rows=static_rows,
-            settled_rows=settled_rows,
-        )
-        for layout in layouts
-        for material in materials
-        for height in heights
+        line(robot.replace(material=material), height, PAPER_LINE, static_rows=static_rows, settled_rows=settled_rows)
+        for robot in map(load_robot, ("parallel", "cogiro"))
+        for material in PAPER_MATERIALS
+        for height in PAPER_HEIGHTS
     )
 
 

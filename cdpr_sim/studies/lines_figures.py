@@ -20,9 +20,8 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, points, styled
+from cdpr_sim.drawing.axes import canvas, key, points, styled
 from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_TILT, Line, Width, twins, zones
-from cdpr_sim.studies.tilt_condition import MomentBalance
 
 PAPER_FIGURES = {
     "planar-vertical": " (Paper, Fig. 7)",
@@ -52,25 +51,23 @@ def layouts(homes: Sequence[EquilibriumBatch]) -> Figure:
         robot, home = equilibria.robot, ", ".join(f"{value:.3g}" for value in equilibria.problems.positions[0])
         in_space = robot.mobility == "spatial"
         ax = figure.add_subplot(place, projection="3d" if in_space else None)
-        (drawing.draw_space if in_space else drawing.draw_front)(ax, robot)
-        shown = [0, 1, 2] if in_space else [0, 2]
+        drawing.draw_frame(ax, robot)
         anchors = equilibria.positions[0] + robot.anchors @ equilibria.rotations[0].T
         names = _beside_exits(robot)
         for number, (start, end, name) in enumerate(zip(robot.exits, anchors, names, strict=True), start=1):
             color = style.LEFT if start[0] < robot.frame[:, 0].mean() else style.RIGHT
-            ax.plot(*np.stack([start, end])[:, shown].T, color=color, lw=style.THIN, zorder=3)
-            at = drawing.seen(ax, name) if in_space else name[shown]
+            drawing.plot(ax, np.stack([start, end]), color=color, lw=style.THIN, zorder=3)
+            at = drawing.seen(ax, name) if in_space else name[[0, 2]]
             (ax.text2D if in_space else ax.text)(
                 *at, str(number), color=color, fontsize=8, ha="center", va="center", transform=ax.transData
             )
-        draw = drawing.draw_platform_in_space if in_space else drawing.draw_platform
-        draw(ax, robot, equilibria.positions[0], equilibria.rotations[0])
+        drawing.draw_platform(ax, robot, equilibria.positions[0], equilibria.rotations[0])
         ax.set_title(f"({letter}) {robot.name}, {robot.cables} cables, at ({home}) m", loc="left")
     figure.axes[0].legend(
         handles=[
-            Line2D([], [], color=style.LEFT, lw=style.THIN, label="cable to the left"),
-            Line2D([], [], color=style.RIGHT, lw=style.THIN, label="cable to the right"),
-            Line2D([], [], ls="none", marker="o", ms=3.5, color=style.INK, label="exit"),
+            key("cable to the left", color=style.LEFT, lw=style.THIN),
+            key("cable to the right", color=style.RIGHT, lw=style.THIN),
+            key("exit", ls="none", marker="o", ms=3.5, color=style.INK),
             Patch(fc=style.PLATFORM, ec=style.INK, lw=style.HAIR, label="platform"),
         ],
         loc="lower left",
@@ -99,19 +96,10 @@ def planar(width: Width) -> Figure:
     heights = np.unique(commanded[:, 2])[::-1]
     figure, left, right = _width(width, _headline(width), rows=len(heights))
     for ax, height in zip(left, heights, strict=True):
-        drawing.draw_front(ax, equilibria.robot)
+        drawing.draw_frame(ax, equilibria.robot)
         ax.set_title(f"commanded to z = {height:g} m")
         for row in np.flatnonzero(commanded[:, 2] == height):
-            drawing.draw_commanded(ax, equilibria.robot, commanded[row])
-            drawing.draw_platform(ax, equilibria.robot, equilibria.positions[row], equilibria.rotations[row])
-            drawing.draw_cables(
-                ax,
-                equilibria.robot,
-                equilibria.positions[row],
-                equilibria.rotations[row],
-                equilibria.slack[row],
-                equilibria.rest_lengths[row],
-            )
+            drawing.draw_pose(ax, equilibria, int(row))
         if ax is not left[-1]:
             ax.set_xlabel("")
             ax.tick_params(labelbottom=False)
@@ -127,15 +115,15 @@ def spatial(width: Width) -> Figure:
     """Fig. 10 and 11: equilibria of a spatial robot, its feasible workspace, and tensions along the width."""
     equilibria = width.poses
     figure, (left,), right = _width(width, _headline(width), projection="3d")
-    drawing.draw_space(left, equilibria.robot)
+    drawing.draw_frame(left, equilibria.robot)
     handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
     if len(width.workspace):
         left.plot(
             *np.vstack([width.workspace, width.workspace[:1]]).T, color=style.GREEN, lw=style.LINE, gid="feasible"
         )
-        handles.append(Line2D([], [], color=style.GREEN, lw=style.LINE, label="static feasible workspace"))
+        handles.append(key("static feasible workspace", color=style.GREEN, lw=style.LINE))
     for row in range(len(equilibria)):
-        drawing.draw_pose_in_space(left, equilibria, row)
+        drawing.draw_pose(left, equilibria, row)
     left.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.06), ncols=2)
     for ax, one in zip(right, width.lines, strict=True):
         _tensions(ax, one, last=one is width.lines[-1])
@@ -150,36 +138,6 @@ def spatial(width: Width) -> Figure:
                 clip_on=False,
                 gid="feasible",
             )
-    return figure
-
-
-@styled
-def tilt_condition(balances: Sequence[MomentBalance]) -> Figure:
-    """Fig. 9: intersection of the lines of force of the two sides, and the moment of the weight about it."""
-    softest = newtons(min(balance.robot.axial_stiffness.min() for balance in balances if balance.at_rest))
-    figure = canvas(
-        10.5,
-        7.6,
-        "The platform tilts where the line of the weight misses the intersection of the two sides' forces",
-        "With equal tensions in a pair, their resultant lies on the pair's midline; the midlines intersect at the "
-        "paper's points H and V. The weight times the distance of its line from this point is the moment that "
-        f"rotates the platform; at equilibrium (EA = {softest}) the tensions have changed such that it vanishes. "
-        "(Paper, Fig. 9)",
-    )
-    axes = figure.subplots(2, 2)
-    for ax, balance, letter in zip(axes.flat, balances, "abcd", strict=True):
-        _balance(ax, balance, letter)
-    axes[1, 1].legend(
-        handles=[
-            Line2D([], [], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, label="line of a side's force"),
-            Line2D([], [], ls="none", marker="D", color=style.BLUE, mec="white", ms=8, label="intersection"),
-            Line2D([], [], ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION, label="line of the weight"),
-            Line2D([], [], ls=style.SLACK_DASH, lw=1.4, color=style.SLACK_CABLE, label="slack cable"),
-        ],
-        loc="lower right",
-        bbox_to_anchor=(0.955, 0),
-        borderaxespad=0,
-    )
     return figure
 
 
@@ -233,8 +191,8 @@ def paper_line(lines: Sequence[Line]) -> Figure:
         for j, material in enumerate(materials):
             color, looks, marker = _series(i, j)
             looks = points(color, marker) | {"ls": "-", "color": color} | looks
-            handles.append(Line2D([], [], **looks, label=f"{layout}, {material}"))
-    handles.append(Line2D([], [], **style.REPORTED, label="reported in the paper's text"))
+            handles.append(key(f"{layout}, {material}", **looks))
+    handles.append(key("reported in the paper's text", **style.REPORTED))
     axes[0, 0].legend(handles=handles, loc="lower center")
     return figure
 
@@ -296,7 +254,7 @@ def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
         ax.plot(commanded, static.tensions[:, group[0]], color=color, ls=line_style, gid=f"static {group[0]}")
         for cable in group:
             ax.plot(settled.problems.positions[:, 0], settled.tensions[:, cable], **marker, gid=f"mujoco {cable}")
-        handles.append(Line2D([], [], **marker | {"ls": line_style, "color": color}, label=label))
+        handles.append(key(label, **marker | {"ls": line_style, "color": color}))
     ax.set(ylabel="tension [N]", title=describe_cables(robot))
     ax.set_xlim(commanded[0], commanded[-1])
     ax.set_ylim(bottom=min(-0.02 * ax.get_ylim()[1], 0))
@@ -305,56 +263,6 @@ def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
         ax.legend(handles=handles + shaded, loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=3)
     else:
         ax.tick_params(labelbottom=False)
-
-
-def _balance(ax: Axes, balance: MomentBalance, letter: str) -> None:
-    robot = balance.robot
-    drawing.draw_front(ax, robot)
-    ax.set_ylim(0.08, 0.52)
-    drawing.draw_cables(ax, robot, balance.position, balance.rotation, balance.slack, balance.rest_lengths)
-    drawing.draw_platform(ax, robot, balance.position, balance.rotation, alpha=0.9)
-    meeting, center = balance.intersection, balance.position
-    for start, direction in zip(balance.starts, balance.directions, strict=True):
-        reach = (robot.exits[:, 2].max() - start[2]) / direction[2]
-        below = min(0.0, (meeting - start) @ direction - 0.03)
-        ends = start + np.array([[below], [reach]]) * direction
-        ax.plot(ends[:, 0], ends[:, 2], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, zorder=5)
-    ax.plot([center[0]] * 2, [-0.02, 0.5], ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION, zorder=5)
-    ax.annotate(
-        "",
-        (center[0], center[2] - 0.085),
-        (center[0], center[2]),
-        arrowprops={"arrowstyle": "-|>", "color": style.VERMILLION, "lw": 2, "shrinkA": 0, "shrinkB": 0},
-        zorder=7,
-    )
-    ax.plot(center[0], center[2], "o", color=style.VERMILLION, ms=5, zorder=8)
-    ax.plot(meeting[0], meeting[2], "D", color=style.BLUE, mec="white", ms=8, zorder=9, gid="meeting point")
-    ax.annotate(
-        "intersection" if balance.at_rest else balance.point,
-        (meeting[0], meeting[2]),
-        (-9, -11)
-        if balance.point == "H"
-        else (-13, -4),  # H lies on the platform's edge: its label is placed on the platform
-        textcoords="offset points",
-        ha="right",
-        fontweight="bold",
-        color=style.BLUE,
-        bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
-        zorder=10,
-    )
-    beta = np.degrees(np.arctan2(balance.rotation[0, 2], balance.rotation[2, 2]))
-    state = f"equilibrium, rotation about y {beta:.1f}°" if balance.at_rest else "level, equal tensions in each pair"
-    ax.set_title(f"({letter}) {robot.name}: {state}\n{_moment(balance)}")
-
-
-def _moment(balance: MomentBalance) -> str:
-    """The moment balance as text."""
-    if abs(balance.arm) < 1e-6:
-        return "the weight passes through the intersection: no moment"
-    return (
-        f"the weight passes {1e3 * abs(balance.arm):.0f} mm beside it: "
-        f"{balance.robot.weight:.2f} N × {1e3 * abs(balance.arm):.0f} mm = {1e3 * abs(balance.moment):.0f} N mm"
-    )
 
 
 def _deviation(equilibria: EquilibriumBatch) -> tuple[np.ndarray, np.ndarray]:

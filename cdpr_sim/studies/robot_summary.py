@@ -25,6 +25,7 @@ from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.crosscheck.check import REFUSED, Check, check
 from cdpr_sim.crosscheck.compare import Agreement, compare
+from cdpr_sim.drawing import maps
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.physics.settle_path import settle_path
@@ -53,9 +54,6 @@ MOTION = 49
 
 SWINGS = 10
 """Duration of the drive in periods of a pendulum as long as the frame: slow enough for the platform to follow."""
-
-MAP = ("tilt", "distance", "slack_count", "feasible")
-"""Quantities of a map; the first three for cables with mass."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +139,7 @@ def summarize(
     plane, modes, drove = None, None, None
     try:
         y = float((problems or [requested])[0].pose.translation[1])
-        plane = sweep(robot, grids.plane("xz", y, POINTS, [robot]), quantities=(*MAP, "capacity_margin"))
+        plane = sweep(robot, grids.plane("xz", y, POINTS, [robot]), quantities=maps.QUANTITIES)
     except InvalidInput as error:
         missing.append(f"No maps: {error}.")
     solved = first.solved

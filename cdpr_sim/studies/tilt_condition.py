@@ -1,14 +1,23 @@
 """Cause of the tilt of a planar platform on parallel cables: intersection of its two sides' forces (paper, Fig. 9)."""
 
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from cdpr_sim.core.describe import newtons
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.drawing import axes as drawing
+from cdpr_sim.drawing import style
+from cdpr_sim.drawing.axes import canvas, key, styled
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics.forces import at, geometry
 from cdpr_sim.statics.given_tensions import cut
@@ -141,3 +150,86 @@ def _point_of_action(
     total, middle = forces.sum(0), points.mean(0)
     moment = np.cross(points - middle, forces).sum(0)
     return middle + np.cross(total, moment) / (total @ total)
+
+
+# Figure
+
+
+@styled
+def draw_moment_balances(balances: Sequence[MomentBalance]) -> Figure:
+    """Fig. 9: intersection of the lines of force of the two sides, and the moment of the weight about it."""
+    softest = newtons(min(balance.robot.axial_stiffness.min() for balance in balances if balance.at_rest))
+    figure = canvas(
+        10.5,
+        7.6,
+        "The platform tilts where the line of the weight misses the intersection of the two sides' forces",
+        "With equal tensions in a pair, their resultant lies on the pair's midline; the midlines intersect at the "
+        "paper's points H and V. The weight times the distance of its line from this point is the moment that "
+        f"rotates the platform; at equilibrium (EA = {softest}) the tensions have changed such that it vanishes. "
+        "(Paper, Fig. 9)",
+    )
+    axes = figure.subplots(2, 2)
+    for ax, balance, letter in zip(axes.flat, balances, "abcd", strict=True):
+        _draw_balance(ax, balance, letter)
+    axes[1, 1].legend(
+        handles=[
+            key("line of a side's force", ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE),
+            key("intersection", ls="none", marker="D", color=style.BLUE, mec="white", ms=8),
+            key("line of the weight", ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION),
+            drawing.slack_key(),
+        ],
+        loc="lower right",
+        bbox_to_anchor=(0.955, 0),
+        borderaxespad=0,
+    )
+    return figure
+
+
+def _draw_balance(ax: Axes, balance: MomentBalance, letter: str) -> None:
+    robot = balance.robot
+    drawing.draw_frame(ax, robot)
+    ax.set_ylim(0.08, 0.52)
+    drawing.draw_cables(ax, robot, balance.position, balance.rotation, balance.slack, balance.rest_lengths)
+    drawing.draw_platform(ax, robot, balance.position, balance.rotation, alpha=0.9)
+    meeting, center = balance.intersection, balance.position
+    for start, direction in zip(balance.starts, balance.directions, strict=True):
+        reach = (robot.exits[:, 2].max() - start[2]) / direction[2]
+        below = min(0.0, (meeting - start) @ direction - 0.03)
+        ends = start + np.array([[below], [reach]]) * direction
+        ax.plot(ends[:, 0], ends[:, 2], ls=(0, (6, 1.5, 1, 1.5)), lw=1.2, color=style.BLUE, zorder=5)
+    ax.plot([center[0]] * 2, [-0.02, 0.5], ls=(0, (4, 2)), lw=1.1, color=style.VERMILLION, zorder=5)
+    ax.annotate(
+        "",
+        (center[0], center[2] - 0.085),
+        (center[0], center[2]),
+        arrowprops={"arrowstyle": "-|>", "color": style.VERMILLION, "lw": 2, "shrinkA": 0, "shrinkB": 0},
+        zorder=7,
+    )
+    ax.plot(center[0], center[2], "o", color=style.VERMILLION, ms=5, zorder=8)
+    ax.plot(meeting[0], meeting[2], "D", color=style.BLUE, mec="white", ms=8, zorder=9, gid="meeting point")
+    ax.annotate(
+        "intersection" if balance.at_rest else balance.point,
+        (meeting[0], meeting[2]),
+        (-9, -11)
+        if balance.point == "H"
+        else (-13, -4),  # H lies on the platform's edge: its label is placed on the platform
+        textcoords="offset points",
+        ha="right",
+        fontweight="bold",
+        color=style.BLUE,
+        bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
+        zorder=10,
+    )
+    beta = np.degrees(np.arctan2(balance.rotation[0, 2], balance.rotation[2, 2]))
+    state = f"equilibrium, rotation about y {beta:.1f}°" if balance.at_rest else "level, equal tensions in each pair"
+    ax.set_title(f"({letter}) {robot.name}: {state}\n{_moment(balance)}")
+
+
+def _moment(balance: MomentBalance) -> str:
+    """The moment balance as text."""
+    if abs(balance.arm) < 1e-6:
+        return "the weight passes through the intersection: no moment"
+    return (
+        f"the weight passes {1e3 * abs(balance.arm):.0f} mm beside it: "
+        f"{balance.robot.weight:.2f} N × {1e3 * abs(balance.arm):.0f} mm = {1e3 * abs(balance.moment):.0f} N mm"
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.identification_model import Model
+from cdpr_sim.analysis.identification_model import IdentificationModel
 
 UNKNOWNS = ("axial_stiffness", "rest_length_offsets")
 TRUE_EA = 15e3
@@ -62,7 +62,7 @@ def simulated(robot: cdpr.Robot, rows: int, rng: np.random.Generator, length_err
         poses, np.zeros((rows, 2)), coordinates=("alpha", "beta"), rest_lengths=lengths + OFFSETS,
         tensions=np.zeros((rows, 4)), swivels=np.zeros((rows, 4)),
     )  # fmt: skip
-    shown = Model(robot, blank, []).shown(np.zeros(0))
+    shown = IdentificationModel(robot, blank, []).shown(np.zeros(0))
     angles, tensions, swivels = shown[:, 3:5], shown[:, 6:10], shown[:, 10:14]
     return cdpr.Measurements.of(
         poses,

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 import cdpr_sim as cdpr
-from cdpr_sim.analysis.identification_model import Model
+from cdpr_sim.analysis.identification_model import IdentificationModel
 from cdpr_sim.analysis.measurements import KINDS
 
 FITTED, PREDICTED = (Path(__file__).parent / f"irma4u_{rows}_poses.csv" for rows in (27, 8))
@@ -116,7 +116,7 @@ def fits(names: Sequence[str] = tuple(MODELS), robust: bool = False) -> list[Mea
 
 
 def _without_fit(robot: cdpr.Robot, data: cdpr.Measurements) -> Float[np.ndarray, "rows numbers"]:
-    return np.where(data.known, Model(robot, data, []).residuals(np.zeros(0)), np.nan)
+    return np.where(data.known, IdentificationModel(robot, data, []).residuals(np.zeros(0)), np.nan)
 
 
 def swinging_frequencies(stiffness: float) -> Float[np.ndarray, "6"]:

@@ -31,13 +31,12 @@ class ChecksummedStore(LocalStore):
             return content
         where = f"store: {self.root}: slab {found['chunk']} of {found['name']!r}"
         if content is None:
-            raise StoreError(f"{where} is lost; expected the sweep to be run again, which computes it anew")
+            raise StoreError(f"{where} is lost; run the same sweep again, which computes it")
         try:
             _decoded(self.root / found["name"], content.to_bytes())
         except Exception as error:  # each codec has its own
             raise StoreError(
-                f"{where} is corrupt; expected {self.root / key} to be removed, and the sweep to be run again, which "
-                "computes it anew"
+                f"{where} is corrupt; remove {self.root / key} and run the same sweep again, which computes it"
             ) from error
         return content
 

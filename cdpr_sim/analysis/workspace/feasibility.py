@@ -35,7 +35,8 @@ from cdpr_sim.core.on_threads import checked_threads, on_threads
 from cdpr_sim.core.problem import Problem, positions_and_rotations
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import forces
-from cdpr_sim.statics.balance_kernel import BALANCED, margin_gufunc, shortfall_gufunc
+from cdpr_sim.statics.balance_kernel import BALANCED
+from cdpr_sim.statics.gufuncs import margin_gufunc, shortfall_gufunc
 
 Array = np.ndarray
 
@@ -97,7 +98,7 @@ def feasible(
     wrenches: ArrayLike | None = None,
     threads: int = 1,
 ) -> Bool[Array, "*batch"]:
-    """Whether rigid cables hold the platform there, with tensions within limits, against its weight and ``wrenches``.
+    """Whether rigid cables can hold the platform there, within limits of tension, against its weight and ``wrenches``.
 
     Arguments and errors as in ``shortfall``. Without wrenches this is the static feasible workspace (what ARACHNIS
     computes); with a set of them, the wrench-feasible workspace of their convex hull.

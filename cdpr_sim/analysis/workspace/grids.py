@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core import available_memory
+from cdpr_sim.core import free_ram
 from cdpr_sim.core.checks import checked_array, listed, shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.pose import PoseLike
+from cdpr_sim.core.problem import positions_and_rotations
 from cdpr_sim.core.robot import Robot
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def as_grid(grid: GridLike | None, robots: Sequence[Robot]) -> dict[str, np.ndar
     if poses > MOST_POSES:
         raise InvalidInput(f"grid: found {poses:.1e} positions, expected {MOST_POSES:.0e} at most")
     for name, (lower, upper, count) in spread.items():
-        available_memory.refuse_beyond(f"grid: {count:,} coordinates {name}", LEAST_BYTES * count, "fewer")
+        free_ram.refuse_beyond(f"grid: {count:,} coordinates {name}", LEAST_BYTES * count, "fewer")
         axes[name] = np.linspace(lower, upper, count)
     for robot in robots:
         if robot.mobility == "planar" and axes["y"].any():
@@ -84,6 +85,14 @@ def as_poses(
     """
     if grid is not None or np.any(turn):
         raise InvalidInput("poses: found them besides a grid or an orientation, expected one of them")
+    if isinstance(poses, RigidTransform) or (isinstance(poses, np.ndarray) and poses.dtype.kind in "fiu"):
+        # All at once, unless one is to be refused.
+        at, _ = positions_and_rotations(robot, poses, None)
+        if at.ndim == 2 and isinstance(poses, RigidTransform):
+            return poses
+        if at.ndim == 2 and np.isfinite(poses).all():
+            turned = Rotation.from_euler("xyz", np.broadcast_to(poses[:, 3:] if poses.shape[1] > 3 else 0.0, at.shape))
+            return RigidTransform.from_components(at, turned)
     found = listed("poses", poses, "a list of poses")
     if not found:
         raise InvalidInput("poses: found none, expected at least one")

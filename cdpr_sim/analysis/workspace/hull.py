@@ -42,9 +42,6 @@ class Hull(Frozen, HtmlRepr):
     vertices: Float[np.ndarray, "vertices 3"]
     triangles: Int[np.ndarray, "triangles 3"]
 
-    def __post_init__(self) -> None:
-        self._freeze()
-
     @property
     def volume(self) -> float:
         """Volume within the surface [m³]."""
@@ -88,7 +85,7 @@ def workspace_hull(
     reach: float | None = None,
     tolerance: float = 1e-4,
 ) -> Hull:
-    """The border of where rigid cables hold the platform with tensions within limits, against its weight and wrenches.
+    """Border of the workspace where rigid cables hold the platform with tensions within limits, against all loads.
 
     Args:
         robot: the robot, spatial.

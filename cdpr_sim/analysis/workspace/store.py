@@ -87,7 +87,7 @@ def open_sweep(store: str | Path) -> xr.Dataset:
     if missing:
         raise InvalidInput(
             f"store: {path} is unfinished: {missing} of {dataset['status'].size} poses are pending; "
-            "expected the sweep to be run again, which resumes it"
+            "run the same sweep again, which resumes it"
         )
     if path.suffix != ".nc":
         _refuse_losses(dataset, path)
@@ -236,7 +236,7 @@ def _held(path: Path) -> Iterator[None]:
     try:
         lock.acquire()
     except Timeout:
-        raise StoreError(f"store: {path} is being written to by {holder}; expected to be run later") from None
+        raise StoreError(f"store: {path} is being written to by {holder}; try again later") from None
     except NotImplementedError:  # a file system without locks: treated as locked
         yield
         return
@@ -276,8 +276,8 @@ def _refuse_losses(dataset: xr.Dataset, path: Path) -> None:
         name, chunk = lost[0]
         more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
         raise StoreError(
-            f"store: {path} has lost slab {'.'.join(map(str, chunk))} of {name!r}{more}; expected the sweep to be run "
-            "again, which computes anew what is lost"
+            f"store: {path} has lost slab {'.'.join(map(str, chunk))} of {name!r}{more}; run the same sweep "
+            "again, which computes what is lost"
         )
 
 

@@ -20,7 +20,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid, as_poses
-from cdpr_sim.core import available_memory, extras
+from cdpr_sim.core import extras, free_ram
 from cdpr_sim.core.checks import FLAG, checked_array, checked_label, listed, one_of, refuse_unless, whole
 from cdpr_sim.core.describe import cables_name
 from cdpr_sim.core.errors import InvalidInput
@@ -244,13 +244,13 @@ def _refuse_what_cannot_fit(poses: int, cables: int, kinds: Sequence[Quantity], 
     what = f"grid: a sweep of {poses:,.0f} poses"
     if store is None or store.suffix == ".nc":
         copies = MEMORY_COPIES if store is None else MEMORY_COPIES + 1
-        available_memory.refuse_beyond(what, copies * poses * each, "fewer poses, fewer quantities, or a .zarr store")
+        free_ram.refuse_beyond(what, copies * poses * each, "fewer poses, fewer quantities, or a .zarr store")
     else:
         free = shutil.disk_usage(store.parent).free
         if poses * each > COMPRESSION * free:
             raise InvalidInput(
-                f"{what} would take about {available_memory.describe_size(poses * each)} before compression, and "
-                f"{available_memory.describe_size(free)} are free in {store.parent}; expected fewer poses or "
+                f"{what} would take about {free_ram.describe_size(poses * each)} before compression, and "
+                f"{free_ram.describe_size(free)} are free in {store.parent}; expected fewer poses or "
                 "fewer quantities"
             )
 
@@ -271,9 +271,7 @@ def as_robots(robots: str | Robot | Sequence[str | Robot]) -> list[Robot]:
         raise InvalidInput("robots: found none, expected at least one")
     for name in names:
         if names.count(name) > 1:
-            raise InvalidInput(
-                f"robots: found {names.count(name)} called {name!r}, expected a name of its own for each"
-            )
+            raise InvalidInput(f"robots: found {names.count(name)} called {name!r}, expected a different name for each")
     return group
 
 
@@ -445,7 +443,7 @@ def rotation_vectors(rotations: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Rotation matrices (..., 3, 3) as axis times angle [rad], (..., 3); nan where they are not ``known``."""
     vectors = np.full(rotations.shape[:-1], np.nan)
     if known.any():
-        vectors[known] = Rotation.from_matrix(rotations[known]).as_rotvec()
+        vectors[known] = Rotation.from_matrix(rotations[known], assume_valid=True).as_rotvec()  # twice as fast
     return vectors
 
 

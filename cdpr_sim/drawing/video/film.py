@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -165,14 +165,8 @@ class Film:
         several = [trajectories] if isinstance(trajectories, Trajectory) else listed("trajectories", trajectories)
         for trajectory in several:
             refuse_unless(Trajectory, trajectories=trajectory)
-        statics = [None] * len(several) if static is None else static
-        statics = [static] if isinstance(static, RigidTransform) else listed("static", statics)
-        for poses in statics:
-            refuse_unless(RigidTransform | None, static=poses)
-        profiles = [None] * len(several) if shapes is None else shapes
-        profiles = [shapes] if isinstance(shapes, np.ndarray) else listed("shapes", profiles)
-        for curves in profiles:
-            refuse_unless(np.ndarray | None, shapes=curves)
+        statics = _each("static", static, RigidTransform, len(several))
+        profiles = _each("shapes", shapes, np.ndarray, len(several))
         self.count = check_settings(seconds, fps, size, exaggeration, renderer)
         self.fps, self.size = fps, (int(size[0]), int(size[1]))
         check_count(len(several))
@@ -247,6 +241,14 @@ class Film:
         return finished
 
 
+def _each(field: str, given: Any, kind: type, count: int) -> list[Any]:
+    """What is given for each of ``count`` trajectories: one of this kind, several of them or None, or None at all."""
+    several = [given] if isinstance(given, kind) else listed(field, [None] * count if given is None else given)
+    for one in several:
+        refuse_unless(kind | None, **{field: one})
+    return several
+
+
 def _ahead(begun: Iterable[Callable[[], Picture]]) -> Iterator[Callable[[], Picture]]:
     """The same functions in the same order, each after ``AHEAD`` more have been started."""
     waiting = deque()
@@ -290,9 +292,8 @@ def check_settings(seconds: float, fps: float, size: tuple[int, int], exaggerati
             f"exaggeration: found {exaggeration:g}, expected more than 0 and at most {MOST_EXAGGERATION:g}"
         )
     width, height = checked_array("size", size, (2,)).tolist()
-    fits = all(least <= n <= most for n, least, most in zip((width, height), LEAST_SIZE, MOST_SIZE, strict=True))
-    if not fits or width % 2 or height % 2:
-        (a, b), (c, d) = LEAST_SIZE, MOST_SIZE
+    (a, b), (c, d) = LEAST_SIZE, MOST_SIZE
+    if not (a <= width <= c and b <= height <= d) or width % 2 or height % 2:
         raise InvalidInput(
             f"size: found {width:.0f} x {height:.0f} pixels, expected even numbers from {a} x {b} to {c} x {d}"
         )

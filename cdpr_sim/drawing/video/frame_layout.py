@@ -258,21 +258,17 @@ class Page:
         scale = round(0.16 * width)
         ends = self._newtons(0), f"{self._newtons(self.largest_tension)} N"
 
+        keys = ["platform", "commanded", *["static"] * outlined, "slack"]
+
         def needed(labels: dict[str, str]) -> float:
-            swatches = sum(
-                swatch + 3 * gap + font.getlength(text)
-                for key, text in labels.items()
-                if key != "tension" and (key != "static" or outlined)
-            )
+            swatches = sum(swatch + 3 * gap + font.getlength(labels[key]) for key in keys)
             return swatches + sum(font.getlength(text) + gap for text in (labels["tension"], *ends)) + scale
 
         room = width - 2 * gap
         labels = next((labels for labels in LEGENDS if needed(labels) <= room), LEGENDS[-1])
         spread = min(3.0 * gap, max(0.0, (room - needed(labels)) / len(labels)))
         x = float(gap)
-        for key in labels:
-            if key == "tension" or (key == "static" and not outlined):
-                continue
+        for key in keys:
             self._draw_swatch(draw, key, x, middle, swatch, 0.62 * line)
             x += swatch + gap
             draw.text((x, middle), labels[key], _rgb(style.PAGE_INK), font, anchor="lm")
@@ -287,13 +283,8 @@ class Page:
     def _draw_swatch(self, draw: ImageDraw.ImageDraw, entry: str, x: float, middle: float, width: float, height: float):
         top, bottom = middle - height / 2, middle + height / 2
         if entry == "slack":
-            draw.arc(
-                (x, middle - height * 1.6, x + width, bottom),
-                20,
-                160,
-                _rgb(style.SLACK_COLOR),
-                max(2, round(height / 5)),
-            )
+            around = (x, middle - height * 1.6, x + width, bottom)
+            draw.arc(around, 20, 160, _rgb(style.SLACK_COLOR), max(2, round(height / 5)))
             return
         fill = style.PLATFORM_COLOR
         if entry == "commanded":

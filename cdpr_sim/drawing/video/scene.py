@@ -184,22 +184,15 @@ class Stage:
 
     def _draw_commanded(self) -> None:
         commanded, pose = self._commanded, self._pose
-        box = self.robot.platform_size / 2
-        inside = style.GHOST_SIZE * box
-        matrix = commanded.rotation.as_matrix().ravel()
-        self._geom(
-            mujoco.mjtGeom.mjGEOM_BOX,
-            inside,
-            commanded.translation,
-            matrix,
-            (*style.COMMANDED_COLOR, style.GHOST_ALPHA),
-        )
+        box, shape = self.robot.platform_size / 2, mujoco.mjtGeom.mjGEOM_BOX
+        matrix, color = commanded.rotation.as_matrix().ravel(), (*style.COMMANDED_COLOR, style.GHOST_ALPHA)
+        self._geom(shape, style.GHOST_SIZE * box, commanded.translation, matrix, color)
         # A dark patch on the floor under the platform indicates its position and height.
         floor = self.data.geom("floor").xpos[2]
         x, y, _ = pose.translation
         turn = Rotation.from_euler("z", pose.rotation.as_euler("zyx")[0]).as_matrix().ravel()
         flat = np.array([box[0], box[1], 1e-4 * self.diagonal])
-        self._geom(mujoco.mjtGeom.mjGEOM_BOX, flat, [x, y, floor], turn, (0, 0, 0, style.SHADOW_ALPHA))
+        self._geom(shape, flat, [x, y, floor], turn, (0, 0, 0, style.SHADOW_ALPHA))
 
     def _draw_outline(self, pose: RigidTransform) -> None:
         corners = np.array(list(itertools.product((-1, 1), repeat=3)))
@@ -216,10 +209,8 @@ class Stage:
             mujoco.mjv_connector(geom, capsule.value, radius * self.diagonal, start, end)
 
     def _geom(self, shape: mujoco.mjtGeom, size, position, matrix, color) -> mujoco.MjvGeom:
-        geom = self.scene.geoms[self.scene.ngeom]
-        mujoco.mjv_initGeom(
-            geom, shape.value, np.asarray(size, float), np.asarray(position, float), matrix, np.array(color, np.float32)
-        )
+        geom, color = self.scene.geoms[self.scene.ngeom], np.array(color, np.float32)
+        mujoco.mjv_initGeom(geom, shape.value, np.asarray(size, float), np.asarray(position, float), matrix, color)
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value
         geom.objtype = mujoco.mjtObj.mjOBJ_UNKNOWN  # mjv_initGeom leaves there what memory holds
         self.scene.ngeom += 1

@@ -1,16 +1,13 @@
-"""Derivatives of the forces around a platform on cables with mass: MuJoCo's own, by small displacements."""
+"""Derivatives of the forces around platforms on cables with mass: MuJoCo's own, by small displacements."""
 
-# pyright: reportAttributeAccessIssue=false
-# mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+from cdpr_sim.physics.sagging.chain_simulations import ChainSimulations, Rows
 
 DIFFERENCE = 1e-7
 """Displacement for differencing forces, as a fraction of the mean cable length: smaller than in ``batch``, since
@@ -30,7 +27,7 @@ def _balanced(nodes: int) -> Float[np.ndarray, " nodes"]:
 
 
 class ChainDerivatives(NamedTuple):
-    """Decrease of forces by displacement [N/m].
+    """Decrease of forces by displacement [N/m], of some rows.
 
     Attributes:
         direct: on the platform by its own displacement.
@@ -38,89 +35,96 @@ class ChainDerivatives(NamedTuple):
         within: on the slides by their own displacement; the slides of different chains do not interact.
     """
 
-    direct: Float[np.ndarray, "free free"]
-    across: Float[np.ndarray, "chains slides free"]
-    within: Float[np.ndarray, "chains slides slides"]
+    direct: Float[np.ndarray, "some free free"]
+    across: Float[np.ndarray, "some chains slides free"]
+    within: Float[np.ndarray, "some chains slides slides"]
 
     @classmethod
-    def of(cls, simulation: ChainSimulation, *, quick: bool = False) -> ChainDerivatives:
+    def of(cls, simulations: ChainSimulations, at: Rows, *, quick: bool = False) -> ChainDerivatives:
         """Central differences as in ``batch``, with all chains displaced together.
 
         Args:
-            simulation: at zero velocity, with its wheels turned, and with the forces of its coordinates.
+            simulations: at zero velocity, with their wheels turned, and with the forces of their coordinates.
+            at: the rows.
             quick: displace to one side only, where all segments are so taut that this suffices for a step.
         """
-        model, data, slides, free = simulation.model, simulation.data, simulation.slides, simulation.free
-        band, springs, polynomials = (
-            model.tendon_lengthspring.copy(), model.tendon_stiffness.copy(), model.tendon_stiffnesspoly.copy()
-        )  # fmt: skip
-        taut = data.ten_length > band[:, 1]
-        model.tendon_lengthspring[:] = np.where(taut, band[:, 1], band[:, 0])[:, None]
-        model.tendon_stiffness[~taut] = model.tendon_stiffnesspoly[~taut] = 0
-        rest = data.qpos.copy()
-        step = DIFFERENCE * float(simulation.rest_lengths.mean())
+        slides, free, nodes = simulations.slides, simulations.free, simulations.slides.shape[1] // 3
+        step = DIFFERENCE * simulations.rest_lengths[at].mean(1)
+        # A slide extends its own segment and the first one. Distances whose sum is zero leave the first as it is. A
+        # translation of the platform extends the first segments only; a planar one makes none along y.
+        distances = _balanced(nodes)
+        along_slides = [distances] if free == 6 else [distances, np.eye(nodes)[0]]
+        moves = np.zeros((len(at), free + 3 * len(along_slides), simulations.model.nv))
+        for k, axis in enumerate(np.eye(free)):
+            moves[:, k] = simulations.in_dofs(at, np.tile(axis, (len(at), 1)))
+        for k, along in enumerate(along_slides):
+            some = slice(free + 3 * k, free + 3 * k + 3)
+            moves[:, some, slides] = np.kron(along, np.eye(3))[:, None]
+        platform, masses = _slopes(simulations, at, step, moves, quick)
 
-        stretches = (data.ten_length - band[:, 1])[simulation.chains.segments]
-        central = not quick or bool(step > SMALL * stretches.min())
-        here = simulation.net.copy(), simulation.rotation.copy()
-
-        def displaced(move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            data.qpos[:] = rest
-            mujoco.mj_integratePos(model, data.qpos, move, 1)
-            simulation.turn_wheels()
-            simulation.evaluate()
-            return simulation.net.copy(), simulation.rotation.copy()
-
-        def slopes(moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            """Decrease of ``ChainSimulation.forces`` per step along each of (n, dofs) moves, which come last."""
-            sides = [displaced(-move) for move in moves] if central else [here] * len(moves)
-            sides += [displaced(move) for move in moves]
-            forces = simulation.split(*(np.array(each) for each in zip(*sides, strict=True)))
-            apart = 2 * step if central else step
-            platform, nodes = ((each[: len(moves)] - each[len(moves) :]) / apart for each in forces)
-            return np.moveaxis(platform, 0, -1), np.moveaxis(nodes, 0, -1)
-
-        def along_slides(distances: np.ndarray) -> np.ndarray:
-            """Decrease of forces on nodes displaced by these distances along each axis, (chains, nodes, 3, 3)."""
-            moves = np.zeros((3, model.nv))
-            moves[:, slides] = step * np.kron(distances, np.eye(3))[:, None]
-            return slopes(moves)[1].reshape(len(slides), len(distances), 3, 3)
-
-        direct, across = slopes(np.array([simulation.in_dofs(step * axis) for axis in np.eye(free)]))
-        # A slide extends its own segment and the first one. Distances whose sum is zero leave the first as it is.
-        distances = _balanced(slides.shape[1] // 3)
-        own = along_slides(distances) / distances[:, None, None]
-        # A translation of the platform extends the first segments only; a planar one makes none along y.
-        alone = np.eye(len(distances))[0]
-        first = across[:, :3, :3] @ simulation.rotation if free == 6 else along_slides(alone)[:, -1]
-        within = np.tile(first, (1, len(distances), len(distances)))
-        for k in range(len(distances)):
+        direct, across = np.moveaxis(platform[:, :free], 1, -1), np.moveaxis(masses[:, :free], 1, -1)
+        nodewise = np.moveaxis(masses[:, free:].reshape(len(at), -1, 3, len(slides), nodes, 3), 2, -1)
+        own = nodewise[:, 0] / distances[:, None, None]
+        first = across[:, :, :3, :3] @ simulations.rotations[at, None] if free == 6 else nodewise[:, 1, :, -1]
+        within = np.tile(first, (1, 1, nodes, nodes))
+        for k in range(nodes):
             node = slice(3 * k, 3 * k + 3)
-            within[:, node, node] += own[:, k]
-        data.qpos[:] = rest
-        model.tendon_lengthspring[:], model.tendon_stiffness[:] = band, springs
-        model.tendon_stiffnesspoly[:] = polynomials
-        simulation.evaluate()
+            within[:, :, node, node] += own[:, :, k]
         return cls(direct, across, within)
 
     @property
-    def known(self) -> bool:
+    def known(self) -> Bool[np.ndarray, " some"]:
         """Whether all forces were finite."""
-        return bool(np.isfinite(self.direct).all() and np.isfinite(self.within).all())
+        return np.asarray(np.isfinite(self.direct).all((1, 2)) & np.isfinite(self.within).all((1, 2, 3)))
 
-    def stiffness(self) -> tuple[Float[np.ndarray, " free"], Float[np.ndarray, " free"]]:
-        """Eigenvalues [N/m], ascending, of the stiffness of the platform; and the direction of the smallest one.
+    def stiffness(self) -> tuple[Float[np.ndarray, "some free"], Float[np.ndarray, "some free"]]:
+        """Eigenvalues [N/m], ascending, of the stiffness of the platforms; and the directions of the smallest ones.
 
         The masses' degrees of freedom are condensed out; nan if the derivatives are unknown.
         """
-        if not self.known:
-            return np.full(len(self.direct), np.nan), np.full(len(self.direct), np.nan)
-        within = (self.within + np.swapaxes(self.within, 1, 2)) / 2
+        known = self.known
+        direct, across, within = (part[known] for part in self)
+        within = (within + within.swapaxes(2, 3)) / 2
         loose = np.linalg.pinv(within, rcond=within.shape[-1] * np.finfo(float).eps, hermitian=True)
-        stiffness = self.direct - (np.swapaxes(self.across, 1, 2) @ loose @ self.across).sum(0)
-        values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
-        return values, vectors[:, 0]
+        stiffness = direct - (across.swapaxes(2, 3) @ loose @ across).sum(1)
+        eigenvalues, softest = np.full((2, *self.direct.shape[:2]), np.nan)
+        values, vectors = np.linalg.eigh((stiffness + stiffness.swapaxes(1, 2)) / 2)
+        eigenvalues[known], softest[known] = values, vectors[:, :, 0]
+        return eigenvalues, softest
 
-    def following(self, x: Float[np.ndarray, " free"]) -> Float[np.ndarray, "chains slides"]:
-        """Displacements of the slides with which the masses stay in balance where the platform moves by x [m]."""
-        return -(np.linalg.pinv(self.within) @ self.across) @ x
+    def following(self, x: Float[np.ndarray, "some free"]) -> Float[np.ndarray, "some chains slides"]:
+        """Displacements of the slides with which the masses stay in balance where the platforms move by x [m]."""
+        return -((np.linalg.pinv(self.within) @ self.across) @ x[:, None, :, None])[..., 0]
+
+
+def _slopes(
+    simulations: ChainSimulations,
+    at: Rows,
+    step: Float[np.ndarray, " some"],
+    moves: Float[np.ndarray, "some moves dofs"],
+    quick: bool,
+) -> tuple[Float[np.ndarray, "some moves free"], Float[np.ndarray, "some moves chains slides"]]:
+    """Decrease of ``ChainSimulations.forces`` along moves, by differences of ``step`` [m].
+
+    Cables that are taut now may push meanwhile, and slack ones have no force, as in ``batch``.
+    """
+    bands, stiffnesses, further = (
+        field[at] for field in (simulations.bands, simulations.stiffnesses, simulations.further)
+    )
+    lengths, qpos = simulations.ten_length[at], simulations.qpos[at, None]
+    taut = lengths > bands[..., 1]
+    ends = np.where(taut, bands[..., 1], bands[..., 0])
+    springs = np.stack([ends, ends], axis=-1), np.where(taut, stiffnesses, 0), np.where(taut[..., None], further, 0)
+    stretches = (lengths - bands[..., 1])[:, simulations.chains.segments]
+    central = (step > SMALL * stretches.min((1, 2), initial=np.inf)) | (not quick)
+    there = step[:, None, None] * moves
+    after = simulations.forces_at(at, simulations.displaced(qpos, there), springs)
+    before = [np.repeat(forces[:, None], moves.shape[1], axis=1) for forces in simulations.forces(at)]
+    if central.any():
+        behind = simulations.displaced(qpos[central], -there[central])
+        found = simulations.forces_at(at[central], behind, tuple(field[central] for field in springs))
+        for forces, ones in zip(before, found, strict=True):
+            forces[central] = ones
+    apart = np.where(central, 2 * step, step)
+    platform, slides = (a - b for a, b in zip(before, after, strict=True))
+    return platform / apart[:, None, None], slides / apart[:, None, None, None]

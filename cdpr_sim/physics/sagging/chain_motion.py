@@ -19,8 +19,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from cdpr_sim.physics.batch import Observation
 from cdpr_sim.physics.chains import strains
-from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+from cdpr_sim.physics.sagging.chain_simulations import ChainSimulations
 from cdpr_sim.physics.sagging.stepping import Stepping
 
 LEAST_AHEAD = 0.5
@@ -37,7 +38,7 @@ class ChainMotion:
     """Motion of one platform on cables with mass, from the present state of its simulation.
 
     Args:
-        simulation: the platform, at rest.
+        simulation: the platform, at rest; one row.
         longest: longest time step [s].
         viscosity: of the air [Pa s].
         damping: of the platform's coordinates, (free,) [N s/m, N m s].
@@ -50,7 +51,7 @@ class ChainMotion:
 
     def __init__(
         self,
-        simulation: ChainSimulation,
+        simulation: ChainSimulations,
         longest: float,
         *,
         viscosity: float = 0.0,
@@ -60,16 +61,17 @@ class ChainMotion:
     ) -> None:
         simulation.robot.cabling.refuse_memory("a motion of cables with mass")
         self.simulation, self.longest = simulation, longest
-        model = simulation.model
-        simulation.residual()
-        model.opt.viscosity = viscosity
-        model.dof_armature[: simulation.free] = 0
-        model.dof_damping[: simulation.free] = damping
-        self.stepping = Stepping(simulation, longest, ahead=ahead, cable_damping=cable_damping)
-        self.stepping.stiffen()
+        self.row = simulation.all
+        simulation.residuals(self.row)
+        simulation.batch.expand("opt.viscosity")[:] = viscosity
+        simulation.armature[:, : simulation.free] = 0
+        simulation.damping[:, : simulation.free] = damping
+        self.stepping = Stepping(simulation, np.array([longest]), ahead=ahead, cable_damping=cable_damping)
+        self.stepping.stiffen(self.row)
         self.stepping.turning = bool(len(simulation.swivels))
-        self.stepping.begin()
-        self.let_out, self.time = simulation.rest_lengths, 0.0
+        self.stepping.begin(self.row)
+        self.let_out, self.time = simulation.rest_lengths[0], 0.0
+        self.data: mujoco.MjData = mujoco.MjData(simulation.model)
 
     def advance(self, seconds: float, winches: Winches | None = None) -> None:
         """Move for ``seconds``, while winches let these lengths out, which are counted from now on."""
@@ -80,28 +82,34 @@ class ChainMotion:
     def step(self, longest: float, winches: Winches | None = None, passed: float = 0.0) -> float:
         """One time step, at most that long [s], from ``passed`` on; returns its duration."""
 
-        def wind(step: float) -> None:
+        def wind(steps: Float[np.ndarray, "1"]) -> None:
+            step = float(steps[0])
             wanted = self.let_out if winches is None else winches(passed + step)
-            self._wind((wanted - self.let_out) / step, self.stepping.lag(step))
+            self._wind((wanted - self.let_out) / step, float(self.stepping.lag(steps)[0]))
             self.let_out = wanted
 
-        step = self.stepping.advance(longest, wind)
+        step = float(self.stepping.advance(self.row, np.array([longest]), wind)[0])
         self.time += step
         return step
 
-    def look(self) -> None:
-        """Bring MuJoCo's positions, and the springs, to the present instant."""
+    def look(self) -> Observation:
+        """Bring the springs and ``data`` to the present instant; returns pose, lengths and tensions."""
+        simulation = self.simulation
         self._wind(np.zeros_like(self.let_out), 0.0)
-        mujoco.mj_kinematics(self.simulation.model, self.simulation.data)
+        seen = simulation.observe(self.row)
+        simulation.batch.get_data(0, self.data)
+        mujoco.mj_kinematics(simulation.model, self.data)
+        self.data.warning.number[:] = simulation.batch.warning[0, :, 1]
+        return seen
 
     def _wind(self, rates: Float[np.ndarray, " cables"], lag: float) -> None:
         """Set springs to the lengths of the instant at which they act: damping is of strains, not of lengths."""
         simulation = self.simulation
-        self.stepping.rates = rates[simulation.chains.cables]
-        rest_lengths = self.let_out + lag * rates
+        self.stepping.rates = rates[None, simulation.chains.cables]
+        rest_lengths = (self.let_out + lag * rates)[None]
         if (rest_lengths != simulation.rest_lengths).any():
             simulation.wind(rest_lengths)
-            self.stepping.measure()
+            self.stepping.measure(self.row)
 
     def lengths_under(self, tensions: Float[np.ndarray, " cables"], step: float) -> Float[np.ndarray, " cables"]:
         """Rest lengths that give the ropes these tensions at their anchors after a step [m], once it is repeated.
@@ -110,16 +118,16 @@ class ChainMotion:
         all others follow it. As of MuJoCo's last call, with the lengths to which present velocities lead.
         """
         simulation, robot = self.simulation, self.simulation.robot
-        model, data, chains, cabling = simulation.model, simulation.data, simulation.chains, simulation.robot.cabling
-        lengths = data.ten_length + self.stepping.lag(step) * data.ten_velocity
+        chains, cabling, xpos = simulation.chains, simulation.robot.cabling, simulation.xpos[0]
+        lengths = simulation.ten_length[0] + self.stepping.lag(np.array([step]))[0] * simulation.ten_velocity[0]
         pulls = robot.reeving * tensions
         wanted = np.empty(robot.cables)
-        along = data.xpos[chains.nodes[:, 0]] - data.xpos[chains.ends]
+        along = xpos[chains.nodes[:, 0]] - xpos[chains.ends]
         rise = along[:, 2] / np.linalg.norm(along, axis=1)
-        hung = model.body_mass[chains.ends] * robot.gravity
+        hung = simulation.masses[0, chains.ends] * robot.gravity
         needed = pulls[chains.cables]
         needed = hung * rise + np.sqrt(np.maximum(needed**2 - hung**2 * (1 - rise**2), 0))
-        wrapped, last = robot.wrapped_lengths[chains.cables], simulation.division.lengths[:, -1]
+        wrapped, last = robot.wrapped_lengths[chains.cables], simulation.division.lengths[0, :, -1]
         ends = lengths[chains.segments[:, -1]]
         wanted[chains.cables] = wrapped + ends / (last * (1 + strains(cabling, chains.cables, needed)))
         alone = simulation.massless

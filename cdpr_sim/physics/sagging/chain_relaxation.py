@@ -1,23 +1,21 @@
-"""Dynamic relaxation of one platform on cables with mass, to equilibrium, with adaptive time steps and damping.
+"""Dynamic relaxation of platforms on cables with mass, to equilibrium, with adaptive time steps and damping.
 
 Like ``physics.dynamic_relaxation`` for massless cables, with steps that are stable for chains (``stepping``) and Newton
 steps at the end (``approach``).
 """
 
-# pyright: reportAttributeAccessIssue=false
-# mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.status import Status
-from cdpr_sim.physics.dynamic_relaxation import ACCEPTABLE, ALONG, RESIDUAL, ROUNDING, SPEED
+from cdpr_sim.physics.dynamic_relaxation import ACCEPTABLE, RESIDUAL, ROUNDING, SPEED, parallel
 from cdpr_sim.physics.sagging.approach import approach
-from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+from cdpr_sim.physics.sagging.chain_simulations import ChainSimulations, Rows
 from cdpr_sim.physics.sagging.stepping import Stepping
 
 STEPS, MOST_STEPS = 10_000, 30_000
@@ -45,178 +43,227 @@ CLOSE = 0.01
 """Unbalanced force, as a fraction of the load and of each chain's weight, below which a platform begins to ``approach``
 its equilibrium."""
 
+LONGEST_AGAIN = 0.03
+"""``LONGEST`` for a platform that did not settle at first."""
+
 Frames = list[tuple[float, RigidTransform, np.ndarray, np.ndarray]]
-"""(time, pose, lengths, tensions) at every step of a motion."""
+"""(time, pose, lengths, tensions) at every step of the motion of the first row."""
 
 
 class ChainRelaxation:
-    """The motion of one platform towards equilibrium.
+    """The motion of platforms towards equilibrium, each with its own time step and damping.
 
     Args:
-        simulation: the platform.
-        frames: collects every step, if given.
-        say: is called from time to time with the progress as text.
-        longest: time step, as a fraction of 1/omega of the slowest oscillation.
+        simulations: the platforms.
+        frames: collects every step of the first row, if given.
+        say: is called from time to time with a row and its progress as text.
     """
 
     def __init__(
         self,
-        simulation: ChainSimulation,
+        simulations: ChainSimulations,
         frames: Frames | None = None,
-        say: Callable[[str], None] = lambda words: None,
-        longest: float = LONGEST,
+        say: Callable[[int, str], None] | None = None,
     ) -> None:
-        self.simulation, self.frames, self.say, self.longest = simulation, frames, say, longest
-        rest = simulation.rest_lengths
-        self.swing = simulation.swing
-        self.speed = SPEED * self.swing * float(rest.max())
-        rounding = ROUNDING * float(simulation.springs[simulation.chains.segments].max()) * float(rest.max())
-        self.target = min(max(RESIDUAL * simulation.load, rounding), ACCEPTABLE * simulation.load)
-        self.stepping = Stepping(simulation, longest / self.swing)
-        self.steps, self.time, self.approaches, self.status = 0, 0.0, 0, Status.ITERATION_LIMIT
+        self.simulations, self.frames, self.say = simulations, frames, say
+        rows = len(simulations.all)
+        self.longest = np.full(rows, LONGEST)
+        self.target = np.zeros(rows)
+        self.steps, self.approaches = np.zeros((2, rows), dtype=int)
+        self.time, self.step, self.ratio = np.zeros((3, rows))
+        self.status = np.full(rows, Status.ITERATION_LIMIT.value)
+        self.velocity = np.zeros((rows, simulations.free))
+        self.best, self.patience = np.zeros(rows), np.zeros(rows, dtype=int)
+        self.good = simulations.qpos.copy()
+        self.stepping = Stepping(simulations, LONGEST / simulations.swing)
+        self._aim(simulations.all)
 
-    def again(self, longest: float) -> ChainRelaxation:
-        """A new relaxation from the present state, with time steps of at most that fraction; time continues."""
-        other = ChainRelaxation(self.simulation, self.frames, self.say, longest)
-        other.steps, other.time, other.approaches = self.steps, self.time, self.approaches
-        return other
+    def _aim(self, at: Rows) -> None:
+        """The largest unbalanced force of an equilibrium, with these springs."""
+        simulations = self.simulations
+        stiffest = simulations.springs[at][:, simulations.chains.segments].max((1, 2))
+        rounding = ROUNDING * stiffest * simulations.rest_lengths[at].max(1)
+        load = simulations.load[at]
+        self.target[at] = np.minimum(np.maximum(RESIDUAL * load, rounding), ACCEPTABLE * load)
 
-    def divide_at_bends(self) -> ChainRelaxation:
-        """Settle with the chains divided finely where they bend: returns this relaxation, or a continued one."""
-        if self.status is not Status.CONVERGED or not self.simulation.divide_at_bends():
-            return self
-        other = self.again(self.longest)
-        other.stepping.stiffen()
-        if not other._approach():
-            other.run()
-        return other
+    def relax(self) -> None:
+        """Settle in long steps, else by ``approach`` from the start, else in shorter ones; then divide at bends.
 
-    def run(self) -> None:
-        """Move until the platform is in equilibrium or the limits are reached."""
-        simulation, data = self.simulation, self.simulation.data
-        self.step, self.ratio = self.longest, FIRST_DAMPING
-        self.velocity = np.zeros(simulation.free)
-        self.best, self.patience, self.good = np.inf, 0, data.qpos.copy()
-        self.stepping.begin()
-        self._damp()
-        limit, close = min(self.steps + STEPS, MOST_STEPS), CLOSE
-        self.status = Status.ITERATION_LIMIT
-        while self.steps < limit:
+        Over wheels ``approach`` comes first, unless the motion is wanted: time steps take ten times as long there.
+        """
+        simulations = self.simulations
+        at_once = self.frames is None and bool(simulations.chains.over.any())
+        if at_once:
+            self.approach_from_afar(simulations.all)
+            simulations.let_go(self._restless)
+        self.run(self._restless)
+        simulations.let_go(self._restless)
+        if not at_once:
+            self.approach_from_afar(self._restless)
+            simulations.let_go(self._restless)
+        left = self._restless
+        if len(left):
+            self.longest[left] = LONGEST_AGAIN
+            self._prepare(left)
+            self.run(left)
+        self._divide_at_bends()
+
+    @property
+    def _restless(self) -> Rows:
+        """The rows that have not come to rest."""
+        return np.flatnonzero(self.status != Status.CONVERGED)
+
+    def _prepare(self, at: Rows) -> None:
+        """Begin anew from the present state, with the springs that there are now; time continues."""
+        self._aim(at)
+        self.stepping.longest[at] = self.longest[at] / self.simulations.swing[at]
+        self.stepping.prepare(at)
+
+    def _divide_at_bends(self) -> None:
+        """Settle rows at rest with their chains divided finely where they bend."""
+        at = self.simulations.divide_at_bends(np.flatnonzero(self.status == Status.CONVERGED))
+        if len(at):
+            self._prepare(at)
+            self.stepping.stiffen(at)
+            self.status[at] = Status.ITERATION_LIMIT
+            self.run(at[~self._approach(at)])
+
+    def run(self, at: Rows) -> None:
+        """Move rows until the platform is in equilibrium or the limits are reached."""
+        simulations = self.simulations
+        self.step[at], self.ratio[at] = self.longest[at], FIRST_DAMPING
+        self.velocity[at] = 0
+        self.best[at], self.patience[at], self.good[at] = np.inf, 0, simulations.qpos[at]
+        self.stepping.begin(at)
+        self._damp(at)
+        limit, close = np.minimum(self.steps + STEPS, MOST_STEPS), np.full(len(self.steps), CLOSE)
+        self.status[at] = Status.ITERATION_LIMIT
+        moving = at
+        while len(live := moving[(self.steps < limit)[moving]]):
             for _ in range(LOOK):
-                self._advance()
-            simulation.turn_wheels()
-            if data.warning.number.any() or not np.isfinite(data.qvel).all():
-                if self.step < SHORTEST:
-                    self.status = Status.DIVERGED
-                    break
-                self._restart()
-                continue
-            residual = simulation.unbalanced()
-            self.say(f"{self.steps} time steps, {residual:.1e} N of {simulation.load:.3g} N unbalanced")
-            self.stepping.heed(residual)
-            apart = self._apart() if simulation.true else np.inf
-            if residual <= self.target and simulation.true and self._at_rest():
-                self.status = Status.CONVERGED
-                break
-            if apart <= close:
-                if self._approach():
-                    break
-                close = min(close, 0.1 * apart)
-            self._adapt(residual)
-        if self.status is not Status.CONVERGED:
-            data.qpos[:] = self.good
+                self._advance(live)
+            simulations.turn_wheels(live)
+            unstable = simulations.unstable(live)
+            broken = live[unstable]
+            hopeless = self.step[broken] < SHORTEST
+            self.status[broken[hopeless]] = Status.DIVERGED
+            self._restart(broken[~hopeless])
+            calm = live[~unstable]
+            residual = simulations.unbalanced(calm)
+            if self.say is not None:
+                for row, left in zip(calm, residual, strict=True):
+                    words = f"{self.steps[row]} time steps, {left:.1e} N of {simulations.load[row]:.3g} N unbalanced"
+                    self.say(int(row), words)
+            self.stepping.heed(calm, residual)
+            true = simulations.true(calm)
+            apart = np.where(true, self._apart(calm), np.inf)
+            rest = calm[(residual <= self.target[calm]) & true]
+            self.status[rest[self._at_rest(rest)]] = Status.CONVERGED
+            near = (apart <= close[calm]) & (self.status[calm] != Status.CONVERGED)
+            self._approach(calm[near])
+            going = self.status[calm] != Status.CONVERGED
+            close[calm] = np.where(near, np.minimum(close[calm], 0.1 * apart), close[calm])
+            self._adapt(calm[going], residual[going])
+            moving = live[self.status[live] == Status.ITERATION_LIMIT]
+        failed = at[self.status[at] != Status.CONVERGED]
+        simulations.qpos[failed] = self.good[failed]
 
-    def approach_from_afar(self) -> bool:
-        """Whether ``approach`` reaches equilibrium from here, with chains laid out for the pulls to expect."""
-        self.simulation.residual()
-        self.simulation.lay(self.simulation.expected_pulls())
-        return self._approach()
+    def approach_from_afar(self, at: Rows) -> None:
+        """Rows that ``approach`` takes to equilibrium from here, with chains laid out for the pulls to expect."""
+        if len(at):
+            self.simulations.residuals(at)
+            self.simulations.lay(at, self.simulations.expected_pulls(at))
+            self._approach(at)
 
-    def nudge(self, direction: Float[np.ndarray, " free"]) -> None:
-        """Give the platform a small velocity along an unstable direction, as any disturbance would."""
-        simulation = self.simulation
-        self.stepping.stiffen()
-        velocity = direction * (-1 if direction.sum() < 0 else 1) * 1e-3 * self.swing * simulation.rest_lengths.max()
-        simulation.data.qvel[:] = simulation.in_dofs(velocity)
+    def nudge(self, at: Rows, directions: Float[np.ndarray, "some free"]) -> None:
+        """Give platforms a small velocity along an unstable direction, as any disturbance would."""
+        simulations = self.simulations
+        self.stepping.stiffen(at)
+        speed = 1e-3 * simulations.swing[at] * simulations.rest_lengths[at].max(1)
+        ways = np.where(directions.sum(1) < 0, -1, 1)
+        simulations.qvel[at] = simulations.in_dofs(at, directions * (ways * speed)[:, None])
 
-    def _approach(self) -> bool:
-        """Whether ``approach`` reaches equilibrium, which then is the next and last state of the motion."""
-        equilibria, taken = approach(self.simulation, self.target, MOST_APPROACHES - self.approaches)
-        self.approaches += taken
-        if equilibria:
-            self.status = Status.CONVERGED
-            self._went_on(self.longest / self.swing)
-        return equilibria
+    def _approach(self, at: Rows) -> Bool[np.ndarray, " some"]:
+        """Which rows ``approach`` takes to equilibrium, which then is the next and last state of the motion."""
+        if not len(at):
+            return np.zeros(0, dtype=bool)
+        reached, taken = approach(self.simulations, at, self.target[at], MOST_APPROACHES - self.approaches[at])
+        self.approaches[at] += taken
+        there = at[reached]
+        self.status[there] = Status.CONVERGED
+        self._went_on(there, self.longest[there] / self.simulations.swing[there])
+        return reached
 
-    def _advance(self) -> None:
-        self._went_on(self.stepping.advance(self.step / self.swing))
+    def _advance(self, at: Rows) -> None:
+        self._went_on(at, self.stepping.advance(at, self.step[at] / self.simulations.swing[at]))
 
-    def _went_on(self, time: float) -> None:
+    def _went_on(self, at: Rows, time: Float[np.ndarray, " some"]) -> None:
         """Record one step of that duration [s]."""
-        self.steps, self.time = self.steps + 1, self.time + time
-        if self.frames is not None:
+        self.steps[at] += 1
+        self.time[at] += time
+        if self.frames is not None and len(at) and at[0] == 0:
             self._film(self.frames)
 
     def _film(self, frames: Frames) -> None:
-        """Record the present state."""
-        frames.append((self.time, *self.simulation.seen()))
+        """Record the present state of the first row."""
+        seen = self.simulations.observe(self.simulations.all[:1])
+        frames.append((self.time[0], seen.poses[0], seen.lengths[0], seen.tensions[0]))
 
-    def _restart(self) -> None:
+    def _restart(self, at: Rows) -> None:
         """Restart from the last good coordinates, in shorter steps."""
-        self.simulation.reset()
-        self.simulation.data.qpos[:] = self.good
-        self.step *= 0.3
-        self.best, self.patience = np.inf, 0
-        self.stepping.soften()
+        if len(at):
+            self.simulations.reset(at)
+            self.simulations.qpos[at] = self.good[at]
+            self.step[at] *= 0.3
+            self.best[at], self.patience[at] = np.inf, 0
+            self.stepping.soften(at)
 
-    def _adapt(self, residual: float) -> None:
+    def _adapt(self, at: Rows, residual: Float[np.ndarray, " some"]) -> None:
         """Adapt steps and damping to this residual: longer steps and less damping with progress, else the opposite."""
-        better, slow = residual < BETTER * self.best, self._slow()
-        self.best, self.patience = (residual, 0) if better or slow else (self.best, self.patience + 1)
-        if better:
-            self.good = self.simulation.data.qpos.copy()
-        if better or slow:
-            self.step = min(1.2 * self.step, self.longest)
-            self.ratio = max((0.9 if slow else 0.95) * self.ratio, LEAST_DAMPING)
-        if self.patience > PATIENCE:
-            if self.ratio == MOST_DAMPING:
-                self.step = max(0.6 * self.step, SHORTEST)
-            self.ratio = min(3 * self.ratio, MOST_DAMPING)
-            self.best, self.patience = residual, 0
-        self._damp()
+        better, slow = residual < BETTER * self.best[at], self._slow(at)
+        progress = better | slow
+        self.good[at[better]] = self.simulations.qpos[at[better]]
+        step, ratio = self.step[at], self.ratio[at]
+        step = np.where(progress, np.minimum(1.2 * step, self.longest[at]), step)
+        ratio = np.where(progress, np.maximum(np.where(slow, 0.9, 0.95) * ratio, LEAST_DAMPING), ratio)
+        patience = np.where(progress, 0, self.patience[at] + 1)
+        weary = patience > PATIENCE
+        step = np.where(weary & (ratio == MOST_DAMPING), np.maximum(0.6 * step, SHORTEST), step)
+        self.step[at], self.ratio[at] = step, np.where(weary, np.minimum(3 * ratio, MOST_DAMPING), ratio)
+        self.best[at] = np.where(progress | weary, residual, self.best[at])
+        self.patience[at] = np.where(weary, 0, patience)
+        self._damp(at)
 
-    def _damp(self) -> None:
-        """Damp the platform by the present ratio."""
-        simulation = self.simulation
-        simulation.model.dof_damping[: simulation.free] = 2 * self.ratio * self.swing * simulation.inertia
+    def _damp(self, at: Rows) -> None:
+        """Damp the platforms by their present ratios."""
+        simulations = self.simulations
+        damping = (2 * self.ratio[at] * simulations.swing[at])[:, None] * simulations.inertia
+        simulations.damping[at, : simulations.free] = damping
 
-    def _slow(self) -> bool:
+    def _slow(self, at: Rows) -> Bool[np.ndarray, " some"]:
         """Whether force and velocity point the same way as before: only damping slows the platform."""
-        simulation = self.simulation
-        root = np.sqrt(simulation.inertia)
-        force = simulation.net[: simulation.free] / root
-        velocity, before = simulation.data.qvel[: simulation.free] * root, self.velocity
-        self.velocity = velocity
+        simulations = self.simulations
+        root = np.sqrt(simulations.inertia)
+        force = simulations.net[at, : simulations.free] / root
+        velocity, before = simulations.qvel[at, : simulations.free] * root, self.velocity[at]
+        self.velocity[at] = velocity
+        return parallel(force, velocity) & parallel(velocity, before)
 
-        def parallel(a: np.ndarray, b: np.ndarray) -> bool:
-            return bool(a @ b > ALONG * np.sqrt(a @ a * (b @ b)))
+    def _at_rest(self, at: Rows) -> Bool[np.ndarray, " some"]:
+        """Whether platforms are in equilibrium, with forces evaluated again at zero velocity."""
+        simulations = self.simulations
+        speed = np.abs(simulations.qvel[at, : simulations.free])
+        speed[:, simulations.angular] *= simulations.length
+        highest = SPEED * simulations.swing[at] * simulations.rest_lengths[at].max(1)
+        calm = speed.max(1) <= highest
+        velocity = simulations.qvel[at]
+        calm[calm] = simulations.residuals(at[calm]) <= self.target[at[calm]]
+        simulations.qvel[at[~calm]] = velocity[~calm]
+        return calm
 
-        return parallel(force, velocity) and parallel(velocity, before)
-
-    def _at_rest(self) -> bool:
-        """Whether the platform is in equilibrium, with forces evaluated again at zero velocity."""
-        simulation, data = self.simulation, self.simulation.data
-        speed = np.abs(data.qvel[: simulation.free])
-        speed[simulation.angular] *= simulation.length
-        velocity = data.qvel.copy()
-        if speed.max() <= self.speed and simulation.residual() <= self.target:
-            return True
-        data.qvel[:] = velocity
-        return False
-
-    def _apart(self) -> float:
+    def _apart(self, at: Rows) -> Float[np.ndarray, " some"]:
         """Unbalanced forces, as fractions of the load and of each chain's weight."""
-        simulation = self.simulation
-        platform, slides = simulation.forces()
-        apart = (np.abs(slides) / simulation.weights[:, None]).max()
-        return float(apart if simulation.held else max(apart, np.abs(platform).max() / simulation.load))
+        simulations = self.simulations
+        platform, slides = simulations.forces(at)
+        apart = (np.abs(slides) / simulations.weights[at][..., None]).max((1, 2))
+        return apart if simulations.held else np.maximum(apart, np.abs(platform).max(1) / simulations.load[at])

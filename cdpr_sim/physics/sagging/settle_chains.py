@@ -1,30 +1,45 @@
-"""Settling of robots whose cables have mass, problem by problem; and residuals at given poses."""
+"""Settling of robots whose cables have mass; and residuals at given poses."""
 
 # pyright: reportAttributeAccessIssue=false
 # mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.equilibrium import NotSettled
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.status import NEUTRAL, Status
-from cdpr_sim.physics.batch import quiet, refuse_own_masses
+from cdpr_sim.physics.batch import SimulationReading, quiet
 from cdpr_sim.physics.chains import too_short
 from cdpr_sim.physics.dynamic_relaxation import NUDGES
+from cdpr_sim.physics.sagging.chain_derivatives import ChainDerivatives
 from cdpr_sim.physics.sagging.chain_relaxation import ChainRelaxation, Frames
-from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
-from cdpr_sim.physics.sagging.chain_state import ChainState
+from cdpr_sim.physics.sagging.chain_simulations import ChainSimulations
 
-LONGEST_AGAIN = 0.03
-"""Longest time step, as a fraction of 1/omega of the slowest oscillation, for a platform that did not settle at
-first."""
+ROWS = 256
+"""Rows that move side by side: with more, each costs no less, and they need 0.2 MB each."""
+
+
+@dataclass(frozen=True)
+class SettledChains(SimulationReading):
+    """Last states, with the number of time steps and the status of each row.
+
+    Attributes:
+        steps: number of time steps.
+        status: of each row.
+        memory: of the cables there, (rows,), without the time; None where none has one.
+    """
+
+    steps: Int[np.ndarray, " rows"]
+    status: Int[np.ndarray, " rows"]
+    memory: Memory | None
 
 
 def released(
@@ -33,10 +48,11 @@ def released(
     *,
     model: mujoco.MjModel | None = None,
     frames: Frames | None = None,
-    say: Callable[[str], None] = lambda words: None,
+    say: Callable[[str], None] | None = None,
     memory: tuple[Memory, float] | None = None,
-) -> tuple[list[ChainState], list[int], list[Status]]:
-    """Settle each of (rows,) problems from its start: last state, number of time steps, and status.
+    threads: int = 1,
+) -> SettledChains:
+    """Settle each of (rows,) problems from its start.
 
     Args:
         problems: the problems.
@@ -45,122 +61,140 @@ def released(
         frames: collects the motion of the first one.
         say: is called from time to time with the progress as text.
         memory: of cables with one, (rows,), and the time since then [s]; default: that of new ropes.
+        threads: 0 for one per processor.
 
     Raises:
         InvalidInput: a mass per problem, since all rows have one model.
     """
-    readings, steps, status = [], [], []
-    for row, (simulation, start) in enumerate(_rows(problems, starts, model, memory)):
-        which = f"pose {row + 1} of {len(problems)}: " if len(problems) > 1 else ""
-        relaxation = _relaxed(
-            simulation, start, frames if row == 0 else None, lambda words, which=which: say(which + words)
-        )
-        reading = ChainState.of(simulation)
-        for _ in range(NUDGES):
-            values = reading.eigenvalues
-            if relaxation.status is not Status.CONVERGED or not values[0] < -NEUTRAL * np.abs(values).max():
-                break
-            relaxation.nudge(reading.softest)
-            relaxation.run()
-            reading = ChainState.of(simulation)
-        readings.append(reading)
-        steps.append(relaxation.steps)
-        if problems.robot.cabling.beyond_law(reading.lengths, simulation.rest_lengths).any():
-            status.append(Status.OVERSTRAINED)
-            continue
-        # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
-        status.append(Status.OFF_WHEEL if reading.off_wheel else relaxation.status)
-    return readings, steps, status
+    count, found = len(problems), []
+    for first in range(0, count, ROWS):
+        rows = np.arange(first, min(first + ROWS, count))
+
+        def told(row: int, words: str, first: int = first) -> None:
+            if say is not None:
+                say(f"pose {first + row + 1} of {count}: {words}" if count > 1 else words)
+
+        with quiet():
+            simulations = ChainSimulations(
+                problems.take(rows),
+                starts[rows],
+                model=model,
+                memory=None if memory is None else (memory[0][rows], memory[1]),
+                threads=threads,
+            )
+            relaxation = ChainRelaxation(simulations, None if first else frames, told if say is not None else None)
+            found.append(_settled(simulations, relaxation))
+    return found[0] if len(found) == 1 else _joined(found)
 
 
-def _relaxed(
-    simulation: ChainSimulation,
-    start: RigidTransform,
-    frames: Frames | None,
-    say: Callable[[str], None] = lambda words: None,
-) -> ChainRelaxation:
-    """Settle in long steps, else by ``approach`` from the start, else in shorter steps; then divide chains at bends.
-
-    Over wheels ``approach`` comes first, unless the motion is wanted: time steps take ten times as long there.
-    """
-    relaxation = ChainRelaxation(simulation, frames, say)
-    at_once = frames is None and bool(simulation.chains.over.any())
-    if at_once:
-        if relaxation.approach_from_afar():
-            return relaxation.divide_at_bends()
-        simulation.let_go(start)
-    relaxation.run()
-    if relaxation.status is not Status.CONVERGED:
-        simulation.let_go(start)
-        if not at_once and relaxation.approach_from_afar():
-            return relaxation.divide_at_bends()
-        simulation.let_go(start)
-        relaxation = relaxation.again(LONGEST_AGAIN)
-        relaxation.run()
-    return relaxation.divide_at_bends()
+def _settled(simulations: ChainSimulations, relaxation: ChainRelaxation) -> SettledChains:
+    """Settle all rows; from saddles, with a nudge."""
+    relaxation.relax()
+    reading = read(simulations)
+    for _ in range(NUDGES):
+        values = reading.eigenvalues
+        saddle = values[:, 0] < -NEUTRAL * np.abs(values).max(1)
+        saddles = np.flatnonzero((relaxation.status == Status.CONVERGED) & saddle)
+        if not len(saddles):
+            break
+        relaxation.nudge(saddles, reading.softest[saddles])
+        relaxation.run(saddles)
+        reading = read(simulations)
+    # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
+    status = np.where(reading.off_wheel, Status.OFF_WHEEL, relaxation.status)
+    beyond = simulations.robot.cabling.beyond_law(reading.lengths, simulations.rest_lengths).any(1)
+    states = {field.name: getattr(reading, field.name) for field in fields(reading)}
+    return SettledChains(
+        **states,
+        steps=relaxation.steps,
+        status=np.where(beyond, Status.OVERSTRAINED, status),
+        memory=None if simulations.ropes is None else simulations.remembered(),
+    )
 
 
-def at_rest(problem: Problem, start: RigidTransform) -> ChainSimulation:
-    """Simulation of a problem at the equilibrium to which its platform settles from ``start``.
+def read(simulations: ChainSimulations) -> SimulationReading:
+    """Each row's state at its coordinates, zero velocity and with the true springs."""
+    rows = simulations.all
+    residuals = simulations.residuals(rows)
+    off_wheel = simulations.off_wheel(rows)
+    stiffness = ChainDerivatives.of(simulations, rows).stiffness()
+    seen = simulations.observe(rows)
+    states = {field.name: getattr(seen, field.name) for field in fields(seen)}
+    return SimulationReading(
+        **states, residuals=residuals, eigenvalues=stiffness[0], softest=stiffness[1], off_wheel=off_wheel
+    )
+
+
+def _joined(parts: list[SettledChains]) -> SettledChains:
+    """All parts as one."""
+    whole = {
+        field.name: np.concatenate([getattr(part, field.name) for part in parts])
+        for field in fields(SettledChains)
+        if field.name != "memory"
+    }
+    memories, memory = [part.memory.arrays for part in parts if part.memory is not None], None
+    if memories:
+        memory = Memory(**{name: np.concatenate([one[name] for one in memories]) for name in memories[0]}, time=np.nan)
+    return SettledChains(**whole, memory=memory)
+
+
+def at_rest(problem: Problem, start: RigidTransform) -> ChainSimulations:
+    """Simulation of one problem at the equilibrium to which its platform settles from ``start``.
 
     Raises:
         NotSettled: it does not come to rest.
     """
-    robot = problem.robot
-    simulation = ChainSimulation(robot, problem.rest_lengths, robot.axial_stiffness, problem.external_wrench, start)
-    if _relaxed(simulation, start, None).status is not Status.CONVERGED:
-        raise NotSettled(f"{robot.name}: the platform on cables with mass did not come to rest in MuJoCo")
-    return simulation
+    simulations = single(problem, start)
+    if not _comes_to_rest(simulations)[0]:
+        name = problem.robot.name
+        raise NotSettled(f"{name}: the platform on cables with mass did not come to rest in MuJoCo")
+    return simulations
 
 
-def held_at(problem: Problem, pose: RigidTransform) -> ChainSimulation:
-    """Simulation of a problem with the platform at ``pose``, whatever pulls it, and its chains at rest.
+def held_at(problem: Problem, pose: RigidTransform) -> ChainSimulations:
+    """Simulation of one problem with the platform at ``pose``, whatever pulls it, and its chains at rest.
 
     Raises:
         NotSettled: the chains do not come to rest.
     """
-    robot = problem.robot
-    simulation = ChainSimulation(robot, problem.rest_lengths, robot.axial_stiffness, problem.external_wrench, pose)
-    simulation.hold()
-    if _relaxed(simulation, pose, None).status is not Status.CONVERGED:
-        raise NotSettled(f"{robot.name}: the cables with mass did not come to rest in MuJoCo")
-    simulation.held = False
-    return simulation
+    simulations = single(problem, pose)
+    simulations.hold()
+    if not _comes_to_rest(simulations)[0]:
+        raise NotSettled(f"{problem.robot.name}: the cables with mass did not come to rest in MuJoCo")
+    simulations.held = False
+    return simulations
+
+
+def single(problem: Problem, start: RigidTransform) -> ChainSimulations:
+    """Simulation of one problem, released at ``start``."""
+    return ChainSimulations(Problems.stack([problem]), RigidTransform.concatenate([start]))
+
+
+def _comes_to_rest(simulations: ChainSimulations) -> np.ndarray:
+    """Which rows come to rest."""
+    relaxation = ChainRelaxation(simulations)
+    relaxation.relax()
+    return relaxation.status == Status.CONVERGED
 
 
 def unbalanced(
-    problems: Problems, poses: RigidTransform, *, model: mujoco.MjModel | None = None
+    problems: Problems, poses: RigidTransform, *, model: mujoco.MjModel | None = None, threads: int = 1
 ) -> Float[np.ndarray, " rows"]:
     """Largest unbalanced force [N] on each platform held at its pose.
 
     It is nan if its chains do not settle, or are too short for their wheels.
     """
-    found = []
-    for simulation, pose in _rows(problems, poses, model):
-        if too_short(problems.robot, simulation.rest_lengths).any():
-            found.append(np.nan)
-            continue
-        simulation.hold()
-        rested = _relaxed(simulation, pose, None).status is Status.CONVERGED
-        simulation.held = False
-        found.append(simulation.unbalanced() if rested else np.nan)
-    return np.array(found)
-
-
-def _rows(
-    problems: Problems,
-    starts: RigidTransform,
-    model: mujoco.MjModel | None,
-    memory: tuple[Memory, float] | None = None,
-) -> Iterator[tuple[ChainSimulation, RigidTransform]]:
-    """Each problem's simulation, and where it starts."""
-    robot, rows = problems.robot, len(problems)
-    refuse_own_masses(problems)
-    rest = np.broadcast_to(problems.rest_lengths, (rows, robot.cables))
-    stiffness = np.broadcast_to(problems.axial_stiffness, (rows, robot.cables))
-    wrenches = np.broadcast_to(problems.external_wrench, (rows, 6))
-    with quiet():
-        for row in range(rows):
-            start = starts[row]
-            before = None if memory is None else (memory[0][row], memory[1])
-            yield ChainSimulation(robot, rest[row], stiffness[row], wrenches[row], start, model, before), start
+    found = np.full(len(problems), np.nan)
+    long_enough = ~too_short(
+        problems.robot, np.broadcast_to(problems.rest_lengths, (len(problems), problems.robot.cables))
+    ).any(1)
+    possible = np.flatnonzero(long_enough)
+    for first in range(0, len(possible), ROWS):
+        rows = possible[first : first + ROWS]
+        with quiet():
+            simulations = ChainSimulations(problems.take(rows), poses[rows], model=model, threads=threads)
+            simulations.hold()
+            rested = _comes_to_rest(simulations)
+            simulations.held = False
+            found[rows] = np.where(rested, simulations.unbalanced(simulations.all), np.nan)
+    return found

@@ -1,4 +1,4 @@
-"""One time step of a platform on cables with mass, implicit in all stiff forces.
+"""One time step of platforms on cables with mass, implicit in all stiff forces.
 
 A spring acts with its force at the step's end, since a taut tendon is damped by as much as its spring gains in the
 step; the same holds for the transverse stiffness of a taut string.
@@ -8,17 +8,15 @@ is still wrong, it may therefore stretch by a hundredth under its own weight; th
 up to the true one.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# mujoco ships no type stubs for its compiled modules.
 from __future__ import annotations
 
 from collections.abc import Callable
 
-import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from cdpr_sim.physics.chains import plucked
-from cdpr_sim.physics.sagging.chain_simulation import ChainSimulation
+from cdpr_sim.physics.sagging.chain_simulations import POSITIONS, VELOCITIES, ChainSimulations, Rows
 
 PASSAGE = 0.2
 """Largest change in a step of a chain's distance from being just taut, as a fraction of it."""
@@ -41,126 +39,141 @@ tension, or at least of this fraction of the chain's largest; before, it is that
 
 
 class Stepping:
-    """Time steps of a platform, with the present stiffness of its slack chains.
+    """Time steps of platforms, with the present stiffness of their slack chains.
 
     Args:
-        simulation: the platform.
-        longest: longest time step that will be used [s].
+        simulations: the platforms.
+        longest: longest time step of each row that will be used, (rows,) [s].
         ahead: part of a step after which a spring's force acts; from a half on, steps are stable.
         cable_damping: damping of springs, as a multiple of their stiffness, if that is more [s].
     """
 
     def __init__(
-        self, simulation: ChainSimulation, longest: float, *, ahead: float = 1.0, cable_damping: float = 0.0
+        self,
+        simulations: ChainSimulations,
+        longest: Float[np.ndarray, " rows"],
+        *,
+        ahead: float = 1.0,
+        cable_damping: float = 0.0,
     ) -> None:
-        self.simulation, self.longest, self.ahead, self.cable_damping = simulation, longest, ahead, cable_damping
-        chains, model = simulation.chains, simulation.model
-        self.rates, self.turning = np.zeros(len(chains.cables)), bool(chains.over.any())
-        self.measure()
-        mujoco.mj_fwdPosition(model, simulation.data)
-        self.slack = (simulation.chords <= simulation.rest_lengths[chains.cables]) & (simulation.weights > 0)
-        self.soften()
+        self.simulations, self.longest, self.ahead, self.cable_damping = simulations, longest, ahead, cable_damping
+        chains = simulations.chains
+        shape = rows, count = len(longest), len(chains.cables)
+        self.rates, self.turning = np.zeros(shape), bool(chains.over.any())
+        self.slack, self.softness, self.pulls = np.zeros(shape, dtype=bool), np.zeros(shape), np.zeros(shape)
+        self.calm, self.gentle = np.ones(rows, dtype=bool), np.zeros(rows, dtype=bool)
+        self.segment_lengths, self.stiffness = np.zeros((2, rows, count, chains.segments.shape[1]))
+        self.prepare(simulations.all)
 
-    def measure(self) -> None:
-        """Take over the model's rest lengths and springs."""
-        simulation = self.simulation
-        self.segment_lengths = simulation.chains.rest_lengths(simulation.model)
-        self.stiffness = simulation.springs[simulation.chains.segments] * self.segment_lengths
+    def prepare(self, at: Rows) -> None:
+        """Begin anew from the present coordinates: with these springs, and soft where a chain is slack now."""
+        simulations = self.simulations
+        self.measure(at)
+        simulations.batch.forward(at, stage=POSITIONS)
+        slack = simulations.chords(at) <= simulations.rest_lengths[at][:, simulations.chains.cables]
+        self.slack[at] = slack & (simulations.weights[at] > 0)
+        self.soften(at)
 
-    def soften(self) -> None:
+    def measure(self, at: Rows) -> None:
+        """Take over the models' rest lengths and springs."""
+        simulations = self.simulations
+        self.segment_lengths[at] = simulations.chains.rest_lengths(simulations.bands[at])
+        self.stiffness[at] = simulations.springs[at][:, simulations.chains.segments] * self.segment_lengths[at]
+
+    def soften(self, at: Rows) -> None:
         """Let chains stretch that were slack at first."""
-        self.softness = np.where(self.slack, SOFT, STIFF)
+        self.softness[at] = np.where(self.slack[at], SOFT, STIFF)
 
-    def stiffen(self) -> None:
-        """Give all chains their true stiffness: their profile is right already."""
-        self.softness[:] = STIFF
+    def stiffen(self, at: Rows) -> None:
+        """Give all chains their true stiffness: their profiles are right already."""
+        self.softness[at] = STIFF
 
-    def begin(self) -> None:
+    def begin(self, at: Rows) -> None:
         """Begin at zero velocity, without a known residual."""
-        self.pulls = np.zeros(len(self.slack))
-        self.calm, self.gentle = True, False
+        self.pulls[at] = 0
+        self.calm[at], self.gentle[at] = True, False
 
-    def heed(self, residual: float) -> None:
-        """Choose the next steps by this unbalanced force [N]."""
-        simulation = self.simulation
-        self.calm = residual < CALM * simulation.load
-        self.gentle = simulation.true and residual < GENTLE * simulation.weights.max()
+    def heed(self, at: Rows, residual: Float[np.ndarray, " some"]) -> None:
+        """Choose the next steps by these unbalanced forces [N]."""
+        simulations = self.simulations
+        self.calm[at] = residual < CALM * simulations.load[at]
+        self.gentle[at] = simulations.true(at) & (residual < GENTLE * simulations.weights[at].max(1))
 
-    def advance(self, longest: float, wind: Callable[[float], None] = lambda step: None) -> float:
-        """One time step, at most that long [s]; returns its duration.
+    def advance(
+        self,
+        at: Rows,
+        longest: Float[np.ndarray, " some"],
+        wind: Callable[[Float[np.ndarray, " some"]], None] = lambda step: None,
+    ) -> Float[np.ndarray, " some"]:
+        """One time step, at most that long [s]; returns its duration in each row.
 
-        ``wind`` is called with the duration of the step, before its forces are computed: winches may let cables out.
+        ``wind`` is called with the durations, before forces are computed: winches may let cables out.
         """
-        simulation, model, data, weights = (
-            self.simulation,
-            self.simulation.model,
-            self.simulation.data,
-            self.simulation.weights,
-        )
-        chains = simulation.chains
+        simulations, chains = self.simulations, self.simulations.chains
         if self.turning:  # a wheel that lags behind its chain excites it
-            simulation.turn_wheels()
-        mujoco.mj_step1(model, data)
-        simulation.hold_ropes()
-        self.free = chains.free(model, data)
+            simulations.turn_wheels(at)
+        grows = self.calm[at, None] & (np.abs(simulations.forces(at)[1]).max(2) <= simulations.weights[at])
+        simulations.batch.forward(at, stage=VELOCITIES)
+        simulations.hold_ropes(at)
+        free = simulations.free_lengths(at)
         with np.errstate(divide="ignore", invalid="ignore"):  # no limit for a coordinate without velocity
-            model.opt.timestep = step = self._time_step(longest)
+            step = self._time_step(at, longest, free)
+        simulations.timestep[at] = step
         wind(step)
-        soft = np.where(
-            self.slack[:, None], np.minimum((self.softness * weights)[:, None], self.stiffness), self.stiffness
+        weights, stiffness, segments = simulations.weights[at], self.stiffness[at], (at[:, None, None], chains.segments)
+        most = np.where(self.slack[at], self.softness[at] * weights, np.inf)
+        soft = np.minimum(most[..., None], stiffness)
+        true = soft == stiffness
+        simulations.stiffnesses[segments] = np.where(
+            true, simulations.springs[segments], soft / self.segment_lengths[at]
         )
-        true = soft == self.stiffness
-        model.tendon_stiffness[chains.segments] = np.where(
-            true, simulation.springs[chains.segments], soft / self.segment_lengths
-        )
-        model.tendon_stiffnesspoly[chains.segments] = np.where(
-            true[..., None], simulation.polynomials[chains.segments], 0.0
-        )
-        _, left_over = simulation.forces()
-        grows = self.calm & (np.abs(left_over).max(1) <= weights)
-        self.softness = np.where(grows, np.minimum(GROWTH * self.softness, STIFF), self.softness)
-        stretch = np.maximum(data.ten_length - model.tendon_lengthspring[:, 1], 0)[simulation.tendons]
-        further = stretch[:, None] ** [1, 2] * model.tendon_stiffnesspoly[simulation.tendons]
-        secant = model.tendon_stiffness[simulation.tendons] + further.sum(1)
-        tangent = model.tendon_stiffness[simulation.tendons] + (further * [2, 3]).sum(1)
-        model.tendon_damping[simulation.tendons] = np.where(stretch > 0, self.lag(step) * tangent, 0)
-        pulls = (stretch * secant)[: chains.segments.size].reshape(soft.shape)
-        self.pulls = pulls.max(1)
-        largest = np.maximum(self.pulls, weights)[:, None]
-        tension = np.maximum(pulls, LEAST_PULL * largest) if self.gentle else largest
-        resisting = plucked(self.longest, PLUCKED * tension, self.free)
-        model.dof_damping[chains.dofs] = resisting[:, :0:-1, None]
-        model.tendon_damping[chains.brakes] = resisting[:, :1]
-        mujoco.mj_passive(model, data)
-        mujoco.mj_step2(model, data)
+        simulations.further[segments] = np.where(true[..., None], simulations.polynomials[segments], 0.0)
+        self.softness[at] = np.where(grows, np.minimum(GROWTH * self.softness[at], STIFF), self.softness[at])
+        every = at[:, None], simulations.tendons
+        stretch = np.maximum(simulations.ten_length[every] - simulations.bands[(*every, 1)], 0)
+        further = stretch[..., None] ** [1, 2] * simulations.further[every]
+        secant = simulations.stiffnesses[every] + further.sum(2)
+        tangent = simulations.stiffnesses[every] + (further * [2, 3]).sum(2)
+        simulations.tendon_damping[every] = np.where(stretch > 0, self.lag(step)[:, None] * tangent, 0)
+        pulls = (stretch * secant)[:, : chains.segments.size].reshape(soft.shape)
+        self.pulls[at] = pulls.max(2)
+        largest = np.maximum(self.pulls[at], weights)[..., None]
+        tension = np.where(self.gentle[at, None, None], np.maximum(pulls, LEAST_PULL * largest), largest)
+        resisting = plucked(self.longest[at, None, None], PLUCKED * tension, free)
+        simulations.damping[at[:, None, None, None], chains.dofs] = resisting[..., :0:-1, None]
+        simulations.tendon_damping[at[:, None, None], chains.brakes] = resisting[..., :1]
+        simulations.step(at)
         return step
 
-    def lag(self, step: float) -> float:
+    def lag(self, step: Float[np.ndarray, " some"]) -> Float[np.ndarray, " some"]:
         """Time after the beginning of a step at which springs act [s]."""
-        return max(self.ahead * step, self.cable_damping)
+        return np.maximum(self.ahead * step, self.cable_damping)
 
-    def _time_step(self, longest: float) -> float:
+    def _time_step(
+        self, at: Rows, longest: Float[np.ndarray, " some"], free: Float[np.ndarray, "some chains segments"]
+    ) -> Float[np.ndarray, " some"]:
         """[s] Short enough for chains that change between slack and taut, and for segments that rotate.
 
         As a chain becomes taut, its tension rises from its weight to EA within a strain of (weight/EA)^(2/3). A segment
         that rotates by an angle in a step is stretched by half its square, which must not exceed its present strain.
         """
-        simulation, data, chains, weights = (
-            self.simulation,
-            self.simulation.data,
-            self.simulation.chains,
-            self.simulation.weights,
-        )
-        rest = simulation.rest_lengths[chains.cables]
-        stiffness = np.minimum(self.stiffness[:, 0], np.where(self.slack, self.softness * weights, np.inf))
+        simulations, chains = self.simulations, self.simulations.chains
+        weights, velocity = simulations.weights[at], simulations.ten_velocity[at]
+        rest = simulations.rest_lengths[at][:, chains.cables]
+        most = np.where(self.slack[at], self.softness[at] * weights, np.inf)
+        stiffness = np.minimum(self.stiffness[at, :, 0], most)
         near = np.maximum((weights / stiffness) ** (2 / 3), NEAREST) * rest
         passage = (
             PASSAGE
-            * np.maximum(np.abs(simulation.chords - rest), near)
-            / np.abs(data.ten_velocity[chains.chords] - self.rates)
+            * np.maximum(np.abs(simulations.chords(at) - rest), near)
+            / np.abs(velocity[:, chains.chords] - self.rates[at])
         )
-        strains = np.maximum(self.pulls, weights) / stiffness
-        extending = np.concatenate([data.ten_velocity[chains.brakes][:, None], data.qvel[chains.dofs][:, ::-1]], axis=1)
-        turning = np.sqrt(np.maximum((extending**2).sum(2) - data.ten_velocity[chains.segments] ** 2, 0))
-        turns = np.sqrt(2 * np.maximum(strains, NEAREST**2))[:, None] * self.free / turning
-        return float(min(np.nanmin(passage, initial=longest), np.nanmin(turns, initial=longest)))
+        strains = np.maximum(self.pulls[at], weights) / stiffness
+        slides = simulations.qvel[at][:, chains.dofs][:, :, ::-1]
+        extending = np.concatenate([velocity[:, chains.brakes][:, :, None], slides], axis=2)
+        turning = np.sqrt(np.maximum((extending**2).sum(3) - velocity[:, chains.segments] ** 2, 0))
+        turns = np.sqrt(2 * np.maximum(strains, NEAREST**2))[..., None] * free / turning
+        shortest = np.fmin(
+            np.fmin.reduce(passage, axis=1, initial=np.inf), np.fmin.reduce(turns, (1, 2), initial=np.inf)
+        )
+        return np.fmin(longest, shortest)

@@ -18,7 +18,7 @@ from cdpr_sim.core.cable import DOWN
 from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import LONGEST, CdprError, InvalidInput, UnknownName
 from cdpr_sim.robots.importers.documents import child, numbers, read_document, spelled
-from cdpr_sim.robots.importers.draft import Draft
+from cdpr_sim.robots.importers.draft import Draft, symmetric
 
 TITLE = "CASPR's XML"
 MARKS = {"bodies_system"}
@@ -104,8 +104,7 @@ def _home(joint: Element, plane: str | None, offset: np.ndarray) -> np.ndarray:
 
 
 def _inertia(element: Element, mass: float, com: np.ndarray) -> np.ndarray:
-    xx, yy, zz, xy, xz, yz = (numbers(element, f"I{axes}", 1)[0] for axes in ("xx", "yy", "zz", "xy", "xz", "yz"))
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    inertia = symmetric(*(numbers(element, f"I{axes}", 1)[0] for axes in ("xx", "yy", "zz", "xy", "xz", "yz")))
     reference = element.get("ref")
     if reference not in {"com", "joint"}:
         raise InvalidInput(f"<inertia> ref: found {shown(reference)}, expected 'com' or 'joint'")

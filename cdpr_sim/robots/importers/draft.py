@@ -194,6 +194,11 @@ def _workspace(exits: np.ndarray, frame: np.ndarray | None, home: np.ndarray | N
     return np.array([home - half, home + half])
 
 
+def symmetric(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> np.ndarray:
+    """A tensor of inertia by its entries, in the order of most formats."""
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
 def plain(text: str) -> str:
     """One line of printable text."""
     return " ".join("".join(one if one.isprintable() else " " for one in text).split())

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from cdpr_sim.robots.importers.documents import Number, Part, Unbounded, Vector, as_model
-from cdpr_sim.robots.importers.draft import Draft
+from cdpr_sim.robots.importers.draft import Draft, symmetric
 
 TITLE = "oKermorgant/cdpr's YAML"
 MARKS = {"points", "model"}
@@ -84,12 +84,8 @@ def read(document: Any, path: Path) -> Draft:
         mass=platform.mass,
         force_min=model.joints.actuated.min,
         force_max=model.joints.actuated.effort,
-        inertia=inertia and _matrix(*inertia),
+        inertia=inertia and symmetric(*inertia),
         platform_size=platform.size,
         frame=model.frame and (model.frame.lower, model.frame.upper),
         home=platform.position and platform.position.xyz,
     )
-
-
-def _matrix(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> list[list[float]]:
-    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]

@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import InvalidInput
@@ -57,14 +58,15 @@ def read(document: GCode, path: Path) -> Draft:
     notes = ["Spools, gears and motors were left out.", "Its mover counts as a point, as in the firmware."]
     if "W" not in lines:
         raise InvalidInput("M666: missing W, the mover's mass in kilograms")
-    spring = _numbers("M666 S", lines["S"], 1)[0] if "S" in lines else SPRING
+
+    def given(letter: str, count: int, default: ArrayLike, whole: bool = False) -> np.ndarray:
+        return _numbers(f"M666 {letter}", lines[letter], count, whole) if letter in lines else np.asarray(default)
+
     if "S" not in lines:
         notes.append(f"The spring constant of its lines is not given: the firmware's default, {SPRING:g} N, was taken.")
-    parts = _numbers("M666 U", lines["U"], count, whole=True) if "U" in lines else np.ones(count)
     if "U" not in lines:
         notes.append("Its parts of line are not given: one was assumed.")
-    behind = _numbers("M666 Y", lines["Y"], count) if "Y" in lines else np.full(count, -1.0)
-    points = np.array(exits)
+    behind, points = given("Y", count, np.full(count, -1.0)), np.array(exits)
     if (behind < 0).any():
         behind = np.linalg.norm(points - points[-1], axis=1)
         notes.append("The lengths to its spools are not given: as in the firmware, all are at the last anchor.")
@@ -73,13 +75,13 @@ def read(document: GCode, path: Path) -> Draft:
         exits=points / 1e3,
         anchors=np.zeros((count, 3)),
         mass=float(_numbers("M666 W", lines["W"], 1)[0]),
-        axial_stiffness=[float(spring)] * count,
-        reeving=parts,
+        axial_stiffness=[float(given("S", 1, [SPRING])[0])] * count,
+        reeving=given("U", count, np.ones(count), whole=True),
         winch_to_exit=behind / 1e3,
         turns=False,
         gravity=GRAVITY,
-        force_min=_numbers("M666 I", lines["I"], count) if "I" in lines else 0.0,
-        force_max=_numbers("M666 X", lines["X"], count) if "X" in lines else np.inf,
+        force_min=given("I", count, 0.0),
+        force_max=given("X", count, np.inf),
         home=np.zeros(3),
         notes=notes,
     )

@@ -19,7 +19,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from cdpr_sim.core.checks import shown
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.robots.importers.documents import spelled
-from cdpr_sim.robots.importers.draft import Draft
+from cdpr_sim.robots.importers.draft import Draft, symmetric
 
 TITLE = "MuJoCo's XML"
 MARKS = {"mujoco"}
@@ -64,12 +64,8 @@ def read(document: Element, path: Path) -> Draft:
     cables = [one for one in document.iterfind("tendon/*") if model.stiffness(one) > 0]
     if not cables:
         raise InvalidInput("<tendon>: found no spatial tendon with a stiffness, expected the cables")
-    exits, anchors, EA, notes = [], [], [], []
-    for cable in cables:
-        exit, anchor, stiffness = model.cable(cable, notes)
-        exits.append(exit)
-        anchors.append(anchor)
-        EA.append(stiffness)
+    notes: list[str] = []
+    exits, anchors, EA = zip(*(model.cable(cable, notes) for cable in cables), strict=True)
     inertial = model.platform.find("inertial")
     if inertial is None:
         raise InvalidInput("<body>: found no <inertial> of the platform, expected its mass")
@@ -206,8 +202,7 @@ def _pose(body: Element) -> RigidTransform:
 def _inertia(inertial: Element) -> np.ndarray | None:
     """The matrix about the centre of mass in the platform's axes; None where it is not given."""
     if inertial.get("fullinertia") is not None:
-        xx, yy, zz, xy, xz, yz = _numbers(inertial, "fullinertia", 6)
-        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return symmetric(*_numbers(inertial, "fullinertia", 6))
     if inertial.get("diaginertia") is None:
         return None
     turn = _pose(inertial).rotation.as_matrix()

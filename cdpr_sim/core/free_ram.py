@@ -1,4 +1,4 @@
-"""Available memory, so that a request that cannot fit is refused before the machine runs out of memory."""
+"""Free memory of the machine, so that a request that cannot fit is refused before the machine runs out of it."""
 
 from __future__ import annotations
 

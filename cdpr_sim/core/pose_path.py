@@ -12,7 +12,7 @@ from cdpr_sim.core.checks import checked_array
 from cdpr_sim.core.robot import Robot
 
 
-class Path:
+class PosePath:
     """Straight lines through poses, as a function of the fraction of time that has passed.
 
     The command moves smoothly and follows the minimum-jerk profile of Flash and Hogan (1985,

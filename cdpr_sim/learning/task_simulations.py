@@ -17,7 +17,9 @@ from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.physics.mjcf import place
+from cdpr_sim.physics.sensing import Seen
 from cdpr_sim.physics.track import Machine
+from cdpr_sim.physics.winches import lengths_at, strains_of
 
 STEPS = 7
 """Least number of time steps per period of the platform's fastest oscillation: 0.9 of its inverse angular frequency,
@@ -44,18 +46,15 @@ PARTS_OF_EXITS = (
 """What lies at the exit of a cable: the kind of element, the field of its position, and its name."""
 
 
-class Simulations:
+class TaskSimulations:
     """``count`` simulations of a robot and of robots that differ from it in ``Domain``.
 
     Args:
-        robot: the nominal robot; cables are massless and linear.
+        machine: the nominal robot in MuJoCo, on massless linear cables; its model becomes that of the simulations.
         count: number of simulations.
         period: control period [s].
         by_tension: (cables,) winches that control their tension; the others control their length.
         largest: largest tensions of the winches, (cables,) [N].
-        winch_speed: largest rate at which a rest length changes [m/s].
-        damping: of the platform, as for ``track``.
-        cable_damping: of each cable [s], as for ``track``.
         threads: number of threads; 0 is one per core.
 
     Attributes:
@@ -71,29 +70,23 @@ class Simulations:
 
     def __init__(
         self,
-        robot: Robot,
+        machine: Machine,
         count: int,
         *,
         period: float,
         by_tension: Bool[np.ndarray, " cables"],
         largest: Float[np.ndarray, " cables"],
-        winch_speed: float,
-        damping: float,
-        cable_damping: float,
         threads: int,
     ) -> None:
-        home = robot.pose(robot.home)
-        self.machine = machine = Machine(
+        robot = machine.robot
+        self.machine, self.robot, self.period, self.by_tension, self.largest = (
+            machine,
             robot,
-            home,
-            robot.rest_lengths(home),
-            winch_speed=winch_speed,
-            damping=damping,
-            cable_damping=cable_damping,
-            winch_force=largest,
+            period,
+            by_tension,
+            largest,
         )
-        self.robot, self.period, self.by_tension, self.largest = robot, period, by_tension, largest
-        self._most, (self._shortest, self._longest) = winch_speed * period, machine.reach
+        self._most, (self._shortest, self._longest) = machine.winch_speed * period, machine.reach
         self._some = bool(by_tension.any())
         model = machine.model
         longest = min(model.opt.timestep, 2 * np.pi / machine.fastest / STEPS, DECAY * machine.damping_time)
@@ -113,7 +106,7 @@ class Simulations:
         self.batch.forward()
         self._read()
         self._scratch, self._data = self.batch.get_model(0), mujoco.MjData(model)
-        self._mean = robot.rest_lengths(home).mean()
+        self._mean = machine.let_out.mean()
         self._least_time = np.full(count, -0.5 * period)
         self.rest_lengths = np.tile(machine.let_out, (count, 1))
         self._stiffness = np.tile(robot.axial_stiffness, (count, 1))
@@ -143,9 +136,8 @@ class Simulations:
         self._ctrl[row] = self.machine.controls(self.rest_lengths[row])
         if self._some:
             mujoco.mj_forward(self._scratch, self._data)
-            lengths = self.machine.readings.lengths(self._data)
-            strains = (lengths - rest_lengths) / (rest_lengths + robot.winch_to_exit / robot.reeving)
-            tensions = (robot.axial_stiffness * strains).clip(0, self.largest)
+            _, lengths, _ = self.machine.readings.of(self._data.sensordata)
+            tensions = (robot.axial_stiffness * strains_of(robot, lengths, rest_lengths)).clip(0, self.largest)
             self._ctrl[row] = np.where(self.by_tension, tensions, self._ctrl[row])
         self.batch.forward(ids=[row])
         self._read()
@@ -187,7 +179,7 @@ class Simulations:
         self._read()
         self.rest_lengths = ahead
         if self._some:
-            held = machine.lengths_at(self.tensions / self._stiffness, self.lengths)
+            held = lengths_at(self.robot, self.tensions / self._stiffness, self.lengths)
             self.rest_lengths = np.where(by_tension, held, ahead)
         self._least_time += self.period
         # MuJoCo resets a simulation that becomes unstable, its time included.
@@ -199,9 +191,13 @@ class Simulations:
         return self._upwards < 0
 
     def _read(self) -> None:
-        together, cables = self.machine.readings.all(self._sensed), self.robot.cables
-        self.poses, self.lengths = together[:, :7], together[:, 7 : 7 + cables]
-        self.tensions = together[:, 7 + cables :]
+        self.poses, self.lengths, self.tensions = self.machine.readings.of(self._sensed)
+
+    def seen(self, row: int) -> Seen:
+        """The present state of one simulation."""
+        parts = self.poses, self.lengths, self.tensions, self.rest_lengths
+        pose, lengths, tensions, rest_lengths = (part[row].copy() for part in parts)
+        return pose, lengths, tensions, rest_lengths
 
     def twists(self) -> Float[np.ndarray, "count 6"]:
         """Velocities [m/s] and angular velocities [rad/s] of the platforms, base frame."""

@@ -1,0 +1,71 @@
+"""Cables with mass settle side by side: no row has an effect on another one, nor has the number of threads."""
+
+import numpy as np
+import pytest
+
+import cdpr_sim as cdpr
+from cdpr_sim.physics.sagging import chain_simulations, settle_chains
+from cdpr_sim.physics.sagging.stepping import Stepping
+
+READ = ("positions", "rotations", "lengths", "tensions", "residuals", "eigenvalues", "iterations", "status")
+
+WHEELS = {"pulley_radius": 0.01, "pulley_axis": (0, 0, -1), "stiffening": (3.0, 2.0)}
+
+
+def stacked(name: str) -> cdpr.Problems:
+    """Rows of one robot that settle in different ways: with and without a wrench, taut and with a slack cable."""
+    robot = cdpr.load_robot("cogiro").replace(linear_density=5e-4, **(WHEELS if name == "wheels" else {}))
+    problems = []
+    for i, position in enumerate([(0.3, 0.25, 0.1), (0.5, 0.2, 0.15), (0.4, 0.3, 0.2), (0.35, 0.22, 0.12)]):
+        lengths = robot.rest_lengths(position) * np.where(np.arange(8) == i, 1 + 0.02 * i, 1.0)
+        problems.append(cdpr.Problem.of(robot, position, lengths, [0.1 * i, 0, 0, 0, 0, 0]))
+    return cdpr.Problems.stack(problems)
+
+
+def differing(
+    some: cdpr.EquilibriumBatch, others: cdpr.EquilibriumBatch, rows: list[int] | slice = slice(None)
+) -> list[str]:
+    """What is not the same to the last bit, in these rows of the others."""
+    return [name for name in READ if not np.array_equal(getattr(some, name), getattr(others, name)[rows])]
+
+
+@pytest.mark.parametrize("name", ["exits", "wheels"])
+def test_rows_are_the_same_with_any_others_beside_them(name, monkeypatch):
+    """To the last bit: on two threads, in another order, in parts, and alone."""
+    problems = stacked(name)
+    settled = cdpr.settle_many(problems, threads=1)
+    assert settled.converged.all()
+    assert not differing(cdpr.settle_many(problems, threads=2), settled)
+    order = [2, 0, 3, 1]
+    assert not differing(cdpr.settle_many(problems.take(np.array(order)), threads=1), settled, order)
+    alone = cdpr.settle(problems[1])
+    assert np.array_equal(alone.position, settled.positions[1])
+    assert np.array_equal(alone.tensions, settled.tensions[1])
+    assert alone.iterations == settled.iterations[1]
+    monkeypatch.setattr(settle_chains, "ROWS", 3)
+    assert not differing(cdpr.settle_many(problems, threads=1), settled)
+
+
+def test_rows_with_time_steps_in_common_differ(monkeypatch):
+    """Negative control: if the shortest time step of all rows were that of each, a row alone would be another one."""
+    problems, advance = stacked("exits"), Stepping.advance
+    monkeypatch.setattr(
+        Stepping, "advance", lambda self, at, longest: advance(self, at, np.full_like(longest, longest.min()))
+    )
+    settled = cdpr.settle_many(problems, threads=1)
+    alone = cdpr.settle_many(problems.take(np.array([1])), threads=1)
+    assert "positions" in differing(alone, settled, [1])
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_mujoco_computes_on_as_many_threads_as_asked(threads, monkeypatch):
+    """The argument comes to MuJoCo."""
+    used, batch = [], chain_simulations.Batch
+
+    def made(model, rows, threads):
+        used.append(threads)
+        return batch(model, rows, threads)
+
+    monkeypatch.setattr(chain_simulations, "Batch", made)
+    cdpr.settle_many(stacked("exits"), threads=threads)
+    assert used == [threads]
