@@ -2,6 +2,7 @@
 
 import io
 import json
+from importlib import resources
 
 import matplotlib
 
@@ -103,9 +104,12 @@ def test_settle_and_solve_say_it_in_title_and_json(tmp_path, catalogue_text, lin
 @pytest.fixture(scope="module")
 def catalogue_text() -> str:
     """The file of DemoBot's crossed layout."""
-    from importlib import resources
+    return text_of("cogiro")
 
-    return (resources.files("cdpr_sim.robots") / "zoo" / "cogiro.toml").read_text(encoding="utf-8")
+
+def text_of(robot: str) -> str:
+    """The robot's file."""
+    return (resources.files("cdpr_sim.robots") / "zoo" / f"{robot}.toml").read_text(encoding="utf-8")
 
 
 def test_captions_and_model_readmes_say_it_too(real):
@@ -287,10 +291,10 @@ def test_heavy_cables_are_not_drawn_without_their_shape(real):
 
 
 @pytest.mark.parametrize("option", [["--drop"], ["--compensate"], ["--drive-seconds", "0.5"]])
-def test_a_video_drives_cables_with_mass(tmp_path, catalogue_text, option, monkeypatch):
+def test_a_video_drives_cables_with_mass(tmp_path, option, monkeypatch):
     """Where the motion matters, or lengths are not the rigid ones; else the platform is settled state by state."""
     file, video = tmp_path / "mine.toml", tmp_path / "mine.gif"
-    file.write_text(f"linear_density = 0.0005\n{catalogue_text}")
+    file.write_text(f"linear_density = 0.0005\n{text_of('planar-vertical')}")
     motions = []
     monkeypatch.setattr(cdpr, "write_video", lambda place, trajectories, *_, **__: motions.extend(trajectories))
     path = ["--path", "0.4", "0.42", "--seconds", "0.5", "--fps", "10"]

@@ -159,8 +159,8 @@ class Kernel(Compiled):
                 core = array.shape[array.ndim - len(dims) :]
                 array = np.broadcast_to(array, loop + core).reshape(math.prod(loop[:-1]), loop[-1], *core)
             whole.append(array)
-        results = tuple(column.reshape(loop + column.shape[2:]) for column in many(self, *whole))
-        return results if len(results) > 1 else results[0]
+        results = [column.reshape(loop + column.shape[2:]) for column in many(self, *whole)]
+        return tuple(results) if len(results) > 1 else results[0]
 
     def _interpreted(self, loop: tuple[int, ...], *inputs: Any) -> Any:
         sizes, elements = {"one": 1}, []

@@ -90,8 +90,8 @@ def as_poses(
         at, _ = positions_and_rotations(robot, poses, None)
         if at.ndim == 2 and isinstance(poses, RigidTransform):
             return poses
-        if at.ndim == 2 and np.isfinite(poses).all():
-            turned = Rotation.from_euler("xyz", np.broadcast_to(poses[:, 3:] if poses.shape[1] > 3 else 0.0, at.shape))
+        if at.ndim == 2 and np.isfinite(rows := np.asarray(poses)).all():
+            turned = Rotation.from_euler("xyz", np.broadcast_to(rows[:, 3:] if rows.shape[1] > 3 else 0.0, at.shape))
             return RigidTransform.from_components(at, turned)
     found = listed("poses", poses, "a list of poses")
     if not found:

@@ -396,7 +396,7 @@ class ChainSimulations:
 
     def true(self, at: Rows) -> Bool[np.ndarray, " some"]:
         """Whether every spring has its true stiffness."""
-        return np.equal(self.stiffnesses[at], self.springs[at]).all(1)
+        return np.asarray((self.stiffnesses[at] == self.springs[at]).all(1))
 
     def unstable(self, at: Rows) -> Bool[np.ndarray, " some"]:
         """Whether MuJoCo warned, or a velocity is not finite."""
