@@ -139,9 +139,8 @@ def test_interrupt_is_130_wherever_it_comes(monkeypatch):
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups to send an interrupt to")
 def test_an_interrupt_is_130_even_where_a_shell_runs_the_tests_in_the_background():
     """``&`` has children ignore SIGINT: the test restores it, and cleans up whatever happens."""
-    ready = (
-        "import cdpr_sim.analysis.equilibria; print('ready', flush=True)"  # Python ignores some interrupts of imports
-    )
+    # Not while it imports: there Python ignores some interrupts.
+    ready = "import cdpr_sim.analysis.equilibria; print('ready', flush=True)"
     running = subprocess.Popen(
         [sys.executable, "-c", f"{ready}; {COMMAND[2]}", "equilibria", "cogiro", "--starts", "300000"],
         env=ENVIRONMENT,
