@@ -240,7 +240,7 @@ def methods() -> Iterator[Row]:
     )  # fmt: skip
     solved = [cdpr.solve(robot, pose) for robot in robots() for pose in random_poses(robot, 10)]
     released = [cdpr.release(one, seconds=2.0) for one in solved if one.stable]
-    largest_deviation = max(one.largest_deviation / one.nudge for one in released)
+    largest_deviation = max(one.largest_deviation / one.displacement for one in released)
     yield Row(
         f"STAYS = {STAYS:g}",
         "largest deviation of stable platforms, in initial displacements",

@@ -95,7 +95,7 @@ def test_the_table_of_ropes_has_a_column_for_each_kind(found):
     """Of one motion, whose robot has these ropes; a run without a number leaves its cell empty."""
     ropes = rope_tasks()
     assert [task.ropes for task in ropes] == list(ROPES)
-    assert all(task.robot.cabling.remembers.all() for task in ropes)
+    assert all(task.robot.cabling.has_memory.all() for task in ropes)
     assert [float(task.robot.pulley_friction[0]) for task in ropes] == [0, 0.02, 0.05, 0, 0]
     table = ropes_table([dataclasses.replace(found[0], task=ropes[2])])
     assert [list(column.cells) for column in table.columns][1:4] == [

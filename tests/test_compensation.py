@@ -111,7 +111,7 @@ def test_on_parallel_it_says_where_no_lengths_help_and_why(catalogue):
     assert cdpr.compensate(robot, (0.4, 0.25, 0.1)).exact
     for x in (0.17, 0.63):
         found = cdpr.compensate(robot, (x, 0.25, 0.1))
-        assert found.reach is cdpr.CompensationOutcome.NEAREST
+        assert found.outcome is cdpr.CompensationOutcome.NEAREST
         assert "would have to push" in found.reasons[0]
         assert "without any cable getting longer" in found.reasons[1]
         before, after = by_mujoco(robot, found)
@@ -142,7 +142,7 @@ def test_no_pose_nearer_than_the_nearest_is_feasible(catalogue, kind):
     robot = catalogue["planar-vertical"].replace(**changes)
     limits = (0.01 * robot.weight, np.inf)
     found = cdpr.compensate(robot, (0.2, 0, 0.1), tensions=limits)
-    assert found.reach is cdpr.CompensationOutcome.NEAREST
+    assert found.outcome is cdpr.CompensationOutcome.NEAREST
     steps = np.random.default_rng(0).normal(size=(5000, 3)) * found.distance / np.sqrt(3)
     steps = steps[np.linalg.norm(steps, axis=1) < beyond * found.distance]
     assert len(steps) > 2000
@@ -286,7 +286,7 @@ def test_on_random_robots_mujoco_rests_where_compensation_says():
     @given(random_problems())
     def check(problem: cdpr.Problem) -> None:
         found = cdpr.compensate(problem)
-        reached.add(found.reach)
+        reached.add(found.outcome)
         at_rest = cdpr.settle(problem.robot, found.pose, found.rest_lengths, external_wrench=problem.external_wrench)
         assert found.equilibrium.stable
         assert at_rest.stable
@@ -314,7 +314,7 @@ def test_a_problem_is_compensated_like_a_robot_and_a_pose(catalogue):
         asked = cdpr.compensate(robot, pose, external_wrench=wrench)
         for lengths in (None, np.full(robot.cables, 0.7)):
             found = cdpr.compensate(cdpr.Problem.of(robot, pose, lengths, wrench))
-            assert found.reach is asked.reach
+            assert found.outcome is asked.outcome
             np.testing.assert_array_equal(found.rest_lengths, asked.rest_lengths)
             np.testing.assert_array_equal(found.pose.as_matrix(), asked.pose.as_matrix())
     for beside in ({"pose": pose}, {"external_wrench": wrench}):

@@ -68,7 +68,7 @@ def test_the_nearest_found_is_as_near_as_a_long_search_finds(seed, nearest):
     problem = random_problem(seed)
     found = cdpr.compensate(problem)
     assert found.distance / problem.robot.characteristic_length <= 1.01 * nearest
-    assert "nearest found" in found.reach.value
+    assert "nearest found" in found.outcome.value
 
 
 def test_where_the_commanded_pose_leads_elsewhere_it_is_said():

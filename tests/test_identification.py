@@ -150,7 +150,7 @@ def test_standard_errors_are_as_large_as_the_errors(robot):
         spreads += (poses.size - 9) * found.spread**2
         if fit == 0:
             judged = cdpr.identify(robot, measurements, asked)
-            assert judged.judged == ("position", "rotation")
+            assert judged.estimated == ("position", "rotation")
             assert 0.5 < judged.scatters["position"] / errors["position_error"] < 2
             assert 0.5 < judged.scatters["rotation"] / errors["rotation_error"] < 2
             position_error, rotation_error = judged.scatters.values()
@@ -181,7 +181,7 @@ def test_positions_alone_are_judged_by_themselves(robot):
     measurements = cdpr.Measurements.of(commanded(), measured, coordinates="xyz")
     judged = cdpr.identify(robot, measurements)
     stated = cdpr.identify(robot, measurements, position_error=judged.scatters["position"])
-    assert judged.judged == ("position",)
+    assert judged.estimated == ("position",)
     assert 0.5 < judged.scatters["position"] / NOISE < 2
     assert judged.standard_errors == pytest.approx(stated.standard_errors, rel=WEIGHED)
 

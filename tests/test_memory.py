@@ -39,7 +39,7 @@ def test_a_robot_file_has_the_same_memory(tmp_path, changes):
 def test_a_robot_without_memory_is_written_and_described_as_before():
     """None of the new keys stands in its file."""
     robot = cdpr.load_robot("cogiro")
-    assert not robot.cabling.remembers.any()
+    assert not robot.cabling.has_memory.any()
     assert not any(name in as_toml(robot) for name in ("pulley_friction", "hysteresis", "creep"))
 
 

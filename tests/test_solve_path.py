@@ -14,7 +14,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics.memory_kernel import MEMORY_COLUMNS
-from cdpr_sim.statics.remembering_law import RememberingLaw
+from cdpr_sim.statics.memory_law import MemoryLaw
 
 EA, BEHIND = 1e4, 0.7
 """[N], [m] of the plumb cable, of one metre."""
@@ -256,7 +256,7 @@ def test_a_slack_cable_never_pushes_and_cycles_only_cost_work():
     )
     work, stretch, tension = np.zeros(cables), turns[0], np.zeros(cables)
     for following in [*cycle, *cycle]:
-        law = RememberingLaw.of(robot, robot.axial_stiffness, rest, memory, 0.0)
+        law = MemoryLaw.of(robot, robot.axial_stiffness, rest, memory, 0.0)
         knots = law.table()[..., MEMORY_COLUMNS:]
         pull = np.array([_of_knots(*knots[i].reshape(3, -1), following[i]) for i in range(cables)])
         assert ((pull > 0) == (following > 0)).all()

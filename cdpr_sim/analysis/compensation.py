@@ -103,7 +103,7 @@ class Compensation(Frozen, HtmlRepr):
     Attributes:
         commanded: the commanded pose.
         equilibrium: equilibrium on the compensated lengths, by statics: its pose, tensions and stiffness.
-        reach: outcome: whether that is the commanded pose.
+        outcome: whether that is the commanded pose.
         distance: distance of the two poses [m], sqrt(|translation|² + (arm·angle)²); 0 where exact.
         arm: factor of rotations in that distance [m].
         reasons: why no lengths hold the commanded pose, a sentence each; empty where exact.
@@ -114,7 +114,7 @@ class Compensation(Frozen, HtmlRepr):
 
     commanded: RigidTransform
     equilibrium: Equilibrium
-    reach: CompensationOutcome
+    outcome: CompensationOutcome
     distance: float
     arm: float
     reasons: tuple[str, ...]
@@ -130,7 +130,7 @@ class Compensation(Frozen, HtmlRepr):
     @property
     def exact(self) -> bool:
         """Whether the compensated lengths hold the commanded pose itself."""
-        return self.reach is CompensationOutcome.EXACT
+        return self.outcome is CompensationOutcome.EXACT
 
     @property
     def pose(self) -> RigidTransform:
@@ -154,7 +154,7 @@ class Compensation(Frozen, HtmlRepr):
 
     def __repr__(self) -> str:
         broken = f", {int(self.overloaded.sum())} cables beyond their breaking load" if self.overloaded.any() else ""
-        return f"<Compensation: {self.reach.value}, {1e3 * self.distance:.3g} mm away{broken}>"
+        return f"<Compensation: {self.outcome.value}, {1e3 * self.distance:.3g} mm away{broken}>"
 
 
 def compensate(

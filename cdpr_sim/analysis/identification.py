@@ -97,17 +97,17 @@ class Identification(HtmlRepr):
             construction where errors were estimated.
         scatters: standard error of each kind of measurement, as stated (root mean square) or estimated:
             "position" [m], "rotation" [rad], "tension" [N], "swivel" [rad], "frequency" [Hz].
-        judged: which of them were estimated from the residuals.
+        estimated: which of them were estimated from the residuals.
         predictions: root mean square error of predictions of each row by fits to all other rows, over ``scatters``, by
             the names of the unknowns: first all that were requested, then fewer; nan with a single row, inf where
             one row alone determines an unknown.
         reasons: what the data do not determine, and whether the model explains them, a sentence each.
-        freedom: degrees of freedom: the count of measured numbers minus that of the unknowns which they determine.
+        degrees_of_freedom: the count of measured numbers minus that of the unknowns which they determine.
         deviance: −2 log of the likelihood of normally distributed errors, estimated ones included.
         outliers: numbers that the others do not explain, the worst first.
         kinds: index into ``KINDS`` of each column of ``residuals``.
         given: the robot as it was given.
-        asked: the unknowns that were requested.
+        requested: the unknowns that were requested.
     """
 
     robot: Robot
@@ -119,15 +119,15 @@ class Identification(HtmlRepr):
     residuals: Float[np.ndarray, "rows numbers"]
     spread: float
     scatters: Mapping[str, float]
-    judged: tuple[str, ...]
+    estimated: tuple[str, ...]
     predictions: Mapping[tuple[str, ...], float]
     reasons: tuple[str, ...]
-    freedom: int
+    degrees_of_freedom: int
     deviance: float
     outliers: tuple[Outlier, ...]
     kinds: Int[np.ndarray, " numbers"]
     given: Robot
-    asked: tuple[str, ...]
+    requested: tuple[str, ...]
 
     def __getitem__(self, name: str) -> tuple[float, float]:
         """(value, standard error) of the unknown called ``name``.
@@ -158,7 +158,7 @@ class Identification(HtmlRepr):
         if not 0 < coverage < 1:
             raise InvalidInput(f"coverage: found {coverage:g}, expected a probability between 0 and 1")
         upper = 0.5 + 0.5 * coverage
-        half = float(t.ppf(upper, max(self.freedom, 1)) if self.judged else norm.ppf(upper))
+        half = float(t.ppf(upper, max(self.degrees_of_freedom, 1)) if self.estimated else norm.ppf(upper))
         found = np.stack([self.values - half * self.standard_errors, self.values + half * self.standard_errors], axis=1)
         positives = np.array([name.partition(" ")[0] in POSITIVE for name in self.names], dtype=bool)
         with np.errstate(over="ignore"):
@@ -184,9 +184,9 @@ class Identification(HtmlRepr):
 
     @property
     def _counts(self) -> tuple[int, int]:
-        """Measured numbers, and parameters with the judged scatters."""
+        """Measured numbers, and parameters with the estimated scatters."""
         count = int((~np.isnan(self.residuals)).sum())
-        return count, count - self.freedom + len(self.judged)
+        return count, count - self.degrees_of_freedom + len(self.estimated)
 
     def predict(self, measurements: Measurements) -> Float[np.ndarray, "rows numbers"]:
         """Computed minus measured numbers of other rows, with all unknowns as identified.
@@ -203,7 +203,7 @@ class Identification(HtmlRepr):
         """
         refuse_unless(Measurements, measurements=measurements)
         measurements.check_robot(self.robot)
-        wanted = {one.name: one for one in unknowns_of(self.given, measurements, self.asked)}
+        wanted = {one.name: one for one in unknowns_of(self.given, measurements, self.requested)}
         kept = [wanted[name] for name in self.names if name in wanted]
         values = [value for name, value in zip(self.names, self.values, strict=True) if name in wanted]
         x = np.array([one.coordinate(value) for one, value in zip(kept, values, strict=True)])
@@ -282,19 +282,19 @@ def identify(
     )
     known = measurements.known
     unstated = np.isnan(measurements.errors) & known
-    judged = [i for i in range(len(KINDS)) if (unstated & (measurements.kinds == i)).any()]
-    count, needed = int(known.sum()), len(wanted) + bool(judged)
+    estimated = [i for i in range(len(KINDS)) if (unstated & (measurements.kinds == i)).any()]
+    count, needed = int(known.sum()), len(wanted) + bool(estimated)
     if count < needed:
         raise InvalidInput(
             f"{measurements.source}: found {count} measured numbers, expected {needed} or more for {len(wanted)} "
-            "unknowns" + (" and their scatter" if judged else "")
+            "unknowns" + (" and their scatter" if estimated else "")
         )
     scales, floors = _scales(robot)
-    scatters = _start_scatters(measurements, judged, scales)
+    scatters = _start_scatters(measurements, estimated, scales)
     model = IdentificationModel(robot, measurements, wanted, _errors(measurements, scatters))
     x = _scanned(model)
-    reweighted = bool(judged) or robust or measurements.rest_length_errors is not None
-    if judged and not robust and unstated[known].all() and (model.kinds == model.kinds[0]).all():
+    reweighted = bool(estimated) or robust or measurements.rest_length_errors is not None
+    if estimated and not robust and unstated[known].all() and (model.kinds == model.kinds[0]).all():
         reweighted = measurements.rest_length_errors is not None  # a factor common to all numbers moves no fit
     for _ in range(REWEIGHTINGS):
         model.whiten(x)
@@ -302,7 +302,7 @@ def identify(
         before, weights = scatters, model.weights
         if robust:
             model.weights = _huber(model.weighted(x) / weights)
-        scatters = _scatters(before, judged, model, x, unstated[known], scales, floors, robust)
+        scatters = _scatters(before, estimated, model, x, unstated[known], scales, floors, robust)
         model.errors = _errors(measurements, scatters)
         settled = np.allclose(scatters, before, rtol=1e-3, atol=0) and np.allclose(model.weights, weights, atol=1e-3)
         still = (
@@ -320,7 +320,7 @@ def identify(
         errors = certainty(plain, [one.name for one in wanted], [one.size for one in wanted])[0] / np.sqrt(EFFICIENCY)
     predictions = {names: model.prediction(x)} | _predictions_of_fewer(model, names)
     reasons += too_many(predictions)
-    told = ~np.isin(model.kinds, judged)  # numbers whose error was stated, which the model must explain
+    told = ~np.isin(model.kinds, estimated)  # numbers whose error was stated, which the model must explain
     size, freedom = float(np.sum(left[told] ** 2)), float((1 - leverages(slope))[told].sum())
     spread = np.sqrt(size / freedom) if freedom > LEAST_FREEDOM else 1.0
     if freedom > LEAST_FREEDOM and chi2.sf(size, freedom) < SURPRISING:
@@ -346,15 +346,15 @@ def identify(
         residuals=np.where(known, model.residuals(x), np.nan),
         spread=float(spread),
         scatters=_scatters_by_kind(measurements, model.errors),
-        judged=tuple(KINDS[kind] for kind in judged),
+        estimated=tuple(KINDS[kind] for kind in estimated),
         predictions=predictions,
         reasons=tuple(reasons),
-        freedom=count - determined,
+        degrees_of_freedom=count - determined,
         deviance=float((whole**2).sum()) + model.log_determinant() + count * float(np.log(2 * np.pi)),
         outliers=_outliers(measurements, whole, leverages(model.weighted_slopes(x))),
         kinds=measurements.kinds,
         given=robot,
-        asked=names,
+        requested=names,
     )
 
 
@@ -368,13 +368,13 @@ def _scales(robot: Robot) -> tuple[Float[np.ndarray, " kinds"], Float[np.ndarray
 
 
 def _start_scatters(
-    measurements: Measurements, judged: list[int], scales: Float[np.ndarray, " kinds"]
+    measurements: Measurements, estimated: list[int], scales: Float[np.ndarray, " kinds"]
 ) -> Float[np.ndarray, " kinds"]:
-    """First scatters of the kinds that are judged, alike; as those that are stated, where some are."""
+    """First scatters of the kinds that are estimated, alike; as those that are stated, where some are."""
     stated = [
         float(np.nanmedian(errors[~np.isnan(errors)])) / scales[kind]
         for kind in range(len(KINDS))
-        if kind not in judged and (errors := measurements.errors[:, measurements.kinds == kind]).size
+        if kind not in estimated and (errors := measurements.errors[:, measurements.kinds == kind]).size
         and not np.isnan(errors).all()
     ]  # fmt: skip
     return (stated[0] if stated else 1.0) * scales
@@ -402,7 +402,7 @@ _WEIGHTED_SQUARES = float(1 - 2 * norm.sf(TUNING))
 
 def _scatters(
     scatters: Float[np.ndarray, " kinds"],
-    judged: list[int],
+    estimated: list[int],
     model: IdentificationModel,
     x: Float[np.ndarray, " unknowns"],
     unstated: np.ndarray,
@@ -410,13 +410,13 @@ def _scatters(
     floors: Float[np.ndarray, " kinds"],
     robust: bool,
 ) -> Float[np.ndarray, " kinds"]:
-    """Scatters by kind; those that are ``judged`` are estimated from their residuals, separately.
+    """Scatters by kind; those that are ``estimated`` are estimated from their residuals, separately.
 
     Each by the degrees of freedom of its kind: the count of its numbers, less their share in the fit (the trace of
     their block of the hat matrix; Förstner 1979). Of kinds that were measured, none is below a thousandth of another,
     compared by ``scales``.
     """
-    if not judged:
+    if not estimated:
         return scatters
     squares, leverage = model.weighted(x) ** 2, leverages(model.weighted_slopes(x))
     if robust:
@@ -424,13 +424,13 @@ def _scatters(
     free = max(float((1 - leverage[unstated]).sum()), 0.0)
     pooled = np.sqrt(float(squares[unstated].sum()) / free) if free > LEAST_FREEDOM else 1.0
     found = scatters.copy()
-    for kind in judged:
+    for kind in estimated:
         rows = (model.kinds == kind) & unstated
         free = float((1 - leverage[rows]).sum())
         own = np.sqrt(float(squares[rows].sum()) / free) if free > LEAST_FREEDOM else pooled
         found[kind] = max(found[kind] * own, floors[kind])
     least = 1e-3 * (found / scales)[np.unique(model.kinds)].max() * scales
-    return np.where(np.isin(np.arange(len(KINDS)), judged), np.maximum(found, least), scatters)
+    return np.where(np.isin(np.arange(len(KINDS)), estimated), np.maximum(found, least), scatters)
 
 
 def _outliers(

@@ -75,7 +75,7 @@ def settle(
             _settle_along(machine, along(machine, waypoints_of(waypoint), path_points), pretension, load, as_json)
     with errors_as_sentences():
         problem = problem_of(robot, pose, material, pretension, mass, wrench)
-        if problem.robot.cabling.remembers.any():
+        if problem.robot.cabling.has_memory.any():
             methods, certify = METHODS[:1], certify or False  # SEECR and proofs know elastic cables
         else:
             methods = METHODS
@@ -175,7 +175,7 @@ def _settle_along(
         lengths = [robot.rest_lengths(one, pretension, external_wrench=load) for one in poses]
     problems = cdpr.Problems.of(robot, poses, lengths, load)
     with busy("Solving and settling"):
-        solved, settled = both(problems, path=bool(robot.cabling.remembers.any()))
+        solved, settled = both(problems, path=bool(robot.cabling.has_memory.any()))
         errors, agree = compare_many(solved, settled)
     if as_json:
         print_json(json_of.path(solved, settled, agree))

@@ -115,7 +115,7 @@ def video(
         motions: list[Callable[[], cdpr.Trajectory]] = []
         for robot, (_, _, compensated) in zip(machines, wanted, strict=True):
             in_time, still = drive_seconds, False
-            slow = not robot.cabling.massless or robot.cabling.remembers.any()
+            slow = not robot.cabling.massless or robot.cabling.has_memory.any()
             if slow and in_time is None and not drop:  # a quasi-static drive would take long, or have no memory
                 in_time, still = (seconds, False) if compensate else (None, True)
             if still:

@@ -198,7 +198,7 @@ class Cabling(Frozen):
         return bool(self.pulleys.any()) or not self.linear
 
     @cached_property
-    def remembers(self) -> Bool[np.ndarray, " cables"]:
+    def has_memory(self) -> Bool[np.ndarray, " cables"]:
         """Which cables have a memory, (cables,): their tension depends on the path to the pose, or on time."""
         return np.any([self.has(name) for name in MEMORIES], axis=0)
 
@@ -208,8 +208,8 @@ class Cabling(Frozen):
         Raises:
             InvalidInput: some cable has one of them.
         """
-        if self.remembers.any():
-            cable = int(np.argmax(self.remembers))
+        if self.has_memory.any():
+            cable = int(np.argmax(self.has_memory))
             names = [name for name in MEMORIES if self.has(name)[cable]]
             raise InvalidInput(
                 f"{what}: found {' and '.join(names)} in cable {cable + 1}, expected cables without: their memory is "
@@ -373,8 +373,8 @@ def _refuse_impossible_memory(cabling: Cabling) -> None:
     steepness = np.minimum(_least_slope(cabling.stiffening), 1.0)
     given_way = (shares * (1 + widths)).sum(-1)
     left = steepness * (1 - lost) - given_way
-    if not (left[cabling.remembers] > 0).all():
-        cable = int(np.argmin(np.where(cabling.remembers, left, np.inf)))
+    if not (left[cabling.has_memory] > 0).all():
+        cable = int(np.argmin(np.where(cabling.has_memory, left, np.inf)))
         lowest = "" if steepness[cable] == 1 else f", as the law's slope falls to {steepness[cable]:.4g} EA"
         raise InvalidInput(
             f"hysteresis: found a sum of share (1 + w), and of c/(1 + c²/4) of pulley_friction c, of "

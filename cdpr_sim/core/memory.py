@@ -108,6 +108,6 @@ class Memory(Frozen):
 
 def without_memory(robot: Robot) -> Robot:
     """The same robot with elastic cables."""
-    if not robot.cabling.remembers.any():
+    if not robot.cabling.has_memory.any():
         return robot
     return robot.replace(pulley_friction=0.0, hysteresis=(), creep=())

@@ -190,7 +190,7 @@ def check(
             for label, stiffness in zip(labels, np.atleast_2d(stiffnesses[robot.name]), strict=True):
                 variant = robot.replace(axial_stiffness=stiffness)
                 parts = []
-                path = stack is not None and compare.remembers(variant)  # one after another
+                path = stack is not None and compare.has_memory(variant)  # one after another
                 together = len(rows) if path else ROWS
                 for first in range(0, len(rows), together):
                     part = slice(first, first + together)
@@ -315,7 +315,7 @@ def compare_many(
         "rotation_error": angle_between(static[1], at_rest[1]),
         "tension_error": np.abs(solved.tensions[rows] - settled.tensions[rows]).max(-1),
     }
-    if not compare.remembers(problems.robot):
+    if not compare.has_memory(problems.robot):
         errors["static_in_mujoco"] = residuals_of(problems, poses_of(*static), threads=threads)
         errors["settled_in_statics"] = np.asarray(forces.at(problems, *at_rest).residual)
     tolerances = _tolerances(problems)
@@ -346,7 +346,7 @@ def _neutral(
 ) -> Bool[np.ndarray, " rows"]:
     """Where the methods agree except along directions in which the platform is neutrally stable, as by ``compare``."""
     neutral = np.zeros(len(solved), dtype=bool)
-    if not asked.any() or compare.remembers(solved.problems.robot):
+    if not asked.any() or compare.has_memory(solved.problems.robot):
         return neutral
     tolerances, apart = _tolerances(solved.problems), ("position_error", "rotation_error")
     same = [columns[name] <= tolerance for name, tolerance in tolerances.items() if name not in apart]

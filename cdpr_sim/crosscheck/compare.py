@@ -127,7 +127,7 @@ def compare(
         "tension": (np.abs(static.tensions - settled.tensions).max(), tension_tolerance, "N"),
     }
     cross = dict.fromkeys(("MuJoCo at the static pose", "statics at the settled pose"), float("nan"))
-    if not remembers(problem.robot):
+    if not has_memory(problem.robot):
         at = settled.position, settled.rotation_matrix
         cross = dict(
             zip(cross, (residual_of(problem, static.at), float(forces.at(problem, *at).residual)), strict=True)
@@ -145,9 +145,9 @@ def compare(
     unbalanced = [
         f"{where} has a residual of {force:.1e} N (tolerance {CROSS_TOLERANCE * problem.force_scale:.0e})"
         for where, force in cross.items()
-        if not (remembers(problem.robot) or force <= CROSS_TOLERANCE * problem.force_scale)
+        if not (has_memory(problem.robot) or force <= CROSS_TOLERANCE * problem.force_scale)
     ]
-    if unbalanced or (deviations and remembers(problem.robot)):
+    if unbalanced or (deviations and has_memory(problem.robot)):
         verdict = Verdict.DISAGREE
     elif not deviations:
         verdict = Verdict.AGREE
@@ -173,12 +173,12 @@ def compare(
     )
 
 
-def remembers(robot: Robot) -> bool:
+def has_memory(robot: Robot) -> bool:
     """Whether cables have a memory: an equilibrium of a path does not contain the memory that determines its forces.
 
     So neither method can evaluate its forces at the pose of the other one.
     """
-    return bool(robot.cabling.remembers.any())
+    return bool(robot.cabling.has_memory.any())
 
 
 def slack_differs(

@@ -117,7 +117,7 @@ class Simulations:
         Cables with a memory start a step of ``duration`` [s] from ``memory``, (rows,); default: that of new ropes.
         """
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        if self.robot.cabling.remembers.any():
+        if self.robot.cabling.has_memory.any():
             self._begin(problems, Memory.fresh(self.robot, (len(problems),)) if memory is None else memory, duration)
         self.place(problems.positions, problems.rotations)
         self.wrenches = np.broadcast_to(problems.external_wrench, (len(problems), 6))

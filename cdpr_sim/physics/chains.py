@@ -162,7 +162,7 @@ def felt_at_exit(cabling: Cabling, cables: Int[np.ndarray, " chains"]) -> Bool[n
 
     A wheel or the rope behind feels it, and a memory.
     """
-    return (cabling.pulleys | (cabling.winch_to_exit > 0) | cabling.remembers)[cables]
+    return (cabling.pulleys | (cabling.winch_to_exit > 0) | cabling.has_memory)[cables]
 
 
 def _quadrature(at_exit: Bool[np.ndarray, " chains"]) -> tuple[Float[np.ndarray, "chains points"], ...]:

@@ -58,33 +58,33 @@ RAMP = 20.0
 
 @dataclass(frozen=True)
 class Release:
-    """Motion of a platform that was displaced by a nudge and released.
+    """Motion of a platform that was displaced and released.
 
     Attributes:
         largest_deviation: largest distance from the equilibrium [m], rotations scaled by the characteristic length.
-        nudge: initial displacement [m].
+        displacement: initial displacement [m].
         seconds: duration of the motion.
     """
 
     largest_deviation: float
-    nudge: float
+    displacement: float
     seconds: float
 
     @property
     def stays(self) -> bool:
         """Whether it deviated no further than its initial displacement, except for rounding."""
-        return self.largest_deviation <= STAYS * self.nudge
+        return self.largest_deviation <= STAYS * self.displacement
 
     @property
     def leaves(self) -> bool:
         """Whether it deviated a hundred times as far as its initial displacement."""
-        return self.largest_deviation >= LEAVES * self.nudge
+        return self.largest_deviation >= LEAVES * self.displacement
 
     def __repr__(self) -> str:
         verdict = "stays" if self.stays else "leaves" if self.leaves else "neither stays nor leaves"
         return (
             f"<Release: {verdict}: deviates by {1e6 * self.largest_deviation:.3g} µm in {self.seconds:.3g} s, "
-            f"displaced by {1e6 * self.nudge:.3g} µm>"
+            f"displaced by {1e6 * self.displacement:.3g} µm>"
         )
 
 

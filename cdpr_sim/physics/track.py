@@ -168,7 +168,7 @@ def _kind_of_machine(robot: Robot) -> type[Machine]:
     if weighs(robot) or not robot.cabling.linear:
         robot.cabling.refuse_memory("track")
         return _ChainMachine
-    return _RopeMachine if robot.cabling.remembers.any() else Machine
+    return _RopeMachine if robot.cabling.has_memory.any() else Machine
 
 
 def _from_zero(field: str, value: float) -> float:

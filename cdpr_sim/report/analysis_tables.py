@@ -79,7 +79,7 @@ def compensation_verdict(compensation: Compensation, verification: CompensationC
     """Outcome of the compensation with its reasons, and with what MuJoCo does not confirm; a line each."""
     held = verification is None or verification.held
     color = "green" if compensation.exact and held else "yellow" if held else "red"
-    outcome = compensation.reach.value if held else "the equilibrium found by statics is not held in MuJoCo"
+    outcome = compensation.outcome.value if held else "the equilibrium found by statics is not held in MuJoCo"
     head = f"[bold {color}]{outcome[0].upper() + outcome[1:]}[/]"
     if not compensation.exact:
         arm = f"rotation weighted by an arm of {1e3 * compensation.arm:.0f} mm"
@@ -200,8 +200,8 @@ def identification_note(result: Identification) -> str:
         if some.size and not np.isnan(some).all()
     ]
     head = f"Residuals: {_joined(parts)} (root mean square)."
-    if result.judged:
-        errors = [f"{_SHOWN[kind][0] * result.scatters[kind]:.3g}{_SHOWN[kind][1]}" for kind in result.judged]
+    if result.estimated:
+        errors = [f"{_SHOWN[kind][0] * result.scatters[kind]:.3g}{_SHOWN[kind][1]}" for kind in result.estimated]
         head += f" Measurement errors estimated from them: {_joined(errors)}."
     error = next(iter(result.predictions.values()))
     fewer, smallest = best_of_fewer(result.predictions)

@@ -143,7 +143,7 @@ def agreement_table(agreement: Agreement) -> Table:
 def equilibrium_notes(equilibrium: Equilibrium) -> list[str]:
     """Notes below the table of an equilibrium: neutral directions, pulls of several parts, tensions beyond limits."""
     robot, notes = equilibrium.problem.robot, []
-    neutral = () if robot.cabling.remembers.any() else neutral_directions(equilibrium)
+    neutral = () if robot.cabling.has_memory.any() else neutral_directions(equilibrium)
     if len(neutral):
         directions = "; ".join(describe_twist(twist, robot) for twist in neutral)
         notes.append(f"Neutrally stable: {directions if len(neutral) < len(robot.free) else 'all directions'}.")

@@ -103,7 +103,7 @@ class SaggingCables(NamedTuple):
     table: np.ndarray
 
 
-class RememberingCables(NamedTuple):
+class CablesWithMemory(NamedTuple):
     """Data of massless cables of which some have a memory. As of bent ones; memory: rows of ``memory_kernel``."""
 
     A: np.ndarray
@@ -186,7 +186,7 @@ def unpack_remembering(table, rest_lengths):
     for i in range(len(rest_lengths)):
         for a in range(more):
             memory[i, a] = table[i, COLUMNS + a]
-    return RememberingCables(
+    return CablesWithMemory(
         bent.A, bent.B, bent.l0, bent.k, bent.EA, bent.a2, bent.a3, bent.whole, bent.radius, bent.axis, memory
     )
 
@@ -257,7 +257,7 @@ def _remembering_spring(cables, i, stretch):
     return memory_spring(stretch, cables.l0[i], behind, cables.EA[i], cables.a2[i], cables.a3[i], cables.memory[i])
 
 
-_law = by_type({BentCables: _bent_law, RememberingCables: _remembering_law})
+_law = by_type({BentCables: _bent_law, CablesWithMemory: _remembering_law})
 
 
 def _measure_plain(cables, p, R, state):
@@ -381,7 +381,7 @@ new_state = by_type(
         Cables: _new_plain_state,
         BentCables: _new_bent_state,
         SaggingCables: _new_sagging_state,
-        RememberingCables: _new_bent_state,
+        CablesWithMemory: _new_bent_state,
     }
 )
 measure = by_type(
@@ -389,7 +389,7 @@ measure = by_type(
         Cables: _measure_plain,
         BentCables: _measure_bent,
         SaggingCables: _measure_sagging,
-        RememberingCables: _measure_bent,
+        CablesWithMemory: _measure_bent,
     }
 )
 elastic_energy = by_type(
@@ -397,18 +397,18 @@ elastic_energy = by_type(
         Cables: _plain_energy,
         BentCables: _bent_energy,
         SaggingCables: _sagging_energy,
-        RememberingCables: _remembering_energy,
+        CablesWithMemory: _remembering_energy,
     }
 )
 springs = by_type(
-    {Cables: _all_springs, BentCables: _all_springs, SaggingCables: _no_springs, RememberingCables: _all_springs}
+    {Cables: _all_springs, BentCables: _all_springs, SaggingCables: _no_springs, CablesWithMemory: _all_springs}
 )
 fill_tensions = by_type(
     {
         Cables: _fill_plain_tensions,
         BentCables: _fill_bent_tensions,
         SaggingCables: _fill_sagging_tensions,
-        RememberingCables: _fill_bent_tensions,
+        CablesWithMemory: _fill_bent_tensions,
     }
 )
 on_wheels = by_type({CableState: _plain_on_wheels, BentState: _bent_on_wheels, SaggingState: _bent_on_wheels})

@@ -1,4 +1,4 @@
-"""Laws of cables with a memory in compiled code, by rows of ``RememberingLaw.table``; the laws are described there.
+"""Laws of cables with a memory in compiled code, by rows of ``MemoryLaw.table``; the laws are described there.
 
 Where a law is linear, a cable is a spring that is linear between knots. A nonlinear one is a curve with the strain eps
 of the rope beyond the exit as parameter: with F = EA (eps + a2 eps² + a3 eps³), the stretch delta of the rope behind

@@ -26,7 +26,7 @@ from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.any_cable import any_cables
 from cdpr_sim.statics.gufuncs import equilibrium_gufunc, stiffness_gufunc
-from cdpr_sim.statics.remembering_law import RememberingLaw
+from cdpr_sim.statics.memory_law import MemoryLaw
 
 Start: TypeAlias = tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3 3"]]
 
@@ -42,7 +42,7 @@ def solve(problem: Problem) -> Equilibrium:
         NotConverged: forces do not balance at the best point found; the exception carries that point.
     """
     robot = problem.robot
-    if robot.cabling.remembers.any():
+    if robot.cabling.has_memory.any():
         return solve_step(Problems.stack([problem]), Memory.fresh(robot, (1,)))[0][0]
     position, rotation, lengths, tensions, residual, iterations, ended = solve_table(
         robot, robot.cable_table(), problem.rest_lengths, robot.weight, problem.external_wrench, problem.position,
@@ -128,7 +128,7 @@ def solve_many(
         mass=mass,
     )
     robot, threads = problems.robot, checked_threads(threads)
-    if robot.cabling.remembers.any():
+    if robot.cabling.has_memory.any():
         return solve_step(problems, Memory.fresh(robot, problems.shape))[0]
     found = solve_table(
         robot,
@@ -180,8 +180,8 @@ def solve_step(
     robot, shape = problems.robot, problems.shape
     rest = np.broadcast_to(problems.rest_lengths, (*shape, robot.cables))
     law = None
-    if robot.cabling.remembers.any():
-        law = RememberingLaw.of(robot, problems.axial_stiffness, rest, memory, duration)
+    if robot.cabling.has_memory.any():
+        law = MemoryLaw.of(robot, problems.axial_stiffness, rest, memory, duration)
         table = law.table()
     else:
         table = robot.cable_table(problems.axial_stiffness)
@@ -216,7 +216,7 @@ def solve_step(
     moment = duration + (0.0 if np.isnan(memory.time) else memory.time)
     if law is None:
         return equilibria, dataclasses.replace(memory, beyond=rest.copy(), tensions=ended, time=moment)
-    heavy = robot.cabling.remembers & (robot.cable_weights > 0)
+    heavy = robot.cabling.has_memory & (robot.cable_weights > 0)
     if heavy.any():
         ends = positions[..., None, :] + robot.anchors @ np.swapaxes(turned, -1, -2)
         pulled = any_cables(table, ends - robot.exits, rest).exit_tension / robot.reeving
@@ -294,7 +294,7 @@ def solve_table(
 
     Input that is not finite is reported by a status, not by a NumPy warning, and so is a cable that is strained beyond
     the range of its law where forces balance. Where cables have mass, the search starts at the equilibrium with
-    massless cables. ``table`` is of ``Robot.cable_table`` or ``RememberingLaw.table``; its numbers, the centre of mass
+    massless cables. ``table`` is of ``Robot.cable_table`` or ``MemoryLaw.table``; its numbers, the centre of mass
     and the characteristic length may differ from the robot's.
     """
     cabling, free = robot.cabling, np.zeros(6)

@@ -44,7 +44,7 @@ from cdpr_sim.statics.cable_kernel import (
     BentState,
     Cables,
     CableState,
-    RememberingCables,
+    CablesWithMemory,
     SaggingCables,
     SaggingState,
 )
@@ -106,7 +106,7 @@ _STALLED, _NOT_FINITE, _OFF_WHEEL = int(Status.STALLED), int(Status.NOT_FINITE),
 class Case(NamedTuple):
     """Data of one problem. free: 1 where the platform moves; scale: length of rotations."""
 
-    cables: Cables | BentCables | SaggingCables | RememberingCables
+    cables: Cables | BentCables | SaggingCables | CablesWithMemory
     weight: float
     com: np.ndarray
     wrench: np.ndarray
@@ -293,7 +293,7 @@ _tolerances = by_type(
         Cables: _spring_tolerances,
         BentCables: _spring_tolerances,
         SaggingCables: _sagging_tolerances,
-        RememberingCables: _spring_tolerances,
+        CablesWithMemory: _spring_tolerances,
     }
 )
 

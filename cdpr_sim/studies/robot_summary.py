@@ -168,7 +168,7 @@ def settled_along(
         NotSettled: MuJoCo did not settle at some waypoint.
     """
     times = np.linspace(0.0, seconds, len(waypoints))
-    if robot.cabling.remembers.any():
+    if robot.cabling.has_memory.any():
         path = settle_path(robot, waypoints, external_wrench=external_wrench, times=times)
         return Trajectory.through(all_solved(path), times)
     return Trajectory.through(all_solved(settle_many(robot, waypoints, external_wrench=external_wrench)), times)
@@ -176,7 +176,7 @@ def settled_along(
 
 def solved_along(trajectory: Trajectory) -> EquilibriumBatch:
     """Static equilibria for the commands of a motion's states: where cables have a memory, along its path."""
-    if trajectory.robot.cabling.remembers.any():
+    if trajectory.robot.cabling.has_memory.any():
         return solve_path(trajectory.problems, times=trajectory.times)
     return solve_trajectory(trajectory)
 
@@ -231,6 +231,6 @@ def _across(robot: Robot, through: Float[np.ndarray, "3"]) -> Trajectory:
     ends = np.array([through, through])
     ends[:, 0] = robot.workspace[:, 0]
     seconds = SWINGS * 2 * np.pi * np.sqrt(np.ptp(robot.frame, axis=0).max() / (robot.gravity or STANDARD_GRAVITY))
-    if robot.cabling.massless and not robot.cabling.remembers.any():
+    if robot.cabling.massless and not robot.cabling.has_memory.any():
         return drive(robot, ends, seconds=seconds, states=MOTION)
     return settled_along(robot, np.linspace(ends[0], ends[1], MOTION), seconds)

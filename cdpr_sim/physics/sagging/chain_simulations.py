@@ -125,7 +125,7 @@ class ChainSimulations:
         self._facing = np.full(robot.cables, -1)  # the chain whose first mass a wheel faces
         self._facing[chains.cables] = np.arange(len(chains.cables))
         self.weights = self._weights()
-        self.remembering, self.ropes = np.flatnonzero(cabling.remembers), None
+        self.remembering, self.ropes = np.flatnonzero(cabling.has_memory), None
         if len(self.remembering):
             before, duration = memory or (Memory.fresh(robot, (rows,)), 0.0)
             self.ropes = RopeStep.of(cabling, self.axial_stiffness, self.rest_lengths, before, duration)

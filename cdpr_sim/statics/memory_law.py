@@ -57,7 +57,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class RememberingLaw:
+class MemoryLaw:
     """The cables of a robot in one step of a path, or of many paths side by side; of all parts of line together.
 
     The last of the elements is friction.
@@ -110,7 +110,7 @@ class RememberingLaw:
         rest_lengths: Float[Array, "*batch cables"],
         memory: Memory,
         duration: float,
-    ) -> RememberingLaw:
+    ) -> MemoryLaw:
         """The law with the memory of the last equilibrium, ``duration`` seconds ago."""
         cabling, rest = robot.cabling, rest_lengths
         n, g = cabling.reeving, cabling.behind
@@ -172,7 +172,7 @@ class RememberingLaw:
         table[..., STIFFNESS] = robot.reeving * self.axial_stiffness
         table[..., WEIGHT], table[..., WRAPPED] = robot.cable_weights, robot.wrapped_lengths
         memory = table[..., COLUMNS:]
-        memory[..., KIND] = np.where(cabling.remembers, np.where(self.curved, NONLINEAR, LINEAR), ELASTIC)
+        memory[..., KIND] = np.where(cabling.has_memory, np.where(self.curved, NONLINEAR, LINEAR), ELASTIC)
         memory[..., CREEP], memory[..., CREPT] = self.compliance, self.crept
         memory[..., HELD], memory[..., RHO] = self.held, self.rho
         memory[..., KNOTS:] = np.concatenate([stretches, tensions, slopes], axis=-1)
