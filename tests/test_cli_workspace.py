@@ -26,7 +26,10 @@ def test_map_writes_a_picture_and_says_the_worst(tmp_path):
     assert result.exit_code == 0
     assert path.read_bytes().startswith(b"\x89PNG")
     rows = [line.split() for line in result.stdout.splitlines() if line.strip().startswith(("parallel", "cogiro"))]
-    assert [row[:2] for row in rows] == [[r, m] for r in ("parallel", "cogiro") for m in materials[1::2]]
+    assert [row[:2] for row in rows if row[1] != "with"] == [
+        [robot, material] for robot in ("parallel", "cogiro") for material in materials[1::2]
+    ]
+    assert sum(row[1:4] == ["with", "rigid", "cables:"] for row in rows) == 2
     assert all("…" not in cell for row in rows for cell in row)
 
 

@@ -245,7 +245,7 @@ def test_each_chart_has_the_coordinates_of_its_poses(name):
     robot, random = cdpr.load_robot(name), np.random.default_rng(4)
     problem = cdpr.Problem.of(robot, robot.home)
     for chart, signs in enumerate(complete.CHARTS[robot.mobility]):
-        v = random.uniform(-1, 1, 3) * (np.isin([3, 4, 5], complete.FREE[robot.mobility]))
+        v = random.uniform(-1, 1, 3) * (np.isin([3, 4, 5], robot.free_directions))
         pose = Pose(robot.home, Rotation.from_quat([*v, 1.0]).as_matrix() * np.array(signs))
         with arithmetic():
             balance = Balance(problem, pose)

@@ -477,7 +477,7 @@ def test_unknowns_that_are_not_there_are_refused(robot):
     """A gain without a load cell, a radius without a pulley."""
     data = cdpr.Measurements.of(commanded(2), exact_poses(robot, commanded(2)))
     for name in ("force_gains", "pulley_radius", "swivel_zeros"):
-        with pytest.raises(cdpr.InvalidInput, match=f"unknowns: found {name}, expected"):
+        with pytest.raises(cdpr.InvalidInput, match=f"unknowns: found {name} without a (measurement|robot)"):
             cdpr.identify(robot, data, name)
     with pytest.raises(cdpr.InvalidInput, match="found angle_zeros and yaw_zero, expected one of the two"):
         cdpr.identify(robot, data, ["angle_zeros", "yaw_zero"])

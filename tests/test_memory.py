@@ -58,7 +58,7 @@ def test_a_robot_without_memory_is_written_and_described_as_before():
         ({"pulley_friction": -1}, "pulley_friction: found -1 in cable 1, expected 0 to 1"),
         (
             {"linear_density": 0.1, "stiffening": (1, 0)},
-            "which has mass and a nonlinear law, expected at most",
+            "together with mass and a nonlinear law, expected at most two",
         ),
         ({"stiffening": (-2, 0)}, "expected less than 1, as the law's slope falls to 0.2 EA: the tension could fall"),
     ],

@@ -159,7 +159,7 @@ def drive(
     return trajectory
 
 
-def duration(seconds: float) -> float:
+def duration(seconds: Any) -> float:
     """A duration of a motion [s].
 
     Raises:

@@ -63,7 +63,7 @@ class ChainDerivatives(NamedTuple):
         platform, masses = _slopes(simulations, at, step, moves, quick)
 
         direct, across = np.moveaxis(platform[:, :free], 1, -1), np.moveaxis(masses[:, :free], 1, -1)
-        nodewise = np.moveaxis(masses[:, free:].reshape(len(at), -1, 3, len(slides), nodes, 3), 2, -1)
+        nodewise = np.moveaxis(masses[:, free:].reshape(len(at), len(along_slides), 3, len(slides), nodes, 3), 2, -1)
         own = nodewise[:, 0] / distances[:, None, None]
         first = across[:, :, :3, :3] @ simulations.rotations[at, None] if free == 6 else nodewise[:, 1, :, -1]
         within = np.tile(first, (1, 1, nodes, nodes))
