@@ -247,7 +247,7 @@ def test_a_line_is_listed_with_how_far_the_methods_are_apart():
 def compensation(**changes) -> Compensation:
     values = dict(
         commanded=RigidTransform.from_translation(COMMANDED), equilibrium=made_up("newton"),
-        reach=CompensationOutcome.NEAREST,
+        outcome=CompensationOutcome.NEAREST,
         distance=0.0123, arm=0.055, reasons=("so it is",), tension_limits=np.ones((2, 8)), reached=None,
     )  # fmt: skip
     return Compensation(**(values | changes))
@@ -293,8 +293,8 @@ def test_compensated_cables_are_shorter_by_what_is_said():
 )  # fmt: skip
 def test_what_mujoco_confirms_of_a_compensation_is_told(exact, stays, reached_from_commanded, color):
     """The colour of the verdict, and in JSON whether the pose is held and whether the platform comes there."""
-    reach = CompensationOutcome.EXACT if exact else CompensationOutcome.NEAREST
-    found = compensation(reach=reach, distance=0.0 if exact else 0.0123)
+    outcome = CompensationOutcome.EXACT if exact else CompensationOutcome.NEAREST
+    found = compensation(outcome=outcome, distance=0.0 if exact else 0.0123)
     elsewhere = made_up("seecr/fsolve")
     hold = CompensationCheck(
         found, found.equilibrium if stays else elsewhere, found.equilibrium if reached_from_commanded else elsewhere
