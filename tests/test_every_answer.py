@@ -180,7 +180,7 @@ def test_all_equilibria_of_a_planar_robot_are_proved_or_refused():
     assert "\n" not in str(refused.value)
 
 
-def remembering() -> dict[str, cdpr.Robot]:
+def with_memory() -> dict[str, cdpr.Robot]:
     """DemoBot with every set of properties, and a memory on all cables but the fourth."""
     found = {}
     for name in [name for name in ROBOTS if "mixed" not in name] + ["mixed with mass"]:
@@ -197,10 +197,10 @@ def remembering() -> dict[str, cdpr.Robot]:
 POSES = np.linspace((0.25, 0.25, 0.1), (0.45, 0.25, 0.1), 3)[[0, 1, 2, 1, 0]]
 
 
-@pytest.mark.parametrize("name", remembering())
+@pytest.mark.parametrize("name", with_memory())
 def test_cables_with_a_memory_and_all_other_properties_have_paths_by_both_methods(name):
     """There and back, which is not the same equilibrium; with what else is asked of a path."""
-    robot = remembering()[name]
+    robot = with_memory()[name]
     paths = [method(robot, POSES, times=np.arange(5.0)) for method in (cdpr.solve_path, cdpr.settle_path)]
     assert np.abs(paths[0].positions - paths[1].positions).max() < 1e-9
     assert all(cdpr.compare(*both).agrees for both in zip(*paths, strict=True))

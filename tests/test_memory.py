@@ -13,7 +13,7 @@ ELEMENTS = [(0.1, 1e-3), (0.1, np.inf, 0.2)]
 LINE = np.linspace([0.2, 0.25, 0.1], [0.6, 0.25, 0.1], 5)
 
 
-def remembering(**changes) -> cdpr.Robot:
+def with_memory(**changes) -> cdpr.Robot:
     """DemoBot with every kind of memory on all cables."""
     kinds = dict(pulley_friction=0.02, hysteresis=ELEMENTS, creep=[(4e4, 600.0)])
     return cdpr.load_robot("cogiro").replace(**(kinds | changes))
@@ -29,7 +29,7 @@ def remembering(**changes) -> cdpr.Robot:
 )
 def test_a_robot_file_has_the_same_memory(tmp_path, changes):
     """Written and read again, elements, terms and friction are the same to the last bit, also cable by cable."""
-    robot = remembering(**changes)
+    robot = with_memory(**changes)
     (tmp_path / "robot.toml").write_text(as_toml(robot))
     read = cdpr.load_robot(tmp_path / "robot.toml")
     assert read.cabling.same_as(robot.cabling)
@@ -66,7 +66,7 @@ def test_a_robot_without_memory_is_written_and_described_as_before():
 def test_a_memory_that_no_rope_has_is_refused_in_one_sentence(changes, sentence):
     """The sentence names the field, what was found and what is expected."""
     with pytest.raises(cdpr.InvalidInput, match=sentence) as caught:
-        remembering(**changes)
+        with_memory(**changes)
     assert "\n" not in str(caught.value)
 
 
@@ -74,7 +74,7 @@ def test_small_steps_go_along_the_commanded_poses():
     """Rest lengths between two commands are the rigid ones of the poses between them; the commands stay themselves."""
     rng = np.random.default_rng(0)
     poses = rng.uniform([0.2, 0.2, 0.1, 0, 0, 0], [0.6, 0.3, 0.12, 0.1, 0.1, 0.1], (5, 3, 6))
-    path = PathProblem.of(remembering(), poses, steps=4, times=[0, 0, 1, 3, 3])
+    path = PathProblem.of(with_memory(), poses, steps=4, times=[0, 0, 1, 3, 3])
     again = cdpr.Problems.of(path.robot, path.fine.positions, rotations=path.fine.rotations)
     assert np.abs(path.fine.rest_lengths - again.rest_lengths).max() < 1e-15
     assert (path.fine.rest_lengths[path.kept] == path.problems.rest_lengths).all()
@@ -94,4 +94,4 @@ def test_small_steps_go_along_the_commanded_poses():
 def test_a_path_that_cannot_be_followed_is_refused(arguments, sentence):
     """One sentence each."""
     with pytest.raises(cdpr.InvalidInput, match=sentence):
-        PathProblem.of(remembering(), **({"poses": LINE} | arguments))
+        PathProblem.of(with_memory(), **({"poses": LINE} | arguments))

@@ -16,6 +16,9 @@ MASSES = np.linspace(0.2, 0.6, ROWS)
 
 BATCHES = {
     "solve_many": lambda robot, poses, n: cdpr.solve_many(robot, poses, mass=MASSES, threads=n).positions,
+    "few long rows": lambda robot, poses, n: (
+        cdpr.solve_many(robot, np.resize(poses, (5, 700, 3)), threads=n).positions  # two pieces: one row is too few
+    ),
     "columns": lambda robot, poses, n: cdpr.solve_many(robot, poses[:, None], mass=[0.3, 0.5], threads=n).tensions,
     "broadcast": lambda robot, poses, n: cdpr.solve_many(robot, poses[:1], mass=MASSES, threads=n).rotations,
     "shortfall": lambda robot, poses, n: cdpr.shortfall(robot, poses, threads=n),

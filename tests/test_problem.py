@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.robot_batch import RobotBatch
 
 POSE = (0.3, 0.25, 0.1)
 
@@ -228,6 +229,33 @@ def test_stiffness_and_mass_of_a_row_are_those_of_its_robot(parallel):
     assert (soft.mass, problems[1, 1].robot) == (0.8, parallel)
     np.testing.assert_allclose(soft.robot.inertia, 2 * parallel.inertia)
     np.testing.assert_array_equal(problems.load, parallel.gravity * np.array([[0.2], [0.4], [0.8]]))
+
+
+def test_a_row_has_one_index_for_each_axis(parallel):
+    """Of problems and of equilibria; with another number of indices the row is refused."""
+    problems = cdpr.Problems.of(parallel, POSE, axial_stiffness=[[1e3], [1e4]], mass=[[0.2], [0.4], [0.8]])
+    for rows in (problems, cdpr.solve_many(problems)):
+        for row in (0, (0, 1, 0), ()):
+            with pytest.raises(cdpr.InvalidInput, match=r"row: found .* of shape \(3, 2\), expected 2 indices"):
+                rows[row]
+
+
+def test_problems_of_several_robots_are_each_robots_own_or_refused(parallel):
+    """A row has its robot; what knows one robot only refuses them, also those that have been solved."""
+    robots = [parallel, parallel.replace(exits=parallel.exits + np.array([0.02, 0, 0]))]
+    places = np.array([POSE, (0.4, 0.25, 0.1)])
+    problems = cdpr.Problems.of_robots(
+        RobotBatch.of(robots), places, np.array([np.eye(3)] * 2), np.zeros((2, 6)), np.ones(2)
+    )
+    equilibria = cdpr.solve_many(problems)
+    for row, robot in enumerate(robots):
+        for column, place in enumerate(places):
+            alone = cdpr.solve(robot, place)
+            np.testing.assert_array_equal(problems[row, column].robot.exits, robot.exits)
+            np.testing.assert_allclose(equilibria.positions[row, column], alone.pose.translation, rtol=0, atol=1e-9)
+    for question in (cdpr.cable_profiles, cdpr.clearances):
+        with pytest.raises(cdpr.InvalidInput, match="equilibria: found those of several robots, expected of one"):
+            question(equilibria)
 
 
 def test_rows_that_cannot_be_asked_say_so(parallel):

@@ -334,7 +334,7 @@ def test_a_step_without_equilibrium_ends_its_path():
         cdpr.solve_path(robot, THERE[:2, None].repeat(2, 1), memory=path.memory)
 
 
-def remembering() -> cdpr.Robot:
+def with_memory() -> cdpr.Robot:
     """DemoBot with friction and hysteresis."""
     return cdpr.load_robot("cogiro").replace(pulley_friction=0.05, hysteresis=ELEMENTS, winch_to_exit=0.3)
 
@@ -370,13 +370,13 @@ def test_answers_that_do_not_know_a_memory_refuse_it_in_one_sentence(answer):
     with pytest.raises(
         cdpr.InvalidInput, match="found pulley_friction and hysteresis in cable 1, expected cables"
     ) as e:
-        REFUSED[answer](remembering())
+        REFUSED[answer](with_memory())
     assert "\n" not in str(e.value)
 
 
 def test_answers_about_poses_and_tensions_take_ropes_with_a_memory():
     """What needs no law, or has the equilibria of a path: feasibility, pictures of cables, notebooks."""
-    robot = remembering()
+    robot = with_memory()
     plain = robot.replace(pulley_friction=0.0, hysteresis=())
     path = cdpr.solve_path(robot, THERE)
     assert (cdpr.feasible(robot, THERE) == cdpr.feasible(plain, THERE)).all()

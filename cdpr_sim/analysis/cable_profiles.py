@@ -28,9 +28,10 @@ def cable_profiles(equilibria: EquilibriumBatch, points: int = 25) -> Float[np.n
         (..., cables, points, 3) [m]; nan for massless cables over pulleys.
 
     Raises:
-        InvalidInput: not equilibria; fewer than 2 points, or not an integer.
+        InvalidInput: not equilibria, or those of several robots; fewer than 2 points, or not an integer.
     """
     refuse_unless(EquilibriumBatch, equilibria=equilibria)
+    equilibria.problems.refuse_several_robots("equilibria")
     whole("points", points, 2, MOST_POINTS)
     robot = equilibria.robot
     anchors = equilibria.positions[..., None, :] + robot.anchors @ np.swapaxes(equilibria.rotations, -1, -2)

@@ -122,12 +122,13 @@ def clearances(
         Every distance [m] for each pose, and the curves between which they were measured.
 
     Raises:
-        InvalidInput: as in ``solve_many``, or a fitting below 0.
+        InvalidInput: as in ``solve_many``, equilibria of several robots, or a fitting below 0.
     """
     refuse_unless(Robot | EquilibriumBatch, robot=robot)
     equilibria = robot if isinstance(robot, EquilibriumBatch) else solve_many(robot, poses)
     if isinstance(robot, EquilibriumBatch) and poses is not None:
         raise InvalidInput("poses: found them beside equilibria, expected the equilibria only")
+    equilibria.problems.refuse_several_robots("equilibria")
     machine, points = equilibria.robot, whole("points", points, 2)
     fitting = default_fitting(machine) if fitting is None else float(checked_array("fitting", fitting, ()))
     if fitting < 0:

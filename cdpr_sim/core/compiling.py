@@ -34,8 +34,8 @@ kernel. Higher levels take longer to compile, and the kernels are no faster."""
 
 LANES_FROM = 1000
 """Elements from which on they are evaluated eight at a time (``lanes``), of kernels that can. For fewer, loading that
-code takes longer than it saves. At most half of ``design.robot_batch.LEAST_WORK``, so that the pieces into which
-threads divide a batch are evaluated as the whole is."""
+code takes longer than it saves. It is also the least number in a piece that threads evaluate, so that the
+pieces of a batch are evaluated as the whole is."""
 
 PATIENCE = 2.0, 60.0
 """Seconds to wait for another thread's import of Numba: after the first a warning is logged, after the second an error

@@ -34,13 +34,13 @@ def on_threads(
         arguments: its arguments.
         axes: number of axes that each argument has of its own.
         threads: number of threads.
-        least: number of rows for which a piece is worth a thread.
+        least: number of elements for which a piece is worth a thread; no piece has fewer.
     """
     if threads == 1:
         return function(*arguments)
     before = [np.shape(one)[: np.ndim(one) - own] for one, own in zip(arguments, axes, strict=True)]
     loop = np.broadcast_shapes(*before)
-    pieces = min(2 * threads, loop[0], int(math.prod(loop) / least)) if loop else 1
+    pieces = min(2 * threads, loop[0] // max(math.ceil(least / max(math.prod(loop[1:]), 1)), 1)) if loop else 1
     if pieces < 2:
         return function(*arguments)
     divides = [len(shape) == len(loop) and shape[0] > 1 for shape in before]

@@ -316,6 +316,15 @@ class Problems(Frozen):
             singles=tuple(problems),
         )
 
+    def refuse_several_robots(self, field: str) -> None:
+        """Refuse ``robots`` that differ, for what knows the common ``robot`` only.
+
+        Raises:
+            InvalidInput: there are such robots.
+        """
+        if self.robots is not None:
+            raise InvalidInput(f"{field}: found those of several robots, expected of one")
+
     def take(self, rows: Int[np.ndarray, " some"] | Bool[np.ndarray, "*batch"]) -> Problems:
         """Some of (rows, ...) problems, by their indices; or those of any shape where ``rows`` is true.
 
@@ -325,8 +334,7 @@ class Problems(Frozen):
         Raises:
             InvalidInput: problems of several robots.
         """
-        if self.robots is not None:
-            raise InvalidInput("problems: found those of several robots, expected of one")
+        self.refuse_several_robots("problems")
         positions = self._at(self.positions, (rows,), 1)
         return Problems(
             robot=self.robot,
@@ -347,10 +355,18 @@ class Problems(Frozen):
         return (self[row] for row in range(len(self)))
 
     def __getitem__(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Problem:
-        """The problem at one index of ``shape``."""
+        """The problem at one index of ``shape``.
+
+        Raises:
+            InvalidInput: not as many indices as the problems have axes.
+        """
         if self.singles and not isinstance(row, tuple):
             return self.singles[row]
         at = np.index_exp[row] if not isinstance(row, tuple) else row
+        if len(at) != len(self.shape):
+            raise InvalidInput(
+                f"row: found {row} of problems of shape {self.shape}, expected {len(self.shape)} indices"
+            )
         stiffness, mass = self._at(self.axial_stiffness, at, 1), float(self._at(self.mass, at, 0))
         robot, changes = self.robot if self.robots is None else self.robots.robot_at(int(at[0])), {}
         if not np.array_equal(stiffness, robot.axial_stiffness):

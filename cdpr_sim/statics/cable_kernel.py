@@ -3,7 +3,7 @@
 Path and law are those of ``core.cable_path`` and ``core.cable_law``, compiled; the kernels have no other coding of
 them. There are four types of cables: *plain* ones, straight and linear, are compiled separately so that they are as
 fast as possible; *bent* ones run over pulleys or have nonlinear laws; *sagging* ones are ``any_cable``, some with mass;
-*remembering* ones are bent ones, some with a memory (``memory_kernel``). Sagging ones are no
+ones *with memory* are bent ones, some with a memory (``memory_kernel``). Sagging ones are no
 springs along their paths: their state has pulls and stiffness matrices, and no springs, so that loops over springs are
 empty. Kernels are compiled once for each type.
 Coordinates are (translation, left-applied rotation vector times ``scale``), six lengths.
@@ -179,7 +179,7 @@ def unpack_sagging(table, rest_lengths):
 
 
 @inline
-def unpack_remembering(table, rest_lengths):
+def unpack_with_memory(table, rest_lengths):
     """The same for cables with a memory: their table has further columns (``memory_kernel``)."""
     bent, more = unpack_bent(table, rest_lengths), table.shape[1] - COLUMNS
     memory = np.empty((len(rest_lengths), more))
@@ -195,7 +195,7 @@ TYPES = {
     "": unpack,
     " for pulleys and nonlinear laws": unpack_bent,
     " for cables with mass": unpack_sagging,
-    " for cables with a memory": unpack_remembering,
+    " for cables with a memory": unpack_with_memory,
 }
 """By what follows the name of a kernel that is compiled for a type of cables."""
 
@@ -244,20 +244,20 @@ def _bent_law(cables, i, stretch):
     return _tangent(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
 
 
-def _remembering_law(cables, i, stretch):
+def _memory_law(cables, i, stretch):
     """The same, with a memory."""
-    k, e, _ = _remembering_spring(cables, i, stretch)
+    k, e, _ = _memory_spring(cables, i, stretch)
     return k, e
 
 
 @inline
-def _remembering_spring(cables, i, stretch):
+def _memory_spring(cables, i, stretch):
     """Its tangent spring, and its energy."""
     behind = cables.whole[i] - cables.l0[i]
     return memory_spring(stretch, cables.l0[i], behind, cables.EA[i], cables.a2[i], cables.a3[i], cables.memory[i])
 
 
-_law = by_type({BentCables: _bent_law, CablesWithMemory: _remembering_law})
+_law = by_type({BentCables: _bent_law, CablesWithMemory: _memory_law})
 
 
 def _measure_plain(cables, p, R, state):
@@ -326,10 +326,10 @@ def _bent_energy(cables, state, V):
     return V
 
 
-def _remembering_energy(cables, state, V):
+def _memory_energy(cables, state, V):
     for i in range(len(cables.l0)):
         if state.e[i] > 0:
-            _, _, energy = _remembering_spring(cables, i, state.l[i] - cables.l0[i])
+            _, _, energy = _memory_spring(cables, i, state.l[i] - cables.l0[i])
             V += energy
     return V
 
@@ -397,7 +397,7 @@ elastic_energy = by_type(
         Cables: _plain_energy,
         BentCables: _bent_energy,
         SaggingCables: _sagging_energy,
-        CablesWithMemory: _remembering_energy,
+        CablesWithMemory: _memory_energy,
     }
 )
 springs = by_type(

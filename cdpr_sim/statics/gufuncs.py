@@ -18,13 +18,13 @@ def _equilibria_on_lanes(*given: Any) -> Any:
     return lanes_kernel.solve(*given)
 
 
-def _stiffness_on_lanes(*given: Any) -> Any:
+def _stiffness_on_lanes(_: Kernel, *given: Any) -> Any:
     from cdpr_sim.statics import lockstep_kernel
 
     return lockstep_kernel.modes(*given)
 
 
-def _shortfalls_on_lanes(*given: Any) -> Any:
+def _shortfalls_on_lanes(_: Kernel, *given: Any) -> Any:
     from cdpr_sim.statics import lockstep_kernel
 
     return lockstep_kernel.shortfalls(*given)
@@ -55,7 +55,7 @@ _SHORTFALLS = cable_kernel.kernels(
 _MARGINS = cable_kernel.kernels("margins of tensions", balance_kernel.margin, _BALANCE, ("free",))
 
 
-def equilibrium_gufunc(*, bent: bool = False, sagging: bool = False, remembering: bool = False) -> Kernel:
+def equilibrium_gufunc(*, bent: bool = False, sagging: bool = False, has_memory: bool = False) -> Kernel:
     """The solver as a NumPy generalised ufunc, for cables of one type (``cable_kernel``).
 
     Arguments: ``Robot.cable_table`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench (6), free
@@ -63,10 +63,10 @@ def equilibrium_gufunc(*, bent: bool = False, sagging: bool = False, remembering
     Results: position (3), rotation matrix (3,3), lengths of the massless paths (m), tensions at the anchors of all
     parts of line (m), residual, iterations, status.
     """
-    return _EQUILIBRIA[2 if sagging else 3 if remembering else bent]
+    return _EQUILIBRIA[2 if sagging else 3 if has_memory else bent]
 
 
-def stiffness_gufunc(*, bent: bool = False, sagging: bool = False, remembering: bool = False) -> Kernel:
+def stiffness_gufunc(*, bent: bool = False, sagging: bool = False, has_memory: bool = False) -> Kernel:
     """Stiffness and lowest natural frequency, as a NumPy generalised ufunc.
 
     Arguments: ``Robot.cable_table`` (m,k), rest lengths (m), mass, gravity, centre of mass (3), inertia (3,3), indices
@@ -74,7 +74,7 @@ def stiffness_gufunc(*, bent: bool = False, sagging: bool = False, remembering: 
     Results: eigenvalues of the stiffness matrix, ascending, rotations in characteristic lengths (f) [N/m]; the lowest
     natural frequency [Hz], 0 where a direction is unconstrained and nan at a saddle.
     """
-    return _STIFFNESS[2 if sagging else 3 if remembering else bent]
+    return _STIFFNESS[2 if sagging else 3 if has_memory else bent]
 
 
 def shortfall_gufunc(*, bent: bool = False) -> Kernel:

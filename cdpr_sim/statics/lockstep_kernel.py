@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from cdpr_sim.core.cable import PARTS
-from cdpr_sim.core.compiling import Compiled, Kernel, where
+from cdpr_sim.core.compiling import Compiled, where
 from cdpr_sim.core.lanes import WIDTH, Room, masks, matrix3, matrix6, room_for, vector
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.balance_kernel import Memory as BalanceMemory
@@ -63,7 +63,7 @@ _MODES = Compiled(
 
 
 def modes(
-    kernel: Kernel, tables, rest_lengths, masses, gravity, centers_of_mass, inertia, free, scales, positions, rotations
+    tables, rest_lengths, masses, gravity, centers_of_mass, inertia, free, scales, positions, rotations
 ) -> tuple[np.ndarray, ...]:
     """Results of ``gufuncs.stiffness_gufunc`` for (rows, columns) of poses: plain cables.
 
@@ -131,7 +131,7 @@ _SHORTFALLS = Compiled(
 
 
 def shortfalls(
-    kernel: Kernel, tables, lower, upper, weights, centers_of_mass, wrenches, free, scales, positions, rotations
+    tables, lower, upper, weights, centers_of_mass, wrenches, free, scales, positions, rotations
 ) -> tuple[np.ndarray, ...]:
     """Results of ``gufuncs.shortfall_gufunc`` for (rows, columns) of poses: plain cables.
 

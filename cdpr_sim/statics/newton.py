@@ -329,5 +329,5 @@ def solve_table(
 
 def _kind(robot: Robot, table: Float[np.ndarray, "*#batch cables columns"]) -> dict[str, bool]:
     """Which kernel takes the cables of a table, without their mass."""
-    remembering = table.shape[-1] > COLUMNS
-    return {"remembering": remembering, "bent": robot.cabling.bent and not remembering}
+    has_memory = table.shape[-1] > COLUMNS
+    return {"has_memory": has_memory, "bent": robot.cabling.bent and not has_memory}

@@ -125,8 +125,8 @@ class ChainSimulations:
         self._facing = np.full(robot.cables, -1)  # the chain whose first mass a wheel faces
         self._facing[chains.cables] = np.arange(len(chains.cables))
         self.weights = self._weights()
-        self.remembering, self.ropes = np.flatnonzero(cabling.has_memory), None
-        if len(self.remembering):
+        self.with_memory, self.ropes = np.flatnonzero(cabling.has_memory), None
+        if len(self.with_memory):
             before, duration = memory or (Memory.fresh(robot, (rows,)), 0.0)
             self.ropes = RopeStep.of(cabling, self.axial_stiffness, self.rest_lengths, before, duration)
         self.springs, self.polynomials = self.stiffnesses.copy(), self.further.copy()
@@ -220,7 +220,7 @@ class ChainSimulations:
         """Springs that pull as cables with a memory do at their present lengths, as of MuJoCo's last positions."""
         if self.ropes is None:
             return
-        which, row = self.remembering, at[:, None]
+        which, row = self.with_memory, at[:, None]
         stiffness, free = self.ropes.tangent(self._lengths_in_chains())
         first = row, self.first[which]
         self.bands[(*first, 1)] = (free - self._within + self.entries)[row, which]
@@ -235,7 +235,7 @@ class ChainSimulations:
         """The memory of the cables, which are at rest, without the time; of those with mass, that at their exits."""
         assert self.ropes is not None
         tensions = self.tensions(self.all)
-        for cable in set(self.remembering) & set(self.chains.cables):
+        for cable in set(self.with_memory) & set(self.chains.cables):
             tensions[:, cable] = self._along(self.all, self.first[cable]) / self.robot.reeving[cable]
         return self.ropes.memory_after(self._lengths_in_chains(), tensions)
 
