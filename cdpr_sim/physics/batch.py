@@ -271,15 +271,16 @@ class Simulations:
         return self.unbalanced
 
     def displaced(
-        self, qpos: Float[np.ndarray, "some coordinates"], moves: Float[np.ndarray, "some free"]
-    ) -> Float[np.ndarray, "some coordinates"]:
+        self, qpos: Float[np.ndarray, "some coordinates"], moves: Float[np.ndarray, "*each some free"]
+    ) -> Float[np.ndarray, "*each some coordinates"]:
         """Coordinates of platforms after ``moves``: translation and rotation times the length, base frame [m]."""
-        there = qpos.copy()
+        there = np.empty((*moves.shape[:-1], qpos.shape[-1]))
+        there[:] = qpos
         if self.robot.mobility != "spatial":
-            there[:, : self.free] += moves / np.r_[1.0, 1.0, self.length]
+            there[..., : self.free] += moves / np.r_[1.0, 1.0, self.length]
             return there
-        there[:, :3] += moves[:, :3]
-        there[:, 3:7] = turned(qpos[:, 3:7], moves[:, 3:] / self.length)
+        there[..., :3] += moves[..., :3]
+        there[..., 3:7] = turned(qpos[:, 3:7], moves[..., 3:] / self.length)
         return there
 
     def read(self, qpos: Float[np.ndarray, "rows coordinates"]) -> SimulationReading:
@@ -353,8 +354,8 @@ class Simulations:
         moves = np.zeros((2 * free, len(rest), free))
         moves[np.arange(2 * free), :, directions] = ways[:, None] * step
         pushed, rotations = np.empty((2 * free, len(rest), free)), np.empty((2 * free, len(rest), 3, 3))
-        for i, displaced in enumerate(moves):
-            self.qpos[:] = self.displaced(rest, displaced)
+        for i, displaced in enumerate(self.displaced(rest, moves)):
+            self.qpos[:] = displaced
             self.turn_wheels()
             self.batch.forward()
             pushed[i], rotations[i] = self.accelerating, self.rotations

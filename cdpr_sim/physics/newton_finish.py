@@ -87,9 +87,9 @@ def _compliance(
 ) -> tuple[Float[np.ndarray, "some free free"], Bool[np.ndarray, " some"]]:
     """Inverse of the stiffness at ``qpos`` [m/N], by differences of ``step`` [m]; and where it is positive definite."""
     stiffness = np.empty((*forces.shape, forces.shape[1]))
-    for j, axis in enumerate(np.eye(forces.shape[1])):
-        moved = simulations.evaluate(at, simulations.displaced(qpos, step[:, None] * axis))
-        stiffness[:, :, j] = (forces - moved) / step[:, None]
+    moves = step[:, None] * np.eye(forces.shape[1])[:, None]
+    for j, displaced in enumerate(simulations.displaced(qpos, moves)):
+        stiffness[:, :, j] = (forces - simulations.evaluate(at, displaced)) / step[:, None]
     stiffness[~np.isfinite(stiffness).all((1, 2))] = 0
     values = np.linalg.eigvalsh((stiffness + stiffness.swapaxes(1, 2)) / 2)
     definite = values[:, 0] > DEFINITE * values[:, -1]
