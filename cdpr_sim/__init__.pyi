@@ -75,8 +75,8 @@ from .design.layout_result import LayoutResult as LayoutResult
 from .design.moves import Move as Move
 from .design.search import find_layout as find_layout
 from .drawing.still import draw as draw
-from .drawing.video.film import show as show
-from .drawing.video.film import write_video as write_video
+from .drawing.video.writing import show as show
+from .drawing.video.writing import write_video as write_video
 from .physics.drive import drive as drive
 from .physics.mjcf import scene_mjcf as scene_mjcf
 from .physics.mjcf import to_mjcf as to_mjcf

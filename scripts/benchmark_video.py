@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 import cdpr_sim as cdpr
-from cdpr_sim.drawing.video import film as video
+from cdpr_sim.drawing.video import writing as video
 from cdpr_sim.drawing.video.render import OpenGLUnavailable
 
 ROBOTS = ("cogiro", "parallel")
@@ -22,7 +22,7 @@ LINE = [(0.17, 0.25, 0.1), (0.63, 0.25, 0.1)]  # m, the paper's
 DRIVE_SECONDS = 60.0  # s
 FRAMES, FPS = 150, 30.0
 SIZE = (640, 480)  # pixel
-SHOWPIECE = ["video", *ROBOTS, "--path", "0.17", "0.63", "--z", "0.1"]  # 1280 x 720, 300 frames, nearly static
+TILTING = ["video", *ROBOTS, "--path", "0.17", "0.63", "--z", "0.1"]  # 1280 x 720, 300 frames, nearly static
 REPEATS = 3
 
 
@@ -60,21 +60,21 @@ def main() -> None:
                 print(
                     f"{backend:8} {shown} robot(s): {rate:5.1f} frames per second, {cost:4.0f} ms of CPU time per frame"
                 )
-    showpiece()
+    tilting_platforms()
 
 
-def showpiece() -> None:
+def tilting_platforms() -> None:
     """The whole command without OpenGL: start, two drives, the static solver, rendering and encoding."""
     seconds, costs = [], []
     for _ in range(REPEATS):
         with tempfile.TemporaryDirectory() as folder:
             start, before = time.perf_counter(), processor_seconds()
-            command = [sys.executable, "-c", "from cdpr_sim.cli import main; main()", *SHOWPIECE]
+            command = [sys.executable, "-c", "from cdpr_sim.cli import main; main()", *TILTING]
             subprocess.run([*command, "--renderer", "raycast", "-o", "video.mp4"], cwd=folder, check=True)
             seconds.append(time.perf_counter() - start)
             costs.append(processor_seconds() - before)
     print(
-        f"cdpr-sim {' '.join(SHOWPIECE)}, 1280 x 720, 300 frames, raycast: {statistics.median(seconds):.1f} s, "
+        f"cdpr-sim {' '.join(TILTING)}, 1280 x 720, 300 frames, raycast: {statistics.median(seconds):.1f} s, "
         f"{statistics.median(costs):.1f} s of processor time; median of {REPEATS}"
     )
 

@@ -21,7 +21,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.drawing.axes import encoded
-from studies.controller_comparison import LAYOUTS, PAUSE, Run, Task, held, rms, rope_runs, runs
+from studies.controller_comparison import LAYOUTS, PAUSE, Run, TrackingTask, held, rms, rope_runs, runs
 from studies.controller_comparison_figures import controllers
 from studies.controller_tables import ropes_table, runs_table, summary_table
 
@@ -56,7 +56,7 @@ def main() -> None:
     console.print(summary_table(found))
     for layout in LAYOUTS:
         for path in ("line", "circle"):
-            part = held(Task(layout, PAPER_MATERIALS[0], path, 0.5))
+            part = held(TrackingTask(layout, PAPER_MATERIALS[0], path, 0.5))
             console.print(f"{layout}: the platform can be held level along {part:.0%} of the {path}.")
     console.print(f"{len(found)} runs, {time.process_time() - begun:.0f} s of one core")
     FOLDER.mkdir(exist_ok=True)

@@ -17,7 +17,9 @@ LINE = [(0.17, 0.25, 0.1), (0.63, 0.25, 0.1)]  # m, the paper's
 DRIVE_SECONDS = None  # s; None: nearly static
 SECONDS = 10.0  # s, of video
 FOLDER = Path(__file__).parents[1] / "pictures"
-FILES = {"showpiece.gif": ((800, 450), 10.0)}  # file: size [pixel], frames per second; .mp4 is supported as well
+FILES = {
+    "tilting-platforms.gif": ((800, 450), 10.0)
+}  # file: size [pixel], frames per second; .mp4 is supported as well
 
 
 def main() -> None:

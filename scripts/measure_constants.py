@@ -41,7 +41,7 @@ from cdpr_sim.design import layout_equilibria
 from cdpr_sim.physics import chains
 from cdpr_sim.physics.release import STAYS
 from cdpr_sim.physics.settle import residual_of
-from cdpr_sim.report.html_page import FILM_RATE, FILM_SIZE
+from cdpr_sim.report.html_page import VIDEO_RATE, VIDEO_SIZE
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.statics import balance_kernel, catenary
 from cdpr_sim.statics.newton_kernel import MAX_ITERATIONS
@@ -364,7 +364,7 @@ def sizes() -> Iterator[Row]:
         cdpr.write_report(page, cdpr.load_robot("parallel"), grid=(2, 2, 2))
         film = re.search(r"data:video/mp4;base64,([^\"]+)", page.read_text(encoding="utf-8"))
         most = len(base64.b64decode(film[1])) if film else np.inf
-    name = f"FILM_SIZE, FILM_RATE = {FILM_SIZE[0]} × {FILM_SIZE[1]}, {FILM_RATE:g}"
+    name = f"VIDEO_SIZE, VIDEO_RATE = {VIDEO_SIZE[0]} × {VIDEO_SIZE[1]}, {VIDEO_RATE:g}"
     yield Row(name, "video in the report of parallel [MB]", f"{most / 1e6:.2f}", most < 0.5e6)
 
 

@@ -39,7 +39,7 @@ SETTINGS = {
 }
 
 
-class Simulations(VecEnv):
+class BatchedEnvironments(VecEnv):
     """A task's simulations as Stable-Baselines3 wants them: an episode is followed by another one in the same step."""
 
     def __init__(self, task: Task, seed: int) -> None:
@@ -103,7 +103,7 @@ def trained(seconds: float, cores: int, steps: int):
     """A function from observations to actions, and the number of steps it was trained for."""
     torch.set_num_threads(1)  # the networks are too small for more
     environment = VecNormalize(
-        VecMonitor(Simulations(Task(count=SIMULATIONS, threads=cores, **SETTINGS), seed=0)), gamma=0.97
+        VecMonitor(BatchedEnvironments(Task(count=SIMULATIONS, threads=cores, **SETTINGS), seed=0)), gamma=0.97
     )
     model = stable_baselines3.PPO(
         "MlpPolicy",

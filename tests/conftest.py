@@ -14,7 +14,7 @@ DOORS = {
     "analysis.compensation", "analysis.workspace.feasibility", "analysis.workspace.grids", "analysis.workspace.hull",
     "analysis.workspace.sweep", "analysis.clearance", "design.front", "design.layout_equilibria", "design.moves",
     "design.search",
-    "drawing.video.film", "physics.damping", "physics.mjcf", "physics.reset", "physics.track", "physics.winches",
+    "drawing.video.writing", "physics.damping", "physics.mjcf", "physics.reset", "physics.track", "physics.winches",
     "jax",
 }  # fmt: skip
 """Where what users give is checked, with messages of its own."""

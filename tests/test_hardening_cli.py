@@ -20,7 +20,7 @@ from cdpr_sim.cli import COMMANDS, app, terminal, workspace_commands
 from cdpr_sim.design import search
 from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Space
-from cdpr_sim.drawing.video import film
+from cdpr_sim.drawing.video import writing
 from cdpr_sim.report import table_style
 from cdpr_sim.report.analysis_tables import compensation_table
 from studies.checked_lines import line_table
@@ -419,7 +419,7 @@ def test_a_pose_outside_the_frame_is_one_line_beside_the_answer():
 
 def test_limits_are_those_of_the_film_and_the_map():
     """What the messages above say."""
-    assert film.MOST_ROBOTS == 6
+    assert writing.MOST_ROBOTS == 6
     assert workspace_commands.MOST_POINTS == 2000
     assert np.isfinite(terminal.OUTSIDE)
 

@@ -14,7 +14,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.drawing import maps, style
 from cdpr_sim.drawing.readable_numbers import per_cent, plain, power_of_ten
-from cdpr_sim.drawing.video import film
+from cdpr_sim.drawing.video import writing
 from cdpr_sim.statics import forces
 from cdpr_sim.studies import lines, lines_figures, tilt_condition
 
@@ -320,7 +320,7 @@ def test_the_four_layouts_are_drawn():
 def test_slack_cables_have_the_legends_colour_in_shade_as_well():
     """On their dark side too: every vermilion pixel is the legend's or mixed with its neighbours."""
     trajectory = cdpr.drive(cdpr.load_robot("parallel"), [(0.17, 0.25, 0.1), (0.2, 0.25, 0.1)], states=2)
-    shown = film.Film(trajectory, seconds=2, fps=1, size=(960, 720), renderer="raycast")
+    shown = writing.VideoFrames(trajectory, seconds=2, fps=1, size=(960, 720), renderer="raycast")
     frame = next(shown.frames()).astype(float) / 255
     red, green, blue = np.moveaxis(frame, -1, 0)
     slack = (red > 2.5 * green) & (red > 4 * blue)

@@ -52,13 +52,13 @@ def found(robot) -> robot_summary.RobotSummary:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(robot_summary, "MOTION", 6)
         patch.setattr(robot_summary, "POINTS", 15)
-        return robot_summary.summarize(robot, POSE, grid=GRID)
+        return robot_summary.summarise(robot, POSE, grid=GRID)
 
 
 @pytest.fixture(scope="module")
 def text(found) -> str:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(html_page, "FILM_SIZE", (320, 240))
+        patch.setattr(html_page, "VIDEO_SIZE", (320, 240))
         return html_page.html_page(found)
 
 
@@ -154,7 +154,7 @@ def test_what_is_worst_is_the_same_in_the_summary_and_on_the_maps(monkeypatch):
     """On crossed cables the worst pose lies beside the middle: the maps go through it, and say so."""
     monkeypatch.setattr(robot_summary, "POINTS", 13)
     robot = cdpr.load_robot("cogiro")
-    found = robot_summary.summarize(robot, grid=(5, 3, 3), motion=False)
+    found = robot_summary.summarise(robot, grid=(5, 3, 3), motion=False)
     axes = (np.linspace(*ends, count) for ends, count in zip(robot.workspace.T, (5, 3, 3), strict=True))
     equilibria = cdpr.solve_many(robot, list(itertools.product(*axes)))
     distance, tilt = 1e3 * np.linalg.norm(equilibria.deviation, axis=-1).max(), np.degrees(equilibria.tilt.max())
@@ -200,7 +200,7 @@ def test_methods_that_do_not_agree_are_said_first(robot, monkeypatch):
 
     monkeypatch.setattr(check, "solve_many", wrong)
     monkeypatch.setattr(robot_summary, "solve_many", wrong)
-    bad = robot_summary.summarize(robot, POSE, grid=(2, 1, 1), motion=False)
+    bad = robot_summary.summarise(robot, POSE, grid=(2, 1, 1), motion=False)
     assert not bad.check.agrees
     shown = Page(html_page.html_page(bad))
     assert any(values.get("class") == "verdict no" for _, values in shown.tags)
@@ -231,7 +231,7 @@ def test_what_cannot_be_shown_is_said(robot):
     flat = robot.workspace.copy()
     flat[:, 2] = 0.2
     shown = Page(
-        html_page.html_page(robot_summary.summarize(robot.replace(workspace=flat), grid=(2, 1, 1), motion=False))
+        html_page.html_page(robot_summary.summarise(robot.replace(workspace=flat), grid=(2, 1, 1), motion=False))
     )
     assert "No maps: plane: found a workspace of" in shown.words
     assert "Maps of the workspace" not in shown.words

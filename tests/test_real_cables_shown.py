@@ -22,8 +22,8 @@ from cdpr_sim.core.describe import describe_cables, describe_properties, describ
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.cable_curves import cable_curve
-from cdpr_sim.drawing.video.film import _captions, _footnote
 from cdpr_sim.drawing.video.scene import Stage
+from cdpr_sim.drawing.video.writing import _captions, _footnote
 from cdpr_sim.physics.model_files import model_files
 from cdpr_sim.statics import two_cable_closed_form
 from cdpr_sim.studies import real_cables, tilt_condition

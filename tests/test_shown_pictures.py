@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 import cdpr_sim as cdpr
 from cdpr_sim.drawing import layout_figures as layout_pictures
 from cdpr_sim.drawing import maps, still, style
-from cdpr_sim.drawing.video import film, frame_layout, scene
+from cdpr_sim.drawing.video import frame_layout, scene, writing
 
 SIZE = (640, 360)
 
@@ -146,7 +146,7 @@ def test_the_legends_swatches_have_the_colours_of_what_they_name(written):
 def test_a_picture_says_what_is_drawn_larger(written, moving):
     """So many times, in every frame; and nothing where all is to scale."""
     for times, said in ((3.0, ["Deviations drawn 3 × larger; the numbers are the true values"]), (1.0, [])):
-        with film.Film(moving, None, None, 0.5, 10.0, (1280, 720), times, "raycast", None) as shown:
+        with writing.Film(moving, None, None, 0.5, 10.0, (1280, 720), times, "raycast", None) as shown:
             written.clear()
             next(shown.frames())
         assert [word.text for word in written if "large" in word.text] == said
@@ -163,7 +163,7 @@ def test_every_frame_is_given_its_own_state(moving, monkeypatch):
     given = []
     drawn = frame_layout.Page.frame
     monkeypatch.setattr(frame_layout.Page, "frame", lambda self, *args: given.append(args[2:]) or drawn(self, *args))
-    list(film.Film(moving, seconds=0.5, fps=10, size=SIZE, renderer="raycast").frames())
+    list(writing.Film(moving, seconds=0.5, fps=10, size=SIZE, renderer="raycast").frames())
     assert len(given) == 5
     for step, (tilts, deviations, tensions, slack) in enumerate(given):
         assert tilts[0] == moving.tilt[step]
@@ -186,7 +186,7 @@ def test_the_outline_is_where_the_static_solver_puts_it(moving):
     lifted = RigidTransform.from_components(poses.translation + np.array([0, 0, 0.06]), Rotation.identity(len(moving)))
     places = []
     for static in (poses, lifted):
-        with film.Film(moving, static, None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None) as shown:
+        with writing.Film(moving, static, None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None) as shown:
             (picture, *_) = shown.frames()
             view = shown.page.cells[0].view
             places.append(outline(picture[view.top : view.bottom, view.left : view.right]))
@@ -197,7 +197,7 @@ def test_the_legend_names_the_outline_only_where_there_is_one(written, moving):
     """With the static solver's poses, and without."""
     for static, count in ((cdpr.solve_trajectory(moving).poses, 1), (None, 0)):
         written.clear()
-        film.Film(moving, static, None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None)
+        writing.Film(moving, static, None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None)
         assert sum("static" in word.text for word in written) == count
 
 
@@ -207,7 +207,7 @@ def test_two_films_share_the_scale_of_the_harder_pull(written, moving):
     most = float(moving.tensions.max())
     for both in ([moving, weak], [weak, moving]):
         written.clear()
-        shown = film.Film(both, [None, None], None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None)
+        shown = writing.Film(both, [None, None], None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None)
         ends = [float(word.text[:-2]) for word in written if word.text.endswith(" N") and word.text[0].isdigit()]
         assert len(ends) == 1
         assert most <= ends[0] <= 1.5 * most
@@ -218,7 +218,9 @@ def test_time_begins_when_the_motion_does(moving):
     """Frames of a motion that begins at a hundred seconds are those of one that begins at none."""
     later = dataclasses.replace(moving, times=moving.times + 100.0)
     shares = np.linspace(0, 1, 9)
-    assert [film._state_at(later, share) for share in shares] == [film._state_at(moving, share) for share in shares]
+    assert [writing._state_at(later, share) for share in shares] == [
+        writing._state_at(moving, share) for share in shares
+    ]
 
 
 def test_cables_ghost_and_trail_are_those_of_the_state(moving):
@@ -256,7 +258,9 @@ def test_maps_say_how_much_is_feasible_and_how_far_apart_the_methods_are():
 def test_the_caption_says_what_is_in_the_frame(moving):
     """Material and stiffness, platform and frame, in their units."""
     robot = moving.robot.replace(material="fishing-0.4mm", frame=[[0.0, 0.0, 0.0], [0.8, 0.5, 0.6]])
-    captions = film._captions(dataclasses.replace(moving, problems=dataclasses.replace(moving.problems, robot=robot)))
+    captions = writing._captions(
+        dataclasses.replace(moving, problems=dataclasses.replace(moving.problems, robot=robot))
+    )
     assert captions[0] == "fishing-0.4mm, EA = 1 kN · platform 0.4 kg · frame 0.8 × 0.5 × 0.6 m"
     assert captions[-1] == "fishing-0.4mm, EA = 1 kN"
     assert sorted(captions, key=len, reverse=True) == captions or captions[-2] == captions[-1]
@@ -268,7 +272,7 @@ def test_headings_are_whole(written, name, size, count):
     """Of every robot, at the sizes that are shown: what does not fit gives way to fewer words, and never breaks off."""
     robot = cdpr.load_robot(name)
     robot = robot.replace(description="with a description as long as those that people like to write")
-    captions = film._captions(SimpleNamespace(robot=robot))
+    captions = writing._captions(SimpleNamespace(robot=robot))
     frame_layout.Page(size, [robot] * count, [captions] * count, largest_tension=2.0, footnote="", outlined=True)
     said = [word.text for word in written]
     assert said.count(name) == count

@@ -23,9 +23,9 @@ from typer.testing import CliRunner
 import cdpr_sim as cdpr
 from cdpr_sim.cli import app
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.video import film as video
 from cdpr_sim.drawing.video import frame_layout as panel
 from cdpr_sim.drawing.video import raycast, render, scene
+from cdpr_sim.drawing.video import writing as video
 
 LINE = [[0.17, 0.25, 0.1], [0.63, 0.25, 0.1]]
 """The paper's, for DemoBot [m]."""

@@ -114,14 +114,14 @@ def design(
     """
     from cdpr_sim.core.files import check_place, write_whole
     from cdpr_sim.drawing import maps
-    from cdpr_sim.drawing.video import film
+    from cdpr_sim.drawing.video import writing
     from cdpr_sim.report import design_tables as report
     from cdpr_sim.robots.writing import as_toml
     from cdpr_sim.studies import better_layouts as shown
 
     with errors_as_sentences():
         for path, suffixes, name in (
-            (output, (".toml",), "output"), (picture, maps.SUFFIXES, "picture"), (video, film.SUFFIXES, "video"),
+            (output, (".toml",), "output"), (picture, maps.SUFFIXES, "picture"), (video, writing.SUFFIXES, "video"),
         ):  # fmt: skip
             if path is not None:
                 check_place(path, suffixes, force=force, field=name)
@@ -151,7 +151,7 @@ def design(
             with busy("Drawing"):
                 maps.write(shown.picture(validation), picture)
         if video is not None:
-            _film(validation, video, force)
+            _video(validation, video, force)
     if as_json:
         print_json(report.design_json(validation))
     else:
@@ -313,7 +313,7 @@ def _reach(option: str, word: str, reach: str) -> Any:
     return numbers if len(numbers) > 1 else numbers[0]
 
 
-def _film(validation: cdpr.LayoutValidation, path: Path, force: bool) -> None:
+def _video(validation: cdpr.LayoutValidation, path: Path, force: bool) -> None:
     from cdpr_sim.studies.better_layouts import driven
     from cdpr_sim.studies.robot_summary import shapes_of
 

@@ -102,14 +102,14 @@ def video(
     """Write a video of platforms that their winches drive along lines in MuJoCo, with the static solver's outline."""
     from cdpr_sim.core.files import check_place
     from cdpr_sim.crosscheck.compensation_check import held
-    from cdpr_sim.drawing.video import film
+    from cdpr_sim.drawing.video import writing
     from cdpr_sim.studies.robot_summary import settled_along, shapes_of, solved_along
 
     with errors_as_sentences(), tidy_when_terminated(), progress_bars() as bar, _side_by_side() as start:
-        check_place(output, film.SUFFIXES, force=force)
-        states = film.check_settings(seconds, fps, size, exaggerate, renderer)
+        check_place(output, writing.SUFFIXES, force=force)
+        states = writing.check_settings(seconds, fps, size, exaggerate, renderer)
         wanted = list(itertools.product(robots, material or [None], (False, True) if compensate else (False,)))
-        film.check_count(len(wanted))
+        writing.check_count(len(wanted))
         machines = [robot_of(name, cables, mass) for name, cables, _ in wanted]
         load, through = wrench_of(wrench), _through(waypoint, path, y, z)
         motions: list[Callable[[], cdpr.Trajectory]] = []
@@ -166,7 +166,7 @@ def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
     The yielded function takes the arguments of ``cdpr.drive``, starts it in a thread, and returns a function that waits
     for the trajectory. An error or Ctrl-C ends all drives.
     """
-    from cdpr_sim.drawing.video import film
+    from cdpr_sim.drawing.video import writing
 
     over = threading.Event()
 
@@ -178,7 +178,7 @@ def _side_by_side() -> Iterator[Callable[..., Callable[[], cdpr.Trajectory]]]:
 
         return threads.submit(cdpr.drive, *arguments, progress=advance, **options).result
 
-    with ThreadPoolExecutor(film.MOST_ROBOTS) as threads:
+    with ThreadPoolExecutor(writing.MOST_ROBOTS) as threads:
         try:
             yield start
         except BaseException:

@@ -220,9 +220,9 @@ class Track(Environment):
 
 
 class Reach(Environment):
-    """Reach a pose in the workspace from another one: ``tasks.Reach``."""
+    """Reach a pose in the workspace from another one: ``tasks.ReachTask``."""
 
-    kind = tasks.Reach
+    kind = tasks.ReachTask
 
 
 class TrackVector(VectorEnvironment):
@@ -232,4 +232,4 @@ class TrackVector(VectorEnvironment):
 class ReachVector(VectorEnvironment):
     """``Reach`` in many simulations."""
 
-    kind = tasks.Reach
+    kind = tasks.ReachTask

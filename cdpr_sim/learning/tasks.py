@@ -338,7 +338,7 @@ class Task:
         return np.where(simulations.by_tension, tensions, speeds).clip(-1, 1)
 
 
-class Reach(Task):
+class ReachTask(Task):
     """Reach a pose from another one, and stay there."""
 
     defaults: ClassVar[dict[str, Any]] = {"seconds": 2.0}

@@ -222,9 +222,9 @@ class Relaxation:
             at_rest = calm & (simulations.unbalanced <= self.target)
             simulations.qvel[:] = np.where(at_rest[:, None], 0, velocity)
             self._end(at_rest, Status.CONVERGED, simulations.qpos)
-        weary = self.live & (self.steps >= self.limit)
-        if weary.any():
-            self._end(weary, Status.ITERATION_LIMIT, simulations.qpos)
+        stalled = self.live & (self.steps >= self.limit)
+        if stalled.any():
+            self._end(stalled, Status.ITERATION_LIMIT, simulations.qpos)
 
     def _finish(self) -> None:
         """Let rows near their equilibrium reach it by Newton's method, unless the motion itself is wanted."""

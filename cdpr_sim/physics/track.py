@@ -123,7 +123,7 @@ def track(
     times[-1] = reference.end
     wanted = reference.poses(times)
     held = problems_at(robot, wanted)
-    with _blamed(robot, "when the controller starts"):
+    with _errors_named(robot, "when the controller starts"):
         lengths = Command.of(controller.start(reference), robot.cables).rest_lengths
     with quiet():
         machine = _kind_of_machine(robot)(
@@ -188,7 +188,7 @@ def _check_controller(controller: Controller) -> None:
 
 
 @contextmanager
-def _blamed(robot: Robot, when: str) -> Iterator[None]:
+def _errors_named(robot: Robot, when: str) -> Iterator[None]:
     """Converts any exception of a user's controller into a ``BadCommand`` with the time."""
     try:
         yield
@@ -230,7 +230,7 @@ def _run(
         if sensing.due(time):
             sensing.sample(time, machine.seen())
         then = float(times[tick + 1])
-        with _blamed(machine.robot, f"controller: {time:.4g} s into the motion"):
+        with _errors_named(machine.robot, f"controller: {time:.4g} s into the motion"):
             command = machine.checked(controller.command(then, wanted.poses[tick + 1], sensing.newest(time)))
         for passed in machine.follow(command, then - time):
             if sensing.due(time + passed):

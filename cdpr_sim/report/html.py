@@ -32,20 +32,20 @@ STYLE = """
 """
 """Colours follow the surrounding text, on dark and light backgrounds; only pictures have a white background."""
 
-__all__ = ["Part", "Picture", "data", "fragment", "plain", "sentences", "table"]
+__all__ = ["EmbeddedImage", "Part", "data", "fragment", "plain", "sentences", "table"]
 
 LONG = 40
 """Number of characters above which a cell may be wrapped."""
 
 
-class Picture(NamedTuple):
+class EmbeddedImage(NamedTuple):
     """A PNG file's content, with its alternative text."""
 
     png: bytes
     description: str
 
 
-Part = Table | Picture | str
+Part = Table | EmbeddedImage | str
 """A string is lines in rich's markup."""
 
 
@@ -55,7 +55,7 @@ def fragment(*parts: Part) -> str:
 
 
 def _part(part: Part) -> str:
-    if isinstance(part, Picture):
+    if isinstance(part, EmbeddedImage):
         return f'<img alt="{escape(part.description)}" src="{data(part.png, "image/png")}">'
     return table(part) if isinstance(part, Table) else sentences(part)
 

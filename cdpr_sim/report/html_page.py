@@ -32,20 +32,20 @@ from cdpr_sim.core.status import Status
 from cdpr_sim.crosscheck.check import OUTCOMES
 from cdpr_sim.drawing import maps
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
-from cdpr_sim.drawing.video.film import write_video
+from cdpr_sim.drawing.video.writing import write_video
 from cdpr_sim.report import crosscheck_tables, html, workspace_tables
 from cdpr_sim.report.analysis_tables import modes_table
 from cdpr_sim.report.robot_tables import cables_table, robot_table, trajectory_table
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.studies.robot_summary import RobotSummary, View, summarize
+from cdpr_sim.studies.robot_summary import RobotSummary, View, summarise
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SUFFIXES = (".html", ".htm")
 
-FILM_SIZE, FILM_RATE = (640, 360), 12.0
+VIDEO_SIZE, VIDEO_RATE = (640, 360), 12.0
 """[pixel], [frames per second] About 0.3 MB (``scripts/measure_constants.py``)."""
 
 DIGITS = 7
@@ -111,7 +111,7 @@ def write_report(
     refuse_unless(Callable, progress=progress)
     path = check_place(path, SUFFIXES, force=force)
     refuse_unless(Robot | str | os.PathLike, robot=robot)
-    summary = summarize(
+    summary = summarise(
         robot if isinstance(robot, Robot) else load_robot(robot), pose, grid=grid, motion=video, progress=progress
     )
     progress("Drawing")
@@ -126,7 +126,7 @@ def html_page(summary: RobotSummary) -> str:
         "3D view": _scene(summary, views),
         "The worst poses": _worst(summary),
         "Maps of the workspace": _maps(summary),
-        "Drive across the workspace": _film(summary),
+        "Drive across the workspace": _video(summary),
         "Parameters": _numbers(summary),
         "Explanation": _explained(summary),
     }
@@ -315,14 +315,14 @@ def _figure(figure: Figure, title: str, explanation: str, kind: str = "one") -> 
     )
 
 
-def _film(summary: RobotSummary) -> str:
+def _video(summary: RobotSummary) -> str:
     motion = summary.motion
     if motion is None:
         return ""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        shapes, seconds = summary.shapes, len(motion) / FILM_RATE
-        write_video(path, motion, summary.static, shapes=shapes, seconds=seconds, fps=FILM_RATE, size=FILM_SIZE)
+        shapes, seconds = summary.shapes, len(motion) / VIDEO_RATE
+        write_video(path, motion, summary.static, shapes=shapes, seconds=seconds, fps=VIDEO_RATE, size=VIDEO_SIZE)
         source = html.data(path.read_bytes(), "video/mp4")
     caption = (
         f"Video: the winches drive {summary.robot.name} along x through its workspace in MuJoCo; the yellow "

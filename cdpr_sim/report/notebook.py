@@ -55,7 +55,9 @@ def content_of(result: Any) -> Content:
 def _robot(robot: Robot) -> Content:
     from cdpr_sim.drawing import still
 
-    yield html.Picture(still.encoded(still.draw(robot)), f"{robot.name}, commanded to the middle of its workspace")
+    yield html.EmbeddedImage(
+        still.encoded(still.draw(robot)), f"{robot.name}, commanded to the middle of its workspace"
+    )
     yield robot_table(robot)
     yield cables_table(robot)
     yield from map(html.plain, (*robot.warnings, *robot.notes))

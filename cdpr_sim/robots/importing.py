@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 from cdpr_sim.core.checks import checked_path, one_of, refuse_unless
 from cdpr_sim.core.errors import CdprError, InvalidInput, RobotFileError
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.robots.importers import bologna, caspr, cdpyr, gazebo, hangprinter, mjcf, uacdpr, wirex
+from cdpr_sim.robots.importers import bologna, caspr, cdpyr, gazebo, hangprinter, mujoco_model, uacdpr, wirex
 from cdpr_sim.robots.importers.documents import SYNTAXES, read_document
 from cdpr_sim.robots.importers.draft import Draft
 
@@ -31,7 +31,7 @@ FORMATS = {
         "cdpyr": cdpyr,
         "gazebo": gazebo,
         "bologna": bologna,  # after gazebo, whose files have a key "cable" as well
-        "mjcf": mjcf,
+        "mjcf": mujoco_model,
         "hangprinter": hangprinter,
         "uacdpr": uacdpr,
     }.items()

@@ -35,8 +35,8 @@ MOST_GIVEN = 1e3
 """Largest change of the limits, in loads. If no smaller change helps, no tensions balance the load."""
 
 
-class Memory(NamedTuple):
-    """Memory of ``fill_pulls`` and ``least_squares`` for m cables.
+class BalanceScratch(NamedTuple):
+    """Intermediate results of ``fill_pulls`` and ``least_squares`` for m cables.
 
     J, Q: (m, 6); U: (m m); wrench, load, r, q, b: (6); height, t, target: (m); free, upper, blocked: (m), truth values.
     """
@@ -58,8 +58,8 @@ class Memory(NamedTuple):
 
 
 @inline
-def _memory(m):
-    return Memory(
+def _scratch(m):
+    return BalanceScratch(
         np.empty((m, 6)), np.empty((m, 6)), np.empty(m * m), np.empty(6), np.empty(6), np.empty(6), np.empty(6),
         np.empty(6), np.empty(m), np.empty(m), np.empty(m), np.empty(m, np.bool_), np.empty(m, np.bool_),
         np.empty(m, np.bool_),
@@ -71,17 +71,17 @@ def shortfall(unpack: Callable) -> Callable:
 
     def unbalanced(table, lower, upper, weight, com, wrenches, free, scale, position, rotation, left):
         """Unbalanced part of the worst load."""
-        cables, memory = unpack(table, np.ones(len(lower))), _memory(len(lower))  # rest lengths have no effect here
+        cables, scratch = unpack(table, np.ones(len(lower))), _scratch(len(lower))  # rest lengths have no effect here
         state = ck.new_state(cables)
         ck.measure(cables, position, rotation, state)
-        if not fill_pulls(state, table[:, PARTS], scale, memory):
+        if not fill_pulls(state, table[:, PARTS], scale, scratch):
             left[0] = np.nan
             return
         left[0] = 0.0
         for k in range(len(wrenches)):
             for a in range(6):
-                memory.wrench[a] = wrenches[k, a]
-            left[0] = max(left[0], least_part(lower, upper, weight, com, free, scale, rotation, memory))
+                scratch.wrench[a] = wrenches[k, a]
+            left[0] = max(left[0], least_part(lower, upper, weight, com, free, scale, rotation, scratch))
             if left[0] == np.inf:
                 return
 
@@ -89,15 +89,15 @@ def shortfall(unpack: Callable) -> Callable:
 
 
 @inline
-def least_part(lower, upper, weight, com, free, scale, rotation, memory):
-    """Unbalanced part of the load ``memory.wrench``; inf where the active sets cycle."""
-    load, height, J = memory.load, memory.height, memory.J
-    norm = _fill_load(weight, com, rotation, free, scale, memory)
+def least_part(lower, upper, weight, com, free, scale, rotation, scratch):
+    """Unbalanced part of the load ``scratch.wrench``; inf where the active sets cycle."""
+    load, height, J = scratch.load, scratch.height, scratch.J
+    norm = _fill_load(weight, com, rotation, free, scale, scratch)
     for i in range(len(height)):
         height[i] = (upper[i] - lower[i]) / norm
         for a in range(len(free)):
             load[a] += J[i, free[a]] * (lower[i] / norm)
-    return _least_squares(load, free, memory)
+    return _least_squares(load, free, scratch)
 
 
 def margin(unpack: Callable) -> Callable:
@@ -111,18 +111,18 @@ def margin(unpack: Callable) -> Callable:
         suffices is the next iterate. There are finitely many such directions, and every step excludes one.
         """
         m, n, shifted = len(lower), len(free), np.empty(6)
-        cables, memory = unpack(table, np.ones(m)), _memory(m)  # rest lengths have no effect here
-        load, height, J, r = memory.load, memory.height, memory.J, memory.r
+        cables, scratch = unpack(table, np.ones(m)), _scratch(m)  # rest lengths have no effect here
+        load, height, J, r = scratch.load, scratch.height, scratch.J, scratch.r
         state = ck.new_state(cables)
         ck.measure(cables, position, rotation, state)
-        if not fill_pulls(state, table[:, PARTS], scale, memory):
+        if not fill_pulls(state, table[:, PARTS], scale, scratch):
             distance[0] = np.nan
             return
         distance[0] = np.inf
         for k in range(len(wrenches)):
             for a in range(6):
-                memory.wrench[a] = wrenches[k, a]
-            norm = _fill_load(weight, com, rotation, free, scale, memory)
+                scratch.wrench[a] = wrenches[k, a]
+            norm = _fill_load(weight, com, rotation, free, scale, scratch)
             t = 1.0
             for i in range(m):
                 t = min(t, (upper[i] - lower[i]) / (2 * norm))
@@ -133,7 +133,7 @@ def margin(unpack: Callable) -> Callable:
                     height[i] = max(0.0, (upper[i] - lower[i]) / norm - 2 * t)
                     for a in range(n):
                         shifted[a] += J[i, free[a]] * (lower[i] / norm + t)
-                left = _least_squares(shifted, free, memory)
+                left = _least_squares(shifted, free, scratch)
                 if left == np.inf:
                     distance[0] = np.nan
                     return
@@ -164,9 +164,9 @@ def margin(unpack: Callable) -> Callable:
 
 
 @inline
-def fill_pulls(state, parts, scale, memory):
-    """Force of each cable on the six directions per newton in its rope, into ``memory.J``; False where not finite."""
-    J = memory.J
+def fill_pulls(state, parts, scale, scratch):
+    """Force of each cable on the six directions per newton in its rope, into ``scratch.J``; False where not finite."""
+    J = scratch.J
     ck.fill_jacobian(state, scale, J)
     known = ck.on_wheels(state)
     for i in range(len(J)):
@@ -177,13 +177,13 @@ def fill_pulls(state, parts, scale, memory):
 
 
 @inline
-def _fill_load(weight, com, rotation, free, scale, memory):
-    """The weight and ``memory.wrench`` on the free directions, as fractions of their size [N], into ``memory.load``.
+def _fill_load(weight, com, rotation, free, scale, scratch):
+    """The weight and ``scratch.wrench`` on the free directions, as fractions of their size [N], into ``scratch.load``.
 
     Returns:
         That size; 1 where there is no load.
     """
-    w, load, R = memory.wrench, memory.load, rotation
+    w, load, R = scratch.wrench, scratch.load, rotation
     w[2] -= weight
     w[3] -= (R[1, 0] * com[0] + R[1, 1] * com[1] + R[1, 2] * com[2]) * weight
     w[4] += (R[0, 0] * com[0] + R[0, 1] * com[1] + R[0, 2] * com[2]) * weight
@@ -198,15 +198,15 @@ def _fill_load(weight, com, rotation, free, scale, memory):
 
 
 @inline
-def _least_squares(w, free, memory):
+def _least_squares(w, free, scratch):
     """The least ‖J t + w‖ over 0 ≤ t ≤ height, on the directions ``free``; inf where the active sets cycle.
 
     Stark and Parker's active-set method: a tension whose change reduces the residual enters the set of free ones; where
     the least squares over the set leave the limits, the step ends there, and what reaches its limit leaves the set. In
-    each pass of the loop, least squares are solved once. The residual J t + w is written into ``memory.r``.
+    each pass of the loop, least squares are solved once. The residual J t + w is written into ``scratch.r``.
     """
-    J, height, r, t, target = memory.J, memory.height, memory.r, memory.t, memory.target
-    inside, upper, blocked = memory.free, memory.upper, memory.blocked
+    J, height, r, t, target = scratch.J, scratch.height, scratch.r, scratch.t, scratch.target
+    inside, upper, blocked = scratch.free, scratch.upper, scratch.blocked
     m, n, size = len(height), len(free), 1.0
     for i in range(m):
         t[i], inside[i], upper[i], blocked[i] = 0.0, False, False, False
@@ -237,7 +237,7 @@ def _least_squares(w, free, memory):
         chooses &= runs
         for i in range(m):
             inside[i] = inside[i] | (chooses & (enters == i))
-        wrong = _solve_free(w, free, memory)
+        wrong = _solve_free(w, free, scratch)
         for i in range(m):  # only by rounding did this tension seem to help
             backwards = where(upper[i], target[i] >= height[i], target[i] <= 0.0)
             wrong = wrong | ((enters == i) & backwards)
@@ -268,13 +268,13 @@ def _least_squares(w, free, memory):
 
 
 @inline
-def _solve_free(w, free, memory):
+def _solve_free(w, free, scratch):
     """Least squares over the tensions inside, the others at their limits, into ``target``; True where dependent.
 
     Gram-Schmidt, twice, which makes the columns orthogonal to rounding.
     """
-    J, Q, U, q, b, target = memory.J, memory.Q, memory.U, memory.q, memory.b, memory.target
-    inside, upper, height = memory.free, memory.upper, memory.height
+    J, Q, U, q, b, target = scratch.J, scratch.Q, scratch.U, scratch.q, scratch.b, scratch.target
+    inside, upper, height = scratch.free, scratch.upper, scratch.height
     m, n = len(height), len(free)
     dependent = inside[0] != inside[0]
     for a in range(n):

@@ -12,11 +12,10 @@ from cdpr_sim.core.cable import PARTS
 from cdpr_sim.core.compiling import Compiled, where
 from cdpr_sim.core.lanes import WIDTH, Room, masks, matrix3, matrix6, room_for, vector
 from cdpr_sim.statics import cable_kernel as ck
-from cdpr_sim.statics.balance_kernel import Memory as BalanceMemory
-from cdpr_sim.statics.balance_kernel import fill_pulls, least_part
+from cdpr_sim.statics.balance_kernel import BalanceScratch, fill_pulls, least_part
 from cdpr_sim.statics.lanes_kernel import GIVEN, MEMORY, load_cables, load_pose, new_cables, new_state
 from cdpr_sim.statics.matrix_kernel import Tridiagonal
-from cdpr_sim.statics.stiffness_kernel import Memory, fill_modes
+from cdpr_sim.statics.stiffness_kernel import ModesScratch, fill_modes
 
 
 def _modes(
@@ -30,7 +29,7 @@ def _modes(
     cables, p, R, com = new_cables(room, m), vector(room, 3), matrix3(room, 3), vector(room, 3)
     platform = vector(room, 3)  # two numbers of it, and a result
     state = new_state(room, cables)
-    memory = Memory(
+    scratch = ModesScratch(
         matrix6(room, m), matrix6(room, 6), matrix6(room, 6), matrix6(room, n), matrix6(room, n), vector(room, n),
         Tridiagonal(vector(room, n), vector(room, n), vector(room, n)),
     )  # fmt: skip
@@ -42,12 +41,12 @@ def _modes(
             load_pose(positions[at], rotations[at], centers_of_mass[at], w, p, R, com)
             platform[0, w], platform[1, w] = masses[at], scales[at]
         ck.measure(cables, p, R, state)
-        platform[2] = fill_modes(state, platform[0], gravity, com, inertia, free, platform[1], R, memory)
+        platform[2] = fill_modes(state, platform[0], gravity, com, inertia, free, platform[1], R, scratch)
         for w in range(min(WIDTH, poses - first)):
             at = (first + w) // columns, (first + w) % columns
             frequencies[at] = platform[2, w]
             for a in range(n):
-                eigenvalues[at][a] = memory.d[a, w]
+                eigenvalues[at][a] = scratch.d[a, w]
 
 
 _FREE = "Array(int64, 1, 'A', readonly=True)"
@@ -90,7 +89,7 @@ def _shortfalls(
     cables, p, R, com = new_cables(room, m), vector(room, 3), matrix3(room, 3), vector(room, 3)
     platform = vector(room, 3)  # two numbers of it, and a result
     state, low, high = new_state(room, cables), vector(room, m), vector(room, m)
-    memory = BalanceMemory(
+    scratch = BalanceScratch(
         matrix6(room, m), matrix6(room, m), vector(room, m * m), vector(room, 6), vector(room, 6), vector(room, 6),
         vector(room, 6), vector(room, 6), vector(room, m), vector(room, m), vector(room, m), masks(room, m),
         masks(room, m), masks(room, m),
@@ -106,14 +105,14 @@ def _shortfalls(
             for i in range(m):
                 low[i, w], high[i, w], parts[i, w] = lower[at][i], upper[at][i], tables[at][i, PARTS]
         ck.measure(cables, p, R, state)
-        known = fill_pulls(state, parts, platform[1], memory)
+        known = fill_pulls(state, parts, platform[1], scratch)
         platform[2] = 0.0
         for k in range(wrenches.shape[2]):
             for w in range(WIDTH):
                 pose = min(first + w, poses - 1)
                 for a in range(6):
-                    memory.wrench[a, w] = wrenches[pose // columns, pose % columns][k, a]
-            part = least_part(low, high, platform[0], com, free, platform[1], R, memory)
+                    scratch.wrench[a, w] = wrenches[pose // columns, pose % columns][k, a]
+            part = least_part(low, high, platform[0], com, free, platform[1], R, scratch)
             platform[2] = max(platform[2], part)
         platform[2] = where(known, platform[2], np.nan)
         for w in range(min(WIDTH, poses - first)):

@@ -20,7 +20,7 @@ ROUNDING = float(np.finfo(float).eps)
 
 
 class Tridiagonal(NamedTuple):
-    """Memory of ``eigenvalues_of``. e: squares off the diagonal; v, w: vectors of a reflection."""
+    """Intermediate results of ``eigenvalues_of``. e: squares off the diagonal; v, w: vectors of a reflection."""
 
     e: np.ndarray
     v: np.ndarray

@@ -17,8 +17,8 @@ from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.matrix_kernel import Tridiagonal, eigenvalues_of, factorise
 
 
-class Memory(NamedTuple):
-    """Memory of ``fill_modes``. J: (cables, 6); K, M: (6, 6); S, L: (free, 6); d: eigenvalues (free)."""
+class ModesScratch(NamedTuple):
+    """Intermediate results of ``fill_modes``. J: (cables, 6); K, M: (6, 6); S, L: (free, 6); d: eigenvalues (free)."""
 
     J: np.ndarray
     K: np.ndarray
@@ -39,22 +39,22 @@ def element(unpack: Callable) -> Callable:
         """Eigenvalues of the stiffness matrix, and the lowest frequency from it and the mass matrix."""
         cables, n = unpack(table, rest_lengths), len(free)
         state = ck.new_state(cables)
-        memory = Memory(
+        scratch = ModesScratch(
             np.empty((len(state.e), 6)), np.empty((6, 6)), np.empty((6, 6)), np.empty((n, 6)), np.empty((n, 6)),
             np.empty(n), Tridiagonal(np.empty(6), np.empty(6), np.empty(6)),
         )  # fmt: skip
         ck.measure(cables, position, rotation, state)
-        frequency[0] = fill_modes(state, mass, gravity, center_of_mass, inertia, free, scale, rotation, memory)
+        frequency[0] = fill_modes(state, mass, gravity, center_of_mass, inertia, free, scale, rotation, scratch)
         for a in range(n):
-            eigenvalues[a] = memory.d[a]
+            eigenvalues[a] = scratch.d[a]
 
     return modes
 
 
 @inline
-def fill_modes(state, mass, gravity, com, inertia, free, scale, R, memory):
+def fill_modes(state, mass, gravity, com, inertia, free, scale, R, scratch):
     """Fill in the eigenvalues at a pose whose cables have been measured; return the lowest frequency."""
-    J, K, M, S, L, d = memory.J, memory.K, memory.M, memory.S, memory.L, memory.d
+    J, K, M, S, L, d = scratch.J, scratch.K, scratch.M, scratch.S, scratch.L, scratch.d
     n = len(free)
     for a in range(6):
         for b in range(a + 1):
@@ -79,12 +79,12 @@ def fill_modes(state, mass, gravity, com, inertia, free, scale, R, memory):
     lowest, largest = 0.0 * mass, 0.0 * mass
     if not nowhere(moved):
         _reduce(S, L, n)
-        eigenvalues_of(S, memory.tridiagonal, d)
+        eigenvalues_of(S, scratch.tridiagonal, d)
         lowest, largest = d[0], max(abs(d[0]), abs(d[n - 1]))
     for a in range(n):
         for b in range(a + 1):
             S[a, b] = K[free[a], free[b]]
-    eigenvalues_of(S, memory.tridiagonal, d)
+    eigenvalues_of(S, scratch.tridiagonal, d)
     rounding = NEUTRAL * largest
     frequency = where(lowest > rounding, math.sqrt(max(lowest, 0.0)) / (2 * math.pi), 0.0)
     return where(moved & (lowest >= -rounding), frequency, np.nan)

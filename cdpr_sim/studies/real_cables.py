@@ -53,7 +53,7 @@ def crane() -> Robot:
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class StudiedRobot:
     """A robot and the assumed properties of its cables.
 
     Attributes:
@@ -85,13 +85,13 @@ class Case:
         return np.random.default_rng(SEED).uniform(self.robot.workspace[0], self.robot.workspace[1], (poses, 3))
 
 
-def cases() -> tuple[Case, ...]:
+def cases() -> tuple[StudiedRobot, ...]:
     """DemoBot's two layouts, and the crane."""
     demobot = DEMOBOT_RADIUS, DEMOBOT_DENSITY, DEMOBOT_BEHIND
     return (
-        Case("DemoBot, crossed (cogiro)", load_robot("cogiro"), *demobot),
-        Case("DemoBot, parallel", load_robot("parallel"), *demobot),
-        Case("crane of 15 m", crane(), CRANE_RADIUS, CRANE_DENSITY, CRANE_BEHIND),
+        StudiedRobot("DemoBot, crossed (cogiro)", load_robot("cogiro"), *demobot),
+        StudiedRobot("DemoBot, parallel", load_robot("parallel"), *demobot),
+        StudiedRobot("crane of 15 m", crane(), CRANE_RADIUS, CRANE_DENSITY, CRANE_BEHIND),
     )
 
 
@@ -136,7 +136,7 @@ ELASTICITY, AWARE = "elasticity", "pulleys known to the winches"
 MASS, NONLINEAR, BEHIND = "mass of the cables", "nonlinear elasticity", "rope behind the exits"
 
 
-def effects(case: Case, poses: int = POSES) -> tuple[CableEffect, ...]:
+def effects(case: StudiedRobot, poses: int = POSES) -> tuple[CableEffect, ...]:
     """Effect of each property of the cables separately.
 
     Raises:
@@ -185,7 +185,7 @@ class Growth:
         return float(np.median(self.shifts[middle]) / self.radii[middle])
 
 
-def growth(case: Case, axis: tuple[float, float, float] = BELOW, *, poses: int = POSES) -> Growth:
+def growth(case: StudiedRobot, axis: tuple[float, float, float] = BELOW, *, poses: int = POSES) -> Growth:
     """Position errors for radii from 0 to three times that of the case.
 
     Raises:

@@ -108,7 +108,7 @@ class RobotSummary:
     missing: tuple[str, ...]
 
 
-def summarize(
+def summarise(
     robot: Robot,
     pose: PoseLike | None = None,
     *,

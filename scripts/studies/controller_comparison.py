@@ -62,7 +62,7 @@ SCHEMES: dict[str, Callable[[Robot], Controller]] = {
 
 
 @dataclass(frozen=True)
-class Task:
+class TrackingTask:
     """A motion of a robot.
 
     Attributes:
@@ -98,9 +98,9 @@ class Task:
         return float(PEAK * np.linalg.norm(np.diff(self.waypoints, axis=0), axis=1).sum() / self.speed)
 
 
-def tasks() -> tuple[Task, ...]:
+def tasks() -> tuple[TrackingTask, ...]:
     """All tasks."""
-    return tuple(Task(*one) for one in itertools.product(LAYOUTS, PAPER_MATERIALS, ("line", "circle"), SPEEDS))
+    return tuple(TrackingTask(*one) for one in itertools.product(LAYOUTS, PAPER_MATERIALS, ("line", "circle"), SPEEDS))
 
 
 def believed(robot: Robot) -> Robot:
@@ -126,7 +126,7 @@ BEHIND = 0.5
 
 
 @dataclass(frozen=True)
-class RopeTask(Task):
+class RopeTask(TrackingTask):
     """A motion of a robot on ropes with a memory.
 
     Attributes:
@@ -157,7 +157,7 @@ class Run:
         fell: whether the platform fell, which ends the trajectory.
     """
 
-    task: Task
+    task: TrackingTask
     scheme: str
     trajectory: Trajectory
     fell: bool
@@ -194,7 +194,7 @@ def rms(values: Float[np.ndarray, " values"]) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def run(task: Task, scheme: str, *, robot: Robot | None = None, wrong: Robot | None = None) -> Run:
+def run(task: TrackingTask, scheme: str, *, robot: Robot | None = None, wrong: Robot | None = None) -> Run:
     """Simulate one task with one scheme.
 
     Args:
@@ -225,7 +225,7 @@ def rope_runs(progress: Callable[[float], None] | None = None) -> tuple[Run, ...
 
 
 def _every(
-    tasks: Sequence[Task], believed: Callable[[Robot], Robot], progress: Callable[[float], None] | None
+    tasks: Sequence[TrackingTask], believed: Callable[[Robot], Robot], progress: Callable[[float], None] | None
 ) -> tuple[Run, ...]:
     """Each task with each scheme; ``believed`` makes the controllers' model of a robot."""
     robots = {_ropes_of(task): task.robot for task in tasks}
@@ -240,12 +240,12 @@ def _every(
     return tuple(results)
 
 
-def _ropes_of(task: Task) -> tuple[str, ...]:
+def _ropes_of(task: TrackingTask) -> tuple[str, ...]:
     """What makes two tasks those of one robot."""
     return task.layout, task.material, task.ropes if isinstance(task, RopeTask) else ""
 
 
-def held(task: Task, poses: int = 200) -> float:
+def held(task: TrackingTask, poses: int = 200) -> float:
     """Fraction of the path along which tensions within the limits of ``compensate`` can hold the platform level."""
     robot, waypoints = task.robot, task.waypoints
     along = np.append(0, np.cumsum(np.linalg.norm(np.diff(waypoints, axis=0), axis=1)))

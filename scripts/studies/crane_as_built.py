@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
-from cdpr_sim.studies.real_cables import POSES, CableEffect, Case, both, effect_of
+from cdpr_sim.studies.real_cables import POSES, CableEffect, StudiedRobot, both, effect_of
 
 TOGETHER = "all together"
 
 
-def together(case: Case, poses: int = POSES) -> tuple[CableEffect, ...]:
+def together(case: StudiedRobot, poses: int = POSES) -> tuple[CableEffect, ...]:
     """Effect of all properties of the cables together, and by how much each of them changes that equilibrium.
 
     Raises:

@@ -95,13 +95,13 @@ class ChainRelaxation:
         at_once = self.frames is None and bool(simulations.chains.over.any())
         if at_once:
             self.approach_from_afar(simulations.all)
-            simulations.let_go(self._restless)
-        self.run(self._restless)
-        simulations.let_go(self._restless)
+            simulations.let_go(self._unsettled)
+        self.run(self._unsettled)
+        simulations.let_go(self._unsettled)
         if not at_once:
-            self.approach_from_afar(self._restless)
-            simulations.let_go(self._restless)
-        left = self._restless
+            self.approach_from_afar(self._unsettled)
+            simulations.let_go(self._unsettled)
+        left = self._unsettled
         if len(left):
             self.longest[left] = LONGEST_AGAIN
             self._prepare(left)
@@ -109,7 +109,7 @@ class ChainRelaxation:
         self._divide_at_bends()
 
     @property
-    def _restless(self) -> Rows:
+    def _unsettled(self) -> Rows:
         """The rows that have not come to rest."""
         return np.flatnonzero(self.status != Status.CONVERGED)
 
@@ -154,7 +154,7 @@ class ChainRelaxation:
                 for row, left in zip(calm, residual, strict=True):
                     words = f"{self.steps[row]} time steps, {left:.1e} N of {simulations.load[row]:.3g} N unbalanced"
                     self.say(int(row), words)
-            self.stepping.heed(calm, residual)
+            self.stepping.adapt_to(calm, residual)
             true = simulations.true(calm)
             apart = np.where(true, self._apart(calm), np.inf)
             rest = calm[(residual <= self.target[calm]) & true]
@@ -202,9 +202,9 @@ class ChainRelaxation:
         self.steps[at] += 1
         self.time[at] += time
         if self.frames is not None and len(at) and at[0] == 0:
-            self._film(self.frames)
+            self._record_state(self.frames)
 
-    def _film(self, frames: Frames) -> None:
+    def _record_state(self, frames: Frames) -> None:
         """Record the present state of the first row."""
         seen = self.simulations.observe(self.simulations.all[:1])
         frames.append((self.time[0], seen.poses[0], seen.lengths[0], seen.tensions[0]))
@@ -227,11 +227,11 @@ class ChainRelaxation:
         step = np.where(progress, np.minimum(1.2 * step, self.longest[at]), step)
         ratio = np.where(progress, np.maximum(np.where(slow, 0.9, 0.95) * ratio, LEAST_DAMPING), ratio)
         patience = np.where(progress, 0, self.patience[at] + 1)
-        weary = patience > PATIENCE
-        step = np.where(weary & (ratio == MOST_DAMPING), np.maximum(0.6 * step, SHORTEST), step)
-        self.step[at], self.ratio[at] = step, np.where(weary, np.minimum(3 * ratio, MOST_DAMPING), ratio)
-        self.best[at] = np.where(progress | weary, residual, self.best[at])
-        self.patience[at] = np.where(weary, 0, patience)
+        stalled = patience > PATIENCE
+        step = np.where(stalled & (ratio == MOST_DAMPING), np.maximum(0.6 * step, SHORTEST), step)
+        self.step[at], self.ratio[at] = step, np.where(stalled, np.minimum(3 * ratio, MOST_DAMPING), ratio)
+        self.best[at] = np.where(progress | stalled, residual, self.best[at])
+        self.patience[at] = np.where(stalled, 0, patience)
         self._damp(at)
 
     def _damp(self, at: Rows) -> None:

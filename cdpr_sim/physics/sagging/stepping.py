@@ -93,7 +93,7 @@ class Stepping:
         self.pulls[at] = 0
         self.calm[at], self.gentle[at] = True, False
 
-    def heed(self, at: Rows, residual: Float[np.ndarray, " some"]) -> None:
+    def adapt_to(self, at: Rows, residual: Float[np.ndarray, " some"]) -> None:
         """Choose the next steps by these unbalanced forces [N]."""
         simulations = self.simulations
         self.calm[at] = residual < CALM * simulations.load[at]

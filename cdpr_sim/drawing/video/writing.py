@@ -93,11 +93,11 @@ def write_video(
     """
     refuse_unless(FLAG, force=force)
     path = check_place(path, SUFFIXES, force=force)
-    film = Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress)
-    with film, appearing(path) as (temporary,):
+    pictures = VideoFrames(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress)
+    with pictures, appearing(path) as (temporary,):
         try:
-            with _Encoder(_writer(temporary, film)) as video:
-                for frame in film.frames():
+            with _Encoder(_writer(temporary, pictures)) as video:
+                for frame in pictures.frames():
                     video.add_image(frame)
         except RuntimeError as error:  # mediapy's, which quotes ffmpeg
             if (full := os.strerror(errno.ENOSPC)) in str(error):
@@ -139,14 +139,14 @@ def show(
     mediapy = _mediapy()
     from IPython.display import HTML, display
 
-    film = Film(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress)
-    with film:
-        content = mediapy.compress_video(film.frames(), fps=fps, qp=round(QUALITY))
+    pictures = VideoFrames(trajectories, static, shapes, seconds, fps, size, exaggeration, renderer, progress)
+    with pictures:
+        content = mediapy.compress_video(pictures.frames(), fps=fps, qp=round(QUALITY))
     # Without the table that show_video would put around it, in which a width of 100 % is the video's own.
     display(HTML(mediapy.html_from_compressed_video(content, *size, border="max-width: 100%; height: auto")))
 
 
-class Film:
+class VideoFrames:
     """The frames of a video: scenes, page layout and renderers; arguments and errors as in ``write_video``."""
 
     def __init__(
@@ -204,7 +204,7 @@ class Film:
         self._progress = progress
         self._renderers: list[Renderer] = []
 
-    def __enter__(self) -> Film:
+    def __enter__(self) -> VideoFrames:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -337,15 +337,15 @@ def _footnote(trajectories: Sequence[Trajectory], seconds: float) -> str:
     return f"{motion}; simulated by MuJoCo, shown {speed}."
 
 
-def _writer(path: Path, film: Film):
-    mediapy, (width, height) = _mediapy(), film.size
+def _writer(path: Path, pictures: VideoFrames):
+    mediapy, (width, height) = _mediapy(), pictures.size
     if path.suffix == ".gif":
         # One palette, of the first frame (whose legend holds every colour), so that no frame has to wait for the last.
         # Undithered it is smaller by 5 %, and nearer to the frame by half.
         palette = "split[a][b];[a]trim=end_frame=1,palettegen[p];[b][p]paletteuse=dither=none"
-        return mediapy.VideoWriter(path, (height, width), fps=film.fps, codec="gif", ffmpeg_args=["-vf", palette])
+        return mediapy.VideoWriter(path, (height, width), fps=pictures.fps, codec="gif", ffmpeg_args=["-vf", palette])
     options = ["-preset", "veryfast", "-threads", str(ENCODERS), "-movflags", "+faststart"]
-    return mediapy.VideoWriter(path, (height, width), fps=film.fps, crf=QUALITY, ffmpeg_args=options)
+    return mediapy.VideoWriter(path, (height, width), fps=pictures.fps, crf=QUALITY, ffmpeg_args=options)
 
 
 class _Encoder:
