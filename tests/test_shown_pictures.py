@@ -146,7 +146,7 @@ def test_the_legends_swatches_have_the_colours_of_what_they_name(written):
 def test_a_picture_says_what_is_drawn_larger(written, moving):
     """So many times, in every frame; and nothing where all is to scale."""
     for times, said in ((3.0, ["Deviations drawn 3 × larger; the numbers are the true values"]), (1.0, [])):
-        with writing.Film(moving, None, None, 0.5, 10.0, (1280, 720), times, "raycast", None) as shown:
+        with writing.VideoFrames(moving, None, None, 0.5, 10.0, (1280, 720), times, "raycast", None) as shown:
             written.clear()
             next(shown.frames())
         assert [word.text for word in written if "large" in word.text] == said
@@ -163,7 +163,7 @@ def test_every_frame_is_given_its_own_state(moving, monkeypatch):
     given = []
     drawn = frame_layout.Page.frame
     monkeypatch.setattr(frame_layout.Page, "frame", lambda self, *args: given.append(args[2:]) or drawn(self, *args))
-    list(writing.Film(moving, seconds=0.5, fps=10, size=SIZE, renderer="raycast").frames())
+    list(writing.VideoFrames(moving, seconds=0.5, fps=10, size=SIZE, renderer="raycast").frames())
     assert len(given) == 5
     for step, (tilts, deviations, tensions, slack) in enumerate(given):
         assert tilts[0] == moving.tilt[step]
@@ -186,7 +186,7 @@ def test_the_outline_is_where_the_static_solver_puts_it(moving):
     lifted = RigidTransform.from_components(poses.translation + np.array([0, 0, 0.06]), Rotation.identity(len(moving)))
     places = []
     for static in (poses, lifted):
-        with writing.Film(moving, static, None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None) as shown:
+        with writing.VideoFrames(moving, static, None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None) as shown:
             (picture, *_) = shown.frames()
             view = shown.page.cells[0].view
             places.append(outline(picture[view.top : view.bottom, view.left : view.right]))
@@ -197,17 +197,17 @@ def test_the_legend_names_the_outline_only_where_there_is_one(written, moving):
     """With the static solver's poses, and without."""
     for static, count in ((cdpr.solve_trajectory(moving).poses, 1), (None, 0)):
         written.clear()
-        writing.Film(moving, static, None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None)
+        writing.VideoFrames(moving, static, None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None)
         assert sum("static" in word.text for word in written) == count
 
 
-def test_two_films_share_the_scale_of_the_harder_pull(written, moving):
+def test_two_videos_share_the_scale_of_the_harder_pull(written, moving):
     """Whichever stands first: the legend's end is the round number above it, for bars and cables alike."""
     weak = dataclasses.replace(moving, tensions=moving.tensions / 10)
     most = float(moving.tensions.max())
     for both in ([moving, weak], [weak, moving]):
         written.clear()
-        shown = writing.Film(both, [None, None], None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None)
+        shown = writing.VideoFrames(both, [None, None], None, 0.5, 10.0, (1280, 720), 1.0, "raycast", None)
         ends = [float(word.text[:-2]) for word in written if word.text.endswith(" N") and word.text[0].isdigit()]
         assert len(ends) == 1
         assert most <= ends[0] <= 1.5 * most
