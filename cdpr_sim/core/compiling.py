@@ -94,7 +94,11 @@ class Compiled:
 
 
 class Kernel(Compiled):
-    """A function of one element as a NumPy generalised ufunc: it broadcasts and, compiled, releases the GIL."""
+    """A function of one element as a NumPy generalised ufunc: it broadcasts and, compiled, releases the GIL.
+
+    Attributes:
+        axes: number of axes that each input has for one element.
+    """
 
     def __init__(
         self, what: str, function: Callable, layout: str, integers: tuple[str, ...] = (),
@@ -120,12 +124,14 @@ class Kernel(Compiled):
         arguments, inputs = list(zip(kinds, core, strict=True)), layout.split("->")[0].count("(")
         self._names = list(inspect.signature(function).parameters)[:inputs]
         self._inputs, self._results = arguments[:inputs], arguments[inputs:]
+        self.axes = tuple(len(dims) for _, dims in self._inputs)
 
     def __call__(self, *inputs: Any) -> Any:
         """Evaluate each element: interpreted for the first few, on lanes if there are many, else compiled."""
         if self._compiled is None or self._many is not None:
-            pairs = zip(inputs, self.axes, strict=True)
-            loop = np.broadcast_shapes(*(np.shape(value)[: np.ndim(value) - axes] for value, axes in pairs))
+            arrays = zip(map(np.asarray, inputs), self.axes, strict=True)
+            loops = [array.shape[: array.ndim - own] for array, own in arrays if array.ndim > own]
+            loop = np.broadcast_shapes(*loops) if loops else ()
             count = math.prod(loop)
             if self._many is not None and count >= LANES_FROM:
                 return self._on_lanes(self._many, loop, *inputs)
@@ -133,11 +139,6 @@ class Kernel(Compiled):
                 self._left -= count
                 return self._interpreted(loop, *inputs)
         return self.compiled(*inputs)
-
-    @property
-    def axes(self) -> tuple[int, ...]:
-        """Number of axes that each input has for one element."""
-        return tuple(len(dims) for _, dims in self._inputs)
 
     def _build(self) -> Any:
         import numba

@@ -242,7 +242,7 @@ class Robot(HtmlRepr):
             description=description,
             source=source,
             notes=tuple(notes),
-            _given=copy.deepcopy(given),
+            _given=given if hasattr(self, "_copied") else copy.deepcopy(given),
         )
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -514,7 +514,7 @@ class Robot(HtmlRepr):
             changes.setdefault("breaking_load", np.inf if made.breaking_load is None else made.breaking_load)
         elif "axial_stiffness" in changes:
             changes = {"material": None, "breaking_load": np.inf} | changes
-        return _robot_of(self._given | changes)
+        return _robot_of(self._given | copy.deepcopy(changes))
 
     def __reduce__(self) -> tuple:
         """Copies and pickles are constructed from the arguments, so that their arrays are read-only as well."""
@@ -529,7 +529,7 @@ FIELDS = tuple(inspect.signature(Robot).parameters)
 
 
 def _robot_of(given: dict[str, Any]) -> Robot:
-    """A copy, perhaps changed, without the warnings about implausible properties."""
+    """A copy, perhaps changed, of a robot with these arguments, without the warnings about implausible properties."""
     robot = object.__new__(Robot)
     object.__setattr__(robot, "_copied", True)
     Robot.__init__(robot, **given)
