@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.core.pose import angle_between
 from cdpr_sim.core.robot_batch import RobotBatch
 from cdpr_sim.crosscheck.layout_validation import validate_layout
 from cdpr_sim.design import search
@@ -207,6 +208,25 @@ def test_a_level_layout_is_found_and_mujoco_agrees(better, parallel):
     # Negative control: the same claim of the robot as it was.
     false = validate_layout(dataclasses.replace(better, robot=better.given, given=better.robot))
     assert not false.better
+
+
+def test_a_neutral_pose_is_counted_and_its_difference_left_out(better, parallel):
+    """Where a platform turns freely, the two methods may end at any angle: that is no error of either."""
+    low, high = parallel.workspace
+    poses = np.random.default_rng(0).uniform(low, high, (200, 3))
+    free = poses[cdpr.solve_many(parallel, poses).stability == cdpr.Stability.NEUTRAL][:2]
+    cases = Cases.of(parallel, [LINE[0], *free])
+    as_given = dataclasses.replace(better, robot=better.given, cases=cases)
+    found = validate_layout(as_given).after
+    turned = np.degrees(angle_between(found.solved.rotations, found.settled.rotations))
+    neutral = np.any([one.stability == cdpr.Stability.NEUTRAL for one in (found.solved, found.settled)], axis=0)
+    assert turned[neutral].max() > 1  # negative control
+    assert found.neutral == (turned > 1e-3).sum()
+    assert found.agrees.all()
+    assert np.degrees(found.errors["rotation_error"]) == pytest.approx(turned[~neutral].max(), abs=1e-9)
+    assert f"{found.neutral} are neutrally stable, the others agree within" in " ".join(
+        validate_layout(as_given).sentences
+    )
 
 
 def test_poses_twice_as_fine_lie_midway(parallel):

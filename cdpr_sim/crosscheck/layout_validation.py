@@ -13,7 +13,7 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.robot_batch import RobotBatch
-from cdpr_sim.crosscheck.check import AGREEING, compared
+from cdpr_sim.crosscheck.check import AGREEING, OUTCOMES, compared
 from cdpr_sim.design.layout_equilibria import Cases, LayoutEquilibria
 from cdpr_sim.design.layout_result import PROMISE, LayoutResult
 from cdpr_sim.design.objectives import NO_LIMITS, Objective
@@ -29,8 +29,10 @@ class ValidatedRobot:
         robot: the robot.
         solved: by statics, (rows,).
         settled: by MuJoCo, (rows,).
-        errors: largest differences, by the names of ``Agreement``; nan if no row has an equilibrium by both methods.
+        errors: largest differences, by the names of ``Agreement``, without ``neutral`` rows; nan if no other row has an
+            equilibrium by both methods.
         agrees: (rows,) whether the two methods agree.
+        neutral: number of rows where they agree except in directions without stiffness, in which poses may differ.
         score: objective in MuJoCo [SI]; nan if MuJoCo did not settle at every pose.
     """
 
@@ -39,6 +41,7 @@ class ValidatedRobot:
     settled: EquilibriumBatch
     errors: dict[str, float]
     agrees: Bool[np.ndarray, " rows"]
+    neutral: int
     score: float
 
 
@@ -77,10 +80,13 @@ class LayoutValidation(HtmlRepr):
             f"settled): {of.name} {of.shown(self.before.score)} before, {of.shown(after.score)} now."
         ]
         if self.agrees:
-            sentences.append(
-                f"MuJoCo and Newton agree at all of them: within {1e3 * after.errors['position_error']:.1e} mm, "
-                f"{np.degrees(after.errors['rotation_error']):.1e}° and {after.errors['tension_error']:.1e} N."
+            apart = (
+                f"within {1e3 * after.errors['position_error']:.1e} mm, "
+                f"{np.degrees(after.errors['rotation_error']):.1e}° and {after.errors['tension_error']:.1e} N"
             )
+            if after.neutral:
+                apart = f"{after.neutral} are neutrally stable, the others agree {apart}"
+            sentences.append(f"MuJoCo and Newton agree at all of them: {apart}.")
         else:
             sentences.append(f"MuJoCo and Newton do not agree at {int((~after.agrees).sum())} of them.")
         if not self.better:
@@ -117,11 +123,14 @@ def _validated(robot: Robot, cases: Cases, objective: Objective) -> ValidatedRob
     problems = cases.problems(robot)
     solved, settled = solve_many(problems), settle_many(problems)
     columns, _ = compared(solved, settled, cables_name(robot))
-    agrees = np.isin(columns.pop("outcome"), list(AGREEING))
-    errors = {
-        name: float(np.nanmax(column)) if np.isfinite(column).any() else np.nan for name, column in columns.items()
-    }
-    return ValidatedRobot(robot, solved, settled, errors, agrees, _score(robot, cases, objective, settled))
+    outcomes = columns.pop("outcome")
+    neutral = outcomes == OUTCOMES.index("agree_except_neutral")
+    errors = {}
+    for name, column in columns.items():
+        known = column[~neutral & np.isfinite(column)]
+        errors[name] = float(known.max()) if known.size else np.nan
+    agrees, score = np.isin(outcomes, list(AGREEING)), _score(robot, cases, objective, settled)
+    return ValidatedRobot(robot, solved, settled, errors, agrees, int(neutral.sum()), score)
 
 
 def _score(robot: Robot, cases: Cases, objective: Objective, settled: EquilibriumBatch) -> float:

@@ -65,12 +65,10 @@ def sweep_table(dataset: xr.Dataset) -> Table:
 
 
 def sweep_lines(dataset: xr.Dataset) -> Iterator[str]:
-    """Size of the feasible workspace with rigid cables, by robot; or why it is left out."""
+    """Size of the feasible workspace with rigid cables, by robot, where the sweep has it."""
     feasible = {name: what for name, what in _FEASIBLE.items() if name in dataset}
     unit = ("", "m", "m²", "m³")[sum(dataset.sizes.get(name, 1) > 1 for name in AXES)]
-    if not feasible:
-        yield "The static feasible workspace is left out, since it does not account for the mass of cables."
-    elif unit:
+    if feasible and unit:
         for robot in np.atleast_1d(dataset["robot"].values):
             one = dataset.sel(robot=robot) if "robot" in dataset.dims else dataset
             parts = ", ".join(f"{what} {extent_of(one[name]):.4g}" for name, what in feasible.items())
