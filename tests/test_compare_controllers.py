@@ -15,7 +15,7 @@ from studies.controller_comparison import (
     ROPES,
     SCHEMES,
     Run,
-    Task,
+    TrackingTask,
     believed,
     held,
     rms,
@@ -26,13 +26,17 @@ from studies.controller_comparison import (
 from studies.controller_comparison_figures import ROWS, controllers
 from studies.controller_tables import ropes_table, runs_table, summary_table
 
-LINE = Task("cogiro", "fishing-0.4mm", "line", 0.5)
-CIRCLE = Task("parallel", "vectran-0.7mm", "circle", 0.05)
+LINE = TrackingTask("cogiro", "fishing-0.4mm", "line", 0.5)
+CIRCLE = TrackingTask("parallel", "vectran-0.7mm", "circle", 0.05)
 
 
 @pytest.fixture(scope="module")
 def found() -> tuple[Run, ...]:
-    return run(LINE, RIGID), run(LINE, RIGID_FEEDBACK), run(Task("parallel", "vectran-0.7mm", "line", 0.5), RIGID)
+    return (
+        run(LINE, RIGID),
+        run(LINE, RIGID_FEEDBACK),
+        run(TrackingTask("parallel", "vectran-0.7mm", "line", 0.5), RIGID),
+    )
 
 
 def test_tasks_are_all_combinations():
@@ -58,7 +62,7 @@ def test_a_circle_is_round_and_closed():
 def test_where_cables_can_hold_the_platform():
     """The crossed layout all along, the parallel one within some 80 mm of the middle: a third of 0.46 m."""
     assert held(LINE) == 1.0
-    assert held(Task("parallel", "vectran-0.7mm", "line", 0.5)) == pytest.approx(0.16 / 0.46, abs=0.05)
+    assert held(TrackingTask("parallel", "vectran-0.7mm", "line", 0.5)) == pytest.approx(0.16 / 0.46, abs=0.05)
 
 
 def test_feedback_pays_and_the_pause_does_not_count(found):
