@@ -123,8 +123,11 @@ def test_identify_reads_a_file_and_finds_the_stiffness(tmp_path):
     ("words", "message"),
     [
         (["compensate", "paralel"], "did you mean parallel"),
-        (["compensate", "cogiro", "--tensions", "2", "1"], "found a smallest tension of 2 N above the largest, 1 N"),
-        (["compensate", "cogiro", "--tensions", "nan", "1"], "found a smallest tension of nan N"),
+        (
+            ["compensate", "cogiro", "--tension-limits", "2", "1"],
+            "found a smallest tension of 2 N above the largest, 1 N",
+        ),
+        (["compensate", "cogiro", "--tension-limits", "nan", "1"], "found a smallest tension of nan N"),
         (["compensate", "cogiro", "--prefer", "stif"], "unknown preference 'stif'"),
         (["sensitivity", "two-cable", "--pose", "0.4", "0.1", "0.2"], "'two-cable' is planar"),
         (["equilibria", "cogiro", "--starts", "0"], "starts: found 0"),

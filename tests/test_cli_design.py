@@ -101,7 +101,7 @@ def test_front_says_which_layouts_leave_the_frame():
         (["--symmetry", "mirror-x"], "symmetry: found 'mirror-x', which 'cogiro' does not have"),
         (["--grid", "2", "2", "2"], "line: found a line and a grid"),
         (["-o", "better.txt"], "output: found 'better.txt', expected a name that ends in .toml"),
-        (["--tensions", "100", "200"], "subject_to: found no feasible layout"),
+        (["--tension-limits", "100", "200"], "subject_to: found no feasible layout"),
     ],
 )
 def test_design_refuses_in_a_sentence(words, sentence):
@@ -114,7 +114,7 @@ def test_design_refuses_in_a_sentence(words, sentence):
 
 def test_clearances_say_what_is_nearest():
     """Exit status 1 where something comes nearer than it may."""
-    free, tight = (run("clearances", "cogiro", *LINE, "--least", least) for least in (0.001, 0.03))
+    free, tight = (run("clearances", "cogiro", *LINE, "--min-distance", least) for least in (0.001, 0.03))
     assert (free.exit_code, tight.exit_code) == (0, 1)
     assert "cable 2 and the platform" in free.stdout
     assert "at 4 of 4 poses" in free.stdout

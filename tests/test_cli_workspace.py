@@ -77,7 +77,7 @@ def test_check_lists_every_disagreement_and_exits_1(monkeypatch):
 def test_sweep_keeps_its_result(tmp_path):
     """A table, and a store that can be opened."""
     path = tmp_path / "sweep.zarr"
-    result = run("sweep", "cogiro", "--grid", "3", "2", "2", "--limits", "0", "5", "-o", str(path))
+    result = run("sweep", "cogiro", "--grid", "3", "2", "2", "--tension-limits", "0", "5", "-o", str(path))
     assert result.exit_code == 0
     assert "12 commanded poses" in result.stdout
     assert cdpr.open_sweep(path).sizes["x"] == 3
@@ -105,7 +105,7 @@ def test_sweep_settles_what_it_keeps(tmp_path):
         (["map", "parallel", "-o", "mine.png"], "exists; expected a new name, or --force"),
         (["map", "parallel", "-o", "new.jpg"], "ends in .png"),
         (["map", "parallel", "two-cable", "-o", "new.png"], "different workspaces"),
-        (["map", "parallel", "--limits", "3", "1", "-o", "new.png"], "tau_min <= tau_max"),
+        (["map", "parallel", "--tension-limits", "3", "1", "-o", "new.png"], "tau_min <= tau_max"),
         (["map", "parallel", "--waypoint", "0.3,0.25,0.2", "-o", "new.png"], "--waypoint: found a single one"),
         (["map", "cogiro", *PATH, "--at", "0.2", "-o", "new.png"], "--waypoint: found waypoints and --plane or --at"),
         (["map", "cogiro", *PATH, "--orientation", "0", "0", "0.1", "-o", "new.png"], "poses: found them besides"),

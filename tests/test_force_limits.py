@@ -218,7 +218,7 @@ def test_a_robot_file_says_limits_for_all_cables_or_for_one(tmp_path):
 def test_sweep_and_map_take_wrenches_and_say_volumes(tmp_path):
     """Each workspace's volume, in m³ over a grid and m² in a map; a panel for what holds all the wrenches."""
     run = CliRunner().invoke
-    result = run(app, ["sweep", "ipanema-1", "--grid", "5", "5", "5", "--wrench", "0,0,-300,0,0,0"])
+    result = run(app, ["sweep", "ipanema-1", "--grid", "5", "5", "5", "--wrenches", "0,0,-300,0,0,0"])
     assert result.exit_code == 0, result.output
     swept = cdpr.sweep("ipanema-1", (5, 5, 5), wrenches=[0, 0, -300.0, 0, 0, 0], quantities=["feasible"])
     static, loaded = (f"{extent_of(swept[name]):.4g}" for name in ("feasible", "wrench_feasible"))
@@ -228,14 +228,14 @@ def test_sweep_and_map_take_wrenches_and_say_volumes(tmp_path):
     assert told in " ".join(result.stdout.split())
     picture = tmp_path / "map.png"
     result = run(
-        app, ["map", "ipanema-1", "-o", str(picture), "--points", "9", "--wrench", "200,0,0,0,0,0",
-              "--wrench=-200,0,0,0,0,0"]
+        app, ["map", "ipanema-1", "-o", str(picture), "--points", "9", "--wrenches", "200,0,0,0,0,0",
+              "--wrenches=-200,0,0,0,0,0"]
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert ", of 2 m²." in " ".join(result.stdout.split())
-    result = run(app, ["sweep", "ipanema-1", "--grid", "2", "2", "2", "--wrench", "1,2,3"])
-    assert (result.exit_code, "--wrench: found '1,2,3', expected six numbers" in result.stderr) == (2, True)
+    result = run(app, ["sweep", "ipanema-1", "--grid", "2", "2", "2", "--wrenches", "1,2,3"])
+    assert (result.exit_code, "--wrenches: found '1,2,3', expected six numbers" in result.stderr) == (2, True)
 
 
 def test_the_map_shows_what_holds_all_wrenches_with_its_own_border(catalogue):

@@ -346,7 +346,7 @@ LINE = ["--line", "0.2", "0.25", "0.1", "0.6", "0.25", "0.1"]
         (["design", "parallel", "--grid", "100000", "1000", "50"], "5,000,000,000 poses would take about 1 TB"),
         (["design", "parallel", *LINE, "--points", "50000000000"], "50,000,000,000 poses would take about 10 TB"),
         (["design", "parallel", "--move", "exits=1e300"], r"within: found 1e\+300 m, expected at most 1e\+06 m"),
-        (["front", "parallel", "-o", "out/deeper", "--goals", "a", "b"], "unknown objective 'a'"),
+        (["front", "parallel", "-o", "out/deeper", "--objectives", "a", "b"], "unknown objective 'a'"),
         (["front", "nosuch", "-o", "out"], "unknown robot 'nosuch'"),
         (["solve", "parallel", "--pose", "1e300", "0", "0"], r"pose: found 1e\+300 m, expected at most 1e\+06 m"),
         (["map", "parallel", "--force", "-o", "pipe.png"], "pipe.png: found a pipe or a device, expected a file"),

@@ -75,7 +75,7 @@ REACHED = [
     ("solve parallel --method fsolve", "solve", {"method": "fsolve"}),
     ("compensate parallel --pose 0.3 0.2 0.1", "compensate", {(0, place): AT}),
     ("compensate parallel --material fishing-0.4mm", "compensate", {(0, cables): SOFT}),
-    ("compensate parallel --tensions 1 9", "compensate", {"tension_limits": (1.0, 9.0)}),
+    ("compensate parallel --tension-limits 1 9", "compensate", {"tension_limits": (1.0, 9.0)}),
     ("compensate parallel --prefer stiffest", "compensate", {"prefer": "stiffest"}),
     ("compensate parallel --arm 0.5", "compensate", {"arm": 0.5}),
     ("sensitivity parallel --pose 0.3 0.2 0.1", "sensitivity", {(0, place): AT}),
@@ -102,7 +102,7 @@ REACHED = [
     ("design parallel --grid 2 3 4", "find_layout", {(1, np.shape): (2, 3, 4, 3)}),
     ("design parallel --line 0.2 0.3 0.1 0.4 0.3 0.1 --points 3", "find_layout",
      {(1, np.ndarray.tolist): [[0.2, 0.3, 0.1], [pytest.approx(0.3), 0.3, 0.1], [0.4, 0.3, 0.1]]}),
-    ("design parallel --tensions 1 9", "find_layout", {("subject_to", dict.items): {("tensions", (1.0, 9.0))}}),
+    ("design parallel --tension-limits 1 9", "find_layout", {("subject_to", dict.items): {("tensions", (1.0, 9.0))}}),
     ("design parallel --taut", "find_layout", {("subject_to", dict.items): {("all taut", True)}}),
     ("design parallel --stable", "find_layout", {("subject_to", dict.items): {("stable", True)}}),
     ("design parallel --clearance 0.01", "find_layout", {("subject_to", dict.items): {("clearance", 0.01)}}),
@@ -114,7 +114,7 @@ REACHED = [
     ("design parallel --generations 7", "find_layout", {"generations": 7}),
     ("design parallel --store there.npz", "find_layout", {("store", str): "there.npz"}),
     ("design parallel -o full/robot-1.toml --picture full/old.png --video full/old.gif --force", "find_layout", {}),
-    ("front parallel -o there --goals displacement mean_tilt", "find_front", {2: ("displacement", "mean_tilt")}),
+    ("front parallel -o there --objectives displacement mean_tilt", "find_front", {2: ("displacement", "mean_tilt")}),
     ("front parallel -o there --move anchors=0.01", "find_front", {("move", moves): [("anchors", 0.01, None)]}),
     ("front parallel -o there --within 0.02", "find_front", {("move", moves): [("exits", 0.02, None)]}),
     ("front parallel -o there --along 0 0 1", "find_front", {("move", moves): [("exits", 0.05, (0.0, 0.0, 1.0))]}),
@@ -124,7 +124,7 @@ REACHED = [
     ("front parallel -o there --material fishing-0.4mm", "find_front", {(0, lambda robot: robot.material): SOFT}),
     ("front parallel -o there --seed 5", "find_front", {"seed": 5}),
     ("front parallel -o there --generations 7", "find_front", {"generations": 7}),
-    ("front parallel -o there --most 150", "find_front", {"population": 150}),
+    ("front parallel -o there --max-files 150", "find_front", {"population": 150}),
     ("front parallel -o full --force", "find_front", {}),
     ("clearances parallel --grid 2 3 4", "clearances", {(1, np.shape): (2, 3, 4, 3)}),
     ("clearances parallel --line 0.2 0.3 0.1 0.4 0.3 0.1 --points 3", "clearances", {(1, np.shape): (3, 3)}),
@@ -135,15 +135,16 @@ REACHED = [
     ("sweep parallel --grid 2 3 4", "sweep", {1: (2, 3, 4)}),
     ("sweep parallel --material fishing-0.4mm", "sweep", {2: [SOFT]}),
     ("sweep parallel -o there.zarr", "sweep", {("store", str): "there.zarr"}),
-    ("sweep parallel --limits 1 2", "sweep", {"tension_limits": (1.0, 2.0)}),
-    ("sweep parallel --wrench 1,2,3,4,5,6", "sweep", {"wrenches": [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]}),
+    ("sweep parallel --tension-limits 1 2", "sweep", {"tension_limits": (1.0, 2.0)}),
+    ("sweep parallel --wrenches 1,2,3,4,5,6", "sweep", {"wrenches": [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]}),
+    ("sweep parallel --wrench 1,2,3,4,5,6", "sweep", {"external_wrench": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]}),
     ("map parallel --material fishing-0.4mm", "sweep", {2: [SOFT]}),
     ("map parallel --plane yz --at 0.3 --points 21", "sweep",
      {(1, lambda grid: (grid["x"].tolist(), len(grid["y"]), len(grid["z"]))): ([0.3], 18, 21)}),
-    ("map parallel --limits 1 2", "sweep", {"tension_limits": (1.0, 2.0)}),
-    ("map parallel --wrench 1,2,3,4,5,6", "sweep", {"wrenches": [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]}),
+    ("map parallel --tension-limits 1 2", "sweep", {"tension_limits": (1.0, 2.0)}),
+    ("map parallel --wrenches 1,2,3,4,5,6", "sweep", {"wrenches": [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]}),
     ("map parallel --mass 0.7", "sweep", {(0, masses): [0.7]}),
-    ("map parallel --orientation 0.1 0 -0.2 --external-wrench 1,2,3,4,5,6", "sweep",
+    ("map parallel --orientation 0.1 0 -0.2 --wrench 1,2,3,4,5,6", "sweep",
      {"orientation": (0.1, 0.0, -0.2), "external_wrench": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]}),
     ("map parallel -o full/old.png --force", "sweep", {}),
     ("check parallel --grid 2 3 4", "check", {1: (2, 3, 4)}),
@@ -348,7 +349,9 @@ def test_the_interference_free_workspace_is_drawn_where_it_is_asked_for(folder, 
     monkeypatch.setattr(
         "cdpr_sim.studies.better_layouts.clearance_map", lambda *args: asked.append(args) or still.Still()
     )
-    words = "clearances cogiro --plane yz --at 0.4 --least 0.002 --fitting 0.01 -o full/old.png --force --grid 1 1 1"
+    words = (
+        "clearances cogiro --plane yz --at 0.4 --min-distance 0.002 --fitting 0.01 -o full/old.png --force --grid 1 1 1"
+    )
     told = CliRunner().invoke(app, words.split())
     assert asked[0][1:] == ("yz", 0.4, 0.002, 0.01)
     assert "(distance above 2 mm) at 1 of 1 poses; 10 mm at both ends of each cable" in " ".join(told.stdout.split())

@@ -23,7 +23,7 @@ def compensate(
     limits: Annotated[
         tuple[float, float] | None,
         typer.Option(
-            "--tensions", metavar="MIN MAX", help="Tension limits [N]; default: the robot's, at most 5 % strain."
+            "--tension-limits", metavar="MIN MAX", help="Tension limits [N]; default: the robot's, at most 5 % strain."
         ),
     ] = None,
     prefer: Annotated[str, typer.Option("--prefer", help="smallest (tensions) or stiffest (platform).")] = "smallest",

@@ -76,7 +76,7 @@ def design(
     line: Line = None,
     points: Points = 18,
     tensions: Annotated[
-        tuple[float, float] | None, typer.Option("--tensions", metavar="MIN MAX", help="Tension limits [N].")
+        tuple[float, float] | None, typer.Option("--tension-limits", metavar="MIN MAX", help="Tension limits [N].")
     ] = None,
     taut: Annotated[bool, typer.Option("--taut", help="All cables must be taut.")] = False,
     stable: Annotated[bool, typer.Option("--stable", help="All equilibria must be stable.")] = False,
@@ -165,8 +165,8 @@ def design(
 def front(
     robot: RobotName,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for front.png and one robot file per layout.")],
-    goals: Annotated[
-        tuple[str, str], typer.Option("--goals", metavar="ONE OTHER", help="Two objectives, as in `design`.")
+    objectives: Annotated[
+        tuple[str, str], typer.Option("--objectives", metavar="ONE OTHER", help="Two objectives, as in `design`.")
     ] = ("displacement", "worst tilt"),
     move: Moves = None,
     within: Within = "0.05",
@@ -178,7 +178,9 @@ def front(
     material: MaterialName = None,
     seed: Seed = 0,
     generations: Generations = 200,
-    most: Annotated[int, typer.Option("--most", min=2, max=MOST_FILES, help="Maximum number of robot files.")] = 20,
+    max_files: Annotated[
+        int, typer.Option("--max-files", min=2, max=MOST_FILES, help="Maximum number of robot files.")
+    ] = 20,
     force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
 ) -> None:
     """Compute the Pareto front of two objectives: layouts as a table, a figure and robot files."""
@@ -191,18 +193,20 @@ def front(
     with errors_as_sentences(), new_folder(output):
         machine = robot_of(robot, material)
         picture = output / "front.png"
-        refuse_existing([picture, *(output / f"robot-{number}.toml" for number in range(1, most + 1))], force=force)
+        refuse_existing(
+            [picture, *(output / f"robot-{number}.toml" for number in range(1, max_files + 1))], force=force
+        )
         pareto = cdpr.find_front(
             machine,
             _poses(machine, grid, line, points),
-            goals,
+            objectives,
             move=[_move(one, within, along) for one in move or ["exits"]],
             symmetry=symmetry,
             seed=seed,
             generations=generations,
-            population=max(most, 100),
+            population=max(max_files, 100),
             progress=True,
-        ).thinned(most)
+        ).thinned(max_files)
         files = {picture: encoded(pareto_picture(pareto))}
         files |= {
             output / f"robot-{row + 1}.toml": as_toml(pareto.robot(row)).encode() for row in range(len(pareto))
@@ -220,7 +224,9 @@ def clearances(
     grid: Positions = None,
     line: Line = None,
     points: Points = 18,
-    least: Annotated[float, typer.Option("--least", help="[m] A smaller distance counts as interference.")] = 0.0,
+    min_distance: Annotated[
+        float, typer.Option("--min-distance", help="[m] A smaller distance counts as interference.")
+    ] = 0.0,
     fitting: Annotated[
         float | None,
         typer.Option(
@@ -235,7 +241,7 @@ def clearances(
     at: Annotated[float | None, typer.Option("--at", help="Position of that plane [m]; default: the middle.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
-    """Distances between cables, platform and frame at equilibrium. Exit status 1 if any is below --least."""
+    """Distances between cables, platform and frame at equilibrium. Exit status 1 if any is below --min-distance."""
     from cdpr_sim.analysis import clearance
     from cdpr_sim.core.files import check_place
     from cdpr_sim.drawing import maps
@@ -248,14 +254,14 @@ def clearances(
             from cdpr_sim.studies.better_layouts import clearance_map
 
             with busy("Computing clearances"):
-                maps.write(clearance_map(machine, plane, at, least, fitting), picture)
+                maps.write(clearance_map(machine, plane, at, min_distance, fitting), picture)
         with busy("Solving"):
             each = machine.cables * clearance.POINTS * clearance.BYTES_PER_POINT
             distances = cdpr.clearances(machine, _poses(machine, grid, line, points, each), fitting=fitting)
-        free = distances.free(least)
+        free = distances.free(min_distance)
     print_parts(
         report.clearance_table(distances),
-        f"Interference-free (distance above {1e3 * least:g} mm) at {int(free.sum())} of {free.size} poses; "
+        f"Interference-free (distance above {1e3 * min_distance:g} mm) at {int(free.sum())} of {free.size} poses; "
         f"{1e3 * distances.fitting:.3g} mm at both ends of each cable ignored.",
     )
     raise typer.Exit(0 if free.all() else DISAGREE)

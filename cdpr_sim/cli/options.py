@@ -79,18 +79,22 @@ Grid = Annotated[
 ]
 Limits = Annotated[
     tuple[float, float] | None,
-    typer.Option("--limits", metavar="MIN MAX", help="Tension limits [N] of feasibility; default: the robot's."),
+    typer.Option(
+        "--tension-limits", metavar="MIN MAX", help="Tension limits [N] of feasibility; default: the robot's."
+    ),
 ]
 Wrenches = Annotated[
     list[str] | None,
     typer.Option(
-        "--wrench", metavar="FX,FY,FZ,TX,TY,TZ", help="[N, N m] External wrench to be balanced as well; repeatable."
+        "--wrenches",
+        metavar="FX,FY,FZ,TX,TY,TZ",
+        help="[N, N m] External wrench of the wrench-feasible workspace, besides --wrench; repeatable.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, instead of a table.")]
 
 
-def wrenches_of(words: list[str] | None) -> list[list[float]] | None:
+def wrenches_of(words: list[str] | None, option: str = "--wrenches") -> list[list[float]] | None:
     """Parse external wrenches, six comma-separated numbers each.
 
     Raises:
@@ -100,7 +104,7 @@ def wrenches_of(words: list[str] | None) -> list[list[float]] | None:
     for word in words or []:
         numbers = numbers_in(word)
         if len(numbers) != 6:
-            raise cdpr.InvalidInput(f"--wrench: found {word!r}, expected six numbers FX,FY,FZ,TX,TY,TZ [N, N m]")
+            raise cdpr.InvalidInput(f"{option}: found {word!r}, expected six numbers FX,FY,FZ,TX,TY,TZ [N, N m]")
         wrenches.append(numbers)
     return wrenches or None
 
@@ -111,7 +115,7 @@ def wrench_of(word: str | None) -> list[float] | None:
     Raises:
         InvalidInput: not six numbers.
     """
-    wrenches = wrenches_of(None if word is None else [word])
+    wrenches = wrenches_of(None if word is None else [word], "--wrench")
     return None if wrenches is None else wrenches[0]
 
 

@@ -51,7 +51,8 @@ def sweep(
         ),
     ] = None,
     limits: Limits = None,
-    wrench: Wrenches = None,
+    wrench: Wrench = None,
+    wrenches: Wrenches = None,
     settle: Annotated[
         bool,
         typer.Option("--settle", help="Also settle every pose in MuJoCo, and compare. Exit status 1 on disagreement."),
@@ -59,7 +60,7 @@ def sweep(
 ) -> None:
     """Solve for the static equilibria of a grid: tilt, deviation, slack cables, feasibility."""
     with errors_as_sentences():
-        conditions = dict(tension_limits=limits, wrenches=wrenches_of(wrench))
+        conditions = dict(external_wrench=wrench_of(wrench), tension_limits=limits, wrenches=wrenches_of(wrenches))
         conditions |= dict(quantities=_with_settled()) if settle else {}
         dataset = cdpr.sweep(robot, grid, material or None, **conditions, store=output, progress=True)  # type: ignore[arg-type]
         _print(dataset)
@@ -87,19 +88,12 @@ def draw_map(
     at: Annotated[float | None, typer.Option("--at", help="Position of the plane [m]; default: the middle.")] = None,
     points: Annotated[int, typer.Option("--points", help="Number of poses along the longer side.")] = 181,
     limits: Limits = None,
-    wrench: Wrenches = None,
+    wrench: Wrench = None,
+    wrenches: Wrenches = None,
     mass: Mass = None,
     orientation: Orientation = LEVEL,
     waypoint: Waypoints = None,
     path_points: PathPoints = 181,
-    load: Annotated[
-        str | None,
-        typer.Option(
-            "--external-wrench",
-            metavar="FX,FY,FZ,TX,TY,TZ",
-            help="[N, N m] External wrench at the platform's origin, for the equilibria.",
-        ),
-    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a picture that exists.")] = False,
 ) -> None:
     """Draw tilt, deviation, slack cables and feasibility over a plane of the workspace, or along a path."""
@@ -123,9 +117,9 @@ def draw_map(
         conditions = dict(
             poses=poses,
             orientation=orientation,
-            external_wrench=wrench_of(load),
+            external_wrench=wrench_of(wrench),
             tension_limits=limits,
-            wrenches=wrenches_of(wrench),
+            wrenches=wrenches_of(wrenches),
             quantities=maps.QUANTITIES,
         )
         dataset = cdpr.sweep(robots, section, material or None, **conditions, progress=True)  # type: ignore[arg-type]
