@@ -140,7 +140,7 @@ def test_interrupt_is_130_wherever_it_comes(monkeypatch):
 def test_an_interrupt_is_130_even_where_a_shell_runs_the_tests_in_the_background():
     """``&`` has children ignore SIGINT: the test restores it, and cleans up whatever happens."""
     # Not while it imports: there Python ignores some interrupts.
-    ready = "import cdpr_sim.analysis.equilibria; print('ready', flush=True)"
+    ready = "import cdpr_sim.analysis.equilibria, cdpr_sim.report.analysis_tables; print('ready', flush=True)"
     running = subprocess.Popen(
         [sys.executable, "-c", f"{ready}; {COMMAND[2]}", "equilibria", "cogiro", "--starts", "300000"],
         env=ENVIRONMENT,
@@ -165,13 +165,23 @@ def test_an_interrupt_is_130_even_where_a_shell_runs_the_tests_in_the_background
     assert "Traceback" not in error
 
 
-def test_an_interrupt_while_importing_is_130_as_well():
+@pytest.mark.parametrize(
+    "raised",
+    [
+        "raise KeyboardInterrupt",
+        # As MuJoCo does: a module in C turns the interrupt of its own imports into an ImportError.
+        """
+            try: os.kill(os.getpid(), signal.SIGINT); time.sleep(9)
+            except KeyboardInterrupt: raise ImportError('initialization failed') from None""",
+    ],
+)
+def test_an_interrupt_while_importing_is_130_as_well(raised):
     """No traceback in the first second: importing MuJoCo and SciPy takes that long."""
     script = (
-        "import sys\n"
+        "import os, signal, sys, time\n"
         "class Interrupt:\n"
         "    def find_spec(self, name, *_):\n"
-        "        if name == 'typer': raise KeyboardInterrupt\n"
+        f"        if name == 'typer': {raised}\n"
         "sys.meta_path.insert(0, Interrupt())\n"
         "from cdpr_sim.__main__ import main\n"
         "main()"
