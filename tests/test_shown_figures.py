@@ -603,7 +603,7 @@ def test_runs_of_controllers_are_drawn_under_their_names():
     """Speed by colour, path by marker, cable by filling; errors in mm and degrees, tensions from lowest to highest."""
     robot = cdpr.load_robot("cogiro")
     tasks = [
-        controller_comparison.Task(layout, material, path, speed)
+        controller_comparison.TrackingTask(layout, material, path, speed)
         for layout in ("cogiro", "parallel")
         for material, path, speed in (("vectran-0.7mm", "line", 0.05), ("fishing-0.4mm", "circle", 0.5))
     ]
