@@ -212,6 +212,7 @@ def pytest_configure(config: Any) -> None:
     place = os.environ.get(RECORD)
     if place is None:
         return
+    clock = time.monotonic  # tests replace it
     seen: dict[int, CodeType] = {}  # by id, since hashing code takes long
     folder = f"{config.rootpath}/cdpr_sim/"
 
@@ -227,14 +228,14 @@ def pytest_configure(config: Any) -> None:
 
     def watch(who: str) -> Iterator[Any]:
         seen.clear()
-        begin = time.monotonic()
+        begin = clock()
         sys.setprofile(note)
         try:
             return (yield)
         finally:
             sys.setprofile(None)
             with open(f"{place}-{os.getpid()}", "a", encoding="utf-8") as file:
-                file.write(json.dumps([who, time.monotonic() - begin, names()]) + "\n")
+                file.write(json.dumps([who, clock() - begin, names()]) + "\n")
 
     class Watch:
         @pytest.hookimpl(wrapper=True)
