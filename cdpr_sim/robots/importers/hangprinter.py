@@ -78,7 +78,6 @@ def read(document: GCode, path: Path) -> Draft:
         axial_stiffness=[float(given("S", 1, [SPRING])[0])] * count,
         reeving=given("U", count, np.ones(count), whole=True),
         winch_to_exit=behind / 1e3,
-        turns=False,
         gravity=GRAVITY,
         force_min=given("I", count, 0.0),
         force_max=given("X", count, np.inf),
