@@ -29,11 +29,11 @@ def main() -> None:
     table = new_table(
         "parallel made level: worst tilt along the paper's line, z = 0.1 m",
         "exits move by [mm]",
-        "asked [°]",
+        "at these poses [°]",
         "in MuJoCo, twice as fine [°]",
         "slack there, at most",
         "MuJoCo − Newton [mm]",
-        "layouts tried",
+        "layouts evaluated",
         text_columns=0,
     )
     for proof in proofs:
@@ -65,9 +65,9 @@ def main() -> None:
     series.append(("differential evolution and gradient, one limit each", by_limit))
     figure = draw_front(
         series,
-        ("furthest move of an exit [mm]", "worst tilt along the line [°]"),
+        ("largest displacement of an exit [mm]", "worst tilt along the line [°]"),
         "How far must the exits of parallel move to make it level?",
-        "Each point is a layout with both mirrors kept and its exits within the frame, looked for at 18 poses of the "
+        "Each point is a layout with both mirrors kept and its exits within the frame, optimised at 18 poses of the "
         "paper's line at z = 0.1 m; hollow: settled in MuJoCo at 35.",
         given=(0.0, float(np.degrees(proofs[0].layout.before))),
         confirmed=confirmed,
@@ -96,7 +96,6 @@ def main() -> None:
             f"{1e3 * proof.after.errors['position_error']:.1e}", f"{masts.min():+.2f} to {masts.max():+.2f}",
         )  # fmt: skip
     console.print(table)
-    console.print("Mass and a pulley on one cable are refused: the table shows each of them alone.", highlight=False)
 
     for name in ("parallel", "cogiro"):
         robot = cdpr.load_robot(name)

@@ -47,13 +47,15 @@ def level_parallel(reaches: Sequence[float] = REACHES, generations: int = 100) -
 def crane_masts(generations: int = 40) -> dict[str, LayoutValidation]:
     """Minimise the crane's largest deviation over its workspace, with exits that slide on their masts.
 
-    With cables with mass, and with pulleys; both on one cable are not supported.
+    With cables with mass, with pulleys, and with both.
     """
     poses = np.stack(np.meshgrid([-4.5, 0.0, 4.5], [-3.0, 3.0], [1.0, 3.0], indexing="ij"), axis=-1)
     move = Move("exits", MAST, along=(0, 0, 1))
+    mass, pulleys = dict(linear_density=CRANE_DENSITY), dict(pulley_radius=CRANE_RADIUS, pulley_axis=BELOW)
     robots = {
-        "4 mm steel rope with mass": crane().replace(linear_density=CRANE_DENSITY),
-        "massless rope over pulleys": crane().replace(pulley_radius=CRANE_RADIUS, pulley_axis=BELOW),
+        "4 mm steel rope with mass": crane().replace(**mass),
+        "massless rope over pulleys": crane().replace(**pulleys),
+        "rope with mass over pulleys": crane().replace(**mass, **pulleys),
     }
     return {
         name: validate_layout(
