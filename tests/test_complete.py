@@ -407,6 +407,24 @@ def test_the_matrix_of_krawczyks_test_is_bounded():
                 assert max(map(abs, ends)) <= Fraction(bound[r, c])
 
 
+def test_rotations_of_a_box_are_enclosed_and_those_of_a_point_to_rounding():
+    """Cayley's R = 1 + 2 (V + V²)/(1 + |v|²), and its angular velocities 2 (e_k + v × e_k)/(1 + |v|²)."""
+    random, R, spin = np.random.default_rng(0), np.zeros((9, 2)), np.zeros((9, 2))
+    for half in (0.0, 1e-3, 0.3):
+        for _ in range(100):
+            middle, q = random.uniform(-0.7, 0.7, 3), np.zeros((6, 2))
+            q[3:] = np.stack([middle - half, middle + half], axis=1)
+            geometry_kernel.turn(q, R, spin)
+            for v in random.uniform(q[3:, 0], q[3:, 1], (20, 3)):
+                V, size = np.cross(np.eye(3), -v).T, 1 + v @ v
+                turned, spun = np.eye(3) + 2 * (V + V @ V) / size, 2 * (np.eye(3) + V.T) / size
+                for enclosed, value in ((R, turned.ravel()), (spin, spun.ravel())):
+                    assert (enclosed[:, 0] <= value + 1e-15).all()
+                    assert (enclosed[:, 1] >= value - 1e-15).all()
+            if half == 0:  # negative control: no wider than rounding
+                assert np.ptp([R, spin], axis=-1).max() < 1e-14
+
+
 def test_arc_tangents_and_paths_over_wheels_are_enclosed():
     """Boxes of every size about random anchors, on every side of a wheel: lengths and directions at points in them.
 
