@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, SupportsIndex
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core import free_ram
-from cdpr_sim.core.checks import Frozen, checked_array, refuse_unless, shown
-from cdpr_sim.core.equilibrium import Equilibrium
+from cdpr_sim.core.checks import Frozen, checked_array, shown
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.problem import Problems, positions_and_rotations, refuse_wrench_out_of_plane, warn_where_outside
@@ -139,11 +138,6 @@ class LayoutEquilibria(EquilibriumBatch):
         """The robots; ``problems.robot`` has their common parameters."""
         assert self.problems.robots is not None
         return self.problems.robots
-
-    def point(self, row: SupportsIndex | tuple[SupportsIndex, ...]) -> Equilibrium:
-        """The equilibrium of a row (layout, case), with the robot of its layout."""
-        refuse_unless(tuple, row=row)
-        return super().point(row)
 
     @cached_property
     def frequencies(self) -> Float[np.ndarray, "layouts cases"]:
