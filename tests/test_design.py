@@ -227,6 +227,8 @@ def test_a_neutral_pose_is_counted_and_its_difference_left_out(better, parallel)
     assert f"{found.neutral} are neutrally stable, the others agree within" in " ".join(
         validate_layout(as_given).sentences
     )
+    alone = dataclasses.replace(as_given, cases=Cases.of(parallel, free[:1]))
+    assert "agree at all of them: all are neutrally stable." in " ".join(validate_layout(alone).sentences)
 
 
 def test_poses_twice_as_fine_lie_midway(parallel):

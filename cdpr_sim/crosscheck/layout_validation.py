@@ -84,7 +84,9 @@ class LayoutValidation(HtmlRepr):
                 f"within {1e3 * after.errors['position_error']:.1e} mm, "
                 f"{np.degrees(after.errors['rotation_error']):.1e}° and {after.errors['tension_error']:.1e} N"
             )
-            if after.neutral:
+            if after.neutral == len(self.cases):
+                apart = "all are neutrally stable"
+            elif after.neutral:
                 apart = f"{after.neutral} are neutrally stable, the others agree {apart}"
             sentences.append(f"MuJoCo and Newton agree at all of them: {apart}.")
         else:
