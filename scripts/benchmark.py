@@ -168,11 +168,11 @@ def batch() -> Iterator[Row]:
             "5",
             lambda robot=robot: 1e6 / 50_000 * often(lambda: cdpr.sweep(robot, (50, 40, 25), chunk=None)),
         )
-    for robot, count, target in ((cogiro, SETTLES, "5,000"), (parallel, SETTLES, "4,000")):
+    for robot, target in zip(robots, ("5,000", "4,000"), strict=True):
         yield (
             f"settle_many, {robot.name}, each second of processor",
             target,
-            lambda robot=robot, count=count: count / often(lambda: settled(robot, count, 1)),
+            lambda robot=robot: SETTLES / often(lambda: settled(robot, SETTLES, 1)),
         )
     yield (
         "settle_many, cogiro with mass of cables, each second of processor",
