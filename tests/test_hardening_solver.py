@@ -94,7 +94,7 @@ def test_a_batch_accepts_what_solve_accepts(name):
     machine = cdpr.load_robot(name)
     machine = machine.replace(axial_stiffness=STIFFEST * machine.mass, linear_density=1e-4)
     equilibria = cdpr.solve_many(machine, np.random.default_rng(0).uniform(*machine.workspace, (400, 3)))
-    state = forces.at(equilibria.problems, equilibria.poses.translation, equilibria.poses.rotation.as_matrix())
+    state = forces.at(equilibria.problems, equilibria.positions, equilibria.rotations)
     within = state.residual <= (1 + READ_AGAIN) * ACCEPTABLE * machine.weight
     assert within[equilibria.converged].all()
     assert equilibria.converged.any()

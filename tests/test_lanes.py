@@ -52,9 +52,13 @@ def apart(one: cdpr.EquilibriumBatch, other: cdpr.EquilibriumBatch) -> float:
     """Largest distance between equilibria [m], and of rotations times a tenth of a metre."""
     assert (one.status == other.status).all()
     found = one.converged
-    stable = one.stability == cdpr.Stability.STABLE  # where it is neutral, some rotations are as good as others
-    turned = 0.1 * np.abs(one.rotations - other.rotations)[stable].max(initial=0.0)
+    turned = 0.1 * np.abs(one.rotations - other.rotations)[stable(one)].max(initial=0.0)
     return max(np.abs(one.positions - other.positions)[found].max(initial=0.0), turned)
+
+
+def stable(equilibria: cdpr.EquilibriumBatch) -> np.ndarray:
+    """Which are stable: where an equilibrium is neutral, some rotations are as good as others."""
+    return equilibria.stability == cdpr.Stability.STABLE
 
 
 def poses_in(robot: cdpr.Robot, count: int = POSES, seed: int = 5) -> np.ndarray:
@@ -74,7 +78,8 @@ def test_batches_get_the_answers_of_the_solver_for_one_whatever_the_robot(catalo
         for wrench in (None, load):
             lanes, one = on_lanes(cdpr.solve_many, robot, poses_in(robot), external_wrench=wrench)
             assert apart(lanes, one) <= SAME, name
-            np.testing.assert_allclose(lanes.lengths, one.lengths, rtol=0, atol=2 * SAME, err_msg=name)
+            difference = np.abs(lanes.lengths - one.lengths)[stable(one)]
+            assert difference.max() <= 2 * SAME, name
             np.testing.assert_allclose(lanes.tensions, one.tensions, rtol=0, atol=1e-6 * one.tensions.max())
             assert np.abs(lanes.iterations - one.iterations).max() <= 1
     assert seen == {"spatial", "planar"}

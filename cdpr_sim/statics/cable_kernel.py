@@ -44,8 +44,8 @@ class Cables(NamedTuple):
 class CableState(NamedTuple):
     """State of plain cables at a pose.
 
-    r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: lengths of their
-    free segments; k, e: the tangent springs k max(e, 0) of the law.
+    r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: inverses of the
+    lengths of their free segments; k, e: the tangent springs k max(e, 0) of the law.
     """
 
     r: np.ndarray
@@ -78,8 +78,9 @@ class BentCables(NamedTuple):
 class BentState(NamedTuple):
     """State of bent cables at a pose.
 
-    r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: lengths of their
-    free segments; across, bend, clear: of cables over pulleys; k, e: the tangent springs k max(e, 0) of the law.
+    r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: inverses of the
+    lengths of their free segments; across, bend, clear: of cables over pulleys; k, e: the tangent springs k max(e, 0)
+    of the law.
     """
 
     r: np.ndarray
@@ -215,10 +216,9 @@ def kernels(
 
 
 def _new_plain_state(cables):
-    """An empty state of plain cables; the whole length is free, and the stiffness is constant."""
+    """An empty state of plain cables; the stiffness is constant."""
     m = len(cables.l0)
-    lengths = np.empty(m)
-    return CableState(np.empty((m, 3)), np.empty((m, 3)), lengths, lengths, cables.k, np.empty(m))
+    return CableState(np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m), cables.k, np.empty(m))
 
 
 def _new_bent_state(cables):
@@ -270,7 +270,7 @@ def _measure_plain(cables, p, R, state):
         length, x, y, z, free = _path(A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2])
         inverse = 1 / max(free, NO_LENGTH)
         u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
-        l[i] = length
+        l[i], state.f[i] = length, inverse
         e[i] = length - l0[i]
 
 
@@ -293,7 +293,7 @@ def _measure_bent(cables, p, R, state):
         u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
         l[i] = length
         state.k[i], e[i] = _law(cables, i, length - l0[i])
-        state.f[i] = free
+        state.f[i] = inverse
 
 
 @outlined
@@ -428,19 +428,16 @@ def fill_jacobian(state, scale, J):
 
 
 @inline
-def _add_plain_curvature(state, i, tau, J, scale, K):
-    """Add tau ∂²l/∂x² of cable i to the lower half of K, (6, 6).
+def _add_plain_curvature(state, i, tau, per_scale, K):
+    """Add tau ∂²l/∂x² + q J Jᵀ of cable i to the lower half of K, (6, 6); return q = tau f.
 
-    ∂²l/∂x² = (DᵀD − J Jᵀ)/f + bend (Dᵀb)(Dᵀb)ᵀ + uᵀ∂²d/∂x² with d = A − p − r, D = ∂d/∂x = [−1, [r]×], b across the
-    wheel, and uᵀ∂²d/∂φ² = (u·r) 1 − ½ (u rᵀ + r uᵀ), for rotation vectors φ applied on the left.
+    ∂²l/∂x² = (DᵀD − J Jᵀ) f + bend (Dᵀb)(Dᵀb)ᵀ + uᵀ∂²d/∂x² with d = A − p − r, D = ∂d/∂x = [−1, [r]×], b across the
+    wheel, and uᵀ∂²d/∂φ² = (u·r) 1 − ½ (u rᵀ + r uᵀ), for rotation vectors φ applied on the left. The part −q J Jᵀ is
+    left out, since it is added with that of the spring (``add_along``).
     """
     r, u = state.r, state.u
-    per_scale = 1 / scale
-    q = tau / state.f[i]
+    q = tau * state.f[i]
     x, y, z = r[i, 0] * per_scale, r[i, 1] * per_scale, r[i, 2] * per_scale
-    for a in range(6):
-        for b in range(a + 1):
-            K[a, b] -= q * J[i, a] * J[i, b]
     K[0, 0] += q
     K[1, 1] += q
     K[2, 2] += q
@@ -456,19 +453,20 @@ def _add_plain_curvature(state, i, tau, J, scale, K):
     K[4, 3] -= q * x * y
     K[5, 3] -= q * x * z
     K[5, 4] -= q * y * z
-    t = tau / scale
+    t = tau * per_scale
     _add_dipole(t * u[i, 0], t * u[i, 1], t * u[i, 2], x, y, z, K)
+    return q
 
 
-def _add_bent_curvature(state, i, tau, J, scale, K):
-    _add_plain_curvature(state, i, tau, J, scale, K)
+def _add_bent_curvature(state, i, tau, per_scale, K):
     if state.bend[i] != 0.0:
-        x, y, z = state.r[i, 0] / scale, state.r[i, 1] / scale, state.r[i, 2] / scale
+        x, y, z = state.r[i, 0] * per_scale, state.r[i, 1] * per_scale, state.r[i, 2] * per_scale
         _add_bend(state.across[i, 0], state.across[i, 1], state.across[i, 2], x, y, z, tau * state.bend[i], K)
+    return _add_plain_curvature(state, i, tau, per_scale, K)
 
 
-def _add_no_curvature(state, i, tau, J, scale, K):
-    pass
+def _add_no_curvature(state, i, tau, per_scale, K):
+    return 0.0
 
 
 add_curvature = by_type(
@@ -563,16 +561,21 @@ def add_weight_curvature(weight, com, R, scale, K):
 
 
 @inline
-def add_springs(state, J, K):
-    """Add Σ k Jᵀ J of the taut cables to the lower half of K."""
+def add_springs(state, q, J, K):
+    """Add Σ (k − q) J Jᵀ of all cables to the lower half of K, k of the taut ones only."""
     for i in range(len(state.e)):
-        if nowhere(state.e[i] > 0):
-            continue
-        stiffness = where(state.e[i] > 0, state.k[i], 0.0)
-        for a in range(6):
-            slope = stiffness * J[i, a]
-            for b in range(a + 1):
-                K[a, b] += slope * J[i, b]
+        add_along(where(state.e[i] > 0, state.k[i], 0.0) - q[i], J, i, K)
+
+
+@inline
+def add_along(stiffness, J, i, K):
+    """Add stiffness J Jᵀ of cable i to the lower half of K."""
+    if nowhere(stiffness != 0.0):
+        return
+    for a in range(6):
+        slope = stiffness * J[i, a]
+        for b in range(a + 1):
+            K[a, b] += slope * J[i, b]
 
 
 @inline

@@ -14,8 +14,8 @@ A lane that has ended gets the next problem at once, so that none waits for its 
 starts is a trial pose that is accepted in any case. A lane to which a formula does not apply computes the same numbers
 as before, or numbers that nothing uses.
 
-What is rare is left to ``newton_kernel``: saddles, stalls, the limit of iterations, rotations
-by more than ``LARGEST_TURN`` in one step, and numbers that are not finite.
+What is rare is left to ``newton_kernel``: at saddles and neutral equilibria it continues; after stalls, the limit of
+iterations, rotations by more than ``LARGEST_TURN`` in one step, and with numbers that are not finite, it begins anew.
 """
 
 from __future__ import annotations
@@ -73,7 +73,9 @@ def _solve(
     cables = new_cables(room, m)
     com, wrench, platform = vector(room, 3), vector(room, 6), vector(room, 2)
     here, trial = _new_point(room, cables), _new_point(room, cables)
-    model = Model(matrix6(room, m), vector(room, 6), matrix6(room, 6), matrix6(room, 6), vector(room, 6))
+    model = Model(
+        matrix6(room, m), vector(room, m), vector(room, 6), matrix6(room, 6), matrix6(room, 6), vector(room, 6)
+    )
     x, other = vector(room, 6), vector(room, 6)
     tau, predicted, other_predicted = vector(room, m), vector(room, m), vector(room, m)
     found = vector(room, 2)
@@ -161,6 +163,8 @@ def _solve(
                         positions[at][a] = here.p[a, w]
                         for b in range(3):
                             rotations[at][a, b] = here.R[a, b, w]
+                    if not (bits_of(balanced) >> w) & 1:  # begins anew
+                        iterations[at], positions[at], rotations[at] = 0, starts[at], start_rotations[at]
                     for i in range(m):
                         lengths[at][i] = here.c.l[i, w]
                         tensions[at][i] = here.c.k[i, w] * max(here.c.e[i, w], 0.0)
@@ -206,8 +210,7 @@ def new_cables(room, m):
 def new_state(room, cables):
     """A state of cables that is to be measured."""
     m = len(cables.l0)
-    lengths = vector(room, m)
-    return CableState(matrix3(room, m), matrix3(room, m), lengths, lengths, cables.k, vector(room, m))
+    return CableState(matrix3(room, m), matrix3(room, m), vector(room, m), vector(room, m), cables.k, vector(room, m))
 
 
 @inline
@@ -250,7 +253,8 @@ def _take(mask, source, target):
             target.R[a, b] = where(mask, source.R[a, b], target.R[a, b])
     old, new = target.c, source.c
     for i in range(len(old.l)):
-        old.l[i], old.e[i] = where(mask, new.l[i], old.l[i]), where(mask, new.e[i], old.e[i])
+        old.l[i], old.f[i] = where(mask, new.l[i], old.l[i]), where(mask, new.f[i], old.f[i])
+        old.e[i] = where(mask, new.e[i], old.e[i])
         for a in range(3):
             old.r[i, a] = where(mask, new.r[i, a], old.r[i, a])
             old.u[i, a] = where(mask, new.u[i, a], old.u[i, a])
@@ -294,7 +298,7 @@ def solve(
     loop, m = rest_lengths.shape[:2], rest_lengths.shape[2]
     shapes = (3,), (3, 3), (m,), (m,), ()
     results = *(np.empty(loop + shape) for shape in shapes), np.empty(loop, np.int64), np.empty(loop, np.int64)
-    room = room_for(41 * m + 200, 2 * m)
+    room = room_for(44 * m + 200, 2 * m)
     _SOLVE.compiled(
         tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations, room.numbers,
         room.flags, *results,
@@ -302,7 +306,8 @@ def solve(
     left = results[-1] == _PENDING
     if left.any():
         some = (one[left] for one in (tables, rest_lengths, weights, centers_of_mass, wrenches))
-        found = kernel.compiled(*some, free, *(one[left] for one in (scales, starts, start_rotations)))
+        found = kernel.compiled(*some, free, scales[left], *(one[left] for one in results[:2]))
+        found[5][:] += results[5][left]
         for column, one in zip(results, found, strict=True):
             column[left] = one
     return results

@@ -29,39 +29,42 @@ class Tridiagonal(NamedTuple):
 
 @inline
 def factorise(L, n):
-    """Cholesky factor of the lower half of L, (n, n), in place; False where it is not positive definite."""
+    """Factors L D Lᵀ of the lower half of a matrix, (n, n), in place; False where it is not positive definite.
+
+    L below the diagonal, which is 1, on it the inverse of D, and above it D Lᵀ: so there are no square roots, and a
+    division per row.
+    """
     definite = True
     for j in range(n):
         pivot = L[j, j]
         least = PIVOT_ROUNDING * abs(pivot)
         for c in range(j):
-            pivot -= L[j, c] * L[j, c]
+            pivot -= L[j, c] * L[c, j]
         definite &= pivot > least
         if nowhere(definite):
             return definite
-        pivot = math.sqrt(where(definite, pivot, 1.0))
-        L[j, j] = pivot
+        L[j, j] = inverse = 1 / where(definite, pivot, 1.0)
         for i in range(j + 1, n):
             entry = L[i, j]
             for c in range(j):
-                entry -= L[i, c] * L[j, c]
-            L[i, j] = entry / pivot
+                entry -= L[i, c] * L[c, j]
+            L[j, i], L[i, j] = entry, entry * inverse
     return definite
 
 
 @inline
 def substitute(L, rhs, x):
-    """Solve L Lᵀ x = rhs; x may be rhs itself."""
+    """Solve L D Lᵀ x = rhs with the result of ``factorise``; x may be rhs itself."""
     for i in range(6):
         value = rhs[i]
         for c in range(i):
             value -= L[i, c] * x[c]
-        x[i] = value / L[i, i]
+        x[i] = value
     for i in range(5, -1, -1):
-        value = x[i]
+        value = x[i] * L[i, i]
         for c in range(i + 1, 6):
             value -= L[c, i] * x[c]
-        x[i] = value / L[i, i]
+        x[i] = value
 
 
 @inline

@@ -123,13 +123,25 @@ class Point(NamedTuple):
 
 
 class Model(NamedTuple):
-    """The local model at a point: springs' lengths l + Jx, slope g and curvature K of all else; L: Cholesky factor."""
+    """The local model at a point: springs' lengths l + Jx, slope g and curvature K − Σ q J Jᵀ of all else.
+
+    L: factors of a matrix; rhs: right-hand side of an equation.
+    """
 
     J: np.ndarray
+    q: np.ndarray
     g: np.ndarray
     K: np.ndarray
     L: np.ndarray
     rhs: np.ndarray
+
+
+@inline
+def new_model(springs):
+    """A model that is to be filled in."""
+    return Model(
+        np.empty((springs, 6)), np.empty(springs), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
+    )
 
 
 class Scales(NamedTuple):
@@ -153,7 +165,7 @@ def descent(unpack: Callable) -> Callable:
         m, cables = len(rest_lengths), unpack(table, rest_lengths)
         case = Case(cables, weight, center_of_mass, wrench, free, scale)
         here, trial, springs = new_point(case), new_point(case), ck.springs(cables)
-        model = Model(np.empty((springs, 6)), np.empty(6), np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
+        model = new_model(springs)
         x, taut, tau, predicted = np.empty(6), np.empty(springs, np.bool_), np.empty(springs), np.empty(max(m, 6))
 
         for a in range(3):
@@ -452,17 +464,22 @@ def fill_slopes(case, at, model):
 
 @inline
 def fill_curvature(case, at, tau, model):
-    """Fill in the lower half of K: Σ tau ∂²l/∂x² and the weight's part, for rotation vectors applied on the left."""
+    """Fill in q and the lower half of K: Σ tau ∂²l/∂x² + q J Jᵀ and the weight's part.
+
+    For rotation vectors applied on the left.
+    """
     weight, free, scale = case.weight, case.free, case.scale
-    J, K = model.J, model.K
+    q, K = model.q, model.K
+    per_scale = 1 / scale
     for a in range(6):
         for b in range(a + 1):
             K[a, b] = 0.0
     ck.add_weight_curvature(weight, case.com, at.R, scale, K)
     for i in range(len(tau)):
+        q[i] = 0.0
         if nowhere(tau[i] > 0):
             continue
-        ck.add_curvature(at.c, i, tau[i], J, scale, K)
+        q[i] = ck.add_curvature(at.c, i, tau[i], per_scale, K)
     ck.add_stiffness(at.c, scale, K)
     for a in range(6):
         if free[a] == 0.0:
@@ -506,14 +523,11 @@ def fill_system(at, model, shift, taut):
             L[a, b] = K[a, b]
         L[a, a] += shift
     for i in range(len(k)):
-        if nowhere(taut[i]):
-            continue
         stiffness = where(taut[i], k[i], 0.0)
+        pull = stiffness * e[i]
         for a in range(6):
-            slope = stiffness * J[i, a]
-            rhs[a] -= slope * e[i]
-            for b in range(a + 1):
-                L[a, b] += slope * J[i, b]
+            rhs[a] -= pull * J[i, a]
+        ck.add_along(stiffness - model.q[i], J, i, L)
 
 
 @inline
@@ -553,12 +567,12 @@ def _springs_decrease(c, model, x, predicted):
             slope += K[a, b] * x[b]
         decrease -= slope * x[a]
     for i in range(len(k)):
-        stretch = e[i]
+        along = 0.0
         for a in range(6):
-            stretch += J[i, a] * x[a]
-        predicted[i] = stretch
-        before, after = max(e[i], 0.0), max(stretch, 0.0)
-        decrease += 0.5 * k[i] * (before * before - after * after)
+            along += J[i, a] * x[a]
+        predicted[i] = e[i] + along
+        before, after = max(e[i], 0.0), max(predicted[i], 0.0)
+        decrease += 0.5 * (k[i] * (before * before - after * after) + model.q[i] * along * along)
     return decrease
 
 
@@ -599,7 +613,7 @@ def fill_correction(c, model, predicted, rhs):
 def _retract_sagging(c, case, trial, model, predicted, x):
     """Correct x so that the slope becomes what the model predicts."""
     rhs = model.rhs
-    fill_slopes(case, trial, Model(model.J, rhs, model.K, model.L, rhs))
+    fill_slopes(case, trial, Model(model.J, model.q, rhs, model.K, model.L, rhs))
     for a in range(6):
         rhs[a] = predicted[a] - rhs[a]
     substitute(model.L, rhs, rhs)
@@ -644,7 +658,7 @@ def is_minimum(at, model):
     for a in range(6):
         for b in range(a + 1):
             L[a, b] = K[a, b]
-    ck.add_springs(at.c, model.J, L)
+    ck.add_springs(at.c, model.q, model.J, L)
     return factorise(L, 6)
 
 
@@ -655,14 +669,18 @@ def _leave_saddle(case, here, model, V, trial):
     for a in range(6):
         for b in range(a + 1):
             H[a, b] = model.K[a, b]
-    ck.add_springs(here.c, model.J, H)
+    ck.add_springs(here.c, model.q, model.J, H)
     for a in range(6):
         for b in range(a):
             H[b, a] = H[a, b]
     eigenvalues, directions = np.linalg.eigh(H)
     if eigenvalues[0] >= -NEUTRAL * ck.largest(eigenvalues):
         return False
-    x, length = np.empty(6), MAX_ROTATION * case.scale
+    x, length, first, largest = np.empty(6), MAX_ROTATION * case.scale, 0, ck.largest(directions[:, 0])
+    while abs(directions[first, 0]) < 0.5 * largest:
+        first += 1
+    if directions[first, 0] < 0.0:  # the sign is the BLAS's: every machine is to try the same side first
+        length = -length
     for _ in range(40):
         for sign in range(2):
             for a in range(6):

@@ -15,11 +15,11 @@ from cdpr_sim.core.compiling import Kernel, inline
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.newton_kernel import (
     Case,
-    Model,
     fill_curvature,
     fill_slopes,
     fill_system,
     move,
+    new_model,
     new_point,
     spring_tensions,
 )
@@ -49,7 +49,7 @@ def _search(unpack: Callable) -> Callable:
         cables = unpack(table, rest_lengths)
         case = Case(cables, weight, center_of_mass, wrench, free, scale)
         here, trial, springs = new_point(case), new_point(case), ck.springs(cables)
-        model = Model(np.empty((springs, 6)), np.empty(6), np.zeros((6, 6)), np.zeros((6, 6)), np.empty(6))
+        model = new_model(springs)
         taut, tau, x = np.empty(springs, np.bool_), np.empty(springs), np.empty(6)
         slope, normal, gradient = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
         for a in range(3):

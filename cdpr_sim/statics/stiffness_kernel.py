@@ -60,14 +60,14 @@ def fill_modes(state, mass, gravity, com, inertia, free, scale, R, scratch):
         for b in range(a + 1):
             K[a, b] = 0.0
     ck.fill_jacobian(state, scale, J)
-    ck.add_springs(state, J, K)
     ck.add_weight_curvature(mass * gravity, com, R, scale, K)
     ck.add_stiffness(state, scale, K)
     for i in range(len(state.e)):
         pull = where(state.e[i] <= 0.0, 0.0, state.k[i] * state.e[i])  # lets nan through to the result
         if nowhere(pull != 0.0):
             continue
-        ck.add_curvature(state, i, pull, J, scale, K)
+        q = ck.add_curvature(state, i, pull, 1 / scale, K)
+        ck.add_along(where(state.e[i] > 0, state.k[i], 0.0) - q, J, i, K)
     _fill_mass_matrix(mass, com, inertia, R, M)
     for a in range(n):
         for b in range(a + 1):
@@ -92,7 +92,14 @@ def fill_modes(state, mass, gravity, com, inertia, free, scale, R, scratch):
 
 @inline
 def _reduce(S, L, n):
-    """Overwrite the lower half of S with that of L⁻¹ S L⁻ᵀ, column by column (LAPACK's DSYGS2)."""
+    """Overwrite the lower half of S with that of C⁻¹ S C⁻ᵀ, column by column (LAPACK's DSYGS2).
+
+    C is the Cholesky factor that overwrites the result L of ``factorise``.
+    """
+    for k in range(n):
+        L[k, k] = 1 / math.sqrt(L[k, k])
+        for i in range(k + 1, n):
+            L[i, k] *= L[k, k]
     for k in range(n):
         S[k, k] /= L[k, k] * L[k, k]
         half = 0.5 * S[k, k]
