@@ -349,13 +349,15 @@ def _with_saddles(
 
 def _between(found: list[Equilibrium]) -> RigidTransform:
     """Poses on the screw motions between pairs of equilibria, since a saddle lies between; a part if many."""
-    poses = [RigidTransform.identity()]
-    pairs = [(one, other) for i, one in enumerate(found) for other in found[:i]]
-    for one, other in pairs[:: len(pairs) // MOST_PAIRS + 1]:
-        screw = (one.pose.inv() * other.pose).as_exp_coords()
-        fractions = np.linspace(0, 1, BETWEEN + 2)[1:-1]
-        poses += [one.pose * RigidTransform.from_exp_coords(fraction * screw) for fraction in fractions]
-    return RigidTransform.concatenate(poses)
+    pairs = np.stack(np.tril_indices(len(found), -1))
+    ones, others = np.repeat(pairs[:, :: len(pairs[0]) // MOST_PAIRS + 1], BETWEEN, axis=1)
+    if not len(ones):
+        return RigidTransform.concatenate([RigidTransform.identity()])
+    poses = RigidTransform.concatenate([one.pose for one in found])
+    screws = (poses[ones].inv() * poses[others]).as_exp_coords()
+    fractions = np.tile(np.linspace(0, 1, BETWEEN + 2)[1:-1], len(ones) // BETWEEN)
+    between = poses[ones] * RigidTransform.from_exp_coords(fractions[:, None] * screws)
+    return RigidTransform.concatenate([RigidTransform.identity(), between])
 
 
 def _stiffened_roots(

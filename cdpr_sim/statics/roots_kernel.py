@@ -72,7 +72,7 @@ def _search(unpack: Callable) -> Callable:
             damped = 0.0
             for a in range(6):
                 x[a] = -gradient[a]
-                for b in range(6):
+                for b in range(a, 6):
                     normal[a, b] = 0.0
                     for c in range(6):
                         normal[a, b] += slope[c, a] * slope[c, b]
@@ -126,9 +126,11 @@ def _net_wrench(case, at, model, tau, taut):
     ck.measure(case.cables, at.p, at.R, at.c)
     spring_tensions(at, tau, taut)
     fill_slopes(case, at, model)
-    fill_system(at, model, 0.0, taut)
     size = 0.0
     for a in range(6):
+        model.rhs[a] = -model.g[a]
+        for i in range(len(tau)):
+            model.rhs[a] -= tau[i] * model.J[i, a]
         size += model.rhs[a] * model.rhs[a]
     return math.sqrt(size)
 
@@ -151,14 +153,18 @@ def _fill_slope(case, at, model, tau, taut, slope):
 
 @inline
 def _eliminate(matrix, x):
-    """Solve matrix x = x, positive definite, in place. Unlike ``factorise``, it accepts pivots that are rounding."""
+    """Solve matrix x = x in place, by the upper half of the matrix, which is positive definite.
+
+    Unlike ``factorise``, it accepts pivots that are rounding.
+    """
     for c in range(6):
+        matrix[c, c] = inverse = 1 / matrix[c, c]
         for a in range(c + 1, 6):
-            factor = matrix[a, c] / matrix[c, c]
-            for b in range(c, 6):
+            factor = matrix[c, a] * inverse
+            for b in range(a, 6):
                 matrix[a, b] -= factor * matrix[c, b]
             x[a] -= factor * x[c]
     for a in range(5, -1, -1):
         for b in range(a + 1, 6):
             x[a] -= matrix[a, b] * x[b]
-        x[a] /= matrix[a, a]
+        x[a] *= matrix[a, a]
