@@ -293,7 +293,7 @@ def rest_lengths_for(
     return cable_law.rest_length_for(lengths, tensions, *robot.cabling.law, behind=robot.cabling.behind)
 
 
-def equilibrium_at(problem: Problem, pose: RigidTransform, *, iterations: int, source: str) -> Equilibrium:
+def equilibrium_at(problem: Problem, pose: RigidTransform | Pose, *, iterations: int, source: str) -> Equilibrium:
     """Result of statics with the platform at ``pose``, with the tensions, residual and eigenvalues that certify it."""
     where = Pose.of(pose)
     state = at(problem, where.position, where.rotation_matrix)

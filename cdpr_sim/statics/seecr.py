@@ -13,11 +13,10 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float
 from scipy import optimize
-from scipy.spatial.transform import RigidTransform
 
 from cdpr_sim.core.equilibrium import Equilibrium, NotConverged
 from cdpr_sim.core.errors import UnknownName
-from cdpr_sim.core.pose import as_pose, six_vector
+from cdpr_sim.core.pose import Pose, six_vector
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.status import ACCEPTABLE, Status
 from cdpr_sim.statics import forces
@@ -39,14 +38,14 @@ def solve(problem: Problem, solver: Solver = "fsolve") -> Equilibrium:
     free = problem.robot.free
     start = six_vector(problem.pose)
 
-    def pose_at(deviation: Float[np.ndarray, " free"]) -> RigidTransform:
+    def pose_at(deviation: Float[np.ndarray, " free"]) -> Pose:
         vector = start.copy()
         vector[free] += deviation  # Eq. 7
-        return as_pose(vector)
+        return Pose.of(vector)
 
     def unbalanced(deviation: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
         pose = pose_at(deviation)  # Eq. 8 to 11, then Eq. 3
-        return forces.at(problem, pose.translation, pose.rotation.as_matrix()).net_wrench[free]
+        return forces.at(problem, pose.position, pose.rotation_matrix).net_wrench[free]
 
     guess = initial_deviation(problem)[free]
     if solver == "fsolve":
