@@ -21,17 +21,25 @@ _jaxtyped: Any = jaxtyping.jaxtyped
 
 
 def first_calls_checked(decorated: Any = None, **options: Any) -> Any:
-    """``jaxtyping.jaxtyped``, of the first calls of each function in each test."""
+    """``jaxtyping.jaxtyped``, of the first calls of each function in each test; of a dataclass, of its ``__init__``."""
     if decorated is None:
         return functools.partial(first_calls_checked, **options)
+    if isinstance(decorated, FunctionType):
+        return _first_calls(_jaxtyped(decorated, **options), decorated)
+    plain = vars(decorated).get("__init__") if isinstance(decorated, type) else None
     checked = _jaxtyped(decorated, **options)
-    if not isinstance(decorated, FunctionType):
-        return checked
+    if plain is not None and checked.__init__ is not plain:
+        checked.__init__ = _first_calls(checked.__init__, plain)
+    return checked
 
-    @functools.wraps(decorated)
+
+def _first_calls(checked: Callable, plain: Callable) -> Callable:
+    """``checked`` in the first calls of a test, then ``plain``."""
+
+    @functools.wraps(plain)
     def first_checked(*args: Any, **kwargs: Any) -> Any:
         __tracebackhide__ = True
-        calls[decorated] = number = calls.get(decorated, 0) + 1
-        return (checked if number <= CHECKED else decorated)(*args, **kwargs)
+        calls[plain] = number = calls.get(plain, 0) + 1
+        return (checked if number <= CHECKED else plain)(*args, **kwargs)
 
     return first_checked
