@@ -101,6 +101,24 @@ def test_solver_leaves_a_saddle_for_a_stable_equilibrium():
     assert result.tilt > np.radians(90)
 
 
+def test_the_side_on_which_it_leaves_a_saddle_is_not_the_blas_choice(monkeypatch):
+    """An eigenvector's sign is: with the other one, the platform turns over the same way, to the last bit."""
+    kernel, decompose, signs = equilibrium_gufunc(), np.linalg.eigh, iter([1.0, -1.0])
+
+    def signed(matrix):
+        values, vectors = decompose(matrix)
+        return values, next(signs) * vectors
+
+    monkeypatch.setattr(np.linalg, "eigh", signed)
+    turned = []
+    for _ in range(2):
+        monkeypatch.setattr(kernel, "_compiled", None)  # interpreted: compiled code has LAPACK's own
+        monkeypatch.setattr(kernel, "_left", 1)
+        turned.append(newton.solve(top_heavy()).rotation_matrix)
+    assert next(signs, None) is None
+    np.testing.assert_array_equal(*turned)
+
+
 STIFFNESSES = [1e2, 1e3, 1e4, 1e5, 1e6, 1e7]
 """EA [N]."""
 
