@@ -108,7 +108,7 @@ def test_scene_compiles_steps_and_warns_of_nothing(name):
 
 def cables_drawn(model: mujoco.MjModel, data: mujoco.MjData) -> set[str]:
     """The numbers of the cables that MuJoCo draws where one can see them, by all pieces of one of their tendons."""
-    scene = mujoco.MjvScene(model, 20_000)
+    scene = mujoco.MjvScene(model, 1000)
     everything = mujoco.mjtCatBit.mjCAT_ALL
     mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, mujoco.MjvCamera(), everything, scene)
     pieces: dict[tuple[str, ...], list[bool]] = {}
