@@ -31,8 +31,8 @@ class Tridiagonal(NamedTuple):
 def factorise(L, n):
     """Factors L D Lᵀ of the lower half of a matrix, (n, n), in place; False where it is not positive definite.
 
-    L below the diagonal, which is 1, on it the inverse of D, and above it D Lᵀ: so there are no square roots, and a
-    division per row.
+    Below the diagonal stands L, whose own diagonal is 1; on it the inverse of D; above it D Lᵀ. There are no square
+    roots, and one division per row.
     """
     definite = True
     for j in range(n):
