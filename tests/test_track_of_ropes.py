@@ -112,7 +112,7 @@ def test_slow_motions_end_where_the_path_ends(changes):
                           pulley_friction=1.01 * robot.pulley_friction)  # fmt: skip
     off, elsewhere = [], []
     for seconds in (3.5, 14.0):
-        motion = moved(robot, 0.308, seconds, 3.0, rate=20.0, cable_damping=0.01, damping=0.3)
+        motion = moved(robot, 0.308, seconds, 4.0, rate=20.0, cable_damping=0.01, damping=0.3)
         way = [swung(0.308, seconds)(time) for time in motion.times]
         ends = (cdpr.solve_path(one, way, steps=2).positions[-1] for one in (robot, wrong))
         for found, end in zip((off, elsewhere), ends, strict=True):
