@@ -136,16 +136,17 @@ def written(dataset: xr.Dataset, path: Path, identity: Sequence[Any], *, progres
 
 def _write_netcdf(dataset: xr.Dataset, path: Path) -> None:
     """Write under another name until it is complete; HDF5 writes into memory, since a full disk would crash it."""
-    content = dataset.to_netcdf(engine="h5netcdf")
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
-    os.close(handle)
-    part = Path(name)
-    try:
-        part.write_bytes(content)
-        part.chmod(0o644)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    # No view of xarray's buffer may remain in a traceback: garbage collection would crash Python 3.12.
+    with memoryview(dataset.to_netcdf(engine="h5netcdf")) as content:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+        part = Path(name)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+            part.chmod(0o644)
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
 
 
 def _create(dataset: xr.Dataset, path: Path) -> None:
