@@ -634,3 +634,25 @@ def test_displacing_all_masses_at_once_gives_the_derivatives_of_each(name):
     largest = np.abs(one_by_one).max()
     assert np.abs(found - one_by_one).max() <= ONE_BY_ONE * largest
     assert np.abs(one_by_one[:, 3:, :3]).max() > 100 * ONE_BY_ONE * largest  # negative control: without the first ones
+
+
+def test_soft_modes_of_a_chain_are_condensed_out_beside_stiff_ones():
+    """Chains with modes from 1e-3 to 1e7 N/m: what their condensation leaves is known, one eigenvalue 0.3 N/m."""
+    rng = np.random.default_rng(5)
+    kept = np.array([0.3, 2.0, 5.0, 1e3, 1e5, 4e5])
+    turn = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    direct, across, within = turn @ np.diag(kept) @ turn.T, [], []
+    for _ in range(4):
+        modes, stiffnesses = np.linalg.qr(rng.normal(size=(15, 15)))[0], np.geomspace(1e-3, 1e7, 15)
+        moved = rng.normal(size=(15, 6))  # modal displacements with which the chain follows the platform
+        across.append(modes @ (stiffnesses[:, None] * moved))
+        whole = modes @ np.diag(stiffnesses) @ modes.T
+        within.append((whole + whole.T) / 2)
+        direct = direct + moved.T @ (stiffnesses[:, None] * moved)
+    found = ChainDerivatives(direct[None], np.stack(across)[None], np.stack(within)[None]).stiffness()[0][0]
+    rounding = 100 * np.finfo(float).eps * np.linalg.norm(direct)
+    assert_allclose(found, kept, rtol=0, atol=rounding)
+    # Negative control: an inverse multiplied out loses the soft modes.
+    out = [one.T @ np.linalg.pinv(w, hermitian=True) @ one for one, w in zip(across, within, strict=True)]
+    lost = np.linalg.eigvalsh(direct - sum(out))
+    assert abs(lost[0] - kept[0]) > 100 * rounding

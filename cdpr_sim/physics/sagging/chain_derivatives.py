@@ -80,13 +80,18 @@ class ChainDerivatives(NamedTuple):
     def stiffness(self) -> tuple[Float[np.ndarray, "some free"], Float[np.ndarray, "some free"]]:
         """Eigenvalues [N/m], ascending, of the stiffness of the platforms; and the directions of the smallest ones.
 
-        The masses' degrees of freedom are condensed out; nan if the derivatives are unknown.
+        The masses' degrees of freedom are condensed out, mode by mode of each chain: the product with an inverse would
+        lose the soft modes beside the stiff ones. Modes below the noise of the differences, which shows as asymmetry,
+        are left out. The result is nan if the derivatives are unknown.
         """
         known = self.known
         direct, across, within = (part[known] for part in self)
-        within = (within + within.swapaxes(2, 3)) / 2
-        loose = np.linalg.pinv(within, rcond=within.shape[-1] * np.finfo(float).eps, hermitian=True)
-        stiffness = direct - (across.swapaxes(2, 3) @ loose @ across).sum(1)
+        modal, modes = np.linalg.eigh((within + within.swapaxes(2, 3)) / 2)
+        rounding = within.shape[-1] * np.finfo(float).eps * np.abs(modal).max(2)
+        noise = np.maximum(np.abs(within - within.swapaxes(2, 3)).max((2, 3)), rounding)
+        loose = np.divide(1, modal, out=np.zeros_like(modal), where=np.abs(modal) > noise[..., None])
+        pulled = modes.swapaxes(2, 3) @ across
+        stiffness = direct - (pulled.swapaxes(2, 3) @ (loose[..., None] * pulled)).sum(1)
         eigenvalues, softest = np.full((2, *self.direct.shape[:2]), np.nan)
         values, vectors = np.linalg.eigh((stiffness + stiffness.swapaxes(1, 2)) / 2)
         eigenvalues[known], softest[known] = values, vectors[:, :, 0]
