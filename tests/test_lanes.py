@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import cdpr_sim as cdpr
+from cdpr_sim.analysis.equilibria import _starts
 from cdpr_sim.analysis.workspace.feasibility import feasible_by_linprog
 from cdpr_sim.core import compiling
 from cdpr_sim.core.status import Status
@@ -17,6 +18,7 @@ from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED
 from cdpr_sim.statics.newton import stiffness_of
+from cdpr_sim.statics.roots_kernel import roots_gufunc
 
 SAME = 1e-9
 """Largest difference between a position on lanes and from the solver for one problem [m]: both stop where an unbalanced
@@ -181,6 +183,31 @@ def test_balance_of_forces_on_lanes_is_that_of_linear_programming(catalogue, on_
             assert (lanes[row] <= BALANCED) == expected, name
             held.add(expected)
     assert held == {True, False}
+
+
+def test_roots_on_lanes_are_those_of_the_search_from_one_start(catalogue):
+    """From the same starts, anywhere, to the same roots, or to none; each start alone as among its neighbours."""
+    for name, robot in catalogue.items():
+        if robot.cabling.bent or not robot.cabling.massless:
+            continue
+        force = 0.1 * robot.weight * np.array([1, 0, 0.3, 0, 0, 0])
+        problem, free = cdpr.Problem.of(robot, robot.workspace.mean(0), external_wrench=force), np.zeros(6)
+        free[robot.free] = 1.0
+        starts = _starts(problem, POSES, np.random.default_rng(6))
+        given = (
+            robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, force, free,
+            robot.characteristic_length, 1e-11 * problem.load, 1e-2,
+        )  # fmt: skip
+        search = roots_gufunc()
+        with np.errstate(all="ignore"):
+            one, lanes = search.compiled(*given, *starts), search.compiled_for_all(*given, *starts)
+            alone = search.compiled_for_all(*given, *(each[5:6] for each in starts))
+        found = one[2] <= 1e-8 * problem.load
+        assert found.any(), name
+        np.testing.assert_array_equal(found, lanes[2] <= 1e-8 * problem.load, name)
+        for poses, others, row in zip(one[:2], lanes[:2], alone[:2], strict=True):
+            np.testing.assert_allclose(poses[found], others[found], rtol=0, atol=SAME, err_msg=name)
+            np.testing.assert_array_equal(others[5], row[0])
 
 
 def test_a_lane_that_computes_something_else_is_noticed(catalogue, on_lanes, monkeypatch):

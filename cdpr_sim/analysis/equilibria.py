@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -302,7 +302,7 @@ def _around(
     steps[:, robot.free] = random.normal(size=(count, len(robot.free))) * 10 ** random.uniform(-1.5, 0.5, (count, 1))
     of = random.integers(len(found), size=count)
     positions = np.array([one.position for one in found])[of] + robot.characteristic_length * steps[:, :3]
-    matrices = np.array([one.rotation.as_matrix() for one in found])[of]
+    matrices = np.array([one.rotation_matrix for one in found])[of]
     return positions, Rotation.from_rotvec(steps[:, 3:]).as_matrix() @ matrices
 
 
@@ -405,7 +405,7 @@ def _roots(
     free[problem.robot.free] = 1.0
     search = roots_gufunc(bent=robot.cabling.bent, sagging=not robot.cabling.massless)
     with np.errstate(all="ignore"):
-        positions, rotations, left = search.compiled(
+        positions, rotations, left = search.compiled_for_all(
             robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, problem.external_wrench,
             free, robot.characteristic_length, 1e-3 * BALANCED * problem.load, damping, positions, rotations,
         )  # fmt: skip
@@ -427,16 +427,11 @@ def _distinct(
 ) -> list[Equilibrium]:
     """One of each distinct equilibrium, besides those ``known``; the first of a neutral family."""
     arm = problem.robot.characteristic_length
-    found: list[Equilibrium] = []
+    found, relatives = [], list(known or [])
     left = np.ones(len(positions), dtype=bool)
     sides = _sides(forces.at(problem, positions, rotations).eigenvalues)
-
-    def far(one: Equilibrium) -> np.ndarray:
-        side = _sides(one.eigenvalues[None])[0]
-        return ~(_near(one, positions, rotations, SAME * arm) & ((sides == side) | (sides < 0) | (side < 0)))
-
-    for one in known or []:
-        left &= far(one)
+    for one in relatives:
+        left &= ~_same(one, positions, rotations, sides, arm)
     while left.any():
         row = int(np.argmax(left))
         pose = RigidTransform.from_components(positions[row], Rotation.from_matrix(rotations[row]))
@@ -447,19 +442,36 @@ def _distinct(
                 one = newton.solve(Problem.of(problem.robot, pose, problem.rest_lengths, problem.external_wrench))
             except NotConverged:
                 continue
-        left &= far(one)
+        left &= ~_same(one, positions, rotations, sides, arm)
         if problem.robot.cabling.beyond_law(one.lengths, one.rest_lengths).any():
             continue
-        relatives = [*(known or []), *found]
-        if not any(_merged(one, other, arm) or _related(one, other) for other in relatives):
+        if not (_among(one, relatives, arm) or any(_related(one, other) for other in relatives)):
             found.append(one)
+            relatives.append(one)
     return found
 
 
-def _merged(one: Equilibrium, other: Equilibrium, arm: float) -> bool:
-    """Whether two are one: nearly equal, unless one is stable where the other is unstable, as at a fold."""
-    sides = _sides(np.stack([one.eigenvalues, other.eigenvalues]))
-    return distance(one.pose, other.pose, arm) <= SAME * arm and bool(sides[0] == sides[1] or sides.min() < 0)
+def _among(one: Equilibrium, others: Sequence[Equilibrium], arm: float) -> bool:
+    """Whether it is one of the others."""
+    if not others:
+        return False
+    positions, rotations = (np.stack([getattr(o, name) for o in others]) for name in ("position", "rotation_matrix"))
+    return bool(_same(one, positions, rotations, _sides(np.stack([o.eigenvalues for o in others])), arm).any())
+
+
+def _same(
+    one: Equilibrium,
+    positions: Float[np.ndarray, "rows 3"],
+    rotations: Float[np.ndarray, "rows 3 3"],
+    sides: Int[np.ndarray, " rows"],
+    arm: float,
+) -> Bool[np.ndarray, " rows"]:
+    """Which poses are this equilibrium: nearly equal, unless one is stable and one is not, as at a fold."""
+    cosine = (np.einsum("nij,ij->n", rotations, one.rotation_matrix) - 1) / 2
+    angle = np.arccos(np.clip(cosine, -1, 1))
+    near = np.hypot(np.linalg.norm(positions - one.position, axis=1), arm * angle) <= SAME * arm
+    side = _sides(one.eigenvalues[None])[0]
+    return near & ((sides == side) | (sides < 0) | (side < 0))
 
 
 def _sides(eigenvalues: Float[np.ndarray, "rows free"]) -> np.ndarray:
@@ -468,15 +480,6 @@ def _sides(eigenvalues: Float[np.ndarray, "rows free"]) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         loose = ~(size.min(-1) > LOOSE * size.max(-1))
     return np.where(loose, -1, (eigenvalues < 0).sum(-1))
-
-
-def _near(
-    one: Equilibrium, positions: Float[np.ndarray, "rows 3"], rotations: Float[np.ndarray, "rows 3 3"], limit: float
-) -> np.ndarray:
-    arm = one.problem.robot.characteristic_length
-    cosine = (np.einsum("nij,ij->n", rotations, one.rotation.as_matrix()) - 1) / 2
-    angle = np.arccos(np.clip(cosine, -1, 1))
-    return np.hypot(np.linalg.norm(positions - one.position, axis=1), arm * angle) <= limit
 
 
 def _related(one: Equilibrium, other: Equilibrium) -> bool:
@@ -491,5 +494,5 @@ def _related(one: Equilibrium, other: Equilibrium) -> bool:
 
 
 def _energy(equilibrium: Equilibrium) -> float:
-    state = forces.at(equilibrium.problem, equilibrium.position, equilibrium.rotation.as_matrix())
+    state = forces.at(equilibrium.problem, equilibrium.position, equilibrium.rotation_matrix)
     return float(state.energy)

@@ -36,7 +36,7 @@ SOURCES = (
     "proof/krawczyk_kernel.py", "proof/search_kernel.py", "statics/any_cable.py", "statics/balance_kernel.py",
     "statics/cable_kernel.py", "statics/catenary.py", "statics/gufuncs.py", "statics/lanes_kernel.py",
     "statics/lockstep_kernel.py", "statics/matrix_kernel.py", "statics/memory_kernel.py", "statics/newton_kernel.py",
-    "statics/roots_kernel.py", "statics/stiffness_kernel.py",
+    "statics/roots_kernel.py", "statics/roots_lanes_kernel.py", "statics/stiffness_kernel.py",
 )  # fmt: skip
 """Modules that are compiled, and all that they import from this package; a test checks that the list is complete."""
 

@@ -140,6 +140,12 @@ class Kernel(Compiled):
                 return self._interpreted(loop, *inputs)
         return self.compiled(*inputs)
 
+    def compiled_for_all(self, *inputs: Any) -> Any:
+        """Evaluate all elements on lanes if this kernel can, however few they are, else compiled."""
+        if self._many is None:
+            return self.compiled(*inputs)
+        return self._on_lanes(self._many, np.shape(inputs[-1])[: -self.axes[-1]], *inputs)
+
     def _build(self) -> Any:
         import numba
 

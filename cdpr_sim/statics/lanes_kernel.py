@@ -72,7 +72,7 @@ def _solve(
     room = Room(numbers, flags, np.zeros(2, np.int64))
     cables = new_cables(room, m)
     com, wrench, platform = vector(room, 3), vector(room, 6), vector(room, 2)
-    here, trial = _new_point(room, cables), _new_point(room, cables)
+    here, trial = new_point(room, cables), new_point(room, cables)
     model = Model(
         matrix6(room, m), vector(room, m), vector(room, 6), matrix6(room, 6), matrix6(room, 6), vector(room, 6)
     )
@@ -123,7 +123,7 @@ def _solve(
         count, trials = where(accepts, count + 1.0, count), where(accepts, 0.0, where(rejects, trials + 1.0, trials))
         new = accepts | fresh
         V = where(new, V_trial, V)
-        _take(new, trial, here)
+        take(new, trial, here)
         for i in range(m):
             certified &= taut[i] == (here.c.e[i] > 0)
             tau[i] = where(accepts, here.c.k[i] * max(predicted[i], 0.0), tau[i])
@@ -214,7 +214,8 @@ def new_state(room, cables):
 
 
 @inline
-def _new_point(room, cables):
+def new_point(room, cables):
+    """A point that is to be measured."""
     return Point(vector(room, 3), matrix3(room, 3), new_state(room, cables))
 
 
@@ -245,7 +246,7 @@ def _choose(mask, source, target):
 
 
 @inline
-def _take(mask, source, target):
+def take(mask, source, target):
     """Copy a point where the mask is true."""
     for a in range(3):
         target.p[a] = where(mask, source.p[a], target.p[a])

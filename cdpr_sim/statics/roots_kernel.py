@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -56,39 +57,18 @@ def _search(unpack: Callable) -> Callable:
             here.p[a] = start_position[a]
             for b in range(3):
                 here.R[a, b] = start_rotation[a, b]
-        size, directions = _net_wrench(case, here, model, tau, taut), 0.0
-        for a in range(6):
-            directions += free[a]
+        ck.measure(cables, here.p, here.R, here.c)
+        size = fill_wrench(case, here, model, tau, taut)
         moved, share = True, damping
         for _ in range(STEPS):
             if not enough < size < np.inf or share > MOST_DAMPING:
                 break
             if moved:
-                _fill_slope(case, here, model, tau, taut, slope)
-                for a in range(6):
-                    gradient[a] = 0.0
-                    for c in range(6):
-                        gradient[a] += model.rhs[c] * slope[c, a]
-            damped = 0.0
-            for a in range(6):
-                x[a] = -gradient[a]
-                for b in range(a, 6):
-                    normal[a, b] = 0.0
-                    for c in range(6):
-                        normal[a, b] += slope[c, a] * slope[c, b]
-                damped += free[a] * normal[a, a] / directions
-            for a in range(6):
-                normal[a, a] += share * damped + 1e-300
-            _eliminate(normal, x)
-            length = 0.0
-            for a in range(6):
-                x[a] *= free[a]
-                length += x[a] * x[a]
-            factor = min(1.0, LONGEST * scale / max(math.sqrt(length), 1e-300))
-            for a in range(6):
-                x[a] *= factor
+                fill_slope(case, here, model, tau, taut, slope, gradient)
+            fill_step(case, slope, gradient, share, normal, x)
             move(case, here, x, trial)
-            left = _net_wrench(case, trial, model, tau, taut)
+            ck.measure(cables, trial.p, trial.R, trial.c)
+            left = fill_wrench(case, trial, model, tau, taut)
             moved = left < size
             if moved:
                 here, trial = trial, here
@@ -105,7 +85,20 @@ def _search(unpack: Callable) -> Callable:
     return search
 
 
-_KERNELS = ck.kernels("search for saddles", _search, "(m,k),(m),(),(c),(d),(d),(),(),(),(c),(c,c)->(c),(c,c),()", ())
+def _search_on_lanes(*given: Any) -> Any:
+    from cdpr_sim.statics import roots_lanes_kernel
+
+    return roots_lanes_kernel.search(*given)
+
+
+_KERNELS = ck.kernels(
+    "search for saddles",
+    _search,
+    "(m,k),(m),(),(c),(d),(d),(),(),(),(c),(c,c)->(c),(c,c),()",
+    (),
+    _search_on_lanes,
+    ("table", "rest_lengths", "weight", "center_of_mass", "wrench", "free", "scale", "enough", "damping"),
+)
 
 
 def roots_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
@@ -121,9 +114,8 @@ def roots_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
 
 
 @inline
-def _net_wrench(case, at, model, tau, taut):
-    """Fill in the state at a pose, and the net wrench on the free directions, ``rhs``; return its norm."""
-    ck.measure(case.cables, at.p, at.R, at.c)
+def fill_wrench(case, at, model, tau, taut):
+    """Fill in the net wrench on the free directions at a measured pose, ``rhs``, and its parts; return its norm."""
     spring_tensions(at, tau, taut)
     fill_slopes(case, at, model)
     size = 0.0
@@ -136,8 +128,11 @@ def _net_wrench(case, at, model, tau, taut):
 
 
 @inline
-def _fill_slope(case, at, model, tau, taut, slope):
-    """Fill in the slope of the net wrench at the point that was measured last (``derivatives.wrench_slope``)."""
+def fill_slope(case, at, model, tau, taut, slope, gradient):
+    """Fill in the slope of the net wrench at the pose of ``fill_wrench``, and the gradient of half its square.
+
+    The first is that of ``derivatives.wrench_slope``.
+    """
     fill_curvature(case, at, tau, model)
     fill_system(at, model, 0.0, taut)
     for a in range(6):
@@ -149,6 +144,34 @@ def _fill_slope(case, at, model, tau, taut, slope):
         half = 0.5 * model.rhs[3 + a] / case.scale
         slope[3 + b, 3 + c] += half * case.free[3 + b] * case.free[3 + c]
         slope[3 + c, 3 + b] -= half * case.free[3 + b] * case.free[3 + c]
+    for a in range(6):
+        gradient[a] = 0.0
+        for c in range(6):
+            gradient[a] += model.rhs[c] * slope[c, a]
+
+
+@inline
+def fill_step(case, slope, gradient, share, normal, x):
+    """Fill in the step x with this damping, no longer than ``LONGEST``."""
+    free, damped, directions = case.free, 0.0, 0.0
+    for a in range(6):
+        x[a] = -gradient[a]
+        for b in range(a, 6):
+            normal[a, b] = 0.0
+            for c in range(6):
+                normal[a, b] += slope[c, a] * slope[c, b]
+        damped += free[a] * normal[a, a]
+        directions += free[a]
+    for a in range(6):
+        normal[a, a] += share * (damped / directions) + 1e-300
+    _eliminate(normal, x)
+    length = 0.0
+    for a in range(6):
+        x[a] *= free[a]
+        length += x[a] * x[a]
+    factor = min(1.0, LONGEST * case.scale / max(math.sqrt(length), 1e-300))
+    for a in range(6):
+        x[a] *= factor
 
 
 @inline
