@@ -30,10 +30,11 @@ SETTLES = 300  # one by one
 BATCH = 2_000  # side by side
 LINES = 100  # lines through the workspace along x, with a pose every millimetre
 REPETITIONS = 3
+WHEEL = 0.05  # radius of pulleys, in characteristic lengths
 APART, TURNED = 1e-9, 1e-7  # [m], entries of rotation matrices: different answers of two solvers
 SEED = 2024
 
-console = Console(width=110)
+console = Console(width=120)
 
 
 def main() -> None:
@@ -43,7 +44,7 @@ def main() -> None:
         "--lanes", type=int, nargs="?", const=POSES, metavar="POSES",
         help="only: eight poses at once beside one, their speed and their answers at this many random poses per robot",
     )  # fmt: skip
-    parser.add_argument("--robots", nargs="*", metavar="NAME", help="of --lanes; default: all with plain cables")
+    parser.add_argument("--robots", nargs="*", metavar="NAME", help="of --lanes; default: all without mass")
     parser.add_argument(
         "--settling", type=int, nargs="?", const=BATCH, metavar="POSES",
         help="only: settling with and without Newton's method at its end, and checks, at this many poses per robot",
@@ -106,15 +107,20 @@ def static(poses: int, scipy_poses: int) -> None:
 
 
 def lanes(poses: int, names: Iterable[str]) -> None:
-    """Speed of the solver for eight poses at once beside that for one, and all poses where their answers differ."""
+    """Speed of the solver for eight poses at once beside that for one, and all poses where their answers differ.
+
+    Of each robot without mass; and of each without pulleys with some.
+    """
     rows = table(
         f"Eight poses at once beside one, {poses:,} random poses per robot; processor time",
         "robot", "µs, one", "µs, eight", "ratio", "same iterations", "not stable", "further apart", "of those stable",
     )  # fmt: skip
-    for name in names:
-        robot = cdpr.load_robot(name)
-        if robot.cabling.bent or not robot.cabling.massless:
-            continue
+    robots = {name: cdpr.load_robot(name) for name in names}
+    robots = {name: robot for name, robot in robots.items() if robot.cabling.massless}
+    plain = {name: robot for name, robot in robots.items() if not robot.cabling.bent}
+    for name, robot in plain.items():
+        robots[f"{name} + pulleys"] = robot.replace(pulley_radius=WHEEL * robot.characteristic_length)
+    for name, robot in robots.items():
         positions = np.random.default_rng(SEED).uniform(robot.workspace[0], robot.workspace[1], (poses, 3))
         found, seconds = {}, {np.inf: [], 1: []}
         for _ in range(REPETITIONS):

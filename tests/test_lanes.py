@@ -36,6 +36,22 @@ POSES = 64
 """Of each robot. Lanes are made to solve so few here."""
 
 
+@pytest.fixture(scope="module")
+def massless(catalogue) -> dict[str, cdpr.Robot]:
+    """All robots of the catalogue without mass; and some over pulleys, with nonlinear laws, drive lines and reeving."""
+    robots = {name: robot for name, robot in catalogue.items() if robot.cabling.massless}
+    for name in ("cogiro", "parallel", "planar-vertical"):
+        robot = robots[name]
+        some = np.arange(len(robot.exits)) % 2 == 0
+        robots[f"{name} over pulleys"] = robot.replace(pulley_radius=0.01)
+        robots[f"{name} with a law"] = robot.replace(stiffening=(3.0, 2.0))
+        robots[f"{name} with everything"] = robot.replace(
+            pulley_radius=np.where(some, 0.02, 0.0), pulley_axis=(0, 0, 1), winch_to_exit=0.3, stiffening=(8.0, -20.0),
+            reeving=np.where(some, 1, 2), axial_stiffness=1e3,
+        )  # fmt: skip
+    return robots
+
+
 @pytest.fixture
 def on_lanes(monkeypatch):
     """Calls a function with lanes, whatever the number of problems, and again without them."""
@@ -67,12 +83,10 @@ def poses_in(robot: cdpr.Robot, count: int = POSES, seed: int = 5) -> np.ndarray
     return np.random.default_rng(seed).uniform(robot.workspace[0], robot.workspace[1], (count, 3))
 
 
-def test_batches_get_the_answers_of_the_solver_for_one_whatever_the_robot(catalogue, on_lanes):
-    """Every plain robot, spatial or planar, with and without an external wrench; tensions and lengths too."""
+def test_batches_get_the_answers_of_the_solver_for_one_whatever_the_robot(massless, on_lanes):
+    """Every robot without mass, spatial or planar, with and without an external wrench; tensions and lengths too."""
     seen = set()
-    for name, robot in catalogue.items():
-        if robot.cabling.bent or not robot.cabling.massless:
-            continue
+    for name, robot in massless.items():
         seen.add(robot.mobility)
         load = 0.2 * robot.weight * np.array([1, 0, 0.3, 0, 0.05, 0])
         if robot.mobility == "spatial":
@@ -82,8 +96,10 @@ def test_batches_get_the_answers_of_the_solver_for_one_whatever_the_robot(catalo
             assert apart(lanes, one) <= SAME, name
             difference = np.abs(lanes.lengths - one.lengths)[stable(one)]
             assert difference.max() <= 2 * SAME, name
-            np.testing.assert_allclose(lanes.tensions, one.tensions, rtol=0, atol=1e-6 * one.tensions.max())
-            assert np.abs(lanes.iterations - one.iterations).max() <= 1
+            tensions = one.tensions[one.converged]
+            np.testing.assert_allclose(lanes.tensions[one.converged], tensions, rtol=0, atol=1e-6 * tensions.max())
+            # Rounding decides some steps: of 64 poses at most one takes another way for a while.
+            assert (np.abs(lanes.iterations - one.iterations) > 1).sum() <= 1, name
     assert seen == {"spatial", "planar"}
 
 
@@ -118,7 +134,7 @@ def test_layouts_are_solved_on_lanes(catalogue, on_lanes):
 
 
 def test_what_is_rare_is_left_to_the_solver_for_one(on_lanes):
-    """Saddles, input that is not finite, no equilibrium: status and answer are those of the other solver."""
+    """Saddles, input that is not finite, cables off their wheels, no equilibrium: as by the other solver."""
     top_heavy = cdpr.Robot(
         [[-0.1, 0, 1], [0.1, 0, 1]], [[-0.1, 0, 0], [0.1, 0, 0]], 50.0, 1.0, mobility="planar",
         center_of_mass=(0, 0, 0.2),
@@ -128,17 +144,19 @@ def test_what_is_rare_is_left_to_the_solver_for_one(on_lanes):
     assert apart(lanes, one) <= SAME
     nowhere, _ = on_lanes(cdpr.solve_many, cdpr.load_robot("cogiro"), [(np.nan, 0.25, 0.1), (0.4, 0.25, 0.1)])
     assert nowhere.status.tolist() == [Status.NOT_FINITE, Status.CONVERGED]
+    over = cdpr.load_robot("planar-vertical").replace(pulley_radius=0.05)
+    lanes, one = on_lanes(cdpr.solve_many, over, poses_in(over))
+    assert set(lanes.status) == {Status.CONVERGED, Status.OFF_WHEEL}
+    assert apart(lanes, one) <= SAME
     spin = [0, 0, 0, 0, 0, 50.0]
     spun, alone = on_lanes(cdpr.solve_many, cdpr.load_robot("parallel"), [(0.3, 0.2, 0.1)], external_wrench=spin)
     assert not spun.converged[0]
     np.testing.assert_array_equal(spun.positions, alone.positions)
 
 
-def test_eigenvalues_and_frequencies_on_lanes_are_numpys(catalogue, on_lanes):
-    """Of every plain robot, spatial or planar, beside LAPACK; a row without numbers has none, and disturbs no other."""
-    for name, robot in catalogue.items():
-        if robot.cabling.bent or not robot.cabling.massless:
-            continue
+def test_eigenvalues_and_frequencies_on_lanes_are_numpys(massless, on_lanes):
+    """Of every robot without mass, beside LAPACK; a row without numbers has none, and disturbs no other."""
+    for name, robot in massless.items():
         poses = poses_in(robot, 13)
         poses[4] = np.nan
         equilibria = cdpr.solve_many(robot, poses)
@@ -167,12 +185,10 @@ def test_stiffness_of_layouts_on_lanes_is_that_of_each(catalogue, on_lanes):
 
 
 @pytest.mark.parametrize("limits", [None, (0.1, 3.0)])
-def test_balance_of_forces_on_lanes_is_that_of_linear_programming(catalogue, on_lanes, limits):
-    """Of every plain robot, against two loads; a row without numbers has none, and disturbs no other."""
+def test_balance_of_forces_on_lanes_is_that_of_linear_programming(massless, on_lanes, limits):
+    """Of every robot without mass, against two loads; a row without numbers has none, and disturbs no other."""
     held = set()
-    for name, robot in catalogue.items():
-        if robot.cabling.bent or not robot.cabling.massless:
-            continue
+    for name, robot in massless.items():
         poses, loads = poses_in(robot, 13), 0.1 * robot.weight * np.array([[0.0] * 6, [1, 0, 0.3, 0, 0.01, 0]])
         poses[4] = np.nan
         lanes, one = on_lanes(cdpr.shortfall, robot, poses, tension_limits=limits, wrenches=loads)
@@ -185,11 +201,9 @@ def test_balance_of_forces_on_lanes_is_that_of_linear_programming(catalogue, on_
     assert held == {True, False}
 
 
-def test_roots_on_lanes_are_those_of_the_search_from_one_start(catalogue):
+def test_roots_on_lanes_are_those_of_the_search_from_one_start(massless):
     """From the same starts, anywhere, to the same roots, or to none; each start alone as among its neighbours."""
-    for name, robot in catalogue.items():
-        if robot.cabling.bent or not robot.cabling.massless:
-            continue
+    for name, robot in massless.items():
         force = 0.1 * robot.weight * np.array([1, 0, 0.3, 0, 0, 0])
         problem, free = cdpr.Problem.of(robot, robot.workspace.mean(0), external_wrench=force), np.zeros(6)
         free[robot.free] = 1.0
@@ -198,7 +212,7 @@ def test_roots_on_lanes_are_those_of_the_search_from_one_start(catalogue):
             robot.cable_table(), problem.rest_lengths, robot.weight, robot.center_of_mass, force, free,
             robot.characteristic_length, 1e-11 * problem.load, 1e-2,
         )  # fmt: skip
-        search = roots_gufunc()
+        search = roots_gufunc(bent=robot.cabling.bent)
         with np.errstate(all="ignore"):
             one, lanes = search.compiled(*given, *starts), search.compiled_for_all(*given, *starts)
             alone = search.compiled_for_all(*given, *(each[5:6] for each in starts))

@@ -35,6 +35,8 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
 
         s² = (rho − r)² + h² − r²,   theta = atan2(rho − r, h) + atan2(r, s),   l = r theta + s.
 
+    Sine and cosine of theta are those of the sum of two angles whose own are known.
+
     In the wheel's plane the cable's direction changes like that of a rod of length s. Across it, along the unit vector
     ``across``, the cable turns about the axis e, and its direction changes by ``bend`` [1/m] less: sin(theta)/rho −
     1/s.
@@ -46,11 +48,11 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
     nx, ny, nz = -x - h * ex, -y - h * ey, -z - h * ez
     rho = np.sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / rho, ny / rho, nz / rho
-    square = (rho - radius) * (rho - radius) + h * h - radius * radius
-    s = np.sqrt(square)
-    around = np.arctan2(rho - radius, h)
-    theta = around + 2 * np.pi * (around < -np.pi / 2) + np.arctan2(radius, s)
-    sine, cosine = np.sin(theta), np.cos(theta)
+    clear = rho - radius
+    square = clear * clear + h * h
+    s = np.sqrt(square - radius * radius)
+    sine, cosine = (clear * s + h * radius) / square, (h * s - clear * radius) / square
+    theta = wrap_angle(sine, cosine, h)
     along = (-(sine * nx + cosine * ex), -(sine * ny + cosine * ey), -(sine * nz + cosine * ez))
     across = (ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx)
     return (
@@ -64,8 +66,14 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
         across[2],
         sine / rho - 1 / s,
         theta,
-        rho - radius + 0.0 * s,
+        clear + 0.0 * s,
     )
+
+
+def wrap_angle(sine, cosine, height):
+    """Wrap angle, from 0 to 270°, of a cable over a wheel; below the wheel from −90° to 360°, as the anchor rises."""
+    angle = np.arctan2(sine, cosine)
+    return angle + 2 * np.pi * ((angle < 0) & (height < 0))
 
 
 def paths(cabling: Cabling, apart: Float[np.ndarray, "*batch cables 3"]) -> Float[np.ndarray, "10 *batch cables"]:

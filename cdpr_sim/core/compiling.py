@@ -63,6 +63,8 @@ class Compiled:
             options: of ``numba.njit``.
         """
         self._what, self._function, self._signature, self._options = what, function, signature, options
+        # Numba names machine code after this: with one name, code that two processes compiled counts as the same code.
+        function.__qualname__ = f"{function.__name__}_{_as_name(what)}"
         self._compiled: Any = None
 
     @property
@@ -117,8 +119,6 @@ class Kernel(Compiled):
         """
         super().__init__(what, function, layout)
         self._left, self._many, self._alike = FEW, many, alike
-        # Numba names machine code after this: with one name, code that two processes compiled counts as the same code.
-        function.__qualname__ = f"{function.__name__}_{_as_name(what)}"
         kinds = ["int64" if name in integers else "float64" for name in inspect.signature(function).parameters]
         core = [re.findall(r"\w+", dims) for dims in re.findall(r"\(.*?\)", layout)]
         arguments, inputs = list(zip(kinds, core, strict=True)), layout.split("->")[0].count("(")

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import AXIS, BEHIND, COLUMNS, RADIUS, STIFFENING, STIFFNESS, WEIGHT, WRAPPED
-from cdpr_sim.core.compiling import Kernel, inline, outlined
+from cdpr_sim.core.compiling import Kernel, inline, of_one_number, outlined
 from cdpr_sim.statics.catenary import elastic_catenary
 from cdpr_sim.statics.memory_kernel import ELASTIC, KIND, memory_spring, strain_of, stretch_at_exit
 
@@ -58,7 +58,8 @@ HALF_ROUND = -1 + 1e-8
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 
-_pulley_path = outlined(cable_path.pulley_path)
+of_one_number(cable_path.wrap_angle)
+pulley_path = outlined(cable_path.pulley_path)
 inline(cable_law.stiffened)
 _energy = inline(cable_law.energy)
 _tangent = inline(cable_law.tangent)
@@ -170,7 +171,7 @@ def _wheel_path(x, y, z, cable):
     if cable.radius == 0.0:
         length = np.sqrt(x * x + y * y + z * z)
         return length, x, y, z, length, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    length, fx, fy, fz, free, bx, by, bz, bend, wrap, clear = _pulley_path(
+    length, fx, fy, fz, free, bx, by, bz, bend, wrap, clear = pulley_path(
         -x, -y, -z, cable.ex, cable.ey, cable.ez, cable.radius
     )
     return length, -fx, -fy, -fz, free, bx, by, bz, bend, wrap, clear

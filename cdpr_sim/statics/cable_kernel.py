@@ -12,6 +12,7 @@ Coordinates are (translation, left-applied rotation vector times ``scale``), six
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -19,11 +20,10 @@ import numpy as np
 from cdpr_sim.core import cable_law, cable_path
 from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, COLUMNS, EXIT, RADIUS, STIFFENING, STIFFNESS
 from cdpr_sim.core.compiling import Kernel, by_type, inline, nowhere, outlined, where
-from cdpr_sim.statics.any_cable import any_cable, cable_of
+from cdpr_sim.statics.any_cable import any_cable, cable_of, pulley_path
 from cdpr_sim.statics.memory_kernel import memory_spring
 
 _path = inline(cable_path.path)
-_pulley_path = outlined(cable_path.pulley_path)
 inline(cable_law.stiffened)  # which the law calls
 _energy = inline(cable_law.energy)
 _tangent = inline(cable_law.tangent)
@@ -79,8 +79,8 @@ class BentState(NamedTuple):
     """State of bent cables at a pose.
 
     r: arms of the anchors in the base frame; u: directions in which the cables pull; l: lengths; f: inverses of the
-    lengths of their free segments; across, bend, clear: of cables over pulleys; k, e: the tangent springs k max(e, 0)
-    of the law.
+    lengths of their free segments; across, bend, clear: of cables over pulleys, else 0; k, e: the tangent springs
+    k max(e, 0) of the law; row: a row of scratch numbers, (1, 6).
     """
 
     r: np.ndarray
@@ -92,6 +92,7 @@ class BentState(NamedTuple):
     clear: np.ndarray
     k: np.ndarray
     e: np.ndarray
+    row: np.ndarray
 
 
 class SaggingCables(NamedTuple):
@@ -207,10 +208,12 @@ def kernels(
 ) -> list[Kernel]:  # fmt: skip
     """A kernel for each of ``TYPES``; ``element`` makes its code for one ``unpack``.
 
-    Plain cables are also evaluated on lanes, by ``many`` with the inputs ``alike`` (``compiling.Kernel``).
+    Plain and bent cables are also evaluated on lanes, by ``many`` with the inputs ``alike`` (``compiling.Kernel``); its
+    first argument is whether they are bent.
     """
+    on_lanes = {} if many is None else {unpack: partial(many, False), unpack_bent: partial(many, True)}
     return [
-        Kernel(what + name, element(unpacked), layout, integers, many if unpacked is unpack else None, alike)
+        Kernel(what + name, element(unpacked), layout, integers, on_lanes.get(unpacked), alike)
         for name, unpacked in TYPES.items()
     ]
 
@@ -225,8 +228,8 @@ def _new_bent_state(cables):
     """An empty state of bent cables."""
     m = len(cables.l0)
     return BentState(
-        np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m), np.empty((m, 3)), np.zeros(m), np.zeros(m),
-        np.empty(m), np.empty(m),
+        np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m), np.empty((m, 3)), np.empty(m), np.empty(m),
+        np.empty(m), np.empty(m), np.empty((1, 6)),
     )  # fmt: skip
 
 
@@ -278,19 +281,26 @@ def _measure_bent(cables, p, R, state):
     """Fill in the cables' state with the platform at p, R (paper Eq. 8, 9)."""
     A, B, l0 = cables.A, cables.B, cables.l0
     r, u, l, e = state.r, state.u, state.l, state.e  # noqa: E741
+    across, bend, clear = state.across, state.bend, state.clear
     for i in range(len(l0)):
         for a in range(3):
             r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
         x, y, z = A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2]
-        if cables.radius[i] == 0.0:
-            length, x, y, z, free = _path(x, y, z)
-        else:
-            ex, ey, ez, across = cables.axis[i, 0], cables.axis[i, 1], cables.axis[i, 2], state.across
-            length, x, y, z, free, across[i, 0], across[i, 1], across[i, 2], state.bend[i], _, state.clear[i] = (
-                _pulley_path(x, y, z, ex, ey, ez, cables.radius[i])
-            )
+        straight = _path(x, y, z)
+        length, u[i, 0], u[i, 1], u[i, 2], free = straight
+        for a in range(3):
+            across[i, a] = 0.0
+        bend[i], clear[i], wheel = 0.0, 0.0, cables.radius[i] > 0
+        if not nowhere(wheel):
+            ex, ey, ez = cables.axis[i, 0], cables.axis[i, 1], cables.axis[i, 2]
+            over = pulley_path(x, y, z, ex, ey, ez, cables.radius[i])
+            length, free = where(wheel, over[0], length), where(wheel, over[4], free)
+            for a in range(3):
+                u[i, a], across[i, a] = where(wheel, over[1 + a], u[i, a]), where(wheel, over[5 + a], 0.0)
+            bend[i], clear[i] = where(wheel, over[8], 0.0), where(wheel, over[10], 0.0)
         inverse = 1 / free
-        u[i, 0], u[i, 1], u[i, 2] = x * inverse, y * inverse, z * inverse
+        for a in range(3):
+            u[i, a] *= inverse
         l[i] = length
         state.k[i], e[i] = _law(cables, i, length - l0[i])
         state.f[i] = inverse
@@ -320,15 +330,17 @@ def _plain_energy(cables, state, V):
 
 def _bent_energy(cables, state, V):
     for i in range(len(cables.l0)):
-        if state.e[i] > 0:
-            stretch = state.l[i] - cables.l0[i]
-            V += _energy(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i])
+        pulls = (state.e[i] > 0) | (state.e[i] != state.e[i])  # nan without a path, which no step may lead to
+        if nowhere(pulls):
+            continue
+        stretch = state.l[i] - cables.l0[i]
+        V += where(pulls, _energy(stretch, cables.whole[i], cables.EA[i], cables.a2[i], cables.a3[i]), 0.0)
     return V
 
 
 def _memory_energy(cables, state, V):
     for i in range(len(cables.l0)):
-        if state.e[i] > 0:
+        if state.e[i] > 0 or state.e[i] != state.e[i]:
             _, _, energy = _memory_spring(cables, i, state.l[i] - cables.l0[i])
             V += energy
     return V
@@ -345,11 +357,10 @@ def _plain_on_wheels(state):
 
 
 def _bent_on_wheels(state):
-    lost = 0
+    on = True
     for i in range(len(state.clear)):
-        if not state.clear[i] >= 0:  # nan inside the wheel
-            lost += 1
-    return lost == 0
+        on &= state.clear[i] >= 0  # nan inside the wheel
+    return on
 
 
 def _all_springs(cables):
@@ -459,9 +470,14 @@ def _add_plain_curvature(state, i, tau, per_scale, K):
 
 
 def _add_bent_curvature(state, i, tau, per_scale, K):
-    if state.bend[i] != 0.0:
+    if not nowhere(state.bend[i] != 0.0):
         x, y, z = state.r[i, 0] * per_scale, state.r[i, 1] * per_scale, state.r[i, 2] * per_scale
-        _add_bend(state.across[i, 0], state.across[i, 1], state.across[i, 2], x, y, z, tau * state.bend[i], K)
+        b, row = state.across, state.row
+        row[0, 0], row[0, 1], row[0, 2] = b[i, 0], b[i, 1], b[i, 2]
+        row[0, 3] = y * b[i, 2] - z * b[i, 1]
+        row[0, 4] = z * b[i, 0] - x * b[i, 2]
+        row[0, 5] = x * b[i, 1] - y * b[i, 0]
+        add_along(tau * state.bend[i], row, 0, K)
     return _add_plain_curvature(state, i, tau, per_scale, K)
 
 
@@ -538,17 +554,6 @@ subtract_pulls = by_type(
     {CableState: _subtract_no_pulls, BentState: _subtract_no_pulls, SaggingState: _subtract_sagging_pulls}
 )
 """(state, scale, g): subtract from a slope the pulls of all cables that are no springs."""
-
-
-@outlined
-def _add_bend(bx, by, bz, x, y, z, size, K):
-    """Add size (Dᵀb)(Dᵀb)ᵀ to the lower half of K."""
-    row = np.empty(6)
-    row[0], row[1], row[2] = bx, by, bz
-    row[3], row[4], row[5] = y * bz - z * by, z * bx - x * bz, x * by - y * bx
-    for a in range(6):
-        for b in range(a + 1):
-            K[a, b] += size * row[a] * row[b]
 
 
 @inline

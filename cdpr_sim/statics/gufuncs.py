@@ -1,7 +1,7 @@
 """The compiled functions of many problems, as NumPy generalised ufuncs, by the type of cables.
 
-Many problems of plain cables are evaluated eight at a time: the functions of ``lanes_kernel`` and ``lockstep_kernel``,
-which are imported then, since they need Numba.
+Many problems of plain or bent cables are evaluated eight at a time: the functions of ``lanes_kernel`` and
+``lockstep_kernel``, which are imported then, since they need Numba.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ def _equilibria_on_lanes(*given: Any) -> Any:
     return lanes_kernel.solve(*given)
 
 
-def _stiffness_on_lanes(_: Kernel, *given: Any) -> Any:
+def _stiffness_on_lanes(bent: bool, _: Kernel, *given: Any) -> Any:
     from cdpr_sim.statics import lockstep_kernel
 
-    return lockstep_kernel.modes(*given)
+    return lockstep_kernel.modes(bent, *given)
 
 
-def _shortfalls_on_lanes(_: Kernel, *given: Any) -> Any:
+def _shortfalls_on_lanes(bent: bool, _: Kernel, *given: Any) -> Any:
     from cdpr_sim.statics import lockstep_kernel
 
-    return lockstep_kernel.shortfalls(*given)
+    return lockstep_kernel.shortfalls(bent, *given)
 
 
 _EQUILIBRIA = cable_kernel.kernels(

@@ -20,10 +20,14 @@ iterations, rotations by more than ``LARGEST_TURN`` in one step, and with number
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 
-from cdpr_sim.core.cable import ANCHOR, BEHIND, EXIT, STIFFNESS
-from cdpr_sim.core.compiling import Compiled, Kernel, inline, nowhere, where
+from cdpr_sim.core import cable_path
+from cdpr_sim.core.cable import ANCHOR, AXIS, BEHIND, EXIT, RADIUS, STIFFENING, STIFFNESS
+from cdpr_sim.core.compiling import Compiled, Kernel, by_type, inline, nowhere, where
 from cdpr_sim.core.lanes import (
     WIDTH,
     Room,
@@ -40,13 +44,17 @@ from cdpr_sim.core.lanes import (
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics import newton_kernel as nk
-from cdpr_sim.statics.cable_kernel import Cables, CableState
+from cdpr_sim.statics.cable_kernel import BentCables, BentState, Cables, CableState
 from cdpr_sim.statics.matrix_kernel import factorise, substitute
 from cdpr_sim.statics.newton_kernel import Case, Model, Point, Scales
 
 LARGEST_TURN = 2.4
 """Largest rotation in a step that is accepted [rad]: up to it, the series of ``_turn`` are exact to rounding. Steps are
 shorter (``newton_kernel.MAX_ROTATION``), but for retractions, which can be long where they are rejected."""
+
+FIRST_THIRD, MIDDLE, SECOND_THIRD = (math.tan(part * math.pi / 16) for part in (1, 2, 3))
+"""Bounds between angles near 0, near 22.5° and near 45°, and the second of these, as slopes. The series of
+``_wrap_angle`` is exact to rounding up to the first."""
 
 _CONVERGED, _PENDING = int(Status.CONVERGED), int(Status.PENDING)
 
@@ -62,171 +70,229 @@ def _turn(angle2):
     return sine * (1.0 - 0.5 * z * versine), 0.5 * sine * sine
 
 
-def _solve(
-    tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales_of_length, starts, start_rotations, numbers,
-    flags, positions, rotations, lengths, tensions, residuals, iterations, status,
-):  # fmt: skip
-    """Equilibria of (rows, columns) of problems; the arguments are those of ``newton_kernel``, and memory."""
-    in_a_row, m = rest_lengths.shape[1:]
-    problems = rest_lengths.shape[0] * in_a_row
-    room = Room(numbers, flags, np.zeros(2, np.int64))
-    cables = new_cables(room, m)
-    com, wrench, platform = vector(room, 3), vector(room, 6), vector(room, 2)
-    here, trial = new_point(room, cables), new_point(room, cables)
-    model = Model(
-        matrix6(room, m), vector(room, m), vector(room, 6), matrix6(room, 6), matrix6(room, 6), vector(room, 6)
-    )
-    x, other = vector(room, 6), vector(room, 6)
-    tau, predicted, other_predicted = vector(room, m), vector(room, m), vector(room, m)
-    found = vector(room, 2)
-    taut, other_taut = masks(room, m), masks(room, m)
+@of_lanes(cable_path.wrap_angle)
+def _wrap_angle(sine, cosine, height):
+    """By the series of atan((y − c x)/(x + c y)) = atan(y/x) − atan(c), c the nearest of 0, tan 22.5° and 1."""
+    tall, wide = abs(sine), abs(cosine)
+    y, x = min(tall, wide), max(tall, wide)
+    middle, steep = y > FIRST_THIRD * x, y > SECOND_THIRD * x
+    c = where(steep, 1.0, where(middle, MIDDLE, 0.0))
+    z = (y - c * x) / (x + c * y)
+    square, series = z * z, 0.0
+    for k in (10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0):
+        series = 1.0 / (2 * k + 1) - square * series
+    angle = where(steep, 0.25 * np.pi, where(middle, 0.125 * np.pi, 0.0)) + z * series
+    angle = where(tall > wide, 0.5 * np.pi - angle, angle)
+    angle = where(cosine < 0, np.pi - angle, angle)
+    return where(sine < 0, where(height < 0, 2 * np.pi, 0.0) - angle, angle)
 
-    zero, none = everywhere(0.0), mask_of(0)
-    V, decrease, work, shift, count, trials, sets, retractions = zero, zero, zero, zero, zero, zero, zero, zero
-    scales, least_reach = Scales(zero, zero, zero, zero, zero), zero
-    moves, searches, retracts, rounding, certified, too_far = none, none, none, none, none, none
-    who, active, given = np.zeros(WIDTH, np.int64), 0, 0
-    while True:
-        begun = 0
-        for w in range(WIDTH):
-            if given < problems and not (active >> w) & 1:
-                at = given // in_a_row, given % in_a_row
-                load_cables(tables[at], rest_lengths[at], w, cables)
-                platform[0, w], platform[1, w] = weights[at], scales_of_length[at]
-                load_pose(starts[at], start_rotations[at], centers_of_mass[at], w, trial.p, trial.R, com)
-                for a in range(6):
-                    wrench[a, w] = wrenches[at][a]
-                begun |= 1 << w
-                who[w] = given
-                given += 1
-        active |= begun
-        if active == 0:
-            break
-        fresh = mask_of(begun)
-        moves &= ~fresh  # what the problem before did is forgotten
-        searches &= ~fresh
-        case = Case(cables, platform[0], com, wrench, free, platform[1])
 
-        # 1. The trial pose.
-        V_trial = nk.measure(case, trial)
-        fall = V - (V_trial - work)
-        last = retractions >= nk.MAX_RETRACTIONS
-        enough = (fall >= nk.SUFFICIENT * decrease) | (last & (fall >= nk.LEAST_DECREASE * decrease))
-        accepts = moves & (enough | (rounding & (V_trial == V_trial)))
-        retracts = moves & ~(accepts | rounding | last)
-        rejects = ~(accepts | retracts | searches)
-        certified = accepts & (shift == 0.0)
-        lower = accepts & (fall > nk.TRUSTED * decrease)
-        shift = where(lower, nk.smaller_shift(shift, scales), where(rejects, nk.larger_shift(shift, scales), shift))
-        retractions = where(retracts, retractions + 1.0, 0.0)
-        sets = where(searches, sets, 0.0)
-        count, trials = where(accepts, count + 1.0, count), where(accepts, 0.0, where(rejects, trials + 1.0, trials))
-        new = accepts | fresh
-        V = where(new, V_trial, V)
-        take(new, trial, here)
-        for i in range(m):
-            certified &= taut[i] == (here.c.e[i] > 0)
-            tau[i] = where(accepts, here.c.k[i] * max(predicted[i], 0.0), tau[i])
-            taut[i] = where(accepts, predicted[i] > 0, where(rejects, tau[i] > 0, taut[i]))
-        if begun:
-            scales = _chosen(fresh, nk.scales_of(case, here), scales)
-            least_reach = where(fresh, nk.LEAST_REACH * ck.mean(cables.l0), least_reach)
-            shift, count, trials = where(fresh, 0.0, shift), where(fresh, 0.0, count), where(fresh, 0.0, trials)
-            nk.first_tensions(case, here, scales.load, other_predicted, other_taut)
-            for i in range(m):
-                tau[i] = where(fresh, other_predicted[i], tau[i])
-                taut[i] = where(fresh, other_taut[i], taut[i])
+def _solver(new_cables: Callable) -> Callable:
+    """The solver of many problems with cables of the type that ``new_cables`` makes."""
 
-        # 2. The point.
-        unbalanced = nk.fill_slopes(case, here, model)
-        balanced = new & (unbalanced <= scales.force)
-        uncertain = balanced & ~certified
-        if not nowhere(uncertain):
-            nk.spring_tensions(here, other_predicted, other_taut)
-            for i in range(m):
-                tau[i] = where(uncertain, other_predicted[i], tau[i])
-        nk.fill_curvature(case, here, tau, model)
-        if not nowhere(uncertain):
-            certified |= uncertain & nk.is_minimum(here, model)
-        done = balanced & certified
-        lost = (balanced & ~certified) | (trials >= nk.MAX_TRIALS) | (count >= nk.MAX_ITERATIONS)
-        lost |= ~(abs(V + scales.force) < np.inf) | (accepts & too_far)
-        ended = active & bits_of(done | lost)
-        if ended:
-            found[0], found[1] = unbalanced, count
+    def solve_all(
+        tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales_of_length, starts, start_rotations,
+        numbers, flags, positions, rotations, lengths, tensions, residuals, iterations, status,
+    ):  # fmt: skip
+        """Equilibria of (rows, columns) of problems; the arguments are those of ``newton_kernel``, and memory."""
+        in_a_row, m = rest_lengths.shape[1:]
+        problems = rest_lengths.shape[0] * in_a_row
+        room = Room(numbers, flags, np.zeros(2, np.int64))
+        cables = new_cables(room, m)
+        com, wrench, platform = vector(room, 3), vector(room, 6), vector(room, 2)
+        here, trial = new_point(room, cables), new_point(room, cables)
+        model = Model(
+            matrix6(room, m), vector(room, m), vector(room, 6), matrix6(room, 6), matrix6(room, 6), vector(room, 6)
+        )
+        x, other = vector(room, 6), vector(room, 6)
+        tau, predicted, other_predicted = vector(room, m), vector(room, m), vector(room, m)
+        found = vector(room, 2)
+        taut, other_taut = masks(room, m), masks(room, m)
+
+        zero, none = everywhere(0.0), mask_of(0)
+        V, decrease, work, shift, count, trials, sets, retractions = zero, zero, zero, zero, zero, zero, zero, zero
+        scales, least_reach = Scales(zero, zero, zero, zero, zero), zero
+        moves, searches, retracts, rounding, certified, too_far = none, none, none, none, none, none
+        who, active, given = np.zeros(WIDTH, np.int64), 0, 0
+        while True:
+            begun = 0
             for w in range(WIDTH):
-                if (ended >> w) & 1:
-                    at = who[w] // in_a_row, who[w] % in_a_row
-                    status[at] = _CONVERGED if (bits_of(done) >> w) & 1 else _PENDING
-                    residuals[at], iterations[at] = found[0, w], int(found[1, w])
-                    for a in range(3):
-                        positions[at][a] = here.p[a, w]
-                        for b in range(3):
-                            rotations[at][a, b] = here.R[a, b, w]
-                    if not (bits_of(balanced) >> w) & 1:  # begins anew
-                        iterations[at], positions[at], rotations[at] = 0, starts[at], start_rotations[at]
-                    for i in range(m):
-                        lengths[at][i] = here.c.l[i, w]
-                        tensions[at][i] = here.c.k[i, w] * max(here.c.e[i, w], 0.0)
-            active &= ~ended
+                if given < problems and not (active >> w) & 1:
+                    at = given // in_a_row, given % in_a_row
+                    load_cables(cables, tables[at], rest_lengths[at], w)
+                    platform[0, w], platform[1, w] = weights[at], scales_of_length[at]
+                    load_pose(starts[at], start_rotations[at], centers_of_mass[at], w, trial.p, trial.R, com)
+                    for a in range(6):
+                        wrench[a, w] = wrenches[at][a]
+                    begun |= 1 << w
+                    who[w] = given
+                    given += 1
+            active |= begun
+            if active == 0:
+                break
+            fresh = mask_of(begun)
+            moves &= ~fresh  # what the problem before did is forgotten
+            searches &= ~fresh
+            case = Case(cables, platform[0], com, wrench, free, platform[1])
 
-        # 3. The next trial pose.
-        nk.fill_system(here, model, shift, taut)
-        if not nowhere(retracts):
-            nk.fill_correction(trial.c, model, predicted, other)
-            _choose(retracts, other, model.rhs)
-        solved = factorise(model.L, 6)
-        substitute(model.L, model.rhs, other)
-        for a in range(6):
-            x[a] += other[a]  # which counts where the step is retracted
-        for i in range(m):
-            other_taut[i] = taut[i]
-        searches = ~retracts & solved & nk.update_taut(here, model, other, other_taut)
-        for i in range(m):
-            taut[i] = where(searches, other_taut[i], taut[i])
-        cycles = searches & (sets >= nk.MAX_TAUT_SETS - 1.0)
-        targets = solved & ~(searches | retracts)
-        searches &= ~cycles
-        sets = where(searches, sets + 1.0, sets)
-        nk.shorten(other, nk.MAX_TRANSLATION * max(ck.mean(here.c.l), least_reach), nk.MAX_ROTATION * case.scale)
-        model_decrease = nk.model_decrease(here.c, model, other, other_predicted)
-        decrease = where(targets, model_decrease, decrease)
-        _choose(targets, other_predicted, predicted)
-        rounding = targets & (abs(decrease) <= nk.energy_noise(here.c, scales, V))
-        moves = retracts | (targets & ((decrease > 0) | rounding))
-        _choose(~retracts, other, x)
-        rotation = x[3] * x[3] + x[4] * x[4] + x[5] * x[5]
-        too_far = rotation > case.scale * case.scale * LARGEST_TURN**2
-        work = nk.move(case, here, x, trial)
+            # 1. The trial pose.
+            V_trial = nk.measure(case, trial)
+            fall = V - (V_trial - work)
+            last = retractions >= nk.MAX_RETRACTIONS
+            enough = (fall >= nk.SUFFICIENT * decrease) | (last & (fall >= nk.LEAST_DECREASE * decrease))
+            accepts = moves & (enough | (rounding & (V_trial == V_trial)))
+            retracts = moves & ~(accepts | rounding | last)
+            rejects = ~(accepts | retracts | searches)
+            certified = accepts & (shift == 0.0)
+            lower = accepts & (fall > nk.TRUSTED * decrease)
+            shift = where(lower, nk.smaller_shift(shift, scales), where(rejects, nk.larger_shift(shift, scales), shift))
+            retractions = where(retracts, retractions + 1.0, 0.0)
+            sets = where(searches, sets, 0.0)
+            count, trials = (
+                where(accepts, count + 1.0, count),
+                where(accepts, 0.0, where(rejects, trials + 1.0, trials)),
+            )
+            new = accepts | fresh
+            V = where(new, V_trial, V)
+            take(new, trial, here)
+            for i in range(m):
+                certified &= taut[i] == (here.c.e[i] > 0)
+                tau[i] = where(accepts, here.c.k[i] * max(predicted[i], 0.0), tau[i])
+                taut[i] = where(accepts, predicted[i] > 0, where(rejects, tau[i] > 0, taut[i]))
+            if begun:
+                scales = _chosen(fresh, nk.scales_of(case, here), scales)
+                least_reach = where(fresh, nk.LEAST_REACH * ck.mean(cables.l0), least_reach)
+                shift, count, trials = where(fresh, 0.0, shift), where(fresh, 0.0, count), where(fresh, 0.0, trials)
+                nk.first_tensions(case, here, scales.load, other_predicted, other_taut)
+                for i in range(m):
+                    tau[i] = where(fresh, other_predicted[i], tau[i])
+                    taut[i] = where(fresh, other_taut[i], taut[i])
+
+            # 2. The point.
+            unbalanced = nk.fill_slopes(case, here, model)
+            balanced = new & (unbalanced <= scales.force)
+            uncertain = balanced & ~certified
+            if not nowhere(uncertain):
+                nk.spring_tensions(here, other_predicted, other_taut)
+                for i in range(m):
+                    tau[i] = where(uncertain, other_predicted[i], tau[i])
+            nk.fill_curvature(case, here, tau, model)
+            if not nowhere(uncertain):
+                certified |= uncertain & nk.is_minimum(here, model)
+            done = balanced & certified & ck.on_wheels(here.c)
+            lost = (balanced & ~done) | (trials >= nk.MAX_TRIALS) | (count >= nk.MAX_ITERATIONS)
+            lost |= ~(abs(V + scales.force) < np.inf) | (accepts & too_far)
+            ended = active & bits_of(done | lost)
+            if ended:
+                found[0], found[1] = unbalanced, count
+                for w in range(WIDTH):
+                    if (ended >> w) & 1:
+                        at = who[w] // in_a_row, who[w] % in_a_row
+                        status[at] = _CONVERGED if (bits_of(done) >> w) & 1 else _PENDING
+                        residuals[at], iterations[at] = found[0, w], int(found[1, w])
+                        for a in range(3):
+                            positions[at][a] = here.p[a, w]
+                            for b in range(3):
+                                rotations[at][a, b] = here.R[a, b, w]
+                        if not (bits_of(balanced) >> w) & 1:  # begins anew
+                            iterations[at], positions[at], rotations[at] = 0, starts[at], start_rotations[at]
+                        for i in range(m):
+                            lengths[at][i] = here.c.l[i, w]
+                            tensions[at][i] = here.c.k[i, w] * max(here.c.e[i, w], 0.0)
+                active &= ~ended
+
+            # 3. The next trial pose.
+            nk.fill_system(here, model, shift, taut)
+            if not nowhere(retracts):
+                nk.fill_correction(trial.c, model, predicted, other)
+                _choose(retracts, other, model.rhs)
+            solved = factorise(model.L, 6)
+            substitute(model.L, model.rhs, other)
+            for a in range(6):
+                x[a] += other[a]  # which counts where the step is retracted
+            for i in range(m):
+                other_taut[i] = taut[i]
+            searches = ~retracts & solved & nk.update_taut(here, model, other, other_taut)
+            for i in range(m):
+                taut[i] = where(searches, other_taut[i], taut[i])
+            cycles = searches & (sets >= nk.MAX_TAUT_SETS - 1.0)
+            targets = solved & ~(searches | retracts)
+            searches &= ~cycles
+            sets = where(searches, sets + 1.0, sets)
+            nk.shorten(other, nk.MAX_TRANSLATION * max(ck.mean(here.c.l), least_reach), nk.MAX_ROTATION * case.scale)
+            model_decrease = nk.model_decrease(here.c, model, other, other_predicted)
+            decrease = where(targets, model_decrease, decrease)
+            _choose(targets, other_predicted, predicted)
+            rounding = targets & (abs(decrease) <= nk.energy_noise(here.c, scales, V))
+            moves = retracts | (targets & ((decrease > 0) | rounding))
+            _choose(~retracts, other, x)
+            rotation = x[3] * x[3] + x[4] * x[4] + x[5] * x[5]
+            too_far = rotation > case.scale * case.scale * LARGEST_TURN**2
+            work = nk.move(case, here, x, trial)
+
+    return solve_all
 
 
 @inline
-def new_cables(room, m):
-    """Cables that are to be loaded."""
+def new_plain_cables(room, m):
+    """Plain cables that are to be loaded."""
     return Cables(matrix3(room, m), matrix3(room, m), vector(room, m), vector(room, m))
 
 
 @inline
-def new_state(room, cables):
-    """A state of cables that is to be measured."""
+def new_bent_cables(room, m):
+    """Bent cables that are to be loaded."""
+    plain = new_plain_cables(room, m)
+    return BentCables(
+        plain.A, plain.B, plain.l0, plain.k, vector(room, m), vector(room, m), vector(room, m), vector(room, m),
+        vector(room, m), matrix3(room, m),
+    )  # fmt: skip
+
+
+def _new_plain_state(cables, room):
     m = len(cables.l0)
     return CableState(matrix3(room, m), matrix3(room, m), vector(room, m), vector(room, m), cables.k, vector(room, m))
+
+
+def _new_bent_state(cables, room):
+    m = len(cables.l0)
+    return BentState(
+        matrix3(room, m), matrix3(room, m), vector(room, m), vector(room, m), matrix3(room, m), vector(room, m),
+        vector(room, m), vector(room, m), vector(room, m), matrix6(room, 1),
+    )  # fmt: skip
+
+
+new_state = by_type({Cables: _new_plain_state, BentCables: _new_bent_state})
+"""(cables, room): a state of the cables that is to be measured."""
 
 
 @inline
 def new_point(room, cables):
     """A point that is to be measured."""
-    return Point(vector(room, 3), matrix3(room, 3), new_state(room, cables))
+    return Point(vector(room, 3), matrix3(room, 3), new_state(cables, room))
 
 
-@inline
-def load_cables(table, rest_lengths, lane, cables):
-    """Write the cables of one problem into its lane."""
+def _load_plain(cables, table, rest_lengths, lane):
     for i in range(len(rest_lengths)):
         for a in range(3):
             cables.A[i, a, lane], cables.B[i, a, lane] = table[i, EXIT + a], table[i, ANCHOR + a]
         cables.l0[i, lane] = rest_lengths[i]
         cables.k[i, lane] = table[i, STIFFNESS] / (rest_lengths[i] + table[i, BEHIND])
+
+
+def _load_bent(cables, table, rest_lengths, lane):
+    _load_plain(cables, table, rest_lengths, lane)
+    for i in range(len(rest_lengths)):
+        for a in range(3):
+            cables.axis[i, a, lane] = table[i, AXIS + a]
+        cables.EA[i, lane], cables.whole[i, lane] = table[i, STIFFNESS], rest_lengths[i] + table[i, BEHIND]
+        cables.a2[i, lane], cables.a3[i, lane] = table[i, STIFFENING], table[i, STIFFENING + 1]
+        cables.radius[i, lane] = table[i, RADIUS]
+
+
+inline(_load_plain)  # which the other one calls
+load_cables = by_type({Cables: _load_plain, BentCables: _load_bent})
+"""(cables, table, rest lengths, lane): write the cables of one problem into its lane."""
 
 
 @inline
@@ -259,6 +325,22 @@ def take(mask, source, target):
         for a in range(3):
             old.r[i, a] = where(mask, new.r[i, a], old.r[i, a])
             old.u[i, a] = where(mask, new.u[i, a], old.u[i, a])
+    _take_bends(old, new, mask)
+
+
+def _take_no_bends(old, new, mask):
+    pass
+
+
+def _take_all_bends(old, new, mask):
+    for i in range(len(old.l)):
+        old.k[i], old.bend[i] = where(mask, new.k[i], old.k[i]), where(mask, new.bend[i], old.bend[i])
+        old.clear[i] = where(mask, new.clear[i], old.clear[i])
+        for a in range(3):
+            old.across[i, a] = where(mask, new.across[i, a], old.across[i, a])
+
+
+_take_bends = by_type({CableState: _take_no_bends, BentState: _take_all_bends})
 
 
 @inline
@@ -277,21 +359,39 @@ GIVEN = {axes: f"Array(float64, {axes}, 'A', readonly=True)" for axes in (1, 2, 
 MEMORY = "float64[::1], uint8[::1]"
 """Types of the arrays of a ``Room``."""
 
-_SOLVE = Compiled(
+
+def on_lanes(what: str, code: Callable, arguments: str) -> list[Compiled]:
+    """What ``code`` makes of a function for new cables, for plain and for bent ones."""
+    kinds = {"": new_plain_cables, " for pulleys and nonlinear laws": new_bent_cables}
+    return [
+        Compiled(what + name, code(new_cables), f"void({arguments})", error_model="numpy", nogil=True)
+        for name, new_cables in kinds.items()
+    ]
+
+
+_SOLVE = on_lanes(
     "static solver for eight problems at once",
-    _solve,
-    f"void({GIVEN[4]}, {GIVEN[3]}, {GIVEN[2]}, {GIVEN[3]}, {GIVEN[3]}, {GIVEN[1]}, {GIVEN[2]}, {GIVEN[3]}, "
-    f"{GIVEN[4]}, {MEMORY}, float64[:, :, ::1], float64[:, :, :, ::1], float64[:, :, ::1], "
-    "float64[:, :, ::1], float64[:, ::1], int64[:, ::1], int64[:, ::1])",
-    error_model="numpy",
-    nogil=True,
+    _solver,
+    f"{GIVEN[4]}, {GIVEN[3]}, {GIVEN[2]}, {GIVEN[3]}, {GIVEN[3]}, {GIVEN[1]}, {GIVEN[2]}, {GIVEN[3]}, {GIVEN[4]}, "
+    f"{MEMORY}, float64[:, :, ::1], float64[:, :, :, ::1], float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1], "
+    "int64[:, ::1], int64[:, ::1]",
 )
 
 
 def solve(
-    kernel: Kernel, tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations
+    bent: bool,
+    kernel: Kernel,
+    tables,
+    rest_lengths,
+    weights,
+    centers_of_mass,
+    wrenches,
+    free,
+    scales,
+    starts,
+    start_rotations,
 ) -> tuple[np.ndarray, ...]:
-    """Results of ``kernel``, ``gufuncs.equilibrium_gufunc`` for plain cables, at (rows, columns) of problems.
+    """Results of ``kernel``, ``gufuncs.equilibrium_gufunc`` for plain or bent cables, at (rows, columns) of problems.
 
     The arguments are those of the gufunc, all with these two axes before their own, except ``free``. What is left to
     the gufunc is solved by it.
@@ -299,8 +399,8 @@ def solve(
     loop, m = rest_lengths.shape[:2], rest_lengths.shape[2]
     shapes = (3,), (3, 3), (m,), (m,), ()
     results = *(np.empty(loop + shape) for shape in shapes), np.empty(loop, np.int64), np.empty(loop, np.int64)
-    room = room_for(44 * m + 200, 2 * m)
-    _SOLVE.compiled(
+    room = room_for(64 * m + 220, 2 * m)
+    _SOLVE[bent].compiled(
         tables, rest_lengths, weights, centers_of_mass, wrenches, free, scales, starts, start_rotations, room.numbers,
         room.flags, *results,
     )  # fmt: skip
