@@ -30,8 +30,10 @@ def first_calls_checked(decorated: Any = None, **options: Any) -> Any:
     if decorated is None:
         return functools.partial(first_calls_checked, **options)
     if isinstance(decorated, FunctionType):
-        if "<locals>" in decorated.__qualname__ and not _among_first(decorated.__code__):
-            return decorated
+        if "<locals>" in decorated.__qualname__:
+            calls[decorated.__code__] = number = calls.get(decorated.__code__, 0) + 1
+            if number > CHECKED:
+                return decorated
         return _first_calls(decorated, options)
     if isinstance(decorated, type) and dataclasses.is_dataclass(decorated) and "__init__" in vars(decorated):
         decorated.__init__ = _first_calls(decorated.__init__, options)
@@ -48,11 +50,10 @@ def _first_calls(plain: Callable, options: dict[str, Any]) -> Callable:
     @functools.wraps(plain)
     def first_checked(*args: Any, **kwargs: Any) -> Any:
         __tracebackhide__ = True
-        return (checked() if _among_first(plain) else plain)(*args, **kwargs)
+        so_far = calls.get(plain, 0)
+        if so_far >= CHECKED:
+            return plain(*args, **kwargs)
+        calls[plain] = so_far + 1
+        return checked()(*args, **kwargs)
 
     return first_checked
-
-
-def _among_first(what: object) -> bool:
-    calls[what] = number = calls.get(what, 0) + 1
-    return number <= CHECKED
