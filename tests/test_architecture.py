@@ -1,6 +1,7 @@
 """The flow is the architecture: folders in one order, imports one way, walls between statics, simulation, proof."""
 
 import ast
+import functools
 import os
 import subprocess
 import sys
@@ -68,9 +69,20 @@ def name_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-TREES = {name_of(path): ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")}
-DOOR = TREES.pop("")  # cdpr_sim/__init__.py
-ENTRY = TREES.pop("__main__")  # of python -m cdpr_sim, and of cdpr-sim
+@functools.cache
+def trees() -> dict[str, ast.Module]:
+    """Per module its syntax; not of ``__init__`` and ``__main__`` of the package itself.
+
+    It and what follows from it are computed by the first test that asks: every worker imports this file.
+    """
+    paths = {name_of(path): path for path in PACKAGE.rglob("*.py")}
+    return {module: ast.parse(paths[module].read_text(encoding="utf-8")) for module in paths.keys() - {"", "__main__"}}
+
+
+@functools.cache
+def studies() -> dict[str, ast.Module]:
+    """The same of the studies beside the package."""
+    return {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in BESIDE.glob("*.py")}
 
 
 def imports(nodes: Iterable[ast.AST]) -> set[str]:
@@ -88,15 +100,25 @@ def imports(nodes: Iterable[ast.AST]) -> set[str]:
 def own(names: Iterable[str]) -> set[str]:
     """Modules of this package among imported names: the module itself, or the one that a name is taken from."""
     ours = {name.removeprefix("cdpr_sim.") for name in names if name.startswith("cdpr_sim.")}
-    return {name if name in TREES else name.rpartition(".")[0] for name in ours} & TREES.keys()
+    return {name if name in trees() else name.rpartition(".")[0] for name in ours} & trees().keys()
 
 
-ANYWHERE = {module: imports(ast.walk(tree)) for module, tree in TREES.items()}
-STUDIES = {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in BESIDE.glob("*.py")}
-IN_STUDIES = {study: imports(ast.walk(tree)) for study, tree in STUDIES.items()}
-AT_HEAD = {module: imports(tree.body) for module, tree in TREES.items()}
-GRAPH = {module: own(names) - {module} for module, names in ANYWHERE.items()}
-"""Per module, the modules of this package that it imports: in functions and for type checkers as well."""
+@functools.cache
+def anywhere() -> dict[str, set[str]]:
+    """All that each module imports, in functions and for type checkers as well."""
+    return {module: imports(ast.walk(tree)) for module, tree in trees().items()}
+
+
+@functools.cache
+def in_studies() -> dict[str, set[str]]:
+    """The same of the studies beside the package."""
+    return {study: imports(ast.walk(tree)) for study, tree in studies().items()}
+
+
+@functools.cache
+def graph() -> dict[str, set[str]]:
+    """Per module, the modules of this package that it imports anywhere."""
+    return {module: own(names) - {module} for module, names in anywhere().items()}
 
 
 def folder(module: str) -> str:
@@ -109,57 +131,57 @@ def libraries(names: Iterable[str]) -> set[str]:
 
 def test_every_module_lives_in_a_folder_of_the_flow():
     """A new folder is put in order, and says in its first line what it is for."""
-    assert {folder(module) for module in TREES} == set(FOLDERS)
+    assert {folder(module) for module in trees()} == set(FOLDERS)
     for init in PACKAGE.rglob("__init__.py"):
-        assert ast.get_docstring(TREES.get(name_of(init), DOOR)), init
+        assert ast.get_docstring(ast.parse(init.read_text(encoding="utf-8"))), init
 
 
 def test_imports_run_one_way():
     """Between folders in their order; and no circle anywhere, imports for types included."""
-    for module, used in GRAPH.items():
+    for module, used in graph().items():
         assert {folder(one) for one in used} <= set(FOLDERS[: FOLDERS.index(folder(module)) + 1]), module
-    TopologicalSorter(GRAPH).prepare()  # raises CycleError
+    TopologicalSorter(graph()).prepare()  # raises CycleError
 
 
 def test_the_package_does_not_need_the_studies_of_the_scripts():
     """Those import the package and each other, in no circle; an installed package is without them."""
-    assert all(ast.get_docstring(tree) for tree in STUDIES.values())
-    assert not {module for module, names in ANYWHERE.items() if {"studies", "scripts"} & libraries(names)}
-    within = {study: {name for name in names if name.startswith("studies.")} for study, names in IN_STUDIES.items()}
+    assert all(ast.get_docstring(tree) for tree in studies().values())
+    assert not {module for module, names in anywhere().items() if {"studies", "scripts"} & libraries(names)}
+    within = {study: {name for name in names if name.startswith("studies.")} for study, names in in_studies().items()}
     used = {study: {name.split(".")[1] for name in names} for study, names in within.items()}
-    assert {one for names in used.values() for one in names} <= STUDIES.keys()
+    assert {one for names in used.values() for one in names} <= studies().keys()
     TopologicalSorter(used).prepare()  # raises CycleError
 
 
 def test_walls_stand():
     """Neither method knows the other, and what draws knows neither."""
-    for module, used in GRAPH.items():
+    for module, used in graph().items():
         allowed = WALLS.get(folder(module))
         if allowed is not None:
             beyond = {one for one in used if folder(one) != folder(module)}
             assert {one for one in beyond if folder(one) not in allowed and one not in allowed} == set(), module
             assert not {(folder(module), one) for one in used} & BEYOND, module
-    for module, names in ANYWHERE.items():
+    for module, names in anywhere().items():
         if folder(module) in {"core", "robots", "statics", "analysis", "jax", "design", "control", "proof"}:
             assert "mujoco" not in libraries(names), module
 
 
 def test_nothing_touches_matplotlibs_global_state():
     """No pyplot: figures are objects, and nobody's open windows or styles are changed."""
-    for module, names in (ANYWHERE | IN_STUDIES).items():
+    for module, names in (anywhere() | in_studies()).items():
         assert not any(name.startswith(("matplotlib.pyplot", "pylab")) for name in names), module
 
 
 def test_commands_open_with_nothing_but_words():
     """What a command computes with is imported inside it; at the head of its module, only what reads words."""
     light = set(sys.stdlib_module_names) | {"typer", "rich", "cdpr_sim"}
-    for module in TREES:
+    for module in trees():
         if folder(module) == "cli":
-            assert libraries(AT_HEAD[module]) <= light, module
-            assert {folder(one) for one in own(AT_HEAD[module])} <= {"cli"}, module
+            assert libraries(imports(trees()[module].body)) <= light, module
+            assert {folder(one) for one in own(imports(trees()[module].body))} <= {"cli"}, module
     # The test can fail: inside, they import a lot.
-    assert not libraries(ANYWHERE["cli.design_commands"]) <= light
-    assert "report.crosscheck_tables" in own(ANYWHERE["cli.equilibrium_commands"])
+    assert not libraries(anywhere()["cli.design_commands"]) <= light
+    assert "report.crosscheck_tables" in own(anywhere()["cli.equilibrium_commands"])
 
 
 @pytest.mark.parametrize(("words", "without", "needed"), WAITED_FOR.values(), ids=WAITED_FOR)

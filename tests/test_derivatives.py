@@ -175,3 +175,16 @@ def test_derivatives_of_cables_of_every_kind_are_exact(seed):
     differenced = np.array([(there(1e-6 * d) - there(-1e-6 * d)) / 2e-6 for d in np.eye(6)]).T
     exact = np.vstack([derivatives.wrench_slope(state), derivatives.tension_by_pose(state)])
     assert np.abs(exact - differenced).max() <= SLOPE * np.abs(exact).max()
+
+
+def test_derivatives_at_many_poses_are_those_at_each():
+    """Of problems with masses of their own, with and without mass, taut and slack."""
+    robot = cdpr.load_robot("parallel").replace(linear_density=[5e-4] * 4 + [0.0] * 4, pulley_radius=0.005)
+    poses = np.random.default_rng(0).uniform(*robot.workspace, (6, 3))
+    found = cdpr.solve_many(robot, poses, mass=np.linspace(0.9, 1.1, 6) * robot.mass)
+    assert found.slack.any()
+    many = forces.at(found.problems, found.positions, found.rotations)
+    for derivative in (derivatives.wrench_by_parameter, derivatives.tension_by_parameter):
+        for row, by in enumerate(map(derivative, map(forces.at, found.problems, found.positions, found.rotations))):
+            for name, each in derivative(many).items():
+                np.testing.assert_allclose(each[row], by[name], rtol=0, atol=1e-10 * np.abs(by[name]).max())

@@ -194,13 +194,15 @@ def with_memory() -> dict[str, cdpr.Robot]:
     return found
 
 
+REMEMBERED = with_memory()
+
 POSES = np.linspace((0.25, 0.25, 0.1), (0.45, 0.25, 0.1), 3)[[0, 1, 2, 1, 0]]
 
 
-@pytest.mark.parametrize("name", with_memory())
+@pytest.mark.parametrize("name", REMEMBERED)
 def test_cables_with_a_memory_and_all_other_properties_have_paths_by_both_methods(name):
     """There and back, which is not the same equilibrium; with what else is asked of a path."""
-    robot = with_memory()[name]
+    robot = REMEMBERED[name]
     paths = [method(robot, POSES, times=np.arange(5.0)) for method in (cdpr.solve_path, cdpr.settle_path)]
     assert np.abs(paths[0].positions - paths[1].positions).max() < 1e-9
     assert all(cdpr.compare(*both).agrees for both in zip(*paths, strict=True))

@@ -1,6 +1,7 @@
 """Figures contain the data they claim, and say what they show."""
 
 import dataclasses
+import functools
 import re
 
 import matplotlib
@@ -31,27 +32,43 @@ LENGTH = 0.02
 """Of a hanging cable's drawn length, relative: the parabola's length to second order, for slack up to a tenth."""
 
 
+@functools.cache
+def closed_forms() -> two_cable_studies.ClosedForms:
+    return two_cable_studies.closed_forms(static_rows=33, settled_rows=5)
+
+
+def across_the_width(name: str) -> studies.Width:
+    return studies.across_the_width(cdpr.load_robot(name), static_rows=151, settled_rows=7)
+
+
+COMPUTED = {
+    "two-cable-manifold": lambda: two_cable_studies.manifold(drifts=5, settled_every=2, columns=13, heights=9),
+    "two-cable-poses": closed_forms,
+    "two-cable-closed-form": closed_forms,
+    "layouts": studies.homes,
+    "tilt-condition": balance.moment_balances,
+    "paper-line": lambda: studies.paper_lines(static_rows=151, settled_rows=4),
+    "convergence": lambda: solver_studies.convergence(axial_stiffness=[1e2, 1e4], poses=3),
+    "agreement": lambda: solver_studies.differences(["parallel", "two-cable"], poses=6),
+    "real-cables": lambda: real_cables_studies.real_cables(poses=2),
+    "fully-constrained": lambda: pretension_studies.pretension(points=21, every=10, errors=11),
+} | {
+    name: functools.partial(across_the_width, name)
+    for name in ("planar-vertical", "planar-horizontal", "cogiro", "parallel")
+}
+
+
+class Results(dict):
+    """Small results for every picture, by its name, each computed when it is first asked for."""
+
+    def __missing__(self, name: str):
+        self[name] = COMPUTED[name]()
+        return self[name]
+
+
 @pytest.fixture(scope="session")
-def results() -> dict:
-    """Small results for every picture, by its name."""
-    forms = two_cable_studies.closed_forms(static_rows=33, settled_rows=5)
-    widths = {
-        name: studies.across_the_width(cdpr.load_robot(name), static_rows=151, settled_rows=7)
-        for name in ("planar-vertical", "planar-horizontal", "cogiro", "parallel")
-    }
-    return {
-        "two-cable-manifold": two_cable_studies.manifold(drifts=5, settled_every=2, columns=13, heights=9),
-        "two-cable-poses": forms,
-        "two-cable-closed-form": forms,
-        "layouts": studies.homes(),
-        "tilt-condition": balance.moment_balances(),
-        "paper-line": studies.paper_lines(static_rows=151, settled_rows=4),
-        "convergence": solver_studies.convergence(axial_stiffness=[1e2, 1e4], poses=3),
-        "agreement": solver_studies.differences(["parallel", "two-cable"], poses=6),
-        "real-cables": real_cables_studies.real_cables(poses=2),
-        "fully-constrained": pretension_studies.pretension(points=21, every=10, errors=11),
-        **widths,
-    }
+def results() -> Results:
+    return Results()
 
 
 @pytest.fixture(scope="session", params=gallery.PICTURES)

@@ -114,7 +114,7 @@ def test_a_disk_that_a_video_fills_is_one_sentence_and_status_3(tmp_path, name):
     mounted = f"mount -t tmpfs -o size=4k tmpfs '{tmp_path}'"
     if subprocess.run(["unshare", "-rm", "sh", "-c", mounted], capture_output=True).returncode:
         pytest.skip("this machine lets nobody mount a disk")
-    video = f"video cogiro --drive-seconds 1 --seconds 0.5 --renderer raycast -o '{tmp_path / name}'"
+    video = f"video cogiro --drive-seconds 1 --seconds 0.5 --size 320 240 --renderer raycast -o '{tmp_path / name}'"
     script = f"{mounted} && '{sys.executable}' -c '{COMMAND[2]}' {video}; status=$?; ls -A '{tmp_path}'; exit $status"
     words = ["unshare", "-rm", "sh", "-c", script]
     result = subprocess.run(words, env=ENVIRONMENT, capture_output=True, text=True, timeout=600)

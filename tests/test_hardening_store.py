@@ -19,11 +19,19 @@ from cdpr_sim.analysis.workspace import store as stores
 from cdpr_sim.analysis.workspace import sweep as sweeping
 from cdpr_sim.cli import app
 
-ASKED = dict(robots=["parallel", "cogiro"], grid=(32, 10, 10), chunk=100, quantities=["tilt", "tensions", "feasible"])
-"""64 chunks: four slabs."""
+ASKED = dict(robots=["parallel", "cogiro"], grid=(8, 10, 10), chunk=100, quantities=["tilt", "tensions", "feasible"])
+"""16 chunks: four slabs, of four in this process."""
 
 ROUNDING = 1e-14
 """Relative, as in the other tests of stores."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_slabs():
+    """Of four chunks."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stores, "TASKS", 4)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +60,7 @@ def test_every_chunk_is_a_file_also_one_that_is_zero(store, expected):
     chunks = {
         name: len([f for f in os.listdir(store / name) if f[0].isdigit()]) for name in ("status", "tilt", "feasible")
     }
-    assert set(chunks.values()) == {64}
+    assert set(chunks.values()) == {16}
     assert not expected["status"].any()
 
 
@@ -67,14 +75,14 @@ def test_a_lost_chunk_is_noticed_and_computed_again(store, expected, name):
     before = {file: file.stat().st_mtime_ns for file in (store / "tilt").iterdir()}
     xr.testing.assert_allclose(cdpr.sweep(**ASKED, store=store).compute(), expected, rtol=ROUNDING, atol=0)
     kept = [file for file, time in before.items() if file.exists() and file.stat().st_mtime_ns == time]
-    assert len(kept) >= 48  # three slabs of four, and the description
+    assert len(kept) >= 12  # three slabs of four, and the description
 
 
 def test_half_of_all_chunks_lost_is_no_silent_nan(store, expected):
     """Ten of twenty deleted ``tilt`` chunks read as nan, and the sweep as finished."""
     for chunk in sorted(f for f in os.listdir(store / "tilt") if f[0].isdigit())[::2]:
         (store / "tilt" / chunk).unlink()
-    with pytest.raises(cdpr.StoreError, match=r"has lost slab 0.0.0.0 of 'tilt', and 31 more"):
+    with pytest.raises(cdpr.StoreError, match=r"has lost slab 0.0.0.0 of 'tilt', and 7 more"):
         cdpr.open_sweep(store)
     xr.testing.assert_allclose(cdpr.sweep(**ASKED, store=store).compute(), expected, rtol=ROUNDING, atol=0)
 
@@ -105,7 +113,8 @@ def test_a_store_is_plain_zarr(store, expected):
 
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(cdpr.__file__).parents[1])}
 
-LONG = ASKED | dict(grid=(32, 20, 10))
+LONG = ASKED | dict(grid=(32, 10, 10))
+"""64 chunks: four slabs of 16."""
 
 CHILD = f"""
 import sys

@@ -257,8 +257,7 @@ def test_a_slack_cable_never_pushes_and_cycles_only_cost_work():
     work, stretch, tension = np.zeros(cables), turns[0], np.zeros(cables)
     for following in [*cycle, *cycle]:
         law = MemoryLaw.of(robot, robot.axial_stiffness, rest, memory, 0.0)
-        knots = law.table()[..., MEMORY_COLUMNS:]
-        pull = np.array([_of_knots(*knots[i].reshape(3, -1), following[i]) for i in range(cables)])
+        pull = _of_knots(*np.moveaxis(law.table()[..., MEMORY_COLUMNS:].reshape(cables, 3, -1), 1, 0), following)
         assert ((pull > 0) == (following > 0)).all()
         memory = law.after(1 + following[:, None], pull[:, None], 0.0)
         work += (tension + pull) / 2 * (following - stretch)
@@ -266,10 +265,11 @@ def test_a_slack_cable_never_pushes_and_cycles_only_cost_work():
     assert (work > 1e-6 * EA * 6e-4**2).all()
 
 
-def _of_knots(stretches, tensions, slopes, stretch):
-    """A law that is linear between knots."""
-    j = int((stretches <= max(stretch, 0.0)).sum()) - 1
-    return tensions[j] + slopes[j] * (max(stretch, 0.0) - stretches[j])
+def _of_knots(stretches, tensions, slopes, at):
+    """Laws, one per row, that are linear between knots."""
+    at = np.maximum(at, 0.0)
+    j = np.arange(len(at)), (stretches <= at[:, None]).sum(1) - 1
+    return tensions[j] + slopes[j] * (at - stretches[j])
 
 
 def test_a_path_goes_on_from_its_memory():

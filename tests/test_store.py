@@ -104,7 +104,7 @@ def killed(asked: dict, path) -> None:
     done = []
     while len(done) < TASKS * asked["chunk"]:
         assert process.poll() is None, "the sweep ended before it could be killed"
-        time.sleep(0.02)
+        time.sleep(0.1)  # each look costs as much as a chunk
         done = _solved_poses(path)
     process.send_signal(signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL

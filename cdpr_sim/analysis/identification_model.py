@@ -21,7 +21,6 @@ from cdpr_sim.analysis.modes import modes_of
 from cdpr_sim.core.cable_path import swivel_angles
 from cdpr_sim.core.equilibrium import NotConverged
 from cdpr_sim.core.errors import InvalidInput
-from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.statics import derivatives, forces, newton
 
@@ -188,12 +187,12 @@ class IdentificationModel:
         self.robot, self.measurements, self.unknowns = robot, measurements, list(unknowns)
         self.positions = measurements.commanded[:, :3]
         self.rotations = Rotation.from_euler("xyz", measurements.commanded[:, 3:]).as_matrix()
-        self.poses = [
+        poses = [
             RigidTransform.from_components(position, Rotation.from_matrix(rotation))
             for position, rotation in zip(self.positions, self.rotations, strict=True)
         ]
         given = measurements.rest_lengths
-        self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in self.poses]) if given is None else given
+        self.rest_lengths = np.array([robot.rest_lengths(pose) for pose in poses]) if given is None else given
         known = measurements.known
         self.errors = np.ones(known.shape) if errors is None else errors
         self.weights = np.ones(int(known.sum()))
@@ -325,10 +324,10 @@ class IdentificationModel:
         if not self.rest.min() > 0:
             raise NotConverged("identify: the fit needs rest lengths below 0")
         given = self.measurements.masses
-        self.masses = None if given is None else np.where(np.isnan(given), self.now.mass, given)
+        masses = None if given is None else np.where(np.isnan(given), self.now.mass, given)
         solved = newton.solve_many(
             self.now, self.positions, self.rest, rotations=self.rotations, external_wrench=self.wrenches,
-            mass=self.masses,
+            mass=masses,
         )  # fmt: skip
         if not solved.converged.all():
             row = int(np.argmin(solved.converged))
@@ -337,15 +336,6 @@ class IdentificationModel:
                 f"(residual {solved.residuals[row]:.1e} N)"
             )
         self.solved, self._at = solved, x.copy()
-
-    def _states(self) -> list[forces.State]:
-        """States of all rows at the present equilibria."""
-        masses = np.full(len(self.positions), self.now.mass) if self.masses is None else self.masses
-        robots = {mass: self.now if mass == self.now.mass else self.now.replace(mass=mass) for mass in set(masses)}
-        return [
-            forces.at(Problem(robots[masses[row]], self.poses[row], self.rest[row], self.wrenches[row]), position, turn)
-            for row, (position, turn) in enumerate(zip(self.solved.positions, self.solved.rotations, strict=True))
-        ]
 
     def shown(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows numbers"]:
         """What the sensors show in the equilibria at ``x``; the columns of ``Measurements.values``."""
@@ -358,7 +348,8 @@ class IdentificationModel:
             angles, _ = swivel_angles(self.now.cabling, solved.positions, solved.rotations)
             parts.append(angles + self._of.get("swivel_zeros", 0.0))
         if data.frequencies is not None:
-            parts.append(np.array([modes_of(state)[0][: data.frequencies.shape[1]] for state in self._states()]))
+            states = map(forces.at, solved.problems, solved.positions, solved.rotations)
+            parts.append(np.array([modes_of(state)[0][: data.frequencies.shape[1]] for state in states]))
         return np.hstack(parts)
 
     def residuals(self, x: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows numbers"]:
@@ -396,35 +387,31 @@ class IdentificationModel:
     ) -> Float[np.ndarray, "rows numbers unknowns"]:
         """Exact derivatives of what sensors show, by these unknowns; 0 for frequencies and differenced parameters."""
         self.solve(x)
-        data, free, angles = self.measurements, self.now.free, self.solved.euler
-        result = np.zeros((len(self.positions), data.values.shape[1], len(unknowns)))
-        gains = self._of.get("force_gains", np.ones(self.now.cables))
-        names, given = {_parameter(one) for one in unknowns}, self.rest_lengths + self.corrections
-        for row, state in enumerate(self._states()):
-            slope = derivatives.wrench_slope(state)[np.ix_(free, free)]
-            by_parameter = derivatives.wrench_by_parameter(state, [*names])
-            by_parameter = _in_place_of_gains(by_parameter, unknowns, given[row])
-            if data.masses is not None and not np.isnan(data.masses[row]):
-                by_parameter["mass"] = np.zeros((6, 1))
-            wrench = _sums(by_parameter, unknowns, 6)
-            step = np.zeros((6, len(unknowns)))
-            # Where nothing holds the platform, the least of all derivatives: the data do not see that direction.
-            step[free] = -np.linalg.lstsq(slope, wrench[free], rcond=1e-12)[0]
-            result[row, :3], result[row, 3:6] = step[:3], _angle_rates(angles[row]) @ step[3:]
-            at = 6
-            if data.tensions is not None:
-                direct = derivatives.tension_by_parameter(state)
-                direct = _in_place_of_gains(direct, unknowns, given[row])
-                by = _sums(direct, unknowns, self.now.cables) + derivatives.tension_by_pose(state) @ step
-                result[row, at : at + self.now.cables] = gains[:, None] * by
-                at += self.now.cables
-            if data.swivels is not None:
-                arms = state.geometry.arms
-                _, turning = swivel_angles(self.now.cabling, state.position, state.rotation)
-                moved = step[:3] - np.einsum("cij,jk->cik", forces.cross_matrix(arms), step[3:])
-                own = _points(unknowns, self.now.cables, state.rotation)
-                by = np.einsum("ci,cik->ck", turning, moved + own)
-                result[row, at : at + self.now.cables] = np.where(self.now.cabling.pulleys[:, None], by, 0.0)
+        data, free, cables = self.measurements, self.now.free, self.now.cables
+        state = forces.at(self.solved.problems, self.solved.positions, self.solved.rotations)
+        names, given = [_parameter(one) for one in unknowns], self.rest_lengths + self.corrections
+        by_parameter = _in_place_of_gains(derivatives.wrench_by_parameter(state, names), unknowns, given)
+        if data.masses is not None and "mass" in by_parameter:
+            by_parameter["mass"] = np.where(np.isnan(data.masses)[:, None, None], by_parameter["mass"], 0.0)
+        slope = derivatives.wrench_slope(state)[..., free, :][..., free]
+        rows = len(self.positions)
+        wrench, step = _sums(by_parameter, unknowns, rows, 6), np.zeros((rows, 6, len(unknowns)))
+        # Where nothing holds the platform, the least of all derivatives: the data do not see that direction.
+        for row in range(rows):
+            step[row, free] = -np.linalg.lstsq(slope[row], wrench[row, free], rcond=1e-12)[0]
+        parts = [step[:, :3], _angle_rates(self.solved.euler) @ step[:, 3:]]
+        if data.tensions is not None:
+            direct = _in_place_of_gains(derivatives.tension_by_parameter(state, names), unknowns, given)
+            by = _sums(direct, unknowns, rows, cables) + derivatives.tension_by_pose(state) @ step
+            parts.append(self._of.get("force_gains", np.ones(cables))[:, None] * by)
+        if data.swivels is not None:
+            _, turning = swivel_angles(self.now.cabling, state.position, state.rotation)
+            moved = step[:, None, :3] - forces.cross_matrix(state.geometry.arms) @ step[:, None, 3:]
+            by = (turning[..., None, :] @ (moved + _points(unknowns, cables, state.rotation)))[..., 0, :]
+            parts.append(np.where(self.now.cabling.pulleys[:, None], by, 0.0))
+        if data.frequencies is not None:
+            parts.append(np.zeros((rows, data.frequencies.shape[1], len(unknowns))))
+        result = np.concatenate(parts, axis=1)
         for k, one in enumerate(unknowns):
             if one.parameter in SENSORS:
                 result[:, :, k] = self._sensor_slope(one)
@@ -452,35 +439,39 @@ def _parameter(one: Unknown) -> str:
 
 
 def _in_place_of_gains(
-    by_parameter: dict[str, np.ndarray], unknowns: Sequence[Unknown], rest: Float[np.ndarray, " cables"]
+    by_parameter: dict[str, np.ndarray], unknowns: Sequence[Unknown], rest: Float[np.ndarray, "rows cables"]
 ) -> dict[str, np.ndarray]:
     """With derivatives by the gains of rest lengths as well: those by the lengths, times the given lengths."""
     if any(one.parameter == "rest_length_gains" for one in unknowns):
-        return by_parameter | {"rest_length_gains": by_parameter["rest_lengths"] * rest}
+        return by_parameter | {"rest_length_gains": by_parameter["rest_lengths"] * rest[:, None]}
     return by_parameter
 
 
-def _sums(by_parameter: dict[str, np.ndarray], unknowns: Sequence[Unknown], count: int) -> np.ndarray:
-    """Derivatives by each unknown, (count, unknowns): the sum of its columns; 0 where there are none."""
-    found = np.zeros((count, len(unknowns)))
+def _sums(by_parameter: dict[str, np.ndarray], unknowns: Sequence[Unknown], *shape: int) -> np.ndarray:
+    """Derivatives by each unknown, (rows, count, unknowns): the sum of its columns; 0 where there are none."""
+    found = np.zeros((*shape, len(unknowns)))
     for column, one in enumerate(unknowns):
         if one.parameter in by_parameter:
-            found[:, column] = by_parameter[one.parameter][:, list(one.columns)].sum(1)
+            found[..., column] = by_parameter[one.parameter][..., list(one.columns)].sum(-1)
     return found
 
 
-def _points(unknowns: Sequence[Unknown], cables: int, rotation: Float[np.ndarray, "3 3"]) -> np.ndarray:
+def _points(
+    unknowns: Sequence[Unknown], cables: int, rotations: Float[np.ndarray, "rows 3 3"]
+) -> Float[np.ndarray, "rows cables 3 unknowns"]:
     """How far each unknown moves each anchor from its exit, base frame, with the platform at rest."""
-    found = np.zeros((cables, 3, len(unknowns)))
+    found = np.zeros((len(rotations), cables, 3, len(unknowns)))
     for column, one in enumerate(unknowns):
         for index in one.columns if one.parameter in ("exits", "anchors") else ():
             cable, axis = divmod(index, 3)
-            found[cable, :, column] += rotation[:, axis] if one.parameter == "anchors" else -np.eye(3)[axis]
+            found[:, cable, :, column] += rotations[:, :, axis] if one.parameter == "anchors" else -np.eye(3)[axis]
     return found
 
 
-def _angle_rates(angles: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+def _angle_rates(angles: Float[np.ndarray, "rows 3"]) -> Float[np.ndarray, "rows 3 3"]:
     """E⁻¹ with d(alpha, beta, gamma) = E⁻¹ omega, for a rotation vector omega in the base frame."""
-    _, beta, gamma = angles
+    _, beta, gamma = angles.T
     s, c, sb, cb = np.sin(gamma), np.cos(gamma), np.sin(beta), np.cos(beta)
-    return np.linalg.inv(np.array([[c * cb, -s, 0.0], [s * cb, c, 0.0], [-sb, 0.0, 1.0]]))
+    zero = np.zeros(len(angles))
+    rows = [[c * cb, -s, zero], [s * cb, c, zero], [-sb, zero, zero + 1.0]]
+    return np.linalg.inv(np.moveaxis(np.array(rows), -1, 0))

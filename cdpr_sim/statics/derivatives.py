@@ -81,19 +81,20 @@ def wrench_under_tensions(state: State) -> tuple[Float[Array, "6 6"], Float[Arra
     return wrench_slope(state) - (by_tension * taut) @ tension_by_pose(state), by_tension
 
 
-def wrench_by_parameter(state: State, names: Sequence[str] = ()) -> dict[str, Float[Array, "6 parameters"]]:
-    """∂(net wrench)/∂(parameter) at a fixed pose, for each of ``names``; ``state`` is of a single pose.
+def wrench_by_parameter(state: State, names: Sequence[str] = ()) -> dict[str, Float[Array, "*batch 6 parameters"]]:
+    """∂(net wrench)/∂(parameter) at a fixed pose, or at many, for each of ``names``.
 
     By default for each of ``parameters``. Exits and anchors are in the order x, y, z of cable 1, x, y, z of cable 2,
     and so on.
     """
     robot, rotation, arms = state.problem.robot, state.rotation, state.geometry.arms
     center = rotation @ robot.center_of_mass
-    weight = np.array([0.0, 0.0, -robot.gravity])
+    weight, mass = np.array([0.0, 0.0, -robot.gravity]), np.asarray(state.problem.mass)[..., None, None]
+    turned = -mass * cross_matrix(weight) @ rotation
     found = {
-        "mass": np.concatenate([weight, np.cross(center, weight)])[:, None],
-        "center_of_mass": np.vstack([np.zeros((3, 3)), -robot.mass * cross_matrix(weight) @ rotation]),
-        "external_wrench": np.eye(6),
+        "mass": np.concatenate([np.broadcast_to(weight, center.shape), np.cross(center, weight)], axis=-1)[..., None],
+        "center_of_mass": np.concatenate([np.zeros(turned.shape), turned], axis=-2),
+        "external_wrench": np.zeros((*center.shape[:-1], 6, 6)) + np.eye(6),
     }
     wanted = names or parameters(robot)
     for name, by in pull_by_parameter(state).items():
@@ -101,33 +102,37 @@ def wrench_by_parameter(state: State, names: Sequence[str] = ()) -> dict[str, Fl
             continue
         torque = cross_matrix(arms) @ by
         if name == "anchors":  # which are the pulls' levers, too
-            torque = torque - cross_matrix(state.pulls) @ rotation
-        found[name] = np.concatenate([by, torque], axis=1).transpose(1, 0, 2).reshape(6, -1)
+            torque = torque - cross_matrix(state.pulls) @ rotation[..., None, :, :]
+        both = np.swapaxes(np.concatenate([by, torque], axis=-2), -3, -2)
+        found[name] = both.reshape(*both.shape[:-2], -1)
     return {name: by for name, by in found.items() if name in wanted}
 
 
-def tension_by_parameter(state: State) -> dict[str, Float[Array, "cables parameters"]]:
-    """∂(tensions)/∂(parameter) at a fixed pose, for each of ``parameters``; ``state`` is of a single pose."""
-    cables, directions = state.problem.robot.cables, state.pull_directions
+def tension_by_parameter(
+    state: State, names: Sequence[str] = ()
+) -> dict[str, Float[Array, "*batch cables parameters"]]:
+    """∂(tensions)/∂(parameter) at a fixed pose, or at many, for each of ``names``; by default of ``parameters``."""
+    robot, directions = state.problem.robot, state.pull_directions
+    shape, wanted = state.tensions.shape, names or parameters(robot)
     found = {
-        "mass": np.zeros((cables, 1)), "center_of_mass": np.zeros((cables, 3)), "external_wrench": np.zeros((cables, 6))
+        "mass": np.zeros((*shape, 1)), "center_of_mass": np.zeros((*shape, 3)), "external_wrench": np.zeros((*shape, 6))
     }  # fmt: skip
     for name, by in pull_by_parameter(state).items():
-        if name not in parameters(state.problem.robot):
+        if name not in wanted:
             continue
-        along = (directions[:, None, :] @ by)[:, 0]
+        along = (directions[..., None, :] @ by)[..., 0, :]
         if name == "linear_density":  # which pulls in a slack massless cable as well
-            along = np.where((state.tensions > 0)[:, None], along, np.linalg.norm(by, axis=1))
-        along = along / state.problem.robot.reeving[:, None]
-        found[name] = (np.eye(cables)[..., None] * along[:, None]).reshape(cables, -1)
-    return found
+            along = np.where((state.tensions > 0)[..., None], along, np.linalg.norm(by, axis=-2))
+        along = along / robot.reeving[:, None]
+        found[name] = (np.eye(robot.cables)[..., None] * along[..., :, None, :]).reshape(*shape, -1)
+    return {name: by for name, by in found.items() if name in wanted}
 
 
-def tension_by_pose(state: State) -> Float[Array, "cables 6"]:
+def tension_by_pose(state: State) -> Float[Array, "*batch cables 6"]:
     """∂(tensions)/∂(pose step): minus the pull's change along itself with the anchor's step, 1 and −[r]×."""
-    along = (state.pull_directions[:, None, :] @ state.cable_stiffness)[:, 0]
+    along = (state.pull_directions[..., None, :] @ state.cable_stiffness)[..., 0, :]
     along = along / state.problem.robot.reeving[:, None]
-    return -np.hstack([along, np.cross(state.geometry.arms, along)])
+    return -np.concatenate([along, np.cross(state.geometry.arms, along)], axis=-1)
 
 
 def pull_by_parameter(state: State) -> dict[str, Float[Array, "*batch cables 3 parameters"]]:
@@ -142,10 +147,11 @@ def pull_by_parameter(state: State) -> dict[str, Float[Array, "*batch cables 3 p
     by = _pull_slopes(table, rest_lengths, state.pulls, state.cable_stiffness)
     n, idle = robot.reeving[:, None, None], state.tensions == 0
     if idle.any() and not robot.cabling.massless:  # by its weight's last trace
-        light = TRACE * table[:, STIFFNESS] / rest_lengths
-        table = np.concatenate([table[:, :WEIGHT], light[:, None], table[:, WEIGHT + 1 :]], axis=1)
-        apart = state.position + state.geometry.arms - robot.exits
-        by[idle, :, 4] = (any_cables(table, apart, rest_lengths).pull / light[:, None])[idle]
+        light = TRACE * table[..., STIFFNESS] / rest_lengths
+        table = np.array(np.broadcast_to(table, (*light.shape, table.shape[-1])))
+        table[..., WEIGHT] = light
+        apart = state.position[..., None, :] + state.geometry.arms - robot.exits
+        by[idle, :, 4] = (any_cables(table, apart, rest_lengths).pull / light[..., None])[idle]
     return found | {
         "rest_lengths": by[..., :1], "axial_stiffness": n * by[..., 1:2], "pulley_radius": by[..., 2:3],
         "winch_to_exit": by[..., 3:4] / n, "linear_density": n * robot.gravity * by[..., 4:5],
