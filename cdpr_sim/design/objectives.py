@@ -106,7 +106,7 @@ def _error(equilibria: LayoutEquilibria) -> np.ndarray:
     steps, found = Steps.errors(equilibria.robot), np.empty(equilibria.shape)
     for row in range(len(equilibria)):
         robot = equilibria.layouts.robot_at(row)
-        by = layout_derivatives(
+        pose, _ = layout_derivatives(
             robot,
             equilibria.cases,
             equilibria.positions[row],
@@ -114,20 +114,17 @@ def _error(equilibria: LayoutEquilibria) -> np.ndarray:
             equilibria.problems.rest_lengths[row],
             steps,
         )
-        found[row] = np.sqrt(((by.pose * robot.units) ** 2).sum((-1, -2)))
+        found[row] = np.sqrt(((pose * robot.units) ** 2).sum((-1, -2)))
     return np.where(np.isnan(found), np.inf, found)
 
 
-def _worst(of: Callable[[LayoutEquilibria], np.ndarray]) -> Callable[[LayoutEquilibria, Limits], Scores]:
-    return lambda equilibria, _: of(equilibria).max(-1)
+def _over_cases(
+    reduce: Callable[..., np.ndarray], of: Callable[[LayoutEquilibria], np.ndarray]
+) -> Callable[[LayoutEquilibria, Limits], Scores]:
+    return lambda equilibria, _: reduce(of(equilibria), axis=-1)
 
 
-def _mean(of: Callable[[LayoutEquilibria], np.ndarray]) -> Callable[[LayoutEquilibria, Limits], Scores]:
-    return lambda equilibria, _: of(equilibria).mean(-1)
-
-
-def _least(of: Callable[[LayoutEquilibria], np.ndarray]) -> Callable[[LayoutEquilibria, Limits], Scores]:
-    return lambda equilibria, _: of(equilibria).min(-1)
+_worst, _mean, _least = (partial(_over_cases, reduce) for reduce in (np.max, np.mean, np.min))
 
 
 def _frame(equilibria: LayoutEquilibria) -> Scores:

@@ -151,14 +151,17 @@ def _write_netcdf(dataset: xr.Dataset, path: Path) -> None:
 
 def _create(dataset: xr.Dataset, path: Path) -> None:
     """Create the store with coordinates and every status pending, under another name until it is complete."""
+    from numcodecs import Zstd
+
     for left in path.parent.glob(f".{path.name}-*.part"):
         if _identity_of(left) is not None:  # ours, of a process that was killed
             shutil.rmtree(left, ignore_errors=True)
     part = Path(tempfile.mkdtemp(prefix=f".{path.name}-", suffix=".part", dir=path.parent))
+    compressor = Zstd(level=1, checksum=True)  # a checksum of each chunk
     try:
         dataset.to_zarr(
             part, mode="w", compute=False, consolidated=False, zarr_format=2, write_empty_chunks=True,
-            encoding={str(name): {"compressors": _compressor()} for name in dataset.variables},
+            encoding={str(name): {"compressors": compressor} for name in dataset.variables},
         )  # fmt: skip
         status = dataset["status"]
         pending = status.drop_vars(list(status.coords)).to_dataset()
@@ -213,13 +216,6 @@ def _write_slab(piece: xr.Dataset, path: Path, slab: dict[str, slice]) -> None:
 
 def _write_region(piece: xr.Dataset, path: Path, slab: dict[str, slice]) -> None:
     piece.to_zarr(path, region=slab, consolidated=False, zarr_format=2, write_empty_chunks=True)
-
-
-def _compressor() -> Any:
-    """Zstandard, which adds a checksum to each chunk."""
-    from numcodecs import Zstd
-
-    return Zstd(level=1, checksum=True)
 
 
 @contextmanager

@@ -14,25 +14,17 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.video.scene import tension_colors
 
-LEGENDS = (
-    {
-        "platform": "platform in MuJoCo",
-        "commanded": "commanded pose",
-        "static": "pose by the static solver",
-        "slack": "slack cable",
-        "tension": "tension",
-    },
-    {
-        "platform": "platform in MuJoCo",
-        "commanded": "commanded",
-        "static": "static solver",
-        "slack": "slack cable",
-        "tension": "tension",
-    },
-    {"platform": "MuJoCo", "commanded": "commanded", "static": "static", "slack": "slack", "tension": ""},
-)
-"""Legends from long to short."""
+KEYS = ("platform", "commanded", "static", "slack", "tension")
 
+LEGENDS = [
+    dict(zip(KEYS, labels, strict=True))
+    for labels in (
+        ("platform in MuJoCo", "commanded pose", "pose by the static solver", "slack cable", "tension"),
+        ("platform in MuJoCo", "commanded", "static solver", "slack cable", "tension"),
+        ("MuJoCo", "commanded", "static", "slack", ""),
+    )
+]
+"""Legends from long to short."""
 
 LEAST_CHART = 8
 """[pixel] Smallest height and width of the bar chart."""
