@@ -364,11 +364,8 @@ def _pulleys(ax: Axes, example: CableExample) -> None:
         return
     # In the wheel's own plane: outwards and upwards from the exit.
     flat = np.array([wheel.outwards, wheel.axis])
-    rim, curve = (
-        (wheel.arc() - robot.exits[cable]) @ flat.T,
-        (cable_curve(robot.cabling, cable, anchor)) - robot.exits[cable],
-    )
-    curve = curve @ flat.T
+    curves = wheel.arc(), cable_curve(robot.cabling, cable, anchor)
+    rim, curve = ((points - robot.exits[cable]) @ flat.T for points in curves)
     near.fill(*rim.T, fc=style.WHEEL["fc"], ec=style.WHEEL["ec"], lw=1)
     near.plot([0, 0], [-3 * wheel.radius, 0], color=style.INK, lw=1.2)
     near.plot(*curve.T, color=style.INK, lw=1.2)
@@ -414,7 +411,8 @@ def _growth(ax: Axes, growths: tuple[Growth, ...]) -> None:
         radii = 1e3 * one.radii
         low, middle, high = 1e3 * np.quantile(one.shifts, [0.05, 0.5, 0.95], axis=1)
         arriving = "from below" if from_below else "from above"
-        label = f"{_layout(one.title)}, {arriving}: {one.rate:.2f} mm per mm"
+        layout = one.title.removeprefix("DemoBot, ")  # which is in the panel's title
+        label = f"{layout}, {arriving}: {one.rate:.2f} mm per mm"
         dashes = style.DASHES[0 if from_below else 1]
         ax.fill_between(radii, low, high, color=color, alpha=0.10 if from_below else 0.05, lw=0)
         ax.plot(radii, middle, color=color, ls=dashes, label=label, gid=f"static {one.title} {arriving}")
@@ -461,11 +459,6 @@ def _effects(ax: Axes, effects: tuple[CableEffect, ...]) -> None:
 def _left_out(effects: tuple[CableEffect, ...]) -> str:
     missing = sum(effect.unsettled for effect in effects)
     return f" Left out: {missing} poses at which MuJoCo did not settle." if missing else ""
-
-
-def _layout(title: str) -> str:
-    """The layout without the robot's name, which is in the panel's title."""
-    return title.removeprefix("DemoBot, ")
 
 
 def _sags(example: CableExample) -> tuple[np.ndarray, np.ndarray]:

@@ -228,12 +228,16 @@ def _held(path: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     file = path.with_name(f".{path.name}.lock")
-    holder = _holder(file)
+    holder = "another process"
+    with suppress(OSError, UnicodeDecodeError):
+        holder = file.read_text(encoding="utf-8") or holder
     lock = FileLock(file, timeout=0)
     try:
         lock.acquire()
     except Timeout:
-        raise StoreError(f"store: {path} is being written to by {holder}; try again later") from None
+        raise StoreError(
+            f"store: {path} is being written to by {holder}; try again later"
+        ) from None
     except NotImplementedError:  # a file system without locks: treated as locked
         yield
         return
@@ -244,14 +248,6 @@ def _held(path: Path) -> Iterator[None]:
         with suppress(OSError):
             file.unlink()
         lock.release()
-
-
-def _holder(file: Path) -> str:
-    """Owner of the lock, if it can be read."""
-    try:
-        return file.read_text(encoding="utf-8") or "another process"
-    except (OSError, UnicodeDecodeError):
-        return "another process"
 
 
 def _losses(dataset: xr.Dataset, path: Path) -> list[tuple[str, tuple[int, ...]]]:

@@ -16,7 +16,7 @@ from cdpr_sim.drawing.video.scene import tension_colors
 
 KEYS = ("platform", "commanded", "static", "slack", "tension")
 
-LEGENDS = [
+LEGENDS: list[dict[str, str]] = [
     dict(zip(KEYS, labels, strict=True))
     for labels in (
         ("platform in MuJoCo", "commanded pose", "pose by the static solver", "slack cable", "tension"),
@@ -210,8 +210,9 @@ class Page:
         chart = self._chart(box)
         if not _has_room(chart):
             return
-        colors = tension_colors(tensions, self.largest_tension)
-        for i, (left, right) in enumerate(_slots(chart, len(tensions))):
+        colors, pitch = tension_colors(tensions, self.largest_tension), chart.width / len(tensions)
+        for i in range(len(tensions)):
+            left, right = chart.left + (i + 0.14) * pitch, chart.left + (i + 0.86) * pitch
             if slack[i]:  # a slack cable: an empty frame, and its number in the same colour
                 draw.rectangle((left, chart.top, right, chart.bottom - 1), outline=_rgb(style.SLACK_COLOR))
                 self._draw_bar_number(draw, chart, i, len(tensions), style.SLACK_COLOR)
@@ -324,12 +325,6 @@ def nice_above(value: float) -> float:
 def _has_room(chart: Box) -> bool:
     """Whether bars fit: with many robots on a small page they are left out."""
     return min(chart.width, chart.height) >= LEAST_CHART
-
-
-def _slots(chart: Box, cables: int) -> list[tuple[float, float]]:
-    """Left and right of each cable's bar."""
-    pitch = chart.width / cables
-    return [(chart.left + (i + 0.14) * pitch, chart.left + (i + 0.86) * pitch) for i in range(cables)]
 
 
 def _rgb(color: Sequence[float]) -> tuple[int, int, int]:
