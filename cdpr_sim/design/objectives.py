@@ -90,10 +90,6 @@ def _by_users(
     return found
 
 
-def _tilt(equilibria: LayoutEquilibria) -> np.ndarray:
-    return equilibria.tilt
-
-
 def _distance(equilibria: LayoutEquilibria) -> np.ndarray:
     return np.linalg.norm(equilibria.deviation, axis=-1)
 
@@ -127,13 +123,9 @@ def _over_cases(
 _worst, _mean, _least = (partial(_over_cases, reduce) for reduce in (np.max, np.mean, np.min))
 
 
-def _frame(equilibria: LayoutEquilibria) -> Scores:
-    return np.linalg.norm(np.ptp(equilibria.layouts.exits, axis=1), axis=-1)
-
-
 _ALL = (
-    Objective("worst tilt", "°", np.pi / 180, _worst(_tilt), smooth="tilt"),
-    Objective("mean tilt", "°", np.pi / 180, _mean(_tilt)),
+    Objective("worst tilt", "°", np.pi / 180, _worst(lambda r: r.tilt), smooth="tilt"),
+    Objective("mean tilt", "°", np.pi / 180, _mean(lambda r: r.tilt)),
     Objective("worst deviation", "mm", 1e-3, _worst(_distance), smooth="deviation"),
     Objective("mean deviation", "mm", 1e-3, _mean(_distance)),
     Objective("most slack cables", "", 1.0, _worst(lambda equilibria: equilibria.slack.sum(-1).astype(float))),
@@ -149,7 +141,7 @@ _ALL = (
     ),
     Objective("worst sensitivity", "mm/mm", 1.0, _worst(_error)),
     Objective("displacement", "mm", 1e-3, lambda equilibria, _: equilibria.layouts.displacements),
-    Objective("size of frame", "m", 1.0, lambda equilibria, _: _frame(equilibria)),
+    Objective("size of frame", "m", 1.0, lambda r, _: np.linalg.norm(np.ptp(r.layouts.exits, axis=1), axis=-1)),
 )  # fmt: skip
 OBJECTIVES = {one.name: one for one in _ALL}
 """Objectives by name. "feasible volume" is the share of the poses that rigid cables hold within the tension limits;

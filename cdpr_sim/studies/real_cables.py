@@ -21,7 +21,7 @@ from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, points, styled
+from cdpr_sim.drawing.axes import canvas, key, legend_below, points, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 from cdpr_sim.drawing.readable_numbers import exponent
 from cdpr_sim.physics.settle import settle_many
@@ -354,8 +354,7 @@ def _pulleys(ax: Axes, example: CableExample) -> None:
     ax.set_title(f"DemoBot with {radius:.0f} mm pulleys unknown to its winches: error of {off:.0f} mm")
     handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
     handles[0] = key("commanded, with point exits", color=style.COMMANDED, lw=0.9, ls=style.COMMANDED_DASH)
-    ax.legend(handles=[*handles, Patch(**style.WHEEL, label="pulley")], loc="upper center", bbox_to_anchor=(0.5, -0.16),
-              ncols=3)  # fmt: skip
+    legend_below(ax, [*handles, Patch(**style.WHEEL, label="pulley")], 0.16, columns=3)
     # One exit, closer.
     cable = int(np.argmin(robot.exits @ [1.0, 1.0, 0.0]))
     near, anchor = ax.inset_axes((0.6, 0.05, 0.37, 0.42)), position + rotation @ robot.anchors[cable]
@@ -375,8 +374,7 @@ def _pulleys(ax: Axes, example: CableExample) -> None:
     near.set_xlim(-1.2 * wheel.radius, 3.4 * wheel.radius)
     near.set_ylim(-2.6 * wheel.radius, 1.4 * wheel.radius)
     near.set_title("one pulley, seen from its side", fontsize=8, loc="center")
-    for spine in near.spines.values():
-        spine.set(visible=True, color=style.FAINT)
+    near.spines[:].set(visible=True, color=style.FAINT)
 
 
 def _ropes_with_mass(ax: Axes, example: CableExample) -> None:

@@ -235,9 +235,7 @@ def _held(path: Path) -> Iterator[None]:
     try:
         lock.acquire()
     except Timeout:
-        raise StoreError(
-            f"store: {path} is being written to by {holder}; try again later"
-        ) from None
+        raise StoreError(f"store: {path} is being written to by {holder}; try again later") from None
     except NotImplementedError:  # a file system without locks: treated as locked
         yield
         return
