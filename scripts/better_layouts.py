@@ -12,9 +12,8 @@ from rich.console import Console
 import cdpr_sim as cdpr
 from cdpr_sim.core.files import write_whole
 from cdpr_sim.drawing.axes import encoded
-from cdpr_sim.drawing.layout_figures import draw_front
 from cdpr_sim.report.table_style import new_table
-from cdpr_sim.studies.better_layouts import picture
+from cdpr_sim.studies.better_layouts import draw_front, picture
 from studies.layout_studies import FRAME_TOP, LINE, crane_masts, frame_numbers, level_parallel
 
 SHOWN = 0.16  # m, the largest displacement of an exit of the drawn layout

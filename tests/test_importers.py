@@ -587,7 +587,7 @@ def test_help_names_every_format():
     """In words of its own, so that ``--help`` need not load what reads them."""
     shown = " ".join(runner.invoke(app, ["import", "--help"], env={"COLUMNS": "200"}).output.split())
     for name, one in FORMATS.items():
-        assert one.title in shown
+        assert one.TITLE in shown
         assert name in shown.partition("--format")[2]
 
 

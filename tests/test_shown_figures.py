@@ -380,8 +380,8 @@ def stretched() -> pretension.Pretension:
         ("about x", "about z", "about y", "along y", "along x", "along z"), np.sort(RANDOM.uniform(1e3, 2e3, 6)),
     )  # fmt: skip
     pushes = tuple(
-        pretension.Push(what, wrench, some(4), some(4), some(2), some(2), taut)
-        for (what, wrench), taut in zip(pretension.PUSHES.items(), (110.0, 120.0, 130.0, 140.0, 160.0), strict=True)
+        pretension.Push(what, some(4), some(4), some(2), some(2), taut)
+        for what, taut in zip(pretension.PUSHES, (110.0, 120.0, 130.0, 140.0, 160.0), strict=True)
     )
     errors = np.linspace(-0.01, 0.01, 5)
     wrong = tuple(

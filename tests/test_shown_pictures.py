@@ -12,9 +12,9 @@ from PIL import ImageDraw
 from scipy.spatial.transform import RigidTransform, Rotation
 
 import cdpr_sim as cdpr
-from cdpr_sim.drawing import layout_figures as layout_pictures
 from cdpr_sim.drawing import maps, still, style
 from cdpr_sim.drawing.video import frame_layout, scene, writing
+from cdpr_sim.studies import better_layouts
 
 SIZE = (640, 360)
 
@@ -295,7 +295,7 @@ def test_before_and_after_are_not_swapped(layouts):
     before, _ = layouts
     tilts = np.radians([[1.0, 2.0, 3.0], [4.0, 5.0, np.nan]])  # over x, and z
     asked, numbers = before.problems.positions, [("worst tilt", "6°", "3°"), ("deviation", "2 mm", "1 mm")]
-    figure = layout_pictures.draw_better_layout(
+    figure = better_layouts.draw_better_layout(
         layouts, 1, (None, None), (tilts, tilts / 2), (0.0, 2.0, 0.0, 3.0), asked, numbers, "title", "caption"
     )
     spaces = [ax for ax in figure.axes if ax.name == "3d"]
@@ -329,7 +329,7 @@ def test_before_and_after_are_not_swapped(layouts):
 def test_a_map_of_distances_is_in_millimetres_and_red_where_they_are_too_small():
     """4 mm of 5 needed are red, 12 mm are not; nor is a pose without rest."""
     least = np.array([[0.004, 0.012, 0.006], [0.0125, np.nan, 0.020]])  # over y, and z
-    figure = layout_pictures.draw_clearance_map(least, (0, 2, 0, 3), ("y", "z"), 0.005, "title", "caption")
+    figure = better_layouts.draw_clearance_map(least, (0, 2, 0, 3), ("y", "z"), 0.005, "title", "caption")
     ax, bar = figure.axes
     distances, near = ax.images
     for image, of in ((distances, [[4, 12.5], [12, np.nan], [6, 20]]), (near, [[1, np.nan]] + 2 * [[np.nan] * 2])):
@@ -347,7 +347,7 @@ def test_a_map_of_distances_is_in_millimetres_and_red_where_they_are_too_small()
 def test_a_front_has_its_first_goal_to_the_right():
     """One series after the other, MuJoCo's and the given robot's beside them, each under its own name."""
     one, confirmed = np.array([[2.0, 10.0], [1.0, 30.0]]), np.array([[2.1, 11.0], [1.1, 31.0]])
-    figure = layout_pictures.draw_front(
+    figure = better_layouts.draw_front(
         [("first", one), ("second", one + 1)], ("tilt [°]", "size [mm]"), "title", "caption", (5.0, 50.0), confirmed
     )
     (ax,) = figure.axes

@@ -9,7 +9,9 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.crosscheck.compare import POSITION_TOLERANCE, TENSION_TOLERANCE, Verdict
+from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.statics import two_cable_closed_form
+from cdpr_sim.statics.newton import solve_many
 from cdpr_sim.studies import lines as studies
 from cdpr_sim.studies import solvers as solver_studies
 from cdpr_sim.studies import tilt_condition as balance
@@ -82,7 +84,7 @@ def test_both_methods_answer_the_same_line(robot):
     line = studies.line(cdpr.load_robot(robot), 0.1, (0.17, 0.63), static_rows=7, settled_rows=7)
     assert np.abs(line.static.positions - line.settled.positions).max() < POSITION_TOLERANCE
     assert np.abs(line.static.tensions - line.settled.tensions).max() < TENSION_TOLERANCE
-    softer = studies.equilibria_by_mujoco(line.robot.replace(axial_stiffness=9e3), line.static.problems.positions)
+    softer = settle_many(line.robot.replace(axial_stiffness=9e3), line.static.problems.positions)
     assert np.abs(line.static.positions - softer.positions).max() > POSITION_TOLERANCE
 
 
@@ -108,8 +110,8 @@ def test_rests_are_those_of_solve_and_settle():
     robot = cdpr.load_robot("parallel").replace(material="fishing-0.4mm")
     commanded = np.array([[0.2, 0.25, 0.1]])
     for equilibria, one in (
-        (studies.equilibria_by_statics(robot, commanded), cdpr.solve(robot, commanded[0])),
-        (studies.equilibria_by_mujoco(robot, commanded), cdpr.settle(robot, commanded[0])),
+        (studies.all_solved(solve_many(robot, commanded)), cdpr.solve(robot, commanded[0])),
+        (studies.all_solved(settle_many(robot, commanded)), cdpr.settle(robot, commanded[0])),
     ):
         assert np.array_equal(equilibria.slack[0], one.slack)
         assert equilibria.positions[0] == pytest.approx(one.position, abs=POSITION_TOLERANCE)
@@ -121,7 +123,7 @@ def test_rests_are_those_of_solve_and_settle():
 def test_a_row_without_rest_is_no_rest():
     """Where a solver finds nothing, nothing is drawn: the study says so."""
     with pytest.raises(cdpr.NotConverged, match=r"parallel.*nan"):
-        studies.equilibria_by_statics(cdpr.load_robot("parallel"), [[np.nan, 0.25, 0.1]])
+        studies.all_solved(solve_many(cdpr.load_robot("parallel"), [[np.nan, 0.25, 0.1]]))
 
 
 @pytest.mark.parametrize(

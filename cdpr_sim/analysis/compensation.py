@@ -227,7 +227,8 @@ def compensate(
                 break
             return Compensation(commanded, found, CompensationOutcome.EXACT, 0.0, arm, (), limits, found)
         # The directions in which cables with mass pull depend on their tensions.
-        demand = replace(demand, wrench_matrix=_directed(shortened, commanded))
+        state = forces.at(shortened, commanded.translation, commanded.rotation.as_matrix())
+        demand = replace(demand, wrench_matrix=(state.wrench_matrix / robot.units[:, None])[robot.free])
         # The stiffest are only brought to the balance again: a choice of its own each time would not settle.
         chosen = smallest(demand, floor) if prefer == "smallest" else on_the_balance(demand, chosen)
     reasons = _reasons(demand, rigid)
@@ -293,12 +294,6 @@ def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " c
     except InvalidInput as error:
         raise NotConverged(f"compensate: {error}; try other limits of tension") from None
     return Problem(robot, pose, frozen(rest), problem.external_wrench)
-
-
-def _directed(problem: Problem, pose: RigidTransform) -> Float[np.ndarray, "free cables"]:
-    """``Demand.wrench_matrix``, with the directions in which the problem's cables pull at ``pose``."""
-    state, robot = forces.at(problem, pose.translation, pose.rotation.as_matrix()), problem.robot
-    return (state.wrench_matrix / robot.units[:, None])[robot.free]
 
 
 def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:

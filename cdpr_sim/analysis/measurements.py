@@ -406,7 +406,8 @@ def read_measurements(path: str | Path) -> Measurements:
     made._check()
     if not any(name.endswith("_error") for name in values):
         return made
-    stated = stacked((f"{_column_of(name)}_error" for name in made.names), np.nan)
+    columns = (f"measured_{name}" if name in COORDINATES else name.replace(" ", "_") for name in made.names)
+    stated = stacked((f"{column}_error" for column in columns), np.nan)
     cables = 0 if made.rest_lengths is None else made.rest_lengths.shape[1]
     lengths = [np.nan_to_num(values.get(f"rest_length_{i + 1}_error", np.zeros(count))) for i in range(cables)]
     return replace(
@@ -414,29 +415,17 @@ def read_measurements(path: str | Path) -> Measurements:
     )
 
 
-def _column_of(name: str) -> str:
-    """Column of a CSV file for one of ``Measurements.names``."""
-    return f"measured_{name}" if name in COORDINATES else name.replace(" ", "_")
-
-
 def _numbered(path: Path, kind: str, values: Mapping[str, np.ndarray], count: int) -> np.ndarray | None:
     """Columns ``kind_1``, ``kind_2``, ..., or None where there are none; a tension may be missing between others."""
-    found = {
-        int(match["number"]): name for name in values if (match := _NUMBERED.match(name)) and match["kind"] == kind
-    }
+    numbered = [(match["kind"], int(match["number"])) for match in map(_NUMBERED.match, values) if match]
+    found = sorted(number for of, number in numbered if of == kind)
     if not found:
         return None
-    if kind == "rest_length" and sorted(found) != list(range(1, len(found) + 1)):
-        raise InvalidInput(f"{path}: found rest lengths {sorted(found)}, expected 1 to the number of cables")
-    cables = max(
-        [
-            int(match["number"])
-            for name in values
-            if (match := _NUMBERED.match(name))
-            and match["kind"] in (("frequency",) if kind == "frequency" else ("rest_length", "tension", "swivel"))
-        ]
-    )
-    return np.stack([values[found[i]] if i in found else np.full(count, np.nan) for i in range(1, cables + 1)], axis=1)
+    if kind == "rest_length" and found != list(range(1, len(found) + 1)):
+        raise InvalidInput(f"{path}: found rest lengths {found}, expected 1 to the number of cables")
+    most = max(number for of, number in numbered if (of == "frequency") == (kind == "frequency"))
+    unknown = np.full(count, np.nan)
+    return np.stack([values.get(f"{kind}_{number}", unknown) for number in range(1, most + 1)], axis=1)
 
 
 def _column(path: Path, cell: str) -> tuple[str, float]:

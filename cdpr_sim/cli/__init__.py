@@ -9,9 +9,7 @@ from cdpr_sim.cli import (
     design_commands,
     equilibrium_commands,
     picture_commands,
-    report_command,
     robot_commands,
-    score_command,
     workspace_commands,
 )
 from cdpr_sim.cli.command_classes import CommandGroup, CommandWithHelp
@@ -49,9 +47,9 @@ COMMANDS = {
     "sweep": workspace_commands.sweep,
     "map": workspace_commands.draw_map,
     "check": workspace_commands.check,
-    "score": score_command.score,
+    "score": analysis_commands.score,
     "video": picture_commands.video,
-    "report": report_command.report,
+    "report": picture_commands.report,
 }
 """Commands by name, in the order of ``--help``."""
 

@@ -1,4 +1,4 @@
-"""Commands that write figures and videos: figures, video."""
+"""Commands that write figures, videos and pages: figures, video, report."""
 
 from __future__ import annotations
 
@@ -13,8 +13,20 @@ from typing import Annotated
 import typer
 
 import cdpr_sim as cdpr
-from cdpr_sim.cli.options import Mass, Waypoints, Wrench, along, robot_of, waypoints_of, wrench_of
-from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_parts, progress_bars, tidy_when_terminated
+from cdpr_sim.cli.options import (
+    Mass,
+    MaterialName,
+    Pose,
+    RobotName,
+    Waypoints,
+    Wrench,
+    along,
+    pose_of,
+    robot_of,
+    waypoints_of,
+    wrench_of,
+)
+from cdpr_sim.cli.terminal import busy, errors_as_sentences, print_listing, progress_bars, tidy_when_terminated
 
 COMPENSATED_WAYPOINTS = 61
 """Waypoints of a video with compensated lengths; between them the corrections are interpolated linearly."""
@@ -29,15 +41,11 @@ def figures(
     names: Annotated[bool, typer.Option("--list", help="List the figures without drawing them.")] = False,
 ) -> None:
     """Redraw the paper's figures with results of the static solver (lines) and MuJoCo (points), and further figures."""
-    from cdpr_sim.report.table_style import new_table
     from cdpr_sim.studies.gallery import paths_of
 
     if names:
-        table = new_table("", "figure", "paper", text_columns=2)
-        table.add_column("content")
-        for one, picture in cdpr.PICTURES.items():
-            table.add_row(one, picture.paper, picture.shows)
-        print_parts(table)
+        rows = [(one, picture.paper, picture.shows) for one, picture in cdpr.PICTURES.items()]
+        print_listing("", ("figure", "paper", "content"), rows, text_columns=2)
         return
     with errors_as_sentences():
         wanted = name or cdpr.list_figures()
@@ -155,6 +163,37 @@ def video(
             renderer=renderer,  # type: ignore[arg-type]
             force=force,
             progress=bar("Drawing"),
+        )
+    typer.echo(output)
+
+
+def report(
+    robot: RobotName,
+    output: Annotated[Path, typer.Option("-o", "--output", help="File: .html.")] = Path("report.html"),
+    pose: Pose = None,
+    material: MaterialName = None,
+    grid: Annotated[
+        tuple[int, int, int] | None,
+        typer.Option("--grid", metavar="NX NY NZ", help="Number of poses settled in MuJoCo; default: 7 5 4."),
+    ] = None,
+    video: Annotated[
+        bool, typer.Option("--video/--no-video", help="Include a video of a drive across the workspace.")
+    ] = True,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
+) -> None:
+    """Write a self-contained HTML report: an interactive 3D view, the worst poses, maps, tables and a video.
+
+    It opens in any browser, without network access.
+    """
+    with errors_as_sentences(), tidy_when_terminated(), busy("Loading") as status:
+        cdpr.write_report(
+            output,
+            robot_of(robot, material),
+            pose_of(pose),
+            grid=grid,
+            video=video,
+            force=force,
+            progress=lambda what: status.update(f"{what} ..."),
         )
     typer.echo(output)
 

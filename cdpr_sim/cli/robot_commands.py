@@ -12,7 +12,7 @@ import typer
 
 import cdpr_sim as cdpr
 from cdpr_sim.cli.options import Mass, MaterialName, Pose, Pretension, RobotName, problem_of, robot_of
-from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences, print_parts
+from cdpr_sim.cli.terminal import DISAGREE, errors_as_sentences, print_listing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,27 +22,16 @@ if TYPE_CHECKING:
 
 def robots() -> None:
     """List the robots of the catalogue and the cable materials."""
-    from cdpr_sim.report.table_style import new_table
     from cdpr_sim.robots import robot_file
 
     for kind, machines in _by_kind().items():
-        table = new_table(f"Robots: {kind}", "robot", "mobility", "cables", "mass", text_columns=2)
-        table.add_column("description")
-        for robot in machines:
-            table.add_row(robot.name, robot.mobility, str(robot.cables), f"{robot.mass:g} kg", robot.description)
-        print_parts(table)
-    table = new_table("Cables of fixed diameter", "material", "EA", "breaks at")
-    table.add_column("source")
-    for row in robot_file.material_rows():
-        table.add_row(*row)
-    print_parts(table)
-    table = new_table(
-        "Ropes of any diameter, for example steel-rope-4mm", "material", "modulus", "fill", "density", "strength"
-    )
-    table.add_column("source")
-    for row in robot_file.rope_rows():
-        table.add_row(*row)
-    print_parts(table)
+        rows = [(one.name, one.mobility, str(one.cables), f"{one.mass:g} kg", one.description) for one in machines]
+        headings = ("robot", "mobility", "cables", "mass", "description")
+        print_listing(f"Robots: {kind}", headings, rows, text_columns=2)
+    headings = ("material", "EA", "breaks at", "source")
+    print_listing("Cables of fixed diameter", headings, robot_file.material_rows())
+    headings = ("material", "modulus", "fill", "density", "strength", "source")
+    print_listing("Ropes of any diameter, for example steel-rope-4mm", headings, robot_file.rope_rows())
 
 
 def new(

@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -145,6 +145,18 @@ def print_parts(*parts: Table | str) -> None:
     console = Output()
     for part in parts:
         console.print(part, highlight=False)
+
+
+def print_listing(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]], *, text_columns: int = 1) -> None:
+    """Print a table whose last column is text, too."""
+    from cdpr_sim.report.table_style import new_table
+
+    *others, last = headings
+    table = new_table(title, *others, text_columns=text_columns)
+    table.add_column(last)
+    for row in rows:
+        table.add_row(*row)
+    print_parts(table)
 
 
 def print_json(value: dict[str, Any]) -> None:

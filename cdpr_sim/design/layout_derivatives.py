@@ -21,19 +21,6 @@ CONDITION = 1e12
 
 
 @dataclass(frozen=True, eq=False)
-class LayoutDerivatives:
-    """First derivatives of the equilibria of one layout by its variables.
-
-    Attributes:
-        pose: of (translation [m], left-applied rotation vector [rad]), (cases, variables, 6).
-        tensions: (cases, variables, cables) [N].
-    """
-
-    pose: Float[np.ndarray, "cases variables 6"]
-    tensions: Float[np.ndarray, "cases variables cables"]
-
-
-@dataclass(frozen=True, eq=False)
 class Steps:
     """Derivatives of a robot's parameters by the variables: (variables, ...).
 
@@ -69,10 +56,10 @@ def layout_derivatives(
     rotations: Float[np.ndarray, "cases 3 3"],
     rest_lengths: Float[np.ndarray, "cases cables"],
     steps: Steps,
-) -> LayoutDerivatives:
-    """Derivatives of the equilibria of ``robot`` by ``steps``; nan in neutrally stable cases.
+) -> tuple[Float[np.ndarray, "cases variables 6"], Float[np.ndarray, "cases variables cables"]]:
+    """Derivatives of (translation [m], left-applied rotation vector [rad]) and of tensions [N] by ``steps``.
 
-    For cables with mass only by steps that are not known.
+    nan in neutrally stable cases. For cables with mass only by steps that are not known.
     """
     state = forces.at(cases.problems(robot, rest_lengths), positions, rotations)
     by, arms = derivatives.pull_by_parameter(state), state.geometry.arms[:, None]
@@ -101,4 +88,4 @@ def layout_derivatives(
     pose[np.ix_(np.flatnonzero(held), np.arange(len(steps.center)), np.array(free))] = found.swapaxes(-1, -2)
     anchors = pose[..., None, :3] + np.cross(pose[..., None, 3:], arms)
     force -= np.einsum("cmij,cnmj->cnmi", state.cable_stiffness, anchors)
-    return LayoutDerivatives(pose, (state.pull_directions[:, None] * force).sum(-1) / robot.reeving)
+    return pose, (state.pull_directions[:, None] * force).sum(-1) / robot.reeving

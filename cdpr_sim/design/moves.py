@@ -266,9 +266,8 @@ def _bounds(within: np.ndarray, axis: int | None, points: np.ndarray, by: np.nda
         reach = within if within.shape != (3,) else within[axis]
         lower, upper = (-reach, reach) if np.shape(reach) == () else reach
         return float(lower), float(upper)
-    room = (within[:, axis] - points[:, axis, None]) / by[
-        :, axis, None
-    ]  # of each point; interval reversed where it is mirrored
+    # Of each point; the interval is reversed where it is mirrored.
+    room = (within[:, axis] - points[:, axis, None]) / by[:, axis, None]
     lower, upper = float(room.min(1).max()), float(room.max(1).min())
     if lower > upper:
         raise InvalidInput(

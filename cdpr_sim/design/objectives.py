@@ -90,10 +90,6 @@ def _by_users(
     return found
 
 
-def _tilt(equilibria: LayoutEquilibria) -> np.ndarray:
-    return equilibria.tilt
-
-
 def _distance(equilibria: LayoutEquilibria) -> np.ndarray:
     return np.linalg.norm(equilibria.deviation, axis=-1)
 
@@ -106,7 +102,7 @@ def _error(equilibria: LayoutEquilibria) -> np.ndarray:
     steps, found = Steps.errors(equilibria.robot), np.empty(equilibria.shape)
     for row in range(len(equilibria)):
         robot = equilibria.layouts.robot_at(row)
-        by = layout_derivatives(
+        pose, _ = layout_derivatives(
             robot,
             equilibria.cases,
             equilibria.positions[row],
@@ -114,29 +110,22 @@ def _error(equilibria: LayoutEquilibria) -> np.ndarray:
             equilibria.problems.rest_lengths[row],
             steps,
         )
-        found[row] = np.sqrt(((by.pose * robot.units) ** 2).sum((-1, -2)))
+        found[row] = np.sqrt(((pose * robot.units) ** 2).sum((-1, -2)))
     return np.where(np.isnan(found), np.inf, found)
 
 
-def _worst(of: Callable[[LayoutEquilibria], np.ndarray]) -> Callable[[LayoutEquilibria, Limits], Scores]:
-    return lambda equilibria, _: of(equilibria).max(-1)
+def _over_cases(
+    reduce: Callable[..., np.ndarray], of: Callable[[LayoutEquilibria], np.ndarray]
+) -> Callable[[LayoutEquilibria, Limits], Scores]:
+    return lambda equilibria, _: reduce(of(equilibria), axis=-1)
 
 
-def _mean(of: Callable[[LayoutEquilibria], np.ndarray]) -> Callable[[LayoutEquilibria, Limits], Scores]:
-    return lambda equilibria, _: of(equilibria).mean(-1)
-
-
-def _least(of: Callable[[LayoutEquilibria], np.ndarray]) -> Callable[[LayoutEquilibria, Limits], Scores]:
-    return lambda equilibria, _: of(equilibria).min(-1)
-
-
-def _frame(equilibria: LayoutEquilibria) -> Scores:
-    return np.linalg.norm(np.ptp(equilibria.layouts.exits, axis=1), axis=-1)
+_worst, _mean, _least = (partial(_over_cases, reduce) for reduce in (np.max, np.mean, np.min))
 
 
 _ALL = (
-    Objective("worst tilt", "°", np.pi / 180, _worst(_tilt), smooth="tilt"),
-    Objective("mean tilt", "°", np.pi / 180, _mean(_tilt)),
+    Objective("worst tilt", "°", np.pi / 180, _worst(lambda r: r.tilt), smooth="tilt"),
+    Objective("mean tilt", "°", np.pi / 180, _mean(lambda r: r.tilt)),
     Objective("worst deviation", "mm", 1e-3, _worst(_distance), smooth="deviation"),
     Objective("mean deviation", "mm", 1e-3, _mean(_distance)),
     Objective("most slack cables", "", 1.0, _worst(lambda equilibria: equilibria.slack.sum(-1).astype(float))),
@@ -152,7 +141,7 @@ _ALL = (
     ),
     Objective("worst sensitivity", "mm/mm", 1.0, _worst(_error)),
     Objective("displacement", "mm", 1e-3, lambda equilibria, _: equilibria.layouts.displacements),
-    Objective("size of frame", "m", 1.0, lambda equilibria, _: _frame(equilibria)),
+    Objective("size of frame", "m", 1.0, lambda r, _: np.linalg.norm(np.ptp(r.layouts.exits, axis=1), axis=-1)),
 )  # fmt: skip
 OBJECTIVES = {one.name: one for one in _ALL}
 """Objectives by name. "feasible volume" is the share of the poses that rigid cables hold within the tension limits;

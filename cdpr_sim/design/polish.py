@@ -123,7 +123,7 @@ class _Path:
         steps = Steps(
             space.exits, space.anchors, space.log_stiffness * layouts.axial_stiffness[0], space.center
         )  # fmt: skip
-        by = layout_derivatives(
+        by_pose, by_tensions = layout_derivatives(
             layouts.robot_at(0),
             self.cases,
             equilibria.positions[0],
@@ -131,7 +131,7 @@ class _Path:
             equilibria.problems.rest_lengths[0],
             steps,
         )
-        pose, tensions = np.nan_to_num(by.pose), np.nan_to_num(by.tensions)
+        pose, tensions = np.nan_to_num(by_pose), np.nan_to_num(by_tensions)
         if self.objective.smooth == "tensions":
             rows = self._sign * tensions.swapaxes(1, 2).reshape(-1, len(space))
         elif self.objective.smooth == "tilt":

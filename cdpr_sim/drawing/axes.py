@@ -13,6 +13,7 @@ from typing import ParamSpec
 import matplotlib
 import numpy as np
 from jaxtyping import Float
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -75,6 +76,11 @@ def key(label: str, **looks) -> Line2D:
     return Line2D([], [], label=label, **looks)
 
 
+def legend_below(ax: Axes, handles: Sequence[Artist], down: float, columns: int = 2) -> None:
+    """Place a legend below the axes, ``down`` in heights of the axes."""
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -down), ncols=columns)
+
+
 def slack_key(label: str = "slack cable") -> Line2D:
     """Legend entry of slack cables."""
     return key(label, color=style.SLACK_CABLE, lw=1.4, ls=style.SLACK_DASH)
@@ -100,8 +106,7 @@ def draw_frame(ax: Axes, robot: Robot, *, exits: bool = True) -> None:
     ax.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
     ax.set_xlim(left - 0.02, right + 0.02)
     ax.set_ylim(bottom - 0.02, top + 0.02)
-    for spine in ax.spines.values():
-        spine.set_visible(False)
+    ax.spines[:].set_visible(False)
 
 
 def _draw_frame_in_space(ax: Axes3D, robot: Robot, exits: bool) -> None:

@@ -302,8 +302,7 @@ def _furnish(ax: Axes, names: tuple[str, str], lowest: bool, first: bool) -> Non
     for axis, name, shown in ((ax.xaxis, names[0], lowest), (ax.yaxis, names[1], first)):
         if shown:
             axis.set_label_text(f"{name} [m]", fontsize=style.MAP_FONT, color=style.MAP_INK)
-    for spine in ax.spines.values():
-        spine.set(color=style.MAP_FAINT, linewidth=0.6)
+    ax.spines[:].set(color=style.MAP_FAINT, linewidth=0.6)
 
 
 def _locate(

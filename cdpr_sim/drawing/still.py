@@ -152,10 +152,7 @@ def _label(ax: Axes, robot: Robot, points: np.ndarray, middle: np.ndarray, size:
         numbers = ", ".join(str(cable + 1) for cable in cables)
         color = _color(cables[0]) if len(cables) == 1 else style.INK
         looks = {"color": color, "fontsize": 8, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 7}
-        if robot.mobility == "spatial":
-            ax.text(*at, numbers, **looks)
-        else:
-            ax.text(at[0], at[2], numbers, **looks)
+        ax.text(*(at if robot.mobility == "spatial" else at[[0, 2]]), numbers, **looks)
 
 
 def _color(cable: int) -> str:

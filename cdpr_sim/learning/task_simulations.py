@@ -79,13 +79,8 @@ class TaskSimulations:
         threads: int,
     ) -> None:
         robot = machine.robot
-        self.machine, self.robot, self.period, self.by_tension, self.largest = (
-            machine,
-            robot,
-            period,
-            by_tension,
-            largest,
-        )
+        self.machine, self.robot, self.period = machine, robot, period
+        self.by_tension, self.largest = by_tension, largest
         self._most, (self._shortest, self._longest) = machine.winch_speed * period, machine.reach
         self._some = bool(by_tension.any())
         model = machine.model
@@ -206,9 +201,8 @@ class TaskSimulations:
             twists[:, [0, 2, 4]] = self._qvel[:, :3]
             return twists
         twists = self._qvel[:, :6].copy()
-        twists[:, 3:] = np.add.reduce(
-            self.rotations * twists[:, None, 3:], 2
-        )  # of a ball joint, in the platform's frame
+        # Those of a ball joint are in the platform's frame.
+        twists[:, 3:] = np.add.reduce(self.rotations * twists[:, None, 3:], 2)
         return twists
 
 

@@ -5,31 +5,14 @@ from __future__ import annotations
 import base64
 from html import escape
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 from rich.markup import escape as plain
 from rich.table import Table
 from rich.text import Text
 
-STYLE = """
-.cdpr-sim { overflow-x: auto; }
-.cdpr-sim table { border-collapse: collapse; border: 0; margin: 0.6em 0; font-variant-numeric: tabular-nums; }
-.cdpr-sim caption { text-align: left; font-weight: 600; padding: 0.2em 0; caption-side: top; color: inherit; }
-.cdpr-sim :is(th, td) { padding: 0.15em 0.7em; border: 0; text-align: right; white-space: nowrap;
-  vertical-align: top; background: none; color: inherit; }
-.cdpr-sim thead th { vertical-align: bottom; font-weight: 600; border-bottom: 1px solid currentColor; }
-.cdpr-sim tbody th { font-weight: normal; }
-.cdpr-sim .text { text-align: left; }
-.cdpr-sim .long { white-space: normal; min-width: 12em; max-width: 45em; }
-.cdpr-sim tbody + tbody tr:first-child > * { border-top: 1px solid color-mix(in srgb, currentColor 30%, transparent); }
-.cdpr-sim .bold { font-weight: 600; }
-.cdpr-sim .dim { opacity: 0.75; }
-.cdpr-sim .red { color: color-mix(in srgb, currentColor 40%, #e02000); }
-.cdpr-sim .green { color: color-mix(in srgb, currentColor 40%, #00a050); }
-.cdpr-sim .yellow { color: color-mix(in srgb, currentColor 40%, #c08000); }
-.cdpr-sim img { max-width: 100%; height: auto; background: white; border-radius: 4px; }
-.cdpr-sim p { margin: 0.4em 0; max-width: 60em; }
-"""
+STYLE = "\n" + Path(__file__).with_name("fragment.css").read_text(encoding="utf-8")
 """Colours follow the surrounding text, on dark and light backgrounds; only pictures have a white background."""
 
 __all__ = ["EmbeddedImage", "Part", "data", "fragment", "plain", "sentences", "table"]

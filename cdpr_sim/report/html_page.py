@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,7 +39,7 @@ from cdpr_sim.report.analysis_tables import modes_table
 from cdpr_sim.report.robot_tables import cables_table, robot_table, trajectory_table
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.robots.catalogue import load_robot
-from cdpr_sim.studies.robot_summary import RobotSummary, View, summarise
+from cdpr_sim.studies.robot_summary import RobotSummary, View, shapes_of, solved_along, summarise
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -121,6 +122,8 @@ def write_report(
 
 def html_page(summary: RobotSummary) -> str:
     """The page as text."""
+    import cdpr_sim
+
     robot, views = summary.robot, (summary.first, *summary.worst)
     sections = {
         "3D view": _scene(summary, views),
@@ -145,7 +148,7 @@ def html_page(summary: RobotSummary) -> str:
         f"<style>{(_HERE / 'html_page.css').read_text(encoding='utf-8')}</style></head><body>"
         f'<header><h1>{escape(robot.name)}</h1><p class="lead">{escape(robot.description)}</p>'
         f'<nav aria-label="Sections">{links}</nav>{_summary(summary)}</header><main>{body}</main>'
-        f"<footer><p>Written by cdpr_sim {escape(_version())}. This file is self-contained.</p></footer>"
+        f"<footer><p>Written by cdpr_sim {escape(str(cdpr_sim.__version__))}. This file is self-contained.</p></footer>"
         f'<script type="application/json" id="scene">{_embedded(_data(robot, views))}</script>'
         f"<script>{(_HERE / 'html_page.js').read_text(encoding='utf-8')}</script></body></html>\n"
     )
@@ -175,35 +178,15 @@ def _scene(summary: RobotSummary, views: tuple[View, ...]) -> str:
         f'<div data-view="{number}"{" hidden" if number else ""}>{_answer(view)}</div>'
         for number, view in enumerate(views)
     )
-    method = _heading(views[0].settled)
-    return f"""
-<div class="side"><figure>
-<canvas id="robot" tabindex="0" role="img" aria-label="{escape(_description(summary.robot, views[0]))}"
- aria-describedby="keys"></canvas>
-<ul class="legend">
-<li><svg viewBox="0 0 30 14" aria-hidden="true"><rect x="4" y="2" width="22" height="10" fill="var(--platform)"
- stroke="var(--ink)"/></svg>platform at equilibrium, by {escape(method)}</li>
-<li><svg viewBox="0 0 30 14" aria-hidden="true"><rect x="4" y="2" width="22" height="10" fill="none"
- stroke="var(--commanded)" stroke-dasharray="4 3"/></svg>commanded pose</li>
-<li><svg viewBox="0 0 30 14" aria-hidden="true"><path d="M1 7H29" stroke="var(--ink)" stroke-width="1.6"/></svg>taut
- cable and its tension</li>
-<li><svg viewBox="0 0 30 14" aria-hidden="true"><path d="M1 7H29" stroke="var(--slack)" stroke-width="2.4"
- stroke-dasharray="1 5" stroke-linecap="round"/></svg>slack cable</li>
-</ul>
-<div class="controls">
-<label class="wide" for="pose">Pose<select id="pose">{options}</select></label>
-<label for="turn">Azimuth<input id="turn" type="range" min="-180" max="180" step="any" value="{turn:g}"></label>
-<label for="height">Elevation<input id="height" type="range" min="-10" max="90" step="any" value="{height:g}"></label>
-<label for="zoom">Zoom<input id="zoom" type="range" min="1" max="10" step="any" value="1"></label>
-<label for="tensions"><input id="tensions" type="checkbox" checked>tensions</label>
-<label for="commanded"><input id="commanded" type="checkbox" checked>commanded pose</label>
-<button id="reset" type="button">Reset the view</button>
-</div>
-<p class="keys" id="keys">Drag the picture, move the sliders, or focus it and use the keyboard: arrow keys rotate, +
- and − zoom, Home resets the view.</p>
-<figcaption id="description" aria-live="polite"></figcaption>
-<noscript><p>The 3D view needs JavaScript.</p></noscript>
-</figure><div>{answers}</div></div>"""
+    view = Template((_HERE / "html_page_view.html").read_text(encoding="utf-8"))
+    return "\n" + view.substitute(
+        description=escape(_description(summary.robot, views[0])),
+        method=escape(_heading(views[0].settled)),
+        options=options,
+        turn=f"{turn:g}",
+        height=f"{height:g}",
+        answers=answers,
+    ).rstrip("\n")
 
 
 def _answer(view: View) -> str:
@@ -321,8 +304,8 @@ def _video(summary: RobotSummary) -> str:
         return ""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        shapes, seconds = summary.shapes, len(motion) / VIDEO_RATE
-        write_video(path, motion, summary.static, shapes=shapes, seconds=seconds, fps=VIDEO_RATE, size=VIDEO_SIZE)
+        poses, shapes, seconds = solved_along(motion).poses, shapes_of(motion), len(motion) / VIDEO_RATE
+        write_video(path, motion, poses, shapes=shapes, seconds=seconds, fps=VIDEO_RATE, size=VIDEO_SIZE)
         source = html.data(path.read_bytes(), "video/mp4")
     caption = (
         f"Video: the winches drive {summary.robot.name} along x through its workspace in MuJoCo; the yellow "
@@ -443,9 +426,3 @@ def _wide(table: Table, title: str = "") -> str:
 
 def _scrolling(content: str, label: str) -> str:
     return f'<div class="wide-content" tabindex="0" role="region" aria-label="{escape(label)}">{content}</div>'
-
-
-def _version() -> str:
-    import cdpr_sim
-
-    return str(cdpr_sim.__version__)

@@ -45,7 +45,7 @@ class Sheet(Table):
             yield from drawn
 
     def _drawn(self, console: Console, options: ConsoleOptions) -> list[Segment]:
-        return list(console.render(_Plain(self), options))
+        return list(super().__rich_console__(console, options))  # type: ignore[arg-type]
 
     def _columns_below(self) -> Iterator[Text]:
         labels, *columns = self.columns
@@ -59,16 +59,6 @@ class Sheet(Table):
             cells = [_line(cell) for cell in row]
             name = Text(", ").join(cell for cell in cells[: self.text_columns] if cell.plain)
             yield _record(name, list(zip(heads[self.text_columns :], cells[self.text_columns :], strict=True)))
-
-
-class _Plain:
-    """Rich's own rendering of the table."""
-
-    def __init__(self, table: Table) -> None:
-        self.table = table
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        yield from Table.__rich_console__(self.table, console, options)
 
 
 def new_table(title: str, *columns: str, text_columns: int = 1, dense: bool = False, methods: bool = False) -> Sheet:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree.ElementTree import Element
 
 from cdpr_sim.core.checks import checked_path, one_of, refuse_unless
@@ -12,31 +11,19 @@ from cdpr_sim.core.errors import CdprError, InvalidInput, RobotFileError
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.robots.importers import bologna, caspr, cdpyr, gazebo, hangprinter, mujoco_model, uacdpr, wirex
 from cdpr_sim.robots.importers.documents import SYNTAXES, read_document
-from cdpr_sim.robots.importers.draft import Draft
-
-
-class _Format(NamedTuple):
-    """Name of a format, the root elements or keys at the top of such a file, and the module that reads it."""
-
-    title: str
-    marks: set[str]
-    read: Callable[..., Draft]
-
 
 FORMATS = {
-    name: _Format(module.TITLE, module.MARKS, module.read)
-    for name, module in {
-        "caspr": caspr,
-        "wirex": wirex,
-        "cdpyr": cdpyr,
-        "gazebo": gazebo,
-        "bologna": bologna,  # after gazebo, whose files have a key "cable" as well
-        "mjcf": mujoco_model,
-        "hangprinter": hangprinter,
-        "uacdpr": uacdpr,
-    }.items()
+    "caspr": caspr,
+    "wirex": wirex,
+    "cdpyr": cdpyr,
+    "gazebo": gazebo,
+    "bologna": bologna,  # after gazebo, whose files have a key "cable" as well
+    "mjcf": mujoco_model,
+    "hangprinter": hangprinter,
+    "uacdpr": uacdpr,
 }
-"""Formats of other projects, by name."""
+"""Formats of other projects, by name: a module with a ``TITLE``, the ``MARKS`` at the top of such a file (root elements
+or keys), and ``read``, which makes a ``Draft``."""
 
 IMPORTED = tuple(SYNTAXES)
 """Suffixes of their files."""
@@ -82,7 +69,7 @@ def import_robot(path: str | Path, format: str | None = None, cables: str | None
         if cables is not None and format != "caspr":
             raise InvalidInput(f"cables: found {cables!r}, but only CASPR's files have sets of cables to choose from")
         draft = FORMATS[format].read(document, path, **({"cables": cables} if cables else {}))
-        draft.source = draft.source or f"{FORMATS[format].title}, {path.name}"
+        draft.source = draft.source or f"{FORMATS[format].TITLE}, {path.name}"
         return draft.robot()
     except CdprError as error:
         raise RobotFileError(f"{path}: {error}") from None
@@ -96,16 +83,16 @@ def _marks(document: Any) -> set[str]:
 
 def _format_of(document: Any) -> str:
     for name, known in FORMATS.items():
-        if known.marks & _marks(document):
+        if known.MARKS & _marks(document):
             return name
     raise InvalidInput(f"found none of {_words(FORMATS.values())} at the top, expected a robot's file")
 
 
 def _checked(document: Any, format: str) -> str:
-    if not FORMATS[format].marks & _marks(document):
-        raise InvalidInput(f"found no {_words([FORMATS[format]])} at the top, expected {FORMATS[format].title}")
+    if not FORMATS[format].MARKS & _marks(document):
+        raise InvalidInput(f"found no {_words([FORMATS[format]])} at the top, expected {FORMATS[format].TITLE}")
     return format
 
 
 def _words(formats) -> str:
-    return ", ".join(sorted(set().union(*(one.marks for one in formats))))
+    return ", ".join(sorted(set().union(*(one.MARKS for one in formats))))

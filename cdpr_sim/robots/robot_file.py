@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from importlib import resources
+from string import Template
 from typing import Any
 
 from pydantic import BaseModel
@@ -42,20 +43,20 @@ def json_schema() -> str:
 
 def document() -> str:
     """``docs/robot-file.md``: every key with its unit, default and meaning, and the materials, in Markdown."""
-    parts = [_HEAD]
-    for title, table in TABLES.items():
-        parts.append(f"\n## {title}\n\n| key | unit | default | meaning |\n|---|---|---|---|\n")
-        parts += [
+    page = Template((resources.files("cdpr_sim.robots") / "robot_file.md").read_text(encoding="utf-8"))
+    keys = [
+        f"\n## {title}\n\n| key | unit | default | meaning |\n|---|---|---|---|\n"
+        + "".join(
             f"| `{key}` | {_unit(field)} | {_default(field)} | {field.description} |\n"
             for key, field in table.model_fields.items()
-        ]
-    parts.append(_MATERIALS)
-    parts += [f"| `{name}` | {' | '.join(cells)} |\n" for name, *cells in rope_rows()]
-    parts.append(
-        "\nCables of one size, without `diameter`:\n\n| `material` | EA | breaks at | source |\n|---|---|---|---|\n"
+        )
+        for title, table in TABLES.items()
+    ]
+    ropes, cables = (
+        "".join(f"| `{name}` | {' | '.join(cells)} |\n" for name, *cells in rows)
+        for rows in (rope_rows(), material_rows())
     )
-    parts += [f"| `{name}` | {' | '.join(cells)} |\n" for name, *cells in material_rows()]
-    return "".join(parts)
+    return page.substitute(keys="".join(keys), ropes=ropes, cables=cables)
 
 
 def rope_rows() -> list[tuple[str, ...]]:
@@ -86,36 +87,3 @@ def _default(field: FieldInfo) -> str:
     if default is None or isinstance(default, BaseModel) or default == "":
         return ""
     return f"`{json.dumps(default)}`"
-
-
-_HEAD = """# The robot file
-
-A robot is a [TOML](https://toml.io) file. `cdpr-sim new mine` writes a valid one with comments,
-`cdpr-sim show mine.toml -o mine.png` draws it, and `cdpr-sim settle mine.toml` or `cdpr.load_robot("mine.toml")` read
-it, like every command and function that takes a robot. `cdpr-sim schema > robot.schema.json` writes a JSON schema, with
-which editors check and complete robot files (in VS Code with Even Better TOML: first line `#:schema
-robot.schema.json`).
-
-The base frame has z up; gravity acts along -z. Lengths are in metres, or in millimetres with `units = "mm"`; other
-units are kg, N, Pa and kg m². An error in a file is reported in one sentence: `mine.toml: EA: unknown key, did you mean
-'axial_stiffness'?`
-
-The stiffness of the cables is given in one of three ways, for all cables or for one cable in its `[[cables]]`: by
-`material` (and `diameter`), by `axial_stiffness`, or by `modulus` and `diameter`.
-
-`cdpr-sim schema --document` prints this page.
-"""
-
-_MATERIALS = """
-## Materials
-
-`material = "steel-rope"` with `diameter = 0.004`, or `material = "steel-rope-4mm"`; or, on the command line,
-`--material steel-rope-4mm`, or `robot.replace(material="steel-rope-4mm")`. EA is the modulus times the filled part
-of the circle, EA = E fill π d²/4; the mass per length, used with `linear_density = "material"`, is the density
-times the same section. A rope's stiffness depends on its construction, its load and its age: a manufacturer's
-value, or the result of `cdpr-sim identify`, is better than these. The breaking load of a new rope is its strength
-times the square of the diameter.
-
-| `material` | modulus | fill | density | strength | source |
-|---|---|---|---|---|---|
-"""

@@ -11,6 +11,12 @@ from numpy.typing import ArrayLike
 from cdpr_sim.core.cable import DOWN, NO_ELEMENT, NO_TERM
 from cdpr_sim.core.robot import STANDARD_GRAVITY, Robot
 
+OF_ALL = (
+    "axial_stiffness", "linear_density", "stiffening", "force_min", "force_max", "breaking_load", "winch_to_exit",
+    "pulley_friction", "reeving",
+)  # fmt: skip
+"""Keys of a cable that the whole robot has as well."""
+
 
 def as_toml(robot: Robot) -> str:
     """The text of a robot file, in metres, kilograms and newtons; fields with their default values are left out.
@@ -32,18 +38,7 @@ def _lines(robot: Robot) -> Iterator[str]:
         yield f"mobility = {_text(robot.mobility)}"
     if robot.gravity != STANDARD_GRAVITY:
         yield f"gravity = {_numbers(robot.gravity)}"
-    common = {
-        "axial_stiffness": cabling.axial_stiffness,
-        "linear_density": cabling.linear_density,
-        "stiffening": cabling.stiffening,
-        "force_min": cabling.force_min,
-        "force_max": cabling.force_max,
-        "breaking_load": cabling.breaking_load,
-        "winch_to_exit": cabling.winch_to_exit,
-        "pulley_friction": cabling.pulley_friction,
-    }
-    if (cabling.reeving > 1).any():
-        common["reeving"] = cabling.reeving
+    common = {name: getattr(cabling, name) for name in OF_ALL if name != "reeving" or (cabling.reeving > 1).any()}
     own = {name: values for name, values in common.items() if (values != values[0]).any()}
     for name, values in common.items():
         if name not in own and values[0].any() and np.isfinite(values[0]).all():

@@ -1,9 +1,18 @@
-"""Presentation of an optimised layout: figures of merit, maps of tilt, both robots driven side by side."""
+"""Presentation of optimised layouts: figures of merit, figures, both robots driven side by side."""
+
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# matplotlib's stubs know neither keyword dictionaries nor the axes of its 3D plots.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from cdpr_sim.analysis.clearance import SEARCH_POINTS, clearances
 from cdpr_sim.analysis.workspace.grids import plane
@@ -14,7 +23,8 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.crosscheck.layout_validation import LayoutValidation, ValidatedRobot
 from cdpr_sim.design.front import Front
-from cdpr_sim.drawing.layout_figures import draw_better_layout, draw_clearance_map, draw_front
+from cdpr_sim.drawing import style
+from cdpr_sim.drawing.axes import canvas, draw_frame, draw_pose, key, slack_key, styled
 from cdpr_sim.drawing.maps import outer_edges
 from cdpr_sim.physics.drive import drive
 from cdpr_sim.physics.settle import settle_many
@@ -25,6 +35,15 @@ MAP_POINTS = 121
 
 CLEARANCE_POINTS = 61
 """Poses along the longer side of a map of distances."""
+
+WIDTH, HEIGHT = 9.6, 7.4
+"""Of the figure of two layouts [inch]."""
+
+FLAT = 0.2
+"""Depth, as a fraction of the longest edge, below which a robot has no room for tick labels along y."""
+
+MOST_DEGREES = 45.0
+"""Upper end of the tilt scale [°]."""
 
 
 def numbers(validation: LayoutValidation) -> list[tuple[str, str, str]]:
@@ -148,3 +167,180 @@ def driven(
             at = np.column_stack([np.interp(legs, np.arange(len(line)), axis) for axis in line.T])
             motions.append(Trajectory.through(settle_many(named, at), np.linspace(0, seconds, states)))
     return motions
+
+
+# Figures
+
+
+@styled
+def draw_better_layout(
+    equilibria: tuple[EquilibriumBatch, EquilibriumBatch],
+    row: int,
+    shapes: Sequence[np.ndarray | None],
+    maps: tuple[Float[np.ndarray, "x z"], Float[np.ndarray, "x z"]],
+    extent: tuple[float, float, float, float],
+    asked: Float[np.ndarray, "poses 3"],
+    numbers: Sequence[tuple[str, str, str]],
+    title: str,
+    caption: str,
+) -> Figure:
+    """Before and after, a column each: the robot in 3D with its changes, a map of tilt, and figures of merit.
+
+    Args:
+        equilibria: of both robots, (rows,), at the same commands.
+        row: drawn in 3D.
+        shapes: profiles of the cables of that row, for robots whose cables have mass.
+        maps: tilt [rad] over x and z; nan without an equilibrium.
+        extent: x and z of the maps' borders [m]: (x0, x1, z0, z1).
+        asked: commanded positions of the optimisation [m].
+        numbers: (label, before, after) as text.
+        title: above.
+        caption: below.
+    """
+    figure = canvas(WIDTH, HEIGHT, title, caption)
+    grid = figure.add_gridspec(4, 2, height_ratios=[0.12, 2.6, 1.5, 0.22 * len(numbers) + 0.1])
+    robots = [one.robot for one in equilibria]
+    most = min(max(float(np.nan_to_num(one).max()) for one in maps), np.radians(MOST_DEGREES))
+    image, panels = None, []
+    for column, (one, name) in enumerate(zip(equilibria, ("before", "after"), strict=True)):
+        space = figure.add_subplot(grid[1, column], projection="3d")
+        draw_frame(space, one.robot)
+        _reach(space, robots)
+        if column:
+            _draw_moves(space, *robots)
+        draw_pose(space, one, row, shapes[column])
+        for drawn in space.get_children():
+            drawn.set_clip_on(False)
+            drawn.set_in_layout(False)
+        space.set_title(name, fontsize=11, fontweight="bold")
+        plane = figure.add_subplot(grid[2, column])
+        panels.append(plane)
+        image = plane.imshow(
+            np.degrees(maps[column]).T, origin="lower", extent=extent, aspect="equal", cmap=style.MAP_TILT, vmin=0,
+            vmax=max(np.degrees(most), 1e-3), interpolation="nearest",
+        )  # fmt: skip
+        plane.set_facecolor(style.MAP_UNSOLVED)
+        plane.plot(asked[:, 0], asked[:, 2], ".", ms=3, color=style.SKY, mec="white", mew=0.3)
+        plane.set(xlabel="commanded x [m]", ylabel="z [m]", xlim=extent[:2], ylim=extent[2:])
+    assert image is not None
+    figure.colorbar(image, ax=panels, label="tilt [°]", shrink=0.9, pad=0.015)
+    _write_numbers(figure.add_subplot(grid[3, :]), numbers)
+    handles = [
+        key("exit moved, from its previous position", color=style.PURPLE, lw=1.6, marker="o", ms=4, mfc="white"),
+        slack_key(),
+        key("pose of the optimisation", color=style.SKY, ls="none", marker="o", ms=4),
+    ]
+    legend = figure.add_subplot(grid[0, :])
+    legend.axis("off")
+    legend.legend(handles=handles, loc="center", ncols=3)
+    return figure
+
+
+def _reach(space, robots: Sequence[Robot]) -> None:
+    """Set the same limits for both robots, with all exits inside."""
+    points = np.vstack([one.frame for one in robots] + [one.exits for one in robots])
+    lower, upper = points.min(0), points.max(0)
+    wide = np.maximum(upper - lower, 0.05 * (upper - lower).max())
+    middle = (lower + upper) / 2
+    space.set(**{f"{axis}lim": middle[i] + wide[i] * np.array([-0.5, 0.5]) for i, axis in enumerate("xyz")})
+    space.set_box_aspect(tuple(wide), zoom=1.1)
+    if wide[1] < FLAT * wide.max():
+        space.set_yticks([])
+        space.set_ylabel("")
+
+
+def _draw_moves(space, before: Robot, after: Robot) -> None:
+    for start, end in zip(before.exits, after.exits, strict=True):
+        if not np.array_equal(start, end):
+            space.plot(*np.array([start, end]).T, color=style.PURPLE, lw=1.6)
+            space.plot(*start[:, None], "o", ms=4, mfc="white", mec=style.PURPLE)
+
+
+def _write_numbers(ax: Axes, numbers: Sequence[tuple[str, str, str]]) -> None:
+    ax.axis("off")
+    table = ax.table(
+        [list(row) for row in numbers], colLabels=["", "before", "after"], cellLoc="right", loc="center",
+        colWidths=[0.5, 0.2, 0.2], edges="horizontal",
+    )  # fmt: skip
+    table.auto_set_font_size(value=False)
+    table.set_fontsize(9)
+    table.scale(1, 1.15)
+    for (line, column), cell in table.get_celld().items():
+        cell.set_edgecolor(style.FAINT)
+        if column == 0:
+            cell.set_text_props(ha="left")
+        if line == 0:
+            cell.set_text_props(fontweight="bold")
+
+
+@styled
+def draw_clearance_map(
+    least: Float[np.ndarray, "horizontal vertical"],
+    extent: tuple[float, float, float, float],
+    names: tuple[str, str],
+    enough: float,
+    title: str,
+    caption: str,
+) -> Figure:
+    """Map of the interference-free workspace: the smallest distance over a plane, and where it is sufficient.
+
+    Args:
+        least: smallest distances [m]; nan without an equilibrium.
+        extent: borders of the map [m].
+        names: of its two axes.
+        enough: a smaller distance is interference [m].
+        title: above.
+        caption: below.
+    """
+    wide, high = extent[1] - extent[0], extent[3] - extent[2]
+    figure = canvas(7.2, 1.9 + 5.4 * min(high / wide, 1.2), title, caption)
+    ax = figure.add_subplot()
+    image = ax.imshow(
+        1e3 * least.T, origin="lower", extent=extent, cmap=style.STIFFNESS_MAP, vmin=0, interpolation="nearest"
+    )  # fmt: skip
+    ax.set_facecolor(style.MAP_UNSOLVED)
+    if (least <= enough).any():
+        near = np.where(least <= enough, 1.0, np.nan)
+        ax.imshow(
+            near.T, origin="lower", extent=extent, cmap=ListedColormap([style.VERMILLION]), interpolation="nearest"
+        )  # fmt: skip
+        label = f"below {1e3 * enough:g} mm" if enough else "interference: distance zero"
+        figure.legend(handles=[Patch(fc=style.VERMILLION, label=label)], loc="outside upper right")
+    ax.set(xlabel=f"commanded {names[0]} [m]", ylabel=f"commanded {names[1]} [m]", aspect="equal")
+    figure.colorbar(image, ax=ax, label="smallest distance [mm]", shrink=0.9)
+    return figure
+
+
+@styled
+def draw_front(
+    fronts: Sequence[tuple[str, Float[np.ndarray, "layouts 2"]]],
+    axes: tuple[str, str],
+    title: str,
+    caption: str,
+    given: tuple[float, float] | None = None,
+    confirmed: Float[np.ndarray, "layouts 2"] | None = None,
+) -> Figure:
+    """Pareto front of two objectives.
+
+    Args:
+        fronts: (label, values) of each series, in the units of ``axes``.
+        axes: their labels.
+        title: above.
+        caption: below.
+        given: objectives of the given robot.
+        confirmed: objectives by MuJoCo, hollow points.
+    """
+    figure = canvas(7.2, 4.4, title, caption)
+    ax = figure.add_subplot()
+    looks = zip((style.BLUE, style.VERMILLION, style.GREEN), style.DASHES, style.MARKERS, strict=False)
+    for (name, numbers), (color, dash, marker) in zip(fronts, looks, strict=False):
+        ax.plot(*numbers[np.argsort(numbers[:, 0])].T, color=color, ls=dash, marker=marker, ms=4, label=name)
+    if confirmed is not None:
+        ax.plot(*confirmed.T, "o", ms=8, mfc="none", mec=style.INK, mew=0.9, label="MuJoCo, at twice as many poses")
+    if given is not None:
+        ax.plot(*given, "D", ms=7, color=style.INK, label="as given")
+    ax.set(xlabel=axes[0], ylabel=axes[1])
+    ax.set_ylim(bottom=0)
+    ax.grid(visible=True)
+    ax.legend()
+    return figure

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from cdpr_sim.analysis.workspace.feasibility import capacity_margin
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
@@ -44,24 +43,6 @@ SAME_TENSION = 1e-6
 # Equilibria by both methods
 
 
-def equilibria_by_statics(robot: Robot, commanded: ArrayLike) -> EquilibriumBatch:
-    """Equilibria by the static solver, commanded level to (rows, 3) [m].
-
-    Raises:
-        NotConverged: some row has no equilibrium.
-    """
-    return all_solved(solve_many(robot, commanded))
-
-
-def equilibria_by_mujoco(robot: Robot, commanded: ArrayLike) -> EquilibriumBatch:
-    """Equilibria by MuJoCo, released level at (rows, 3) [m].
-
-    Raises:
-        NotSettled: some row did not settle.
-    """
-    return all_solved(settle_many(robot, commanded))
-
-
 def homes() -> tuple[EquilibriumBatch, ...]:
     """Equilibrium of each of the four layouts at the middle of its workspace, by the static method (Fig. 6).
 
@@ -69,7 +50,7 @@ def homes() -> tuple[EquilibriumBatch, ...]:
         NotConverged: some layout has no equilibrium.
     """
     robots = [load_robot(name) for name in ("planar-vertical", "planar-horizontal", "parallel", "cogiro")]
-    return tuple(equilibria_by_statics(robot, robot.home[None]) for robot in robots)
+    return tuple(all_solved(solve_many(robot, robot.home[None])) for robot in robots)
 
 
 def twins(equilibria: EquilibriumBatch) -> list[list[int]]:
@@ -164,8 +145,8 @@ def line(
         NotSettled: MuJoCo did not settle at some pose.
     """
     return Line(
-        equilibria_by_statics(robot, along_x(robot, height, ends, static_rows)),
-        equilibria_by_mujoco(robot, along_x(robot, height, ends, settled_rows)),
+        all_solved(solve_many(robot, along_x(robot, height, ends, static_rows))),
+        all_solved(settle_many(robot, along_x(robot, height, ends, settled_rows))),
     )
 
 
@@ -187,7 +168,7 @@ def across_the_width(
     poses = np.concatenate([along_x(robot, z, ends, COLUMNS) for z in pose_heights])
     softest = min(robots, key=lambda one: one.axial_stiffness.min())
     return Width(
-        poses=equilibria_by_statics(softest, poses),
+        poses=all_solved(solve_many(softest, poses)),
         lines=tuple(line(one, height, ends, static_rows=static_rows, settled_rows=settled_rows) for one in robots),
         workspace=feasible_outline(robot),
     )

@@ -20,7 +20,7 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, points, styled
+from cdpr_sim.drawing.axes import canvas, key, legend_below, points, styled
 from cdpr_sim.studies.lines import PAPER_DEVIATION, PAPER_TILT, Line, Width, twins, zones
 
 PAPER_FIGURES = {
@@ -94,7 +94,7 @@ def planar(width: Width) -> Figure:
     equilibria = width.poses
     commanded = equilibria.problems.positions
     heights = np.unique(commanded[:, 2])[::-1]
-    figure, left, right = _width(width, _headline(width), rows=len(heights))
+    figure, left, _ = _width(width, rows=len(heights))
     for ax, height in zip(left, heights, strict=True):
         drawing.draw_frame(ax, equilibria.robot)
         ax.set_title(f"commanded to z = {height:g} m")
@@ -104,9 +104,7 @@ def planar(width: Width) -> Figure:
             ax.set_xlabel("")
             ax.tick_params(labelbottom=False)
     handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
-    left[-1].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=2)
-    for ax, one in zip(right, width.lines, strict=True):
-        _tensions(ax, one, last=one is width.lines[-1])
+    legend_below(left[-1], handles, 0.24)
     return figure
 
 
@@ -114,7 +112,7 @@ def planar(width: Width) -> Figure:
 def spatial(width: Width) -> Figure:
     """Fig. 10 and 11: equilibria of a spatial robot, its feasible workspace, and tensions along the width."""
     equilibria = width.poses
-    figure, (left,), right = _width(width, _headline(width), projection="3d")
+    figure, (left,), right = _width(width, projection="3d")
     drawing.draw_frame(left, equilibria.robot)
     handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
     if len(width.workspace):
@@ -124,20 +122,12 @@ def spatial(width: Width) -> Figure:
         handles.append(key("static feasible workspace", color=style.GREEN, lw=style.LINE))
     for row in range(len(equilibria)):
         drawing.draw_pose(left, equilibria, row)
-    left.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.06), ncols=2)
+    legend_below(left, handles, -0.06)
     for ax, one in zip(right, width.lines, strict=True):
-        _tensions(ax, one, last=one is width.lines[-1])
         feasible = width.feasible(one.height)
         if feasible is not None:
-            ax.plot(
-                feasible,
-                [1, 1],
-                color=style.GREEN,
-                lw=4,
-                transform=ax.get_xaxis_transform(),
-                clip_on=False,
-                gid="feasible",
-            )
+            looks = {"color": style.GREEN, "lw": 4, "clip_on": False, "gid": "feasible"}
+            ax.plot(feasible, [1, 1], transform=ax.get_xaxis_transform(), **looks)
     return figure
 
 
@@ -206,10 +196,8 @@ def _series(layout: int, material: int) -> tuple[str, dict, str]:
     return color, (style.DARK, style.LIGHT)[material % 2], style.MARKERS[2 * layout + material]
 
 
-def _width(
-    width: Width, title: str, *, rows: int = 1, projection: str | None = None
-) -> tuple[Figure, list, list[Axes]]:
-    """A canvas with ``rows`` axes on the left, for poses, and one per material on the right."""
+def _width(width: Width, *, rows: int = 1, projection: str | None = None) -> tuple[Figure, list, list[Axes]]:
+    """A canvas with ``rows`` axes on the left, for poses, and one per material on the right, with its tensions."""
     robot, one = width.poses.robot, width.lines[0]
     commanded = np.concatenate(
         [width.poses.problems.positions, *(line.static.problems.positions for line in width.lines)]
@@ -221,18 +209,18 @@ def _width(
     figure = canvas(
         11.5,
         7.2 if rows > 1 else 6.2,
-        title,
+        _headline(width),
         f"{robot.description}, {robot.mass:g} kg, commanded level. Left: {len(width.poses)} poses with "
         f"{describe_cables(robot)}. Right: tensions along z = {one.height:g} m, for each material (assumed EA). "
         f"The title's numbers refer to what is drawn here: {drawn}. {METHODS}" + PAPER_FIGURES.get(robot.name, ""),
     )
     columns = figure.add_gridspec(1, 2, width_ratios=(0.92, 1))
     left, right = columns[0].subgridspec(rows, 1), columns[1].subgridspec(len(width.lines), 1)
-    return (
-        figure,
-        [figure.add_subplot(left[i], projection=projection) for i in range(rows)],
-        [figure.add_subplot(right[i]) for i in range(len(width.lines))],
-    )
+    poses = [figure.add_subplot(left[i], projection=projection) for i in range(rows)]
+    tensions = [figure.add_subplot(place) for place in right]
+    for ax, line in zip(tensions, width.lines, strict=True):
+        _tensions(ax, line, last=line is width.lines[-1])
+    return figure, poses, tensions
 
 
 def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
@@ -260,7 +248,7 @@ def _tensions(ax: Axes, line: Line, *, last: bool) -> None:
     ax.set_ylim(bottom=min(-0.02 * ax.get_ylim()[1], 0))
     if last:
         ax.set_xlabel("commanded x [m]")
-        ax.legend(handles=handles + shaded, loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=3)
+        legend_below(ax, handles + shaded, 0.24, columns=3)
     else:
         ax.tick_params(labelbottom=False)
 

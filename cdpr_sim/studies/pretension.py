@@ -81,7 +81,6 @@ class Push:
 
     Attributes:
         what: name of the wrench.
-        wrench: external, (6,) [N, N m].
         shifts: displacements by statics, (pretensions,) [m].
         turns: rotations by statics, (pretensions,) [rad].
         settled_shifts: displacements by MuJoCo, (some,) [m].
@@ -90,7 +89,6 @@ class Push:
     """
 
     what: str
-    wrench: Float[np.ndarray, "6"]
     shifts: Float[np.ndarray, " pretensions"]
     turns: Float[np.ndarray, " pretensions"]
     settled_shifts: Float[np.ndarray, " some"]
@@ -166,9 +164,7 @@ def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretensi
     robot = load_robot("ipanema-1")
     home = robot.home
     least = least_pretension(robot)
-    sizes = np.geomspace(
-        least, float(robot.force_max.min()) - least, points
-    )  # up to the tension limit of the upper cables
+    sizes = np.geomspace(least, float(robot.force_max.min()) - least, points)  # to the tension limit of upper cables
     lengths = np.array([robot.rest_lengths(home, size) for size in sizes])
     still = _both(robot, lengths, every)
     moved = {what: _both(robot, lengths, every, wrench) for what, wrench in PUSHES.items()}
@@ -187,8 +183,7 @@ def pretension(points: int = 121, every: int = 10, errors: int = 81) -> Pretensi
             )
         )  # fmt: skip
     pushes = tuple(
-        Push(what, PUSHES[what], _shifts(static), _turns(static), _shifts(settled),
-             _turns(settled), taut_from(robot, PUSHES[what]))
+        Push(what, _shifts(static), _turns(static), _shifts(settled), _turns(settled), taut_from(robot, PUSHES[what]))
         for what, (static, settled) in moved.items()
     )  # fmt: skip
     static, settled = still
@@ -361,7 +356,8 @@ def _pushes(ax: Axes, study: Pretension, *, turned: bool) -> None:
     pushes = [push for push in study.pushes if push.what.startswith("turned") == turned]
     sizes, some = study.stiffening.pretensions, study.stiffening.settled_pretensions
     for push, color, marker in zip(pushes, style.CABLES, style.MARKERS, strict=False):
-        values, settled = _moved(push, turned=turned)
+        values = np.degrees(push.turns) if turned else 1e3 * push.shifts
+        settled = np.degrees(push.settled_turns) if turned else 1e3 * push.settled_shifts
         slack = sizes <= push.taut
         at = float(np.interp(push.taut, sizes, values))
         ax.plot([push.taut, *sizes[~slack]], [at, *values[~slack]], color=color, gid=f"static {push.what}")
@@ -387,9 +383,10 @@ def _pushes(ax: Axes, study: Pretension, *, turned: bool) -> None:
 def _displacements(ax: Axes, study: Pretension) -> None:
     """Displacement of the platform by one length error."""
     for wrong, color, marker in _wrong(study):
+        where = "upper" if wrong.cable == ABOVE else "lower"
         ax.plot(1e3 * wrong.errors, 1e3 * wrong.shifts, color=color, gid=f"static {wrong.cable}")
         ax.plot(1e3 * wrong.settled_errors, 1e3 * wrong.settled_shifts, **points(color, marker))
-        ax.plot([], [], color=color, marker=marker, ms=5, label=_named(wrong))
+        ax.plot([], [], color=color, marker=marker, ms=5, label=f"{where} cable")
     _along_errors(ax, study)
     ax.set_ylabel("displacement of the platform [mm]")
     ax.set_title(f"One length error, at {HELD:g} N of pretension")
@@ -425,18 +422,8 @@ def _wrong(study: Pretension):
     return zip(study.wrong, (style.BLUE, style.VERMILLION), style.MARKERS, strict=False)
 
 
-def _named(wrong: WrongLength) -> str:
-    return "upper cable" if wrong.cable == ABOVE else "lower cable"
-
-
 def _along_errors(ax: Axes, study: Pretension) -> None:
     most = 1e3 * study.wrong[0].errors[-1]
     ax.set_xlabel(f"error of its length, {MOST_ERROR:.0%} at the ends [mm]")
     ax.set_xlim(-1.03 * most, 1.03 * most)
     ax.axvline(0, color=style.FAINT, lw=style.HAIR, zorder=0)
-
-
-def _moved(push: Push, *, turned: bool) -> tuple[np.ndarray, np.ndarray]:
-    if turned:
-        return np.degrees(push.turns), np.degrees(push.settled_turns)
-    return 1e3 * push.shifts, 1e3 * push.settled_shifts

@@ -21,7 +21,7 @@ from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, points, styled
+from cdpr_sim.drawing.axes import canvas, key, legend_below, points, styled
 from cdpr_sim.drawing.cable_curves import cable_curve, wheel_of
 from cdpr_sim.drawing.readable_numbers import exponent
 from cdpr_sim.physics.settle import settle_many
@@ -354,8 +354,7 @@ def _pulleys(ax: Axes, example: CableExample) -> None:
     ax.set_title(f"DemoBot with {radius:.0f} mm pulleys unknown to its winches: error of {off:.0f} mm")
     handles = drawing.pose_legend(slack=bool(equilibria.slack.any()))
     handles[0] = key("commanded, with point exits", color=style.COMMANDED, lw=0.9, ls=style.COMMANDED_DASH)
-    ax.legend(handles=[*handles, Patch(**style.WHEEL, label="pulley")], loc="upper center", bbox_to_anchor=(0.5, -0.16),
-              ncols=3)  # fmt: skip
+    legend_below(ax, [*handles, Patch(**style.WHEEL, label="pulley")], 0.16, columns=3)
     # One exit, closer.
     cable = int(np.argmin(robot.exits @ [1.0, 1.0, 0.0]))
     near, anchor = ax.inset_axes((0.6, 0.05, 0.37, 0.42)), position + rotation @ robot.anchors[cable]
@@ -364,11 +363,8 @@ def _pulleys(ax: Axes, example: CableExample) -> None:
         return
     # In the wheel's own plane: outwards and upwards from the exit.
     flat = np.array([wheel.outwards, wheel.axis])
-    rim, curve = (
-        (wheel.arc() - robot.exits[cable]) @ flat.T,
-        (cable_curve(robot.cabling, cable, anchor)) - robot.exits[cable],
-    )
-    curve = curve @ flat.T
+    curves = wheel.arc(), cable_curve(robot.cabling, cable, anchor)
+    rim, curve = ((points - robot.exits[cable]) @ flat.T for points in curves)
     near.fill(*rim.T, fc=style.WHEEL["fc"], ec=style.WHEEL["ec"], lw=1)
     near.plot([0, 0], [-3 * wheel.radius, 0], color=style.INK, lw=1.2)
     near.plot(*curve.T, color=style.INK, lw=1.2)
@@ -378,8 +374,7 @@ def _pulleys(ax: Axes, example: CableExample) -> None:
     near.set_xlim(-1.2 * wheel.radius, 3.4 * wheel.radius)
     near.set_ylim(-2.6 * wheel.radius, 1.4 * wheel.radius)
     near.set_title("one pulley, seen from its side", fontsize=8, loc="center")
-    for spine in near.spines.values():
-        spine.set(visible=True, color=style.FAINT)
+    near.spines[:].set(visible=True, color=style.FAINT)
 
 
 def _ropes_with_mass(ax: Axes, example: CableExample) -> None:
@@ -414,7 +409,8 @@ def _growth(ax: Axes, growths: tuple[Growth, ...]) -> None:
         radii = 1e3 * one.radii
         low, middle, high = 1e3 * np.quantile(one.shifts, [0.05, 0.5, 0.95], axis=1)
         arriving = "from below" if from_below else "from above"
-        label = f"{_layout(one.title)}, {arriving}: {one.rate:.2f} mm per mm"
+        layout = one.title.removeprefix("DemoBot, ")  # which is in the panel's title
+        label = f"{layout}, {arriving}: {one.rate:.2f} mm per mm"
         dashes = style.DASHES[0 if from_below else 1]
         ax.fill_between(radii, low, high, color=color, alpha=0.10 if from_below else 0.05, lw=0)
         ax.plot(radii, middle, color=color, ls=dashes, label=label, gid=f"static {one.title} {arriving}")
@@ -461,11 +457,6 @@ def _effects(ax: Axes, effects: tuple[CableEffect, ...]) -> None:
 def _left_out(effects: tuple[CableEffect, ...]) -> str:
     missing = sum(effect.unsettled for effect in effects)
     return f" Left out: {missing} poses at which MuJoCo did not settle." if missing else ""
-
-
-def _layout(title: str) -> str:
-    """The layout without the robot's name, which is in the panel's title."""
-    return title.removeprefix("DemoBot, ")
 
 
 def _sags(example: CableExample) -> tuple[np.ndarray, np.ndarray]:

@@ -90,8 +90,6 @@ class RobotSummary:
             None where the workspace is flat.
         modes: natural frequencies at the requested pose; None if there are none.
         motion: a drive across the workspace; None if not requested, or if the platform fell.
-        static: the static solver's poses during the drive.
-        shapes: profiles of cables with mass during the drive.
         missing: why something is left out, a sentence each.
     """
 
@@ -103,8 +101,6 @@ class RobotSummary:
     plane: xr.Dataset | None
     modes: Modes | None
     motion: Trajectory | None
-    static: RigidTransform | None
-    shapes: Float[np.ndarray, "steps cables points 3"] | None
     missing: tuple[str, ...]
 
 
@@ -151,9 +147,7 @@ def summarise(
             drove = _across(robot, requested.pose.translation)
         except CdprError as error:
             missing.append(f"No video: {error}.")
-    static = None if drove is None else solved_along(drove).poses
-    shapes = None if drove is None else shapes_of(drove)
-    return RobotSummary(robot, first, tuple(worst), most, checked, plane, modes, drove, static, shapes, tuple(missing))
+    return RobotSummary(robot, first, tuple(worst), most, checked, plane, modes, drove, tuple(missing))
 
 
 def settled_along(

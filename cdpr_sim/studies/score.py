@@ -20,7 +20,7 @@ import numpy as np
 import scipy.optimize
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.core.equilibrium import NotConverged, NotSettled
+from cdpr_sim.core.equilibrium import Equilibrium, NotConverged, NotSettled
 from cdpr_sim.core.errors import CdprError, InvalidInput, UnknownName
 from cdpr_sim.core.pose import Pose, angle_between
 from cdpr_sim.core.problem import Problem
@@ -197,21 +197,14 @@ def solver_called(name: str) -> Solver:
 # --- solvers compared in the manual
 
 
-def _static(method: Any) -> Solver:
+def _ours(solve_one: Callable[..., Equilibrium], **options: str) -> Solver:
     def solver(robot, rest_lengths, start, external_wrench=None) -> Answer:
         try:
-            return solve(robot, start, rest_lengths, method=method, external_wrench=external_wrench).pose
-        except NotConverged:
+            return solve_one(robot, start, rest_lengths, external_wrench=external_wrench, **options).pose
+        except (NotConverged, NotSettled):
             return None
 
     return solver
-
-
-def _mujoco(robot, rest_lengths, start, external_wrench=None) -> Answer:
-    try:
-        return settle(robot, start, rest_lengths, external_wrench=external_wrench).pose
-    except NotSettled:
-        return None
 
 
 def _scipy(function: str) -> Solver:
@@ -252,10 +245,10 @@ def _scipy(function: str) -> Solver:
 
 
 SOLVERS: dict[str, Solver] = {
-    "newton": _static("newton"),
-    "fsolve": _static("fsolve"),
-    "least_squares": _static("least_squares"),
-    "mujoco": _mujoco,
+    "newton": _ours(solve, method="newton"),
+    "fsolve": _ours(solve, method="fsolve"),
+    "least_squares": _ours(solve, method="least_squares"),
+    "mujoco": _ours(settle),
     "root": _scipy("root"),
     "minimize": _scipy("minimize"),
     "rigid": _scipy("rigid"),

@@ -19,19 +19,13 @@ from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import axes as drawing
 from cdpr_sim.drawing import style
-from cdpr_sim.drawing.axes import canvas, key, points, styled
+from cdpr_sim.drawing.axes import canvas, key, legend_below, points, styled
 from cdpr_sim.drawing.readable_numbers import power_of_ten
+from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics import two_cable_closed_form
-from cdpr_sim.studies.lines import (
-    COLUMNS,
-    PAPER_HEIGHTS,
-    Line,
-    along_x,
-    equilibria_by_mujoco,
-    equilibria_by_statics,
-    line,
-)
+from cdpr_sim.statics.newton import solve_many
+from cdpr_sim.studies.lines import COLUMNS, PAPER_HEIGHTS, Line, all_solved, along_x, line
 
 STIFFEST, SOFTEST = 1e3, 15.0
 """[N] EA at both ends of the drift."""
@@ -103,8 +97,8 @@ def manifold(*, drifts: int = 49, settled_every: int = 12, columns: int = 61, he
         rotation_about_y=np.array([[_upright(robot, [a, 0.0, b]) for a in x] for b in z]),
         commanded=commanded,
         axial_stiffness=stiffness,
-        static=tuple(equilibria_by_statics(one, commanded) for one in robots),
-        settled=tuple(equilibria_by_mujoco(one, commanded) for one in robots[::settled_every]),
+        static=tuple(all_solved(solve_many(one, commanded)) for one in robots),
+        settled=tuple(all_solved(settle_many(one, commanded)) for one in robots[::settled_every]),
     )
 
 
@@ -125,8 +119,8 @@ def closed_forms(*, static_rows: int = 201, settled_rows: int = 25) -> ClosedFor
         short_bar=np.array(
             [two_cable_closed_form.short_bar_rotation(robot, position) for position in along.static.positions]
         ),
-        poses=equilibria_by_statics(robot, poses),
-        settled_poses=equilibria_by_mujoco(robot, poses),
+        poses=all_solved(solve_many(robot, poses)),
+        settled_poses=all_solved(settle_many(robot, poses)),
         balanced=np.array([_upright(robot, position) for position in poses]),
     )
 
@@ -198,17 +192,13 @@ def draw_manifold(study: Manifold) -> Figure:
     marks = [EA for EA in (15, 20, 30, 50, 100, 1000) if softest <= EA <= stiffest]
     bar.set_ticks([-1 / EA for EA in marks], labels=[f"{EA:g}" for EA in marks])
     bar.set_label("axial stiffness EA [N]")
-    front.legend(
-        handles=[
-            key("commanded, level", ls="none", marker="o", color=style.INK),
-            key(f"to the equilibrium with EA = {newtons(stiffest)}", ls=":", lw=0.9, color=style.INK),
-            key("static solver, EA decreasing", color=colors(0.6), lw=2.6),
-            key("MuJoCo, settled", **points(style.INK, ms=4.5)),
-        ],
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.14),
-        ncols=2,
-    )
+    handles = [
+        key("commanded, level", ls="none", marker="o", color=style.INK),
+        key(f"to the equilibrium with EA = {newtons(stiffest)}", ls=":", lw=0.9, color=style.INK),
+        key("static solver, EA decreasing", color=colors(0.6), lw=2.6),
+        key("MuJoCo, settled", **points(style.INK, ms=4.5)),
+    ]
+    legend_below(front, handles, 0.14)
     return figure
 
 
@@ -242,17 +232,13 @@ def draw_poses(forms: ClosedForms) -> Figure:
     for side in (0, -1):
         anchors = settled.positions + settled.rotations @ robot.anchors[side]
         ax.plot(*anchors[:, [0, 2]].T, **points(style.INK, ms=4.5), gid="mujoco")
-    ax.legend(
-        handles=[
-            key("commanded, level", color=style.MUTED, lw=2, ls=(0, (1.5, 1))),
-            key("closed form: equilibrium tilt there", color=style.GREEN, lw=2, ls=(0, (5, 1.5))),
-            key("static solver: equilibrium", color=style.BLUE, lw=3.4),
-            key("MuJoCo: ends and middle, settled", **points(style.INK, ms=4.5)),
-        ],
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.1),
-        ncols=2,
-    )
+    handles = [
+        key("commanded, level", color=style.MUTED, lw=2, ls=(0, (1.5, 1))),
+        key("closed form: equilibrium tilt there", color=style.GREEN, lw=2, ls=(0, (5, 1.5))),
+        key("static solver: equilibrium", color=style.BLUE, lw=3.4),
+        key("MuJoCo: ends and middle, settled", **points(style.INK, ms=4.5)),
+    ]
+    legend_below(ax, handles, 0.1)
     return figure
 
 

@@ -12,10 +12,11 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.equilibrium_batch import EquilibriumBatch
 from cdpr_sim.core.materials import PAPER_MATERIALS
 from cdpr_sim.crosscheck.compare import Agreement, compare
+from cdpr_sim.physics.settle import settle_many
 from cdpr_sim.report.table_style import new_table
 from cdpr_sim.robots.catalogue import load_robot
 from cdpr_sim.statics.newton import solve_many
-from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, along_x, equilibria_by_mujoco
+from cdpr_sim.studies.lines import PAPER_HEIGHTS, PAPER_LINE, all_solved, along_x
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ def checked_lines(
     for material in materials:
         robot = load_robot(layout).replace(material=material)
         for height in heights:
-            settled = equilibria_by_mujoco(robot, along_x(robot, height, ends, rows))
+            settled = all_solved(settle_many(robot, along_x(robot, height, ends, rows)))
             solved = solve_many(settled.problems)
             agreements = tuple(compare(a, b) for a, b in zip(solved, settled, strict=True))
             lines[material, height] = CheckedLine(settled, agreements)

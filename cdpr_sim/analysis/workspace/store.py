@@ -151,14 +151,17 @@ def _write_netcdf(dataset: xr.Dataset, path: Path) -> None:
 
 def _create(dataset: xr.Dataset, path: Path) -> None:
     """Create the store with coordinates and every status pending, under another name until it is complete."""
+    from numcodecs import Zstd
+
     for left in path.parent.glob(f".{path.name}-*.part"):
         if _identity_of(left) is not None:  # ours, of a process that was killed
             shutil.rmtree(left, ignore_errors=True)
     part = Path(tempfile.mkdtemp(prefix=f".{path.name}-", suffix=".part", dir=path.parent))
+    compressor = Zstd(level=1, checksum=True)  # a checksum of each chunk
     try:
         dataset.to_zarr(
             part, mode="w", compute=False, consolidated=False, zarr_format=2, write_empty_chunks=True,
-            encoding={str(name): {"compressors": _compressor()} for name in dataset.variables},
+            encoding={str(name): {"compressors": compressor} for name in dataset.variables},
         )  # fmt: skip
         status = dataset["status"]
         pending = status.drop_vars(list(status.coords)).to_dataset()
@@ -215,13 +218,6 @@ def _write_region(piece: xr.Dataset, path: Path, slab: dict[str, slice]) -> None
     piece.to_zarr(path, region=slab, consolidated=False, zarr_format=2, write_empty_chunks=True)
 
 
-def _compressor() -> Any:
-    """Zstandard, which adds a checksum to each chunk."""
-    from numcodecs import Zstd
-
-    return Zstd(level=1, checksum=True)
-
-
 @contextmanager
 def _held(path: Path) -> Iterator[None]:
     """Lock the store for this process.
@@ -232,7 +228,9 @@ def _held(path: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     file = path.with_name(f".{path.name}.lock")
-    holder = _holder(file)
+    holder = "another process"
+    with suppress(OSError, UnicodeDecodeError):
+        holder = file.read_text(encoding="utf-8") or holder
     lock = FileLock(file, timeout=0)
     try:
         lock.acquire()
@@ -248,14 +246,6 @@ def _held(path: Path) -> Iterator[None]:
         with suppress(OSError):
             file.unlink()
         lock.release()
-
-
-def _holder(file: Path) -> str:
-    """Owner of the lock, if it can be read."""
-    try:
-        return file.read_text(encoding="utf-8") or "another process"
-    except (OSError, UnicodeDecodeError):
-        return "another process"
 
 
 def _losses(dataset: xr.Dataset, path: Path) -> list[tuple[str, tuple[int, ...]]]:

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.analysis.workspace import store as stores
+from cdpr_sim.analysis.workspace.feasibility import capacity_margin, feasible
 from cdpr_sim.analysis.workspace.grids import AXES, GridLike, as_grid, as_poses
 from cdpr_sim.core import extras, free_ram
 from cdpr_sim.core.checks import FLAG, checked_array, checked_label, listed, one_of, refuse_unless, whole
@@ -83,18 +83,16 @@ equilibrium."""
 DEFAULT = (*QUANTITIES, "feasible")
 """Names of the quantities that are computed unless others are asked for."""
 
-_FEASIBLE = {
-    "feasible": "rigid cables can hold the platform as commanded",
-    "wrench_feasible": "rigid cables can hold the platform as commanded against every one of the wrenches",
-}
-
-_WRENCHES = "external wrenches of the wrench-feasible workspace, besides gravity and external_wrench"
-
-_MARGIN = {
-    "units": "N",
-    "long_name": "by how much rigid cables' tensions can keep from their limits, as commanded; negative outside",
-}
-"""Attributes of ``capacity_margin``, which is computed only on request: it takes longer than an equilibrium."""
+_RIGID = {
+    "feasible": ("1", "rigid cables can hold the platform as commanded"),
+    "wrench_feasible": ("1", "rigid cables can hold the platform as commanded against every one of the wrenches"),
+    "capacity_margin": (
+        "N", "by how much rigid cables' tensions can keep from their limits, as commanded; negative outside"
+    ),
+    "wrenches": ("N, N m", "external wrenches of the wrench-feasible workspace, besides gravity and external_wrench"),
+}  # fmt: skip
+"""Unit and meaning of what concerns rigid cables, where a sweep has it. ``capacity_margin`` takes longer than an
+equilibrium, and is computed only on request."""
 
 ROBOT = {
     "frame": ("m", "two opposite corners of the frame"),
@@ -197,7 +195,7 @@ def sweep(
     blocks = None if chunk is None else _blocks(axes, 1 if materials is None else len(materials), chunk)
     points = _coordinates(axes, blocks) if stack is None else _along(stack)
 
-    held = dict(rotation=rotation, tension_limits=tension_limits)
+    held = dict(rotations=rotation, tension_limits=tension_limits)
     if compute or store is not None:
         variants = len(group) * (1 if materials is None else len(materials))
         count = variants * math.prod(len(values) for values in axes.values())
@@ -207,16 +205,19 @@ def sweep(
     parts = []
     for robot in group:
         stiffness = _labelled(stiffnesses[robot.name], materials)
-        part = _equilibria(robot, points, stiffness, rotation, wrench, names)
+        given: dict[str, Any] = dict(robot=robot, rotation=rotation, wrench=wrench)
+        solved = {name: kind for name, kind in QUANTITIES.items() if name in names}
+        part = _arrays(_solve_block, solved, robot, points, stiffness, given)
         if settled is not None:
-            given = dict(compute=settled.compute, robot=robot, rotation=rotation, wrench=wrench)
+            given["compute"] = settled.compute
             part = part.merge(_arrays(_settled_block, settled.quantities, robot, points, stiffness, given))
         if "feasible" in names:
-            part["feasible"] = _feasible(robot, points, wrenches=wrench, **held)
+            part["feasible"] = _rigid(feasible, bool, robot, points, wrenches=wrench, **held)
         if "capacity_margin" in names:
-            part["capacity_margin"] = _capacity_margin(robot, points, wrenches=wrench, **held)
+            part["capacity_margin"] = _rigid(capacity_margin, float, robot, points, wrenches=wrench, **held)
         if wrenches is not None:
-            part["wrench_feasible"] = _feasible(robot, points, wrenches=np.atleast_2d(wrenches) + wrench, **held)
+            every = np.atleast_2d(wrenches) + wrench
+            part["wrench_feasible"] = _rigid(feasible, bool, robot, points, wrenches=every, **held)
         parts.append(_with_robot(part, robot, stiffness))
     result = _side_by_side(parts) if many else parts[0]
     if stack is not None:
@@ -349,19 +350,6 @@ def _along(stack: RigidTransform) -> list[xr.DataArray]:
     return [xr.DataArray(column, dims=("pose",), attrs=units) for column in stack.translation.T]
 
 
-def _equilibria(
-    robot: Robot,
-    points: Sequence[xr.DataArray],
-    stiffness: xr.DataArray,
-    rotation: np.ndarray,
-    wrench: np.ndarray,
-    names: Sequence[str],
-) -> xr.Dataset:
-    given = dict(robot=robot, rotation=rotation, wrench=wrench)
-    quantities = {name: kind for name, kind in QUANTITIES.items() if name in names}
-    return _arrays(_solve_block, quantities, robot, points, stiffness, given)
-
-
 def _arrays(
     block: Callable[..., Any],
     quantities: Mapping[str, Quantity],
@@ -456,33 +444,16 @@ def _apply_ufunc(function: Any, *arrays: xr.DataArray, **options: Any) -> Any:
         return xr.apply_ufunc(function, *arrays, dask="parallelized", **options)
 
 
-def _feasible(robot: Robot, points: Sequence[xr.DataArray], **conditions: Any) -> xr.DataArray:
-    return _apply_ufunc(
-        _feasible_block,
-        *points,
-        kwargs=dict(robot=robot, **conditions),
-        output_dtypes=[bool],
-    )
+def _rigid(
+    function: Callable[..., np.ndarray], dtype: type, robot: Robot, points: Sequence[xr.DataArray], **conditions: Any
+) -> xr.DataArray:
+    """A function of ``feasibility``, at every pose."""
+    given = dict(function=function, robot=robot, **conditions)
+    return _apply_ufunc(_rigid_block, *points, kwargs=given, output_dtypes=[dtype])
 
 
-def _feasible_block(x, y, z, *, robot, rotation, tension_limits, wrenches) -> np.ndarray:
-    commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
-    return feasibility.feasible(robot, commanded, rotations=rotation, tension_limits=tension_limits, wrenches=wrenches)
-
-
-def _capacity_margin(robot: Robot, points: Sequence[xr.DataArray], **conditions: Any) -> xr.DataArray:
-    margin = _apply_ufunc(
-        _capacity_margin_block, *points, kwargs=dict(robot=robot, **conditions), output_dtypes=[float]
-    )
-    margin.attrs = _MARGIN
-    return margin
-
-
-def _capacity_margin_block(x, y, z, *, robot, rotation, tension_limits, wrenches) -> np.ndarray:
-    commanded = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
-    return feasibility.capacity_margin(
-        robot, commanded, rotations=rotation, tension_limits=tension_limits, wrenches=wrenches
-    )
+def _rigid_block(x: np.ndarray, y: np.ndarray, z: np.ndarray, *, function, robot, **conditions) -> np.ndarray:
+    return function(robot, np.stack(np.broadcast_arrays(x, y, z), axis=-1), **conditions)
 
 
 def _with_robot(dataset: xr.Dataset, robot: Robot, stiffness: xr.DataArray) -> xr.Dataset:
@@ -517,13 +488,9 @@ def _side_by_side(parts: Sequence[xr.Dataset]) -> xr.Dataset:
 
 
 def _annotate(dataset: xr.Dataset, **conditions: list[float]) -> None:
-    for name, meaning in _FEASIBLE.items():
+    for name, (unit, meaning) in (_RIGID | ROBOT).items():
         if name in dataset:
-            dataset[name].attrs = {"units": "1", "long_name": meaning}
-    for name, (unit, meaning) in ROBOT.items():
-        dataset[name].attrs = {"units": unit, "long_name": meaning} if unit else {"long_name": meaning}
-    if "wrenches" in dataset.coords:
-        dataset["wrenches"].attrs = {"units": "N, N m", "long_name": _WRENCHES}
+            dataset[name].attrs = {"units": unit, "long_name": meaning} if unit else {"long_name": meaning}
     dataset.attrs = {
         "title": "Static equilibria of cable-driven parallel robots over their workspace",
         "source": "cdpr_sim.sweep",

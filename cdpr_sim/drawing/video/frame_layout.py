@@ -14,25 +14,17 @@ from cdpr_sim.core.robot import Robot
 from cdpr_sim.drawing import style
 from cdpr_sim.drawing.video.scene import tension_colors
 
-LEGENDS = (
-    {
-        "platform": "platform in MuJoCo",
-        "commanded": "commanded pose",
-        "static": "pose by the static solver",
-        "slack": "slack cable",
-        "tension": "tension",
-    },
-    {
-        "platform": "platform in MuJoCo",
-        "commanded": "commanded",
-        "static": "static solver",
-        "slack": "slack cable",
-        "tension": "tension",
-    },
-    {"platform": "MuJoCo", "commanded": "commanded", "static": "static", "slack": "slack", "tension": ""},
-)
-"""Legends from long to short."""
+KEYS = ("platform", "commanded", "static", "slack", "tension")
 
+LEGENDS: list[dict[str, str]] = [
+    dict(zip(KEYS, labels, strict=True))
+    for labels in (
+        ("platform in MuJoCo", "commanded pose", "pose by the static solver", "slack cable", "tension"),
+        ("platform in MuJoCo", "commanded", "static solver", "slack cable", "tension"),
+        ("MuJoCo", "commanded", "static", "slack", ""),
+    )
+]
+"""Legends from long to short."""
 
 LEAST_CHART = 8
 """[pixel] Smallest height and width of the bar chart."""
@@ -218,8 +210,9 @@ class Page:
         chart = self._chart(box)
         if not _has_room(chart):
             return
-        colors = tension_colors(tensions, self.largest_tension)
-        for i, (left, right) in enumerate(_slots(chart, len(tensions))):
+        colors, pitch = tension_colors(tensions, self.largest_tension), chart.width / len(tensions)
+        for i in range(len(tensions)):
+            left, right = chart.left + (i + 0.14) * pitch, chart.left + (i + 0.86) * pitch
             if slack[i]:  # a slack cable: an empty frame, and its number in the same colour
                 draw.rectangle((left, chart.top, right, chart.bottom - 1), outline=_rgb(style.SLACK_COLOR))
                 self._draw_bar_number(draw, chart, i, len(tensions), style.SLACK_COLOR)
@@ -332,12 +325,6 @@ def nice_above(value: float) -> float:
 def _has_room(chart: Box) -> bool:
     """Whether bars fit: with many robots on a small page they are left out."""
     return min(chart.width, chart.height) >= LEAST_CHART
-
-
-def _slots(chart: Box, cables: int) -> list[tuple[float, float]]:
-    """Left and right of each cable's bar."""
-    pitch = chart.width / cables
-    return [(chart.left + (i + 0.14) * pitch, chart.left + (i + 0.86) * pitch) for i in range(cables)]
 
 
 def _rgb(color: Sequence[float]) -> tuple[int, int, int]:
