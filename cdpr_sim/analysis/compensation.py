@@ -42,7 +42,8 @@ from cdpr_sim.statics.gufuncs import shortfall_gufunc
 
 Prefer = Literal["smallest", "stiffest"]
 
-_Start = tuple[RigidTransform, Float[np.ndarray, " cables"]]
+_Start = tuple[Float[np.ndarray, "6"], Float[np.ndarray, " cables"]]
+"""A step from the commanded pose, as of ``moved``, and tensions [N]."""
 
 TAUT = 0.01
 """Default lower limit of tension, as a fraction of the load (or, without one, of the scale of forces): keeps
@@ -268,14 +269,13 @@ def demand_at(
     robot, position, rotation = problem.robot, pose.translation, pose.rotation.as_matrix()
     free, units = robot.free, robot.units
 
-    def stiffness(tensions: Float[np.ndarray, " cables"]) -> Float[np.ndarray, "free free"]:
-        state = forces.at(_cut(problem, pose, tensions), position, rotation)
-        return (state.stiffness_matrix / np.outer(units, units))[np.ix_(free, free)]
-
     # The stiffness matrix is affine in the tensions, all taut: one more values than cables determine it.
     some = np.full(robot.cables, problem.load or 1.0)
-    base = stiffness(some)
-    stiffening = np.array([(stiffness(some + step) - base) / some[0] for step in np.diag(some)])
+    tensions = np.vstack([some, some + np.diag(some)])
+    positions, rotations = np.array([position] * len(tensions)), np.array([rotation] * len(tensions))
+    state = _with_lengths(problem, _cut_lengths(robot, positions, rotations, tensions), positions, rotations)
+    base, *others = (state.stiffness_matrix / np.outer(units, units))[:, free][:, :, free]
+    stiffening = (np.array(others) - base) / some[0]
     return Demand(
         wrench_matrix=(forces.geometry(robot, position, rotation).wrench_matrix / units[:, None])[free],
         load=(forces.load_wrench(problem, rotation) / units)[free],
@@ -288,12 +288,33 @@ def demand_at(
 
 def _cut(problem: Problem, pose: RigidTransform, tensions: Float[np.ndarray, " cables"]) -> Problem:
     """``problem`` with the unstretched lengths that have these tensions at ``pose``, from which it starts."""
-    robot = problem.robot
+    rest = _cut_lengths(problem.robot, pose.translation, pose.rotation.as_matrix(), tensions)
+    return Problem(problem.robot, pose, frozen(rest), problem.external_wrench)
+
+
+def _cut_lengths(
+    robot: Robot,
+    positions: Float[np.ndarray, "*rows 3"],
+    rotations: Float[np.ndarray, "*rows 3 3"],
+    tensions: Float[np.ndarray, "*rows cables"],
+) -> Float[np.ndarray, "*rows cables"]:
+    """Unstretched lengths with these tensions at a pose, or at many; ``NotConverged`` where there are none."""
     try:
-        rest, _ = cut(robot, pose.translation, pose.rotation.as_matrix(), tensions)
+        return cut(robot, positions, rotations, tensions)[0]
     except InvalidInput as error:
         raise NotConverged(f"compensate: {error}; try other limits of tension") from None
-    return Problem(robot, pose, frozen(rest), problem.external_wrench)
+
+
+def _with_lengths(
+    problem: Problem,
+    rest: Float[np.ndarray, "*rows cables"],
+    positions: Float[np.ndarray, "*rows 3"],
+    rotations: Float[np.ndarray, "*rows 3 3"],
+) -> forces.State:
+    """Cables of ``problem`` with other rest lengths at a pose, or at many."""
+    load = problem.external_wrench, problem.axial_stiffness, np.array(problem.mass)
+    shape, falls = rest.shape[:-1], np.array(False)
+    return forces.at(Problems(problem.robot, positions, rotations, rest, *load, shape, falls), positions, rotations)
 
 
 def _reasons(demand: Demand, problem: Problem) -> tuple[str, ...]:
@@ -334,37 +355,35 @@ def _nearest(
     constraint, differentiated by differences.
     """
     best: Equilibrium | None = None
+    away = np.inf
 
-    def away(found: Equilibrium | None) -> float:
-        return np.inf if found is None else distance(problem.pose, found.pose, arm)
+    def nearer(start: _Start, least: float | None, enough: float) -> float:
+        """The distance of the pose that the descent finds; its equilibrium becomes the best if it is nearer, and held.
 
-    def nearer(start: _Start, least: float | None) -> tuple[float, Equilibrium | None]:
-        """The distance of the pose that the descent finds, and its equilibrium if there is one and it is nearer."""
-        aim = _descend(problem, start, limits, least, idle, arm)
-        if aim is None:
-            return np.finfo(float).max, None  # tried again only if nothing else is found
-        far = distance(problem.pose, aim.pose, arm)
-        return far, _settled(aim) if far < away(best) else None
+        Infinite in the latter case.
+        """
+        nonlocal best, away
+        reached = _descend(problem, start, limits, least, idle, arm)
+        if reached is None:
+            return np.finfo(float).max  # tried again only if nothing else is found
+        step, tensions = reached
+        far = float(np.hypot(np.linalg.norm(step[:3]), arm * Rotation.from_rotvec(step[3:]).magnitude()))
+        if far < away:
+            found = _settled(problem, step, tensions)
+            if found is not None and _holds(found, idle, enough):
+                best, away = found, distance(problem.pose, found.pose, arm)
+                return np.inf
+        return far
 
     def search(starts: list[_Start]) -> None:
-        nonlocal best
-        not_held = []
-        for start in starts:
-            far, found = nearer(start, None)
-            if found is not None and _holds(found, idle, 0.5 * floor):
-                best = found
-            else:
-                not_held.append((start, far))
-        for start, least in not_held:
-            if least < away(best):  # else a constraint of stability would only increase the distance
-                _, found = nearer(start, floor)
-                if found is not None and _holds(found, idle):
-                    best = found
+        for start, least in [(start, nearer(start, None, 0.5 * floor)) for start in starts]:
+            if least < away:  # else a constraint of stability would only increase the distance
+                nearer(start, floor, 0.0)
 
     search(_starts(problem, limits))
     random = np.random.default_rng(0)
     for _ in range(ROUNDS):
-        radius = float(problem.rest_lengths.mean()) if best is None else away(best)
+        radius = float(problem.rest_lengths.mean()) if best is None else away
         search(_spread(problem, limits, radius, arm, random))
     if best is None:
         raise NotConverged(
@@ -376,8 +395,7 @@ def _nearest(
 
 def _starts(problem: Problem, limits: Float[np.ndarray, "2 cables"]) -> list[_Start]:
     """Poses and tensions to search from: the commanded pose, and equilibria with softer and softer cables."""
-    robot, starts = problem.robot, []
-    softness = np.array([1.0, 0.1, 0.01])
+    robot, softness = problem.robot, np.array([1.0, 0.1, 0.01])
     hanging = newton.solve_many(
         robot,
         problem.pose,
@@ -385,11 +403,12 @@ def _starts(problem: Problem, limits: Float[np.ndarray, "2 cables"]) -> list[_St
         external_wrench=problem.external_wrench,
         axial_stiffness=softness[:, None] * robot.axial_stiffness,
     )
+    starts = []
     for row in np.flatnonzero(hanging.converged):
-        found = hanging[int(row)]
-        starts.append((found.pose, np.clip(found.tensions, *limits)))
-    starts.insert(0, (problem.pose, np.clip(starts[0][1] if starts else limits[0], *limits)))
-    return starts
+        turn = Rotation.from_matrix(hanging.rotations[row] @ problem.at.rotation_matrix.T).as_rotvec()
+        step = np.concatenate([hanging.positions[row] - problem.at.position, turn])
+        starts.append((step, np.clip(hanging.tensions[row], *limits)))
+    return [(np.zeros(6), starts[0][1] if starts else limits[0]), *starts]
 
 
 def _spread(
@@ -404,27 +423,24 @@ def _spread(
     steps = np.zeros((SAMPLES, 6))
     steps[:, free] = random.normal(size=(SAMPLES, len(free)))
     steps *= radius * (random.random(SAMPLES) ** (1 / len(free)) / np.linalg.norm(steps, axis=1))[:, None]
-    turns = steps[:, 3:] / arm
-    turns *= np.minimum(1, np.pi / np.maximum(np.linalg.norm(turns, axis=1), np.finfo(float).tiny))[:, None]
-    positions = problem.pose.translation + steps[:, :3]
-    rotations = Rotation.from_rotvec(turns) * problem.pose.rotation
+    steps[:, 3:] /= arm
+    steps[:, 3:] *= np.minimum(1, np.pi / np.maximum(np.linalg.norm(steps[:, 3:], axis=1), 1e-300))[:, None]
+    positions = problem.at.position + steps[:, :3]
+    rotations = Rotation.from_rotvec(steps[:, 3:]).as_matrix() @ problem.at.rotation_matrix
     with np.errstate(all="ignore"):
         left = shortfall_gufunc(bent=robot.cabling.bent)(
             robot.cabling.packed, *limits, robot.weight, robot.center_of_mass, problem.external_wrench[None],
-            np.array(free), robot.characteristic_length, positions, rotations.as_matrix(),
+            np.array(free), robot.characteristic_length, positions, rotations,
         )  # fmt: skip
-    starts: list[_Start] = []
-    near = np.hstack([positions, arm * turns])
     left = np.where(np.isfinite(left), left, np.inf)
-    while len(starts) < STARTS and np.isfinite(left).any():
-        row = int(np.argmin(left))
-        pose = RigidTransform.from_components(positions[row], rotations[row])
-        W = forces.geometry(robot, positions[row], rotations[row].as_matrix()).wrench_matrix
-        load = forces.load_wrench(problem, rotations[row].as_matrix()) / robot.units
-        tensions = -np.linalg.lstsq((W / robot.units[:, None])[free], load[free], rcond=None)[0]
-        starts.append((pose, np.clip(tensions, *limits)))
+    near, chosen = steps * np.repeat([1.0, arm], 3), []
+    while len(chosen) < STARTS and np.isfinite(left).any():
+        chosen.append(row := int(np.argmin(left)))
         left[np.linalg.norm(near - near[row], axis=1) <= APART * radius] = np.inf
-    return starts
+    W = forces.geometry(robot, positions[chosen], rotations[chosen]).wrench_matrix / robot.units[:, None]
+    load = forces.load_wrench(problem, rotations[chosen]) / robot.units
+    tensions = -(np.linalg.pinv(W[:, free], robot.cables * np.finfo(float).eps) @ load[:, free, None])[..., 0]
+    return [*zip(steps[chosen], np.clip(tensions, *limits), strict=True)]
 
 
 def _descend(
@@ -434,66 +450,58 @@ def _descend(
     floor: float | None,
     idle: int,
     arm: float,
-) -> Problem | None:
+) -> _Start | None:
     """One run of SLSQP over the step from the commanded pose, per characteristic length, and the tensions per load.
 
     Returns:
-        The pose that it finds and the rest lengths for it.
+        The step and the tensions that it finds.
     """
     robot = problem.robot
     free, units = robot.free, robot.units
     scale, reach = problem.load or 1.0, robot.characteristic_length
-    count = len(free)
-    pose, tensions = start
-    turn = (pose.rotation * problem.pose.rotation.inv()).as_rotvec()
-    begin = np.concatenate([pose.translation - problem.pose.translation, turn])
+    count, grid, per_load = len(free), np.ix_(free, free), 1 / (units * scale)
+    origin, level = problem.at.position, problem.at.rotation_matrix
 
-    origin, level = problem.pose.translation, problem.pose.rotation.as_matrix()
-    same_load = Problems.of(robot, problem.pose, problem.rest_lengths, problem.external_wrench)
-
-    def stepped(unknowns: Float[np.ndarray, "*rows unknowns"]) -> Float[np.ndarray, "*rows 6"]:
+    def decoded(
+        unknowns: Float[np.ndarray, "*rows unknowns"],
+    ) -> tuple[Float[np.ndarray, "*rows 6"], Float[np.ndarray, "*rows cables"]]:
         step = np.zeros((*unknowns.shape[:-1], 6))
         step[..., free] = unknowns[..., :count] * reach / units[free]
-        return step
-
-    def posed(
-        unknowns: Float[np.ndarray, "*rows unknowns"],
-    ) -> tuple[Float[np.ndarray, "*rows 3"], Float[np.ndarray, "*rows 3 3"]]:
-        step = stepped(unknowns)
-        turn = Rotation.from_rotvec(step[..., 3:]).as_matrix()
-        return origin + step[..., :3], turn @ level
+        return step, np.maximum(unknowns[..., count:], 0) * scale
 
     @functools.lru_cache(maxsize=1)  # SLSQP asks for the balance at a point, and then for its slope there
-    def pulling(point: bytes) -> tuple[forces.State, Float[np.ndarray, "6 cables"]]:
-        """Cables under the tensions, and their wrench matrix; the rest lengths of massless ones have no effect."""
-        unknowns = np.frombuffer(point)
-        position, rotation = posed(unknowns)
-        tensions = np.maximum(unknowns[count:], 0) * scale
+    def pulling(point: bytes) -> tuple[forces.State, Float[np.ndarray, "6 cables"], Float[np.ndarray, "3 3"]]:
+        """Cables under the tensions, and their wrench matrix; the rest lengths of massless ones have no effect.
+
+        And the left Jacobian of the step's rotation.
+        """
+        step, tensions = decoded(np.frombuffer(point))
+        jacobian = _left_jacobian(step[3:])
+        position, rotation = origin + step[:3], level + forces.cross_matrix(step[3:]) @ jacobian @ level
         if robot.cabling.massless:
             cables = forces.geometry(robot, position, rotation)
-            return forces.State(problem, position, rotation, cables, tensions), cables.wrench_matrix
+            return forces.State(problem, position, rotation, cables, tensions), cables.wrench_matrix, jacobian
         rest, W = cut(robot, position, rotation, tensions)
-        return forces.at(Problem(robot, problem.pose, rest, problem.external_wrench), position, rotation), W
+        state = forces.at(Problem(robot, problem.at, rest, problem.external_wrench), position, rotation)
+        return state, W, jacobian
 
     def balance(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " free"]:
-        state, W = pulling(unknowns.tobytes())
-        return ((W @ unknowns[count:] * scale + state.load_wrench) / units)[free] / scale
+        state, W, _ = pulling(unknowns.tobytes())
+        return ((W @ unknowns[count:] * scale + state.load_wrench) * per_load)[free]
 
     def slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "free unknowns"]:
-        geometric, by_tension = derivatives.wrench_under_tensions(pulling(unknowns.tobytes())[0])
-        geometric[:, 3:] = geometric[:, 3:] @ _left_jacobian(stepped(unknowns)[3:])
-        by_step = (geometric * reach / units / units[:, None])[np.ix_(free, free)] / scale
-        return np.hstack([by_step, (by_tension / units[:, None])[free]])
-
-    def shortened(unknowns: Float[np.ndarray, "*rows unknowns"]) -> forces.State:
-        """Cables with the rest lengths that have the tensions at the pose, or at many."""
-        where, tensions = posed(unknowns), np.maximum(unknowns[..., count:], 0) * scale
-        rest, _ = cut(robot, *where, tensions)
-        return forces.at(replace(same_load, rest_lengths=rest, shape=rest.shape[:-1]), *where)
+        state, _, jacobian = pulling(unknowns.tobytes())
+        geometric, by_tension = derivatives.wrench_under_tensions(state)
+        geometric[:, 3:] = geometric[:, 3:] @ jacobian
+        by_step = (geometric * (reach / units * per_load[:, None]))[grid]
+        return np.concatenate([by_step, (by_tension / units[:, None])[free]], axis=1)
 
     def held(unknowns: Float[np.ndarray, "*rows unknowns"]) -> Float[np.ndarray, "*rows"]:
         """The least eigenvalue that tensions can change, minus ``floor``."""
-        return (shortened(unknowns).eigenvalues[..., idle] - (floor or 0.0)) * reach / scale
+        step, tensions = decoded(unknowns)
+        where = origin + step[..., :3], Rotation.from_rotvec(step[..., 3:]).as_matrix() @ level
+        state = _with_lengths(problem, cut(robot, *where, tensions)[0], *where)
+        return (state.eigenvalues[..., idle] - (floor or 0.0)) * reach / scale
 
     def held_slope(unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " unknowns"]:
         points = held(np.vstack([unknowns, unknowns + DIFFERENCE * np.eye(len(unknowns))]))
@@ -506,37 +514,38 @@ def _descend(
     weights[:count] = np.repeat([1.0, max(arm / reach, LEAST_ARM) ** 2], 3)[free]
 
     def give_up(unknowns: Float[np.ndarray, " unknowns"]) -> None:
-        away = float(np.linalg.norm(stepped(unknowns)[:3]))
-        if floor is not None and away > TOO_FAR * problem.rest_lengths.mean():
+        if np.linalg.norm(decoded(unknowns)[0][:3]) > TOO_FAR * problem.rest_lengths.mean():
             raise StopIteration
 
     try:
         found = minimize(
             lambda unknowns: float(0.5 * weights @ unknowns**2),
-            np.concatenate([(begin * units / reach)[free], tensions / scale]),
+            np.concatenate([(start[0] * units / reach)[free], start[1] / scale]),
             jac=lambda unknowns: weights * unknowns,
             bounds=[(None, None)] * count + [*zip(*(limits / scale), strict=True)],
             constraints=constraints,
             method="SLSQP",
-            callback=give_up,
+            callback=None if floor is None else give_up,
             options={"maxiter": 300, "ftol": CONVERGED},
         )
         if not np.isfinite(found.x).all() or np.abs(balance(found.x)).max() > 1e-6:
             return None
-        pose = moved(problem.pose, stepped(found.x))
-        rest, _ = cut(robot, *posed(found.x), np.maximum(found.x[count:], 0) * scale)
-        return Problem.of(robot, pose, rest, problem.external_wrench)
+        return decoded(found.x)
     except (NotConverged, InvalidInput):  # a cable of zero length, or one too heavy for its tension
         return None
 
 
-def _settled(aim: Problem) -> Equilibrium | None:
-    """The equilibrium at the problem's own pose, if the solver finds it there."""
+def _settled(
+    problem: Problem, step: Float[np.ndarray, "6"], tensions: Float[np.ndarray, " cables"]
+) -> Equilibrium | None:
+    """The equilibrium with these tensions after the step, if the solver finds it there."""
+    robot, pose = problem.robot, moved(problem.pose, step)
     try:
-        equilibrium = newton.solve(aim)
-    except NotConverged:
+        rest, _ = cut(robot, pose.translation, pose.rotation.as_matrix(), tensions)
+        equilibrium = newton.solve(Problem.of(robot, pose, rest, problem.external_wrench))
+    except (NotConverged, InvalidInput):  # a cable of zero length, or one too heavy for its tension
         return None
-    return equilibrium if distance(aim.pose, equilibrium.pose, aim.robot.characteristic_length) <= _EQUAL else None
+    return equilibrium if distance(pose, equilibrium.pose, robot.characteristic_length) <= _EQUAL else None
 
 
 def _left_jacobian(rotation_vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -191,5 +191,6 @@ def moved(pose: RigidTransform, step: Float[np.ndarray, "6"]) -> RigidTransform:
 
 def distance(one: RigidTransform, other: RigidTransform, arm: float) -> float:
     """sqrt(|translation|² + (arm·angle)²) between two poses [m]; ``arm`` [m] turns rotations into lengths."""
-    shift = np.linalg.norm(one.translation - other.translation)
-    return float(np.hypot(shift, arm * (one.rotation * other.rotation.inv()).magnitude()))
+    frame, reference = one.as_matrix(), other.as_matrix()
+    shift = np.linalg.norm(frame[:3, 3] - reference[:3, 3])
+    return float(np.hypot(shift, arm * angle_between(frame[:3, :3], reference[:3, :3])))

@@ -20,6 +20,8 @@ from cdpr_sim.statics.profiles import TRACE
 
 Array = np.ndarray
 
+_EYE = np.eye(3)
+
 SAGS = 0.1
 """Weight of a cable over its tension above which integrals along it are those of catenaries; below, Gauss's rule is
 exact to rounding, and they would cancel."""
@@ -72,8 +74,16 @@ def wrench_under_tensions(state: State) -> tuple[Float[Array, "6 6"], Float[Arra
     ``state`` is of a single pose. A cable with mass turns as its tension at the anchor changes.
     """
     robot, W = state.problem.robot, state.wrench_matrix
-    if state.hanging is None:
-        return wrench_slope(state) + (W * state.tangent_stiffness) @ W.T, W
+    if state.hanging is None:  # pulls keep their sizes
+        arms, turning = state.geometry.arms, state.pull_sizes[:, None, None] * state.geometry.length_hessians
+        D = np.empty((*arms.shape, 6))
+        D[..., :3], D[..., 3:] = _EYE, -cross_matrix(arms)
+        slope = -D.reshape(-1, 6).T @ (turning @ D).reshape(-1, 6)
+        center = state.rotation @ robot.center_of_mass
+        moments = state.pulls.T @ arms
+        moments[2] -= state.problem.mass * robot.gravity * center
+        slope[3:, 3:] += moments.T - moments.trace() * _EYE
+        return slope, W
     taut, by_length = state.tensions > 0, pull_by_parameter(state)["rest_lengths"][..., 0]
     along = (state.pull_directions * by_length).sum(-1) / robot.reeving
     pulls = by_length / np.where(taut, along, 1.0)[:, None]

@@ -337,4 +337,6 @@ def _wrenches(
     forces: Float[Array, "*batch cables 3"], arms: Float[Array, "*#batch cables 3"]
 ) -> Float[Array, "*batch 6 cables"]:
     """Wrenches of forces at the ends of arms: columns (f, r × f)."""
-    return np.swapaxes(np.concatenate([forces, np.cross(arms, forces)], axis=-1), -1, -2)
+    here, there = [1, 2, 0], [2, 0, 1]  # faster than np.cross, with the same rounding
+    torques = arms[..., here] * forces[..., there] - arms[..., there] * forces[..., here]
+    return np.swapaxes(np.concatenate([forces, torques], axis=-1), -1, -2)
