@@ -375,14 +375,14 @@ def test_intervals_are_rounded_outwards():
             interval_kernel.multiply: [Fraction(x) * Fraction(y) for x in (a, b) for y in (c, d)],
         }
         for function, ends in exact.items():
-            low, high = function(a, b, c, d)
+            low, high = function((a, b), (c, d))
             assert Fraction(low) <= min(ends)
             assert Fraction(high) >= max(ends)
-        low, high = interval_kernel.scaled(a, b, c)
+        low, high = interval_kernel.scaled((a, b), c)
         assert Fraction(low) <= min(Fraction(a) * Fraction(c), Fraction(b) * Fraction(c))
         assert Fraction(high) >= max(Fraction(a) * Fraction(c), Fraction(b) * Fraction(c))
         c, d = abs(c) + 1e-9, abs(c) + 1e-9 + abs(d)
-        low, high = interval_kernel.over(a, b, c, d)
+        low, high = interval_kernel.over((a, b), (c, d))
         assert Fraction(low) <= min(Fraction(x) / Fraction(y) for x in (a, b) for y in (c, d))
         assert Fraction(high) >= max(Fraction(x) / Fraction(y) for x in (a, b) for y in (c, d))
         assert Fraction(interval_kernel.root_down(d)) ** 2 <= Fraction(d)
@@ -440,7 +440,7 @@ def test_arc_tangents_and_paths_over_wheels_are_enclosed():
         x = 10 ** random.uniform(-9, 9)
         with arithmetic():
             angle = flint.arb(x).atan()
-            low, high = interval_kernel.arctangent(x, x)
+            low, high = interval_kernel.arctangent((x, x))
             assert flint.arb(low) <= angle <= flint.arb(high)
             assert high - low < 1e-14
         wide = 10 ** random.uniform(-9, 0) * random.uniform(0, 1, 3)

@@ -201,7 +201,7 @@ def test_a_saddle_that_newtons_method_found_is_left_again(monkeypatch):
     rest = settle(TOP_HEAVY, pose)
     np.testing.assert_allclose(rest.pose.as_matrix(), undisturbed.pose.as_matrix(), rtol=0, atol=1e2 * FINISHED)
     # Negative control: where nobody looks at the stiffness, the saddle is what is found.
-    monkeypatch.setattr("cdpr_sim.physics.settle._saddle", lambda relaxation, reading: np.zeros(1, dtype=bool))
+    monkeypatch.setattr("cdpr_sim.physics.batch.SimulationReading.unstable", np.zeros(1, dtype=bool))
     assert settle(TOP_HEAVY, pose).tilt < 1e-6
 
 

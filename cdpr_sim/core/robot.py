@@ -227,24 +227,19 @@ class Robot(HtmlRepr):
         if mobility == "planar":
             _refuse_out_of_plane(cabling, center_of_mass)
             workspace[:, 1] = 0.0
-        values = {one.name: getattr(cabling, one.name) for one in dataclasses.fields(cabling)} | dict(
+        checked = {one.name: getattr(cabling, one.name) for one in dataclasses.fields(cabling)} | dict(
             cabling=cabling,
             mass=mass,
             center_of_mass=frozen(center_of_mass),
             inertia=frozen(inertia),
-            mobility=mobility,
             gravity=gravity,
-            name=name,
             platform_size=frozen(platform_size),
             frame=frozen(frame),
             workspace=frozen(workspace),
-            material=material,
-            description=description,
-            source=source,
             notes=tuple(notes),
             _given=given if hasattr(self, "_copied") else copy.deepcopy(given),
         )
-        for name, value in values.items():
+        for name, value in (given | checked).items():
             object.__setattr__(self, name, value)
         if 0 < np.abs(cabling.anchors).max() < LEAST_LENGTH:
             raise InvalidInput(

@@ -25,6 +25,7 @@ from cdpr_sim.core.memory import Memory, without_memory
 from cdpr_sim.core.pose import poses_of
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
+from cdpr_sim.core.status import NEUTRAL
 from cdpr_sim.physics import pulleys, tendons
 from cdpr_sim.physics.mjcf import coordinates_of, to_mjcf
 from cdpr_sim.physics.rope_memory import Elements, RopeStep, add_elements
@@ -75,6 +76,11 @@ class SimulationReading(Observation):
     eigenvalues: Float[np.ndarray, "rows free"]
     softest: Float[np.ndarray, "rows free"]
     off_wheel: Bool[np.ndarray, " rows"]
+
+    @property
+    def unstable(self) -> Bool[np.ndarray, " rows"]:
+        """Which rows are not stable: where they rest, they are at a saddle."""
+        return self.eigenvalues[:, 0] < -NEUTRAL * np.abs(self.eigenvalues).max(1)
 
 
 class Simulations:
@@ -298,12 +304,8 @@ class Simulations:
         self.qpos[:], self.qvel[:] = qpos, 0
         self.hold()
         self.batch.forward()
-        return Observation(*self._observed())
-
-    def _observed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """The data of an observation."""
         at, lengths = self._xpos[:, self._platform].copy(), self._lengths - self.entries
-        return at, self.rotations.copy(), lengths, self._tensions()
+        return Observation(at, self.rotations.copy(), lengths, self._tensions())
 
     def _tensions(self) -> Float[np.ndarray, "rows cables"]:
         """Tension [N] of each rope: MuJoCo's spring force with only that spring switched on, along its tendon.
@@ -363,11 +365,17 @@ class Simulations:
         stiffness = np.moveaxis((forces[free:] - forces[:free]) / (2 * step[:, None]), 0, -1)
         self.qpos[:], self.band[:], self.springs[:], self.polynomials[:] = rest, band, springs, polynomials
         self._elements.stiffnesses[:] = elements
-        known = np.isfinite(stiffness).all((1, 2))
-        eigenvalues, directions = np.full((2, len(rest), free), np.nan)
-        values, vectors = np.linalg.eigh((stiffness + stiffness.transpose(0, 2, 1))[known] / 2)
-        eigenvalues[known], directions[known] = values, vectors[:, :, 0]
-        return eigenvalues, directions
+        return softest_of(stiffness, np.isfinite(stiffness).all((1, 2)))
+
+
+def softest_of(
+    stiffness: Float[np.ndarray, "rows free free"], known: Bool[np.ndarray, " rows"]
+) -> tuple[Float[np.ndarray, "rows free"], Float[np.ndarray, "rows free"]]:
+    """Eigenvalues of the symmetric parts, ascending, and the directions of the smallest; nan where not ``known``."""
+    eigenvalues, softest = np.full((2, *stiffness.shape[:2]), np.nan)
+    values, vectors = np.linalg.eigh((stiffness + stiffness.swapaxes(1, 2))[known] / 2)
+    eigenvalues[known], softest[known] = values, vectors[:, :, 0]
+    return eigenvalues, softest
 
 
 def in_base_frame(
@@ -384,22 +392,14 @@ def in_base_frame(
 def matrices(quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 3 3"]:
     """Rotation matrices of unit quaternions (w, x, y, z)."""
     w, x, y, z = (quaternions[..., i] for i in range(4))
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
     whole = np.empty((*w.shape, 3, 3))
-    whole[..., 0, 0], whole[..., 0, 1], whole[..., 0, 2] = (
-        1 - 2 * (y * y + z * z),
-        2 * (x * y - w * z),
-        2 * (x * z + w * y),
-    )
-    whole[..., 1, 0], whole[..., 1, 1], whole[..., 1, 2] = (
-        2 * (x * y + w * z),
-        1 - 2 * (x * x + z * z),
-        2 * (y * z - w * x),
-    )
-    whole[..., 2, 0], whole[..., 2, 1], whole[..., 2, 2] = (
-        2 * (x * z - w * y),
-        2 * (y * z + w * x),
-        1 - 2 * (x * x + y * y),
-    )
+    for i, row in enumerate(rows):
+        whole[..., i, 0], whole[..., i, 1], whole[..., i, 2] = row
     return whole
 
 

@@ -66,7 +66,7 @@ def reset(
     refuse_unless(mujoco.MjModel, model=model)
     refuse_unless(mujoco.MjData, data=data)
     refuse_unless(str, prefix=prefix)
-    parts, at = _Parts.of(model, prefix), Pose.of(pose)
+    parts, at = _Parts(model, prefix), Pose.of(pose)
     if rest_lengths is not None and pretension is not None:
         raise InvalidInput("pretension: found one besides rest_lengths, expected one of them")
     written = model.body_quat.copy()
@@ -112,9 +112,12 @@ def reset(
         mujoco.mj_setKeyframe(model, data, key)
 
 
-@dataclass(frozen=True)
 class _Parts:
-    """Indices of the parts of a robot in a model, and constants of its cables.
+    """Indices of the parts of a robot in a model, and constants of its cables, (cables,) each.
+
+    Args:
+        model: the model.
+        prefix: of the names.
 
     Attributes:
         platform: body of the platform.
@@ -135,38 +138,16 @@ class _Parts:
         parts_of_line: numbers of parts.
         written: (L + c), the written rest lengths with those [m].
         stiffnesses: n EA [N].
+
+    Raises:
+        InvalidInput: not a model of ``to_mjcf``, or one with chains of springs.
     """
 
-    platform: int
-    joints: list[int]
-    base: int
-    anchors: Int[np.ndarray, " cables"]
-    cables: Int[np.ndarray, " cables"]
-    lines: Int[np.ndarray, " cables"]
-    winches: Int[np.ndarray, " cables"]
-    dampers: Int[np.ndarray, " cables"]
-    drums: Int[np.ndarray, " cables"]
-    swivels: Swivels
-    offsets: Float[np.ndarray, " cables"]
-    shared: Float[np.ndarray, " cables"]
-    uneven: Float[np.ndarray, " cables"]
-    direct: Int[np.ndarray, " cables"]
-    hung: _Hung
-    parts_of_line: Float[np.ndarray, " cables"]
-    written: Float[np.ndarray, " cables"]
-    stiffnesses: Float[np.ndarray, " cables"]
-
-    @classmethod
-    def of(cls, model: mujoco.MjModel, prefix: str) -> _Parts:
-        """The parts, by name.
-
-        Raises:
-            InvalidInput: not a model of ``to_mjcf``, or one with chains of springs.
-        """
+    def __init__(self, model: mujoco.MjModel, prefix: str) -> None:
         kinds = mujoco.mjtObj
-        platform = _id(model, kinds.mjOBJ_BODY, f"{prefix}platform")
+        self.platform = _id(model, kinds.mjOBJ_BODY, f"{prefix}platform")
         count = next(i for i in itertools.count() if _id(model, kinds.mjOBJ_SITE, f"{prefix}exit_{i + 1}") < 0)
-        if platform < 0 or not count:
+        if self.platform < 0 or not count:
             raise InvalidInput(
                 f"model: found no body '{prefix}platform' with cables, expected a model of to_mjcf and the prefix of "
                 "its names"
@@ -175,31 +156,37 @@ class _Parts:
         def ids(kind: mujoco.mjtObj, name: str) -> Int[np.ndarray, " cables"]:
             return numbered(model, kind, prefix + name, count)
 
-        cables, winches = ids(kinds.mjOBJ_TENDON, "cable_{}"), ids(kinds.mjOBJ_ACTUATOR, "winch_{}")
-        if (cables < 0).any():
+        self.cables, self.winches = ids(kinds.mjOBJ_TENDON, "cable_{}"), ids(kinds.mjOBJ_ACTUATOR, "winch_{}")
+        if (self.cables < 0).any():
             raise InvalidInput(
-                f"model: found no tendon '{prefix}cable_{np.argmax(cables < 0) + 1}', expected massless cables, or "
-                "those with mass in a model with winches or with a damping other than 'settle'"
+                f"model: found no tendon '{prefix}cable_{np.argmax(self.cables < 0) + 1}', expected massless cables, "
+                "or those with mass in a model with winches or with a damping other than 'settle'"
             )
-        dampers, drums = ids(kinds.mjOBJ_ACTUATOR, "damped_{}"), ids(kinds.mjOBJ_JOINT, "drum_{}")
+        first = int(model.body_jntadr[self.platform])
+        self.joints = list(range(first, first + int(model.body_jntnum[self.platform])))
+        self.base = _id(model, kinds.mjOBJ_SITE, f"{prefix}base")
+        self.anchors = ids(kinds.mjOBJ_SITE, "anchor_{}")
+        self.lines = np.maximum(ids(kinds.mjOBJ_TENDON, "line_{}"), ids(kinds.mjOBJ_TENDON, "rope_{}"))
+        self.dampers, self.drums = ids(kinds.mjOBJ_ACTUATOR, "damped_{}"), ids(kinds.mjOBJ_JOINT, "drum_{}")
         exits, chords = ids(kinds.mjOBJ_SITE, "exit_{}"), ids(kinds.mjOBJ_TENDON, "chord_{}")
-        swivels = Swivels.of(model, exits, prefix)
+        self.swivels = Swivels.of(model, exits, prefix)
         radii = np.zeros(count)
-        radii[swivels.cables] = swivels.radii
-        offsets, coiled = ENTRY * radii, np.flatnonzero(drums >= 0)
-        coils = model.body_pos[model.jnt_bodyid[drums[coiled]]] - model.site_pos[exits[coiled]]
-        offsets[coiled] = np.linalg.norm(coils, axis=1)
+        radii[self.swivels.cables] = self.swivels.radii
+        self.offsets, coiled = ENTRY * radii, np.flatnonzero(self.drums >= 0)
+        coils = model.body_pos[model.jnt_bodyid[self.drums[coiled]]] - model.site_pos[exits[coiled]]
+        self.offsets[coiled] = np.linalg.norm(coils, axis=1)
         user = np.zeros((count, 3))
-        user[:, : min(3, model.nuser_tendon)] = model.tendon_user[cables, :3]
-        parts_of_line, shared, uneven = np.maximum(user[:, 0], 1), user[:, 1], user[:, 2]
-        acting = np.where(winches >= 0, winches, dampers)
-        linear = (acting >= 0) & (drums < 0)
+        user[:, : min(3, model.nuser_tendon)] = model.tendon_user[self.cables, :3]
+        self.parts_of_line, self.shared, self.uneven = np.maximum(user[:, 0], 1), user[:, 1], user[:, 2]
+        acting = np.where(self.winches >= 0, self.winches, self.dampers)
+        linear = (acting >= 0) & (self.drums < 0)
         bias = model.actuator_biasprm[acting] if model.nu else np.zeros((count, 2))
-        springs = np.where(linear, -bias[:, 1], model.tendon_stiffness[cables])
-        begin = np.where(linear, -bias[:, 0] / springs, model.tendon_lengthspring[cables, 1])
-        written = begin - (offsets - shared + uneven)
-        heavy = np.flatnonzero(chords >= 0)
-        hung = _Hung(
+        springs = np.where(linear, -bias[:, 1], model.tendon_stiffness[self.cables])
+        begin = np.where(linear, -bias[:, 0] / springs, model.tendon_lengthspring[self.cables, 1])
+        self.written = begin - (self.offsets - self.shared + self.uneven)
+        self.stiffnesses = springs * self.written
+        self.direct, heavy = np.where(chords >= 0, chords, self.cables), np.flatnonzero(chords >= 0)
+        self.hung = _Hung(
             cables=heavy,
             nodes=np.array([ids(kinds.mjOBJ_BODY, f"node_{{}}_{k}")[heavy] for k in range(1, SEGMENTS)]).T,
             ends=ids(kinds.mjOBJ_BODY, "end_{}")[heavy],
@@ -207,26 +194,6 @@ class _Parts:
             exits=exits[heavy],
             pulleys=ids(kinds.mjOBJ_BODY, "pulley_{}")[heavy],
             radii=radii[heavy],
-        )
-        return cls(
-            platform=platform,
-            joints=[int(model.body_jntadr[platform]) + i for i in range(int(model.body_jntnum[platform]))],
-            base=_id(model, kinds.mjOBJ_SITE, f"{prefix}base"),
-            anchors=ids(kinds.mjOBJ_SITE, "anchor_{}"),
-            cables=cables,
-            lines=np.maximum(ids(kinds.mjOBJ_TENDON, "line_{}"), ids(kinds.mjOBJ_TENDON, "rope_{}")),
-            winches=winches,
-            dampers=dampers,
-            drums=drums,
-            swivels=swivels,
-            offsets=offsets,
-            shared=shared,
-            uneven=uneven,
-            direct=np.where(chords >= 0, chords, cables),
-            hung=hung,
-            parts_of_line=parts_of_line,
-            written=written,
-            stiffnesses=springs * written,
         )
 
     @property

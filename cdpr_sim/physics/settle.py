@@ -15,7 +15,7 @@ import functools
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
@@ -27,7 +27,7 @@ from cdpr_sim.core.pose import PoseLike, poses_of
 from cdpr_sim.core.problem import Problem, Problems
 from cdpr_sim.core.progress import saying
 from cdpr_sim.core.robot import Robot
-from cdpr_sim.core.status import NEUTRAL, Status
+from cdpr_sim.core.status import Status
 from cdpr_sim.core.trajectory import Trajectory
 from cdpr_sim.physics.batch import SimulationReading, Simulations, simulations_of
 from cdpr_sim.physics.chains import refuse_short, too_short
@@ -165,32 +165,28 @@ def settle_many(
     can = refusals == Status.PENDING
     if can.all():
         return _settled(problems, threads=threads, progress=progress)
-    robot, rows = problems.robot, len(problems)
-    asked = problems.take(np.flatnonzero(can)) if can.any() else None
-    found = None if asked is None else _settled(asked, threads=threads, progress=progress)
+    columns, status = unread(problems.robot, len(problems)), refusals
+    if can.any():
+        found = _settled(problems.take(np.flatnonzero(can)), threads=threads, progress=progress)
+        status[can] = found.status
+        for name, column in columns.items():
+            column[can] = getattr(found, name)
+    return EquilibriumBatch(problems=problems, **columns, status=status, source="mujoco")
 
-    def scattered(name: str, *core: int) -> np.ndarray:
-        whole = np.full((rows, *core), np.nan)
-        if found is not None:
-            whole[can] = getattr(found, name)
-        return whole
 
-    status = refusals
-    iterations = np.zeros(rows, dtype=int)
-    if found is not None:
-        status[can], iterations[can] = found.status, found.iterations
-    return EquilibriumBatch(
-        problems=problems,
-        positions=scattered("positions", 3),
-        rotations=scattered("rotations", 3, 3),
-        lengths=scattered("lengths", robot.cables),
-        tensions=scattered("tensions", robot.cables),
-        residuals=scattered("residuals"),
-        iterations=iterations,
-        status=status,
-        source="mujoco",
-        stiffness=scattered("eigenvalues", len(robot.free)),
-    )
+def unread(robot: Robot, rows: int) -> dict[str, np.ndarray]:
+    """Columns of an ``EquilibriumBatch`` for what is read of so many rows, before any has been read: nan."""
+    sizes = dict(positions=(3,), rotations=(3, 3), lengths=(robot.cables,), tensions=(robot.cables,), residuals=())
+    sizes["stiffness"] = (len(robot.free),)
+    columns = {name: np.full((rows, *size), np.nan) for name, size in sizes.items()}
+    return columns | {"iterations": np.zeros(rows, dtype=int)}
+
+
+def as_read(reading: SimulationReading, steps: Int[np.ndarray, " rows"]) -> dict[str, np.ndarray]:
+    """The same columns with what was read after these time steps."""
+    names = ("positions", "rotations", "lengths", "tensions", "residuals")
+    columns = {name: getattr(reading, name) for name in names}
+    return columns | {"stiffness": reading.eigenvalues, "iterations": steps}
 
 
 def residual_of(problem: Problem, pose: PoseLike, *, model: mujoco.MjModel | None = None) -> float:
@@ -264,18 +260,7 @@ def _batch_of(
     status: Int[np.ndarray, " rows"],
 ) -> EquilibriumBatch:
     """What was read after these time steps."""
-    return EquilibriumBatch(
-        problems=problems,
-        positions=reading.positions,
-        rotations=reading.rotations,
-        lengths=reading.lengths,
-        tensions=reading.tensions,
-        residuals=reading.residuals,
-        iterations=steps,
-        status=status,
-        source="mujoco",
-        stiffness=reading.eigenvalues,
-    )
+    return EquilibriumBatch(problems=problems, **as_read(reading, steps), status=status, source="mujoco")
 
 
 def come_to_rest(simulations: Simulations, frames: Frames | None = None) -> tuple[Relaxation, SimulationReading]:
@@ -289,13 +274,13 @@ def come_to_rest(simulations: Simulations, frames: Frames | None = None) -> tupl
         relaxation.again(lost)
         relaxation.run()
         reading = simulations.read(relaxation.qpos)
-    unstable = relaxation.finished & _saddle(relaxation, reading)
+    unstable = relaxation.finished & relaxation.settled & reading.unstable
     if unstable.any():  # the motion chooses the equilibrium, and would not have stopped there
         relaxation.resume(unstable)
         relaxation.run()
         reading = simulations.read(relaxation.qpos)
     for _ in range(NUDGES):
-        saddle = _saddle(relaxation, reading)
+        saddle = relaxation.settled & reading.unstable
         if not saddle.any():
             break
         relaxation.nudge(saddle, reading.softest)
@@ -306,11 +291,6 @@ def come_to_rest(simulations: Simulations, frames: Frames | None = None) -> tupl
     # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
     relaxation.status[reading.off_wheel] = Status.OFF_WHEEL
     return relaxation, reading
-
-
-def _saddle(relaxation: Relaxation, reading: SimulationReading) -> Bool[np.ndarray, " rows"]:
-    """Which rows have come to rest where they are not stable."""
-    return relaxation.settled & (reading.eigenvalues[:, 0] < -NEUTRAL * np.abs(reading.eigenvalues).max(1))
 
 
 def settled_without_mass(problems: Problems, threads: int = 1) -> RigidTransform:

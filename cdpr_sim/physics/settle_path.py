@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Int
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
@@ -17,12 +16,9 @@ from cdpr_sim.core.path_problem import PathProblem, moved_as_commanded
 from cdpr_sim.core.problem import Problems
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import Status
-from cdpr_sim.physics.batch import Simulations, simulations_of
+from cdpr_sim.physics.batch import simulations_of
 from cdpr_sim.physics.sagging.settle_chains import released
-from cdpr_sim.physics.settle import come_to_rest, refused, settled_without_mass, weighs
-
-READ = ("positions", "rotations", "lengths", "tensions", "residuals")
-"""What is read of the equilibria, by the names of ``SimulationReading`` and of ``EquilibriumPath``."""
+from cdpr_sim.physics.settle import as_read, come_to_rest, refused, settled_without_mass, unread, weighs
 
 
 def settle_path(
@@ -76,7 +72,7 @@ def settle_path(
         for row, duration in enumerate(path.durations.tolist()):
             which = np.zeros(path.fine.shape, dtype=bool)
             which[row] = True
-            commands, last, here = path.fine.take(which), here, _unread(robot, count)
+            commands, last, here = path.fine.take(which), here, unread(robot, count)
             status = np.where(status == Status.CONVERGED, refused(commands), status)
             going = np.flatnonzero(status == Status.PENDING)
             if len(going):
@@ -88,13 +84,19 @@ def settle_path(
                 remembered = Memory(**{name: part[going] for name, part in parts.items()}, time=np.nan)
                 if weighs(robot):
                     at = settled_without_mass(starts, threads) if before is None else starts.poses
-                    read, status[going], after = _settled_with_mass(starts, at, remembered, duration, threads)
+                    settled = released(starts, at, memory=(remembered, duration), threads=threads)
+                    read, status[going], after = as_read(settled, settled.steps), settled.status, settled.memory
+                    if after is None:
+                        rest = np.broadcast_to(starts.rest_lengths, settled.tensions.shape)
+                        after = replace(remembered, beyond=rest, tensions=settled.tensions)
                 else:
                     if simulations is None or len(simulations.qpos) != len(going):
                         opened.close()
                         simulations = opened.enter_context(simulations_of(starts, threads=threads))
                     simulations.start(starts, own_springs=False, memory=remembered, duration=duration)
-                    read, status[going], after = _settled_without_mass(simulations)
+                    relaxation, reading = come_to_rest(simulations)
+                    read, status[going] = as_read(reading, relaxation.steps), relaxation.status
+                    after = simulations.remembered(reading)
                 for arrays, values in ((here, read), (parts, after.arrays)):
                     for name, part in values.items():
                         arrays[name][going] = part
@@ -112,35 +114,3 @@ def settle_path(
         times=path.times,
         memory=Memory(**shaped, time=float(path.times[-1])),
     )
-
-
-def _unread(robot: Robot, count: int) -> dict[str, np.ndarray]:
-    """Arrays for the equilibria of so many paths at one row, where none has been read yet."""
-    sizes = dict(positions=(3,), rotations=(3, 3), lengths=(robot.cables,), tensions=(robot.cables,), residuals=())
-    sizes["stiffness"] = (len(robot.free),)
-    unread = {name: np.full((count, *size), np.nan) for name, size in sizes.items()}
-    return unread | {"iterations": np.zeros(count, dtype=int)}
-
-
-def _settled_without_mass(
-    simulations: Simulations,
-) -> tuple[dict[str, np.ndarray], Int[np.ndarray, " rows"], Memory]:
-    """Equilibria with massless cables, their status, and the memory there."""
-    relaxation, reading = come_to_rest(simulations)
-    read = {name: getattr(reading, name) for name in READ}
-    read |= dict(stiffness=reading.eigenvalues, iterations=relaxation.steps)
-    return read, relaxation.status, simulations.remembered(reading)
-
-
-def _settled_with_mass(
-    problems: Problems, at: RigidTransform, memory: Memory, duration: float, threads: int
-) -> tuple[dict[str, np.ndarray], Int[np.ndarray, " rows"], Memory]:
-    """The same where some cables have mass, from the poses ``at``, ``duration`` [s] after ``memory``."""
-    settled = released(problems, at, memory=(memory, duration), threads=threads)
-    read = {name: getattr(settled, name) for name in READ} | dict(
-        stiffness=settled.eigenvalues, iterations=settled.steps
-    )
-    if settled.memory is None:
-        rest = np.broadcast_to(problems.rest_lengths, settled.tensions.shape)
-        return read, settled.status, replace(memory, beyond=rest, tensions=settled.tensions)
-    return read, settled.status, settled.memory

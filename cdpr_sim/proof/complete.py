@@ -629,12 +629,8 @@ def _covered(search: _Search, chart: int, cluster: np.ndarray, members: list[_Me
 
 def _covers(member: _Member, other: _Member) -> bool:
     """Whether the other's enclosure lies in the box of balls in which this one is unique."""
-    coordinates = _in_balance(
-        member.balance,
-        other.balance.position(other.enclosure.image),
-        _quaternion(other.balance, other.enclosure.image),
-    )
-    return all(b.contains(x) for b, x in zip(member.enclosure.box, coordinates, strict=True))
+    balance, image = other.balance, other.enclosure.image
+    return _unique_at(member, balance.position(image), _quaternion(balance, image))
 
 
 def _in_balls(member: _Member, chart: int, box: Float[np.ndarray, "6 2"]) -> bool:
@@ -647,17 +643,18 @@ def _in_balls(member: _Member, chart: int, box: Float[np.ndarray, "6 2"]) -> boo
         position[1] = member.balance.origin[1]
     else:
         q = ((one, x, y, z), (-x, one, z, -y), (-y, -z, one, x), (-z, y, -x, one))[chart]
-    coordinates = _in_balance(member.balance, position, q)
-    return all(b.contains(c) for b, c in zip(member.enclosure.box, coordinates, strict=True))
+    return _unique_at(member, position, q)
 
 
-def _in_balance(balance: Balance, position: Sequence[Ball], q: Sequence[Ball]) -> list[Ball]:
-    """Coordinates of a pose: q is a multiple of q₀ + E δ."""
+def _unique_at(member: _Member, position: Sequence[Ball], q: Sequence[Ball]) -> bool:
+    """Whether a pose lies in the box of balls in which the member is unique: q is a multiple of q₀ + E δ."""
+    balance = member.balance
     parts = (0, 2) if len(balance.axes) == 2 else (0, 1, 2, 3)
     columns = [balance.quaternion, *balance.tangents]
     system = matrix([[column[a] for column in columns] for a in parts])
     scale, *deltas = (row[0] for row in system.solve(matrix([[q[a]] for a in parts])).tolist())
-    return [*(position[axis] for axis in balance.axes), *(delta / scale for delta in deltas)]
+    coordinates = [*(position[axis] for axis in balance.axes), *(delta / scale for delta in deltas)]
+    return all(b.contains(c) for b, c in zip(member.enclosure.box, coordinates, strict=True))
 
 
 def _at_kink(search: _Search, chart: int, at: Float[np.ndarray, "6"]) -> bool:

@@ -24,35 +24,45 @@ from cdpr_sim.proof.geometry_kernel import (
     load,
     tension,
 )
-from cdpr_sim.proof.interval_kernel import TINY, add, down, multiply, over, root_down, scaled, square, subtract, up
+from cdpr_sim.proof.interval_kernel import (
+    TINY,
+    add,
+    down,
+    multiply,
+    narrowed,
+    negative,
+    over,
+    root_down,
+    row,
+    scaled,
+    square,
+    subtract,
+    up,
+)
 
 ALMOST_PARALLEL = 1e-6
 """Added to the squares of the cables' directions and moments: almost parallel cables are not isolated."""
 
 
 @outlined
-def balance(T, W, g0, g1):
-    """Contract tensions T by Σ Tᵢ Wᵢ + [g0, g1] = 0. False if it cannot vanish. W (cables, 4) has room for Tᵢ Wᵢ."""
+def balance(T, W, g):
+    """Contract tensions T by Σ Tᵢ Wᵢ + g = 0. False if it cannot vanish. W (cables, 2)."""
     m = T.shape[0]
-    low, high = g0, g1
+    pulls, total = np.empty((m, 2)), g
     for i in range(m):
-        W[i, 2], W[i, 3] = multiply(T[i, 0], T[i, 1], W[i, 0], W[i, 1])
-        low, high = add(low, high, W[i, 2], W[i, 3])
-    if low > 0 or high < 0:
+        pulls[i, 0], pulls[i, 1] = multiply(row(T, i), row(W, i))
+        total = add(total, row(pulls, i))
+    if total[0] > 0 or total[1] < 0:
         return False
     for i in range(m):
         if W[i, 0] <= 0 <= W[i, 1]:
             continue
-        low, high = g0, g1
+        others = g
         for j in range(m):
             if j != i:
-                low, high = add(low, high, W[j, 2], W[j, 3])
-        if W[i, 0] > 0:
-            a, b = over(-high, -low, W[i, 0], W[i, 1])
-        else:
-            a, b = over(low, high, -W[i, 1], -W[i, 0])
-        T[i, 0], T[i, 1] = max(T[i, 0], a), min(T[i, 1], b)
-        if T[i, 0] > T[i, 1]:
+                others = add(others, row(pulls, j))
+        needed = over(negative(others), row(W, i)) if W[i, 0] > 0 else over(others, negative(row(W, i)))
+        if not narrowed(T, i, needed):
             return False
     return True
 
@@ -62,18 +72,16 @@ def virtual_work(T, o, g, rows, y, W):
     """Contract T by the balance along the motion y (6,), whose other entries than ``rows`` are zero."""
     if not normalised(y):
         return True
-    low, high = 0.0, 0.0
+    total = 0.0, 0.0
     for i in range(T.shape[0]):
         W[i, 0] = W[i, 1] = 0.0
     for r in rows:
         if y[r] == 0:
             continue
         for i in range(T.shape[0]):
-            a, b = scaled(o[i, DIRECTION + r, 0], o[i, DIRECTION + r, 1], y[r])
-            W[i, 0], W[i, 1] = add(W[i, 0], W[i, 1], a, b)
-        a, b = scaled(g[r, 0], g[r, 1], y[r])
-        low, high = add(low, high, a, b)
-    return balance(T, W, low, high)
+            W[i, 0], W[i, 1] = add(row(W, i), scaled(row(o[i], DIRECTION + r), y[r]))
+        total = add(total, scaled(row(g, r), y[r]))
+    return balance(T, W, total)
 
 
 @outlined
@@ -119,16 +127,14 @@ def contract(q, T, setup, o, spin):
     if not geometry(q, setup, o, spin):
         return False
     for i in range(m):
-        a, b = tension(setup.law[i], o[i, LENGTH, 0], o[i, LENGTH, 1])
-        T[i, 0], T[i, 1] = max(T[i, 0], a), min(T[i, 1], b)
-        if T[i, 0] > T[i, 1]:
+        if not narrowed(T, i, tension(setup.law[i], row(o[i], LENGTH))):
             return False
-    g, y, W, n = np.empty((6, 2)), np.zeros(6), np.empty((m, 4)), len(rows)
+    g, y, W, n = np.empty((6, 2)), np.zeros(6), np.empty((m, 2)), len(rows)
     load(setup, o, g)
     for r in rows:
         for i in range(m):
-            W[i, 0], W[i, 1] = o[i, DIRECTION + r, 0], o[i, DIRECTION + r, 1]
-        if not balance(T, W, g[r, 0], g[r, 1]):
+            W[i, 0], W[i, 1] = row(o[i], DIRECTION + r)
+        if not balance(T, W, row(g, r)):
             return False
     w = np.empty((m, n))
     for i in range(m):
@@ -167,26 +173,23 @@ def contract(q, T, setup, o, spin):
             low = down(law[REST] + down(law[WHOLE_LOW] * down(down(T[i, 0] / law[EA_HIGH]) / law[SLOPE_HIGH])))
         radius = setup.wheels[i, RADIUS, 0]
         if radius > 0:  # the straight distance d from the exit has d² = s² + 2 r² + 2 r a
-            a, b = scaled(o[i, WRAP, 0], o[i, WRAP, 1], radius)
-            low, high = max(down(low - b), 0.0), up(high - a)
+            wrap = scaled(row(o[i], WRAP), radius)
+            low, high = max(down(low - wrap[1]), 0.0), up(high - wrap[0])
             if high < 0:
                 return False
-            a, b = add(
-                down(radius * radius), up(radius * radius), down(radius * o[i, BEYOND, 0]), up(radius * o[i, BEYOND, 1])
-            )
-            low, high = root_down(down(down(low * low) + 2 * a)), up(np.sqrt(up(up(high * high) + 2 * b)))
+            more = add(square((radius, radius)), scaled(row(o[i], BEYOND), radius))
+            low, high = root_down(down(down(low * low) + 2 * more[0])), up(np.sqrt(up(up(high * high) + 2 * more[1])))
         for r in range(3):
             if q[r, 0] == q[r, 1]:
                 continue
-            s, t = APART + (r + 1) % 3, APART + (r + 2) % 3
-            s0, s1 = square(o[i, s, 0], o[i, s, 1])
-            t0, t1 = square(o[i, t, 0], o[i, t, 1])
-            reach = up(up(high * high) - down(s0 + t0))
+            apart = row(o[i], APART + r)
+            across = add(square(row(o[i], APART + (r + 1) % 3)), square(row(o[i], APART + (r + 2) % 3)))
+            reach = up(up(high * high) - across[0])
             if reach < 0:
                 return False
-            reach, d0, d1 = up(np.sqrt(reach)), o[i, APART + r, 0], o[i, APART + r, 1]
-            a, b = max(d0, -reach), min(d1, reach)
-            clear = down(down(low * low) - up(s1 + t1))
+            reach = up(np.sqrt(reach))
+            a, b = max(apart[0], -reach), min(apart[1], reach)
+            clear = down(down(low * low) - across[1])
             if low > 0 and clear > 0:
                 clear = root_down(clear)
                 if a > -clear:
@@ -195,11 +198,9 @@ def contract(q, T, setup, o, spin):
                     b = min(b, -clear)
             if a > b:
                 return False
-            if a > d0 or b < d1:
-                a, b = add(a, b, setup.exits[i, r], setup.exits[i, r])
-                a, b = subtract(a, b, o[i, ARM + r, 0], o[i, ARM + r, 1])
-                q[r, 0], q[r, 1] = max(q[r, 0], a), min(q[r, 1], b)
-                if q[r, 0] > q[r, 1]:
+            if a > apart[0] or b < apart[1]:
+                exit_ = setup.exits[i, r]
+                if not narrowed(q, r, subtract(add((a, b), (exit_, exit_)), row(o[i], ARM + r))):
                     return False
     return True
 

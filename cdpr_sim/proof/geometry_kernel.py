@@ -28,12 +28,15 @@ from cdpr_sim.proof.interval_kernel import (
     cross,
     down,
     multiply,
+    narrowed,
+    negative,
     over,
     root_down,
+    row,
     scaled,
     square,
     subtract,
-    unit_down,
+    unit,
     up,
 )
 
@@ -92,101 +95,89 @@ def turn(q, R, spin):
     s = np.empty((3, 2))
     f = np.empty((3, 2))  # 2 v_k / (1 + |v|²)
     for k in range(3):
-        s[k, 0], s[k, 1] = square(q[3 + k, 0], q[3 + k, 1])
-    low, high = 1.0, 1.0
+        s[k, 0], s[k, 1] = square(row(q, 3 + k))
+    total = 1.0, 1.0
     for k in range(3):
-        low, high = down(low + s[k, 0]), up(high + s[k, 1])
-    double_low, double_high = down(2 / high), up(2 / low)
+        total = add(total, row(s, k))
+    twice = over((2.0, 2.0), total)
     for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        rest_low, rest_high = down(1 + down(s[i, 0] + s[j, 0])), up(1 + up(s[i, 1] + s[j, 1]))
-        a, b = q[3 + k, 0], q[3 + k, 1]
+        others = add(row(s, (k + 1) % 3), row(s, (k + 2) % 3))
+        rest = add((1.0, 1.0), others)
+        a, b = row(q, 3 + k)
         if a < -1 or b > 1:  # it increases with v_k only between them
             f[k, 0], f[k, 1] = -1.0, 1.0
         else:
-            d = up(rest_high + up(a * a)) if a >= 0 else down(rest_low + down(a * a))
+            d = up(rest[1] + up(a * a)) if a >= 0 else down(rest[0] + down(a * a))
             f[k, 0] = max(down(2 * a / d), -1.0)
-            d = down(rest_low + down(b * b)) if b >= 0 else up(rest_high + up(b * b))
+            d = down(rest[0] + down(b * b)) if b >= 0 else up(rest[1] + up(b * b))
             f[k, 1] = min(up(2 * b / d), 1.0)
-        others_low, others_high = down(s[i, 0] + s[j, 0]), up(s[i, 1] + s[j, 1])
-        most = up(2 * others_high / down(down(1 + s[k, 0]) + others_high))
-        few = max(down(2 * others_low / up(up(1 + s[k, 1]) + max(others_low, 0.0))), 0.0)
+        most = up(2 * others[1] / down(down(1 + s[k, 0]) + others[1]))
+        few = max(down(2 * others[0] / up(up(1 + s[k, 1]) + max(others[0], 0.0))), 0.0)
         R[4 * k, 0], R[4 * k, 1] = down(1 - most), up(1 - few)
-        spin[4 * k, 0], spin[4 * k, 1] = double_low, double_high
+        spin[4 * k, 0], spin[4 * k, 1] = twice
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
-        a, b = multiply(f[i, 0], f[i, 1], q[3 + j, 0], q[3 + j, 1])
-        c, d = multiply(f[j, 0], f[j, 1], q[3 + i, 0], q[3 + i, 1])
-        a, b = max(a, c), min(b, d)
-        R[3 * i + j, 0], R[3 * i + j, 1] = subtract(a, b, f[k, 0], f[k, 1])
-        R[3 * j + i, 0], R[3 * j + i, 1] = add(a, b, f[k, 0], f[k, 1])
-        spin[3 * i + j, 0], spin[3 * i + j, 1] = f[k, 0], f[k, 1]
-        spin[3 * j + i, 0], spin[3 * j + i, 1] = -f[k, 1], -f[k, 0]
+        a, b = multiply(row(f, i), row(q, 3 + j))
+        c, d = multiply(row(f, j), row(q, 3 + i))
+        part, along = (max(a, c), min(b, d)), row(f, k)
+        R[3 * i + j, 0], R[3 * i + j, 1] = subtract(part, along)
+        R[3 * j + i, 0], R[3 * j + i, 1] = add(part, along)
+        spin[3 * i + j, 0], spin[3 * i + j, 1] = along
+        spin[3 * j + i, 0], spin[3 * j + i, 1] = negative(along)
 
 
 @outlined
 def corner(a, h, radius):
-    """(s, sin θ, cos θ, θ, l) as intervals at a point of a wheel's plane; s > 0, a >= 0, and h < 0 or θ < π."""
-    aa0, aa1 = square(a, a)
-    hh0, hh1 = square(h, h)
-    rr0, rr1 = square(radius, radius)
-    far0, far1 = add(aa0, aa1, hh0, hh1)
-    s0, s1 = root_down(down(far0 - rr1)), up(np.sqrt(max(up(far1 - rr0), 0.0)))
-    p0, p1 = scaled(s0, s1, a)
-    q0, q1 = down(h * radius), up(h * radius)
-    sin0, sin1 = add(p0, p1, q0, q1)
-    sin0, sin1 = over(sin0, sin1, far0, far1)
-    sin0, sin1 = max(sin0, -1.0 if h < 0 else 0.0), min(sin1, 1.0)
-    p0, p1 = scaled(s0, s1, h)
-    q0, q1 = down(a * radius), up(a * radius)
-    cos0, cos1 = subtract(p0, p1, q0, q1)
-    cos0, cos1 = over(cos0, cos1, far0, far1)
-    cos0, cos1 = max(cos0, -1.0), min(cos1, 1.0)
+    """Intervals s, sin θ, cos θ, θ, l at a point of a wheel's plane; s > 0, a >= 0, and h < 0 or θ < π."""
+    squared = square((radius, radius))
+    far = add(square((a, a)), square((h, h)))
+    s = root_down(down(far[0] - squared[1])), up(np.sqrt(max(up(far[1] - squared[0]), 0.0)))
+    low, high = over(add(scaled(s, a), (down(h * radius), up(h * radius))), far)
+    sine = max(low, -1.0 if h < 0 else 0.0), min(high, 1.0)
+    low, high = over(subtract(scaled(s, h), (down(a * radius), up(a * radius))), far)
+    cosine = max(low, -1.0), min(high, 1.0)
     if h >= 0:
-        t0, t1 = max(down(sin0 / up(1 + cos1)), 0.0), up(sin1 / down(1 + cos0)) if down(1 + cos0) > 0 else np.inf
-    elif cos1 < 0:
-        t0, t1 = over(sin0, sin1, -cos1, -cos0)
+        t0 = max(down(sine[0] / up(1 + cosine[1])), 0.0)
+        t1 = up(sine[1] / down(1 + cosine[0])) if down(1 + cosine[0]) > 0 else np.inf
+    elif cosine[1] < 0:
+        t0, t1 = over(sine, negative(cosine))
     else:
         t0, t1 = -np.inf, np.inf
     low, high = -HALF_PI[1], HALF_PI[1]
     for end in range(2):
         t = t1 if end else t0
         if abs(t) < 1e9:
-            a, b = arctangent(abs(t), abs(t))
+            a, b = arctangent((abs(t), abs(t)))
             if end:
                 high = b if t >= 0 else -a
             else:
                 low = a if t >= 0 else -b
     if h >= 0:
-        t0, t1 = 2 * max(low, 0.0), 2 * high
-    elif cos1 < 0:  # π − atan(sin θ/−cos θ)
-        t0, t1 = down(2 * HALF_PI[0] - high), up(2 * HALF_PI[1] - low)
+        theta = 2 * max(low, 0.0), 2 * high
+    elif cosine[1] < 0:  # π − atan(sin θ/−cos θ)
+        theta = down(2 * HALF_PI[0] - high), up(2 * HALF_PI[1] - low)
     else:
-        t0, t1 = HALF_PI[0], LARGEST_WRAP
-    l0, l1 = scaled(t0, t1, radius)
-    l0, l1 = add(l0, l1, s0, s1)
-    return s0, s1, sin0, sin1, cos0, cos1, t0, t1, l0, l1
+        theta = HALF_PI[0], LARGEST_WRAP
+    return s, sine, cosine, theta, add(scaled(theta, radius), s)
 
 
 @outlined
 def over_wheel(o, wheel):
     """Fill in a cable's geometry over its wheel from ``APART``. False: nowhere in the box it is clear of its wheel."""
     radius, n = wheel[RADIUS, 0], np.empty((3, 2))
-    h0, h1, squares, aside, at = 0.0, 0.0, np.empty((3, 2)), np.empty((3, 2)), np.zeros((4, 10))
-    straight = 0.0
+    height, squares, aside, straight = (0.0, 0.0), np.empty((3, 2)), np.empty((3, 2)), 0.0
     for r in range(3):
-        a, b = multiply(o[APART + r, 0], o[APART + r, 1], wheel[AXIS + r, 0], wheel[AXIS + r, 1])
-        h0, h1 = add(h0, h1, a, b)
-        aside[r, 0] = aside[r, 1] = 0.0
+        height = add(height, multiply(row(o, APART + r), row(wheel, AXIS + r)))
+        along = 0.0, 0.0
         for c in range(3):
-            e = ASIDE + 3 * r + c
-            a, b = multiply(o[APART + c, 0], o[APART + c, 1], wheel[e, 0], wheel[e, 1])
-            aside[r, 0], aside[r, 1] = add(aside[r, 0], aside[r, 1], a, b)
-        squares[r, 0], squares[r, 1] = square(aside[r, 0], aside[r, 1])
-        straight = max(down(straight + square(o[APART + r, 0], o[APART + r, 1])[0]), 0.0)
-    rho0 = root_down(down(down(squares[0, 0] + squares[1, 0]) + squares[2, 0]))
-    rho1 = up(np.sqrt(up(up(squares[0, 1] + squares[1, 1]) + squares[2, 1])))
-    a0, a1 = max(down(rho0 - radius), 0.0), up(rho1 - radius)
+            along = add(along, multiply(row(o, APART + c), row(wheel, ASIDE + 3 * r + c)))
+        aside[r, 0], aside[r, 1] = along
+        squares[r, 0], squares[r, 1] = square(along)
+        straight = max(down(straight + square(row(o, APART + r))[0]), 0.0)
+    h0, h1 = height
+    rho = sum_of_squares(squares)
+    rho = root_down(rho[0]), up(np.sqrt(rho[1]))
+    a0, a1 = max(down(rho[0] - radius), 0.0), up(rho[1] - radius)
     if a1 < 0:
         return False
     most = max(abs(h0), abs(h1))
@@ -195,55 +186,57 @@ def over_wheel(o, wheel):
     if free < 0:
         return False
     o[BEYOND, 0], o[BEYOND, 1] = a0, a1
-    near = down(down(a0 * a0) + square(h0, h1)[0])
+    near = down(down(a0 * a0) + square(height)[0])
     regular = near > up(radius * radius) and (h0 >= 0 or h1 < 0 or a0 > radius)
     s0, s1 = root_down(down(near - up(radius * radius))), up(np.sqrt(free))
+    sine, cosine, wrap = (-1.0, 1.0), (-1.0, 1.0), (0.0, LARGEST_WRAP)
     if regular:
-        for k in range(4):
-            c = at[k]
-            c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9] = corner(
-                a1 if k > 1 else a0, h1 if k % 2 else h0, radius
-            )
-    c00, c01, c10, c11 = at[0], at[1], at[2], at[3]
-    if regular and h1 < 0:
-        steep, flat = (c01 if a0 < radius else c00), (c10 if a1 <= radius else c11)  # θ is largest, and least
-        sin0, sin1 = steep[2], flat[3]
-        cos0, cos1 = min(steep[4], flat[4]), max(steep[5], flat[5])
-        l0, l1 = (c11[8] if a1 < radius else c01[8]), max(c00[9], c10[9])
-        if a0 <= radius <= a1:
-            cos0, l0 = -1.0, down(down(2 * HALF_PI[0] * radius) - h1)
-        o[WRAP, 0], o[WRAP, 1] = flat[6], steep[7]
-    elif regular:
-        steep, flat = (c10 if h0 >= radius else c00), (c01 if h1 >= radius else c11)  # θ is largest, and least
-        cos0, cos1 = steep[4], flat[5]
-        sin0, sin1 = min(steep[2], flat[2]), max(steep[3], flat[3])
-        if h0 < radius < h1:
-            sin1 = 1.0
-            l0 = down(a0 + down(HALF_PI[0] * radius))
+        c00, c01 = corner(a0, h0, radius), corner(a0, h1, radius)
+        c10, c11 = corner(a1, h0, radius), corner(a1, h1, radius)
+        if h1 < 0:  # θ is largest at the steep corner, and least at the flat one
+            steep, flat = (c01 if a0 < radius else c00), (c10 if a1 <= radius else c11)
+            sine = steep[1][0], flat[1][1]
+            cosine = min(steep[2][0], flat[2][0]), max(steep[2][1], flat[2][1])
+            l0, l1 = (c11[4][0] if a1 < radius else c01[4][0]), max(c00[4][1], c10[4][1])
+            if a0 <= radius <= a1:
+                cosine, l0 = (-1.0, cosine[1]), down(down(2 * HALF_PI[0] * radius) - h1)
         else:
-            l0 = c00[8] if h0 >= radius else c01[8]
-        l1 = max(c10[9], c11[9])
-        o[WRAP, 0], o[WRAP, 1] = flat[6], steep[7]
+            steep, flat = (c10 if h0 >= radius else c00), (c01 if h1 >= radius else c11)
+            cosine = steep[2][0], flat[2][1]
+            sine = min(steep[1][0], flat[1][0]), max(steep[1][1], flat[1][1])
+            if h0 < radius < h1:
+                sine, l0 = (sine[0], 1.0), down(a0 + down(HALF_PI[0] * radius))
+            else:
+                l0 = c00[4][0] if h0 >= radius else c01[4][0]
+            l1 = max(c10[4][1], c11[4][1])
+        wrap = flat[3][0], steep[3][1]
     else:
-        s0, sin0, sin1, cos0, cos1 = 0.0, -1.0, 1.0, -1.0, 1.0
-        l0, l1 = root_down(straight), up(s1 + up(LARGEST_WRAP * radius))
-        o[WRAP, 0], o[WRAP, 1] = 0.0, LARGEST_WRAP
+        s0, l0, l1 = 0.0, root_down(straight), up(s1 + up(LARGEST_WRAP * radius))
+    o[WRAP, 0], o[WRAP, 1] = wrap
     o[LENGTH, 0], o[LENGTH, 1], o[FREE, 0], o[FREE, 1] = l0, l1, s0, s1
     for r in range(3):
-        s, t = (r + 1) % 3, (r + 2) % 3
-        low, high = max(down(squares[s, 0] + squares[t, 0]), 0.0), up(squares[s, 1] + squares[t, 1])
-        n[r, 0], n[r, 1] = unit_down(aside[r, 0], low, high), -unit_down(-aside[r, 1], low, high)
+        n[r, 0], n[r, 1] = unit(row(aside, r), of_others(squares, r))
     for r in range(3):
-        a, b = multiply(n[r, 0], n[r, 1], sin0, sin1)
-        c, e = multiply(wheel[AXIS + r, 0], wheel[AXIS + r, 1], cos0, cos1)
-        a, b = add(a, b, c, e)
-        o[DIRECTION + r, 0], o[DIRECTION + r, 1] = max(a, -1.0), min(b, 1.0)
+        low, high = add(multiply(row(n, r), sine), multiply(row(wheel, AXIS + r), cosine))
+        o[DIRECTION + r, 0], o[DIRECTION + r, 1] = max(low, -1.0), min(high, 1.0)
         o[ACROSS + r, 0], o[ACROSS + r, 1] = cross(wheel, AXIS, n, 0, r)
     o[BEND, 0], o[BEND, 1] = -np.inf, np.inf
-    if s0 > 0 and rho0 > 0:
-        a, b = over(sin0, sin1, rho0, rho1)
-        o[BEND, 0], o[BEND, 1] = subtract(a, b, down(1 / s1), up(1 / s0))
+    if s0 > 0 and rho[0] > 0:
+        o[BEND, 0], o[BEND, 1] = subtract(over(sine, rho), (down(1 / s1), up(1 / s0)))
     return True
+
+
+@outlined
+def sum_of_squares(squares):
+    """The sum of the intervals in the rows of ``squares`` (3, 2)."""
+    return add(add(row(squares, 0), row(squares, 1)), row(squares, 2))
+
+
+@outlined
+def of_others(squares, r):
+    """The sum of the intervals in the rows but r of ``squares`` (3, 2), which is not negative."""
+    low, high = add(row(squares, (r + 1) % 3), row(squares, (r + 2) % 3))
+    return max(low, 0.0), high
 
 
 @outlined
@@ -266,50 +259,43 @@ def geometry(q, setup, o, spin):
         b = setup.anchors[i] if i < m else setup.center_of_mass
         c = o[i]
         for r in range(3):
-            low = high = centred_low = centred_high = 0.0
+            arm, about_middle = (0.0, 0.0), (0.0, 0.0)
             for k in range(3):
                 if b[k] == 0 or (planar and (r + k) % 2 == 1):
                     continue
-                p0, p1 = scaled(R[3 * r + k, 0], R[3 * r + k, 1], b[k])
-                low, high = add(low, high, p0, p1)
+                arm = add(arm, scaled(row(R, 3 * r + k), b[k]))
                 if turns:
-                    p0, p1 = scaled(Rm[3 * r + k, 0], Rm[3 * r + k, 1], b[k])
-                    centred_low, centred_high = add(centred_low, centred_high, p0, p1)
-            c[ARM + r, 0], c[ARM + r, 1] = low, high
-            centred[r, 0], centred[r, 1] = centred_low, centred_high
+                    about_middle = add(about_middle, scaled(row(Rm, 3 * r + k), b[k]))
+            c[ARM + r, 0], c[ARM + r, 1] = arm
+            centred[r, 0], centred[r, 1] = about_middle
         if turns:
             for k in range(3):
                 if q[3 + k, 0] == q[3 + k, 1]:
                     continue
-                w0, w1 = subtract(q[3 + k, 0], q[3 + k, 1], middle[3 + k, 0], middle[3 + k, 0])
+                width = subtract(row(q, 3 + k), row(middle, 3 + k))
                 for r in range(3):
                     if planar and r == 1:
                         continue
-                    p0, p1 = cross(spin, 3 * k, c, ARM, r)
-                    p0, p1 = multiply(p0, p1, w0, w1)
-                    centred[r, 0], centred[r, 1] = add(centred[r, 0], centred[r, 1], p0, p1)
+                    moved = multiply(cross(spin, 3 * k, c, ARM, r), width)
+                    centred[r, 0], centred[r, 1] = add(row(centred, r), moved)
             for r in range(3):
-                c[ARM + r, 0], c[ARM + r, 1] = max(c[ARM + r, 0], centred[r, 0]), min(c[ARM + r, 1], centred[r, 1])
+                narrowed(c, ARM + r, row(centred, r))
         if i == m:
             return True
         for r in range(3):
-            p0, p1 = add(q[r, 0], q[r, 1], c[ARM + r, 0], c[ARM + r, 1])
-            p0, p1 = subtract(p0, p1, setup.exits[i, r], setup.exits[i, r])
-            c[APART + r, 0], c[APART + r, 1] = p0, p1
-            squares[r, 0], squares[r, 1] = square(p0, p1)
+            exit_ = setup.exits[i, r]
+            apart = subtract(add(row(q, r), row(c, ARM + r)), (exit_, exit_))
+            c[APART + r, 0], c[APART + r, 1] = apart
+            squares[r, 0], squares[r, 1] = square(apart)
         if setup.wheels[i, RADIUS, 0] > 0:
             if not over_wheel(c, setup.wheels[i]):
                 return False
         else:
-            low = down(down(squares[0, 0] + squares[1, 0]) + squares[2, 0])
-            high = up(up(squares[0, 1] + squares[1, 1]) + squares[2, 1])
+            low, high = sum_of_squares(squares)
             c[LENGTH, 0], c[LENGTH, 1] = root_down(low), up(np.sqrt(high))
-            c[FREE, 0], c[FREE, 1] = c[LENGTH, 0], c[LENGTH, 1]
+            c[FREE, 0], c[FREE, 1] = row(c, LENGTH)
             for r in range(3):
-                s, t = (r + 1) % 3, (r + 2) % 3
-                low, high = max(down(squares[s, 0] + squares[t, 0]), 0.0), up(squares[s, 1] + squares[t, 1])
-                c[DIRECTION + r, 0] = unit_down(c[APART + r, 0], low, high)
-                c[DIRECTION + r, 1] = -unit_down(-c[APART + r, 1], low, high)
+                c[DIRECTION + r, 0], c[DIRECTION + r, 1] = unit(row(c, APART + r), of_others(squares, r))
         for r in range(3):
             if not planar or r == 1:
                 c[MOMENT + r, 0], c[MOMENT + r, 1] = cross(c, ARM, c, DIRECTION, r)
@@ -317,62 +303,62 @@ def geometry(q, setup, o, spin):
 
 
 @outlined
-def slope(law, strain_low, strain_high):
+def slope(law, strains):
     """The law's slope over EA/l0: 1 + 2 a2 ε + 3 a3 ε², constant beyond MOST_STRAIN."""
     if law[A2] == 0.0 and law[A3] == 0.0:
         return 1.0, 1.0
-    a, b = min(max(strain_low, 0.0), MOST_STRAIN), min(max(strain_high, 0.0), MOST_STRAIN)
-    c, d = multiply(a, b, down(3 * law[A3]), up(3 * law[A3]))
-    c, d = add(c, d, 2 * law[A2], 2 * law[A2])
-    c, d = multiply(a, b, c, d)
-    c, d = add(c, d, 1.0, 1.0)
-    return max(c, law[SLOPE_LOW]), min(d, law[SLOPE_HIGH])
+    e = min(max(strains[0], 0.0), MOST_STRAIN), min(max(strains[1], 0.0), MOST_STRAIN)
+    low, high = add(multiply(e, (down(3 * law[A3]), up(3 * law[A3]))), (2 * law[A2], 2 * law[A2]))
+    low, high = add(multiply(e, (low, high)), (1.0, 1.0))
+    return max(low, law[SLOPE_LOW]), min(high, law[SLOPE_HIGH])
 
 
 @outlined
-def strained(law, strain_low, strain_high):
-    """τ/EA at a strain in an interval, which should be narrow."""
+def strained(law, strains):
+    """τ/EA at strains in an interval, which should be narrow."""
+    low, high = max(strains[0], 0.0), max(strains[1], 0.0)
     if law[A2] == 0.0 and law[A3] == 0.0:
-        return max(strain_low, 0.0), max(strain_high, 0.0)
-    a, b = max(strain_low, 0.0), max(strain_high, 0.0)
-    c, d = min(a, MOST_STRAIN), min(b, MOST_STRAIN)
-    p, q = scaled(c, d, law[A3])
-    p, q = add(p, q, law[A2], law[A2])
-    p, q = multiply(c, d, p, q)
-    p, q = add(p, q, 1.0, 1.0)
-    p, q = multiply(c, d, p, q)
-    beyond_low, beyond_high = max(down(a - d), 0.0), max(up(b - c), 0.0)
-    if b <= MOST_STRAIN:
-        beyond_low = beyond_high = 0.0
-    s, t = slope(law, c, d)
-    s, t = multiply(s, t, beyond_low, beyond_high)
-    return add(p, q, s, t)
+        return low, high
+    e = min(low, MOST_STRAIN), min(high, MOST_STRAIN)
+    curved = add(scaled(e, law[A3]), (law[A2], law[A2]))
+    curved = multiply(e, add(multiply(e, curved), (1.0, 1.0)))
+    beyond = max(down(low - e[1]), 0.0), max(up(high - e[0]), 0.0)
+    if high <= MOST_STRAIN:
+        beyond = 0.0, 0.0
+    return add(curved, multiply(slope(law, e), beyond))
 
 
 @outlined
 def strain(law, length):
     """The stretch l − l0 over the length that stretches."""
-    return over(down(length - law[REST]), up(length - law[REST]), law[WHOLE_LOW], law[WHOLE_HIGH])
+    return over((down(length - law[REST]), up(length - law[REST])), (law[WHOLE_LOW], law[WHOLE_HIGH]))
 
 
 @outlined
-def tension(law, low, high):
-    """τ over lengths [low, high]; it is increasing."""
-    a, b = strain(law, low)
-    c, d = strain(law, high)
-    p = strained(law, a, b)[0]
-    q = strained(law, c, d)[1]
-    return max(down(law[EA_LOW] * p), 0.0), max(up(law[EA_HIGH] * q), 0.0)
+def strains_over(law, lengths):
+    """The same over an interval of lengths."""
+    return strain(law, lengths[0])[0], strain(law, lengths[1])[1]
+
+
+@outlined
+def compliance(law):
+    """The length that stretches over EA."""
+    return down(law[WHOLE_LOW] / law[EA_HIGH]), up(law[WHOLE_HIGH] / law[EA_LOW])
+
+
+@outlined
+def tension(law, lengths):
+    """τ over an interval of lengths; it is increasing."""
+    low, high = strained(law, strain(law, lengths[0]))[0], strained(law, strain(law, lengths[1]))[1]
+    return max(down(law[EA_LOW] * low), 0.0), max(up(law[EA_HIGH] * high), 0.0)
 
 
 @outlined
 def load(setup, o, g):
     """Fill g (6, 2): minus the wrench of weight and external wrench about the platform's origin."""
-    w0, w1, m = setup.weight[0], setup.weight[1], setup.exits.shape[0]
+    weight, m = (setup.weight[0], setup.weight[1]), setup.exits.shape[0]
     for r in range(6):
         g[r, 0] = g[r, 1] = -setup.wrench[r]
-    g[2, 0], g[2, 1] = add(g[2, 0], g[2, 1], w0, w1)
-    a, b = multiply(w0, w1, o[m, ARM + 1, 0], o[m, ARM + 1, 1])
-    g[3, 0], g[3, 1] = add(g[3, 0], g[3, 1], a, b)
-    a, b = multiply(w0, w1, o[m, ARM, 0], o[m, ARM, 1])
-    g[4, 0], g[4, 1] = subtract(g[4, 0], g[4, 1], a, b)
+    g[2, 0], g[2, 1] = add(row(g, 2), weight)
+    g[3, 0], g[3, 1] = add(row(g, 3), multiply(weight, row(o[m], ARM + 1)))
+    g[4, 0], g[4, 1] = subtract(row(g, 4), multiply(weight, row(o[m], ARM)))

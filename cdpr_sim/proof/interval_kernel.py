@@ -32,48 +32,73 @@ def down(x):
 
 
 @outlined
-def add(a, b, c, d):
-    """[a, b] + [c, d]."""
-    return down(a + c), up(b + d)
+def row(a, i):
+    """The interval in row i of an array (rows, 2)."""
+    return a[i, 0], a[i, 1]
 
 
 @outlined
-def subtract(a, b, c, d):
-    """[a, b] − [c, d]."""
-    return down(a - d), up(b - c)
+def add(x, y):
+    """x + y."""
+    return down(x[0] + y[0]), up(x[1] + y[1])
 
 
 @outlined
-def multiply(a, b, c, d):
-    """[a, b] × [c, d]."""
-    p, q, r, s = a * c, a * d, b * c, b * d
+def subtract(x, y):
+    """x − y."""
+    return down(x[0] - y[1]), up(x[1] - y[0])
+
+
+@outlined
+def negative(x):
+    """−x."""
+    return -x[1], -x[0]
+
+
+@outlined
+def multiply(x, y):
+    """x y."""
+    p, q, r, s = x[0] * y[0], x[0] * y[1], x[1] * y[0], x[1] * y[1]
     return down(min(min(p, q), min(r, s))), up(max(max(p, q), max(r, s)))
 
 
 @outlined
-def scaled(a, b, c):
-    """[a, b] × c."""
-    p, q = a * c, b * c
+def scaled(x, c):
+    """c x, c a number."""
+    p, q = x[0] * c, x[1] * c
     return down(min(p, q)), up(max(p, q))
 
 
 @outlined
-def over(a, b, c, d):
-    """[a, b] ÷ [c, d], c > 0."""
-    return down(a / d if a >= 0 else a / c), up(b / c if b >= 0 else b / d)
+def over(x, y):
+    """x/y, y > 0."""
+    return down(x[0] / y[1] if x[0] >= 0 else x[0] / y[0]), up(x[1] / y[0] if x[1] >= 0 else x[1] / y[1])
 
 
 @outlined
-def least(a, b):
-    """The least |x| in [a, b]."""
-    return a if a > 0 else (-b if b < 0 else 0.0)
+def least(x):
+    """The least magnitude of numbers in x."""
+    return x[0] if x[0] > 0 else (-x[1] if x[1] < 0 else 0.0)
 
 
 @outlined
-def square(a, b):
-    """[a, b]²."""
-    low, high = least(a, b), max(abs(a), abs(b))
+def square(x):
+    """x²."""
+    low, high = least(x), max(abs(x[0]), abs(x[1]))
     return max(down(low * low), 0.0), up(high * high)
+
+
+@outlined
+def product(a, i, j):
+    """Product of the intervals in rows i and j of a; of one number with itself if i = j."""
+    return square(row(a, i)) if i == j else multiply(row(a, i), row(a, j))
+
+
+@outlined
+def narrowed(a, i, x):
+    """Contract the interval in row i of a to what lies in x too. False if nothing does."""
+    a[i, 0], a[i, 1] = max(a[i, 0], x[0]), min(a[i, 1], x[1])
+    return not a[i, 0] > a[i, 1]
 
 
 @outlined
@@ -83,27 +108,32 @@ def root_down(x):
 
 
 @outlined
-def unit_down(x, low, high):
-    """The least x/√(x² + s) with s in [low, high]."""
+def unit_down(x, squares):
+    """The least x/√(x² + s) with s in ``squares``."""
     if x >= 0:
-        h = up(np.sqrt(up(up(x * x) + high)))
+        h = up(np.sqrt(up(up(x * x) + squares[1])))
         return down(x / h) if h > 0 else -1.0
-    h = root_down(down(down(x * x) + low))
+    h = root_down(down(down(x * x) + squares[0]))
     return max(down(x / h), -1.0) if h > 0 else -1.0
+
+
+@outlined
+def unit(x, squares):
+    """x/√(x² + s) with s in ``squares``, which is within [−1, 1]."""
+    return unit_down(x[0], squares), -unit_down(-x[1], squares)
 
 
 @outlined
 def cross(a, p, b, q, r):
     """Component r of the product of the vectors in the rows p, p + 1, p + 2 of a, and q, q + 1, q + 2 of b."""
     i, j = (r + 1) % 3, (r + 2) % 3
-    p0, p1 = multiply(a[p + i, 0], a[p + i, 1], b[q + j, 0], b[q + j, 1])
-    q0, q1 = multiply(a[p + j, 0], a[p + j, 1], b[q + i, 0], b[q + i, 1])
-    return subtract(p0, p1, q0, q1)
+    return subtract(multiply(row(a, p + i), row(b, q + j)), multiply(row(a, p + j), row(b, q + i)))
 
 
 @outlined
-def arctangent(low, high):
-    """atan over [low, high], low >= 0, below 1e100."""
+def arctangent(x):
+    """atan x, for x >= 0 below 1e100."""
+    low, high = x
     for _ in range(3):  # x/(1 + √(1 + x²)) increases
         bottom, top = up(1 + up(np.sqrt(up(1 + up(low * low))))), down(1 + root_down(down(1 + down(high * high))))
         low, high = max(down(low / bottom), 0.0), min(up(high / top), 1.0)
@@ -113,13 +143,8 @@ def arctangent(low, high):
 @outlined
 def series(x):
     """Bounds of atan x for 0 <= x <= tan(π/16)."""
-    low, high = square(x, x)
-    s0, s1 = 0.0, 0.0
+    squared = square((x, x))
+    part = 0.0, squared[1]
     for k in range(ARCTANGENT_TERMS, 0, -1):  # s_k = 1/(2k + 1) − x² s_(k+1), with 0 < s < 1
-        a, b = multiply(low, high, s0, s1)
-        if k == ARCTANGENT_TERMS:
-            a, b = 0.0, high
-        s0, s1 = subtract(down(1 / (2 * k + 1)), up(1 / (2 * k + 1)), a, b)
-    a, b = multiply(low, high, s0, s1)
-    a, b = subtract(1.0, 1.0, a, b)
-    return scaled(a, b, x)
+        part = multiply(squared, subtract((down(1 / (2 * k + 1)), up(1 / (2 * k + 1))), part))
+    return scaled(subtract((1.0, 1.0), part), x)

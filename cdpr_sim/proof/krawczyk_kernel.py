@@ -13,21 +13,36 @@ from cdpr_sim.proof.geometry_kernel import (
     BEYOND,
     DIRECTION,
     EA_HIGH,
-    EA_LOW,
     FREE,
     LENGTH,
     RADIUS,
     REST,
     WHOLE_HIGH,
     WHOLE_LOW,
+    compliance,
     geometry,
     load,
     slope,
-    strain,
     strained,
+    strains_over,
     tension,
 )
-from cdpr_sim.proof.interval_kernel import SHARE, TINY, add, cross, down, multiply, over, scaled, square, subtract, up
+from cdpr_sim.proof.interval_kernel import (
+    SHARE,
+    TINY,
+    add,
+    cross,
+    down,
+    multiply,
+    narrowed,
+    negative,
+    over,
+    product,
+    row,
+    scaled,
+    subtract,
+    up,
+)
 
 OPENED = 0.05
 """Fraction by which a range of tensions is widened for Krawczyk's test, so that the image of slack can lie inside."""
@@ -45,48 +60,36 @@ def bending(o, i, setup, B):
         if planar and r != 1:
             continue
         s, t = (r + 1) % 3, (r + 2) % 3
-        E[r, s, 0], E[r, s, 1] = -c[DIRECTION + t, 1], -c[DIRECTION + t, 0]
-        E[r, t, 0], E[r, t, 1] = c[DIRECTION + s, 0], c[DIRECTION + s, 1]
+        E[r, s, 0], E[r, s, 1] = negative(row(c, DIRECTION + t))
+        E[r, t, 0], E[r, t, 1] = row(c, DIRECTION + s)
         for x in range(3):
             if x != r and not planar:
-                p, q = multiply(c[ARM + r, 0], c[ARM + r, 1], c[DIRECTION + x, 0], c[DIRECTION + x, 1])
-                E[r, 3 + x, 0], E[r, 3 + x, 1] = -q, -p
-        p, q = multiply(c[ARM + s, 0], c[ARM + s, 1], c[DIRECTION + s, 0], c[DIRECTION + s, 1])
-        d, e = multiply(c[ARM + t, 0], c[ARM + t, 1], c[DIRECTION + t, 0], c[DIRECTION + t, 1])
-        E[r, 3 + r, 0], E[r, 3 + r, 1] = add(p, q, d, e)
+                E[r, 3 + x, 0], E[r, 3 + x, 1] = negative(multiply(row(c, ARM + r), row(c, DIRECTION + x)))
+        along = multiply(row(c, ARM + s), row(c, DIRECTION + s)), multiply(row(c, ARM + t), row(c, DIRECTION + t))
+        E[r, 3 + r, 0], E[r, 3 + r, 1] = add(along[0], along[1])
     for k in range(n):
         for j in range(k + 1):
-            r, x, low, high = rows[k], rows[j], 0.0, 0.0
+            total = 0.0, 0.0
             for e in range(3):
-                if planar and e != 1:
-                    continue
-                if r == x:
-                    p, q = square(E[e, r, 0], E[e, r, 1])
-                else:
-                    p, q = multiply(E[e, r, 0], E[e, r, 1], E[e, x, 0], E[e, x, 1])
-                low, high = add(low, high, p, q)
-            low, high = over(low, high, c[FREE, 0], c[FREE, 1])
-            B[k, j, 0], B[k, j, 1] = low, high
-            B[j, k, 0], B[j, k, 1] = low, high
+                if not planar or e == 1:
+                    total = add(total, product(E[e], rows[k], rows[j]))
+            turned = over(total, row(c, FREE))
+            B[k, j, 0], B[k, j, 1] = turned
+            B[j, k, 0], B[j, k, 1] = turned
     if setup.wheels[i, RADIUS, 0] > 0 and not planar:  # a planar robot's wheel does not swivel
         side = np.empty((6, 2))
         for r in range(3):
-            side[r, 0], side[r, 1] = c[ACROSS + r, 0], c[ACROSS + r, 1]
+            side[r, 0], side[r, 1] = row(c, ACROSS + r)
         for r in range(3):
             side[3 + r, 0], side[3 + r, 1] = cross(c, ARM, side, 0, r)
         for r in range(6):
             for x in range(6):
-                if r == x:
-                    p, q = square(side[r, 0], side[r, 1])
-                else:
-                    p, q = multiply(side[r, 0], side[r, 1], side[x, 0], side[x, 1])
-                p, q = multiply(p, q, c[BEND, 0], c[BEND, 1])
-                B[r, x, 0], B[r, x, 1] = add(B[r, x, 0], B[r, x, 1], p, q)
+                swivelled = multiply(product(side, r, x), row(c, BEND))
+                B[r, x, 0], B[r, x, 1] = add(row(B[r], x), swivelled)
     for k in range(n):
         for j in range(n):
             if rows[k] > 2 and rows[j] > 2:  # the pull keeps its direction and its arm turns: u nᵀ − n·u
-                e, x = rows[k] - 3, rows[j]
-                B[k, j, 0], B[k, j, 1] = subtract(B[k, j, 0], B[k, j, 1], E[e, x, 0], E[e, x, 1])
+                B[k, j, 0], B[k, j, 1] = subtract(row(B[k], j), row(E[rows[k] - 3], rows[j]))
 
 
 @outlined
@@ -96,51 +99,40 @@ def derivatives(T, setup, o, spin, acting, count, B, J):
     The columns of the tensions are those of taut cables. B (cables, free, free, 2) is each cable's ``bending``.
     """
     m, rows, n = setup.exits.shape[0], setup.rows, len(setup.rows)
-    turned = np.empty((6, 2))
-    w0, w1 = setup.weight[0], setup.weight[1]
+    turned, weight = np.empty((6, 2)), (setup.weight[0], setup.weight[1])
     for r in range(n + count):
         for x in range(n):
-            low, high = 0.0, 0.0
+            total = 0.0, 0.0
             if r >= n:
-                i = acting[r - n]
-                low, high = o[i, DIRECTION + rows[x], 0], o[i, DIRECTION + rows[x], 1]
+                total = row(o[acting[r - n]], DIRECTION + rows[x])
             else:
                 for k in range(count):
                     i = acting[k]
-                    a, b = multiply(B[i, r, x, 0], B[i, r, x, 1], T[i, 0], T[i, 1])
-                    low, high = add(low, high, a, b)
+                    total = add(total, multiply(row(B[i, r], x), row(T, i)))
                 e, f = rows[r] - 3, rows[x] - 3
                 if e >= 0 and f == 2:
-                    a, b = multiply(w0, w1, o[m, ARM + e, 0], o[m, ARM + e, 1])
-                    low, high = add(low, high, a, b)
+                    total = add(total, multiply(weight, row(o[m], ARM + e)))
                 if e >= 0 and e == f:
-                    a, b = multiply(w0, w1, o[m, ARM + 2, 0], o[m, ARM + 2, 1])
-                    low, high = subtract(low, high, a, b)
-            turned[x, 0], turned[x, 1] = low, high
+                    total = subtract(total, multiply(weight, row(o[m], ARM + 2)))
+            turned[x, 0], turned[x, 1] = total
         for x in range(n):  # from rotation vectors to v: by its angular velocities
-            low, high = turned[x, 0], turned[x, 1]
+            total = row(turned, x)
             if rows[x] > 2:
-                low, high = 0.0, 0.0
+                total = 0.0, 0.0
                 for e in range(n):
                     if rows[e] > 2:
-                        s = 3 * (rows[x] - 3) + rows[e] - 3
-                        a, b = multiply(turned[e, 0], turned[e, 1], spin[s, 0], spin[s, 1])
-                        low, high = add(low, high, a, b)
+                        total = add(total, multiply(row(turned, e), row(spin, 3 * (rows[x] - 3) + rows[e] - 3)))
             if r >= n:
-                law = setup.law[acting[r - n]]
-                length = o[acting[r - n]]
-                a, b = slope(law, strain(law, length[LENGTH, 0])[0], strain(law, length[LENGTH, 1])[1])
-                low, high = multiply(low, high, a, b)
-            J[r, x, 0], J[r, x, 1] = low, high
+                i = acting[r - n]
+                total = multiply(total, slope(setup.law[i], strains_over(setup.law[i], row(o[i], LENGTH))))
+            J[r, x, 0], J[r, x, 1] = total
     for k in range(count):
         i = acting[k]
-        law = setup.law[i]
         for r in range(count):
             J[n + r, n + k, 0] = J[n + r, n + k, 1] = 0.0
         for r in range(n):
-            J[r, n + k, 0], J[r, n + k, 1] = o[i, DIRECTION + rows[r], 0], o[i, DIRECTION + rows[r], 1]
-        J[n + k, n + k, 0] = -up(law[WHOLE_HIGH] / law[EA_LOW])
-        J[n + k, n + k, 1] = -down(law[WHOLE_LOW] / law[EA_HIGH])
+            J[r, n + k, 0], J[r, n + k, 1] = row(o[i], DIRECTION + rows[r])
+        J[n + k, n + k, 0], J[n + k, n + k, 1] = negative(compliance(setup.law[i]))
 
 
 @outlined
@@ -153,15 +145,11 @@ def branched(J, setup, o, acting, count, taut, low, high, gap):
     for k in range(count):
         if taut[k]:
             continue
-        i = acting[k]
-        law = setup.law[i]
+        i, share = acting[k], (low[k], high[k])
         for r in range(n):
-            a, b = o[i, DIRECTION + rows[r], 0], o[i, DIRECTION + rows[r], 1]
-            J[r, n + k, 0], J[r, n + k, 1] = multiply(a, b, low[k], high[k])
-        a, b = multiply(low[k], high[k], down(law[WHOLE_LOW] / law[EA_HIGH]), up(law[WHOLE_HIGH] / law[EA_LOW]))
-        c, d = scaled(down(1 - high[k]), up(1 - low[k]), gap[k])
-        a, b = add(a, b, c, d)
-        J[n + k, n + k, 0], J[n + k, n + k, 1] = -b, -a
+            J[r, n + k, 0], J[r, n + k, 1] = multiply(row(o[i], DIRECTION + rows[r]), share)
+        longer = multiply(share, compliance(setup.law[i])), scaled(subtract((1.0, 1.0), share), gap[k])
+        J[n + k, n + k, 0], J[n + k, n + k, 1] = negative(add(longer[0], longer[1]))
 
 
 @outlined
@@ -224,7 +212,7 @@ def krawczyk(q, T, setup, o, spin, at, smear):
     gap, low, high, Y = np.empty(count), np.empty(count), np.empty(count), np.empty((N, 2))
     C, Jm, Jr, choices = np.empty((N, N)), np.empty((N, N)), np.empty((N, N)), 1
     for r in range(n):
-        Y[r, 0], Y[r, 1] = q[rows[r], 0], q[rows[r], 1]
+        Y[r, 0], Y[r, 1] = row(q, rows[r])
         middle[r] = 0.5 * (Y[r, 0] + Y[r, 1])
         thin[rows[r], 0] = thin[rows[r], 1] = middle[r]
     for k in range(count):
@@ -275,21 +263,19 @@ def krawczyk(q, T, setup, o, spin, at, smear):
         return CONTRACTED
     load(setup, o, g)
     for r in range(n):
-        G[r, 0], G[r, 1] = g[rows[r], 0], g[rows[r], 1]
+        G[r, 0], G[r, 1] = row(g, rows[r])
     for k in range(count):
         i, tau, y = acting[k], between[acting[k], 0], middle[n + k]
-        law, length = setup.law[i], o[i]
+        law = setup.law[i]
         for r in range(n):
-            a, b = scaled(length[DIRECTION + rows[r], 0], length[DIRECTION + rows[r], 1], tau)
-            G[r, 0], G[r, 1] = add(G[r, 0], G[r, 1], a, b)
-        a, b = strain(law, length[LENGTH, 0])[0], strain(law, length[LENGTH, 1])[1]
-        c, d = strained(law, a, a)[0], strained(law, b, b)[1]
-        a, b = multiply(down(c + min(a, 0.0)), up(d + min(b, 0.0)), law[WHOLE_LOW], law[WHOLE_HIGH])
-        c, d = multiply(down(law[WHOLE_LOW] / law[EA_HIGH]), up(law[WHOLE_HIGH] / law[EA_LOW]), tau, tau)
-        a, b = subtract(a, b, c, d)
+            G[r, 0], G[r, 1] = add(row(G, r), scaled(row(o[i], DIRECTION + rows[r]), tau))
+        a, b = strains_over(law, row(o[i], LENGTH))
+        low_end, high_end = strained(law, (a, a))[0] + min(a, 0.0), strained(law, (b, b))[1] + min(b, 0.0)
+        extension = multiply((down(low_end), up(high_end)), (law[WHOLE_LOW], law[WHOLE_HIGH]))
+        off = subtract(extension, multiply(compliance(law), (tau, tau)))
         if y < 0:
-            a, b = subtract(a, b, down(y * gap[k]), up(y * gap[k]))
-        G[n + k, 0], G[n + k, 1] = a, b
+            off = subtract(off, (down(y * gap[k]), up(y * gap[k])))
+        G[n + k, 0], G[n + k, 1] = off
     inside, share = True, (N + 8) * SHARE
     for r in range(N):
         step, size, wide = 0.0, 0.0, 0.0
@@ -309,15 +295,12 @@ def krawczyk(q, T, setup, o, spin, at, smear):
         if r < n:
             q[rows[r], 0], q[rows[r], 1] = k0, k1
             at[rows[r]] = 0.5 * (k0 + k1)
-        else:
-            i = acting[r - n]
-            T[i, 0], T[i, 1] = max(T[i, 0], k0), min(T[i, 1], max(k1, 0.0))
-            if T[i, 0] > T[i, 1]:
-                return EMPTY
+        elif not narrowed(T, acting[r - n], (k0, max(k1, 0.0))):
+            return EMPTY
     if not inside:
         return CONTRACTED
     for r in range(n):
-        thin[rows[r], 0], thin[rows[r], 1] = Y[r, 0], Y[r, 1]
+        thin[rows[r], 0], thin[rows[r], 1] = row(Y, r)
     if not geometry(thin, setup, o, spin):
         return CONTRACTED
     for k in range(count):
@@ -353,7 +336,7 @@ def steps_to_equilibrium(start, setup, o, spin):
         for r in range(n):
             F[r] = g[rows[r], 0]
         for i in range(m):
-            tau = tension(setup.law[i], o[i, LENGTH, 0], o[i, LENGTH, 0])[1]
+            tau = tension(setup.law[i], (o[i, LENGTH, 0], o[i, LENGTH, 0]))[1]
             T[i, 0] = T[i, 1] = tau
             if o[i, LENGTH, 0] > setup.law[i, REST]:
                 acting[count] = i
@@ -410,7 +393,7 @@ def blown_up(q, setup, o, spin, box):
         if not geometry(tried, setup, o, spin):
             return False
         for i in range(m):
-            T[i, 0], T[i, 1] = tension(setup.law[i], o[i, LENGTH, 0], o[i, LENGTH, 1])
+            T[i, 0], T[i, 1] = tension(setup.law[i], row(o[i], LENGTH))
         if krawczyk(tried, T, setup, o, spin, at, smear) == UNIQUE:
             return True
         size /= 10

@@ -119,13 +119,7 @@ def solve_many(
         InvalidInput: shapes that do not fit or are ambiguous, invalid numbers.
     """
     problems = Problems.of(
-        robot,
-        poses,
-        rest_lengths,
-        external_wrench,
-        rotations=rotations,
-        axial_stiffness=axial_stiffness,
-        mass=mass,
+        robot, poses, rest_lengths, external_wrench, rotations=rotations, axial_stiffness=axial_stiffness, mass=mass
     )
     robot, threads = problems.robot, checked_threads(threads)
     if robot.cabling.has_memory.any():
@@ -152,18 +146,8 @@ def solve_many(
         status[felt] = np.where(state.residual <= ACCEPTABLE * asked.force_scale, status[felt], Status.STALLED.value)
     if (status != Status.CONVERGED).any():
         status = np.where(problems.refusals == Status.PENDING, status, problems.refusals)
-    return EquilibriumBatch(
-        problems=problems,
-        positions=positions,
-        rotations=turned,
-        lengths=lengths,
-        tensions=tensions,
-        residuals=residuals,
-        iterations=iterations,
-        status=status,
-        source="newton",
-        stiffness=_eigenvalues,
-    )
+    columns = positions, turned, lengths, tensions, residuals, iterations, status
+    return EquilibriumBatch(problems, *columns, source="newton", stiffness=_eigenvalues)
 
 
 def solve_step(
@@ -200,18 +184,9 @@ def solve_step(
     balanced = residuals <= ACCEPTABLE * problems.force_scale
     status = np.where((status == Status.CONVERGED) & ~balanced, Status.STALLED.value, status)
     status = np.where(possible, status, problems.refusals)
-    equilibria = EquilibriumBatch(
-        problems=problems,
-        positions=positions,
-        rotations=turned,
-        lengths=lengths,
-        tensions=tensions,
-        residuals=np.asarray(residuals),
-        iterations=iterations,
-        status=status,
-        source="newton",
-        stiffness=partial(_eigenvalues_by, table, rest),
-    )
+    columns = positions, turned, lengths, tensions, np.asarray(residuals), iterations, status
+    stiffness = partial(_eigenvalues_by, table, rest)
+    equilibria = EquilibriumBatch(problems, *columns, source="newton", stiffness=stiffness)
     ended = np.where((status == Status.CONVERGED)[..., None], tensions, np.nan)
     moment = duration + (0.0 if np.isnan(memory.time) else memory.time)
     if law is None:

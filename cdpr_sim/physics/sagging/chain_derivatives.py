@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from cdpr_sim.physics.batch import softest_of
 from cdpr_sim.physics.sagging.chain_simulations import ChainSimulations, Rows
 
 DIFFERENCE = 1e-7
@@ -91,11 +92,9 @@ class ChainDerivatives(NamedTuple):
         noise = np.maximum(np.abs(within - within.swapaxes(2, 3)).max((2, 3)), rounding)
         loose = np.divide(1, modal, out=np.zeros_like(modal), where=np.abs(modal) > noise[..., None])
         pulled = modes.swapaxes(2, 3) @ across
-        stiffness = direct - (pulled.swapaxes(2, 3) @ (loose[..., None] * pulled)).sum(1)
-        eigenvalues, softest = np.full((2, *self.direct.shape[:2]), np.nan)
-        values, vectors = np.linalg.eigh((stiffness + stiffness.swapaxes(1, 2)) / 2)
-        eigenvalues[known], softest[known] = values, vectors[:, :, 0]
-        return eigenvalues, softest
+        stiffness = np.zeros_like(self.direct)
+        stiffness[known] = direct - (pulled.swapaxes(2, 3) @ (loose[..., None] * pulled)).sum(1)
+        return softest_of(stiffness, known)
 
     def following(self, x: Float[np.ndarray, "some free"]) -> Float[np.ndarray, "some chains slides"]:
         """Displacements of the slides with which the masses stay in balance where the platforms move by x [m]."""

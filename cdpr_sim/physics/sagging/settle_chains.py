@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform
 from cdpr_sim.core.equilibrium import NotSettled
 from cdpr_sim.core.memory import Memory
 from cdpr_sim.core.problem import Problem, Problems
-from cdpr_sim.core.status import NEUTRAL, Status
+from cdpr_sim.core.status import Status
 from cdpr_sim.physics.batch import SimulationReading, quiet
 from cdpr_sim.physics.chains import too_short
 from cdpr_sim.physics.dynamic_relaxation import NUDGES
@@ -92,9 +92,7 @@ def _settled(simulations: ChainSimulations, relaxation: ChainRelaxation) -> Sett
     relaxation.relax()
     reading = read(simulations)
     for _ in range(NUDGES):
-        values = reading.eigenvalues
-        saddle = values[:, 0] < -NEUTRAL * np.abs(values).max(1)
-        saddles = np.flatnonzero((relaxation.status == Status.CONVERGED) & saddle)
+        saddles = np.flatnonzero((relaxation.status == Status.CONVERGED) & reading.unstable)
         if not len(saddles):
             break
         relaxation.nudge(saddles, reading.softest[saddles])
@@ -103,9 +101,8 @@ def _settled(simulations: ChainSimulations, relaxation: ChainRelaxation) -> Sett
     # A cable off its wheel is no longer this robot's: an equilibrium that depends on it does not count.
     status = np.where(reading.off_wheel, Status.OFF_WHEEL, relaxation.status)
     beyond = simulations.robot.cabling.beyond_law(reading.lengths, simulations.rest_lengths).any(1)
-    states = {field.name: getattr(reading, field.name) for field in fields(reading)}
     return SettledChains(
-        **states,
+        **vars(reading),
         steps=relaxation.steps,
         status=np.where(beyond, Status.OVERSTRAINED, status),
         memory=None if simulations.ropes is None else simulations.remembered(),
@@ -117,21 +114,15 @@ def read(simulations: ChainSimulations) -> SimulationReading:
     rows = simulations.all
     residuals = simulations.residuals(rows)
     off_wheel = simulations.off_wheel(rows)
-    stiffness = ChainDerivatives.of(simulations, rows).stiffness()
-    seen = simulations.observe(rows)
-    states = {field.name: getattr(seen, field.name) for field in fields(seen)}
-    return SimulationReading(
-        **states, residuals=residuals, eigenvalues=stiffness[0], softest=stiffness[1], off_wheel=off_wheel
-    )
+    eigenvalues, softest = ChainDerivatives.of(simulations, rows).stiffness()
+    seen = vars(simulations.observe(rows))
+    return SimulationReading(**seen, residuals=residuals, eigenvalues=eigenvalues, softest=softest, off_wheel=off_wheel)
 
 
 def _joined(parts: list[SettledChains]) -> SettledChains:
     """All parts as one."""
-    whole = {
-        field.name: np.concatenate([getattr(part, field.name) for part in parts])
-        for field in fields(SettledChains)
-        if field.name != "memory"
-    }
+    names = vars(parts[0]).keys() - {"memory"}
+    whole = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     memories, memory = [part.memory.arrays for part in parts if part.memory is not None], None
     if memories:
         memory = Memory(**{name: np.concatenate([one[name] for one in memories]) for name in memories[0]}, time=np.nan)
