@@ -13,7 +13,7 @@ from cdpr_sim.cli import app
 from cdpr_sim.core import cable_path
 from cdpr_sim.core.describe import describe_twist
 from cdpr_sim.statics import forces
-from cdpr_sim.studies.pretension import least_pretension, pretension, taut_from
+from cdpr_sim.studies.pretension import PUSHES, least_pretension, pretension, taut_from
 from studies.pretension_tables import conclusions
 
 METHODS = (cdpr.solve, cdpr.settle)
@@ -292,7 +292,7 @@ def test_the_study_finds_what_single_solves_do(catalogue):
     assert study.method_differences[0] < 1e-9
     for push in study.pushes:
         lengths = [robot.rest_lengths(robot.home, push.taut + more) for more in (-0.1, 0.1)]
-        slack = [cdpr.settle(robot, robot.home, one, external_wrench=push.wrench).slack.sum() for one in lengths]
+        slack = [cdpr.settle(robot, robot.home, one, external_wrench=PUSHES[push.what]).slack.sum() for one in lengths]
         assert slack[0] > 0 == slack[1]
     wrong = study.wrong[0]
     lengths = robot.rest_lengths(robot.home, 300.0)
