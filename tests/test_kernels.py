@@ -13,9 +13,9 @@ from cdpr_sim.analysis.workspace import feasibility
 from cdpr_sim.core.status import Status
 from cdpr_sim.statics import derivatives, forces, matrix_kernel
 from cdpr_sim.statics.forces import mass_matrix
+from cdpr_sim.statics.gufuncs import roots_gufunc
 from cdpr_sim.statics.newton import stiffness_of
 from cdpr_sim.statics.profiles import catenary
-from cdpr_sim.statics.roots_kernel import roots_gufunc
 
 POSES = [(0.3, 0.2, 0.1, 0.05, -0.1, 0.2), (0.45, 0.3, 0.2, -0.1, 0.02, -0.3), (0.2, 0.25, 0.15, 0.0, 0.1, 0.0)]
 

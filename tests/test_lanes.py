@@ -17,8 +17,8 @@ from cdpr_sim.design.layout_equilibria import Cases, solve_layouts
 from cdpr_sim.design.moves import Move, Space
 from cdpr_sim.statics import forces
 from cdpr_sim.statics.balance_kernel import BALANCED
+from cdpr_sim.statics.gufuncs import roots_gufunc
 from cdpr_sim.statics.newton import stiffness_of
-from cdpr_sim.statics.roots_kernel import roots_gufunc
 
 SAME = 1e-9
 """Largest difference between a position on lanes and from the solver for one problem [m]: both stop where an unbalanced

@@ -29,7 +29,7 @@ from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.robot import Robot
 from cdpr_sim.core.status import NEUTRAL, Status
 from cdpr_sim.statics import forces, newton
-from cdpr_sim.statics.roots_kernel import roots_gufunc
+from cdpr_sim.statics.gufuncs import roots_gufunc
 
 SAME = 1e-3
 """Two equilibria at a distance below this fraction of the characteristic length, with as many unstable directions, are

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from cdpr_sim.core.compiling import Kernel
-from cdpr_sim.statics import balance_kernel, cable_kernel, newton_kernel, stiffness_kernel
+from cdpr_sim.statics import balance_kernel, cable_kernel, newton_kernel, roots_kernel, stiffness_kernel
 
 
 def _equilibria_on_lanes(*given: Any) -> Any:
@@ -39,6 +39,22 @@ _EQUILIBRIA = cable_kernel.kernels(
     ("free",),
 )
 
+
+def _roots_on_lanes(bent: bool, _: Kernel, *given: Any) -> Any:
+    from cdpr_sim.statics import roots_lanes_kernel
+
+    return roots_lanes_kernel.search(bent, *given)
+
+
+_ROOTS = cable_kernel.kernels(
+    "search for saddles",
+    roots_kernel.search,
+    "(m,k),(m),(),(c),(d),(d),(),(),(),(c),(c,c)->(c),(c,c),()",
+    (),
+    _roots_on_lanes,
+    ("table", "rest_lengths", "weight", "center_of_mass", "wrench", "free", "scale", "enough", "damping"),
+)
+
 _STIFFNESS = cable_kernel.kernels(
     "stiffness and frequencies",
     stiffness_kernel.element,
@@ -64,6 +80,18 @@ def equilibrium_gufunc(*, bent: bool = False, sagging: bool = False, has_memory:
     parts of line (m), residual, iterations, status.
     """
     return _EQUILIBRIA[2 if sagging else 3 if has_memory else bent]
+
+
+def roots_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
+    """The search for roots of the net wrench as a NumPy generalised ufunc, for cables of one type (``cable_kernel``).
+
+    Arguments: ``Robot.cable_table`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench without a
+    torque (6), free directions as 0 or 1 (6), characteristic length, norm of the net wrench that ends the search,
+    damping of the first step, starting position (3), starting rotation matrix (3,3).
+    Results: position (3), rotation matrix (3,3), norm of the net wrench there, torques per characteristic length. An
+    anchor may lie in its wheel there, where a cable has no path.
+    """
+    return _ROOTS[2 if sagging else bent]
 
 
 def stiffness_gufunc(*, bent: bool = False, sagging: bool = False, has_memory: bool = False) -> Kernel:

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from cdpr_sim.core.compiling import Kernel, inline
+from cdpr_sim.core.compiling import inline
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics.newton_kernel import (
     Case,
@@ -39,10 +38,10 @@ LEAST_DAMPING, MOST_DAMPING = 1e-14, 1e8
 second, the search ends, in a minimum of the unbalanced force."""
 
 
-def _search(unpack: Callable) -> Callable:
+def search(unpack: Callable) -> Callable:
     """The search from one start, for cables of the type that ``unpack`` makes of the table."""
 
-    def search(
+    def descend(
         table, rest_lengths, weight, center_of_mass, wrench, free, scale, enough, damping, start_position,
         start_rotation, position, rotation, unbalanced,
     ):  # fmt: skip
@@ -82,35 +81,7 @@ def _search(unpack: Callable) -> Callable:
             for b in range(3):
                 rotation[a, b] = here.R[a, b]
 
-    return search
-
-
-def _search_on_lanes(*given: Any) -> Any:
-    from cdpr_sim.statics import roots_lanes_kernel
-
-    return roots_lanes_kernel.search(*given)
-
-
-_KERNELS = ck.kernels(
-    "search for saddles",
-    _search,
-    "(m,k),(m),(),(c),(d),(d),(),(),(),(c),(c,c)->(c),(c,c),()",
-    (),
-    _search_on_lanes,
-    ("table", "rest_lengths", "weight", "center_of_mass", "wrench", "free", "scale", "enough", "damping"),
-)
-
-
-def roots_gufunc(*, bent: bool = False, sagging: bool = False) -> Kernel:
-    """The search as a NumPy generalised ufunc, for cables of one type (``cable_kernel``).
-
-    Arguments: ``Robot.cable_table`` (m, k), rest lengths (m), weight, centre of mass (3), external wrench without a
-    torque (6), free directions as 0 or 1 (6), characteristic length, norm of the net wrench that ends the search,
-    damping of the first step, starting position (3), starting rotation matrix (3,3).
-    Results: position (3), rotation matrix (3,3), norm of the net wrench there, torques per characteristic length. An
-    anchor may lie in its wheel there, where a cable has no path.
-    """
-    return _KERNELS[2 if sagging else bent]
+    return descend
 
 
 @inline

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cdpr_sim.core.compiling import Kernel, nowhere, where
+from cdpr_sim.core.compiling import nowhere, where
 from cdpr_sim.core.lanes import WIDTH, Room, bits_of, everywhere, mask_of, masks, matrix6, room_for, vector
 from cdpr_sim.statics import cable_kernel as ck
 from cdpr_sim.statics import newton_kernel as nk
@@ -100,10 +100,10 @@ _SEARCH = on_lanes(
 
 
 def search(
-    bent: bool, _: Kernel, table, rest_lengths, weight, center_of_mass, wrench, free, scale, enough, damping, starts,
+    bent: bool, table, rest_lengths, weight, center_of_mass, wrench, free, scale, enough, damping, starts,
     start_rotations,
 ) -> tuple[np.ndarray, ...]:  # fmt: skip
-    """Results of ``roots_gufunc`` for plain or bent cables from (rows, columns) of starts.
+    """Results of ``gufuncs.roots_gufunc`` for plain or bent cables from (rows, columns) of starts.
 
     The arguments are those of the gufunc; the poses have these two axes before their own, and the rest is the same for
     all starts.
