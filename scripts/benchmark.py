@@ -151,6 +151,12 @@ def batch() -> Iterator[Row]:
             target,
             lambda robot=robot, work=work: 1e6 / BATCH * often(lambda: cdpr.solve_many(robot, work)),
         )
+        over = robot.replace(pulley_radius=0.05 * robot.characteristic_length)
+        yield (
+            f"solve_many, {robot.name} over pulleys, each pose: processor [µs]",
+            "",
+            lambda over=over, work=work: 1e6 / BATCH * often(lambda: cdpr.solve_many(over, work)),
+        )
     solved = cdpr.solve_many(parallel, positions(parallel, BATCH))
     yield (
         "stiffness and frequency, parallel, each pose: processor [µs]",

@@ -71,7 +71,7 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
 
 
 def wrap_angle(sine, cosine, height):
-    """Wrap angle, from 0 to 270°, of a cable over a wheel; below the wheel from −90° to 360°, as the anchor rises."""
+    """Wrap angle of a cable over a wheel, from 0 to 270°; where it has left the wheel, from −90° to 360°."""
     angle = np.arctan2(sine, cosine)
     return angle + 2 * np.pi * ((angle < 0) & (height < 0))
 

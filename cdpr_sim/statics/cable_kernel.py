@@ -286,8 +286,7 @@ def _measure_bent(cables, p, R, state):
         for a in range(3):
             r[i, a] = R[a, 0] * B[i, 0] + R[a, 1] * B[i, 1] + R[a, 2] * B[i, 2]
         x, y, z = A[i, 0] - p[0] - r[i, 0], A[i, 1] - p[1] - r[i, 1], A[i, 2] - p[2] - r[i, 2]
-        straight = _path(x, y, z)
-        length, u[i, 0], u[i, 1], u[i, 2], free = straight
+        length, u[i, 0], u[i, 1], u[i, 2], free = _path(x, y, z)
         for a in range(3):
             across[i, a] = 0.0
         bend[i], clear[i], wheel = 0.0, 0.0, cables.radius[i] > 0
