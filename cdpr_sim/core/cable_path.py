@@ -72,8 +72,17 @@ def pulley_path(x, y, z, ex, ey, ez, radius):
 
 def wrap_angle(sine, cosine, height):
     """Wrap angle of a cable over a wheel, from 0 to 270°; where it has left the wheel, from −90° to 360°."""
-    angle = np.arctan2(sine, cosine)
+    angle = angle_of(sine, cosine)
     return angle + 2 * np.pi * ((angle < 0) & (height < 0))
+
+
+def angle_of(sine, cosine):
+    """``np.arctan2`` with the same last digit on every processor, since rest lengths are written into models.
+
+    ``np.arctan2`` has other code where there is AVX-512. The complex logarithm calls the C library, as compiled code
+    does.
+    """
+    return np.log(cosine + 1j * sine).imag
 
 
 def paths(cabling: Cabling, apart: Float[np.ndarray, "*batch cables 3"]) -> Float[np.ndarray, "10 *batch cables"]:

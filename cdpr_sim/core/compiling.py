@@ -218,13 +218,18 @@ def by_type(alternatives: dict[type, Callable]) -> Callable:
     return function
 
 
-def of_one_number(function: Callable) -> Callable:
-    """Decorator like ``inline`` of functions of numbers or truth values, which ``lanes`` defines for eight."""
+def of_one_number(function: Callable, code: Callable | None = None) -> Callable:
+    """Decorator like ``inline`` of functions of numbers or truth values, which ``lanes`` defines for eight.
+
+    Args:
+        function: the function.
+        code: is compiled in its place, if given.
+    """
 
     def choose(first: Any, *_: Any) -> Callable | None:
         from numba import types
 
-        return function if isinstance(first, types.Number | types.Boolean) else None
+        return (code or function) if isinstance(first, types.Number | types.Boolean) else None
 
     _called_by_kernels.append(lambda: compile_as(function, choose, forceinline=True))
     return function

@@ -59,6 +59,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 
 of_one_number(cable_path.wrap_angle)
+of_one_number(cable_path.angle_of, lambda sine, cosine: np.arctan2(sine, cosine))
 pulley_path = outlined(cable_path.pulley_path)
 inline(cable_law.stiffened)
 _energy = inline(cable_law.energy)
