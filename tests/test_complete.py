@@ -16,7 +16,7 @@ from cdpr_sim.core.pose import Pose
 from cdpr_sim.proof import complete, geometry_kernel, interval_kernel, krawczyk_kernel
 from cdpr_sim.proof import search_kernel as kernel
 from cdpr_sim.proof.balance import Balance
-from cdpr_sim.proof.balls import arithmetic, dot, exact, middle
+from cdpr_sim.proof.balls import arithmetic, exact, middles
 from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import Enclosure
 
@@ -119,7 +119,7 @@ def test_random_planar_robots_are_proved_complete():
         assert not proved.missing_from(cdpr.find_equilibria(problem, saddles=True, starts=STARTS))
 
 
-def chart_coordinates(one: cdpr.Certificate, chart: int, signs: np.ndarray) -> np.ndarray | None:
+def chart_coordinates(one: cdpr.Certificate, signs: np.ndarray) -> np.ndarray | None:
     """(x, y, z, v) of a proved equilibrium in a chart, where it lies within the chart.
 
     Of the proved pose: Newton's method ends up to 1e-11 from it, farther than the thrown boxes spare.
@@ -145,17 +145,14 @@ def test_no_test_excludes_a_box_that_holds_an_equilibrium(case, lists):
 def attack(proved: cdpr.CompleteEquilibria, problem: cdpr.Problem) -> float:
     """The share of random boxes about the equilibria from which a few steps of the compiled search lose nothing."""
     random = np.random.default_rng(2)
-    signs = complete.CHARTS[problem.robot.mobility]
+    search = complete._Search(problem, None)
     m, survived, thrown = problem.robot.cables, 0, 0
     boxes, tensions = np.empty((2 * STEPS + 3, 6, 2)), np.empty((2 * STEPS + 3, m, 2))
     found, left = np.empty((STEPS + 1, 6, 3)), np.empty((STEPS + 1, 6, 2))
-    for chart, sign in enumerate(signs):
-        setup = complete._setup(
-            kernel, problem, np.array(sign), complete._laws(problem), complete._wheels(problem.robot)
-        )
+    for chart, setup in enumerate(search.setups):
         rows = list(setup.rows)
         for one in proved:
-            centre = chart_coordinates(one, chart, np.array(sign))
+            centre = chart_coordinates(one, complete.SIGNS[search.charts[chart]])
             if centre is None:
                 continue
             spare = max(float(np.ptp(one.position, axis=0).max()), 1e-15) * 10
@@ -244,15 +241,15 @@ def test_each_chart_has_the_coordinates_of_its_poses(name):
     """The way from v to a rotation and back, in every chart: which box an equilibrium lies in depends on it."""
     robot, random = cdpr.load_robot(name), np.random.default_rng(4)
     problem = cdpr.Problem.of(robot, robot.home)
-    for chart, signs in enumerate(complete.CHARTS[robot.mobility]):
+    for chart, half_turn in enumerate(complete.CHARTS[robot.mobility]):
         v = random.uniform(-1, 1, 3) * (np.isin([3, 4, 5], robot.free_directions))
-        pose = Pose(robot.home, Rotation.from_quat([*v, 1.0]).as_matrix() * np.array(signs))
+        pose = Pose(robot.home, Rotation.from_quat([*v, 1.0]).as_matrix() * complete.SIGNS[half_turn])
         with arithmetic():
             balance = Balance(problem, pose)
-            around = [x + flint.arb(0, 1e-6) for x in balance.start]
+            around = balance.start + flint.arb(0, 1e-6)
             at = Enclosure(around, balance.start, balance.at(balance.start), 1e-6)
             member = complete._Member(balance, at, chart, None)
-            found = [middle(x) for x in complete._in_chart(member, chart, robot.mobility == "planar")]
+            found = middles(complete._in_chart(member, chart))
             here = np.array([*robot.home, *v])
             assert complete._in_balls(member, chart, np.stack([here - 1e-9, here + 1e-9], 1))
             assert not complete._in_balls(member, chart, np.stack([here + 1e-4, here + 2e-4], 1))
@@ -266,8 +263,8 @@ def test_spatial_equilibria_are_proved_from_boxes_about_them_in_every_chart():
     search = complete._Search(problem, None)
     search.waiting, charts = [], set()
     for one in proofs:
-        for chart, signs in enumerate(complete.CHARTS["spatial"]):
-            at = chart_coordinates(one, chart, np.array(signs))
+        for chart, half_turn in enumerate(complete.CHARTS["spatial"]):
+            at = chart_coordinates(one, complete.SIGNS[half_turn])
             if at is not None:
                 charts.add(chart)
                 box = np.stack([at - 1e-5, at + 1.1e-5], 1)
@@ -434,7 +431,9 @@ def test_arc_tangents_and_paths_over_wheels_are_enclosed():
     robot = cdpr.load_robot("cogiro").replace(pulley_radius=0.1, pulley_axis=random.normal(size=3))
     problem = cdpr.Problem.of(robot, robot.home, np.ones(8))
     axis = robot.cabling.pulley_axis[0]
-    wheel = complete._wheels(robot)[0]
+    with arithmetic():
+        cable = Cable(problem, 0)
+        wheel = complete._wheels([cable])[0]
     compared, narrow, half_turned, beyond = 0, 0, 0, 0
     for _ in range(1500):
         x = 10 ** random.uniform(-9, 9)
@@ -451,17 +450,16 @@ def test_arc_tangents_and_paths_over_wheels_are_enclosed():
         )
         reached = geometry_kernel.over_wheel(o, wheel)
         with arithmetic():
-            cable = Cable(problem, 0)
-            path = cable._over_wheel([exact(v) for v in at])
-            if not path.v.is_finite():
+            length, along, _ = cable._path(exact(at))
+            if not length.is_finite():
                 continue
             assert reached
-            for value, column in [(path.v, geometry_kernel.LENGTH), *zip(path.d, range(1, 4), strict=True)]:
+            for value, column in [(length, geometry_kernel.LENGTH), *zip(along, range(1, 4), strict=True)]:
                 assert not value < exact(o[column, 0])
                 assert not value > exact(o[column, 1])
             narrow += np.ptp(o[:4], axis=1).max() < 1e-6
-            half_turned += bool(dot(path.d, cable.axis) < -0.9)
-            beyond += float(np.dot([middle(v) for v in path.d], np.cross(axis, np.cross(at, axis)))) < 0
+            half_turned += bool(along @ cable.axis < -0.9)
+            beyond += float(np.dot(middles(along), np.cross(axis, np.cross(at, axis)))) < 0
         compared += 1
     assert compared > 300
     assert narrow > 50

@@ -18,7 +18,7 @@ import cdpr_sim as cdpr
 from cdpr_sim.core.pose import Pose
 from cdpr_sim.proof import cables as proof_cables
 from cdpr_sim.proof.balance import Balance
-from cdpr_sim.proof.balls import arithmetic, dot, exact, middle
+from cdpr_sim.proof.balls import arithmetic, exact, middle, middles
 from cdpr_sim.proof.cables import Cable
 from cdpr_sim.proof.certificate import index_of
 from cdpr_sim.report import proof_tables
@@ -85,9 +85,9 @@ def problem_of(case: str) -> cdpr.Problem:
 
 def turn(quaternion) -> list:
     """R = 1 + sin θ K + (1 − cos θ) K² of the axis and angle of a quaternion that has any length."""
-    length = dot(quaternion, quaternion).sqrt()
+    length = np.dot(quaternion, quaternion).sqrt()
     w, *v = (part / length for part in quaternion)
-    sine = dot(v, v).sqrt()
+    sine = np.dot(v, v).sqrt()
     angle = 2 * flint.arb.atan2(sine, w)
     x, y, z = (part / sine for part in v)
     K = flint.arb_mat([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -98,12 +98,12 @@ def turn(quaternion) -> list:
 def path(apart, axis, radius):
     """The length of a cable: over a wheel, the arc to the point of tangency and the straight piece from there."""
     if not radius > 0:
-        return dot(apart, apart).sqrt()
-    size = dot(axis, axis).sqrt()
+        return np.dot(apart, apart).sqrt()
+    size = np.dot(axis, axis).sqrt()
     e = [part / size for part in axis]
-    h = dot(apart, e)
+    h = np.dot(apart, e)
     across = [a - h * b for a, b in zip(apart, e, strict=True)]
-    u = dot(across, across).sqrt() - radius  # in the wheel's plane the anchor is at (u, h) from its centre
+    u = np.dot(across, across).sqrt() - radius  # in the wheel's plane the anchor is at (u, h) from its centre
     far = u * u + h * h
     root = (far - radius * radius).sqrt()
     touch = [(radius * radius * u - radius * h * root) / far, (radius * radius * h + radius * u * root) / far]
@@ -111,7 +111,7 @@ def path(apart, axis, radius):
         raise ValueError("no side of the wheel is proved")
     arc = flint.arb.atan2(touch[1], -touch[0])
     straight = [(u - touch[0]), (h - touch[1])]
-    return radius * arc + dot(straight, straight).sqrt()
+    return radius * arc + np.dot(straight, straight).sqrt()
 
 
 def energy(problem: cdpr.Problem, balance: Balance, x) -> "flint.arb":
@@ -127,10 +127,10 @@ def energy(problem: cdpr.Problem, balance: Balance, x) -> "flint.arb":
     R = turn(q)
 
     def at(arm):
-        return [p[i] + dot(R[i], [exact(v) for v in arm]) for i in range(3)]
+        return [p[i] + np.dot(R[i], [exact(v) for v in arm]) for i in range(3)]
 
     total = exact(robot.mass) * exact(robot.gravity) * at(robot.center_of_mass)[2]
-    total -= dot([exact(v) for v in problem.external_wrench[:3]], p)
+    total -= np.dot([exact(v) for v in problem.external_wrench[:3]], p)
     cabling = robot.cabling
     for i in range(robot.cables):
         apart = [a - exact(b) for a, b in zip(at(cabling.anchors[i]), cabling.exits[i], strict=True)]
@@ -182,7 +182,7 @@ def test_the_balance_encloses_the_derivatives_of_an_energy_that_is_evaluated_by_
         twisted = [exact(v) for v in problem.external_wrench[3:]]
         slopes = [(potential(k) - potential(~k)) / (2 * h) for k in range(n)]
         for k in range(len(balance.axes), n):
-            slopes[k] -= dot(twisted, spin(k))
+            slopes[k] -= np.dot(twisted, spin(k))
         bends = [
             [
                 (potential(k, m) - potential(k, ~m) - potential(~k, m) + potential(~k, ~m)) / (4 * h * h)
@@ -191,12 +191,11 @@ def test_the_balance_encloses_the_derivatives_of_an_energy_that_is_evaluated_by_
             for k in range(n)
         ]
     with arithmetic():
-        box = [centre + flint.arb(0, 1.1 * BOX) for centre in balance.start]
-        over = balance.at(box)
+        over = balance.at(balance.start + flint.arb(0, 1.1 * BOX))
         for k in range(n):
             assert over.forces[k].contains(slopes[k].mid())
             for m in range(n):
-                if not balance.twisted:
+                if not problem.external_wrench[3:].any():
                     assert over.slope[k][m].contains(bends[k][m].mid())
                 assert float(over.slope[k][m].rad()) < 1e-2 * max(abs(middle(e)) for row_ in over.slope for e in row_)
 
@@ -215,13 +214,13 @@ def test_the_slope_is_the_derivative_of_the_forces(case):
     with arithmetic(BITS):
         balance = Balance(problem, Pose.of(problem.pose))
         h = exact(2.0**-LONG_STEP)
-        x = [v + exact(1e-9) for v in balance.start]
+        x = balance.start + exact(1e-9)
         columns = []
         for m in range(balance.unknowns):
-            ends = [balance.at([v + s * h * (k == m) for k, v in enumerate(x)]).forces for s in (1, -1)]
-            columns.append([(a - b) / (2 * h) for a, b in zip(*ends, strict=True)])
+            step = h * np.eye(len(x), dtype=int)[m]
+            columns.append((balance.at(x + step).forces - balance.at(x - step).forces) / (2 * h))
     with arithmetic():
-        over = balance.at([v + flint.arb(0, 2e-9) for v in balance.start])
+        over = balance.at(balance.start + flint.arb(0, 2e-9))
         for k in range(balance.unknowns):
             for m in range(balance.unknowns):
                 assert over.slope[k][m].contains(columns[m][k].mid())
@@ -236,8 +235,7 @@ def test_a_cable_with_mass_ends_where_the_integral_of_its_strain_does(case):
     with arithmetic():
         for i in np.flatnonzero(robot.linear_density).tolist():
             cable = Cable(problem, i)
-            at = [exact(v) for v in there[i]]
-            pulls[i] = [middle(v) for v in cable.pull(at, cable.tension_near(there[i])).force]
+            pulls[i] = middles(cable.pull(exact(there[i]), cable.tension_near(there[i])).force)
     cables = Cables(
         there - robot.exits, 1.0, robot.pulley_radius, robot.pulley_axis, robot.reeving * robot.axial_stiffness,
         robot.stiffening, robot.cable_weights,
@@ -257,17 +255,14 @@ def test_the_remainder_of_a_nonlinear_cable_covers_what_its_series_omit(monkeypa
         with arithmetic():
             cable = Cable(problem, 2)
             t = cable.tension_near(at)
-            usual = cable.pull([exact(v) for v in at], t)
+            usual = cable.pull(exact(at), t)
         with monkeypatch.context() as finer, arithmetic(BITS):
             finer.setattr(proof_cables, "TERMS", 40)
             finer.setattr(proof_cables, "PIECE", 0.1)
             cable = Cable(problem, 2)
-            fine = cable.pull([exact(v) for v in at], t)
-        pairs = [*zip(usual.gap, fine.gap, strict=True)]
-        pairs += [
-            pair for rows in zip(usual.compliance, fine.compliance, strict=True) for pair in zip(*rows, strict=True)
-        ]
-        for one, other in pairs:
+            fine = cable.pull(exact(at), t)
+        ends = ([*one.gap, *one.compliance.ravel()] for one in (usual, fine))
+        for one, other in zip(*ends, strict=True):
             assert one.contains(other)
             assert float(one.rad()) < 1e-15 * problem.rest_lengths[2]
 
@@ -419,10 +414,10 @@ def test_the_index_is_that_of_every_matrix_in_the_enclosure():
     """Signs that a radius leaves open are not counted."""
     with arithmetic():
         ball = flint.arb
-        assert index_of([[ball(2), ball(1)], [ball(1), ball(2)]]) == 0
-        assert index_of([[ball(1), ball(2)], [ball(2), ball(1)]]) == 1
-        assert index_of([[ball(1), ball(1)], [ball(1), ball(1)]]) is None
-        assert index_of([[ball(1, 1.1), ball(0)], [ball(0), ball(1)]]) is None
+        assert index_of(np.array([[ball(2), ball(1)], [ball(1), ball(2)]])) == 0
+        assert index_of(np.array([[ball(1), ball(2)], [ball(2), ball(1)]])) == 1
+        assert index_of(np.array([[ball(1), ball(1)], [ball(1), ball(1)]])) is None
+        assert index_of(np.array([[ball(1, 1.1), ball(0)], [ball(0), ball(1)]])) is None
 
 
 def test_without_python_flint_one_sentence_says_what_to_install(monkeypatch, solved):

@@ -1,16 +1,18 @@
 """Ball arithmetic by python-flint: numbers with a radius that encloses every rounding error.
 
 A comparison of two balls is True only if it is proved: it is possible that neither ``a < b`` nor ``a >= b`` holds.
+Vectors and matrices of balls are NumPy arrays of objects, with NumPy's operators.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cdpr_sim.core import extras
 
@@ -20,8 +22,8 @@ BITS = 106
 Ball = Any
 """``flint.arb``, which has no type information."""
 
-Matrix = Any
-"""``flint.arb_mat``."""
+Balls = np.ndarray
+"""Array of balls."""
 
 
 @contextmanager
@@ -54,46 +56,75 @@ def installed() -> bool:
 
 
 @cache
-def _types() -> tuple[Any, Any]:
-    """The classes of balls and their matrices; an import statement in ``exact`` would take longer than its work."""
+def _types() -> tuple[Any, Any, np.ufunc]:
+    """The classes of balls and of their matrices, and the former for each entry of an array.
+
+    Without the cache, the import statement would take longer than the work of ``exact``.
+    """
     from flint import arb, arb_mat
 
-    return arb, arb_mat
+    return arb, arb_mat, np.frompyfunc(arb, 1, 1)
 
 
-def exact(value: float) -> Ball:
-    """A double as a ball with radius 0."""
-    return _types()[0](float(value))
+def exact(values: ArrayLike) -> Any:
+    """Doubles as balls of radius 0: an array, or for one number a ball."""
+    ball, _, each = _types()
+    return ball(float(values)) if isinstance(values, float | int) else each(np.asarray(values, dtype=float))
 
 
-def balls(values: Sequence[float] | np.ndarray) -> list[Ball]:
-    """Doubles as balls of radius 0."""
-    return [exact(value) for value in values]
+def zeros(*shape: int) -> Balls:
+    """Array of zeros."""
+    return np.full(shape, exact(0))
 
 
-def matrix(rows: Sequence[Sequence[Ball]]) -> Matrix:
-    """Rows of balls as a matrix."""
-    return _types()[1]([list(row) for row in rows])
+def within(radius: Any) -> Any:
+    """All numbers of at most this magnitude, for each entry: of doubles or balls."""
+    return _types()[0](0, 1) * radius
 
 
-def dot(one: Sequence[Ball], other: Sequence[Ball]) -> Ball:
-    """Σ aᵢ bᵢ."""
-    total = one[0] * other[0]
-    for a, b in zip(one[1:], other[1:], strict=True):
-        total += a * b
-    return total
+def norm(vector: Balls) -> Ball:
+    """The length of a vector."""
+    square: Ball = vector @ vector
+    return square.sqrt()
+
+
+def product(one: Balls, other: Balls) -> Balls:
+    """The product of a matrix with a matrix or a vector: by Arb, which rounds each entry once."""
+    return _array(_matrix(one) * _matrix(other), other.shape)
+
+
+def solution(matrix: Balls, other: Balls) -> Balls:
+    """x with ``matrix`` x = ``other``, a vector or a matrix; nan if the matrix may be singular."""
+    try:
+        return _array(_matrix(matrix).solve(_matrix(other)), other.shape)
+    except ZeroDivisionError:
+        return exact(np.full(other.shape, np.nan))
+
+
+def _matrix(array: Balls) -> Any:
+    return _types()[1](array.reshape(len(array), -1).tolist())
+
+
+def _array(matrix: Any, like: tuple[int, ...]) -> Balls:
+    """A matrix as an array with the axes of ``like`` after its rows."""
+    return np.array(matrix.tolist(), dtype=object).reshape(matrix.nrows(), *like[1:])
 
 
 def lower(ball: Ball) -> float:
     """The largest double that is proved not to exceed the number."""
     value = float(ball.lower())
-    return value if exact(value) <= ball.lower() else float(np.nextafter(value, -np.inf))
+    return value if type(ball)(value) <= ball.lower() else float(np.nextafter(value, -np.inf))
 
 
 def upper(ball: Ball) -> float:
     """The smallest double that is proved not to be below the number."""
     value = float(ball.upper())
-    return value if exact(value) >= ball.upper() else float(np.nextafter(value, np.inf))
+    return value if type(ball)(value) >= ball.upper() else float(np.nextafter(value, np.inf))
+
+
+def bounds(balls: Balls) -> np.ndarray:
+    """Lower and upper bounds of each ball, (2, ...)."""
+    return np.array([np.vectorize(end, otypes=[float])(balls) for end in (lower, upper)])
 
 
 def middle(ball: Ball) -> float:
@@ -101,86 +132,8 @@ def middle(ball: Ball) -> float:
     return float(ball.mid())
 
 
-def hull(one: Ball, other: Ball) -> Ball:
-    """A ball that contains both."""
-    return one.union(other)
+middles = np.vectorize(middle, otypes=[float])
+"""``middle`` of each ball of an array."""
 
-
-class Jet:
-    """A number with its first and second derivatives by three coordinates, in balls.
-
-    Attributes:
-        v: the value.
-        d: (3,) first derivatives.
-        dd: (3, 3) second derivatives.
-    """
-
-    __slots__ = ("d", "dd", "v")
-
-    def __init__(self, v: Ball, d: list[Ball], dd: list[list[Ball]]) -> None:
-        self.v, self.d, self.dd = v, d, dd
-
-    @classmethod
-    def coordinates(cls, values: Sequence[Ball]) -> list[Jet]:
-        """The three coordinates themselves."""
-        zero, one = exact(0), exact(1)
-        return [
-            cls(v, [one if i == k else zero for i in range(3)], [[zero] * 3 for _ in range(3)])
-            for k, v in enumerate(values)
-        ]
-
-    def __add__(self, other: Jet | Ball) -> Jet:
-        if not isinstance(other, Jet):
-            return Jet(self.v + other, self.d, self.dd)
-        rows = zip(self.dd, other.dd, strict=True)
-        return Jet(
-            self.v + other.v,
-            [a + b for a, b in zip(self.d, other.d, strict=True)],
-            [[a + b for a, b in zip(*row, strict=True)] for row in rows],
-        )
-
-    def __neg__(self) -> Jet:
-        return self * exact(-1)
-
-    def __sub__(self, other: Jet | Ball) -> Jet:
-        return self + (-other)
-
-    def __mul__(self, other: Jet | Ball) -> Jet:
-        if not isinstance(other, Jet):
-            return Jet(self.v * other, [a * other for a in self.d], [[a * other for a in row] for row in self.dd])
-        d = [self.v * b + other.v * a for a, b in zip(self.d, other.d, strict=True)]
-        dd = [
-            [
-                self.v * other.dd[i][j] + other.v * self.dd[i][j] + self.d[i] * other.d[j] + self.d[j] * other.d[i]
-                for j in range(3)
-            ]
-            for i in range(3)
-        ]
-        return Jet(self.v * other.v, d, dd)
-
-    def through(self, f: Ball, df: Ball, ddf: Ball) -> Jet:
-        """A function of this number, from its value, slope and second derivative."""
-        dd = [[ddf * self.d[i] * self.d[j] + df * self.dd[i][j] for j in range(3)] for i in range(3)]
-        return Jet(f, [df * a for a in self.d], dd)
-
-    def sqrt(self) -> Jet:
-        """√v."""
-        root = self.v.sqrt()
-        return self.through(root, 1 / (2 * root), -1 / (4 * root * self.v))
-
-    def inverse(self) -> Jet:
-        """1/v."""
-        one = 1 / self.v
-        return self.through(one, -one * one, 2 * one * one * one)
-
-    def angle(self, cosine: Jet) -> Jet:
-        """atan2(self, cosine): its derivatives are those of the arc tangent of the regular quotient."""
-        value = type(self.v).atan2(self.v, cosine.v)
-        if self.v * self.v > cosine.v * cosine.v:
-            quotient = cosine * self.inverse()
-            sign = exact(-1)
-        else:
-            quotient = self * cosine.inverse()
-            sign = exact(1)
-        slope = sign / (1 + quotient.v * quotient.v)
-        return quotient.through(value, slope, -2 * quotient.v * slope / (1 + quotient.v * quotient.v))
+centres = np.frompyfunc(lambda ball: ball.mid(), 1, 1)
+"""The midpoint of each ball of an array, as balls of radius 0."""

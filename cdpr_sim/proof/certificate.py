@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,9 +27,23 @@ from cdpr_sim.core.equilibrium import Equilibrium
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Pose
-from cdpr_sim.core.problem import Problem
-from cdpr_sim.proof.balance import At, Balance, middles
-from cdpr_sim.proof.balls import BITS, Ball, Matrix, arithmetic, dot, exact, lower, matrix, middle, upper
+from cdpr_sim.proof.balance import At, Balance
+from cdpr_sim.proof.balls import (
+    BITS,
+    Ball,
+    Balls,
+    arithmetic,
+    bounds,
+    centres,
+    exact,
+    middle,
+    middles,
+    norm,
+    product,
+    solution,
+    upper,
+    within,
+)
 
 NEAR = 1e-7
 """[m] Largest distance of a proved position from the proved equilibrium: a hundred times the error of DemoBot's
@@ -57,12 +71,8 @@ POLISH = 12
 MOST_KINKS = 6
 """Largest number of cables at their rest length for which every choice of taut and slack is tried."""
 
-ENOUGH_DIGITS = 20
-"""Number of decimal digits at which an enclosure is small enough."""
-
-IMAGES = 12
-"""Largest number of iterated images, which make the enclosure smaller: two suffice, except for stiff robots with a
-small stiffness in some direction."""
+DIGITS = 30
+"""Decimal digits of ``Certificate.decimals``, as far as they are proved: balls have 32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +106,14 @@ class Certificate(HtmlRepr):
     position: Float[np.ndarray, "2 3"]
     rotation: Float[np.ndarray, "2 3 3"]
     tensions: Float[np.ndarray, "2 cables"]
-    digits: float
-    decimals: dict[str, tuple[str, ...]]
-    radius: float
-    position_error: float
-    rotation_error: float
-    tension_error: float
+    digits: float = 0.0
+    decimals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    radius: float = math.nan
+    position_error: float = math.inf
+    rotation_error: float = math.inf
+    tension_error: float = math.inf
     midpoint: Equilibrium | None = None
-    reasons: tuple[str, ...] = field(default=())
+    reasons: tuple[str, ...] = ()
 
     @property
     def proved(self) -> bool:
@@ -140,8 +150,8 @@ class Enclosure:
         monotone: whether it was proved by convexity, which proves stability too.
     """
 
-    box: list[Ball]
-    image: list[Ball]
+    box: Balls
+    image: Balls
     state: At
     radius: float
     monotone: bool = False
@@ -169,38 +179,55 @@ def certify(equilibrium: Equilibrium) -> Certificate:
     problem = equilibrium.problem
     with arithmetic(BITS):
         balance = Balance(problem, Pose(equilibrium.position, equilibrium.rotation_matrix))
-        arm = problem.robot.characteristic_length
-        found, reasons = enclose(balance, arm)
-        if found is None:
-            return _unproved(equilibrium, reasons)
-        return certificate_of(equilibrium, balance, found, problem)
+        found, reason = enclose(balance)
+        if found is not None:
+            return certificate_of(equilibrium, balance, found)
+    cables = problem.robot.cables
+    return Certificate(
+        equilibrium=equilibrium,
+        exists=False,
+        index=None,
+        slack=(None,) * cables,
+        position=np.full((2, 3), np.nan),
+        rotation=np.full((2, 3, 3), np.nan),
+        tensions=np.full((2, cables), np.nan),
+        reasons=(reason,),
+    )
 
 
-def enclose(balance: Balance, arm: float) -> tuple[Enclosure | None, list[str]]:
-    """A box near the start of ``balance`` with exactly one equilibrium, or the reasons why there is none.
-
-    Args:
-        balance: the equations.
-        arm: the platform's characteristic length [m], of which boxes are fractions.
-    """
+def enclose(balance: Balance) -> tuple[Enclosure | None, str]:
+    """A box near the start of ``balance`` with exactly one equilibrium, or the reason why none is found."""
+    arm = balance.problem.robot.characteristic_length
     centred = _centre(balance, arm)
     if centred is None:
-        return None, ["a direction is neutral, or no equilibrium is near: the stiffness there cannot be inverted"]
+        return None, "a direction is neutral, or no equilibrium is near: the stiffness there cannot be inverted"
     centre, point, inverse = centred
     gaps = [abs(middle(pull.stretch)) for pull in point.pulls]
     if not all(math.isfinite(gap) for gap in gaps):
         cable = next(i for i, gap in enumerate(gaps) if not math.isfinite(gap))
-        return None, [f"cable {cable + 1} has no path there: its anchor lies at its exit, or inside its pulley's wheel"]
-    least = min(gaps)
-    for radius in _radii(arm, least):
-        found = _krawczyk(balance, centre, point, inverse, radius)
-        if found is not None:
-            return found, []
+        return None, f"cable {cable + 1} has no path there: its anchor lies at its exit, or inside its pulley's wheel"
+    for radius in _radii(arm, min(gaps)):
+        box, image = _krawczyk(balance, centre, point, inverse, radius)
+        if image is not None:
+            # The equilibrium is about as far from the centre as Newton's next step leads: the least box that is proved.
+            steps = product(inverse, point.forces)[: balance.free]
+            size, smaller = max(2 * max(upper(abs(step)) for step in steps), SMALLEST_BOX * arm), None
+            while smaller is None and size < radius:
+                _, smaller = _krawczyk(balance, centre, point, inverse, size)
+                size /= SHRINK
+            image = image if smaller is None else smaller
+            return Enclosure(box, image, balance.at(image), radius), ""
     for radius in _radii(arm, math.inf):
         found = _monotone(balance, centre, point, radius)
         if found is not None:
-            return found, []
-    return None, [_why(balance, point, arm)]
+            return found, ""
+    values = np.abs(np.linalg.eigvals(middles(_condensed(balance, point))))
+    nearest, gap = int(np.argmin(gaps)), min(gaps)
+    if values.min() <= 1e-12 * values.max():
+        return None, "a direction is neutral or nearly so: equilibria are not isolated there, or a fold is near"
+    if gap < 1e-6 * arm:
+        return None, f"cable {nearest + 1} is within {gap:.0e} m of its rest length, a kink that no box proves"
+    return None, "no box about the pose that Newton's steps lead to passes the test: no equilibrium may be near"
 
 
 def _radii(arm: float, gap: float) -> Iterator[float]:
@@ -214,7 +241,7 @@ def _radii(arm: float, gap: float) -> Iterator[float]:
         radius *= SHRINK
 
 
-def _centre(balance: Balance, arm: float) -> tuple[list[Ball], At, Matrix] | None:
+def _centre(balance: Balance, arm: float) -> tuple[Balls, At, Balls] | None:
     """Result of Newton's steps from the start, the balance there, and an approximate inverse of its slope."""
     x = balance.start
     for step in range(POLISH):
@@ -224,80 +251,46 @@ def _centre(balance: Balance, arm: float) -> tuple[list[Ball], At, Matrix] | Non
         if not (np.isfinite(slope).all() and (scale > 0).all()):
             return None
         try:
-            inverse = matrix([[exact(v) for v in row] for row in np.linalg.inv(slope / scale[:, None]) / scale])
+            inverse = exact(np.linalg.inv(slope / scale[:, None]) / scale)
         except np.linalg.LinAlgError:
             return None
-        moved = inverse * matrix([[force] for force in here.forces])
-        lengths = [abs(middle(moved[k, 0])) for k in range(balance.free)]
-        if not all(map(math.isfinite, lengths)) or max(lengths) > arm:
+        moved = product(inverse, here.forces)
+        longest = np.abs(middles(moved[: balance.free])).max()
+        if not longest <= arm:
             return None
-        if max(lengths) < SMALLEST_BOX * arm or step == POLISH - 1:
+        if longest < SMALLEST_BOX * arm or step == POLISH - 1:
             return x, here, inverse
-        x = [(x[k] - moved[k, 0]).mid() for k in range(balance.unknowns)]
+        x = centres(x - moved)
     return None
 
 
-def _krawczyk(balance: Balance, centre: list[Ball], point: At, inverse: Matrix, radius: float) -> Enclosure | None:
-    box = _box(balance, centre, point, radius)
-    image = _image(centre, point, inverse, box, balance.at(box))
-    if image is None or not all(b.contains_interior(i) for b, i in zip(box, image, strict=True)):
-        return None
-    return Enclosure(box, *_smaller(balance, image, inverse), radius)
-
-
-def _box(balance: Balance, centre: list[Ball], point: At, radius: float) -> list[Ball]:
-    """Box about the centre: of width ``radius`` in the pose, and of the resulting width in the tensions."""
-    from flint import arb
-
-    radii = [radius] * balance.free
-    slope, n = middles(point.slope), balance.free
+def _widths(balance: Balance, point: At, radius: float) -> np.ndarray:
+    """Widths of a box: ``radius`` in the pose, and in the tensions what results from it."""
+    n, widths = balance.free, np.full(balance.unknowns, radius)
+    slope = middles(point.slope)
     for first in range(n, balance.unknowns, 3):
         rows = slice(first, first + 3)
-        widths = 4 * radius * np.abs(np.linalg.solve(slope[rows, rows], slope[rows, :n])).sum(1)
-        radii += np.maximum(widths, 0.1 * widths.max()).tolist()  # a planar robot's cables do not move across its plane
-    return [x + arb(0, r) for x, r in zip(centre, radii, strict=True)]
+        own = 4 * radius * np.abs(np.linalg.solve(slope[rows, rows], slope[rows, :n])).sum(1)
+        widths[rows] = np.maximum(own, 0.1 * own.max())  # a planar robot's cables do not move across its plane
+    return widths
 
 
-def _image(centre: list[Ball], point: At, inverse: Matrix, box: list[Ball], over: At) -> list[Ball] | None:
-    """K(X) from the balance at the centre and over the box; None where no bound is found."""
-    product = inverse * matrix(over.slope)
-    offset = inverse * matrix([[force] for force in point.forces])
-    image = []
-    for k in range(len(box)):
-        total = centre[k] - offset[k, 0]
-        for m in range(len(box)):
-            total += ((1 if k == m else 0) - product[k, m]) * (box[m] - centre[m])
-        if not total.is_finite():
-            return None
-        image.append(total)
-    return image
+def _krawczyk(balance: Balance, centre: Balls, point: At, inverse: Balls, radius: float) -> tuple[Balls, Balls | None]:
+    """A box X about the centre, and K(X) if it is proved to lie inside."""
+    box = centre + within(_widths(balance, point, radius))
+    spread = np.eye(len(box), dtype=object) - product(inverse, balance.at(box).slope)
+    image = centre - product(inverse, point.forces) + product(spread, box - centre)
+    inside = all(b.contains_interior(i) for b, i in zip(box, image, strict=True))
+    return box, image if inside else None
 
 
-def _smaller(balance: Balance, image: list[Ball], inverse: Matrix) -> tuple[list[Ball], At]:
-    """Iterated images, until enough digits are proved; and the balance over the last."""
-    over = balance.at(image)
-    for _ in range(IMAGES):
-        wide = max(float(x.rad()) / max(abs(middle(x)), 1e-3) for x in image[: balance.free])
-        if wide < 10.0**-ENOUGH_DIGITS:
-            break
-        centre = [x.mid() for x in image]
-        next_image = _image(centre, balance.at(centre), inverse, image, over)
-        if next_image is None or not all(a.overlaps(b) for a, b in zip(image, next_image, strict=True)):
-            break
-        image = [a.intersection(b) for a, b in zip(image, next_image, strict=True)]
-        over = balance.at(image)
-    return image, over
-
-
-def _monotone(balance: Balance, centre: list[Ball], point: At, radius: float) -> Enclosure | None:
+def _monotone(balance: Balance, centre: Balls, point: At, radius: float) -> Enclosure | None:
     """Enclosure by convexity, at a kink."""
-    from flint import arb
-
     if balance.with_mass:
         return None
-    box = [x + arb(0, radius) for x in centre]
+    box = centre + within(np.full(len(centre), radius))
     over = balance.at(box)
-    kinks = [i for i, pull in enumerate(over.pulls) if pull.taut is None]
+    kinks = _kinks(over)
     if not kinks or len(kinks) > MOST_KINKS or not all(over.pulls[i].stretch.is_finite() for i in kinks):
         return None
     slopes = _slopes(balance, box, kinks)
@@ -305,117 +298,97 @@ def _monotone(balance: Balance, centre: list[Ball], point: At, radius: float) ->
     if not least > 0:
         return None
     mu = exact(least / 2)
-    for slope in slopes:
-        shifted = [[slope[k][m] - (mu if k == m else 0) for m in range(balance.free)] for k in range(balance.free)]
-        if index_of(shifted) != 0:
-            return None
-    distance = dot(point.forces, point.forces).sqrt() / mu
+    if any(index_of(slope - mu * np.eye(len(slope), dtype=object)) != 0 for slope in slopes):
+        return None
+    distance = norm(point.forces) / mu
     if not distance < radius:
         return None
-    image = [x + arb(0, 1) * distance for x in centre]
+    image = centre + within(np.full(len(centre), distance))
     return Enclosure(box, image, balance.at(image), radius, monotone=True)
 
 
-def _slopes(balance: Balance, box: list[Ball], kinks: Sequence[int]) -> list[list[list[Ball]]]:
+def _kinks(state: At) -> list[int]:
+    """Cables that may be taut or slack."""
+    return [i for i, pull in enumerate(state.pulls) if pull.taut is None]
+
+
+def _slopes(balance: Balance, box: Balls, kinks: list[int]) -> list[Balls]:
     """Derivatives over a box, with every choice of taut and slack of the cables that may be either."""
     choices = itertools.product((True, False), repeat=len(kinks))
     return [balance.at(box, dict(zip(kinks, choice, strict=True))).slope for choice in choices]
 
 
-def index_of(slope: Sequence[Sequence[Ball]]) -> int | None:
+def index_of(slope: Balls) -> int | None:
     """The number of negative directions of every matrix's symmetric part within an enclosure; None if unknown.
 
     By Sylvester's law: transformed to the middle's eigenvectors, where the pivots of L D Lᵀ have the signs.
     """
-    n = len(slope)
     half = middles(slope)
     if not np.isfinite(half).all():
         return None
-    _, vectors = np.linalg.eigh((half + half.T) / 2)
-    Q = matrix([[exact(v) for v in row] for row in vectors])
-    symmetric = matrix([[(slope[k][m] + slope[m][k]) / 2 for m in range(n)] for k in range(n)])
-    turned = (Q.transpose() * symmetric * Q).tolist()
+    Q = exact(np.linalg.eigh((half + half.T) / 2)[1])
+    turned = product(product(Q.T, (slope + slope.T) / 2), Q)
     negative = 0
-    for k in range(n):
-        pivot = turned[k][k]
+    for k in range(len(turned)):
+        pivot = turned[k, k]
         if pivot < 0:
             negative += 1
         elif not pivot > 0:
             return None
-        for i in range(k + 1, n):
-            factor = turned[i][k] / pivot
-            for j in range(k + 1, n):
-                turned[i][j] -= factor * turned[k][j]
+        turned[k + 1 :, k + 1 :] -= np.outer(turned[k + 1 :, k] / pivot, turned[k, k + 1 :])
     return negative
 
 
 def index_over(balance: Balance, found: Enclosure) -> int | None:
-    """The number of unstable directions of the equilibrium in an enclosure; None if not proved.
-
-    Unknowns of cables with mass are eliminated: their force follows the anchor.
-    """
+    """The number of unstable directions of the equilibrium in an enclosure; None if not proved."""
     if found.monotone:
         return 0
-    n, slope = balance.free, [list(row) for row in found.state.slope]
-    for unknown in reversed(range(n, balance.unknowns)):
-        pivot = slope[unknown][unknown]
-        if not (pivot > 0 or pivot < 0):
-            return None
-        others = [k for k in range(unknown) if k < n or k >= unknown - (unknown - n) % 3]
-        for k in others:
-            factor = slope[k][unknown] / pivot
-            for m in others:
-                slope[k][m] -= factor * slope[unknown][m]
-    kinks = [i for i, pull in enumerate(found.state.pulls) if pull.taut is None]
+    kinks = _kinks(found.state)
     if kinks and not balance.with_mass and len(kinks) <= MOST_KINKS:
-        every = {index_of([row[:n] for row in one[:n]]) for one in _slopes(balance, found.image, kinks)}
+        every = {index_of(slope) for slope in _slopes(balance, found.image, kinks)}
         return every.pop() if len(every) == 1 else None
-    return index_of([row[:n] for row in slope[:n]])
+    return index_of(_condensed(balance, found.state))
 
 
-def midpoint_of(problem: Problem, balance: Balance, found: Enclosure) -> Equilibrium:
+def midpoint_of(balance: Balance, found: Enclosure) -> Equilibrium:
     """The midpoints of an enclosure as an equilibrium, whose source is "proof"."""
-    state, n, stiffness = found.state, balance.free, _condensed(balance, found.state)
+    state, problem, stiffness = found.state, balance.problem, middles(_condensed(balance, found.state))
     tensions = np.array([middle(pull.tension) for pull in state.pulls])
     slack = np.array([pull.taut is False and not balance.cables[i].has_mass for i, pull in enumerate(state.pulls)])
     return Equilibrium(
         problem=problem,
-        pose=Pose(np.array([middle(p) for p in balance.position(found.image)]), middles(state.rotation)),
+        pose=Pose(middles(balance.position(found.image)), middles(state.rotation)),
         tensions=np.where(slack, 0.0, tensions),
         lengths=problem.rest_lengths + np.array([middle(pull.stretch) for pull in state.pulls]),
-        residual=max(float(force.abs_upper()) for force in state.forces[:n]),
+        residual=max(float(force.abs_upper()) for force in state.forces[: balance.free]),
         eigenvalues=np.linalg.eigvalsh((stiffness + stiffness.T) / 2),
         iterations=0,
         source="proof",
     )
 
 
-def _condensed(balance: Balance, state: At) -> np.ndarray:
-    """The stiffness matrix in doubles, (free, free): tensions of cables with mass follow the pose."""
-    n, slope = balance.free, middles(state.slope)
+def _condensed(balance: Balance, state: At) -> Balls:
+    """The stiffness matrix (free, free): the tensions of cables with mass follow the pose."""
+    n, slope = balance.free, state.slope
     if not balance.with_mass:
         return slope
-    return slope[:n, :n] - slope[:n, n:] @ np.linalg.solve(slope[n:, n:], slope[n:, :n])
+    return slope[:n, :n] - product(slope[:n, n:], solution(slope[n:, n:], slope[n:, :n]))
 
 
-def certificate_of(
-    equilibrium: Equilibrium | None, balance: Balance, found: Enclosure, problem: Problem
-) -> Certificate:
+def certificate_of(equilibrium: Equilibrium | None, balance: Balance, found: Enclosure) -> Certificate:
     """Certificate of an equilibrium near which an enclosure is found; None: of the enclosure's midpoint."""
-    midpoint = midpoint_of(problem, balance, found)
+    problem, midpoint = balance.problem, midpoint_of(balance, found)
     equilibrium = equilibrium or midpoint
     state, reasons = found.state, []
     index = index_over(balance, found)
     slack = tuple(None if pull.taut is None else not pull.taut for pull in state.pulls)
     position = balance.position(found.image)
-    off = [p - exact(v) for p, v in zip(position, equilibrium.position, strict=True)]
-    position_error = upper(_norm(off))
-    rotation = [entry for row in state.rotation for entry in row]
-    turned = [a - exact(v) for a, v in zip(rotation, equilibrium.rotation_matrix.ravel(), strict=True)]
-    half_sine = _norm(turned) / exact(8).sqrt()  # |R − R'|² = 8 sin²(angle/2)
+    position_error = upper(_norm(position - exact(equilibrium.position)))
+    turned = state.rotation - exact(equilibrium.rotation_matrix)
+    half_sine = _norm(turned.ravel()) / exact(8).sqrt()  # |R − R'|² = 8 sin²(angle/2)
     rotation_error = upper(2 * half_sine.asin()) if half_sine < 1 else math.pi
-    tensions = [pull.tension for pull in state.pulls]
-    differences = [upper(abs(t - exact(v))) for t, v in zip(tensions, equilibrium.tensions, strict=True)]
+    tensions = np.array([pull.tension for pull in state.pulls])
+    differences = [upper(abs(off)) for off in tensions - exact(equilibrium.tensions)]
     tension_error = max(differences)
     size = max(float(np.abs(problem.robot.exits).max()), float(np.abs(equilibrium.position).max()))
     near = max(NEAR, NEAR_OF_SIZE * size)
@@ -448,13 +421,13 @@ def certificate_of(
         exists=True,
         index=index,
         slack=slack,
-        position=np.array([[lower(p) for p in position], [upper(p) for p in position]]),
-        rotation=np.array([[[end(v) for v in row] for row in state.rotation] for end in (lower, upper)]),
-        tensions=np.array([[lower(t) for t in tensions], [upper(t) for t in tensions]]),
+        position=bounds(position),
+        rotation=bounds(state.rotation),
+        tensions=bounds(tensions),
         digits=-math.log10(max(radii / size, 2.0**-BITS)),
         decimals={
-            name: tuple(ball.str(ENOUGH_DIGITS + 10, radius=False) for ball in proved)
-            for name, proved in (("position", position), ("rotation", rotation), ("tensions", tensions))
+            name: tuple(ball.str(DIGITS, radius=False) for ball in proved)
+            for name, proved in (("position", position), ("rotation", state.rotation.ravel()), ("tensions", tensions))
         },
         radius=found.radius,
         position_error=position_error,
@@ -465,39 +438,6 @@ def certificate_of(
     )
 
 
-def _norm(parts: Sequence[Ball]) -> Ball:
+def _norm(parts: Balls) -> Ball:
     """An upper bound of the length of a vector that may be zero."""
-    bounds = [part.abs_upper() for part in parts]
-    return dot(bounds, bounds).sqrt()
-
-
-def _why(balance: Balance, point: At, arm: float) -> str:
-    """Reason why no box was found: a neutral direction, a kink, or a pose from which Newton's steps do not converge."""
-    values = np.abs(np.linalg.eigvals(_condensed(balance, point)))
-    nearest = int(np.argmin([abs(middle(pull.stretch)) for pull in point.pulls]))
-    gap = abs(middle(point.pulls[nearest].stretch))
-    if values.min() <= 1e-12 * values.max():
-        return "a direction is neutral or nearly so: equilibria are not isolated there, or a fold is near"
-    if gap < 1e-6 * arm:
-        return f"cable {nearest + 1} is within {gap:.0e} m of its rest length, a kink that no box proves"
-    return "no box about the pose that Newton's steps lead to passes the test: no equilibrium may be near"
-
-
-def _unproved(equilibrium: Equilibrium, reasons: list[str]) -> Certificate:
-    cables = len(equilibrium.tensions)
-    return Certificate(
-        equilibrium=equilibrium,
-        exists=False,
-        index=None,
-        slack=(None,) * cables,
-        position=np.full((2, 3), np.nan),
-        rotation=np.full((2, 3, 3), np.nan),
-        tensions=np.full((2, cables), np.nan),
-        digits=0.0,
-        decimals={},
-        radius=math.nan,
-        position_error=math.inf,
-        rotation_error=math.inf,
-        tension_error=math.inf,
-        reasons=tuple(reasons),
-    )
+    return norm(np.array([part.abs_upper() for part in parts]))

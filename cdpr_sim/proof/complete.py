@@ -16,7 +16,6 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -34,18 +33,18 @@ from cdpr_sim.core.html_repr import HtmlRepr
 from cdpr_sim.core.pose import Pose, angle_between
 from cdpr_sim.core.problem import Problem
 from cdpr_sim.core.progress import bar
-from cdpr_sim.core.robot import FREE_DIRECTIONS, Robot
+from cdpr_sim.core.robot import Robot
 from cdpr_sim.proof import certificate
-from cdpr_sim.proof.balance import Balance, cables_of
-from cdpr_sim.proof.balls import BITS, Ball, arithmetic, balls, dot, exact, import_flint, lower, matrix, middle, upper
-from cdpr_sim.proof.cables import Cable
+from cdpr_sim.proof.balance import Balance
+from cdpr_sim.proof.balls import BITS, Balls, arithmetic, bounds, exact, import_flint, middle, solution
+from cdpr_sim.proof.cables import EYE, Cable
 from cdpr_sim.proof.certificate import Certificate, Enclosure
 
-CHARTS = {
-    "planar": ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0)),
-    "spatial": ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)),
-}
-"""For each mobility, the signs of the platform's axes before a chart's rotation: the half turns."""
+CHARTS = {"planar": (0, 2), "spatial": (0, 1, 2, 3)}
+"""For each mobility, the half turns before the charts' rotations: none, or about x, y or z of the platform."""
+
+SIGNS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+"""Signs of the platform's axes after each half turn."""
 
 SPARE = 1.01
 """Factor by which the domain is larger than the proved box: more than any rounding of it."""
@@ -245,16 +244,17 @@ class _Search:
         from cdpr_sim.proof import search_kernel as kernel
 
         self.look, self.problem, self.store = kernel.SEARCH.compiled, problem, store
-        signs = CHARTS[problem.robot.mobility]
-        laws, wheels = _laws(problem), _wheels(problem.robot)
-        self.setups = [_setup(kernel, problem, np.array(sign), laws, wheels) for sign in signs]
-        self.found: list[list[np.ndarray]] = [[] for _ in signs]
-        self.left: list[list[np.ndarray]] = [[] for _ in signs]
+        self.charts = CHARTS[problem.robot.mobility]
+        with arithmetic(BITS):
+            self.cables = [Cable(problem, index) for index in range(problem.robot.cables)]
+        self.setups = _setups(kernel, problem, self.cables)
+        self.found: list[list[np.ndarray]] = [[] for _ in self.charts]
+        self.left: list[list[np.ndarray]] = [[] for _ in self.charts]
         self.counts, self.seconds = np.zeros(kernel.COUNTS, np.int64), 0.0
         box, cables = _domain(problem), problem.robot.cables
         unknown = np.stack([np.zeros(cables), np.full(cables, 1e300)], 1)
-        self.waiting = [(chart, box[None], unknown[None]) for chart in range(len(signs))]
-        self.volume = len(signs) * self._volume(box)
+        self.waiting = [(chart, box[None], unknown[None]) for chart in range(len(self.charts))]
+        self.volume = len(self.charts) * self._volume(box)
         self.running: dict[Future, tuple] = {}
         self.key = _key(problem)
         if store is not None and store.exists():
@@ -264,11 +264,6 @@ class _Search:
     def pending(self) -> int:
         """Number of boxes that were not examined."""
         return sum(len(boxes) for _, boxes, _ in self.waiting)
-
-    @cached_property
-    def cables(self) -> list[Cable]:
-        """Cables in balls, for all proofs of this search."""
-        return cables_of(self.problem)
 
     def run(self, end: float, threads: int, progress: bool) -> None:
         """Search until everything is done, or the time is over, or too many boxes are undecided."""
@@ -393,15 +388,16 @@ def _key(problem: Problem) -> str:
     return f"{robot.mobility} {state.hexdigest()}"
 
 
-def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"], laws: np.ndarray, wheels: np.ndarray):
+def _setups(kernel, problem: Problem, cables: list[Cable]) -> list:
+    """The problem in the form of the kernel, for each chart."""
     robot = problem.robot
     size, weight = _size(problem), robot.mass * robot.gravity
-    return kernel.Setup(
+    setup = kernel.Setup(
         exits=np.array(robot.exits),
-        anchors=robot.anchors * signs,
-        law=laws,
-        wheels=wheels,
-        center_of_mass=robot.center_of_mass * signs,
+        anchors=robot.anchors,
+        law=_laws(problem, cables),
+        wheels=_wheels(cables),
+        center_of_mass=robot.center_of_mass,
         weight=np.array([np.nextafter(weight, -np.inf), np.nextafter(weight, np.inf)]),
         wrench=problem.external_wrench.copy(),
         rows=np.array(robot.free, np.int64),
@@ -410,33 +406,26 @@ def _setup(kernel, problem: Problem, signs: Float[np.ndarray, "3"], laws: np.nda
         near=NEAR * size,
         least=LEAST * size,
     )
+    return [
+        setup._replace(anchors=robot.anchors * signs, center_of_mass=robot.center_of_mass * signs)
+        for signs in SIGNS[list(CHARTS[robot.mobility])]
+    ]
 
 
-def _laws(problem: Problem) -> Float[np.ndarray, "cables law"]:
+def _laws(problem: Problem, cables: list[Cable]) -> Float[np.ndarray, "cables law"]:
     """Each cable's row of ``Setup.law``."""
-    cabling, slopes = problem.robot.cabling, np.stack(_slopes(problem.robot), 1)
-    rows = []
     with arithmetic(BITS):
-        for i, rest in enumerate(problem.rest_lengths):
-            parts = int(cabling.reeving[i])
-            EA = parts * exact(cabling.axial_stiffness[i])
-            stretches = exact(rest) + exact(cabling.winch_to_exit[i]) / parts
-            ends = lower(EA), upper(EA), *cabling.stiffening[i], *slopes[i], lower(stretches), upper(stretches)
-            rows.append([rest, *ends])
-    return np.array(rows)
+        pairs = [(one.parts * one.axial_stiffness, one.rest_length + one.behind / one.parts) for one in cables]
+        ends = np.moveaxis(bounds(np.array(pairs)), 0, -1)  # (cables, 2, 2): EA and the length that stretches
+    columns = problem.rest_lengths, ends, problem.robot.cabling.stiffening, np.stack(_slopes(problem.robot), 1)
+    return np.array([[l0, *EA, *law, *slopes, *whole] for l0, (EA, whole), law, slopes in zip(*columns, strict=True)])
 
 
-def _wheels(robot: Robot) -> Float[np.ndarray, "cables wheel 2"]:
-    """Each cable's rows of ``Setup.wheels``, with axes that are normalised exactly."""
-    rows = []
+def _wheels(cables: list[Cable]) -> Float[np.ndarray, "cables wheel 2"]:
+    """Each cable's rows of ``Setup.wheels``."""
     with arithmetic(BITS):
-        for cable in range(robot.cables):
-            given = balls(robot.cabling.pulley_axis[cable])
-            axis = [part / dot(given, given).sqrt() for part in given]
-            aside = [(1 if a == b else 0) - axis[a] * axis[b] for a in range(3) for b in range(3)]
-            values = [exact(robot.cabling.pulley_radius[cable]), *axis, *aside]
-            rows.append([[lower(value), upper(value)] for value in values])
-    return np.array(rows)
+        rows = [[one.radius, *one.axis, *(EYE - np.outer(one.axis, one.axis)).ravel()] for one in cables]
+        return np.moveaxis(bounds(np.array(rows)), 0, -1).copy()
 
 
 def _slopes(robot: Robot) -> tuple[Float[np.ndarray, " cables"], Float[np.ndarray, " cables"]]:
@@ -538,7 +527,7 @@ def _proved(problem: Problem, search: _Search) -> tuple[tuple[Certificate, ...],
         for chart, boxes in enumerate(search.left):
             for cluster in _joined(np.array(boxes).reshape(-1, 6, 2), search.setups[chart].least):
                 undecided += _covered(search, chart, cluster, members)
-    certificates = [certificate.certificate_of(None, one.balance, one.enclosure, problem) for one in members]
+    certificates = [certificate.certificate_of(None, one.balance, one.enclosure) for one in members]
     order = sorted(range(len(members)), key=lambda i: (certificates[i].index or 0, -certificates[i].position[0, 2]))
     return tuple(certificates[i] for i in order), tuple(undecided)
 
@@ -554,38 +543,38 @@ def _member(search: _Search, chart: int, box: Float[np.ndarray, "6 3"]) -> _Memb
 
 def _near(search: _Search, chart: int, at: Float[np.ndarray, "6"], box: np.ndarray | None) -> _Member | None:
     balance = _balance(search, chart, at)
-    found, _ = certificate.enclose(balance, search.problem.robot.characteristic_length)
+    found, _ = certificate.enclose(balance)
     return None if found is None else _Member(balance, found, chart, box)
 
 
 def _balance(search: _Search, chart: int, at: Float[np.ndarray, "6"]) -> Balance:
     """The equations about a pose of a chart."""
-    problem = search.problem
-    signs = np.array(CHARTS[problem.robot.mobility][chart])
-    pose = Pose(at[:3].copy(), Rotation.from_quat([*at[3:], 1.0]).as_matrix() * signs)
-    return Balance(problem, pose, search.cables)
+    turn = Rotation.from_quat([*at[3:], 1.0]).as_matrix() * SIGNS[search.charts[chart]]
+    return Balance(search.problem, Pose(at[:3].copy(), turn), search.cables)
 
 
-def _quaternion(balance: Balance, x: Sequence[Ball]) -> list[Ball]:
-    deltas = x[len(balance.axes) : balance.free]
-    return [balance.quaternion[a] + dot([t[a] for t in balance.tangents], deltas) for a in range(4)]
+def _half_turned(q: Balls, axis: int) -> Balls:
+    """A quaternion (w, x, y, z) after a half turn about an axis of the platform, 1 to 3, or none, 0; up to its sign."""
+    w, x, y, z = q
+    return np.array([(w, x, y, z), (-x, w, z, -y), (-y, -z, w, x), (-z, y, -x, w)][axis])
 
 
-def _in_chart(member: _Member, chart: int, planar: bool) -> list[Ball]:
+def _in_chart(member: _Member, chart: int) -> Balls:
     """The enclosure's (x, y, z, v) in a chart: R(v) is the rotation, after the chart's half turn is undone."""
-    w, x, y, z = _quaternion(member.balance, member.enclosure.image)
-    if planar:
-        w, x, y, z = ((w, x, y, z), (y, z, -w, -x))[chart]
-    else:
-        w, x, y, z = ((w, x, y, z), (x, -w, -z, y), (y, z, -w, -x), (z, -y, x, -w))[chart]
-    return [*member.balance.position(member.enclosure.image), x / w, y / w, z / w]
+    balance, image = member.balance, member.enclosure.image
+    q = _half_turned(balance.quaternion_at(image), _charts(member)[chart])
+    return np.concatenate([balance.position(image), q[1:] / q[0]])
+
+
+def _charts(member: _Member) -> tuple[int, ...]:
+    return CHARTS[member.balance.problem.robot.mobility]
 
 
 def _in_box(member: _Member, chart: int, box: Float[np.ndarray, "6 3"]) -> bool:
-    planar = len(member.balance.axes) == 2
-    rows = FREE_DIRECTIONS["planar" if planar else "spatial"]
-    at = _in_chart(member, chart, planar)
-    return all(bool(at[k] >= exact(box[k, 0])) and bool(at[k] <= exact(box[k, 1])) for k in rows)
+    rows = member.balance.problem.robot.free
+    low, high = exact(box[:, 0]), exact(box[:, 1])
+    at = _in_chart(member, chart)
+    return bool((at >= low)[rows].all() and (at <= high)[rows].all())
 
 
 def _same(one: _Member, other: _Member) -> bool | None:
@@ -594,10 +583,7 @@ def _same(one: _Member, other: _Member) -> bool | None:
         return True
     if one.box is not None and _in_box(other, one.chart, one.box):
         return True
-    mine, theirs = (
-        [*m.balance.position(m.enclosure.image), *(v for row in m.enclosure.state.rotation for v in row)]
-        for m in (one, other)
-    )
+    mine, theirs = ([*m.balance.position(m.enclosure.image), *m.enclosure.state.rotation.ravel()] for m in (one, other))
     return None if all(a.overlaps(b) for a, b in zip(mine, theirs, strict=True)) else False
 
 
@@ -630,30 +616,22 @@ def _covered(search: _Search, chart: int, cluster: np.ndarray, members: list[_Me
 def _covers(member: _Member, other: _Member) -> bool:
     """Whether the other's enclosure lies in the box of balls in which this one is unique."""
     balance, image = other.balance, other.enclosure.image
-    return _unique_at(member, balance.position(image), _quaternion(balance, image))
+    return _unique_at(member, balance.position(image), balance.quaternion_at(image))
 
 
 def _in_balls(member: _Member, chart: int, box: Float[np.ndarray, "6 2"]) -> bool:
     """Whether a box of a chart lies in the box of balls in which the member is unique."""
-    position = [exact(low).union(exact(high)) for low, high in box[:3]]
-    x, y, z = (exact(low).union(exact(high)) for low, high in box[3:])
-    one = exact(1)
-    if len(member.balance.axes) == 2:
-        q = ((one, x, y, z), (-y, z, one, -x))[chart]
-        position[1] = member.balance.origin[1]
-    else:
-        q = ((one, x, y, z), (-x, one, z, -y), (-y, -z, one, x), (-z, y, -x, one))[chart]
-    return _unique_at(member, position, q)
+    at = np.array([low.union(high) for low, high in exact(box)])
+    return _unique_at(member, at[:3], _half_turned(np.array([exact(1), *at[3:]]), _charts(member)[chart]))
 
 
-def _unique_at(member: _Member, position: Sequence[Ball], q: Sequence[Ball]) -> bool:
+def _unique_at(member: _Member, position: Balls, q: Balls) -> bool:
     """Whether a pose lies in the box of balls in which the member is unique: q is a multiple of q₀ + E δ."""
     balance = member.balance
-    parts = (0, 2) if len(balance.axes) == 2 else (0, 1, 2, 3)
-    columns = [balance.quaternion, *balance.tangents]
-    system = matrix([[column[a] for column in columns] for a in parts])
-    scale, *deltas = (row[0] for row in system.solve(matrix([[q[a]] for a in parts])).tolist())
-    coordinates = [*(position[axis] for axis in balance.axes), *(delta / scale for delta in deltas)]
+    parts = [0, 2] if len(balance.axes) == 2 else [0, 1, 2, 3]
+    columns = np.stack([balance.quaternion, *balance.tangents], axis=1)
+    scale, *deltas = solution(columns[parts], q[parts])
+    coordinates = [*position[balance.axes], *(delta / scale for delta in deltas)]
     return all(b.contains(c) for b, c in zip(member.enclosure.box, coordinates, strict=True))
 
 

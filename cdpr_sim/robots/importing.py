@@ -65,7 +65,7 @@ def import_robot(path: str | Path, format: str | None = None, cables: str | None
     except InvalidInput as error:
         raise RobotFileError(str(error)) from None
     try:
-        format = _format_of(document) if format is None else _checked(document, format)
+        format = _format_of(document, tuple(FORMATS) if format is None else (format,))
         if cables is not None and format != "caspr":
             raise InvalidInput(f"cables: found {cables!r}, but only CASPR's files have sets of cables to choose from")
         draft = FORMATS[format].read(document, path, **({"cables": cables} if cables else {}))
@@ -75,24 +75,13 @@ def import_robot(path: str | Path, format: str | None = None, cables: str | None
         raise RobotFileError(f"{path}: {error}") from None
 
 
-def _marks(document: Any) -> set[str]:
-    if isinstance(document, Element):
-        return {document.tag}
-    return {key for key in document if isinstance(key, str)} if isinstance(document, dict) else set()
-
-
-def _format_of(document: Any) -> str:
-    for name, known in FORMATS.items():
-        if known.MARKS & _marks(document):
+def _format_of(document: Any, formats: tuple[str, ...]) -> str:
+    """The first of these formats that a document has."""
+    top = {document.tag} if isinstance(document, Element) else set(document) if isinstance(document, dict) else set()
+    for name in formats:
+        if FORMATS[name].MARKS & top:
             return name
-    raise InvalidInput(f"found none of {_words(FORMATS.values())} at the top, expected a robot's file")
-
-
-def _checked(document: Any, format: str) -> str:
-    if not FORMATS[format].MARKS & _marks(document):
-        raise InvalidInput(f"found no {_words([FORMATS[format]])} at the top, expected {FORMATS[format].TITLE}")
-    return format
-
-
-def _words(formats) -> str:
-    return ", ".join(sorted(set().union(*(one.MARKS for one in formats))))
+    marks = ", ".join(sorted(set().union(*(FORMATS[name].MARKS for name in formats))))
+    if len(formats) == 1:
+        raise InvalidInput(f"found no {marks} at the top, expected {FORMATS[formats[0]].TITLE}")
+    raise InvalidInput(f"found none of {marks} at the top, expected a robot's file")

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import AliasChoices, Field, model_validator
+from pydantic import AliasChoices, AliasPath, Field
 from scipy.spatial.transform import Rotation
 
 from cdpr_sim.core.checks import shown
@@ -41,33 +41,19 @@ PATTERNS: dict[str, tuple[str | None, bool]] = {
 """Per motion pattern: the plane of a planar robot, and whether the platform turns."""
 
 
-def _called(*names: str, **options: Any) -> Any:
-    """A field with any of these names."""
-    return Field(validation_alias=AliasChoices(*names), **options)
-
-
-class _Pulley(Part):
-    radius: Number = _called("radius", "swivel_pulley_r", default=0.0)
-    exit: Vector = _called("pos_OD_glob", "pos_OA_glob", "pos_D_glob", "pos_glob_D")
-    axis: Vector = _called("vers_k", "vers_k_loc", default=UP)
-    on_platform: Any = _called("pos_OA_glob", default=None)
-
-
-class _Winch(Part):
-    anchor: Vector = _called("pos_PA_loc", "pos_PD_loc", "pos_A_loc", "pos_loc_A")
+def _called(*names: str, part: str | None = None, **options: Any) -> Any:
+    """A field with any of these names, in a part of its own or, in the oldest files, in none."""
+    parts = [AliasPath(part, name) for name in names] if part else []
+    return Field(validation_alias=AliasChoices(*parts, *names), **options)
 
 
 class _Actuator(Part):
     active: bool = True
-    pulley: _Pulley
-    winch: _Winch
-
-    @model_validator(mode="before")
-    @classmethod
-    def _oldest(cls, value: Any) -> Any:
-        """The oldest files do not distinguish pulley and winch."""
-        flat = isinstance(value, dict) and not value.keys() & {"pulley", "winch"}
-        return {"pulley": value, "winch": value} if flat else value
+    radius: Number = _called("radius", "swivel_pulley_r", part="pulley", default=0.0)
+    exit: Vector = _called("pos_OD_glob", "pos_OA_glob", "pos_D_glob", "pos_glob_D", part="pulley")
+    axis: Vector = _called("vers_k", "vers_k_loc", part="pulley", default=UP)
+    on_platform: Any = _called("pos_OA_glob", part="pulley", default=None)
+    anchor: Vector = _called("pos_PA_loc", "pos_PD_loc", "pos_A_loc", "pos_loc_A", part="winch")
 
 
 class _Platform(Part):
@@ -106,8 +92,8 @@ def read(document: Any, path: Path) -> Draft:
             f"Its external force {platform.force} N and torque {platform.torque} N m were left out: they are a "
             "wrench to solve with."
         )
-    radii = np.array([one.pulley.radius for one in used])
-    if any(one.pulley.on_platform for one in used) and radii.any():
+    radii = np.array([one.radius for one in used])
+    if any(one.on_platform for one in used) and radii.any():
         notes.append(
             f"Its pulleys, of {radii.max():g} m, are mounted on the platform, and were left out: anchors are points."
         )
@@ -115,11 +101,11 @@ def read(document: Any, path: Path) -> Draft:
     upright = _upright(platform.up, notes)
     return Draft(
         name=path.stem,
-        exits=upright.apply([one.pulley.exit for one in used]),
-        anchors=[one.winch.anchor for one in used],
+        exits=upright.apply([one.exit for one in used]),
+        anchors=[one.anchor for one in used],
         mass=platform.mass,
         pulley_radius=radii,
-        pulley_axis=upright.apply([one.pulley.axis for one in used]),
+        pulley_axis=upright.apply([one.axis for one in used]),
         center_of_mass=platform.center_of_mass,
         inertia=platform.inertia,
         plane=plane,

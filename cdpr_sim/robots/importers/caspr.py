@@ -7,9 +7,8 @@ are relative to the joint or to the centre of mass, as ``attachment_reference`` 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -70,19 +69,13 @@ def read(document: Element, path: Path, cables: str | None = None) -> Draft:
     file = beside(path, "bodies", "cables")
     document = read_document(file)
     try:
-        found = _cables(_cable_set(document, cables), com)
+        found = _cables(_cable_set(document, cables), com, depth)
     except CdprError as error:
         raise InvalidInput(f"{file.name}: {error}") from None
     return Draft(
         name=path.stem.removesuffix("_bodies"),
-        exits=[one.exit - depth for one in found],
-        anchors=[one.anchor for one in found],
         mass=mass,
-        axial_stiffness=[one.stiffness for one in found if one.stiffness is not None] or None,
-        force_min=[one.force_min for one in found],
-        force_max=[one.force_max for one in found],
-        pulley_radius=[one.radius for one in found],
-        pulley_axis=[one.axis for one in found],
+        **found,
         center_of_mass=com,
         inertia=_inertia(child(physical, "inertia"), mass, com),
         plane=plane,
@@ -132,20 +125,9 @@ def _cable_set(document: Element, wanted: str | None) -> Element:
     return sets[chosen]
 
 
-class _Cable(NamedTuple):
-    """Data of one cable in a file; ``stiffness`` is None for a rigid one."""
-
-    exit: list[float]
-    anchor: np.ndarray
-    radius: float
-    axis: Sequence[float]
-    stiffness: float | None
-    force_min: float
-    force_max: float
-
-
-def _cables(cable_set: Element, com: np.ndarray) -> list[_Cable]:
-    found = []
+def _cables(cable_set: Element, com: np.ndarray, depth: np.ndarray) -> dict[str, Any]:
+    """Fields of ``Draft`` of a set of cables, a value per cable."""
+    found: list[dict[str, Any]] = []
     for number, element in enumerate(cable_set, 1):
         try:
             found.append(_cable(element, com))
@@ -153,12 +135,15 @@ def _cables(cable_set: Element, com: np.ndarray) -> list[_Cable]:
             raise InvalidInput(f"cable {number}: {error}") from None
     if not found:
         raise InvalidInput("<cable_set>: found no cable, expected at least one")
-    if len({one.stiffness is None for one in found}) > 1:
+    fields = {name: [one[name] for one in found] for name in found[0]}
+    stiffness = fields["axial_stiffness"]
+    if len({one is None for one in stiffness}) > 1:
         raise InvalidInput("<cable_set>: found elastic cables beside rigid ones, expected one kind")
-    return found
+    return fields | {"exits": fields["exits"] - depth, "axial_stiffness": None if None in stiffness else stiffness}
 
 
-def _cable(element: Element, com: np.ndarray) -> _Cable:
+def _cable(element: Element, com: np.ndarray) -> dict[str, Any]:
+    """Fields of ``Draft`` of one cable; the stiffness of a rigid one is None."""
     if element.tag not in CABLES:
         raise InvalidInput(f"found <{element.tag[:LONGEST]}>, expected one of {', '.join(sorted(CABLES))}")
     reference = element.get("attachment_reference")
@@ -181,12 +166,12 @@ def _cable(element: Element, com: np.ndarray) -> _Cable:
             f"found ends on links {links[0]:g} and {links[1]:g}, expected one on the base, 0, and one on 1"
         )
     anchor, properties = np.array(numbers(ends[1], "location", 3)), child(element, "properties")
-    return _Cable(
-        exit=exit,
-        anchor=anchor + com if reference == "com" else anchor,
-        radius=radius,
-        axis=axis,
-        stiffness=numbers(properties, "K", 1)[0] if element.tag == "cable_linear_spring" else None,
-        force_min=numbers(properties, "force_min", 1)[0],
-        force_max=numbers(properties, "force_max", 1)[0],
-    )
+    return {
+        "exits": exit,
+        "anchors": anchor + com if reference == "com" else anchor,
+        "pulley_radius": radius,
+        "pulley_axis": axis,
+        "axial_stiffness": numbers(properties, "K", 1)[0] if element.tag == "cable_linear_spring" else None,
+        "force_min": numbers(properties, "force_min", 1)[0],
+        "force_max": numbers(properties, "force_max", 1)[0],
+    }

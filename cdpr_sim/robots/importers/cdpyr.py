@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import AliasPath, Field
 
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.robots.importers.documents import Matrix, Number, Part, Unbounded, Vector, as_model
@@ -52,26 +52,14 @@ class _Anchor(Part):
     drivetrain: dict | None = None
 
 
-class _Frame(Part):
-    anchors: list[_Anchor]
-
-
-class _Pattern(Part):
-    translation: int
-    rotation: int
-
-
-class _Inertia(Part):
-    linear: Matrix
-    angular: tuple[_Row, _Row, _Row] | None = None
-
-
 class _Platform(Part):
     name: str = ""
     anchors: list[_Anchor]
-    motion_pattern: _Pattern
+    translations: int = Field(validation_alias=AliasPath("motion_pattern", "translation"))
+    rotations: int = Field(validation_alias=AliasPath("motion_pattern", "rotation"))
     center_of_gravity: Vector = (0.0, 0.0, 0.0)
-    inertia: _Inertia
+    mass: Matrix = Field(validation_alias=AliasPath("inertia", "linear"))
+    inertia: tuple[_Row, _Row, _Row] | None = Field(None, validation_alias=AliasPath("inertia", "angular"))
 
 
 class _Modulus(Part):
@@ -102,7 +90,7 @@ class _Pose(Part):
 
 class _Robot(Part):
     name: str | None = None
-    frame: _Frame
+    frame_anchors: list[_Anchor] = Field(validation_alias=AliasPath("frame", "anchors"))
     platforms: list[_Platform]
     cables: list[_Cable]
     kinematic_chains: list[_Chain] = Field(min_length=1)
@@ -119,7 +107,7 @@ def read(document: Any, path: Path) -> Draft:
     if len(file.platforms) != 1:
         raise InvalidInput(f"platforms: found {len(file.platforms)}, expected one")
     platform, notes = file.platforms[0], []
-    pattern = (platform.motion_pattern.translation, platform.motion_pattern.rotation)
+    pattern = (platform.translations, platform.rotations)
     if pattern not in PATTERNS:
         raise InvalidInput(
             f"platforms.0.motion_pattern: found {pattern[0]} translations and {pattern[1]} rotations, "
@@ -128,7 +116,7 @@ def read(document: Any, path: Path) -> Draft:
     if pattern == (3, 2):
         notes.append("The platform does not rotate about its own axis there; here it does.")
     plane, turns = PATTERNS[pattern]
-    ends = [_picked("frame_anchor", file.frame.anchors, one.frame_anchor) for one in file.kinematic_chains]
+    ends = [_picked("frame_anchor", file.frame_anchors, one.frame_anchor) for one in file.kinematic_chains]
     cables = [_picked("cable", file.cables, one.cable) for one in file.kinematic_chains]
     for one in file.kinematic_chains:
         _picked("platform", file.platforms, one.platform)
@@ -144,13 +132,13 @@ def read(document: Any, path: Path) -> Draft:
         anchors=[
             _picked("platform_anchor", platform.anchors, one.platform_anchor).position for one in file.kinematic_chains
         ],
-        mass=platform.inertia.linear[0][0],
+        mass=platform.mass[0][0],
         axial_stiffness=_stiffness(cables),
         linear_density=[_density(cable) for cable in cables],
         pulley_radius=[end.pulley.radius if end.pulley else 0.0 for end in ends],
         pulley_axis=[_turned(end.dcm) @ _turned(end.pulley and end.pulley.dcm) @ [0.0, 0.0, 1.0] for end in ends],
         center_of_mass=platform.center_of_gravity,
-        inertia=_inertia(platform.inertia.angular),
+        inertia=_inertia(platform.inertia),
         plane=plane,
         turns=turns,
         home=file.home_pose and file.home_pose.linear and file.home_pose.linear.position,

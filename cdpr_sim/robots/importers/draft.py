@@ -22,6 +22,9 @@ IN_PLANE = 1e-9
 SHALLOW = 0.1
 """Fraction of a frame's width: lower exits leave no room for a platform between them and the floor."""
 
+UNCHANGED = ("linear_density", "reeving", "winch_to_exit", "force_min", "force_max", "gravity")
+"""Fields of a draft that are those of its robot."""
+
 TO_XZ = {
     "xz": np.eye(3),
     "xy": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -91,17 +94,11 @@ class Draft:
             anchors=anchors,
             axial_stiffness=self._stiffness(),
             mass=mass,
-            linear_density=self.linear_density,
-            reeving=self.reeving,
-            winch_to_exit=self.winch_to_exit,
             pulley_radius=radius,
             pulley_axis=axes,
-            force_min=self.force_min,
-            force_max=self.force_max,
             center_of_mass=center,
             inertia=self._inertia(turn),
             mobility=mobility,
-            gravity=self.gravity,
             name=plain(self.name)[:LONGEST_NAME].replace("/", "-").replace("\\", "-").strip(". ") or "robot",
             platform_size=self._size(anchors),
             frame=frame,
@@ -109,6 +106,7 @@ class Draft:
             description=plain(self.description),
             source=plain(self.source),
             notes=[plain(note) for note in self.notes],
+            **{name: getattr(self, name) for name in UNCHANGED},
         )
 
     def _refuse_rigid_translation(self, anchors: np.ndarray) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import AliasPath, Field
 
 from cdpr_sim.core.errors import InvalidInput
 from cdpr_sim.robots.importers.documents import Matrix, Number, Part, Vector, as_model
@@ -28,28 +29,17 @@ class _Pulley(Part):
     FixedFrame: tuple[Vector, Vector, Vector]
 
 
-class _Platform(Part):
-    m: Number
-    PtoG: Vector = (0.0, 0.0, 0.0)
-    InertialMatrix: Matrix | None = None
-    points: list[Vector]
-
-
-class _EndEffector(Part):
-    Platform: _Platform
-
-
-class _Transmission(Part):
-    Pulley: list[_Pulley]
-
-
-class _Structure(Part):
-    EndEffector: _EndEffector
-    Trasmission: _Transmission  # as it is spelled there
+def _platform(name: str, **options: Any) -> Any:
+    """A field of the platform."""
+    return Field(validation_alias=AliasPath("s", "EndEffector", "Platform", name), **options)
 
 
 class _File(Part):
-    s: _Structure
+    pulleys: list[_Pulley] = Field(validation_alias=AliasPath("s", "Trasmission", "Pulley"))  # as it is spelled there
+    mass: Number = _platform("m")
+    center_of_mass: Vector = _platform("PtoG", default=(0.0, 0.0, 0.0))
+    inertia: Matrix | None = _platform("InertialMatrix", default=None)
+    points: list[Vector] = _platform("points")
 
 
 def read(document: Any, path: Path) -> Draft:
@@ -58,20 +48,19 @@ def read(document: Any, path: Path) -> Draft:
     Raises:
         InvalidInput: something is missing or invalid.
     """
-    structure = as_model(_File, document).s
-    platform, pulleys = structure.EndEffector.Platform, structure.Trasmission.Pulley
-    if len(pulleys) != len(platform.points):
+    file = as_model(_File, document)
+    if len(file.pulleys) != len(file.points):
         raise InvalidInput(
-            f"s.EndEffector.Platform.points: found {len(platform.points)}, expected {len(pulleys)}, one per pulley"
+            f"s.EndEffector.Platform.points: found {len(file.points)}, expected {len(file.pulleys)}, one per pulley"
         )
     return Draft(
         name=path.stem,
-        exits=[one.CableEnterPosition for one in pulleys],
-        anchors=platform.points,
-        mass=platform.m,
-        pulley_radius=[one.r for one in pulleys],
-        pulley_axis=np.array([one.FixedFrame[2] for one in pulleys]),
-        center_of_mass=platform.PtoG,
-        inertia=platform.InertialMatrix,
+        exits=[one.CableEnterPosition for one in file.pulleys],
+        anchors=file.points,
+        mass=file.mass,
+        pulley_radius=[one.r for one in file.pulleys],
+        pulley_axis=np.array([one.FixedFrame[2] for one in file.pulleys]),
+        center_of_mass=file.center_of_mass,
+        inertia=file.inertia,
         gravity=GRAVITY,
     )
