@@ -370,69 +370,62 @@ def test_each_difference_of_the_methods_is_drawn_in_its_panel():
 @pytest.fixture(scope="module")
 def stretched() -> pretension.Pretension:
     robot = cdpr.load_robot("ipanema-1")
-    sizes = np.array([80.0, 150.0, 300.0, 600.0])
 
-    def some(count: int) -> np.ndarray:
-        return np.sort(RANDOM.uniform(1e-3, 9e-3, count))[::-1]
+    def some(values: np.ndarray, largest: np.ndarray) -> pretension.Series:
+        """Largest tensions as given."""
+        both = []
+        for rows in (len(values), len(values[::2])):
+            found = made_up(robot, np.tile(robot.home, (rows, 1)))
+            pulls = found.tensions * (largest[:rows] / found.tensions.max(-1))[:, None]
+            stiffness = np.sort(RANDOM.uniform(1e4, 5e5, (rows, 6)))
+            both.append(dataclasses.replace(found, tensions=pulls, stiffness=stiffness))
+        return pretension.Series(values, 2, *both)
 
-    stiffening = pretension.Stiffening(
-        sizes, np.sort(RANDOM.uniform(1e4, 5e5, (4, 6))), sizes[::2], np.sort(RANDOM.uniform(1e4, 5e5, (2, 6))),
-        ("about x", "about z", "about y", "along y", "along x", "along z"), np.sort(RANDOM.uniform(1e3, 2e3, 6)),
+    sizes, errors = np.array([80.0, 150.0, 300.0, 600.0]), np.linspace(-0.01, 0.01, 5)
+    largest = np.array([1200.0, 700, 300, 400, 500])
+    return pretension.Pretension(
+        some(sizes, sizes), {what: some(sizes, sizes) for what in pretension.PUSHES},
+        dict(zip(pretension.PUSHES, (110.0, 120.0, 130.0, 140.0, 160.0), strict=True)),
+        {cable: some(errors, largest * (1 - cable / 10)) for cable in (pretension.ABOVE, pretension.BELOW)},
+        np.sort(RANDOM.uniform(1e3, 2e3, 6)), made_up(robot, robot.home[None], [(0, 4), (0, 5)]),
     )  # fmt: skip
-    pushes = tuple(
-        pretension.Push(what, some(4), some(4), some(2), some(2), taut)
-        for what, taut in zip(pretension.PUSHES, (110.0, 120.0, 130.0, 140.0, 160.0), strict=True)
-    )
-    errors = np.linspace(-0.01, 0.01, 5)
-    wrong = tuple(
-        pretension.WrongLength(
-            cable, errors, some(5), some(5), np.array([1200.0, 700, 300, 400, 500]) * (1 - cable / 10),
-            np.array([0, 0, 0, 1, 2]), errors[::2], some(3), some(3), 1e5 * some(3),
-        )
-        for cable in (pretension.ABOVE, pretension.BELOW)
-    )  # fmt: skip
-    drawn = made_up(robot, robot.home[None], [(0, 4), (0, 5)])
-    return pretension.Pretension(robot, stiffening, pushes, wrong, drawn, (3e-9, 2e-7))
 
 
 def test_stiffnesses_and_pushes_are_drawn_in_their_units(stretched):
     """kN/m by direction, mm by forces, degrees by torques; MuJoCo's points are MuJoCo's."""
     figure = pretension.draw_pretension(stretched)
     _, stiffness, forces, torques, *_ = figure.axes
-    one, drawn = stretched.stiffening, by_gid(stiffness)
-    for mode, name in enumerate(one.directions):
-        np.testing.assert_allclose(drawn[f"static {name}"].get_ydata(), one.eigenvalues[:, mode] / 1e3)
-        np.testing.assert_allclose(drawn[f"mujoco {name}"].get_ydata(), one.settled[:, mode] / 1e3)
+    one, drawn = stretched.unloaded, by_gid(stiffness)
+    for mode, name in enumerate(pretension.directions(one.static)):
+        np.testing.assert_allclose(drawn[f"static {name}"].get_ydata(), one.static.eigenvalues[:, mode] / 1e3)
+        np.testing.assert_allclose(drawn[f"mujoco {name}"].get_ydata(), one.settled.eigenvalues[:, mode] / 1e3)
         (said,) = (text for text in stiffness.texts if text.get_text() == name)
         assert same_color(said.get_color(), drawn[f"static {name}"].get_color())
     assert stiffness.get_ylabel() == "stiffness [kN/m]"
     (rigid,) = (text.get_text() for text in stiffness.texts if "rigid" in text.get_text())
-    assert rigid.startswith(f"{one.rigid[0] / 1e3:.2g} kN/m with rigid lengths")
+    assert rigid.startswith(f"{stretched.rigid[0] / 1e3:.2g} kN/m with rigid lengths")
     EA, pull = stretched.robot.axial_stiffness[0] / 1e3, stretched.robot.force_max[0]
     assert f"EA = {EA:.0f} kN, winches of {pull:.0f} N; platform of 25 kg" in figure.get_supxlabel().replace("\n", " ")
-    assert f"up to {one.eigenvalues[-1, 0] / one.rigid[0]:.0f} times stiffer" in figure.get_suptitle()
-    for ax, field, unit, words in (
-        (forces, "shifts", 1e3, "displacement under 100 N [mm]"),
-        (torques, "turns", 180 / np.pi, "rotation under 2 N m [°]"),
+    assert f"up to {one.static.eigenvalues[-1, 0] / stretched.rigid[0]:.0f} times stiffer" in figure.get_suptitle()
+    for ax, moved, words in (
+        (forces, lambda found: 1e3 * np.linalg.norm(found.deviation, axis=1), "displacement under 100 N [mm]"),
+        (torques, lambda found: np.degrees(found.tilt), "rotation under 2 N m [°]"),  # made up: about y alone
     ):
         assert ax.get_ylabel() == words
         names, drawn = legend(ax), by_gid(ax)
-        pushes = [push for push in stretched.pushes if push.what.startswith("turned") == (ax is torques)]
-        for push in pushes:
-            taut = drawn[f"static {push.what}"]
-            slack, values = one.pretensions <= push.taut, unit * getattr(push, field)
-            np.testing.assert_allclose(taut.get_xdata(), [push.taut, *one.pretensions[~slack]])
+        for what in [what for what in stretched.pushes if what.startswith("turned") == (ax is torques)]:
+            push, limit, taut = stretched.pushes[what], stretched.taut[what], drawn[f"static {what}"]
+            slack, values = one.values <= limit, moved(push.static)
+            np.testing.assert_allclose(taut.get_xdata(), [limit, *one.values[~slack]])
             np.testing.assert_allclose(taut.get_ydata()[1:], values[~slack])
-            dotted = drawn[f"slack {push.what}"]
-            np.testing.assert_allclose(dotted.get_xdata(), [*one.pretensions[slack], push.taut])
+            dotted = drawn[f"slack {what}"]
+            np.testing.assert_allclose(dotted.get_xdata(), [*one.values[slack], limit])
             np.testing.assert_allclose(dotted.get_ydata()[:-1], values[slack])
             assert dotted.get_linestyle() != taut.get_linestyle() == "-"
-            np.testing.assert_allclose(
-                drawn[f"mujoco {push.what}"].get_ydata(), unit * getattr(push, f"settled_{field}")
-            )
-            entry = names.pop(f"{push.what}: taut from {push.taut:.0f} N")
+            np.testing.assert_allclose(drawn[f"mujoco {what}"].get_ydata(), moved(push.settled))
+            entry = names.pop(f"{what}: taut from {limit:.0f} N")
             assert looks(entry)[0] == looks(taut)[0]
-            assert looks(entry)[2] == looks(drawn[f"mujoco {push.what}"])[2]
+            assert looks(entry)[2] == looks(drawn[f"mujoco {what}"])[2]
         assert list(names) == ["dotted: cables slack"]
 
 
@@ -442,19 +435,20 @@ def test_a_wrong_length_is_told_of_the_right_cable(stretched):
     misses, overload = figure.axes[4:6]
     names = legend(misses)
     assert list(names) == ["upper cable", "lower cable"]
-    for wrong, entry in zip(stretched.wrong, names.values(), strict=True):
-        for ax, static, settled in (
-            (misses, 1e3 * wrong.shifts, 1e3 * wrong.settled_shifts),
-            (overload, wrong.largest_tensions, wrong.settled_largest_tensions),
+    for (cable, wrong), entry in zip(stretched.wrong.items(), names.values(), strict=True):
+        both = (wrong.static, wrong.settled)
+        for ax, (static, settled) in (
+            (misses, [1e3 * np.linalg.norm(one.deviation, axis=1) for one in both]),
+            (overload, [one.tensions.max(1) for one in both]),
         ):
-            line = by_gid(ax)[f"static {wrong.cable}"]
+            line = by_gid(ax)[f"static {cable}"]
             assert same_color(line.get_color(), entry.get_color())
-            np.testing.assert_allclose(line.get_xydata(), np.transpose([1e3 * wrong.errors, static]))
+            np.testing.assert_allclose(line.get_xydata(), np.transpose([1e3 * wrong.values, static]))
             points = [
                 one for one in ax.lines if one.get_mfc() == "white" and same_color(one.get_mec(), line.get_color())
             ]
             hollow = next(one for one in points if len(one.get_xdata()) == 3)
-            np.testing.assert_allclose(hollow.get_xydata(), np.transpose([1e3 * wrong.settled_errors, settled]))
+            np.testing.assert_allclose(hollow.get_xydata(), np.transpose([1e3 * wrong.settled_values, settled]))
     assert misses.get_ylabel() == "displacement of the platform [mm]"
     assert overload.get_ylabel() == "largest tension [N]"
     limit = float(stretched.robot.force_max[0])
